@@ -66,11 +66,16 @@ def setup(app: Any) -> None:
         if field.name == "variable":
             field.label = "Attributes"
     top = "|".join(PAGES)
+
+    def titled(found: re.Match[str]) -> str:
+        with open(f"{app.srcdir}/{found[1]}.md", encoding="utf-8") as page:
+            return f"[{page.readline().removeprefix('# ').strip()}]({found[2]})"
+
     replacements: tuple[tuple[str, Any], ...] = (
         # links to files of the top folder lead to their pages
         (rf"\]\(\.\./({top})\.md", lambda found: f"]({PAGES[found[1]]}.md"),
         # a link that is called by its file gets the title of the page
-        (r"\[([\w-]+)\.md\]\(\1\.md\)", r"[](\1.md)"),
+        (r"\[([\w-]+)\.md\]\((\1\.md(?:#[\w-]+)?)\)", titled),
         # commands and what they say look like a terminal
         (r"^```\n\$ ", "```console\n$ "),
     )
@@ -92,8 +97,8 @@ def setup(app: Any) -> None:
         if signature is None:
             return None
         for pattern, by in (
-            (r"~?\b(?:[a-z_]\w*\.)+(\w+)", r"\1"),
-            (r"ndarray\[tuple\[Any, \.\.\.\], dtype\[(\w+)\]\]", r"NDArray[\1]"),
+            (r"~?numpy\.ndarray\[tuple\[~?typing\.Any, \.\.\.\], ~?numpy\.dtype\[", "NDArray[["),
+            (r"NDArray\[\[(~?[\w.]+)\]\]", r"NDArray[\1]"),
             (r"<f(actory|unction .*?>)>", "..."),
         ):
             signature = re.sub(pattern, by, signature)

@@ -133,6 +133,8 @@ def command(
             "Name the old one and the new one."
         )
     old, new = files
+    if old == new == "-":
+        raise click.UsageError("Standard input is read once. Name a file for one of the two.")
     folders = are_folders(old, new)
     if folders and (map_ or picture or called):
         option = "--map" if map_ else "--picture" if picture else "--as"
@@ -215,6 +217,10 @@ def _refuse_outputs(
         from terratool.viewing.diff.map import refuse_map
 
         refuse_map(map_, overwrite)
+    if picture:
+        from terratool.viewing.diff.picture import refuse_picture
+
+        refuse_picture(picture, overwrite)
     known: set[str] = set()
     for out in written:
         real = os.path.realpath(out)
@@ -253,6 +259,14 @@ def _compared(
         if map_ and compared.both is not None:
             status.say(f"writing {map_}")
             write_map(compared.both, map_, options.resolution, overwrite=overwrite)
+        if picture and compared.both is not None:
+            from terratool.viewing.diff.picture import write_picture
+
+            status.say(f"drawing {picture}")
+            write_picture(
+                compared.both, compared.difference, picture, tolerance=options.tolerance,
+                overwrite=overwrite,
+            )  # fmt: skip
 
     return compare_files(old, new, reading, options, status, taken)
 

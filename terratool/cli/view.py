@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from terratool.errors import TerratoolError
     from terratool.traversability.results import TraversabilityReport
     from terratool.traversability.vehicle import Vehicle
-    from terratool.viewing.mesh import SceneOptions
+    from terratool.viewing.mesh import PageOptions
     from terratool.viewing.places import Site
     from terratool.viewing.scene import Scene
 
@@ -102,7 +102,7 @@ def command(
     The page is one file, and asks nothing of the net. With --watch it is served at 127.0.0.1 until
     Ctrl-C. Where FILE is broken it keeps the last good picture, with the findings beside it.
     """
-    from terratool.viewing.mesh import SceneOptions
+    from terratool.viewing.mesh import PageOptions
     from terratool.viewing.pages import three
 
     if watch and output is not None:
@@ -114,7 +114,7 @@ def command(
     wheeled = any(value is not None for value in values.values())
     if routes and not wheeled:
         raise click.UsageError("A route needs a vehicle. Add --vehicle V.json.")
-    options = SceneOptions(max_error, max_faces, live=watch)
+    options = PageOptions(max_error, max_faces, live=watch)
     options.check()
     path = None if output is None else _checked_output(output, file, overwrite)
     three()
@@ -141,7 +141,7 @@ def _checked_output(output: str, file: str, overwrite: bool) -> Path:
 
 
 def _write(
-    file: str, options: SceneOptions, vehicle: Vehicle | None, routes: Routes, path: Path | None,
+    file: str, options: PageOptions, vehicle: Vehicle | None, routes: Routes, path: Path | None,
     overwrite: bool, opens: bool,
 ) -> None:  # fmt: skip
     from terratool.output import whole_file
@@ -178,7 +178,7 @@ def _temporary(file: str) -> Path:
 
 
 def _scene(
-    site: Site, options: SceneOptions, vehicle: Vehicle | None, routes: Routes, status: Status
+    site: Site, options: PageOptions, vehicle: Vehicle | None, routes: Routes, status: Status
 ) -> Scene:
     from terratool.viewing.scene import scene_of
 
@@ -196,7 +196,7 @@ def _judged(site: Site, vehicle: Vehicle, routes: Routes, status: Status) -> Tra
 
 
 def _follow(
-    file: str, options: SceneOptions, vehicle: Vehicle | None, routes: Routes, port: int,
+    file: str, options: PageOptions, vehicle: Vehicle | None, routes: Routes, port: int,
     opens: bool,
 ) -> None:  # fmt: skip
     from terratool.text.source import read_source

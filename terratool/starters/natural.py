@@ -109,8 +109,8 @@ def _craters(wanted: Wanted) -> Members:
             }
         )
     return {
-        "descr": f"{sides_text(size)} with {count + 1} craters of {m(smallest)} to {m(largest)} m "
-        f"from rim to rim, seed {draw.seed}",
+        "descr": f"{sides_text(size)} with {count + 1:,} craters of {m(smallest)} to {m(largest)} "
+        f"m from rim to rim, seed {draw.seed}",
         "size": [m(side) for side in size],
         "surfTypes": ground,
         "elemTypes": types,
@@ -223,7 +223,7 @@ def _dunes(wanted: Wanted) -> Members:
     firm, loose = SOILS[_FIRM].name, SOILS[_LOOSE].name
     return {
         "descr": f"{sides_text(size)} of desert, wind from the west: barchans up to {m(height)} m "
-        f"high, {count} in all, seed {draw.seed}",
+        f"high, {count:,} in all, seed {draw.seed}",
         "size": [m(side) for side in size],
         "surfTypes": surfaces(_FIRM, _LOOSE),
         "elemTypes": {

@@ -33,11 +33,11 @@ MOST_FACES = 2_000_000
 """… up to so many; beyond, the lowest elements are left out."""
 _FINER = 0.2
 """By default the error is wanted to be this part of that of an exported mesh."""
-_COARSE = 0.02
+_COARSE = 0.01
 """The first mesh has an error of this part of the relief …"""
 _STRIDES = 0.1, 0.5
 """… and each after it one that is smaller by a factor in here, …"""
-_AIM, _ENOUGH = 0.7, 0.4
+_AIM, _ENOUGH = 0.8, 0.5
 """… so that it has about the one part of the faces; the other is enough."""
 
 _INWARD = 1.0 / 256.0
@@ -60,7 +60,7 @@ Attempt = Callable[[float, float], BudgetedMesh]
 
 
 @dataclass(frozen=True, slots=True)
-class SceneOptions:
+class PageOptions:
     """What is wanted of the mesh of a page.
 
     Attributes:
@@ -86,7 +86,7 @@ class SceneOptions:
 # --- a mesh of as many faces as a page takes ------------------------------------------------------
 
 
-def fitted_mesh(terrain: Terrain, options: SceneOptions, progress: Progress) -> BudgetedMesh:
+def fitted_mesh(terrain: Terrain, options: PageOptions, progress: Progress) -> BudgetedMesh:
     """A mesh whose error is as small as is wanted, or as its faces allow.
 
     Raises:
@@ -200,18 +200,31 @@ class Faces(NamedTuple):
     upright: NDArray[np.bool_]
 
 
-def faces_of(terrain: Terrain, mesh: Mesh) -> Faces:
+def wall_offset_of(built: BuiltMesh) -> float:
+    """How far beside its place the wall of a disc or of a rut stands, at most."""
+    return max(built.loss.wall_offset, built.loss.ruts.wall_offset)
+
+
+def faces_of(terrain: Terrain, built: BuiltMesh) -> Faces:
     """Ask the field about the faces of a mesh of it: in their middles, and beside their corners."""
+    mesh = built.mesh
     corners = mesh.vertices[mesh.faces]
     plane = corners[..., :2] + mesh.origin[:2]
     middle = plane.mean(axis=1)
     across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    length_ = np.linalg.norm(across, axis=1, keepdims=True)
-    flat = across / np.maximum(length_, 1e-300)
-    # a wall faces its lower side: what it bounds is behind it
-    wide = np.linalg.norm(plane - middle[:, None], axis=2).max(axis=1)
-    inside = np.where(mesh.walls[:, None], middle - _INWARD * wide[:, None] * flat[:, :2], middle)
-    found = terrain.sample(inside[:, 0], inside[:, 1])
+    flat = across / np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-300)
+    found = terrain.sample(middle[:, 0], middle[:, 1])
+    element, surface = found.element.copy(), found.surface.astype(np.int64)
+    # a wall faces its lower side: what it bounds is behind it, and behind its arc if it is a chord
+    walls = np.flatnonzero(mesh.walls)
+    wide = np.linalg.norm(plane[walls] - middle[walls, None], axis=2).max(axis=1)
+    surface[walls] = mesh.surfaces[walls]
+    chord = 2.0 * wall_offset_of(built)
+    for behind in (_INWARD * wide, np.maximum(_INWARD * wide, chord)):
+        inside = middle[walls] - behind[:, None] * flat[walls, :2]
+        at = terrain.sample(inside[:, 0], inside[:, 1])
+        fits = at.surface == surface[walls]
+        element[walls[fits]] = at.element[fits]
     normals = np.broadcast_to(flat[:, None], corners.shape).copy()
     ground = np.flatnonzero(~mesh.walls)
     near = plane[ground] + _INWARD * (middle[ground, None] - plane[ground])
@@ -221,7 +234,7 @@ def faces_of(terrain: Terrain, mesh: Mesh) -> Faces:
     known = np.isfinite(middles[:, 0])
     middles[~known] = flat[ground][~known]
     normals[ground] = np.where(own[..., None], at.normal, middles[:, None])
-    return Faces(found.element, found.surface.astype(np.int64), normals, mesh.walls)
+    return Faces(element, surface, normals, mesh.walls)
 
 
 class Wedges(NamedTuple):

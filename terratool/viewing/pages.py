@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import base64
 import hashlib
-import io
+import importlib.util
 import re
+import sys
 import zipfile
 from functools import cache
+from importlib import metadata
 from pathlib import Path
 from typing import NamedTuple
 
@@ -16,7 +18,7 @@ from terratool.errors import ReadError
 from terratool.text.display import printable
 
 _FOLDER = Path(__file__).parent / "page"
-_VIEWER = "templates/viewer.zip"
+_VIEWER = Path("resources") / "templates" / "viewer.zip"
 """In trimesh: its own viewer, a page with three.js at the beginning of its script."""
 _LIBRARY = re.compile(
     r"/\*\*\s*\* @license\s[^/]*Three\.js Authors.*?\"__esModule\",\s*\{value:\s*!0\}\)\}\)\);",
@@ -24,6 +26,12 @@ _LIBRARY = re.compile(
 )
 """three.js as one script for browsers, from its licence to its last export."""
 _REVISION = re.compile(r"\.REVISION=(\w+)\b")
+
+
+def _folder_of_trimesh() -> Path:
+    """Where it lies; importing it would take longer than all else."""
+    found = importlib.util.find_spec("trimesh")
+    return Path((found.origin if found else None) or "").parent
 
 
 class Library(NamedTuple):
@@ -40,11 +48,8 @@ def three() -> Library:
     Raises:
         ReadError: the trimesh that is installed has none.
     """
-    import trimesh
-    from trimesh import resources
-
     try:
-        with zipfile.ZipFile(io.BytesIO(resources.get_bytes(_VIEWER))) as archive:
+        with zipfile.ZipFile(_folder_of_trimesh() / _VIEWER) as archive:
             viewer = archive.read(archive.namelist()[0]).decode("utf-8")
     except (OSError, ValueError, IndexError, zipfile.BadZipFile):
         viewer = ""
@@ -53,8 +58,8 @@ def three() -> Library:
     number = re.search(rf'\b{name[1]}="(\d+)"', found[0]) if found and name else None
     if not found or not number or "</script" in found[0]:
         raise ReadError(
-            f"three.js was not found in trimesh {trimesh.__version__}, which is installed.",
-            'Install one that has it: python -m pip install "trimesh>=4.4,<=5.2".',
+            f"three.js was not found in trimesh {metadata.version('trimesh')}, which is installed.",
+            f'Install one that has it: {sys.executable} -m pip install "trimesh>=4.4,<=5.2".',
         )
     return Library(found[0], number[1])
 

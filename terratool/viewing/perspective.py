@@ -19,7 +19,7 @@ from terratool.errors import RequestError
 from terratool.field.terrain import Terrain, check_bounds, clip_bounds
 from terratool.kernels import mesh as mesh_kernels
 from terratool.mesh.build import build
-from terratool.mesh.export import collapse_degenerate, no_ground
+from terratool.mesh.export import collapse_degenerate, no_ground, relief_of
 from terratool.mesh.formats.common import NO_COLOR
 from terratool.mesh.types import BuiltMesh
 from terratool.raster.grid import grid_over
@@ -44,6 +44,7 @@ from terratool.viewing.sheet import (
     key_width,
     new_sheet,
     number,
+    rounded_down,
 )
 
 FINER = 2
@@ -259,7 +260,9 @@ def draw_perspective(
     factor = options.exaggeration or _chosen(float(sides.max()), relief)
     vertices = block.vertices * (1.0, 1.0, factor)
     # void is open here, and needs no patch
-    swatches = tuple(swatch for swatch in plan.key.swatches if swatch.label != NO_GROUND)
+    swatches = tuple(
+        swatch._replace(letter="") for swatch in plan.key.swatches if swatch.label != NO_GROUND
+    )
     key = plan.key._replace(swatches=swatches) if options.keyed else Key()
     title = options.title_of(terrain.descr)
     margins = NO_MARGINS if options.bare else Margins(
@@ -302,7 +305,11 @@ def draw_perspective(
 
 def _chosen(side: float, relief: float) -> float:
     """A round factor on heights by which the relief is seen."""
-    wanted = _ASPECT * side / max(relief, 1e-12)
+    if not relief > 0.0:
+        return 1.0
+    if relief > 2.0 * side:
+        return rounded_down(side / relief)
+    wanted = _ASPECT * side / relief
     return max(factor for factor in _FACTORS if factor <= max(wanted, 1.0))
 
 
@@ -329,7 +336,9 @@ def _block(
     """
     error = options.max_error
     if error is None:
-        error = 0.5 * max(part[2] - part[0], part[3] - part[1]) / options.size
+        # half a pixel, of ground or of towers that are far higher than it is wide
+        extent = max(part[2] - part[0], part[3] - part[1], relief_of(terrain, options.bounds))
+        error = 0.5 * extent / options.size
     whole = terrain.by_elements
     if whole is not None:
         west, south, east, north = whole.footprints()

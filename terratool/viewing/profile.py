@@ -25,6 +25,7 @@ from terratool.viewing.sheet import (
     key_width,
     new_sheet,
     number,
+    rounded_down,
     set_ticks,
     width_of,
 )
@@ -50,9 +51,9 @@ _SHAPE = 2e-4
 """Points are left out that lie within such a part of the range of heights from their chord."""
 
 _ASPECT = 0.3
-"""A section is about so high as a part of its length, if nothing is said …"""
-_FACTORS = (1.0, 2.0, 5.0)
-"""… by a factor of these times a power of ten."""
+"""A section is about so high as a part of its length, by a round factor on heights …"""
+_LEAST = 0.1
+"""… unless it is no less than such a part of that by itself."""
 
 Floats = NDArray[np.float64]
 
@@ -363,10 +364,7 @@ def _round(low: float, high: float) -> list[float]:
 def _chosen(length: float, relief: float) -> float:
     """A round factor on heights with which a section is about as high as sections should be."""
     wanted = _ASPECT * length / relief
-    if wanted < 2.0:
-        return 1.0
-    power = 10.0 ** math.floor(math.log10(wanted))
-    return max(factor * power for factor in _FACTORS if factor * power <= wanted)
+    return 1.0 if _LEAST < wanted < 2.0 else rounded_down(wanted)
 
 
 def _key(terrain: Terrain, found: Section) -> Key:

@@ -23,16 +23,20 @@ from terratool.traversability.results import COLORS, GroundClass, Route, Travers
 from terratool.viewing.layers import surface_colors
 from terratool.viewing.mesh import (
     Ints,
+    PageOptions,
     Progress,
     Rounding,
-    SceneOptions,
     faces_of,
     fitted_mesh,
     slope_error,
+    wall_offset_of,
     wedges_of,
 )
 from terratool.viewing.places import Places, Site
 
+_BEST, _QUICK = 9, 6
+_LARGE = 1 << 25
+"""Bytes of a scene from which on quick compression must do: the best takes seconds."""
 _TRACK_POINTS = 100_000
 """All lines of tracks have about so many points at most."""
 _ALONG = 400
@@ -74,12 +78,13 @@ class Scene:
                     planes.reshape(array.shape[1], len(array), 4).transpose(0, 2, 1)
                 ).tobytes()
             )
-        return bytes(deflate.zlib_compress(b"".join(parts), 9))
+        whole = b"".join(parts)
+        return bytes(deflate.zlib_compress(whole, _BEST if len(whole) <= _LARGE else _QUICK))
 
 
 def scene_of(
     site: Site,
-    options: SceneOptions | None = None,
+    options: PageOptions | None = None,
     report: TraversabilityReport | None = None,
     progress: Progress = lambda _: None,
 ) -> Scene:
@@ -94,11 +99,11 @@ def scene_of(
     Raises:
         RequestError: there is no ground, or more faces than allowed whatever is left out.
     """
-    terrain, options = site.terrain, options or SceneOptions()
+    terrain, options = site.terrain, options or PageOptions()
     fit = fitted_mesh(terrain, options, progress)
     mesh = fit.built.mesh
     progress(f"asking the field about {counted(len(mesh.faces), 'face')}")
-    faces = faces_of(terrain, mesh)
+    faces = faces_of(terrain, fit.built)
     wedges = wedges_of(mesh, faces)
     grid = Rounding.of(mesh, fit.built.error)
     used, of_face = np.unique(faces.element, return_inverse=True)
@@ -117,7 +122,7 @@ def scene_of(
         "error": loss.miss + grid.rounding,
         "slope_error": slope_error(terrain, mesh, faces),
         "measured": loss.miss_measured,
-        "wall_offset": loss.wall_offset,
+        "wall_offset": wall_offset_of(fit.built),
         "left_out": loss.left.small + loss.left.faint,
         "ground_faces": int((~faces.upright).sum()),
         "elements_total": terrain.elements,

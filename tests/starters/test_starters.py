@@ -168,6 +168,22 @@ def test_no_seed_is_refused(kind: str) -> None:
         new(kind, seed=seed)
 
 
+@pytest.mark.parametrize(
+    ("kind", "near", "exact"),
+    [
+        ("stairs", {"rise": 0.1704, "run": 0.2996}, {"rise": 0.17, "run": 0.3}),
+        ("ramp", {"size": (40.0004, 9)}, {"size": (40, 9)}),
+        ("rough", {"height_range": (0.0196, 0.1004)}, {"height_range": (0.02, 0.1)}),
+        ("rough", {"height_step": 0.0404, "rms": 0}, {"height_step": 0.04}),
+        ("course", {"tile": (7.0004, 6.4996), "rows": 1}, {"tile": (7, 6.5), "rows": 1}),
+    ],
+)  # fmt: skip
+def test_lengths_are_whole_millimetres(
+    kind: str, near: dict[str, Any], exact: dict[str, Any]
+) -> None:
+    assert new(kind, **near) == new(kind, **exact)
+
+
 @pytest.mark.parametrize("kind", SEEDED)
 def test_another_seed_is_another_terrain(kind: str) -> None:
     more = {"rows": 1} if kind == "course" else {}
@@ -360,6 +376,25 @@ def test_the_main_crater_is_as_published() -> None:
     # ejecta fall with the third power of the distance (McGetchin 1973), but for what the edge cuts
     far = (r > 5.05) & (r < 9.9)
     assert along[far] == pytest.approx(0.32 / 7 * ((5 / r[far]) ** 3 - 0.125) * 10, rel=1e-3)
+
+
+def test_a_worn_crater_is_half_as_deep() -> None:
+    """Of its width from rim to rim, which is two thirds of its cell."""
+    options = {"size": (90.0, 60.0), "largest": 20.0, "smallest": 8.0, "rocks": 0}
+    definition = json.loads(new("craters", **options, count=2, fresh=0, seed=6))
+    children = definition["elemTree"]["children"]
+    children.remove(next(one for one in children if one["type"] == "freshCrater"))
+    del definition["elemTypes"]["freshCrater"]
+    terrain = Terrain(check(Source("worn", json.dumps(definition).encode())))
+    assert terrain.by_elements is not None
+    west, south, east, north = terrain.by_elements.cells()[:, 1]
+    width = (east - west) / 1.5
+    x = np.linspace(west, east, 2001)
+    along = terrain.height(x, np.full(x.shape, (south + north) / 2))
+    assert 8 <= width <= 20
+    assert np.ptp(along) == pytest.approx(0.1 * width, rel=0.01)
+    assert along.max() == pytest.approx(0.03 * width, rel=0.03)
+    assert 2 * abs(x[along.argmax()] - (west + east) / 2) == pytest.approx(width, rel=0.03)
 
 
 def test_craters_are_as_many_and_as_large_as_asked_for() -> None:

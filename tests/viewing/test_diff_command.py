@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import json
+import os
+import shlex
+import subprocess
+import warnings
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from jsonschema import Draft202012Validator
 
 import terratool
-from tests.commands import YARD, call
+from tests.commands import COMMAND, ENVIRONMENT, YARD, call
 from tests.viewing.test_diff_elements import CRATE, EDITS, after, give
 from tests.viewing.test_diff_elements import YARD as BEFORE
 
@@ -89,7 +94,7 @@ def test_folders_are_compared_by_names(tmp_path: Path, pair: tuple[Path, Path]) 
     save(new / "fresh.json", YARD)
     (new / "spoilt.json").write_text('{"size": 1}', "utf-8")
     save(old / "spoilt.json", YARD)
-    ran = call("diff", old, new, "--format", "json", "--library-root", tmp_path)
+    ran = call("diff", old, new, "--format", "json")
     found = json.loads(ran.out)
     assert ran.code == 1
     assert {one["file"]: one["status"] for one in found["files"]} == {
@@ -101,7 +106,7 @@ def test_folders_are_compared_by_names(tmp_path: Path, pair: tuple[Path, Path]) 
         if one["status"] == "different":
             assert one["difference"]["ground"]["fill"] == pytest.approx(1)
             assert [e["name"] for e in one["difference"]["entries"]] == ["rack"]
-    text = call("diff", old, new, "--library-root", tmp_path).out
+    text = call("diff", old, new).out
     assert "7 terrains: 2 the same, 2 different, 1 added, 1 removed, 1 invalid." in text
 
 
@@ -147,6 +152,47 @@ def test_git_hands_over_seven_arguments(pair: tuple[Path, Path], tmp_path: Path)
     assert call("diff", "--git", new, old).code == 2
 
 
+def test_git_itself_says_what_an_edit_did(tmp_path: Path) -> None:
+    """As a difftool and as an external diff, of a file with a library, changed, added and gone."""
+    repo = tmp_path / "repo"
+    save(repo / "kit/kit.json", {"elemTypes": {"box": {"x": [1]}}})
+    site = {"use": ["../kit/kit.json"], "size": [4, 3], "elemTree": {"type": "box"}}
+    save(repo / "sites/site.json", site)
+    save(repo / "sites/gone.json", site)
+    (repo / ".gitattributes").write_text("sites/*.json diff=terrain\n", "utf-8")
+    program = " ".join(map(shlex.quote, COMMAND))
+    alone = {"GIT_CONFIG_GLOBAL": os.devnull, "GIT_CONFIG_SYSTEM": os.devnull}
+
+    def git(*words: str) -> str:
+        done = subprocess.run(
+            ["git", "-c", "user.name=a", "-c", "user.email=a@b.c",
+             "-c", f"diff.terrain.command={program} diff --git",
+             "-c", f'difftool.terratool.cmd={program} diff --as "$MERGED" "$LOCAL" "$REMOTE"',
+             *words],
+            cwd=repo, env={**ENVIRONMENT, **alone}, capture_output=True, text=True, timeout=60,
+            check=True,
+        )  # fmt: skip
+        return done.stdout
+
+    git("init", "-q")
+    git("add", ".")
+    git("commit", "-qm", "first")
+    site["elemTree"] = {"type": "box", "vScale": 3}
+    save(repo / "sites/site.json", site)
+    for said in (git("diff"), git("difftool", "-y", "-t", "terratool")):
+        assert said.startswith("sites/site.json: different\n")
+        assert "vScale 1 by default → 3: /elemTree (line " in said
+        assert "cut 0 m³, fill 24 m³" in said
+    save(repo / "sites/fresh.json", site)
+    (repo / "sites/gone.json").unlink()
+    (repo / "sites/site.json").write_text("{", "utf-8")
+    git("add", ".")
+    said = git("diff", "--cached", "--no-renames")
+    assert "sites/fresh.json: added" in said
+    assert "sites/gone.json: removed" in said
+    assert "sites/site.json: cannot be compared. sites/site.json:1:" in said
+
+
 def test_the_map_is_new_less_old(pair: tuple[Path, Path], tmp_path: Path) -> None:
     import rasterio
 
@@ -163,6 +209,35 @@ def test_the_map_is_new_less_old(pair: tuple[Path, Path], tmp_path: Path) -> Non
         assert (change != 0).sum() * 0.25 == 6 == (surface == 1).sum() * 0.25
     assert call("diff", *pair, "--map", out).code == 3
     assert call("diff", *pair, "--map", tmp_path / "x.png").code == 2
+
+
+def test_the_picture_is_red_where_it_was_cut(pair: tuple[Path, Path], tmp_path: Path) -> None:
+    """The crate left the west of its place, and came to the east; all else is grey."""
+    pytest.importorskip("matplotlib")
+    import rasterio
+
+    out, again = tmp_path / "change.png", tmp_path / "again.png"
+    for name in (out, again):
+        assert call("diff", *pair, "--picture", name).code == 0
+    assert out.read_bytes() == again.read_bytes()
+    with warnings.catch_warnings(action="ignore"), rasterio.open(out) as file:
+        red, green, blue = file.read([1, 2, 3]).astype(int)
+    rows, columns = np.nonzero((red - blue > 60) & (red - green > 60))
+    filled = np.nonzero((blue - red > 60) & (blue - green > 20))
+    # the legend has both colours, too, but to the east of all ground
+    ground = columns < 0.78 * red.shape[1]
+    cut_x, fill_x = columns[ground], filled[1][filled[1] < 0.78 * red.shape[1]]
+    fill_y = filled[0][filled[1] < 0.78 * red.shape[1]]
+    # 1.5 m of 4 to the west and to the east, with the 2.5 m between that stayed
+    assert cut_x.max() < fill_x.min()
+    width = np.ptp(cut_x) + 1
+    assert np.ptp(fill_x) + 1 == pytest.approx(width, abs=2)
+    assert fill_x.min() - cut_x.max() == pytest.approx(2.5 / 1.5 * width, abs=3)
+    assert np.ptp(rows[ground]) + 1 == pytest.approx(2.0 / 1.5 * width, abs=3)
+    # the middle of the crate, 10 of 30 m from the south: below the middle of the picture
+    assert fill_y.mean() > 0.5 * red.shape[0]
+    ran = call("diff", *pair, "--picture", tmp_path / "a.gif")
+    assert (ran.code, ".png" in ran.err) == (2, True)
 
 
 def test_a_place_that_is_spoilt_changes_verdicts(tmp_path: Path) -> None:
@@ -255,4 +330,7 @@ def test_outputs_are_refused_before_any_work(pair: tuple[Path, Path], tmp_path: 
     assert call("diff", old, new, "--format", "json", "--format", "text").code == 2
     assert call("diff", old, new, "--bounds", 0, 0, 1, 1).code == 2
     assert call("diff", old, new, "--resolution", -1).code == 2
+    ran = call("diff", old, new, "--resolution", 1e-6)
+    assert (ran.code, "coarser resolution" in ran.err) == (2, True)
+    assert call("diff", "-", "-").code == 2
     assert call("diff", old, new, "--tolerance", "nan").code == 2

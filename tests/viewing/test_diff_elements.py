@@ -301,3 +301,137 @@ def test_an_edit_is_told_as_what_it_is(edit: Edit) -> None:
 
 def test_there_are_thirty_known_edits() -> None:
     assert len({edit.name for edit in EDITS}) == len(EDITS) >= 30
+
+
+def test_the_later_of_two_that_overlap_is_on_top() -> None:
+    """Another order of siblings matters only where they share ground."""
+    old = copy.deepcopy(YARD)
+    old["elemTree"]["children"].append({"at": [21, 10], "extent": [4, 2], "type": "box"})
+    new = copy.deepcopy(old)
+    children = new["elemTree"]["children"]
+    children.insert(CRATE, children.pop())
+    found = compared(old, new)
+    ((kind, _, shift, keys),) = map(said, found.elements)
+    assert (kind, shift, set(keys)) == ("changed", None, {"order"})
+    assert found.ground is not None
+    surfaces = {(one.old, one.new): one.area for one in found.ground.surfaces}
+    # they share 3 × 2 m; the sum of heights is the same
+    assert surfaces == pytest.approx({("sand", "rock"): 6})
+    assert found.ground.largest is None
+
+
+def test_all_copies_of_what_changed_are_looked_at() -> None:
+    """A child of an element that is repeated: 3 copies, 1 × 1 m each, 8 m apart."""
+    old = copy.deepcopy(YARD)
+    old["elemTree"]["children"] = [
+        {"cellX": 1, "cellY": 2, "span": [4, 4], "repeat": {"count": [3, 1], "step": [8, 0]},
+         "type": "box", "vScale": 1, "cells": 4,
+         "children": [{"cellX": 3, "cellY": 1, "type": "box", "vScale": 1}]}
+    ]  # fmt: skip
+    new = copy.deepcopy(old)
+    new["elemTree"]["children"][0]["children"][0]["vScale"] = 3
+    found = compared(old, new)
+    assert found.ground is not None
+    assert (found.ground.fill, found.ground.cut) == pytest.approx((6, 0))
+    assert found.ground.around == pytest.approx((104, -47, 121, -46))
+    west, south = ORIGIN
+    assert found.ground.around == pytest.approx((west + 4, south + 3, west + 21, south + 4))
+
+
+def test_what_is_turned_whole_reaches_out_of_its_cell() -> None:
+    """A beam of 6 × 1 m at a free place, turned by 90°, is looked at where it lies."""
+    old = copy.deepcopy(YARD)
+    beam = {"at": [20, 20], "extent": [6, 1], "type": "box", "vScale": 1, "turnDeg": 90}
+    old["elemTree"]["children"] = [beam]
+    new = copy.deepcopy(old)
+    new["elemTree"]["children"][0]["vScale"] = 2
+    found = compared(old, new)
+    assert found.ground is not None
+    assert found.ground.fill == pytest.approx(6)
+    assert found.ground.around == pytest.approx((119.5, -33, 120.5, -27))
+
+
+def test_what_stands_in_a_turned_element_stays_in_its_cell() -> None:
+    """Children of a beam that is turned by 90°; a part turns as a whole. Both are 6 × 1 m."""
+    for beam in ({"type": "level", "cells": [6, 1], "children": [
+            {"cellX": 5, "cellY": 0, "type": "box", "vScale": 1}]}, {"part": "mat"}):  # fmt: skip
+        old = copy.deepcopy(YARD)
+        old["parts"]["mat"] = {"type": "box", "vScale": 1}
+        beam |= {"at": [20, 20], "extent": [6, 1], "turnDeg": 90}
+        old["elemTree"]["children"] = [beam]
+        new = copy.deepcopy(old)
+        child(new, 0)["vOffset"] = 2
+        apart = compared(old, new, DiffOptions(resolution=0.1)).ground
+        whole = compared(old, new, DiffOptions(resolution=0.1, everywhere=True)).ground
+        assert apart == whole
+        if "children" in beam:
+            child(new, 0).pop("vOffset")
+            child(new, 0)["children"][0]["vScale"] = 3
+            found = compared(old, new).ground
+            assert found is not None
+            assert found.fill == pytest.approx(2)
+        else:
+            assert whole is not None
+            assert whole.around == pytest.approx((119.5, -33, 120.5, -27))
+
+
+def test_what_cannot_differ_is_not_looked_at() -> None:
+    """The whole terrain shows the same as the rectangles of what differs."""
+    for edit in EDITS:
+        apart = compared(YARD, after(edit), DiffOptions(resolution=0.1)).ground
+        whole = compared(YARD, after(edit), DiffOptions(resolution=0.1, everywhere=True)).ground
+        assert apart == whole, edit.name
+
+
+def test_bounds_cut_what_is_compared() -> None:
+    """Of the box that was raised by 0.5 m the western column, 1 × 3 m."""
+    edit = next(edit for edit in EDITS if edit.name == "raised")
+    west, south = ORIGIN
+    bounds = (west, south, west + 3, south + 30)
+    found = compared(YARD, after(edit), DiffOptions(bounds=bounds)).ground
+    assert found is not None
+    assert (found.fill, found.common) == pytest.approx((1.5, 90))
+
+
+def test_terrains_of_two_sizes_are_compared_where_both_are() -> None:
+    """The larger one is higher by 1 m everywhere; 4 × 30 m of it lie beyond the other."""
+    plain = {"size": [40, 30], "elemTypes": {"box": {"x": [1]}}, "elemTree": {"type": "box"}}
+    larger = {**plain, "size": [44, 30], "elemTree": {"type": "box", "vScale": 2}}
+    found = compared(plain, larger)
+    assert [key.key for key in found.frame] == ["size"]
+    assert found.ground is not None
+    assert found.ground.fill == pytest.approx(40 * 30)
+    assert (found.ground.left, found.ground.joined) == pytest.approx((0, 120))
+    back = compared(larger, plain).ground
+    assert back is not None
+    assert (back.cut, back.left, back.joined) == pytest.approx((40 * 30, 120, 0))
+    apart = compared(plain, {**plain, "origin": [100, 0]})
+    assert apart.ground is None
+    assert "no ground in common" in " ".join(apart.notes)
+
+
+def test_reference_systems_that_differ_leave_the_ground_alone() -> None:
+    plain = {"size": 10, "elemTypes": {"box": {"x": [1]}}, "elemTree": {"type": "box"}}
+    one, same = {**plain, "crs": "EPSG:32633"}, {**plain, "crs": 32633}
+    assert compared(one, same).same
+    other = compared(one, {**plain, "crs": "EPSG:32634"})
+    assert (other.same, other.ground) == (False, None)
+    assert "different reference systems" in " ".join(other.notes)
+    assert compared(plain, one).ground is not None
+
+
+def test_many_that_moved_alike_are_matched_in_time() -> None:
+    """A hundred columns of stones moved by a cell; none is told as another's."""
+    stones = [
+        {"cellX": x, "cellY": y, "type": "box", "vScale": 0.01 * x + y}
+        for x in range(100)
+        for y in range(20)
+    ]  # fmt: skip
+    old = {"size": [110, 20], "elemTypes": {"box": {"x": [1]}, "level": {"x": [0]}},
+           "elemTree": {"type": "level", "cells": [110, 20], "children": stones}}  # fmt: skip
+    new = copy.deepcopy(old)
+    for one in new["elemTree"]["children"]:  # type: ignore[index]
+        one["cellX"] += 1
+    found = compared(old, new)
+    assert len(found.elements) == 2000
+    assert {(change.kind, change.shift) for change in found.elements} == {("moved", (1.0, 0.0))}

@@ -88,7 +88,10 @@ class Page:
     def __init__(self, browser: Any, url: str) -> None:
         self.browser = browser
         browser.get(url)
-        self.until(lambda: self.drawn > 0)
+        self.until(lambda: self.browser.execute_script(
+            "return document.readyState === 'complete' && Boolean(document.body.dataset.shown)"
+        ))  # fmt: skip
+        self.settle()
         browser.execute_script("document.querySelector('#north').style.display = 'none'")  # is red
 
     def until(self, holds: Callable[[], bool]) -> None:
@@ -97,16 +100,22 @@ class Page:
             assert time.monotonic() < end, self.browser.find_element("tag name", "body").text
             time.sleep(0.01)
 
-    @property
-    def drawn(self) -> int:
-        """How often there was something new to be seen."""
-        return int(self.browser.execute_script("return document.body.dataset.drawn || 0"))
-
     def changed(self, act: Callable[[], object]) -> None:
-        """Do something, and wait until it is seen."""
-        before = self.drawn
+        """Do something, and let the page draw what comes of it."""
         act()
-        self.until(lambda: self.drawn > before)
+        self.settle()
+
+    def settle(self) -> None:
+        self.browser.execute_async_script(
+            "const done = arguments[0], next = (n) => n ? requestAnimationFrame(() => next(n - 1))"
+            " : setTimeout(done); next(3);"
+        )
+
+    def follow(self, version: int) -> None:
+        """Wait until the page has heard of a version of its file, and has drawn it."""
+        script = "return Number(document.body.dataset.version || 0)"
+        self.until(lambda: self.browser.execute_script(script) >= version)
+        self.settle()
 
     @property
     def view(self) -> Any:
@@ -129,8 +138,7 @@ class Page:
         return self.said()
 
     def said(self) -> dict[str, str]:
-        # what the pointer meets is looked up when the next picture is due
-        self.browser.execute_async_script("requestAnimationFrame(() => setTimeout(arguments[0]))")
+        self.settle()
         script = (
             "return Object.fromEntries([...document.querySelectorAll('#readout [data-key]')]"
             ".map((one) => [one.dataset.key, one.textContent]))"
@@ -171,7 +179,7 @@ def test_what_the_pointer_tells_is_what_a_query_answers(
     shown = page(file)
     shown.press("t")
     [within] = map(float, re.findall(r"([\d.]+)° at 99 of 100 places", shown.text("#facts")))
-    assert within < 5
+    assert within < 10
     told = [shown.move(*spot) for spot in SPOTS]
     places = [one[key] for one in told for key in "xy"]
     answers = json.loads(call("query", file, *places, "--format", "json").out)["points"]
@@ -455,7 +463,8 @@ def test_watching_a_file_through_save_break_and_mend(browser: Any, boxes: Path) 
             changed = json.loads(json.dumps(BOXES))
             changed["elemTree"]["children"][0]["vScale"] = 1.5
 
-            shown.changed(lambda: boxes.write_text(json.dumps(changed), "utf-8"))
+            boxes.write_text(json.dumps(changed), "utf-8")
+            shown.follow(2)
             low = extent(reddish(shown.picture()))
             assert low[::2] == tall[::2]  # the view is the same
             assert low[3] - low[1] == pytest.approx((tall[3] - tall[1]) / 2, abs=2)
@@ -463,17 +472,21 @@ def test_watching_a_file_through_save_break_and_mend(browser: Any, boxes: Path) 
             boxes.write_text(
                 json.dumps(changed).replace('"size": [12, 8]', '"size": [12, -8]'), "utf-8"
             )
-            shown.until(lambda: browser.find_element("id", "broken").is_displayed())
+            shown.follow(3)
+            assert browser.find_element("id", "broken").is_displayed()
             assert "TT106" in shown.text("#broken")
             assert "boxes.json:1:" in shown.text("#broken")
             boxes.write_text(json.dumps(changed)[:-1], "utf-8")
-            shown.until(lambda: "TT101" in shown.text("#broken"))
-            shown.view.send_keys("")
-            assert shown.browser.find_element("id", "title").text == "boxes.json"
+            shown.follow(4)
+            assert "TT101" in shown.text("#broken")
+            browser.execute_script("document.querySelector('#broken').style.display = 'none'")
+            assert extent(reddish(shown.picture())) == low  # the last good picture
+            browser.execute_script("document.querySelector('#broken').style.display = ''")
 
             changed["elemTree"]["children"][0]["vScale"] = 2.25
-            shown.changed(lambda: boxes.write_text(json.dumps(changed), "utf-8"))
-            shown.until(lambda: not browser.find_element("id", "broken").is_displayed())
+            boxes.write_text(json.dumps(changed), "utf-8")
+            shown.follow(5)
+            assert not browser.find_element("id", "broken").is_displayed()
             mended = extent(reddish(shown.picture()))
             assert mended[3] - mended[1] == pytest.approx((tall[3] - tall[1]) * 0.75, abs=2)
 

@@ -18,7 +18,7 @@ from terratool.definition.model import pair_of
 from terratool.definition.tree import Tree
 from terratool.definition.uses import Root
 from terratool.viewing.diff.matching import MANY_PAIRS, Matching, Sibling, common
-from terratool.viewing.diff.places import Placed, overlap, placed_child, rounded, within_cell
+from terratool.viewing.diff.places import Placed, overlap, rounded, within_cell
 from terratool.viewing.diff.results import ChangeKind, KeyChange, Pair
 from terratool.viewing.diff.sides import Side
 from terratool.viewing.diff.signed import Names, SignedTree, as_written
@@ -162,7 +162,7 @@ class TreeComparison(Struct, frozen=True):
                 self._only_moved(ours, theirs, found)
             if old.full[ours.element] != new.full[theirs.element]:
                 moved = stays or old.plain[ours.element] == new.plain[theirs.element]
-                pending.append(_Matched(*ours, *theirs, moved))
+                pending.append(_Matched(ours.element, ours.at, theirs.element, theirs.at, moved))
         found.changes += self._reordered(pairs)
 
     def _only_moved(self, ours: Sibling, theirs: Sibling, found: TreeDifference) -> None:
@@ -274,10 +274,7 @@ class TreeComparison(Struct, frozen=True):
 
     def _siblings(self, side: Side, parent: int, at: Placed) -> list[Sibling]:
         tree = self._tree(side)
-        return [
-            Sibling(child, placed_child(tree.tree, child, parent, at))
-            for child in tree.children(parent)
-        ]
+        return [Sibling(child, tree.tree, parent, at) for child in tree.children(parent)]
 
     def _match(self, a: int, at: Placed, b: int, bt: Placed) -> _Matches:
         """Match the children of two elements."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from terratool.definition.keys import document_kind
@@ -103,11 +103,13 @@ def compare_folders(
     """Compare the terrains of two folders, those with one name below each of them.
 
     Libraries, vehicles and curricula are left out: what they change shows in the terrains.
+    Libraries may lie anywhere below the two folders.
 
     Raises:
         ReadError: neither folder has a terrain.
         RequestError: as of `diff`.
     """
+    reading = replace(reading, roots=(*reading.roots, old, new))
     before, after = _terrains(old), _terrains(new)
     if not before and not after:
         raise ReadError(

@@ -6,7 +6,7 @@ All are sums over the centres of pixels. Windows in which nothing can differ are
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -24,6 +24,8 @@ from terratool.viewing.diff.results import GroundChange, LargestChange, PixelGri
 
 SIDE = 128
 """Of a window, in pixels."""
+MOST_WINDOWS = 1 << 22
+"""So many windows may a grid have, with those that are left out."""
 FIRST_PIXELS = 1 << 20
 """A grid that nobody asked for begins with so many pixels at most, of those that may differ …"""
 MOST_PIXELS = 1 << 22
@@ -88,17 +90,30 @@ class Both:
         return np.array(old), np.array([0, *(index[name] for name in self.new.surfaces)])
 
     def windows(self, grid: Grid) -> list[Window]:
-        """The windows of a grid in which anything may differ."""
+        """The windows of a grid in which anything may differ.
+
+        Raises:
+            RequestError: the grid has too many.
+        """
+        rows, columns = -(-grid.height // SIDE), -(-grid.width // SIDE)
+        if rows * columns > MOST_WINDOWS:
+            raise RequestError(
+                f"{grid.width:,} × {grid.height:,} pixels are more than can be compared.",
+                "Give a coarser resolution, or smaller bounds.",
+            )
         if self.regions is None:
             return list(grid.windows(SIDE, SIDE))
-        rows, columns = -(-grid.height // SIDE), -(-grid.width // SIDE)
-        hit = np.zeros((rows, columns), np.bool_)
-        north = grid.bounds[3]
-        for west, south, east, top in self.regions:
-            # a pixel more to each side, as edges are rounded
-            first, last = _span(west - grid.west, east - grid.west, grid.resolution, columns)
-            upper, lower = _span(north - top, north - south, grid.resolution, rows)
-            hit[upper:lower, first:last] = True
+        west, south, east, north = np.array(self.regions or np.empty((0, 4))).reshape(-1, 4).T
+        left, right = _spans(west - grid.west, east - grid.west, grid.resolution, columns)
+        top = grid.bounds[3]
+        upper, lower = _spans(top - north, top - south, grid.resolution, rows)
+        # how many rectangles lie over each window, by the steps at their corners
+        over = np.zeros((rows + 1, columns + 1), np.int64)
+        for row, column, step in (
+            (upper, left, 1), (upper, right, -1), (lower, left, -1), (lower, right, 1)
+        ):  # fmt: skip
+            np.add.at(over, (row, column), step)
+        hit = (over.cumsum(axis=0).cumsum(axis=1) > 0)[:-1, :-1]
         return [
             window
             for window, wanted in zip(grid.windows(SIDE, SIDE), hit.ravel().tolist(), strict=True)
@@ -106,10 +121,17 @@ class Both:
         ]
 
 
-def _span(low: float, high: float, resolution: float, count: int) -> tuple[int, int]:
-    first = math.floor((low / resolution - 1) / SIDE)
-    last = math.floor((high / resolution + 1) / SIDE) + 1
-    return max(first, 0), max(min(last, count), 0)
+def _spans(
+    low: NDArray[np.float64], high: NDArray[np.float64], resolution: float, count: int
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """The first window that each of some stretches meets, and the one behind its last.
+
+    A stretch has a pixel more at both ends, as edges are rounded.
+    """
+    first = np.floor((low / resolution - 1) / SIDE)
+    last = np.floor((high / resolution + 1) / SIDE) + 1
+    first, last = np.clip(first, 0, count), np.clip(last, 0, count)
+    return first.astype(np.int64), np.maximum(first, last).astype(np.int64)
 
 
 class BothPainter:
@@ -273,15 +295,20 @@ def _first_grid(both: Both, part: Bounds) -> Grid:
     for box in (both.regions or ())[:_EDGES]:
         edges += (abs(box[k] - part[k % 2]) for k in range(4))
     count = max(1, math.ceil(min(sides) / finest - _WHOLE))
-    for pixels in range(count, _FINER * count + 1):
-        resolution = min(sides) / pixels
+    best = _aligned(range(count, _FINER * count + 1), min(sides), edges) or count
+    while count > 1 and _pixels(both, grid_over(both.old, min(sides) / best, part)) > FIRST_PIXELS:
+        count = count // 2
+        best = _aligned(range(count, count // 2, -1), min(sides), edges) or count
+    return grid_over(both.old, min(sides) / best, part)
+
+
+def _aligned(counts: Iterable[int], side: float, edges: Sequence[float]) -> int | None:
+    """The first number of pixels along a side with which all edges lie between pixels."""
+    for count in counts:
+        resolution = side / count
         if all(abs(edge / resolution - round(edge / resolution)) < _WHOLE for edge in edges):
-            finest = resolution
-            break
-    grid = grid_over(both.old, finest, part)
-    while _pixels(both, grid) > FIRST_PIXELS and 2 * grid.resolution < min(sides):
-        grid = grid_over(both.old, 2 * grid.resolution, part)
-    return grid
+            return count
+    return None
 
 
 def _pixels(both: Both, grid: Grid) -> int:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections import Counter, deque
 from collections.abc import Callable, Hashable, Iterable, Iterator
-from typing import NamedTuple
+from dataclasses import dataclass
 
-from terratool.viewing.diff.places import Placed, distance, overlap, way_between
+from terratool.definition.tree import Tree
+from terratool.viewing.diff.places import Placed, distance, overlap, placed_child, way_between
 
 _ALIKE = 3
 """So many siblings that moved alike are taken to have moved, whatever stands in their places."""
@@ -14,11 +15,22 @@ MANY_PAIRS = 1_000_000
 """More pairs of like siblings are not looked at: they are matched in their order."""
 
 
-class Sibling(NamedTuple):
-    """An element among its siblings."""
+@dataclass(slots=True)
+class Sibling:
+    """An element among its siblings; where it stands is found out when it is asked for."""
 
     element: int
-    at: Placed
+    tree: Tree
+    parent: int
+    around: Placed
+    _at: Placed | None = None
+
+    @property
+    def at(self) -> Placed:
+        """Where it stands."""
+        if self._at is None:
+            self._at = placed_child(self.tree, self.element, self.parent, self.around)
+        return self._at
 
 
 class Matching:

@@ -61,8 +61,15 @@ def reach_of(tree: Tree, index: int, at: Placed) -> Bounds:
         return at.bounds
     west, south, east, north = at.bounds
     x, y = (west + east) / 2, (south + north) / 2
-    half = math.hypot(east - west, north - south) / 2
-    return x - half, y - half, x + half, y + half
+    angle = math.radians(math.fmod(turn, 180.0))
+    cos, sin = abs(math.cos(angle)) / 2, abs(math.sin(angle)) / 2
+    wide, tall = east - west, north - south
+    across, up = cos * wide + sin * tall, sin * wide + cos * tall
+    begin, end = tree.brood(index)
+    if begin < end or tree.value("part", index) is not UNSET:
+        # what stands in it may be in the cell as it is written
+        across, up = max(across, wide / 2), max(up, tall / 2)
+    return x - across, y - up, x + across, y + up
 
 
 def within_cell(box: Bounds, around: Bounds) -> Hashable:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
@@ -174,9 +173,10 @@ def _ground(ground: GroundChange) -> Iterator[str]:
     if ground.is_same:
         yield f"ground: no difference at the centres of {_pixels(ground)}"
         return
-    about = (
-        f" (each ± {ground.error:.2g})" if ground.error > 1e-9 * (ground.cut + ground.fill) else ""
-    )
+    about = ""
+    if ground.error > 1e-9 * (ground.cut + ground.fill):
+        each = "each " * (ground.cut > 0.0 and ground.fill > 0.0)
+        about = f" ({each}± {ground.error:.2g})"
     yield f"ground: cut {ground.cut:.6g} m³, fill {ground.fill:.6g} m³{about}"
     if ground.changed:
         assert ground.around is not None
@@ -237,9 +237,9 @@ def as_json(comparison: Comparison, most: int) -> str:  # noqa: ARG001, as other
         "format_version": FORMAT_VERSION,
         "same": comparison.same,
         "summary": {status: comparison.count(status) for status in statuses},  # type: ignore[arg-type]
-        "files": msgspec.to_builtins(comparison.files),
+        "files": comparison.files,
     }
-    return json.dumps(document, indent=2, ensure_ascii=False)
+    return msgspec.json.format(msgspec.json.encode(document), indent=2).decode()
 
 
 def as_markdown(comparison: Comparison, most: int) -> str:
@@ -310,7 +310,8 @@ def as_github(comparison: Comparison, most: int) -> str:
         name, line = file.file, 1
         if found is not None:
             name = found.new
-            line = next((one.new.line for one in found.elements if one.new is not None), 1) or 1
+            places = (one.new for one in (*found.elements, *found.tracks) if one.new is not None)
+            line = next((place.line for place in places if place.file == found.new), 1) or 1
         lines.append(annotation(level, {"file": name, "line": line, "title": title}, text))
     return "\n".join([*lines, _summed_up(comparison)])
 

@@ -257,7 +257,7 @@
       }
       renderer.render(stage, place());
       furnish();
-      document.body.dataset.drawn = String(Number(document.body.dataset.drawn || 0) + 1);
+      if (told) document.body.dataset.shown = "yes";
     });
   }
 
@@ -560,7 +560,7 @@
       ["heights are within", `${short(told.error)} m${told.measured ? ", as far as measured" : ""}`],
       ["slopes are within", `${short(told.slope_error)}° at 99 of 100 places`],
     ];
-    if (told.wall_offset > told.steps[0]) rows.push(["round walls within", `${short(told.wall_offset)} m`]);
+    if (told.wall_offset > told.steps[0]) rows.push(["walls of discs and ruts within", `${short(told.wall_offset)} m`]);
     if (told.left_out) rows.push(["left out", `${told.left_out.toLocaleString("en")} elements that change heights little`]);
     if (told.crs) rows.push(["crs", told.crs]);
     if (told.map) rows.push(["vehicle", told.map.vehicle]);
