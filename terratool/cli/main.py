@@ -28,6 +28,7 @@ _COMMANDS = {
     "view": ("view", "Write a page to turn a terrain about in a browser, or follow a file."),
     "import-primitive": ("import_primitive", "Make a primitive of a patch of a DEM or a mesh."),
     "import-terrain": ("import_terrain", "Make a definition of a DEM or mesh, within an error."),
+    "scan": ("scan", "Read a terrain with a lidar, a depth camera or a sonar."),
     "deform": ("deform", "Drive a vehicle along a path and write the ruts of its wheels."),
     "traversability": ("traversability", "Say whether a vehicle can drive, where not, and why."),
     "diff": ("diff", "Say what an edit did to a terrain, and to its verdicts."),

@@ -17,7 +17,7 @@ import click
 from terratool.cli.options import library_root_option, roughness_option
 from terratool.cli.terminal import Status, load
 from terratool.errors import ReadError
-from terratool.text.display import printable, shown
+from terratool.text.display import inert_cell, shown
 
 if TYPE_CHECKING:
     from terratool.field.terrain import PointSamples, Terrain
@@ -25,9 +25,6 @@ if TYPE_CHECKING:
 COLUMNS = ("x", "y", "z", "surface", "element", "nx", "ny", "nz", "note")
 FORMAT_VERSION = 1
 _CHUNK = 65536
-_FORMULAS = ("=", "+", "-", "@", "'")
-"""What names begin with that get an apostrophe in CSV; one of their own included, so that it is
-known where to take it off."""
 
 Point = tuple[float, float]
 
@@ -67,7 +64,7 @@ def command(file: str, coordinates: tuple[str, ...], points: str | None, form: s
     source = iter(given) if given is not None else _from_csv(str(points))
     write, names = _write_json, list(terrain.surfaces)
     if form == "csv":
-        write, names = _write_csv, list(map(_inert, names))
+        write, names = _write_csv, list(map(inert_cell, names))
     rows = _rows(terrain, names, source)
     if sys.stdout is not None and sys.stdout.isatty():
         write(rows)
@@ -202,15 +199,6 @@ def _write_csv(rows: Iterator[tuple[Any, ...]]) -> None:
     writer = csv.writer(sys.stdout, lineterminator="\n")
     writer.writerow(COLUMNS)
     writer.writerows(chain(first, rows))
-
-
-def _inert(name: str) -> str:
-    """A name that is no formula of a spreadsheet, and no more than text on a terminal.
-
-    A backslash is doubled, so that what is escaped can be told from what is written.
-    """
-    text = printable(name.replace("\\", "\\\\"))
-    return f"'{text}" if text.startswith(_FORMULAS) else text
 
 
 def _write_json(rows: Iterator[tuple[Any, ...]]) -> None:

@@ -37,10 +37,14 @@ class Status:
         what: what is being done.
         total: how much there is to do, if that is known; calls then say how much more is done.
         then: what is done when all of it is done.
+        unit: what is counted.
     """
 
-    def __init__(self, what: str, total: int | None = None, then: str = "finishing") -> None:
+    def __init__(
+        self, what: str, total: int | None = None, then: str = "finishing", unit: str = "px"
+    ) -> None:
         self._what, self._total, self._then = printable(what), total, then
+        self._unit = unit
         self._of = ""
         self._done = 0.0
         self._stream: TextIO | None = sys.stderr  # None where it was closed
@@ -110,7 +114,7 @@ class Status:
 
         meter: str = tqdm.format_meter(
             self._done, self._total, time.monotonic() - self._since, ncols=columns,
-            prefix=self._what, unit="px", unit_scale=True,
+            prefix=self._what, unit=self._unit, unit_scale=True,
         )  # fmt: skip
         return meter
 

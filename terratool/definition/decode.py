@@ -39,6 +39,7 @@ from terratool.definition.model import (
     Surface,
     Track,
 )
+from terratool.definition.sensor import CameraText, LidarText, NoiseText, SensorText, SonarText
 from terratool.definition.tree import PARTS, ROOT, Tree, part_pointer
 from terratool.definition.vehicle import (
     AxleText,
@@ -64,11 +65,14 @@ _SUBJECTS: dict[type, str] = {
     VehicleText: "a vehicle", WheelsText: "the wheels", AxleText: "an axle",
     CogText: "the centre of gravity", OverhangText: "the overhang",
     MarginsText: "the margins", ClassesText: "the classes",
+    SensorText: "a sensor", NoiseText: "the noise", LidarText: "the lidar",
+    CameraText: "the camera", SonarText: "the sonar",
 }  # fmt: skip
 _ROOTS: dict[Kind, tuple[str, str]] = {
     "terrain": ("the definition", '{ "size": …, "elemTypes": {…}, "elemTree": {…} }'),
     "library": ("the library", '{ "surfTypes": {…}, "elemTypes": {…}, "parts": {…} }'),
     "vehicle": ("the vehicle", '{ "mass": …, "wheels": {…}, "wheelbase": …, … }'),
+    "sensor": ("the sensor", '{ "range": [least, most], "lidar": {…} }'),
 }
 JSON_NAMES = {
     dict: "an object", list: "a list", str: "a text", bool: "true or false",
@@ -127,6 +131,7 @@ class Decoded(Struct):
         definition: the terrain, with or without its elements; None where there is none.
         library: the library, likewise.
         vehicle: the vehicle; None where there is none.
+        sensor: the sensor; None where there is none.
         tree: the elements of the terrain and of its parts, or of the library's.
         unfit: of each key the owners whose value was left out; "" is for the owner itself.
         ignores: owner and value of each `x-ignore`.
@@ -135,6 +140,7 @@ class Decoded(Struct):
     definition: Definition | None = None
     library: Library | None = None
     vehicle: VehicleText | None = None
+    sensor: SensorText | None = None
     tree: Tree = field(default_factory=lambda: Tree([], [], [0]))
     unfit: dict[str, set[Owner]] = field(default_factory=dict)
     ignores: list[tuple[Owner, Any]] = field(default_factory=list)
@@ -155,6 +161,8 @@ def decode(value: Any, kind: Kind, found: RemarkLog) -> Decoded:
         decoder.add("TT105", "", message, f"Write {example}.")
     elif kind == "vehicle":
         decoder.decoded.vehicle = decoder.model(VehicleText, value, "", "the vehicle")
+    elif kind == "sensor":
+        decoder.decoded.sensor = decoder.model(SensorText, value, "", "the sensor")
     elif kind == "library":
         decoder.decoded.library = decoder.model(Library, value, "", "the library")
     else:
@@ -273,6 +281,14 @@ class _Decoder:
             return self._members(_MEMBERS[key], wanted, key, item, owner)
         if wanted.kind == "paths":
             return self._paths(wanted, key, item, owner)
+        if wanted.kind == "numbers":
+            if not isinstance(item, list) or not 1 <= len(item) <= wanted.length:
+                return self._wrong_type(owner, rest, subject, wanted.words, item)
+            one = msgspec.structs.replace(wanted, kind="number")
+            return tuple(
+                self._single(one, part, owner, f"{rest}/{i}", f'item {i} of "{key}"', key)
+                for i, part in enumerate(item)
+            )
         if wanted.kind == "any":
             if isinstance(item, float) and (item.is_integer() or not fits_double(item)):
                 item = int(item) if fits_double(item) else 10**400  # as in JSON Schema

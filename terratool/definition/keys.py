@@ -1,4 +1,4 @@
-"""Every key of terrains and vehicles: what its value must be, in words and in numbers."""
+"""Every key of terrains, vehicles and sensors: its value in words and in numbers."""
 
 from __future__ import annotations
 
@@ -27,6 +27,15 @@ from terratool.definition.model import (
     Track,
     names_of,
 )
+from terratool.definition.sensor import (
+    PATTERNS,
+    TURN,
+    CameraText,
+    LidarText,
+    NoiseText,
+    SensorText,
+    SonarText,
+)
 from terratool.definition.vehicle import (
     GRAVITIES,
     KINDS,
@@ -52,7 +61,8 @@ class Key(Struct, frozen=True):
         words: what a message asks for.
         kind: what the value, or each item of it, is.
         alone: one such value stands by itself.
-        length: so many of them stand in a list; 0 where a list is not taken.
+        length: so many of them stand in a list, or at most so many in `numbers`; 0 where a list is
+            not taken.
         choices: the texts that are taken; none means all. A number's are those that stand for one.
         noun: what one of the choices is.
     """
@@ -70,6 +80,7 @@ class Key(Struct, frozen=True):
         "depth",
         "members",
         "paths",
+        "numbers",
         "any",
     ]
     low: float = -inf
@@ -356,23 +367,117 @@ VEHICLE_KEYS: dict[type, dict[str, Key]] = {
     },
 }  # fmt: skip
 
+MAX_BEAMS = 1024
+"""Of a lidar, one above the other."""
+MAX_PIXELS = 16384
+"""Along a side of a camera's picture."""
+MAX_FRAME = 10_000_000
+"""Rays of a turn, a picture or a ping: some 2 GB of results."""
+MAX_BOUNCES = 4
+
+SENSOR_KEYS: dict[type, dict[str, Key]] = {
+    SensorText: {
+        "$schema": _SCHEMA,
+        "descr": _TEXT,
+        "range": Key(
+            f"the least and the largest range [least, most] in metres, from 0 to {MOST:g}",
+            "number", 0, MOST, alone=False, length=2,
+        ),
+        "rate": _measure("turns, pictures or pings in a second", "Hz"),
+        "noise": Key("what readings are off by, an object", "object"),
+        "lidar": Key("a lidar, an object", "object"),
+        "camera": Key("a camera, an object", "object"),
+        "sonar": Key("a sonar, an object", "object"),
+    },
+    NoiseText: {
+        "sigma": _reserve("a standard deviation", "metres"),
+        "perMetre": _reserve("what a metre of range adds to the deviation", "metres"),
+        "perSquareMetre": _reserve("what the square of the range adds to it", "metres"),
+        "dropout": Key("a share of readings, from 0 to 1", "number", 0, 1),
+    },
+    LidarText: {
+        "elevations": Key(
+            f"a list of 1 to {MAX_BEAMS} elevations in degrees, from -90 to 90", "numbers",
+            -90, 90, alone=False, length=MAX_BEAMS,
+        ),
+        "beams": Key(f"a whole number from 2 to {MAX_BEAMS}", "whole", 2, MAX_BEAMS),
+        "azimuths": Key(
+            "two angles [from, to] in degrees, from -360 to 360", "number", -TURN, TURN,
+            alone=False, length=2,
+        ),
+        "azimuthStep": Key("an angle in degrees, from 1e-06 to 360", "number", LEAST, TURN),
+        "clockwise": Key("true or false", "flag"),
+        "firingInterval": Key("a time in seconds, from 0 to 1", "number", 0, 1),
+    },
+    CameraText: {
+        "width": Key(
+            f"a number of pixels, a whole number from 1 to {MAX_PIXELS}", "whole", 1, MAX_PIXELS
+        ),
+        "height": Key(
+            f"a number of pixels, a whole number from 1 to {MAX_PIXELS}", "whole", 1, MAX_PIXELS
+        ),
+        "fov": Key(
+            "the angle of view along the width in degrees, above 0 and below 180", "number",
+            0, 180, open_low=True, open_high=True,
+        ),
+        "focal": Key(
+            "a focal length in pixels, from 1e-06 to 1e+06, or a pair [fx, fy]", "number",
+            LEAST, MOST, length=2,
+        ),
+        "principal": Key(
+            "the place [cx, cy] of the axis in pixels, two numbers up to 1e6 in size", "number",
+            -MOST, MOST, alone=False, length=2,
+        ),
+    },
+    SonarText: {
+        "beamWidth": Key(
+            "an angle in degrees, above 0 and below 180", "number", 0, 180,
+            open_low=True, open_high=True,
+        ),
+        "pattern": Key(
+            "one of " + ", ".join(f'"{name}"' for name in PATTERNS), "text", choices=PATTERNS,
+            noun="beam pattern",
+        ),
+        "cone": Key(
+            "an angle in degrees, above 0 and up to 180", "number", 0, 180, open_low=True
+        ),
+        "rays": Key("a whole number from 16 to 1,000,000", "whole", 16, 1_000_000),
+        "threshold": Key("an amplitude, from 1e-12 to 1e+06", "number", 1e-12, MOST),
+        "pulseLength": _measure("a length", "metres"),
+        "absorption": _reserve("an absorption", "dB/m"),
+        "diffuse": Key("a share, from 0 to 1", "number", 0, 1),
+        "lobe": Key("an angle in degrees, from 0.1 to 45", "number", 0.1, 45),
+        "bounces": Key(
+            f"a whole number from 1 to {MAX_BOUNCES}", "whole", 1, MAX_BOUNCES
+        ),
+        "sonarRefl": Key("a reflection from 0 to 1", "number", 0, 1),
+    },
+}  # fmt: skip
+
 REQUIRED: dict[type, tuple[str, ...]] = {
     VehicleText: ("mass", "wheels", "track", "cog", "clearance"),
     WheelsText: ("radius", "width"),
     AxleText: ("x",),
     CogText: ("height",),
     Roughness: ("rms", "correlation"),
+    SensorText: ("range",),
+    LidarText: ("elevations", "azimuthStep"),
+    CameraText: ("width", "height"),
+    SonarText: ("beamWidth", "threshold"),
 }
-"""Keys of vehicles and of roughnesses that must be there."""
+"""Keys of vehicles, of roughnesses and of sensors that must be there."""
 ALTERNATIVES: dict[type, dict[tuple[str, str], str]] = {
     VehicleText: {
         ("axles", "wheelbase"): 'Add "axles", or "wheelbase" for two driven axles.',
     },
+    CameraText: {
+        ("fov", "focal"): 'Add "fov", the angle of view in degrees, or "focal" in pixels.',
+    },
 }
 """Two keys of which one must be there, and what to do where neither is."""
 
-ALL_KEYS = {**KEYS, **VEHICLE_KEYS}
-"""Of terrains and of vehicles."""
+ALL_KEYS = {**KEYS, **VEHICLE_KEYS, **SENSOR_KEYS}
+"""Of terrains, of vehicles and of sensors."""
 
 
 class Nested(NamedTuple):
@@ -416,6 +521,12 @@ NESTED: dict[type, dict[str, Nested]] = {
         "margins": Nested(MarginsText),
         "classes": Nested(ClassesText),
         "axles": Nested(AxleText, "list", 'item {} of "axles"', "an axle, an object", 2, MAX_AXLES),
+    },
+    SensorText: {
+        "noise": Nested(NoiseText),
+        "lidar": Nested(LidarText),
+        "camera": Nested(CameraText),
+        "sonar": Nested(SonarText),
     },
 }
 """The objects in objects, in the order in which they are decoded."""
@@ -480,16 +591,17 @@ CURRICULUM_KEYS = (
 )  # fmt: skip
 """Those of the spec of a grid of training tiles, in the order of its canonical layout."""
 
-Kind = Literal["terrain", "library", "vehicle", "curriculum"]
+Kind = Literal["terrain", "library", "vehicle", "curriculum", "sensor"]
 
 _named = re.compile(
-    r"(?:^|.*[/:])(terrain|library|vehicle|curriculum)(?:\.schema\.json)?"
+    r"(?:^|.*[/:])(terrain|library|vehicle|curriculum|sensor)(?:\.schema\.json)?"
 ).fullmatch
 _terrain = KEYS[Definition].keys() - VEHICLE_KEYS[VehicleText].keys()
 _own = KEYS[Definition].keys() - KEYS[Library].keys()
 _library = KEYS[Library].keys() - {"$schema", "descr"}
 _vehicle = VEHICLE_KEYS[VehicleText].keys() - KEYS[Definition].keys()
 _curriculum = {*CURRICULUM_KEYS} - KEYS[Definition].keys()
+_sensor = SENSOR_KEYS[SensorText].keys() - KEYS[Definition].keys()
 
 
 def document_kind(data: bytes) -> Kind | None:
@@ -514,6 +626,7 @@ def document_kind(data: bytes) -> Kind | None:
         "terrain": len(_terrain & members.keys()),
         "vehicle": len(_vehicle & members.keys()),
         "curriculum": len(_curriculum & members.keys()),
+        "sensor": len(_sensor & members.keys()),
     }
     kind, *others = sorted(counts, key=counts.__getitem__, reverse=True)
     if counts[kind] == counts[others[0]]:

@@ -1,4 +1,4 @@
-"""The canonical layout of terrains, libraries, vehicles and curricula: keys in order, lines."""
+"""The canonical layout of terrains, libraries, vehicles, sensors, curricula: order and lines."""
 
 from __future__ import annotations
 
@@ -15,11 +15,12 @@ from terratool.definition.model import (
     Surface,
     Track,
 )
+from terratool.definition.sensor import SensorText
 from terratool.definition.vehicle import VehicleText
 from terratool.text import format as text_format
 from terratool.text.format import Layout
 
-_BROKEN = (Definition, Library, VehicleText)
+_BROKEN = (Definition, Library, VehicleText, SensorText)
 _ROWS = (Surface, Primitive, Element, Track)
 _LAST = ("surfTypes", "elemTypes", "parts", "elemTree", "children")
 """Keys before which those that the format does not have are put."""
@@ -43,7 +44,7 @@ def _layouts() -> dict[type, Layout]:
 
 
 _LAYOUTS = _layouts()
-TERRAIN, VEHICLE = _LAYOUTS[Definition], _LAYOUTS[VehicleText]
+TERRAIN, VEHICLE, SENSOR = (_LAYOUTS[kind] for kind in (Definition, VehicleText, SensorText))
 """That of terrains is that of libraries, too, whose keys are some of a terrain's."""
 _TOLD = Layout({"kind": 0, "proportion": 1}, others=2, rows=True)
 CURRICULUM = Layout(
@@ -62,7 +63,8 @@ CURRICULUM = Layout(
 def canonical(text: str) -> str:
     """A JSON text without errors of syntax in its canonical layout, ending with a line end."""
     kind = document_kind(text.encode())
-    layout = {"vehicle": VEHICLE, "curriculum": CURRICULUM}.get(kind or "", TERRAIN)
+    others = {"vehicle": VEHICLE, "curriculum": CURRICULUM, "sensor": SENSOR}
+    layout = others.get(kind or "", TERRAIN)
     return text_format.canonical(text, layout)
 
 

@@ -30,7 +30,8 @@ from terratool.definition.model import (
     names_of,
 )
 from terratool.definition.rules import RULES
-from terratool.definition.rules.base import Subject, VehicleSubject
+from terratool.definition.rules.base import SensorSubject, Subject, VehicleSubject
+from terratool.definition.sensor import SensorText
 from terratool.definition.tree import ROOT, Tree, complete, flatten
 from terratool.definition.uses import Uses
 from terratool.definition.vehicle import VehicleText
@@ -179,9 +180,10 @@ class Checked(Struct, frozen=True, dict=True):
         counts: how many findings there are of each code, shown or not.
         readable: whether it was read to its end; if not, there is one finding that says why.
         vehicle: None if it has an error, or is no vehicle.
+        sensor: None if it has an error, or is no sensor.
         terrain: None if it has an error, or is no terrain; its elements may be in `tree` alone.
         tree: the elements of the terrain or the library, laid flat.
-        document: the text with its libraries; None if it has an error, or is a vehicle.
+        document: the text with its libraries; None if it has an error, or is a vehicle or a sensor.
         libraries: what was found in each library that it uses, directly or through others.
         name: what the file is called.
     """
@@ -190,6 +192,7 @@ class Checked(Struct, frozen=True, dict=True):
     counts: Counter[str]
     readable: bool = True
     vehicle: VehicleText | None = None
+    sensor: SensorText | None = None
     terrain: Definition | None = None
     tree: Tree | None = None
     document: Document | None = None
@@ -229,6 +232,7 @@ class Checked(Struct, frozen=True, dict=True):
 
 _NO_TERRAIN: dict[Kind | None, str] = {
     "vehicle": "Name a terrain here, and the vehicle with --vehicle.",
+    "sensor": "Name a terrain here, and the sensor with --sensor.",
     "library": 'Name a terrain; its "use" may list libraries.',
     "curriculum": "Make a terrain of it with terratool curriculum, and name that here.",
 }
@@ -332,7 +336,7 @@ def new_shelf(options: CheckOptions | None = None) -> Shelf:
 def read_document(source: Source, kind: Kind, limit: int = 1000) -> Document:
     """Read a text into the model, as far as it fits."""
     found = RemarkLog(limit)
-    decoded = None if kind == "vehicle" else _decode_quickly(source.data, kind)
+    decoded = None if kind in ("vehicle", "sensor") else _decode_quickly(source.data, kind)
     if decoded is None:
         from terratool.text.syntax import JsonSyntaxError
 
@@ -392,8 +396,9 @@ def _looked_at(document: Document, options: CheckOptions) -> _LookedAt:
         looked = _LookedAt(found, Checked(findings, found.counts, name=document.source.name))
         if looked.is_good:
             looked = structs.replace(looked, checked=structs.replace(
-                looked.checked, vehicle=decoded.vehicle, terrain=decoded.definition,
-                tree=decoded.tree, document=None if decoded.vehicle else document,
+                looked.checked, vehicle=decoded.vehicle, sensor=decoded.sensor,
+                terrain=decoded.definition, tree=decoded.tree,
+                document=None if decoded.vehicle or decoded.sensor else document,
             ))  # fmt: skip
     document.__dict__["_looked_at"] = looked
     return looked
@@ -491,9 +496,9 @@ def _all_hold(ranged: tuple[set[Any], Key]) -> bool:
 
 
 def _apply_rules(document: Document, found: RemarkLog, options: CheckOptions) -> None:
-    """Let every rule look at a terrain, a library or a vehicle, unless the text is no object."""
+    """Let every rule look at what a text is, unless it is no object."""
     decoded, source = document.decoded, document.source
-    subject: Subject | VehicleSubject
+    subject: Subject | VehicleSubject | SensorSubject
     terrain = decoded.definition
     if decoded.library is not None:
         library = decoded.library
@@ -507,6 +512,9 @@ def _apply_rules(document: Document, found: RemarkLog, options: CheckOptions) ->
     elif decoded.vehicle is not None:
         kind = "vehicle"
         subject = VehicleSubject(vehicle=decoded.vehicle, unfit=decoded.unfit)
+    elif decoded.sensor is not None:
+        kind = "sensor"
+        subject = SensorSubject(sensor=decoded.sensor, unfit=decoded.unfit)
     else:
         return
     ignores = IgnoreLists(decoded.ignores)

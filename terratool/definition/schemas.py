@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import Any
 
 NAMES = (
-    "terrain", "library", "vehicle", "curriculum", "report", "comparison", "difference", "info",
+    "terrain", "library", "vehicle", "curriculum", "sensor", "report", "comparison", "difference",
+    "info",
 )  # fmt: skip
 
 

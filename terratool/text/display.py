@@ -12,6 +12,9 @@ from msgspec import Struct
 _digits = re.compile("[0-9]+").findall
 _NEAR = 0.8
 """Names that are alike by this share, as difflib counts, are near."""
+_FORMULAS = ("=", "+", "-", "@", "'")
+"""What names begin with that get an apostrophe in CSV; one of their own included, so that it is
+known where to take it off."""
 _control = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
@@ -129,3 +132,12 @@ def shown(value: object) -> str:
         text = digits if len(digits) < 20 else f"{digits[0]}.{digits[1:4]}…e+{len(digits) - 1}"
         return "-" * (value < 0) + text
     return f"{value:.17g}" if repr(value) == f"{value:.17g}" else repr(value).removesuffix(".0")
+
+
+def inert_cell(name: str) -> str:
+    """A name that is no formula of a spreadsheet, and no more than text on a terminal.
+
+    A backslash is doubled, so that what is escaped can be told from what is written.
+    """
+    text = printable(name.replace("\\", "\\\\"))
+    return f"'{text}" if text.startswith(_FORMULAS) else text

@@ -17,6 +17,7 @@ HERE = Path(__file__).parents[1]
 VALID = sorted((HERE / "example-files" / "valid").glob("*.json"))
 SAMPLES = sorted((HERE.parent / "samples").glob("*.json"))
 VEHICLES = sorted((HERE.parent / "samples" / "vehicles").glob("*.json"))
+SENSORS = sorted((HERE.parent / "samples" / "sensors").glob("*.json"))
 CURRICULA = sorted((HERE.parent / "samples" / "curricula").glob("*.json"))
 INVALID = sorted((HERE.parent / "samples" / "invalid").glob("*.json"))
 NO_SAMPLE = {"TT112"}  # it wants a file of more than 10 MB
@@ -48,7 +49,8 @@ def test_invalid_sample(path: Path) -> None:
     checked = check(read_source(path), options, kind=None)
     assert places(checked) == findings
     errors = [code for _, code, _ in findings if RULES[code].severity == "error"]
-    assert (checked.definition is None and checked.vehicle is None) == bool(errors)
+    read = (checked.definition, checked.vehicle, checked.sensor)
+    assert (read == (None, None, None)) == bool(errors)
 
 
 @pytest.mark.parametrize("path", VALID, ids=lambda path: path.stem)
@@ -81,6 +83,20 @@ def test_vehicle(path: Path) -> None:
     assert path.name in (HERE.parent / "docs" / "vehicle.md").read_text("utf-8")
 
 
+@pytest.mark.parametrize("path", SENSORS, ids=lambda path: path.stem)
+def test_sensor(path: Path) -> None:
+    """And one of a sensor, each figure of which has its source, and docs/scan.md names it."""
+    checked = check(read_source(path), kind=None)
+    assert checked.findings == ()
+    assert checked.sensor is not None
+    value = json.loads(path.read_text("utf-8"))
+    assert 20 < len(value["descr"]) < 130
+    told = {name for names in value["x-source"] for name in names.split(", ")}
+    figures = {"range", "rate", *value.get("noise", {}), *value[checked.sensor.kinds[0]]}
+    assert told == figures
+    assert path.name in (HERE.parent / "docs" / "scan.md").read_text("utf-8")
+
+
 @pytest.mark.parametrize("path", SAMPLES, ids=lambda path: path.stem)
 def test_sample_says_what_it_is(path: Path) -> None:
     """In one line, and so does docs/samples.md."""
@@ -99,7 +115,7 @@ def test_curriculum_is_valid(path: Path) -> None:
         assert (checked.findings, checked.readable) == ((), True)
 
 
-@pytest.mark.parametrize("path", SAMPLES + VEHICLES + CURRICULA, ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", SAMPLES + VEHICLES + SENSORS + CURRICULA, ids=lambda path: path.stem)
 def test_sample_is_laid_out(path: Path) -> None:
     """Laying it out anew changes nothing."""
     text = path.read_text("utf-8")
@@ -116,3 +132,4 @@ def test_every_rule_has_a_sample() -> None:
     assert len(SAMPLES) >= 10
     assert len(VEHICLES) >= 4
     assert len(CURRICULA) >= 2
+    assert len(SENSORS) >= 4

@@ -102,6 +102,11 @@ NAMES = {
     "TT720": "scatter",
     "TT721": "crowded-scatter",
     "TT801": "training-tiles",
+    "TT901": "no-single-sensor",
+    "TT902": "reversed-sensor-range",
+    "TT903": "beams-of-a-list",
+    "TT904": "too-many-rays",
+    "TT905": "two-lenses",
 }
 ROOT = Path(__file__).parents[2]
 INVALID = sorted((ROOT / "samples" / "invalid").glob("*.json"))

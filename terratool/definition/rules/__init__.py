@@ -6,7 +6,7 @@ registered by `reader_rule`, so that every code is listed and explained in one p
 
 Codes: TT1xx the text and its keys, TT2xx names and elements, TT3xx primitives, TT4xx surfaces,
 TT5xx vehicles, TT6xx tracks, TT7xx libraries, parts, free places and copies, TT8xx grids of
-training tiles.
+training tiles, TT9xx sensors.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ from terratool.definition.rules import (  # noqa: F401, importing them registers
     presence,
     reading,
     scales,
+    sensors,
     shapes,
     steps,
     surfaces,

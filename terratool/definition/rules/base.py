@@ -15,6 +15,7 @@ from terratool.definition.keys import SLOTS, Kind
 from terratool.definition.libraries import Clash, Document, Names, known_names
 from terratool.definition.model import Definition, Primitive, Surface
 from terratool.definition.part_sizes import PartSizes, sizes_of_places
+from terratool.definition.sensor import SensorText
 from terratool.definition.summaries import ShapeSummary, summarise_shape
 from terratool.definition.tree import Tree
 from terratool.definition.uses import Uses
@@ -22,7 +23,7 @@ from terratool.definition.vehicle import AxleText, VehicleText, WheelsText, Whee
 
 
 class _Subject(Struct, frozen=True, dict=True, kw_only=True):
-    """What rules about terrains and about vehicles look at.
+    """What rules about terrains, vehicles and sensors look at.
 
     Attributes:
         unfit: of each key the owners whose value was left out; "" is for the owner itself.
@@ -180,8 +181,18 @@ class VehicleSubject(_Subject, frozen=True, kw_only=True):
         return f"/axles/{index}/{key}" if own else f"/wheels/{key}"
 
 
+class SensorSubject(_Subject, frozen=True, kw_only=True):
+    """What a rule about sensors looks at.
+
+    Attributes:
+        sensor: the model, without the values that did not fit.
+    """
+
+    sensor: SensorText
+
+
 Check = Callable[[Any], Iterator[Remark]]
-"""The generator of a rule; it takes a `Subject` or a `VehicleSubject`."""
+"""The generator of a rule; it takes a `Subject`, a `VehicleSubject` or a `SensorSubject`."""
 
 
 class Rule(Struct, frozen=True):
@@ -212,7 +223,7 @@ registry: dict[str, Rule] = {}
 def rule(
     code: str, name: str, severity: Severity = "error", kind: Kind = "terrain"
 ) -> Callable[[Check], Check]:
-    """Register a generator as a rule about terrains or vehicles."""
+    """Register a generator as a rule about terrains, vehicles or sensors."""
 
     def register(check: Check) -> Check:
         registry[code] = Rule(code, name, severity, cleandoc(check.__doc__ or ""), check, kind)

@@ -1,0 +1,1 @@
+"""One module per file format of scans; `table` has them by suffix."""

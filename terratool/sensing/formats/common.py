@@ -1,0 +1,137 @@
+"""What all formats of scans need: rows of points, and columns that grow on the disk."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+from msgspec import UNSET
+from numpy.typing import NDArray
+
+from terratool.field.terrain import Terrain
+from terratool.sensing.readings import Frame
+from terratool.sensing.sensor import Sensor
+
+NO_COLOR = (128, 128, 128)
+ROW = np.dtype(
+    [
+        ("x", "<f8"), ("y", "<f8"), ("z", "<f8"), ("intensity", "<f4"), ("ring", "<u2"),
+        ("time", "<f8"), ("range", "<f8"), ("frame", "<i4"), ("surface", "<i4"),
+        ("element", "<i8"), ("wall", "u1"), ("status", "u1"),
+    ]
+)  # fmt: skip
+"""What is known of a ray."""
+
+
+@dataclass(frozen=True, slots=True)
+class Record:
+    """What a file says of the scan it holds.
+
+    Attributes:
+        terrain: what was scanned.
+        sensor: what scanned it.
+        frames: how many there are.
+        world: whether points are in the world's axes; else in the sensor's, at the time of each.
+        misses: whether rays without a reading are kept, their points NaN.
+    """
+
+    terrain: Terrain
+    sensor: Sensor
+    frames: int
+    world: bool = True
+    misses: bool = False
+
+    @property
+    def descr(self) -> str:
+        """What sensor of which terrain, in a line."""
+        return " of ".join(
+            " ".join(text.split())
+            for text in (self.sensor.descr or self.sensor.kind, self.terrain.descr)
+            if text
+        )
+
+    @property
+    def colors(self) -> NDArray[np.uint8]:
+        """(surfaces + 1, 3) of each surface, the last one that of no surface."""
+        given = [self.terrain.surface_types[name].color for name in self.terrain.surfaces]
+        return np.array(
+            [*(NO_COLOR if color is UNSET else color for color in given), NO_COLOR], np.uint8
+        )
+
+    def rows(self, frame: Frame) -> NDArray[Any]:
+        """The rays of a frame that are kept, (n,) of `ROW`."""
+        if not self.misses:
+            frame = frame.kept(frame.returns)
+        rows = np.empty(len(frame.status), ROW)
+        points = frame.points if self.world else frame.local
+        rows["x"], rows["y"], rows["z"] = points.T
+        rows["time"] = frame.time + frame.offset
+        rows["frame"] = frame.number
+        for name in ("intensity", "ring", "range", "surface", "element", "wall", "status"):
+            rows[name] = getattr(frame, name)
+        return rows
+
+
+class Spool:
+    """Bytes that are written before it is known how many there will be.
+
+    Args:
+        path: a name for them; nothing is there after `moved_to`.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._file = open(path, "wb")  # noqa: SIM115, it is closed when its bytes are taken
+
+    def __enter__(self) -> Spool:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._file.close()
+        self._path.unlink(missing_ok=True)
+
+    def add(self, rows: NDArray[Any]) -> None:
+        """Add the bytes of an array."""
+        self._file.write(np.ascontiguousarray(rows).tobytes())
+
+    def moved_to(self, file: BinaryIO) -> None:
+        """Copy all of it into a file."""
+        self._file.close()
+        with open(self._path, "rb") as source:
+            shutil.copyfileobj(source, file, 1 << 20)
+
+
+def write_after(path: Path, batches: Iterator[NDArray[Any]], header: Any) -> int:
+    """Write rows behind a header that says how many they are.
+
+    Args:
+        path: the file.
+        batches: of rows.
+        header: makes it of the number of rows, as bytes.
+    """
+    count = 0
+    with Spool(path.with_name(path.name + ".rows")) as spool:
+        for rows in batches:
+            count += len(rows)
+            spool.add(rows)
+        with open(path, "wb") as file:
+            file.write(header(count))
+            spool.moved_to(file)
+    return count
+
+
+def picked(rows: NDArray[Any], kind: np.dtype[Any]) -> NDArray[Any]:
+    """Some fields of rows, in other types."""
+    out = np.empty(len(rows), kind)
+    for name in kind.names or ():
+        out[name] = rows[name]
+    return out
+
+
+def is_wide(record: Record) -> bool:
+    """Whether coordinates of the world are so large that float32 has no millimetres left."""
+    return record.world and max(map(abs, record.terrain.bounds)) >= 2.0**13

@@ -1,0 +1,117 @@
+"""Depth images: PNG of 16 bits in millimetres and TIFF of floats, their intrinsics beside them."""
+
+from __future__ import annotations
+
+import json
+import warnings
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terratool.sensing.camera import intrinsics
+from terratool.sensing.formats.common import Record
+from terratool.sensing.readings import Frame, Status
+from terratool.sensing.sensor import Camera
+
+BESIDE = ".camera.json"
+"""Suffix of the intrinsics, in place of that of the image."""
+MOST_MM = 65535
+_BANDS = ("depth", "surface", "element", "status")
+
+
+def write_png(path: Path, frames: Iterator[Frame], record: Record) -> None:
+    """Write depths in millimetres, 0 where there is none, or more than 65.535 m.
+
+    One frame has the name itself, several have it with -0000, -0001, … at its end.
+    """
+    beside = _Beside(path, record, "millimetres; 0 is none, or more than 65.535 m")
+    for frame in frames:
+        depth = np.round(1e3 * frame.range.reshape(record.sensor.shape))
+        beyond = depth > MOST_MM
+        depth[np.isnan(depth) | beyond] = 0.0
+        _write(beside.named(frame), "PNG", depth.astype(np.uint16)[None], ZLEVEL=6)
+        beside.add(frame, int(beyond.sum()))
+    beside.write()
+
+
+def write_tiff(path: Path, frames: Iterator[Frame], record: Record) -> None:
+    """Write depths in metres, float32, NaN where there is none, and bands of what is there.
+
+    The bands are depth, surface and element (an index, -1 for none), and status: 0 for a depth,
+    else why there is none. One frame has the name itself, several have it with -0000, ….
+    """
+    beside = _Beside(path, record, "metres; NaN is none")
+    for frame in frames:
+        layers: list[NDArray[Any]] = [frame.range, frame.surface, frame.element, frame.status]
+        bands = np.stack([layer.reshape(record.sensor.shape) for layer in layers])
+        options = {"compress": "deflate", "predictor": 3, "nodata": np.nan}
+        _write(beside.named(frame), "GTiff", bands.astype(np.float32), _BANDS, **options)
+        beside.add(frame)
+    beside.write()
+
+
+class _Beside:
+    """The intrinsics and the poses, which are written beside the images."""
+
+    def __init__(self, path: Path, record: Record, unit: str) -> None:
+        camera = record.sensor.head
+        assert isinstance(camera, Camera)
+        self._path, self._record = path, record
+        self._images: list[dict[str, Any]] = []
+        k = intrinsics(camera)
+        self._told = {
+            "format_version": 1,
+            "descr": record.descr,
+            "width": camera.width,
+            "height": camera.height,
+            "distortion_model": "plumb_bob",
+            "D": [0.0] * 5,
+            "K": k,
+            "R": [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
+            "P": [*k[:3], 0.0, *k[3:6], 0.0, *k[6:], 0.0],
+            "depth": f"along the axis, {unit}",
+            "statuses": {str(int(status)): status.name.lower() for status in Status},
+            "surfaces": list(record.terrain.surfaces),
+        }
+
+    def named(self, frame: Frame) -> Path:
+        """The file of a frame."""
+        if self._record.frames == 1:
+            return self._path
+        return self._path.with_name(f"{self._path.stem}-{frame.number:04}{self._path.suffix}")
+
+    def add(self, frame: Frame, beyond: int = 0) -> None:
+        """Note a frame that was written."""
+        one = {
+            "file": self.named(frame).name,
+            "time": frame.time,
+            "position": frame.poses.positions[0].tolist(),
+            "quaternion": frame.poses.turns[0].tolist(),
+        }
+        self._images.append(one | ({"too_far": beyond} if beyond else {}))
+
+    def write(self) -> None:
+        """Write the file."""
+        text = json.dumps({**self._told, "images": self._images}, indent=2, ensure_ascii=False)
+        self._path.with_suffix(BESIDE).write_text(text + "\n", "utf-8", newline="\n")
+
+
+def _write(
+    path: Path, driver: str, bands: NDArray[Any], names: tuple[str, ...] = (), **options: Any
+) -> None:
+    import rasterio
+    from rasterio.errors import NotGeoreferencedWarning
+
+    count, height, width = bands.shape
+    with rasterio.Env(GDAL_PAM_ENABLED=False), warnings.catch_warnings():
+        warnings.simplefilter("ignore", NotGeoreferencedWarning)
+        with rasterio.open(
+            path, "w", driver=driver, width=width, height=height, count=count,
+            dtype=bands.dtype, **options,
+        ) as file:  # fmt: skip
+            file.write(bands)
+            for band, name in enumerate(names, 1):
+                file.set_band_description(band, name)

@@ -1,0 +1,30 @@
+"""The rays of a lidar: columns of beams, one after the other."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from terratool.sensing.readings import Rays
+from terratool.sensing.sensor import Lidar
+
+
+def lidar_rays(lidar: Lidar) -> Rays:
+    """Where the beams go, column by column, in each the beams in their order.
+
+    A beam of elevation e in a column of azimuth a goes to (cos e · cos a, cos e · sin a, sin e).
+    """
+    elevations, azimuths = np.array(lidar.elevations), np.array(lidar.azimuths)
+    columns, beams = len(azimuths), len(elevations)
+    level = np.cos(elevations)
+    directions = np.empty((columns, beams, 3))
+    directions[..., 0] = np.cos(azimuths)[:, None] * level
+    directions[..., 1] = np.sin(azimuths)[:, None] * level
+    directions[..., 2] = np.sin(elevations)
+    fired = np.arange(beams) * lidar.firing_interval
+    return Rays(
+        directions=directions.reshape(-1, 3),
+        columns=np.repeat(np.arange(columns), beams),
+        ring=np.tile(np.arange(beams, dtype=np.uint16), columns),
+        offset=(np.array(lidar.times)[:, None] + fired).ravel(),
+        along=np.ones(columns * beams),
+    )

@@ -1,0 +1,320 @@
+"""Where a sensor is: poses, from numbers or a CSV file, between them, and over the ground.
+
+Axes are those of ROS REP 103: x ahead, y to the left, z up. Roll, pitch and yaw turn about the
+fixed axes x, y and z, in this order, so that R = Rz(yaw) · Ry(pitch) · Rx(roll): a positive yaw
+turns to the left, a positive pitch looks down, a positive roll lets the right side down.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from terratool.errors import ReadError, RequestError
+from terratool.field.terrain import Terrain
+from terratool.text.display import listed, shown
+from terratool.text.source import read_source
+
+Floats = NDArray[np.float64]
+
+MOST_POSES = 1_000_000
+"""Lines of a path."""
+_MOST_BYTES = 1 << 28
+_FAR = 1e12
+"""m: beyond this metres are lost in rounding."""
+_COLUMNS = ("time", "x", "y", "z", "yaw", "pitch", "roll")
+_BELOW = 1e-9
+"""How far below the ground a sensor may be, in parts of its height and of the ground's."""
+
+
+@dataclass(frozen=True, slots=True)
+class Poses:
+    """Where a sensor is, pose by pose.
+
+    Attributes:
+        times: (n,) s, ascending.
+        positions: (n, 3) m, in the world; z is over the ground until `grounded` has made it one of
+            the world, where that is wanted.
+        turns: (n, 4) unit quaternions x, y, z, w from the sensor's axes to the world's.
+        timed: whether the times are given; else each pose is one of rest.
+    """
+
+    times: Floats
+    positions: Floats
+    turns: Floats
+    timed: bool = False
+
+    def __len__(self) -> int:
+        return len(self.times)
+
+    @classmethod
+    def joined(cls, parts: list[Poses]) -> Poses:
+        """Poses of rest, one after the other."""
+        return cls(
+            np.arange(len(parts), dtype=np.float64),
+            np.concatenate([part.positions for part in parts]),
+            np.concatenate([part.turns for part in parts]),
+        )
+
+    def at(self, times: ArrayLike) -> Poses:
+        """Poses between: positions along straight lines, turns at an even rate.
+
+        Before the first time and after the last one the sensor is at rest.
+
+        Args:
+            times: (m,) s.
+        """
+        wanted = np.clip(np.asarray(times, np.float64), self.times[0], self.times[-1])
+        if len(self) == 1:
+            index = np.zeros(len(wanted), int)
+            return Poses(wanted, self.positions[index], self.turns[index], self.timed)
+        after = np.clip(np.searchsorted(self.times, wanted, "right"), 1, len(self) - 1)
+        before = after - 1
+        share = (wanted - self.times[before]) / (self.times[after] - self.times[before])
+        positions = self.positions[before] * (1.0 - share[:, None])
+        positions += self.positions[after] * share[:, None]
+        return Poses(wanted, positions, _slerp(self.turns[before], self.turns[after], share), True)
+
+    def only(self, index: int) -> Poses:
+        """One of them."""
+        one = slice(index, index + 1)
+        return Poses(self.times[one], self.positions[one], self.turns[one], self.timed)
+
+    @property
+    def matrices(self) -> Floats:
+        """(n, 3, 3): a vector in the sensor's axes, as a column, becomes one of the world."""
+        x, y, z, w = np.moveaxis(self.turns, -1, 0)
+        rows = [
+            [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - z * w), 2.0 * (x * z + y * w)],
+            [2.0 * (x * y + z * w), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - x * w)],
+            [2.0 * (x * z - y * w), 2.0 * (y * z + x * w), 1.0 - 2.0 * (x * x + y * y)],
+        ]
+        return np.moveaxis(np.array(rows), -1, 0)
+
+
+def quaternions(yaw: ArrayLike, pitch: ArrayLike, roll: ArrayLike) -> Floats:
+    """(n, 4) unit quaternions x, y, z, w of (n,) angles in degrees."""
+    half = [0.5 * np.radians(np.atleast_1d(np.asarray(a, np.float64))) for a in (yaw, pitch, roll)]
+    (cy, cp, cr), (sy, sp, sr) = (tuple(map(part, half)) for part in (np.cos, np.sin))
+    return np.stack(
+        [
+            cy * cp * sr - sy * sp * cr,
+            cy * sp * cr + sy * cp * sr,
+            sy * cp * cr - cy * sp * sr,
+            cy * cp * cr + sy * sp * sr,
+        ],
+        axis=-1,
+    )
+
+
+def one_pose(numbers: tuple[float, ...]) -> Poses:
+    """The pose X Y Z YAW PITCH ROLL, in metres and degrees, at time 0.
+
+    Raises:
+        RequestError: a number is NaN, infinite or too large.
+    """
+    for name, number in zip(_COLUMNS[1:], numbers, strict=True):
+        if not abs(number) <= _FAR:  # nor NaN
+            raise RequestError(
+                f"The pose has {number:g} for {name}.", f"Give a number up to {_FAR:g} in size."
+            )
+    position = np.array([numbers[:3]], np.float64)
+    return Poses(np.zeros(1), position, quaternions(*numbers[3:]))
+
+
+def read_poses(path: str | Path) -> Poses:
+    """Poses of a CSV file with a header: time, x, y, z, yaw, pitch, roll, in s, m and degrees.
+
+    Columns may be in any order, and others are passed over. Without time each line is a pose of
+    rest; angles and z that have no column are 0. Empty lines, and those that begin with #, are
+    passed over.
+
+    Args:
+        path: the file; ``-`` is standard input.
+
+    Raises:
+        ReadError: the file cannot be read, or has no poses.
+        RequestError: a line has no numbers, or the times do not ascend.
+    """
+    source = read_source(path, _MOST_BYTES, "Give a path of fewer poses.")
+    name = source.name
+    try:
+        text = source.data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise ReadError(f"{name}: is no UTF-8 text.", "Save it as UTF-8 CSV.") from error
+    places: dict[str, int] = {}
+    rows: list[list[float]] = []
+    for number, line in enumerate(text.splitlines(), 1):
+        if not line.strip() or line.lstrip().startswith("#"):
+            continue
+        cells = [cell.strip() for cell in next(csv.reader([line]))]
+        if not places:
+            places = _header(name, number, [cell.lower() for cell in cells])
+            continue
+        rows.append(_row(f"{name}:{number}", cells, places))
+        if len(rows) > MOST_POSES:
+            raise RequestError(
+                f"{name}: holds more than {MOST_POSES:,} poses.", "Split it into several paths."
+            )
+        timed = "time" in places
+        if timed and len(rows) > 1 and not rows[-1][0] > rows[-2][0]:
+            raise RequestError(
+                f"{name}:{number}: the time {rows[-1][0]:g} does not come after {rows[-2][0]:g}.",
+                "Sort the lines by time, and keep one of each.",
+            )
+    if not rows:
+        raise ReadError(f"{name}: holds no poses.", f"Write a header {','.join(_COLUMNS)}.")
+    values = np.array(rows, np.float64)
+    timed = "time" in places
+    times = values[:, 0] if timed else np.arange(len(values), dtype=np.float64)
+    return Poses(times, values[:, 1:4], quaternions(*values[:, 4:].T), timed)
+
+
+def _header(name: str, number: int, cells: list[str]) -> dict[str, int]:
+    places = {cell: index for index, cell in enumerate(cells) if cell in _COLUMNS}
+    lacking = [column for column in ("x", "y") if column not in places]
+    if lacking:
+        raise RequestError(
+            f"{name}:{number}: the header has no column {' and no '.join(lacking)}.",
+            f"Begin with a header such as {','.join(_COLUMNS)}.",
+        )
+    repeated = [cell for cell in places if cells.count(cell) > 1]
+    if repeated:
+        raise RequestError(
+            f"{name}:{number}: the header has {listed(repeated)} twice.", "Keep one of each."
+        )
+    return places
+
+
+def _row(place: str, cells: list[str], places: dict[str, int]) -> list[float]:
+    row = []
+    for column in _COLUMNS:
+        index = places.get(column)
+        if index is None:
+            row.append(0.0)
+            continue
+        cell = cells[index] if index < len(cells) else ""
+        try:
+            value = float(cell)
+        except ValueError:
+            value = math.nan
+        if not abs(value) <= _FAR or "_" in cell:
+            raise RequestError(
+                f"{place}: {column} is {shown(cell)}, which is no number up to {_FAR:g} in size.",
+                "Write a number for each column of the header.",
+            )
+        row.append(value)
+    return row
+
+
+def grounded(poses: Poses, terrain: Terrain, height: float, follow: bool = False) -> Poses:
+    """The same so high above the ground at their x and y, whatever their z.
+
+    Args:
+        poses: where.
+        terrain: what they stand on.
+        height: m, along z; along the normal if they follow the slope.
+        follow: whether they tilt with the ground: their upright axis along its normal, their
+            heading kept. Else they stay as they are turned.
+
+    Raises:
+        RequestError: there is no ground at one of them, or the height is none.
+    """
+    if not 0.0 <= height <= _FAR:
+        raise RequestError(
+            f"The height above the ground is {height:g}.", "Give 0 or more, in metres."
+        )
+    _refuse_outside(poses, terrain)
+    x, y = poses.positions[:, 0], poses.positions[:, 1]
+    samples = terrain.sample(x, y)
+    void = np.flatnonzero(np.isnan(samples.height))
+    if len(void):
+        raise RequestError(
+            f"There is no ground {_place(poses, int(void[0]))}, only void.",
+            "Move the pose, or leave out --on-ground.",
+        )
+    up = samples.normal if follow else np.tile([0.0, 0.0, 1.0], (len(poses), 1))
+    positions = np.column_stack([x, y, samples.height]) + height * up
+    turns = _product(_upright_to(up), poses.turns) if follow else poses.turns
+    return replace(poses, positions=positions, turns=turns)
+
+
+def check_poses(poses: Poses, terrain: Terrain) -> None:
+    """Refuse poses from which nothing can be seen as it is.
+
+    Raises:
+        RequestError: one is outside of the terrain, or below the ground.
+    """
+    _refuse_outside(poses, terrain)
+    x, y, z = poses.positions.T
+    ground = terrain.height(x, y)
+    slack = _BELOW * np.maximum(np.abs(z), np.abs(ground))
+    below = np.flatnonzero(z < ground - slack)
+    if len(below):
+        index = int(below[0])
+        deep = float(ground[index] - z[index])
+        raise RequestError(
+            f"The sensor is {deep:.3g} m below the ground {_place(poses, index)}.",
+            f"Give a z above {float(ground[index]):.6g}, or add --on-ground HEIGHT.",
+        )
+
+
+def _refuse_outside(poses: Poses, terrain: Terrain) -> None:
+    west, south, east, north = terrain.bounds
+    x, y = poses.positions[:, 0], poses.positions[:, 1]
+    outside = np.flatnonzero(~((west <= x) & (x <= east) & (south <= y) & (y <= north)))
+    if len(outside):
+        raise RequestError(
+            f"The sensor is outside of the terrain {_place(poses, int(outside[0]))}.",
+            f"It reaches from {west:.9g} to {east:.9g} in x and from {south:.9g} to {north:.9g} "
+            "in y.",
+        )
+
+
+def _place(poses: Poses, index: int) -> str:
+    x, y, _ = poses.positions[index]
+    when = f" at {poses.times[index]:.6g} s" if poses.timed else ""
+    return f"at x {x:.9g}, y {y:.9g}{when}"
+
+
+def _slerp(first: Floats, last: Floats, share: Floats) -> Floats:
+    """Quaternions between others at an even rate, the shorter way; Shoemake, SIGGRAPH 1985."""
+    cosine = (first * last).sum(axis=-1)
+    last = np.where(cosine[:, None] < 0.0, -last, last)
+    angle = np.arccos(np.minimum(np.abs(cosine), 1.0))
+    sine = np.sin(angle)
+    near = sine < 1e-6  # straight lines are as good there, and nothing is divided by 0
+    safe = np.where(near, 1.0, sine)
+    one = np.where(near, 1.0 - share, np.sin((1.0 - share) * angle) / safe)
+    other = np.where(near, share, np.sin(share * angle) / safe)
+    between = one[:, None] * first + other[:, None] * last
+    unit: Floats = between / np.linalg.norm(between, axis=-1, keepdims=True)
+    return unit
+
+
+def _product(first: Floats, last: Floats) -> Floats:
+    """Turn by `last`, then by `first`."""
+    x, y, z, w = first.T
+    a, b, c, d = last.T
+    return np.stack(
+        [
+            w * a + x * d + y * c - z * b,
+            w * b - x * c + y * d + z * a,
+            w * c + x * b - y * a + z * d,
+            w * d - x * a - y * b - z * c,
+        ],
+        axis=-1,
+    )
+
+
+def _upright_to(normals: Floats) -> Floats:
+    """The shortest turns that take z to the normals, which point up."""
+    nx, ny, nz = normals.T
+    turns = np.stack([-ny, nx, np.zeros(len(nx)), 1.0 + nz], axis=-1)
+    unit: Floats = turns / np.linalg.norm(turns, axis=-1, keepdims=True)
+    return unit

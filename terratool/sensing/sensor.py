@@ -1,0 +1,260 @@
+"""A sensor as frozen values, and how a file becomes one."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from msgspec import UNSET, UnsetType
+from numpy.typing import NDArray
+
+from terratool.definition.keys import document_kind
+from terratool.definition.reader import CheckOptions, check, refusal
+from terratool.definition.sensor import RATE, RAYS, CameraText, LidarText, SensorText, SonarText
+from terratool.errors import DefinitionError
+from terratool.text.source import read_source
+
+Floats = NDArray[np.float64]
+
+_DECIBEL = math.log(10.0) / 20.0
+"""Nepers of a decibel."""
+_HALF_POWER, _FIRST_ZERO = 1.61633995, 3.83170597
+"""Where 2 J1(x)/x is √½, and 0 for the first time (Abramowitz and Stegun, table 9.5)."""
+_MOST_BYTES = 1 << 20
+
+
+@dataclass(frozen=True, slots=True)
+class Noise:
+    """How far readings are off; independent from ray to ray.
+
+    Attributes:
+        sigma, per_metre, per_square_metre: m: the deviation at a range r is
+            sigma + per_metre · r + per_square_metre · r².
+        dropout: share of readings that are lacking.
+    """
+
+    sigma: float = 0.0
+    per_metre: float = 0.0
+    per_square_metre: float = 0.0
+    dropout: float = 0.0
+
+    def deviation(self, ranges: Floats) -> Floats:
+        """Standard deviation of readings at these ranges, m."""
+        return self.sigma + ranges * (self.per_metre + ranges * self.per_square_metre)
+
+
+@dataclass(frozen=True, slots=True)
+class Lidar:
+    """Beams one above the other, which turn about z.
+
+    Attributes:
+        elevations: of each beam, rad.
+        azimuths: of each column, rad, anticlockwise from x, in the order in which they are read.
+        times: of each column from the beginning of the turn, s.
+        firing_interval: between the beams of a column, s.
+    """
+
+    elevations: tuple[float, ...]
+    azimuths: tuple[float, ...]
+    times: tuple[float, ...]
+    firing_interval: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Camera:
+    """A pinhole that looks along x.
+
+    Pixel (u, v), u to the right and v down, both whole in the middle of a pixel, sees what is at
+    x = Z, y = −Z (u − cx) / fx, z = −Z (v − cy) / fy; Z is its depth.
+
+    Attributes:
+        width, height: pixels.
+        focal: fx and fy, pixels.
+        principal: cx and cy, pixels.
+    """
+
+    width: int
+    height: int
+    focal: tuple[float, float]
+    principal: tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Sonar:
+    """A cone of sound about x; `terratool.sensing.sonar` says what its figures do.
+
+    Attributes:
+        half_power: angle from the axis at which half of the power is sent, rad.
+        uniform: whether the beam is even within the cone; else it is that of a piston.
+        cone: half angle of the fan, rad.
+        rays: of the fan.
+        threshold: amplitude that counts as an echo.
+        pulse_length: m, in range.
+        absorption: α, Np/m.
+        diffuse: share of the echo that goes everywhere.
+        lobe: deviation of mirrored sound, rad.
+        bounces: how often sound is followed.
+        reflection: of surfaces without `sonarRefl`.
+    """
+
+    half_power: float
+    uniform: bool
+    cone: float
+    rays: int
+    threshold: float
+    pulse_length: float
+    absorption: float
+    diffuse: float
+    lobe: float
+    bounces: int
+    reflection: float
+
+    @property
+    def wave_radius(self) -> float:
+        """k·a of the piston that has this beam: circumference by wavelength."""
+        return _HALF_POWER / math.sin(self.half_power)
+
+
+@dataclass(frozen=True, slots=True)
+class Sensor:
+    """A sensor.
+
+    Attributes:
+        head: what it is.
+        least, most: of its range, m.
+        rate: turns, pictures or pings in a second.
+        noise: of its readings.
+        descr: what its file says.
+    """
+
+    head: Lidar | Camera | Sonar
+    least: float
+    most: float
+    rate: float = RATE
+    noise: Noise = Noise()
+    descr: str = ""
+
+    @property
+    def kind(self) -> str:
+        """lidar, camera or sonar."""
+        return type(self.head).__name__.lower()
+
+    @property
+    def is_planar(self) -> bool:
+        """Whether it is a lidar whose only beam stays in the sensor's own level."""
+        return isinstance(self.head, Lidar) and self.head.elevations == (0.0,)
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Of what it reads at once: columns and beams, rows and pixels, or one ping."""
+        if isinstance(self.head, Lidar):
+            return len(self.head.azimuths), len(self.head.elevations)
+        if isinstance(self.head, Camera):
+            return self.head.height, self.head.width
+        return (1,)
+
+    @property
+    def rays(self) -> int:
+        """Rays of a turn, a picture or a ping."""
+        return self.head.rays if isinstance(self.head, Sonar) else math.prod(self.shape)
+
+
+def load_sensor(path: str | Path) -> Sensor:
+    """Read a sensor; ``-`` is standard input.
+
+    Raises:
+        ReadError: the file cannot be read.
+        DefinitionError: it has errors, or is no sensor.
+    """
+    source = read_source(path, _MOST_BYTES, "A sensor is a short text; check the path.")
+    kind = document_kind(source.data)
+    if kind not in ("sensor", None):
+        raise DefinitionError(
+            f"{source.name}: is a {kind}, where a sensor is wanted.",
+            "Name a sensor, such as samples/sensors/velodyne-vlp-16.json.",
+        )
+    checked = check(source, CheckOptions(warnings=False), kind="sensor")
+    if checked.sensor is None:
+        raise refusal(checked)
+    return sensor_of(checked.sensor)
+
+
+def sensor_of(text: SensorText) -> Sensor:
+    """The sensor that a text without errors is."""
+    rate = RATE if text.rate is UNSET else text.rate
+    head: Lidar | Camera | Sonar
+    if text.lidar is not UNSET:
+        head = _lidar(text.lidar, rate)
+    elif text.camera is not UNSET:
+        head = _camera(text.camera)
+    else:
+        assert text.sonar is not UNSET
+        head = _sonar(text.sonar)
+    assert text.range is not UNSET
+    noise = Noise()
+    if text.noise is not UNSET:
+        given = {name: getattr(text.noise, name) for name in text.noise.__struct_fields__}
+        noise = Noise(**{name: value for name, value in given.items() if value is not UNSET})
+    descr = "" if text.descr is UNSET else text.descr
+    return Sensor(head, *text.range, rate, noise, descr)
+
+
+def _lidar(text: LidarText, rate: float) -> Lidar:
+    assert text.elevations is not UNSET and text.azimuth_step is not UNSET
+    elevations = np.array(text.elevations)
+    if text.beams is not UNSET:
+        elevations = np.linspace(elevations[0], elevations[1], text.beams)
+    steps = np.arange(text.columns) * text.azimuth_step
+    first, last = text.span
+    azimuths = last - steps if text.clockwise is True else first + steps
+    return Lidar(
+        elevations=tuple(np.radians(elevations).tolist()),
+        azimuths=tuple(np.radians(azimuths).tolist()),
+        times=tuple((steps / (360.0 * rate)).tolist()),
+        firing_interval=0.0 if text.firing_interval is UNSET else text.firing_interval,
+    )
+
+
+def _camera(text: CameraText) -> Camera:
+    assert text.width is not UNSET and text.height is not UNSET
+    if text.fov is not UNSET:
+        focal: float | tuple[float, float] = 0.5 * text.width / math.tan(math.radians(text.fov) / 2)
+    else:
+        assert text.focal is not UNSET
+        focal = text.focal
+    middle = 0.5 * (text.width - 1), 0.5 * (text.height - 1)
+    return Camera(
+        text.width,
+        text.height,
+        focal if isinstance(focal, tuple) else (focal, focal),
+        middle if text.principal is UNSET else text.principal,
+    )
+
+
+def _sonar(text: SonarText) -> Sonar:
+    assert text.beam_width is not UNSET and text.threshold is not UNSET
+
+    def of(value: float | UnsetType, default: float) -> float:
+        return default if isinstance(value, UnsetType) else value
+
+    half_power, uniform = math.radians(text.beam_width) / 2.0, text.pattern == "uniform"
+    if uniform:
+        cone = half_power
+    else:  # as far as the first zero
+        sine = math.sin(half_power) * _FIRST_ZERO / _HALF_POWER
+        cone = math.asin(sine) if sine < 1.0 else math.pi / 2.0
+    return Sonar(
+        half_power=half_power,
+        uniform=uniform,
+        cone=cone if text.cone is UNSET else math.radians(text.cone) / 2.0,
+        rays=int(of(text.rays, RAYS)),
+        threshold=text.threshold,
+        pulse_length=of(text.pulse_length, 0.05),
+        absorption=of(text.absorption, 0.0) * _DECIBEL,
+        diffuse=of(text.diffuse, 0.1),
+        lobe=math.radians(of(text.lobe, 3.0)),
+        bounces=int(of(text.bounces, 2)),
+        reflection=of(text.sonar_refl, 0.5),
+    )

@@ -1,0 +1,198 @@
+"""Lidars: where beams go, what they meet, when, and what becomes of the others."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from terratool.sensing.poses import read_poses
+from terratool.sensing.readings import Status
+from terratool.sensing.scan import Scan
+from terratool.sensing.sensor import load_sensor
+from tests.commands import ROOT
+from tests.sensing.yard import BRICK, HERE, LEVEL, SNOW, STEEL, TERRAIN, frame, frames, sensor
+
+
+def test_beams_over_level_ground_have_h_over_sin() -> None:
+    """To the south the ground is level for 7 m: a beam of −e is h / sin e long."""
+    lidar = sensor(lidar={"elevations": [-30, -20, -10], "azimuths": [-90, -89], "azimuthStep": 1})
+    got = frame(lidar)
+    assert got.shape == (2, 3)
+    expected = 1.2 / np.sin(np.radians([30.0, 20.0, 10.0]))
+    np.testing.assert_allclose(got.range.reshape(2, 3)[0], expected, rtol=1e-9)
+    np.testing.assert_allclose(got.points[:, 2], 0.5, atol=1e-9)
+    np.testing.assert_allclose(got.points[:3, 0], HERE[0], atol=1e-9)
+    assert (got.points[:3, 1] < HERE[1]).all()
+    assert got.ring.tolist() == [0, 1, 2] * 2
+    assert not got.wall.any()
+
+
+def test_azimuths_run_anticlockwise_from_ahead() -> None:
+    """To the east brick in 18 m, to the north steel in 12, to the west and the south nothing."""
+    got = frame(sensor(lidar={**LEVEL, "azimuths": [-90, 180]}))
+    np.testing.assert_allclose(got.range, [math.nan, 18.0, 12.0, math.nan], rtol=1e-9)
+    assert got.surface.tolist() == [-1, BRICK, STEEL, -1]
+    assert got.wall.tolist() == [False, True, True, False]
+    assert [TERRAIN.pointer(element) for element in got.element[1:3]] == [
+        "/elemTree/children/0", "/elemTree/children/1",
+    ]  # fmt: skip
+    np.testing.assert_allclose(got.points[1:3], [[128, 207, 1.7], [110, 219, 1.7]], atol=1e-9)
+    np.testing.assert_allclose(got.local[1:3], [[18, 0, 0], [0, 12, 0]], atol=1e-9)
+
+
+def test_clockwise_is_the_other_order() -> None:
+    """The same rays, the last one first, and times that ascend all the same."""
+    keys = {**LEVEL, "azimuths": [-90, 180], "firingInterval": 0}
+    one, other = (frame(sensor(lidar={**keys, "clockwise": way}, rate=2)) for way in (False, True))
+    np.testing.assert_array_equal(one.range, other.range[::-1])
+    np.testing.assert_allclose(one.offset, [0, 0.125, 0.25, 0.375])
+    np.testing.assert_array_equal(one.offset, other.offset)
+
+
+def test_a_full_turn_has_no_column_twice() -> None:
+    """360 / 90 are four columns, and a span less than a turn has both ends."""
+    assert sensor(lidar=LEVEL).shape == (4, 1)
+    assert sensor(lidar={**LEVEL, "azimuths": [-90, 90]}).shape == (3, 1)
+    assert sensor(lidar={**LEVEL, "azimuthStep": 0.2}).shape == (1800, 1)
+    assert load_sensor(ROOT / "samples/sensors/velodyne-vlp-16.json").rays == 28_800
+    assert load_sensor(ROOT / "samples/sensors/hokuyo-utm-30lx.json").rays == 1_081
+
+
+@pytest.mark.parametrize(
+    ("angles", "ranges"),
+    [
+        ((90, 0, 0), [math.nan, 12, math.nan, 18]),  # ahead is north, east is right
+        ((0, 30, 0), [None, 2.4, 12, None]),  # the nose down: it meets the ground ahead
+        ((0, 0, 30), [2.4, 18, None, None]),  # the right side down
+        ((180, 0, 0), [12, math.nan, math.nan, 18]),
+    ],
+)
+def test_turns_of_the_sensor(angles: tuple[float, ...], ranges: list[float | None]) -> None:
+    """Yaw to the left, pitch down, roll to the right; beams −90, 0, 90 and 180 degrees."""
+    got = frame(sensor(lidar={**LEVEL, "azimuths": [-90, 180]}), *angles)
+    if angles == (90, 0, 0):
+        ranges = [18, 12, math.nan, math.nan]
+    for have, want in zip(got.range, ranges, strict=True):
+        if want is not None:
+            assert have == pytest.approx(want, rel=1e-9, nan_ok=True)
+
+
+def test_beams_spread_between_two_elevations() -> None:
+    """Both ends included: −15, −13, …, 15."""
+    lidar = load_sensor(ROOT / "samples/sensors/velodyne-vlp-16.json").head
+    degrees = np.degrees(lidar.elevations)  # type: ignore[union-attr]
+    np.testing.assert_allclose(degrees, np.arange(-15, 16, 2), atol=1e-12)
+
+
+@pytest.mark.parametrize(("clockwise", "time"), [(False, 0.125), (True, 0.25)])
+def test_a_lidar_turns_while_it_moves(clockwise: bool, time: float, tmp_path: Path) -> None:
+    """Each column is read from where the sensor is at its time."""
+    path = tmp_path / "poses.csv"
+    path.write_text("yaw,time,y,x,z\n0,5,207,105,1.7\n0,6,207,115,1.7\n")
+    lidar = sensor(
+        rate=1, lidar={**LEVEL, "azimuths": [-45, 90], "azimuthStep": 45, "clockwise": clockwise}
+    )
+    scan = Scan(lidar, read_poses(path))
+    assert scan.frames == 2
+    first, second = scan.read(TERRAIN)
+    east = int(np.argmin(np.abs(np.array(lidar.head.azimuths))))  # type: ignore[union-attr]
+    assert first.range[east] == pytest.approx(128 - 105 - 10 * time, rel=1e-9)
+    assert first.time + first.offset[east] == pytest.approx(5 + time)
+    np.testing.assert_allclose(first.points[east], [128, 207, 1.7], atol=1e-9)
+    np.testing.assert_allclose(first.origins[east], [105 + 10 * time, 207, 1.7], atol=1e-9)
+    # behind the last pose it rests
+    assert second.range[east] == pytest.approx(13, rel=1e-9)
+    assert second.time == 6
+
+
+def test_a_path_without_times_is_poses_of_rest(tmp_path: Path) -> None:
+    """A turn from each, all of it from there; times are those of the rate."""
+    path = tmp_path / "poses.csv"
+    path.write_text("x,y,z\n105,207,1.7\n115,207,1.7\n")
+    first, second = Scan(sensor(rate=4, lidar=LEVEL), read_poses(path)).read(TERRAIN)
+    assert (first.range[2], second.range[2]) == (pytest.approx(23), pytest.approx(13))
+    assert (first.time, second.time) == (0, 0.25)
+
+
+def test_what_becomes_of_rays() -> None:
+    """Too near, too far, into the void, over the rim and into the sky are told apart."""
+    level = {**LEVEL, "azimuths": [0, 90]}
+    near, far = frame(sensor(range=[15, 16], lidar=level)).status
+    assert (far, near) == (Status.NEAR, Status.FAR)
+    down = sensor(lidar={**LEVEL, "elevations": [-60, -2, 60]})
+    (got,) = frames(down, (134, 220, 3, 0, 0, 0))  # over the hole
+    by = got.status.reshape(4, 3)
+    assert (by[:, 0] == Status.VOID).all()
+    assert (by[:, 2] == Status.OUTSIDE).all()
+    assert by[2, 1] == Status.OUTSIDE  # above the ground at the rim
+    (short,) = frames(sensor(range=[0.1, 0.5], lidar=down_keys()), (134, 220, 3, 0, 0, 0))
+    assert (short.status == Status.VOID).all()
+    (upright,) = frames(sensor(lidar={**LEVEL, "elevations": [-90, 90]}), (134, 220, 3, 0, 0, 0))
+    assert upright.status.reshape(4, 2)[0].tolist() == [Status.VOID, Status.OUTSIDE]
+    for one in (got, short, upright):
+        lost = ~one.returns
+        assert np.isnan(one.points[lost]).all() and np.isnan(one.range[lost]).all()
+        assert (one.surface[lost] == -1).all() and (one.element[lost] == -1).all()
+
+
+def down_keys() -> dict[str, object]:
+    return {**LEVEL, "elevations": [-60]}
+
+
+def test_light_comes_back_by_colour_and_incidence() -> None:
+    """White ground under 30 degrees ½, red square on 0.2126, without a colour ½."""
+    got = frame(sensor(lidar={"elevations": [-30, 0], "azimuths": [0, 90], "azimuthStep": 90}))
+    assert got.surface.tolist() == [SNOW, BRICK, SNOW, STEEL]
+    np.testing.assert_allclose(got.intensity, [0.5, 0.2126, 0.5, 0.5], rtol=1e-6)
+
+
+def test_beams_of_a_column_fire_one_after_the_other() -> None:
+    """Each a firing interval later than the one before."""
+    got = frame(sensor(rate=2, lidar={
+        "elevations": [-1, 0, 1], "azimuths": [0, 90], "azimuthStep": 90, "firingInterval": 1e-3,
+    }))  # fmt: skip
+    np.testing.assert_allclose(got.offset, [0, 0.001, 0.002, 0.125, 0.126, 0.127])
+
+
+# Noise
+
+
+NOISY = {"sigma": 0.02, "perMetre": 0.01, "perSquareMetre": 0.001, "dropout": 0.25}
+WALL = {"elevations": [0], "azimuths": [-5, 10], "azimuthStep": 0.001}
+"""Some 15,000 rays to the brick, 18 to 18.3 m away."""
+
+
+def test_noise_needs_a_seed() -> None:
+    """Without one readings are exact, whatever the sensor's noise."""
+    exact, told = (frame(sensor(lidar=WALL, noise=noise)) for noise in ({}, NOISY))
+    np.testing.assert_array_equal(exact.points, told.points)
+
+
+def test_noise_is_as_large_as_the_sensor_says() -> None:
+    """Normal, with σ = a + b r + c r², along the ray; a quarter is lacking."""
+    exact = frame(sensor(lidar=WALL))
+    noisy = frame(sensor(lidar=WALL, noise=NOISY), seed=7)
+    kept = noisy.returns
+    assert exact.returns.all()
+    assert np.mean(~kept) == pytest.approx(0.25, abs=0.02)
+    assert (noisy.status[~kept] == Status.DROPPED).all()
+    off = noisy.range[kept] - exact.range[kept]
+    sigma = 0.02 + 0.01 * exact.range[kept] + 0.001 * exact.range[kept] ** 2
+    assert np.std(off / sigma) == pytest.approx(1, abs=0.03)
+    assert abs(np.mean(off / sigma)) < 0.04
+    ways = (exact.points[kept] - HERE) / exact.range[kept, None]
+    np.testing.assert_allclose(noisy.points[kept], HERE + ways * noisy.range[kept, None], atol=1e-9)
+
+
+def test_a_seed_is_the_noise() -> None:
+    """The same one gives the same, another one another, and each frame has its own."""
+    lidar = sensor(lidar=WALL, noise=NOISY)
+    pose = (*HERE, 0.0, 0.0, 0.0)
+    one, again, other = (frames(lidar, pose, pose, seed=seed) for seed in (1, 1, 2))
+    for first, second in zip(one, again, strict=True):
+        np.testing.assert_array_equal(first.points, second.points)
+    assert not np.array_equal(one[0].points, other[0].points, equal_nan=True)
+    assert not np.array_equal(one[0].points, one[1].points, equal_nan=True)
