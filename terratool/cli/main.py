@@ -29,6 +29,8 @@ _COMMANDS = {
     "import-primitive": ("import_primitive", "Make a primitive of a patch of a DEM or a mesh."),
     "import-terrain": ("import_terrain", "Make a definition of a DEM or mesh, within an error."),
     "scan": ("scan", "Read a terrain with a lidar, a depth camera or a sonar."),
+    "map": ("map_", "Make the map that a robot would have made of scans."),
+    "compare": ("compare", "Say how good a robot's map of a terrain is."),
     "deform": ("deform", "Drive a vehicle along a path and write the ruts of its wheels."),
     "traversability": ("traversability", "Say whether a vehicle can drive, where not, and why."),
     "diff": ("diff", "Say what an edit did to a terrain, and to its verdicts."),

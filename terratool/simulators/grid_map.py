@@ -1,11 +1,4 @@
-"""Layers of a terrain as one message of grid_map, in a bag of ROS 2.
-
-The message is `grid_map_msgs/msg/GridMap` (github.com/ANYbotics/grid_map, `grid_map_msgs/msg`).
-How it is laid out follows grid_map's sources: `grid_map_core/src/GridMapMath.cpp` puts index (0, 0)
-at the largest x and the largest y, rows along −x and columns along −y, and the map's position in
-its middle; `grid_map_ros/include/grid_map_ros/GridMapMsgHelpers.hpp` names the outer dimension
-"column_index" and the inner one "row_index", as Eigen keeps matrices column by column.
-"""
+"""Layers of a terrain as one message of grid_map, in a bag of ROS 2."""
 
 from __future__ import annotations
 
@@ -17,6 +10,7 @@ from numpy.typing import NDArray
 
 from terratool.errors import RequestError
 from terratool.raster.grid import Grid, Window
+from terratool.raster.grid_map_bag import MOST_BYTES, TOPIC, GridMap, Layers, write_grid_maps
 from terratool.raster.loss import LossCounts, LossFinder, RasterLoss
 from terratool.raster.painter import Painter
 from terratool.raster.prefetch import TILE, prefetch, processors
@@ -27,36 +21,14 @@ from terratool.text.display import counted, length
 from terratool.traversability.results import GroundClass
 
 MOST = 1024
-"""The longer side has at most so many cells, if no resolution is given …"""
-MOST_BYTES = 1 << 30
-"""… and a message at most so many bytes: ROS 2 sends it in one piece."""
-TOPIC = "/grid_map"
+"""The longer side has at most so many cells, if no resolution is given."""
 BAG = "grid_map"
-TYPE = "grid_map_msgs/msg/GridMap"
 GO, CAUTION, NO_GO = 1.0, 0.5, 0.0
 """Values of the layer "traversability"."""
 
 _NAMES = (
     "elevation", "normal_x", "normal_y", "normal_z", "slope", "friction", "surface", "color",
 )  # fmt: skip
-_INFO = """\
-float64 resolution
-float64 length_x
-float64 length_y
-geometry_msgs/Pose pose
-"""
-_GRID_MAP = """\
-std_msgs/Header header
-grid_map_msgs/GridMapInfo info
-string[] layers
-string[] basic_layers
-std_msgs/Float32MultiArray[] data
-uint16 outer_start_index
-uint16 inner_start_index
-"""
-
-Layers = dict[str, NDArray[np.float32]]
-
 _NOTE = (
     "Layers: elevation in metres; normal_x, normal_y, normal_z of the unit normal; slope, the "
     "steepest, in radians from level; friction, a coefficient; surface, the index of a surface as "
@@ -96,7 +68,7 @@ def write(scene: Scene, folder: Path) -> Written:
     west, south, east, north = grid.bounds
     middle = 0.5 * (west + east) - x, 0.5 * (south + north) - y
     scene.say("writing the bag")
-    _write_bag(folder / BAG, grid, middle, layers)
+    write_grid_maps(folder / BAG, [GridMap(grid, middle, layers)])
     return Written(
         summary=f"{grid.width} × {grid.height} cells of {length(grid.resolution)}, "
         f"{counted(len(layers), 'layer')}",
@@ -204,53 +176,3 @@ def _traversability(classes: NDArray[np.uint8]) -> NDArray[np.float32]:
     values[GroundClass.GO], values[GroundClass.CAUTION] = GO, CAUTION
     values[GroundClass.UNKNOWN] = np.nan
     return values[classes]
-
-
-def _write_bag(path: Path, grid: Grid, middle: tuple[float, float], layers: Layers) -> None:
-    """One message at time 0, kept for those who subscribe later."""
-    from rosbags.interfaces import (
-        Qos,
-        QosDurability,
-        QosHistory,
-        QosLiveliness,
-        QosReliability,
-        QosTime,
-    )
-    from rosbags.rosbag2 import StoragePlugin, Writer
-    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
-
-    # the types that a GridMap has in it are the same in all distributions
-    store = get_typestore(Stores.ROS2_HUMBLE)
-    for name, text in (("grid_map_msgs/msg/GridMapInfo", _INFO), (TYPE, _GRID_MAP)):
-        store.register(get_types_from_msg(text, name))
-    kind = store.types
-    header = kind["std_msgs/msg/Header"](kind["builtin_interfaces/msg/Time"](0, 0), "map")
-    pose = kind["geometry_msgs/msg/Pose"](
-        kind["geometry_msgs/msg/Point"](*middle, 0.0),
-        kind["geometry_msgs/msg/Quaternion"](0.0, 0.0, 0.0, 1.0),
-    )
-    lengths = grid.width * grid.resolution, grid.height * grid.resolution
-    info = kind["grid_map_msgs/msg/GridMapInfo"](grid.resolution, *lengths, pose)
-    dimension = kind["std_msgs/msg/MultiArrayDimension"]
-    layout = kind["std_msgs/msg/MultiArrayLayout"](
-        [
-            dimension("column_index", grid.height, grid.height * grid.width),
-            dimension("row_index", grid.width, grid.width),
-        ],
-        0,
-    )
-    # rows of a grid_map run to the west, its columns to the south
-    data = [
-        kind["std_msgs/msg/Float32MultiArray"](layout, np.ascontiguousarray(layer[:, ::-1]).ravel())
-        for layer in layers.values()
-    ]
-    message = kind[TYPE](header, info, list(layers), ["elevation"], data, 0, 0)
-    never = QosTime(0, 0)
-    kept = Qos(
-        QosHistory.KEEP_LAST, 1, QosReliability.RELIABLE, QosDurability.TRANSIENT_LOCAL, never,
-        never, QosLiveliness.AUTOMATIC, never, False,
-    )  # fmt: skip
-    # before version 9, of Jazzy, the quality of service is a text, which later ones read, too
-    with Writer(path, version=8, storage_plugin=StoragePlugin.MCAP) as writer:
-        to = writer.add_connection(TOPIC, TYPE, typestore=store, offered_qos_profiles=[kept])
-        writer.write(to, 0, store.serialize_cdr(message, TYPE))

@@ -1,0 +1,237 @@
+"""`terratool compare`."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from terratool.cli.options import library_root_option, roughness_option
+from terratool.cli.terminal import Status, load, say
+from terratool.text.display import counted, shown
+
+if TYPE_CHECKING:
+    from terratool.sensing.comparison import Errors, MapComparison
+
+
+def _finite(ctx: click.Context, param: click.Parameter, value: float | None) -> float | None:
+    if value is not None and not math.isfinite(value):
+        raise click.BadParameter(f"{value:g} is no finite number.")
+    return value
+
+
+@click.command(
+    "compare",
+    epilog="Example: terratool compare map.tif site.json --max-rmse 0.05 --picture errors.png",
+)
+@click.argument("map_", metavar="MAP")
+@click.argument("file")
+@click.option(
+    "--format",
+    "form",
+    type=click.Choice(["text", "json"]),
+    default="text",
+    show_default=True,
+    help="How it is said.",
+)
+@click.option("--picture", metavar="OUT.png", help="Draw where the map is too high or too low.")
+@click.option(
+    "--max-rmse",
+    type=click.FloatRange(0),
+    callback=_finite,
+    metavar="M",
+    help="End with 1 if the root mean square error is more, m.",
+)
+@click.option(
+    "--min-coverage",
+    type=click.FloatRange(0, 1),
+    callback=_finite,
+    metavar="C",
+    help="End with 1 if less of the ground is known, from 0 to 1.",
+)
+@click.option("--overwrite", is_flag=True, help="Replace OUT.png if it exists.")
+@roughness_option
+@library_root_option
+def command(
+    map_: str,
+    file: str,
+    form: str,
+    picture: str | None,
+    max_rmse: float | None,
+    min_coverage: float | None,
+    overwrite: bool,
+) -> int:
+    """Say how good MAP is, a map of the terrain in FILE: how much it knows, and how far off it is.
+
+    MAP is what terratool map writes, of any level, or another raster whose first band has heights.
+    The height of the terrain in a cell is that at its middle; in coarser cells the mean of those
+    at the middles of the finest ones.
+    """
+    from terratool.sensing.comparison import cells_to_look_at, check_map, compare
+    from terratool.sensing.map_files import read_map
+
+    if picture is not None:
+        from terratool.viewing.map_errors import refuse_picture
+
+        refuse_picture(picture, overwrite)
+    mapped = read_map(map_)
+    terrain = load(file)
+    check_map(mapped, terrain)
+    with Status("comparing", cells_to_look_at(mapped, terrain)) as status:
+        comparison = compare(mapped, terrain, status)
+        if picture is not None:
+            from terratool.viewing.map_errors import write_picture
+
+            status.say("drawing")
+            write_picture(comparison, terrain, picture, overwrite=overwrite)
+    if form == "json":
+        click.echo(json.dumps(as_dict(comparison), indent=2, ensure_ascii=False))
+    else:
+        for line in as_text(comparison):
+            say(line)
+    failed = list(_failed(comparison, max_rmse, min_coverage))
+    for line in failed:
+        say(line, err=True)
+    return 1 if failed else 0
+
+
+def _failed(
+    comparison: MapComparison, max_rmse: float | None, min_coverage: float | None
+) -> Iterator[str]:
+    # a map that knows nothing is not good
+    rmse, coverage = comparison.errors.rmse, comparison.coverage
+    if max_rmse is not None and not rmse <= max_rmse:
+        yield f"The RMSE of {_metres(rmse)} is more than {max_rmse:g} m."
+    if min_coverage is not None and not coverage >= min_coverage:
+        yield f"The coverage of {_share(coverage)} is less than {min_coverage:.1%}."
+
+
+def _errors(errors: Errors) -> dict[str, Any]:
+    return {
+        "cells": errors.cells,
+        "rmse": _known(errors.rmse),
+        "bias": _known(errors.bias),
+        "worst": _known(errors.worst),
+    }
+
+
+def _known(number: float) -> float | None:
+    return number if math.isfinite(number) else None
+
+
+def as_dict(comparison: MapComparison) -> dict[str, Any]:
+    """A comparison, ready for JSON."""
+    level, worst = comparison.map.level, comparison.worst
+    return {
+        "format_version": 1,
+        "map": comparison.map.name,
+        "level": level.level,
+        "cell": level.grid.resolution,
+        "ground": comparison.ground,
+        "known": comparison.known,
+        "coverage": _known(comparison.coverage),
+        "without_ground": comparison.beyond,
+        **_errors(comparison.errors),
+        "within_two_deviations": _known(comparison.within),
+        "worst_place": None
+        if worst is None
+        else {
+            "x": worst.x, "y": worst.y, "map": worst.mapped, "terrain": worst.true,
+            "surface": worst.surface,
+        },
+        "surfaces": [
+            {
+                "surface": one.name or None,
+                "ground": one.ground,
+                **_errors(one.errors),
+                "named": one.named,
+                "right": one.right,
+            }
+            for one in comparison.surfaces
+        ],
+        "distances": [
+            {"from": one.low, "to": _known(one.high), **_errors(one.errors)}
+            for one in comparison.distances
+        ],
+    }  # fmt: skip
+
+
+def as_text(comparison: MapComparison) -> Iterator[str]:
+    """A comparison, in lines for people."""
+    level, errors, worst = comparison.map.level, comparison.errors, comparison.worst
+    yield (
+        f"{comparison.map.name}: {_share(comparison.coverage)} of the ground, "
+        f"{comparison.known:,} of {counted(comparison.ground, 'cell')} of "
+        f"{level.grid.resolution:g} m"
+    )
+    if comparison.beyond:
+        yield f"  Without ground in the terrain: {counted(comparison.beyond, 'cell')}."
+    if worst is None:
+        yield "  No cell is known in both, so nothing is said of heights."
+        return
+    yield f"  RMSE {_metres(errors.rmse)}, bias {_signed(errors.bias)}."
+    surface = "" if worst.surface is None else f", on {shown(worst.surface)}"
+    yield (
+        f"  Worst at {worst.x:.6g} {worst.y:.6g}: {worst.mapped:.4g} m in place of "
+        f"{worst.true:.4g} m{surface}."
+    )
+    if math.isfinite(comparison.within):
+        yield f"  Within two standard deviations: {_share(comparison.within)}."
+    yield from _table(
+        ("surface", "ground", "known", "RMSE", "bias", "right surface"),
+        [
+            (
+                shown(one.name) if one.name else "none",
+                f"{one.ground:,}",
+                _share(one.errors.cells / one.ground),
+                *_pair(one.errors),
+                _share(one.right / one.named) if one.named else "",
+            )
+            for one in comparison.surfaces
+        ],
+    )
+    if not comparison.distances:
+        yield "  The map does not say from how far it was seen."
+        return
+    yield from _table(
+        ("distance", "cells", "RMSE", "bias"),
+        [
+            (
+                f"{one.low:g} to {one.high:g} m"
+                if math.isfinite(one.high)
+                else f"{one.low:g} m on",
+                f"{one.errors.cells:,}",
+                *_pair(one.errors),
+            )
+            for one in comparison.distances
+        ],
+    )
+
+
+def _pair(errors: Errors) -> tuple[str, str]:
+    return (_metres(errors.rmse), _signed(errors.bias)) if errors.cells else ("", "")
+
+
+def _table(head: tuple[str, ...], rows: list[tuple[str, ...]]) -> Iterator[str]:
+    widths = [max(len(row[k]) for row in (head, *rows)) for k in range(len(head))]
+    for row in (head, *rows):
+        cells = [
+            cell.ljust(width) if k == 0 else cell.rjust(width)
+            for k, (cell, width) in enumerate(zip(row, widths, strict=True))
+        ]
+        yield f"  {'  '.join(cells)}".rstrip()
+
+
+def _share(share: float) -> str:
+    return "nothing" if math.isnan(share) else f"{share:.1%}"
+
+
+def _metres(metres: float) -> str:
+    return "an unknown number" if math.isnan(metres) else f"{metres:.4f} m"
+
+
+def _signed(metres: float) -> str:
+    return f"{metres:+.4f} m"

@@ -1,0 +1,159 @@
+"""`terratool map`."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from terratool.cli.terminal import Status, say
+from terratool.text.display import counted, listed, shown
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from terratool.sensing.robot_map import RobotMap
+
+# as terratool.sensing.robot_map has them, which is not imported for --help; a test holds them equal
+LEVELS, MOST_LEVELS, SIGMA = 3, 12, 0.02
+
+
+def _finite(ctx: click.Context, param: click.Parameter, value: Any) -> Any:
+    for number in value if isinstance(value, tuple) else (value,):
+        if number is not None and not math.isfinite(number):
+            raise click.BadParameter(f"{number:g} is no finite number.")
+    return value
+
+
+@click.command(
+    "map",
+    epilog="Example: terratool map first.npz second.npz --cell 0.1 --output map.tif --bag map.bag",
+)
+@click.argument("scans", nargs=-1, required=True, metavar="SCANS")
+@click.option("--output", required=True, metavar="OUT.tif", help="The map, of its finest cells.")
+@click.option(
+    "--cell",
+    type=click.FloatRange(0, min_open=True),
+    required=True,
+    callback=_finite,
+    metavar="S",
+    help="Side of the finest cells, m.",
+)
+@click.option(
+    "--levels",
+    type=click.IntRange(1, MOST_LEVELS),
+    default=LEVELS,
+    show_default=True,
+    metavar="N",
+    help="So many sizes of cells, each twice the one before; a file OUT.level-1.tif, … for each.",
+)
+@click.option(
+    "--bounds",
+    nargs=4,
+    type=float,
+    callback=_finite,
+    metavar="W S E N",
+    help="What the map holds.  [default: all readings]",
+)
+@click.option(
+    "--sigma",
+    type=click.FloatRange(0, min_open=True),
+    callback=_finite,
+    metavar="M",
+    help=f"Standard deviation of ranges, m.  [default: {SIGMA:g}]",
+)
+@click.option("--sensor", "sensor_file", metavar="S.json", help="Instead: the noise of a sensor.")
+@click.option(
+    "--origin",
+    nargs=3,
+    type=float,
+    callback=_finite,
+    metavar="X Y Z",
+    help="Where the sensor was, for scans that do not say.",
+)
+@click.option("--crs", metavar="CRS", help="Reference system of the scans, as EPSG:32633.")
+@click.option("--bag", metavar="OUT.bag", help="Write a bag of ROS 2 with grid_maps, too.")
+@click.option("--overwrite", is_flag=True, help="Replace what exists.")
+@click.option("--json", "as_json", is_flag=True, help="Say what was mapped as JSON.")
+def command(
+    scans: tuple[str, ...],
+    output: str,
+    sigma: float | None,
+    sensor_file: str | None,
+    bag: str | None,
+    as_json: bool,
+    **values: Any,
+) -> None:
+    """Fuse SCANS into the map that a robot would have made of them.
+
+    SCANS are clouds of points: .npz, .csv, .ply, .pcd, .las or .laz, in the world's axes, as
+    terratool scan writes them. Each cell has its height with the variance of that, the lowest and
+    the highest reading, how many there were, the likeliest surface, when it was seen last and from
+    how far. Cells never seen are nodata.
+    """
+    from pathlib import Path
+
+    from terratool.errors import WriteError
+    from terratool.output import is_same_file
+    from terratool.sensing.map_files import MapOutput, write_map
+    from terratool.sensing.robot_map import MapOptions, map_scans
+    from terratool.sensing.sensor import Noise, load_sensor
+
+    if sigma is not None and sensor_file is not None:
+        raise click.UsageError("Both --sigma and --sensor say how far ranges are off. Keep one.")
+    for scan in scans:
+        if is_same_file(output, scan):
+            raise WriteError(f"{output}: is read, too.", "Choose another name.")
+    levels = values["levels"]
+    wanted = MapOutput(
+        Path(output), levels, Path(bag) if bag else None, values["crs"], values["overwrite"]
+    )
+    wanted.check()
+    noise = Noise(sigma=SIGMA if sigma is None else sigma)
+    if sensor_file is not None:
+        noise = load_sensor(sensor_file).noise
+    options = MapOptions(values["cell"], levels, noise)
+    with Status("reading") as status:
+        robot_map = map_scans(scans, options, values["bounds"], values["origin"], status.say)
+        files = write_map(robot_map, wanted, status.say)
+    if as_json:
+        click.echo(json.dumps(as_dict(robot_map, files), indent=2, ensure_ascii=False))
+    else:
+        for line in as_text(robot_map, files):
+            say(line)
+
+
+def as_dict(robot_map: RobotMap, files: list[Path]) -> dict[str, Any]:
+    """What was mapped, ready for JSON."""
+    grid = robot_map.grid
+    return {
+        "format_version": 1,
+        "files": [str(file) for file in files],
+        "points": robot_map.points,
+        "outside": robot_map.outside,
+        "cell": grid.resolution,
+        "levels": robot_map.options.levels,
+        "bounds": list(grid.bounds),
+        "columns": grid.width,
+        "rows": grid.height,
+        "seen": robot_map.seen,
+        "surfaces": robot_map.surfaces,
+    }
+
+
+def as_text(robot_map: RobotMap, files: list[Path]) -> Iterator[str]:
+    """What was mapped, in lines for people."""
+    grid, cells = robot_map.grid, robot_map.grid.width * robot_map.grid.height
+    yield (
+        f"{files[0]}: {counted(robot_map.points, 'reading')} in {robot_map.seen:,} of {cells:,} "
+        f"cells of {grid.resolution:g} m"
+    )
+    if files[1:]:
+        yield f"  With it: {listed([file.name for file in files[1:]])}."
+    if robot_map.surfaces:
+        yield f"  Surfaces: {listed([shown(name) for name in robot_map.surfaces])}."
+    if robot_map.outside:
+        yield f"  Out of the bounds: {counted(robot_map.outside, 'reading')}."

@@ -1,0 +1,318 @@
+"""The files of a robot's map: a GeoTIFF for each level, and a bag with a grid_map of each."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import rasterio
+from numpy.typing import NDArray
+from rasterio.crs import CRS
+
+from terratool import __version__
+from terratool.errors import ReadError, RequestError
+from terratool.extras import install_command
+from terratool.importing.guards import is_placed
+from terratool.importing.opening import gdal_errors, open_local
+from terratool.output import (
+    hold_signals,
+    os_errors,
+    part_folder,
+    refuse_existing,
+    refuse_missing_folder,
+    stop_on_signals,
+    whole_file,
+)
+from terratool.raster.geotiff import (
+    CACHE_BYTES,
+    Compression,
+    check_blocks,
+    complaints,
+    read_crs,
+    tiff_options,
+    transform_of,
+)
+from terratool.raster.grid import Grid
+from terratool.raster.grid_map_bag import MOST_BYTES, TOPIC, GridMap, write_grid_maps
+from terratool.raster.layers import Bands, Layer
+from terratool.sensing.export import refuse_strange
+from terratool.sensing.robot_map import MOST_LEVELS, MapLevel, RobotMap
+
+BANDS = Bands(
+    (
+        Layer("elevation", ("elevation",), "m"),
+        Layer("variance", ("variance",), "m2"),
+        Layer("lowest", ("lowest",), "m"),
+        Layer("highest", ("highest",), "m"),
+        Layer("count", ("count",), ""),
+        Layer("surface", ("surface",), ""),
+        Layer("time", ("time",), "s"),
+        Layer("distance", ("distance",), "m"),
+        Layer("seen", ("seen",), "1"),
+    ),
+    np.dtype(np.float64),
+)
+"""Of each file; all are NaN in cells never seen."""
+LEVEL, LEVELS, SURFACES = "TERRATOOL_MAP_LEVEL", "TERRATOOL_MAP_LEVELS", "TERRATOOL_MAP_SURFACES"
+FIRST, LAST = "TERRATOOL_MAP_FIRST_TIME", "TERRATOOL_MAP_LAST_TIME"
+_COMPANIONS = (
+    *(f".level-{level}{suffix}" for level in range(1, MOST_LEVELS) for suffix in (".tif", ".tiff")),
+    *("*.aux.xml", "*.msk", "*.ovr"),
+)
+"""What belongs to a map; what is left of an older one would be taken for part of this one."""
+_MOST_READ = 1 << 26
+_SQUARE = 1e-9
+
+
+@dataclass(frozen=True, slots=True)
+class MapOutput:
+    """Where a map goes.
+
+    Attributes:
+        path: a .tif, of the finest level; the others stand beside it.
+        levels: how many there are.
+        bag: a folder that is to be a bag; None for none.
+        crs: reference system of the map; None for none.
+        overwrite: whether they may be there already.
+    """
+
+    path: Path
+    levels: int
+    bag: Path | None = None
+    crs: str | None = None
+    overwrite: bool = False
+
+    @property
+    def files(self) -> list[Path]:
+        """The GeoTIFFs, level by level."""
+        return [self.path, *(_beside(self.path, level) for level in range(1, self.levels))]
+
+    def check(self) -> None:
+        """Refuse what cannot be written.
+
+        Raises:
+            RequestError: a suffix is wrong, a system is unknown, or what a bag needs is lacking.
+            WriteError: a file exists, or its folder does not.
+        """
+        if self.path.suffix.lower() not in (".tif", ".tiff"):
+            raise RequestError(
+                f"{self.path}: a map is a GeoTIFF.", "Give a name that ends in .tif."
+            )
+        if self.crs is not None:
+            read_crs(self.crs)
+        refuse_existing(self.path, self.overwrite, _COMPANIONS)
+        refuse_missing_folder(self.path)
+        if self.bag is None:
+            return
+        if find_spec("rosbags") is None:
+            raise RequestError(
+                "A bag needs rosbags, which is not installed.",
+                f"Install it: {install_command('ros')}",
+            )
+        if self.bag.suffix.lower() != ".bag":
+            raise RequestError(f"{self.bag}: is no bag.", "Give a name that ends in .bag.")
+        if self.bag.is_dir():
+            refuse_strange(self.bag, self.overwrite)
+        else:
+            refuse_existing(self.bag, overwrite=False)
+        refuse_missing_folder(self.bag)
+
+
+def _beside(path: Path, level: int) -> Path:
+    return path.with_suffix(f".level-{level}{path.suffix}")
+
+
+def write_map(
+    robot_map: RobotMap, output: MapOutput, progress: Callable[[str], object] = lambda _: None
+) -> list[Path]:
+    """Write a map. The same map gives the same bytes.
+
+    Raises:
+        RequestError, WriteError: as of `MapOutput.check`; or it cannot be written.
+    """
+    output.check()
+    if output.bag is not None:
+        _refuse_large(robot_map.grid)
+    levels = [robot_map.level(level) for level in range(output.levels)]
+    with whole_file(output.path, output.overwrite, _COMPANIONS) as part:
+        for level in levels:
+            name = part if not level.level else _beside(part, level.level)
+            progress(f"writing {name.name}")
+            _write_level(name, level, output)
+    if output.bag is not None:
+        progress(f"writing {output.bag.name}")
+        _write_bag(output, levels)
+    return [*output.files, *([output.bag] if output.bag is not None else [])]
+
+
+def pixels_of(level: MapLevel) -> NDArray[np.float64]:
+    """The bands of a level, (bands, height, width) float64."""
+    never = np.isnan(level.elevation)
+    return np.stack(
+        [np.where(never, np.nan, getattr(level, name)) for name in BANDS.names], dtype=np.float64
+    )
+
+
+def _write_level(path: Path, level: MapLevel, output: MapOutput) -> None:
+    grid, crs = level.grid, None if output.crs is None else read_crs(output.crs)
+    times = level.time[np.isfinite(level.time)]
+    profile: dict[str, Any] = {
+        "driver": "GTiff", "dtype": "float64", "count": BANDS.count, "nodata": math.nan,
+        "width": grid.width, "height": grid.height, "crs": crs, "transform": transform_of(grid),
+        **tiff_options(BANDS, Compression(), 1),
+    }  # fmt: skip
+    tags = {
+        "TIFFTAG_SOFTWARE": f"terratool {__version__}",
+        "TIFFTAG_IMAGEDESCRIPTION": "A robot's map",
+        LEVEL: str(level.level), LEVELS: str(output.levels),
+        SURFACES: json.dumps(level.surfaces, ensure_ascii=True),
+        **({FIRST: repr(float(times.min())), LAST: repr(float(times.max()))} if times.size else {}),
+    }  # fmt: skip
+    with (
+        complaints(path),
+        rasterio.Env(GDAL_CACHEMAX=CACHE_BYTES),
+        rasterio.open(path, "w", **profile) as file,
+    ):
+        file.descriptions = BANDS.names
+        file.units = BANDS.units
+        file.update_tags(**tags)
+        file.write(pixels_of(level))
+    check_blocks(path)
+
+
+def _refuse_large(grid: Grid) -> None:
+    size = 4 * BANDS.count * grid.width * grid.height
+    if size > MOST_BYTES:
+        raise RequestError(
+            f"{grid.width} × {grid.height} cells make a message of {size / 1e9:.1f} GB.",
+            f"Give larger cells; a message may have {MOST_BYTES / 1e9:.1f} GB.",
+        )
+
+
+def _write_bag(output: MapOutput, levels: Sequence[MapLevel]) -> None:
+    """Messages /grid_map, /grid_map/level_1, …; times are before the last reading."""
+    assert output.bag is not None
+    path = Path(os.path.realpath(output.bag))
+    times = [float(level.time[np.isfinite(level.time)].max(initial=-math.inf)) for level in levels]
+    last = max(times)
+    maps = []
+    for level in levels:
+        west, south, east, north = level.grid.bounds
+        bands = dict(zip(BANDS.names, pixels_of(level), strict=True))
+        # float32 has no milliseconds left of the time since 1970
+        bands["age"] = last - bands.pop("time")
+        layers = {name: values.astype(np.float32) for name, values in bands.items()}
+        topic = TOPIC if not level.level else f"{TOPIC}/level_{level.level}"
+        middle = 0.5 * (west + east), 0.5 * (south + north)
+        maps.append(GridMap(level.grid, middle, layers, topic))
+    with os_errors(path), stop_on_signals(), part_folder(path.parent) as folder:
+        part = folder / path.name
+        write_grid_maps(part, maps)
+        if path.is_dir():
+            refuse_strange(path, output.overwrite)
+        with hold_signals():
+            if path.is_dir():
+                path.replace(folder / "old")
+            part.replace(path)
+
+
+@dataclass(frozen=True, slots=True)
+class MapFile:
+    """A map that was read, or any other raster of heights.
+
+    Attributes:
+        name: of the file.
+        level: its cells; what it does not have is NaN, and surfaces are -1.
+        is_map: whether terratool wrote it as a map.
+        crs: its reference system, if it has one.
+    """
+
+    name: str
+    level: MapLevel
+    is_map: bool
+    crs: CRS | None
+
+
+def read_map(path: str | Path) -> MapFile:
+    """Read a level of a map, or the first band of another raster as heights.
+
+    Raises:
+        ReadError: it cannot be read, or its pixels are not square, are turned or have no place.
+        RequestError: it has too many pixels.
+    """
+    name = str(path)
+    with open_local(name, allow_remote=False) as file:
+        grid = _grid_of(name, file)
+        if grid.width * grid.height > _MOST_READ:
+            raise RequestError(
+                f"{name}: has {grid.width:,} × {grid.height:,} pixels.",
+                f"Compare a part of it, or a coarser one, of up to {_MOST_READ:,}.",
+            )
+        tags = file.tags()
+        is_map = LEVEL in tags and file.descriptions == BANDS.names
+        with gdal_errors(name):
+            count = BANDS.count if is_map else 1
+            pixels = file.read(list(range(1, count + 1)), masked=True)
+            pixels = np.ma.filled(pixels.astype(np.float64), np.nan)
+        scale, offset = file.scales[0], file.offsets[0]
+        crs = file.crs
+    pixels[np.isinf(pixels)] = np.nan
+    pixels[0] = pixels[0] * scale + offset if (scale, offset) != (1.0, 0.0) else pixels[0]
+    try:
+        number = int(tags[LEVEL]) if is_map else 0
+        surfaces = tuple(map(str, json.loads(tags[SURFACES]))) if is_map else ()
+    except (KeyError, ValueError, TypeError) as error:
+        raise ReadError(
+            f"{name}: its tags are not those of a map.", "Make it anew: terratool map"
+        ) from error
+    if not 0 <= number < 64:
+        raise ReadError(f"{name}: is of level {number}.", "Make it anew: terratool map")
+    return MapFile(name, _level_of(pixels, grid, number, surfaces), is_map, crs)
+
+
+def _level_of(
+    pixels: NDArray[np.float64], grid: Grid, number: int, surfaces: tuple[str, ...]
+) -> MapLevel:
+    blank = np.full((grid.height, grid.width), np.nan)
+    bands = dict(zip(BANDS.names, pixels, strict=False))
+    if len(pixels) == 1:
+        bands["seen"] = np.where(np.isnan(bands["elevation"]), np.nan, 1.0)
+    surface = np.nan_to_num(bands.get("surface", blank), nan=-1.0)
+    surface = np.where((surface >= 0) & (surface < len(surfaces)), surface, -1)
+    count = np.nan_to_num(bands.get("count", blank), nan=0.0)
+    given: dict[str, Any] = {
+        field.name: bands.get(field.name, blank)
+        for field in fields(MapLevel)
+        if field.name in BANDS.names
+    }
+    given["surface"], given["count"] = surface.astype(np.int32), count.astype(np.int64)
+    return MapLevel(level=number, grid=grid, surfaces=surfaces, **given)
+
+
+def _grid_of(name: str, file: Any) -> Grid:
+    """The pixels of a raster.
+
+    Raises:
+        ReadError: they are not square, are turned, or have no place.
+    """
+    if not file.count or not is_placed(file):
+        raise ReadError(
+            f"{name}: does not say where its pixels lie.", "Give a GeoTIFF, such as a map."
+        )
+    transform = file.transform
+    side = abs(transform.a)
+    turned = abs(transform.b) + abs(transform.d) > _SQUARE * side
+    if turned or transform.a < 0 or abs(-transform.e - side) > _SQUARE * side:
+        raise ReadError(
+            f"{name}: its pixels are no squares with the north up.",
+            "Warp it first: gdalwarp -tr R R IN.tif OUT.tif",
+        )
+    south = transform.f - file.height * side
+    return Grid(transform.c, south, side, file.height, file.width)

@@ -1,0 +1,474 @@
+"""The map that a robot makes of what its sensors read: cells of several sizes, fused one by one.
+
+A cell of the finest level is found by thresholds, as the paper's operational environment Q(i, j) of
+i = Ψ(x), j = Ψ(y); one of level l holds 2^l × 2^l of them.
+
+Heights are fused by the Kalman filter of elevation mapping: Fankhauser, Bloesch, Gehring, Hutter
+and Siegwart, Robot-Centric Elevation Mapping with Uncertainty Estimates, CLAWAR 2014; Fankhauser,
+Bloesch and Hutter, Probabilistic Terrain Mapping for Mobile Robots with Uncertain Localization,
+IEEE RA-L 3(4), 2018. Two heights are of one surface where their Mahalanobis distance is within a
+gate; else the higher one is the ground, as in github.com/ANYbotics/elevation_mapping.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terratool.definition.findings import Bounds
+from terratool.errors import RequestError
+from terratool.field.terrain import refuse_empty
+from terratool.raster.grid import Grid
+from terratool.sensing.clouds import Cloud, checked_reader, read_clouds
+from terratool.sensing.sensor import Noise
+
+Floats = NDArray[np.float64]
+
+MOST_CELLS = 1 << 24
+"""Of the finest level: some 100 bytes each."""
+MOST_LEVELS = 12
+GATE = 2.5
+"""Standard deviations that two heights of one surface may be apart."""
+SIGMA = 0.02
+"""m: the deviation of a range where nothing else is said."""
+LEAST = 1e-4
+"""m: no height is known better by a single reading."""
+RELIEF = 0.5
+"""Deviation of heights in a cell by the relief of the ground, as a part of its side."""
+_MULTI_HEIGHT = 0.003
+"""m: what a lower reading adds to the deviation of a cell, as in elevation_mapping."""
+_ROUNDS = 4
+"""In which the top surface of a cell is looked for in a batch."""
+_FAR = 1e9
+
+
+@dataclass(frozen=True, slots=True)
+class MapOptions:
+    """What a map is like.
+
+    Attributes:
+        cell: side of the finest cells, m.
+        levels: how many sizes of cells there are; each side is twice the one before.
+        noise: of the ranges that are fused.
+        angle: rad: deviation of the direction of a ray.
+        gate: standard deviations that two heights of one surface may be apart.
+        relief: deviation of heights within a cell by relief, as a part of its side.
+    """
+
+    cell: float
+    levels: int = 3
+    noise: Noise = field(default_factory=lambda: Noise(sigma=SIGMA))
+    angle: float = 0.0
+    gate: float = GATE
+    relief: float = RELIEF
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.cell) and 1e-6 <= self.cell <= 1e9):
+            raise RequestError(
+                f"A cell has a side of {self.cell:g} m.", "Give one from 1e-6 to 1e9 m."
+            )
+        if not 1 <= self.levels <= MOST_LEVELS:
+            raise RequestError(
+                f"A map of {self.levels} levels is none.", f"Give 1 to {MOST_LEVELS} levels."
+            )
+
+    @property
+    def coarsest(self) -> float:
+        """Side of the cells of the last level."""
+        return math.ldexp(self.cell, self.levels - 1)
+
+
+@dataclass(frozen=True, slots=True)
+class MapLevel:
+    """The cells of one level; arrays are (height, width) from the north, float64 if not said.
+
+    Attributes:
+        level: 0 for the finest.
+        grid: the cells.
+        elevation: m: the fused height; of a coarse cell the mean of its finest cells that were
+            seen. NaN in cells never seen, as all others are but `count`.
+        variance: m²: of that height, by the noise of the readings.
+        lowest, highest: m: of all readings in the cell.
+        count: int64, readings.
+        surface: int32 index into `surfaces`: the one that most readings of the fused height have;
+            -1 for none.
+        time: s: when it was seen last; NaN where no reading has a time.
+        distance: m: mean range of its readings; NaN where none has a range.
+        seen: share of its finest cells that were seen.
+        surfaces: names.
+    """
+
+    level: int
+    grid: Grid
+    elevation: Floats
+    variance: Floats
+    lowest: Floats
+    highest: Floats
+    count: NDArray[np.int64]
+    surface: NDArray[np.int32]
+    time: Floats
+    distance: Floats
+    seen: Floats
+    surfaces: tuple[str, ...]
+
+
+def map_grid(bounds: Bounds, options: MapOptions, *, anchored: bool = True) -> Grid:
+    """The finest cells of a map.
+
+    Args:
+        bounds: west, south, east, north of what it is to hold.
+        options: of the map.
+        anchored: whether cells count from 0 in the world, else from the south-west corner; either
+            way there are whole cells of the coarsest level.
+
+    Raises:
+        RequestError: there are too many cells.
+    """
+    refuse_empty((bounds[0], bounds[1], bounds[2] + 1.0, bounds[3] + 1.0))
+    side, parts = options.coarsest, 2 ** (options.levels - 1)
+    if max(map(abs, bounds)) / side > 2**40:
+        raise RequestError(
+            f"Cells of {options.cell:g} m are too small for places as far off as these.",
+            "Give larger cells.",
+        )
+    starts, counts = [], []
+    for low, high in (bounds[::2], bounds[1::2]):
+        if anchored:
+            first, last = math.floor(low / side), math.floor(high / side)
+            starts.append(first * side)
+            counts.append(max(last + 1 - first, 1))
+        else:
+            starts.append(low)
+            counts.append(max(math.ceil((high - low) / side - 1e-6), 1))
+    cells = counts[0] * counts[1] * parts * parts
+    if cells > MOST_CELLS:
+        raise RequestError(
+            f"Cells of {options.cell:g} m over {' '.join(f'{b:.6g}' for b in bounds)} are "
+            f"{cells:,}.",
+            f"Give larger cells, or part of it by bounds; a map has up to {MOST_CELLS:,}.",
+        )
+    return Grid(starts[0], starts[1], options.cell, counts[1] * parts, counts[0] * parts)
+
+
+def thresholds(values: Floats, start: float, side: float, count: int) -> NDArray[np.int64]:
+    """Ψ: which of `count` intervals from `start` on holds each value, to the double of its edges.
+
+    They are half-open, but the far edge belongs to the last one. What is outside gets -1.
+    """
+    with np.errstate(invalid="ignore", over="ignore"):
+        index = np.clip(np.floor((values - start) / side), -1, count).astype(np.int64)
+    index -= values < start + index * side
+    index += values >= start + (index + 1) * side
+    index[values == start + count * side] = count - 1
+    return np.where((index < 0) | (index >= count), -1, index)
+
+
+def height_variance(cloud: Cloud, options: MapOptions, origin: Floats | None = None) -> Floats:
+    """(n,) m²: how far the heights of readings may be off.
+
+    σ_z² = σ_r² u_z² + (r σ_a)² (1 − u_z²), with the direction u of the ray, its range r and the
+    deviations of range and angle: the covariance of a reading, turned into the world and seen along
+    z (Fankhauser and others 2018, equation 1, without that of the pose). A grazing ray tells
+    heights better than a steep one, as far as its range goes. Without origins rays lead straight
+    down.
+    """
+    if cloud.variance is not None:
+        return np.maximum(np.nan_to_num(cloud.variance, nan=SIGMA**2), LEAST**2)
+    origins = cloud.origin if cloud.origin is not None else origin
+    down = np.ones(len(cloud.points))
+    ranges = cloud.range
+    if origins is not None:
+        way = cloud.points - origins
+        length = np.linalg.norm(way, axis=1)
+        down = np.where(length > 0.0, np.abs(way[:, 2]) / np.maximum(length, 1e-300), 1.0)
+        ranges = length if ranges is None else ranges
+    ranges = np.zeros(len(down)) if ranges is None else np.nan_to_num(ranges)
+    along, across = options.noise.deviation(ranges), ranges * options.angle
+    variance = (along * down) ** 2 + (across**2) * (1.0 - down**2)
+    return np.maximum(variance, LEAST**2)
+
+
+@dataclass
+class RobotMap:
+    """A map that grows batch by batch.
+
+    Within the gate the order of batches has no say, but for rounding. Where a cell has several
+    heights, what was seen before decides: a higher surface takes its place, a lower one only adds
+    to its variance.
+
+    Attributes:
+        grid: the finest cells.
+        options: what it is like.
+        origin: where the sensor was, (3,), for readings that do not say.
+        points: readings that were fused.
+        outside: readings beyond the cells.
+        surfaces: names, as they came.
+    """
+
+    grid: Grid
+    options: MapOptions
+    origin: Floats | None = None
+    points: int = 0
+    outside: int = 0
+    surfaces: list[str] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        cells = self.grid.width * self.grid.height
+        self._height, self._variance = np.zeros(cells), np.full(cells, np.inf)
+        self._low, self._high = np.full(cells, np.inf), np.full(cells, -np.inf)
+        self._count, self._ranged = np.zeros(cells, np.int64), np.zeros(cells, np.int64)
+        self._time, self._range = np.full(cells, -np.inf), np.zeros(cells)
+        # votes for surfaces: cell and surface as one number, ascending
+        self._voted, self._votes = np.zeros(0, np.int64), np.zeros(0, np.int64)
+
+    @property
+    def seen(self) -> int:
+        """Finest cells that were seen."""
+        return int((self._count > 0).sum())
+
+    def add(self, cloud: Cloud) -> None:
+        """Fuse a batch: first what of it lies in each cell, and that with what the cell has."""
+        grid, side = self.grid, self.options.cell
+        column = thresholds(cloud.points[:, 0], grid.west, side, grid.width)
+        row = thresholds(cloud.points[:, 1], grid.south, side, grid.height)
+        inside = (column >= 0) & (row >= 0) & (np.abs(cloud.points[:, 2]) < _FAR)
+        self.outside += int((~inside).sum())
+        if not inside.any():
+            return
+        cell = (grid.height - 1 - row) * grid.width + column
+        batch = _Batch.of(cell, inside, cloud, height_variance(cloud, self.options, self.origin))
+        self.points += len(batch.group)
+        self._note(batch, cloud)
+        tau = (self.options.relief * side) ** 2
+        mean, variance, member = batch.top(self.options.gate**2, tau)
+        kept, replaced = self._fuse(batch.cells, mean, variance, tau)
+        if cloud.surface is not None:
+            self._vote(batch, cloud, member & kept[batch.group], batch.cells[replaced])
+
+    def _note(self, batch: _Batch, cloud: Cloud) -> None:
+        cells = batch.cells
+        self._low[cells] = np.minimum(self._low[cells], batch.reduced(np.minimum, batch.heights))
+        self._high[cells] = np.maximum(self._high[cells], batch.reduced(np.maximum, batch.heights))
+        self._count[cells] += batch.sizes
+        if cloud.time is not None:
+            time = np.nan_to_num(cloud.time[batch.order], nan=-np.inf)
+            self._time[cells] = np.maximum(self._time[cells], batch.reduced(np.maximum, time))
+        ranges, origins = cloud.range, cloud.origin if cloud.origin is not None else self.origin
+        if ranges is None and origins is not None:
+            ranges = np.linalg.norm(cloud.points - origins, axis=1)
+        if ranges is not None:
+            ranges = ranges[batch.order]
+            known = np.isfinite(ranges)
+            self._range[cells] += batch.reduced(np.add, np.where(known, ranges, 0.0))
+            self._ranged[cells] += batch.reduced(np.add, known.astype(np.int64))
+
+    def _fuse(
+        self, cells: NDArray[np.int64], mean: Floats, variance: Floats, tau: float
+    ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+        """The Kalman filter; which of the cells took the batch, and which of them instead."""
+        height, before = self._height[cells], self._variance[cells]
+        known = np.isfinite(before)
+        limit = self.options.gate**2 * (np.where(known, before, 0.0) + variance + tau)
+        near = known & ((mean - height) ** 2 <= limit)
+        higher, lower = known & ~near & (mean > height), known & ~near & (mean < height)
+        gain = np.where(near, np.where(known, before, 0.0), 0.0)
+        gain = gain / (gain + variance)
+        taken = higher | ~known
+        self._height[cells] = np.where(taken, mean, height + gain * (mean - height))
+        after = np.where(near, (1.0 - gain) * before, before)
+        after = np.where(lower, before + _MULTI_HEIGHT**2, after)
+        self._variance[cells] = np.where(taken, variance, after)
+        return ~lower, higher
+
+    def _vote(
+        self, batch: _Batch, cloud: Cloud, member: NDArray[np.bool_], replaced: NDArray[np.int64]
+    ) -> None:
+        """Count the surfaces of readings of the fused height."""
+        assert cloud.surface is not None
+        for name in cloud.surfaces:
+            if name not in self.surfaces:
+                self.surfaces.append(name)
+        index = np.array([self.surfaces.index(name) for name in cloud.surfaces], np.int64)
+        surface = cloud.surface[batch.order]
+        member = member & (surface >= 0)
+        keys = batch.cells[batch.group[member]] << 20 | index[surface[member]]
+        kept = slice(None) if not len(replaced) else ~np.isin(self._voted >> 20, replaced)
+        found, counts = np.unique(keys, return_counts=True)
+        merged = np.concatenate([self._voted[kept], found])
+        self._voted, at = np.unique(merged, return_inverse=True)
+        votes = np.concatenate([self._votes[kept], counts])
+        self._votes = np.bincount(at, votes, len(self._voted)).astype(np.int64)
+
+    def level(self, level: int) -> MapLevel:
+        """The cells of a level; coarse ones are summed up of all finest ones in them."""
+        fine, parts = self.grid, 2**level
+        grid = replace(
+            fine,
+            resolution=fine.resolution * parts,
+            height=fine.height // parts,
+            width=fine.width // parts,
+        )
+
+        def blocks(values: NDArray[Any]) -> NDArray[Any]:
+            return values.reshape(grid.height, parts, grid.width, parts)
+
+        known = self._count > 0
+        seen = blocks(known).sum(axis=(1, 3))
+        never = seen == 0
+        some = np.maximum(seen, 1)
+
+        def emptied(values: NDArray[Any], where: NDArray[np.bool_] = never) -> Floats:
+            return np.where(where, np.nan, values)
+
+        ranged = blocks(self._ranged).sum(axis=(1, 3))
+        time = blocks(self._time).max(axis=(1, 3))
+        variance = blocks(np.where(known, self._variance, 0.0)).sum(axis=(1, 3)) / some**2
+        # sums of differences from one height lose less
+        base = float(self._height[known][0]) if known.any() else 0.0
+        height = blocks(np.where(known, self._height - base, 0.0)).sum(axis=(1, 3)) / some + base
+        return MapLevel(
+            level,
+            grid,
+            emptied(height),
+            emptied(variance),
+            emptied(blocks(self._low).min(axis=(1, 3))),
+            emptied(blocks(self._high).max(axis=(1, 3))),
+            blocks(self._count).sum(axis=(1, 3)),
+            self._likeliest(grid, parts),
+            emptied(time, ~np.isfinite(time)),
+            emptied(blocks(self._range).sum(axis=(1, 3)) / np.maximum(ranged, 1), ranged == 0),
+            emptied(seen / parts**2),
+            tuple(self.surfaces),
+        )
+
+    def _likeliest(self, grid: Grid, parts: int) -> NDArray[np.int32]:
+        """The surface with the most votes of each cell; of equals the one that came first."""
+        fine, surface = self._voted >> 20, self._voted & (1 << 20) - 1
+        row, column = np.divmod(fine, self.grid.width)
+        cell = (row // parts) * grid.width + column // parts
+        keys, at = np.unique(cell << 20 | surface, return_inverse=True)
+        votes = np.bincount(at, self._votes, len(keys)).astype(np.int64)
+        order = np.lexsort((-(keys & (1 << 20) - 1), votes, keys >> 20))
+        out = np.full(grid.width * grid.height, -1, np.int32)
+        out[keys[order] >> 20] = keys[order] & (1 << 20) - 1  # the last one of a cell stays
+        return out.reshape(grid.height, grid.width)
+
+
+@dataclass(frozen=True, slots=True)
+class _Batch:
+    """Readings sorted by cell.
+
+    Attributes:
+        order: (n,) which reading of the cloud each is.
+        cells: (m,) the cells, ascending; `starts` where each begins, `sizes` how many it has.
+        group: (n,) index into `cells`.
+        heights, variances: (n,).
+    """
+
+    order: NDArray[np.int64]
+    cells: NDArray[np.int64]
+    starts: NDArray[np.int64]
+    sizes: NDArray[np.int64]
+    group: NDArray[np.int64]
+    heights: Floats
+    variances: Floats
+
+    @classmethod
+    def of(
+        cls, cell: NDArray[np.int64], inside: NDArray[np.bool_], cloud: Cloud, variance: Floats
+    ) -> _Batch:
+        which = np.flatnonzero(inside)
+        order = which[np.argsort(cell[which], kind="stable")]
+        in_order = cell[order]
+        starts = np.flatnonzero(np.concatenate([[True], in_order[1:] != in_order[:-1]]))
+        sizes = np.diff(np.append(starts, len(order)))
+        group = np.repeat(np.arange(len(starts)), sizes)
+        heights, variances = cloud.points[order, 2], variance[order]
+        return cls(order, in_order[starts], starts, sizes, group, heights, variances)
+
+    def reduced(self, function: np.ufunc, values: NDArray[Any]) -> NDArray[Any]:
+        """Of each cell."""
+        out: NDArray[Any] = function.reduceat(values, self.starts)
+        return out
+
+    def top(self, gate: float, tau: float) -> tuple[Floats, Floats, NDArray[np.bool_]]:
+        """Mean and variance of the highest surface of each cell, and which readings are of it.
+
+        It begins with the highest reading. What is within the gate of the mean, or above, is of
+        the surface; so is found in a few rounds where a noisy surface has its middle.
+        """
+        highest = self.reduced(np.maximum, self.heights)
+        below = self.heights - highest[self.group]
+        mean = np.zeros(len(self.cells))
+        variance = self.reduced(np.maximum, np.where(below == 0.0, self.variances, 0.0))
+        weights = 1.0 / self.variances
+        member = np.ones(len(below), bool)
+        for _ in range(_ROUNDS):
+            off = below - mean[self.group]
+            limit = gate * (self.variances + variance[self.group] + tau)
+            member = (off >= 0.0) | (off * off <= limit)
+            information = self.reduced(np.add, np.where(member, weights, 0.0))
+            mean = self.reduced(np.add, np.where(member, weights * below, 0.0)) / information
+            variance = 1.0 / information
+        return highest + mean, variance, member
+
+
+def map_scans(
+    paths: Sequence[str | Path],
+    options: MapOptions,
+    bounds: Bounds | None = None,
+    origin: Sequence[float] | None = None,
+    progress: Callable[[str], object] = lambda _: None,
+) -> RobotMap:
+    """The map of scans in files, fused in their order.
+
+    Args:
+        paths: the files, as of `terratool.sensing.clouds.read_clouds`.
+        options: what the map is like.
+        bounds: west, south, east, north of what it holds; if None, what it takes to hold all
+            readings, which are read twice then.
+        origin: x, y and z of the sensor, for scans that do not say; not known if None.
+        progress: is called with words that say how far it is.
+
+    Raises:
+        RequestError: a suffix says no format, there are no readings, or too many cells.
+        ReadError: a file cannot be read.
+    """
+    for path in paths:
+        checked_reader(Path(path))
+    if bounds is None:
+        grid = map_grid(_around(paths, progress), options)
+    else:
+        refuse_empty(bounds)
+        grid = map_grid(bounds, options, anchored=False)
+    place = None if origin is None else np.array(origin, np.float64)
+    robot_map = RobotMap(grid, options, place)
+    for path in paths:
+        for cloud in read_clouds(path):
+            progress(f"fusing {Path(path).name}, {robot_map.points:,} points")
+            robot_map.add(cloud)
+    if not robot_map.points:
+        raise RequestError(
+            "No reading lies within the bounds." if bounds else "The scans hold no readings.",
+            "Give other bounds." if bounds else "Give scans that met something.",
+        )
+    return robot_map
+
+
+def _around(paths: Sequence[str | Path], progress: Callable[[str], object]) -> Bounds:
+    """The rectangle that holds all readings."""
+    low, high = np.full(2, np.inf), np.full(2, -np.inf)
+    for path in paths:
+        progress(f"looking where the points of {Path(path).name} are")
+        for cloud in read_clouds(path):
+            low = np.minimum(low, cloud.points[:, :2].min(axis=0))
+            high = np.maximum(high, cloud.points[:, :2].max(axis=0))
+    if not np.isfinite(low).all():
+        raise RequestError("The scans hold no readings.", "Give scans that met something.")
+    return float(low[0]), float(low[1]), float(high[0]), float(high[1])

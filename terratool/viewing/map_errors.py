@@ -1,0 +1,130 @@
+"""The picture of a robot's map: where it is too high, too low or knows nothing, over the ground."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terratool.field.terrain import Terrain
+from terratool.output import whole_file
+from terratool.raster.grid import Grid, grid_over
+from terratool.raster.shading import exaggeration
+from terratool.sensing.comparison import MapComparison
+from terratool.viewing.diff.picture import refuse_picture
+from terratool.viewing.layers import LayerPicture, Light
+from terratool.viewing.options import RenderOptions
+from terratool.viewing.plan import (
+    FINER,
+    Margins,
+    draw_frame,
+    draw_margins,
+    layout,
+    shaded,
+    unit_of,
+)
+from terratool.viewing.sheet import Key, Scale, Swatch, new_sheet, settings, write
+
+__all__ = ["refuse_picture", "write_picture"]
+
+_COLORS = "RdBu_r"
+"""Red is too high, blue too low: distinct for any kind of colour vision."""
+_NEVER, _GROUNDLESS = (150, 150, 146), (240, 228, 66)
+_LIGHT = Light(contrast=0.8, shade=0.55, glare=1.12, steeper=10.0)
+_MOST = 99.0
+"""Percentile of the sizes of errors at which the colours end, so that no wall takes them all."""
+
+
+def write_picture(
+    comparison: MapComparison, terrain: Terrain, path: str | Path, *, overwrite: bool = False
+) -> None:
+    """Draw what a map is off by. The same map and terrain give the same bytes.
+
+    Args:
+        comparison: what is known of both.
+        terrain: what the map is of.
+        path: a .png.
+        overwrite: whether it may be there already.
+
+    Raises:
+        RequestError: it is no .png, Matplotlib is missing, or the ground is too narrow to be seen.
+        WriteError: it exists, or cannot be written.
+    """
+    refuse_picture(path, overwrite)
+    options = RenderOptions(size=1200)
+    west, south, east, north = terrain.bounds
+    sides = east - west, north - south
+    with settings():
+        places = layout(sides, options, Margins(left=48.0, bottom=76.0, right=122.0, top=26.0))
+        grid = grid_over(terrain, sides[0] / (places.ground.width * FINER))
+        picture = _picture(comparison, terrain, grid)
+        factor = min(exaggeration(picture.heights, grid.resolution), _LIGHT.steeper)
+        sheet = new_sheet(places.width, places.height, options.dpi)
+        axes = sheet.axes(places.ground)
+        box = grid.bounds
+        axes.imshow(
+            shaded(picture, options.dpi, factor), extent=(box[0], box[2], box[1], box[3]),
+            aspect="auto", interpolation="none", origin="upper",
+        )  # fmt: skip
+        axes.set_xlim(box[0], box[2])
+        axes.set_ylim(box[1], box[3])
+        worst = comparison.worst
+        if worst is not None:
+            axes.plot(
+                [worst.x], [worst.y], marker="o", markersize=9.0, markerfacecolor="none",
+                markeredgecolor="black", markeredgewidth=1.2,
+            )  # fmt: skip
+        unit = unit_of(terrain)
+        draw_frame(sheet, axes, places, unit)
+        caption = "Red is too high, blue too low; the ring is the worst place."
+        draw_margins(sheet, places, picture, unit, [caption])
+        left = places.ground.left
+        sheet.title(_title(comparison), left, places.width - left - sheet.pixels(6.0))
+        sheet.key(picture.key, places.key)
+        with whole_file(path, overwrite) as part:
+            write(sheet, part)
+
+
+def _title(comparison: MapComparison) -> str:
+    known = f"{comparison.coverage:.1%} of the ground" if comparison.ground else "No ground"
+    if not comparison.errors.cells:
+        return known
+    return f"{known}, RMSE {comparison.errors.rmse:.3g} m"
+
+
+def _picture(comparison: MapComparison, terrain: Terrain, grid: Grid) -> LayerPicture:
+    """The colours of all pixels: each has those of the cell that its middle is in."""
+    from matplotlib import colormaps
+
+    level = comparison.map.level
+    errors = level.elevation - comparison.truth
+    heights = terrain.height(grid.columns(grid.whole)[None, :], grid.rows(grid.whole)[:, None])
+    size = np.abs(errors[np.isfinite(errors)])
+    most = float(np.percentile(size, _MOST)) if size.size else 0.0
+    most = most or float(size.max(initial=0.0)) or 1e-3
+    shares = np.clip(0.5 + 0.5 * errors / most, 0.0, 1.0)
+    of_cells = 255.0 * colormaps[_COLORS](np.nan_to_num(shares, nan=0.5))[..., :3]
+    of_cells[np.isnan(errors)] = _NEVER
+    groundless = np.isfinite(level.elevation) & np.isnan(comparison.truth)
+    of_cells[groundless] = _GROUNDLESS
+    cells = level.grid
+    column = np.floor((grid.columns(grid.whole) - cells.west) / cells.resolution).astype(np.int64)
+    row = np.floor((cells.bounds[3] - grid.rows(grid.whole)) / cells.resolution).astype(np.int64)
+    colors = _at(of_cells, row, column)
+    swatches = [Swatch("never seen", _NEVER)]
+    if groundless.any():
+        swatches.append(Swatch("no ground there", _GROUNDLESS))
+    key = Key("Map", tuple(swatches), Scale("map less terrain (m)", -most, most, _COLORS))
+    return LayerPicture(grid, heights, np.zeros(heights.shape, np.uint8), colors, key, _LIGHT)
+
+
+def _at(
+    of_cells: NDArray[np.float64], row: NDArray[np.int64], column: NDArray[np.int64]
+) -> NDArray[np.float64]:
+    """Colours at rows and columns of cells; beyond them it is as where nothing was seen."""
+    height, width, _ = of_cells.shape
+    colors = of_cells[np.clip(row, 0, height - 1)[:, None], np.clip(column, 0, width - 1)]
+    colors[(row < 0) | (row >= height)] = _NEVER
+    colors[:, (column < 0) | (column >= width)] = _NEVER
+    return colors
