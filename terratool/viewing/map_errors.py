@@ -24,7 +24,7 @@ from terratool.viewing.plan import (
     shaded,
     unit_of,
 )
-from terratool.viewing.sheet import Key, Scale, Swatch, new_sheet, settings, write
+from terratool.viewing.sheet import Key, Scale, Swatch, new_sheet, rounded_down, settings, write
 
 __all__ = ["refuse_picture", "write_picture"]
 
@@ -102,7 +102,7 @@ def _picture(comparison: MapComparison, terrain: Terrain, grid: Grid) -> LayerPi
     heights = terrain.height(grid.columns(grid.whole)[None, :], grid.rows(grid.whole)[:, None])
     size = np.abs(errors[np.isfinite(errors)])
     most = float(np.percentile(size, _MOST)) if size.size else 0.0
-    most = most or float(size.max(initial=0.0)) or 1e-3
+    most = _rounded_up(most or float(size.max(initial=0.0)) or 1e-3)
     shares = np.clip(0.5 + 0.5 * errors / most, 0.0, 1.0)
     of_cells = 255.0 * colormaps[_COLORS](np.nan_to_num(shares, nan=0.5))[..., :3]
     of_cells[np.isnan(errors)] = _NEVER
@@ -117,6 +117,11 @@ def _picture(comparison: MapComparison, terrain: Terrain, grid: Grid) -> LayerPi
         swatches.append(Swatch("no ground there", _GROUNDLESS))
     key = Key("Map", tuple(swatches), Scale("map less terrain (m)", -most, most, _COLORS))
     return LayerPicture(grid, heights, np.zeros(heights.shape, np.uint8), colors, key, _LIGHT)
+
+
+def _rounded_up(value: float) -> float:
+    """The least number of 1, 2 or 5 times a power of ten that is no less than one above 0."""
+    return 1.0 / rounded_down(1.0 / value)
 
 
 def _at(
