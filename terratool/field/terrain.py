@@ -27,6 +27,7 @@ from terratool.kernels import field as kernels
 if TYPE_CHECKING:
     import torch
 
+    from terratool.field.addresses import CellAddress
     from terratool.field.rays import RayHits
     from terratool.field.torch_field import TorchField
     from terratool.field.warp_field import WarpField
@@ -297,6 +298,18 @@ class Terrain:
         unique, index = np.unique(element.ravel(), return_inverse=True)
         pointers = np.array([self.pointer(i) for i in unique.tolist()], object)
         return pointers[index].reshape(element.shape)[()]
+
+    def address(self, x: ArrayLike, y: ArrayLike) -> CellAddress:
+        """Cells of the nested grids that hold points, level by level: the paper's Ψ.
+
+        See `terratool.field.addresses.addresses`. `locate` names the element instead.
+
+        Raises:
+            RequestError: the parts of the terrain come to too many elements.
+        """
+        from terratool.field.addresses import addresses
+
+        return addresses(self, x, y)
 
     def normal(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.float64]:
         """Upward unit normals at points, (…, 3) float64; of the east and north side on an edge."""

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from terratool.definition.model import DEFAULT_MULTIPASS, LARGEST, Definition, Track, middle_of
 from terratool.field.pieces import Floats
-from terratool.field.records import SEGMENT, TrackArrays
+from terratool.field.records import SEGMENT, FieldArrays, TrackArrays
 from terratool.kernels import field as kernels
 
 
@@ -38,6 +38,22 @@ def compile_tracks(definition: Definition, bounds: Floats) -> TrackArrays:
         depths=depths,
         **_track_index(segments, bounds)._asdict(),
     )
+
+
+def without_tracks(arrays: FieldArrays) -> FieldArrays:
+    """A field as it is before anything ran over it."""
+    tracks = arrays.tracks
+    none = TrackArrays(
+        segments=tracks.segments[:0],
+        first=tracks.first[:1],
+        passes=tracks.passes[:0],
+        power=tracks.power[:0],
+        surface=tracks.surface[:0],
+        law=tracks.law[:0],
+        depths=tracks.depths[:0],
+        **_track_index(tracks.segments[:0], arrays.bounds)._asdict(),
+    )
+    return arrays._replace(tracks=none)
 
 
 def track_lengths(tracks: TrackArrays) -> Floats:
