@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import os
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
@@ -10,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.conftest import terrain_of
-from tests.oracle import Element, Oracle
+from tests.oracle import Element, Oracle, Side
 from tests.strategies import definitions, landmarks, points, rims
 
 EXAMPLES = int(os.environ.get("TERRATOOL_FUZZ", "25"))
@@ -94,6 +96,13 @@ def test_shapes_are_those_of_the_points() -> None:
     assert terrain_of(alone).address(0.0, 110.0).cells.shape == (0, 2)
 
 
+def cell_of(side: Side, count: int, p: float, ground: Side) -> int:
+    """Which of so many equal parts of a side holds a coordinate."""
+    near = math.floor((Fraction(p) - side.low) / side.length * count)
+    around = range(max(near - 1, 0), min(near + 2, count))
+    return next((k for k in around if side.part(k, 1, count).holds(p, ground)), count - 1)
+
+
 def by_format(oracle: Oracle, x: float, y: float) -> list[list[int]] | None:
     """The cells from the root to the deepest element, from exact positions."""
     if not oracle._in_cell(oracle.ground, x, y):
@@ -115,14 +124,8 @@ def by_format(oracle: Oracle, x: float, y: float) -> list[list[int]] | None:
         if all("at" in child for child in children):
             found.append([0, 0])
             continue
-        found.append(
-            [
-                next(k for k in range(n) if side.part(k, 1, n).holds(p, ground) or (k == n - 1))
-                for side, n, p, ground in zip(
-                    element.cell, element.grid, (x, y), oracle.ground, strict=True
-                )
-            ]
-        )
+        sides = zip(element.cell, element.grid, (x, y), oracle.ground, strict=True)
+        found.append([cell_of(*one) for one in sides])
     return found
 
 
