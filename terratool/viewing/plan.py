@@ -185,10 +185,10 @@ def draw_plan(
         captions.append(_light_caption(factor))
     if options.contours is not None:
         captions.append(_draw_contours(axes, picture, options.contours))
-    if options.keyed:
-        _draw_letters(axes, picture, options.dpi)
     if options.grid:
         notes += _draw_cells(axes, terrain, picture, sheet)
+    if options.keyed:
+        _draw_letters(axes, picture, options.dpi)
     if options.bare:
         axes.set_axis_off()
     else:
@@ -336,8 +336,12 @@ def _draw_cells(axes: Axes, terrain: Terrain, picture: LayerPicture, sheet: Shee
     found = cell_lines(terrain, picture.grid.bounds, per_point)
     for level, (lines, outlines) in enumerate(zip(found.grids, found.elements, strict=True)):
         thin, thick = max(0.6 * 0.7**level, 0.2), max(1.6 * 0.75**level, 0.4)
-        axes.add_collection(LineCollection(list(lines), colors=INK, linewidths=thin, alpha=0.45))
-        axes.add_collection(LineCollection(list(outlines), colors=INK, linewidths=thick))
+        for those, width, share in ((lines, thin, 0.45), (outlines, thick, 1.0)):
+            # dark ground needs the lighter line
+            for color, wider in (("white", 0.8), (INK, 0.0)):
+                alpha = share if color == INK else 0.5 * share
+                style: Any = {"colors": color, "linewidths": width + wider, "alpha": alpha}
+                axes.add_collection(LineCollection(list(those), **style))
     for label in found.labels:
         axes.text(
             label.x, label.y, label.text, fontsize=LABEL, va="top", ha="left", color=INK,

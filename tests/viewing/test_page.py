@@ -16,6 +16,7 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
+from terratool.traversability.results import COLORS, GroundClass
 from tests.commands import COMMAND, ENVIRONMENT, ROOT, call
 from tests.viewing.browsers import chromium
 
@@ -28,8 +29,8 @@ BOXES: dict[str, Any] = {
     "size": [12, 8],
     "descr": "</script><script>window.hacked = 1</script>",
     "surfTypes": {
-        "ground": {"color": [90, 110, 90], "cohesion": 2, "fricAngle": 33},
-        "red": {"color": [230, 20, 20]},
+        "ground": {"color": [90, 110, 90], "cohesion": 2, "fricAngle": 33, "sinkage": 0},
+        "red": {"color": [230, 20, 20], "cohesion": 2, "fricAngle": 33, "sinkage": 0},
         "</script><b>blue": {
             "color": [20, 20, 230], "descr": "<img src=x onerror=window.hacked=2>"
         },
@@ -170,16 +171,19 @@ SPOTS = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize("name", ["warehouse", "ramp-yard", "nested-site"])
+@pytest.mark.parametrize(
+    ("name", "options"),
+    [("warehouse", ()), ("ramp-yard", ()), ("nested-site", ("--max-error", 0.02))],
+)
 def test_what_the_pointer_tells_is_what_a_query_answers(
-    page: Callable[..., Page], name: str
+    page: Callable[..., Page], name: str, options: tuple[object, ...]
 ) -> None:
     """z within the error that it says; surface, element, description and line exactly."""
     file = ROOT / f"samples/{name}.json"
-    shown = page(file)
+    shown = page(file, *options)
     shown.press("t")
     [within] = map(float, re.findall(r"([\d.]+)° at 99 of 100 places", shown.text("#facts")))
-    assert within < 10
+    assert within < 12
     told = [shown.move(*spot) for spot in SPOTS]
     places = [one[key] for one in told for key in "xy"]
     answers = json.loads(call("query", file, *places, "--format", "json").out)["points"]
@@ -191,7 +195,7 @@ def test_what_the_pointer_tells_is_what_a_query_answers(
         assert one["element"] == answer["element"], one
         assert element_at(file, one["line"], answer["element"]) is not None, one
     assert len({one["element"] for one in told}) >= 4
-    assert float(told[0]["±"]) < 0.02
+    assert float(told[0]["±"]) < 0.025
 
 
 def element_at(file: Path, line: str, name: str) -> Any:
@@ -348,9 +352,13 @@ def test_layers_have_their_colours(page: Callable[..., Page], boxes: Path) -> No
     assert color(0.5, 7.5) == pytest.approx([0x44, 0x01, 0x54], abs=3)  # level
     assert color(3, 4)[1] > 100  # the ramp
     shown.press("l")
-    told = shown.move(round(width / 2), round(height / 2))
-    assert told["verdict"] == "unknown"  # its soil has no sinkage
-    assert "unknown" in shown.text("#legend")
+    for x, y, verdict in (
+        (9, 2, GroundClass.CUT_OFF), (3, 2, GroundClass.GO), (2.5, 5.5, GroundClass.UNKNOWN)
+    ):  # fmt: skip
+        spot = round(width / 2 + (x - 6) * scale), round(height / 2 - (y - 4) * scale)
+        assert shown.move(*spot)["verdict"] == verdict.label
+        assert color(x, y) == pytest.approx(COLORS[verdict], abs=3)
+        assert verdict.label in shown.text("#legend")
 
 
 def test_keys_alone_do_all(page: Callable[..., Page], boxes: Path) -> None:
