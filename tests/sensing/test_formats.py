@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import csv
+import datetime
 import json
+import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -110,6 +112,7 @@ def test_las_in_laspy(suffix: str, tmp_path: Path) -> None:
         np.testing.assert_array_equal(las[name], together(frames, name))
     walls = together(frames, "wall")
     np.testing.assert_array_equal(las.classification, np.where(walls, 1, 2))
+    assert las.header.creation_date == datetime.date(1980, 1, 1)  # no clock
     assert b"brick" in las.vlrs.get_by_id("terratool")[0].record_data_bytes()
 
 
@@ -118,6 +121,8 @@ def test_npz_has_all_of_it(tmp_path: Path) -> None:
     for misses in (False, True):
         path = tmp_path / f"{misses}.npz"
         frames, _ = scanned(LIDAR, path, misses=misses)
+        with zipfile.ZipFile(path) as archive:  # no clock
+            assert {one.date_time[0] for one in archive.infolist()} == {1980}
         with np.load(path) as file:
             names = ("range", "intensity", "ring", "surface", "element", "wall", "status")
             for name in names:
