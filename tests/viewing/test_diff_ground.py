@@ -72,7 +72,10 @@ def pixels(old: dict[str, Any], new: dict[str, Any], resolution: float) -> dict[
     before, after = Oracle(old), Oracle(new)
     # pixels with their centres clearly within, as for rasters
     columns, rows = (
-        sum((k + 0.5) * resolution < float(side) * (1 - 1e-9) for k in range(20 * PIXELS))
+        sum(
+            (k + 0.5) * resolution < float(side) * (1 - 1e-9)
+            for k in range(2 + int(float(side) / resolution))
+        )
         for side in (width, height)
     )
     found = {}
