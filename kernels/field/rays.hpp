@@ -508,13 +508,16 @@ public:
         ray_ = &ray;
         hit_ = {};
         side_ = NOWHERE, above_ = NaN, top_ = -1;
-        scale_ = abs(ray.x) + abs(ray.y) + abs(ray.z) + min(most, 1e300);
         if (ray.dx == 0.0 && ray.dy == 0.0) return cast_upright(most);
         double begin = 0.0, end = most;
         In bounds = field_.bounds;
+        const Node& root = index_.nodes[0];
         if (!clip(ray.x, ray.dx, bounds[0], bounds[2], begin, end)) return hit_;
         if (!clip(ray.y, ray.dy, bounds[1], bounds[3], begin, end)) return hit_;
-        if (begin <= end) walk(begin, end);
+        if (!clip(ray.z, ray.dz, root.low, root.high, begin, end)) return hit_;
+        // of what is looked at, not of the range: that may have no limit
+        scale_ = abs(ray.x) + abs(ray.y) + abs(ray.z) + end;
+        walk(begin, end);
         return hit_;
     }
 
