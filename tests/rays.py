@@ -30,7 +30,8 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
-ABOVE, VOID, BELOW, OPEN = 1, 0, -1, 2
+ABOVE, VOID, BELOW = 1, 0, -1
+OPEN, OPEN_TO_VOID = 2, 3  # not told yet; there may be void in it
 FORMULA_ERROR = 2e-8  # curves of formulas are kept to 1e-8 each
 ROUNDING = 8 * 2.0**-52  # of coordinates and heights, as a share of the largest on the way
 FINEST = 1e-10  # of the way
@@ -225,6 +226,34 @@ class Stretches:
         )
 
 
+Ends = tuple[Floats, Floats]  # a coordinate where lines begin and where they end
+
+
+@dataclass(frozen=True)
+class Lines:
+    """Straight lines in the plan, and how far rounding can move points of each."""
+
+    x: Ends
+    y: Ends
+    grain: Floats
+
+    def of(self, which: Any) -> Lines:
+        (x0, x1), (y0, y1) = self.x, self.y
+        return Lines((x0[which], x1[which]), (y0[which], y1[which]), self.grain[which])
+
+    def __len__(self) -> int:
+        return len(self.grain)
+
+    def middle(self) -> tuple[Floats, Floats, Floats]:
+        """x and y of their middles, and half their lengths."""
+        (x0, x1), (y0, y1) = self.x, self.y
+        return (x0 + x1) / 2, (y0 + y1) / 2, np.hypot(x1 - x0, y1 - y0) / 2
+
+
+def spanned(ends: Ends) -> Span:
+    return Span(np.minimum(*ends), np.maximum(*ends))
+
+
 @dataclass(frozen=True)
 class Rays:
     """Rays: where they begin and where they go, (n, 3); directions are 1 long."""
@@ -237,12 +266,12 @@ class Rays:
         origin, way = self.origins[s.ray, axis], self.ways[s.ray, axis]
         return origin + way * s.begin, origin + way * s.end
 
-    def grain(self, s: Stretches) -> Floats:
-        """How far rounding can move points of stretches."""
-        ends = [np.abs(end) for axis in (0, 1) for end in self.along(axis, s)]
+    def seen_from_above(self, s: Stretches) -> Lines:
+        """Stretches in the plan."""
+        x, y = self.along(0, s), self.along(1, s)
+        ends = [np.abs(end) for end in (*x, *y)]
         largest = np.maximum.reduce([*ends, *np.abs(self.origins[s.ray, :2]).T])
-        found: Floats = ROUNDING * largest
-        return found
+        return Lines(x, y, ROUNDING * largest)
 
 
 @dataclass(frozen=True)
@@ -295,39 +324,47 @@ class BoundedElement:
         if "vScale" in element.node:
             self.scale = float(element.node["vScale"])
 
-    def local(self, rays: Rays, s: Stretches) -> list[tuple[Floats, Floats]]:
-        """u - 1/2 and v - 1/2 at both ends of stretches."""
-        x, y = ([p - self.middle[k] for p in rays.along(k, s)] for k in (0, 1))
-        return [
-            tuple((p * self.cos - q * self.sin) / self.sides[0] for p, q in zip(x, y, strict=True)),
-            tuple((p * self.sin + q * self.cos) / self.sides[1] for p, q in zip(x, y, strict=True)),
-        ]  # type: ignore[return-value]
+    def near(self, lines: Lines) -> Any:
+        """Which lines may come near its footprint."""
+        cos, sin = abs(self.cos), abs(self.sin)
+        w, h = self.sides
+        around = [w, h] if self.trimmed else [cos * w + sin * h, sin * w + cos * h]
+        misses = np.zeros(len(lines), bool)
+        for ends, middle, side in zip((lines.x, lines.y), self.middle, around, strict=True):
+            span, reach = spanned(ends), side * (0.5 + 1e-6) + 2 * lines.grain
+            misses |= (span.high < middle - reach) | (span.low > middle + reach)
+        return np.flatnonzero(~misses)
 
-    def footprint(
-        self, rays: Rays, s: Stretches, local: list[tuple[Floats, Floats]], grain: Floats
-    ) -> tuple[Flags, Flags]:
-        """Whether it surely holds stretches, and whether it surely holds nothing of them."""
-        holds, misses = np.ones(len(s), bool), np.zeros(len(s), bool)
+    def local(self, lines: Lines) -> tuple[Ends, Ends]:
+        """u - 1/2 and v - 1/2 where lines begin and end."""
+        x0, x1 = (x - self.middle[0] for x in lines.x)
+        y0, y1 = (y - self.middle[1] for y in lines.y)
+        (w, h), cos, sin = self.sides, self.cos, self.sin
+        u = (x0 * cos - y0 * sin) / w, (x1 * cos - y1 * sin) / w
+        return u, ((x0 * sin + y0 * cos) / h, (x1 * sin + y1 * cos) / h)
+
+    def footprint(self, lines: Lines, local: tuple[Ends, Ends]) -> tuple[Flags, Flags]:
+        """Whether it surely holds lines, and whether it surely holds nothing of them."""
+        grain = lines.grain
+        holds, misses = np.ones(len(lines), bool), np.zeros(len(lines), bool)
         if self.trimmed:
-            for axis, (low, high) in enumerate(self.edges):
-                ends = rays.along(axis, s)
-                first, last = np.minimum(*ends), np.maximum(*ends)
-                holds &= (first >= low + grain) & (last <= high - grain)
-                misses |= (last < low - grain) | (first > high + grain)
+            for (low, high), ends in zip(self.edges, (lines.x, lines.y), strict=True):
+                span = spanned(ends)
+                holds &= (span.low >= low + grain) & (span.high <= high - grain)
+                misses |= (span.high < low - grain) | (span.low > high + grain)
         if self.radial:
             rho, slack = self.rho(local), 3 * grain / min(self.sides)
             holds &= rho.high <= 1 - slack
             misses |= rho.low > 1 + FOOTPRINT_TOLERANCE + slack
         elif self.turned:
             for ends, side in zip(local, self.sides, strict=True):
-                slack = 1.5 * grain / side + ROUNDING
-                first, last = np.minimum(*ends), np.maximum(*ends)
-                holds &= (first >= slack - 0.5) & (last <= 0.5 - slack)
+                span, slack = spanned(ends), 1.5 * grain / side + ROUNDING
+                holds &= (span.low >= slack - 0.5) & (span.high <= 0.5 - slack)
                 reach = 0.5 + FOOTPRINT_TOLERANCE + slack
-                misses |= (last < -reach) | (first > reach)
+                misses |= (span.high < -reach) | (span.low > reach)
         return holds, misses
 
-    def rho(self, local: list[tuple[Floats, Floats]]) -> Span:
+    def rho(self, local: tuple[Ends, Ends]) -> Span:
         """The distance from the middle of a disc, in radii: of a point on a straight line."""
         (u0, u1), (v0, v1) = local
         du, dv = u1 - u0, v1 - v0
@@ -337,16 +374,16 @@ class BoundedElement:
         least = np.minimum(np.hypot(u0 + nearest * du, v0 + nearest * dv), np.minimum(*ends))
         return Span(2 * least, 2 * np.maximum(*ends))
 
-    def height(self, local: list[tuple[Floats, Floats]], grain: Floats) -> tuple[Span, Floats]:
+    def height(self, local: tuple[Ends, Ends], grain: Floats) -> tuple[Span, Floats]:
         """Bounds of what it adds where it is, and how far its curves may be off."""
         soft = STEP_TOLERANCE if self.radial or self.turned else 0.0
         grains = [1.5 * grain / side + ROUNDING + soft for side in self.sides]
         x, y = self.curves
         if self.radial:
-            first = x.over(self.rho(local).__mul__(0.5) + 0.5, 2 * np.maximum(*grains))
+            first = x.over(self.rho(local) * 0.5 + 0.5, 2 * np.maximum(*grains))
             shape, error = first, x.error
         else:
-            spans = [Span(np.minimum(*ends), np.maximum(*ends)) + 0.5 for ends in local]
+            spans = [spanned(ends) + 0.5 for ends in local]
             first, second = x.over(spans[0], grains[0]), y.over(spans[1], grains[1])
             error = x.error + y.error
             if self.combine == "product":
@@ -361,8 +398,8 @@ class BoundedElement:
 
     def bounds(self) -> Span:
         """Of what it adds anywhere."""
-        whole = [(np.array([-0.5]), np.array([0.5]))] * 2
-        return self.height(whole, np.zeros(1))[0].hull(span_of(0.0))
+        whole = np.array([-0.5]), np.array([0.5])
+        return self.height((whole, whole), np.zeros(1))[0].hull(span_of(0.0))
 
 
 def mixed(key: NDArray[np.uint64]) -> NDArray[np.uint64]:
@@ -442,21 +479,22 @@ class RayOracle:
 
     def below(self, rays: Rays, s: Stretches) -> Grounds:
         """What is known of the ground below stretches."""
-        grain = rays.grain(s)
+        lines = rays.seen_from_above(s)
         low, high, off = (np.zeros(len(s)) for _ in range(3))
         top, one = np.full(len(s), -1), np.ones(len(s), bool)
         worn = np.ones(len(s), np.int64)  # bits of the surfaces that there may be
         for number, element in enumerate(self.elements):
-            local = element.local(rays, s)
-            holds, misses = element.footprint(rays, s, local, grain)
-            met = np.flatnonzero(~misses)
+            met = element.near(lines)
             if not len(met):
                 continue
-            here = [(a[met], b[met]) for a, b in local]
-            z, rounding = element.height(here, grain[met])
-            sure = holds[met]
-            low[met] += np.where(sure, z.low, np.minimum(z.low, 0.0))
-            high[met] += np.where(sure, z.high, np.maximum(z.high, 0.0))
+            here = lines.of(met)
+            local = element.local(here)
+            sure, misses = element.footprint(here, local)
+            z, rounding = element.height(local, here.grain)
+            met, sure, rounding = met[~misses], sure[~misses], rounding[~misses]
+            least, most = z.low[~misses], z.high[~misses]
+            low[met] += np.where(sure, least, np.minimum(least, 0.0))
+            high[met] += np.where(sure, most, np.maximum(most, 0.0))
             off[met] += rounding
             top[met[sure]] = number
             one[met] = sure
@@ -469,26 +507,26 @@ class RayOracle:
         )
         all_void, any_void = worn & ~voids == 0, worn & voids != 0
         z = Span(low, high)
-        z, worn, top, one = self.rutted(rays, s, z, worn, top, one)
-        z = self.roughened(rays, s, z, worn)
+        z, worn, top, one = self.rutted(lines, z, worn, top, one)
+        z = self.roughened(lines, z, worn)
         off += ROUNDING * z.size().high
         return Grounds(z, off, all_void, any_void, top, one)
 
     def rutted(
-        self, rays: Rays, s: Stretches, z: Span, worn: Ints, top: Ints, one: Flags
+        self, lines: Lines, z: Span, worn: Ints, top: Ints, one: Flags
     ) -> tuple[Span, Ints, Ints, Flags]:
         """What tracks make of it."""
         if not self.tracks:
             return z, worn, top, one
-        over, maybe = np.zeros(len(s), np.int64), np.zeros(len(s), np.int64)
-        grain = rays.grain(s)
+        over, maybe = np.zeros(len(lines), np.int64), np.zeros(len(lines), np.int64)
+        grain = lines.grain
         for k, track in enumerate(self.tracks):
-            distance = self.from_track(rays, s, track)
+            distance = self.from_track(lines, track)
             holds = distance.high <= track.node["width"] / 2 - 4 * grain
             meets = distance.low <= track.node["width"] / 2 + 4 * grain
             over |= holds.astype(np.int64) << k
             maybe |= (meets & ~holds).astype(np.int64) << k
-        deepest = [np.zeros(len(s)), np.zeros(len(s))]
+        deepest = [np.zeros(len(lines)), np.zeros(len(lines))]
         cases = np.stack([over, maybe, worn])
         for case in np.unique(cases[:, over | maybe != 0], axis=1).T:
             these = (cases == case[:, None]).all(axis=0)
@@ -518,11 +556,10 @@ class RayOracle:
         passes = sum(track.passes for track in tracks)
         return float(deepest.first_pass(surface) * passes ** (1 / deepest.multipass))
 
-    def from_track(self, rays: Rays, s: Stretches, track: Track) -> Span:
+    def from_track(self, lines: Lines, track: Track) -> Span:
         """Distance from the path of a track: it changes no faster than one goes."""
-        (x0, x1), (y0, y1) = rays.along(0, s), rays.along(1, s)
-        x, y, reach = (x0 + x1) / 2, (y0 + y1) / 2, np.hypot(x1 - x0, y1 - y0) / 2
-        found = np.full(len(s), math.inf)
+        x, y, reach = lines.middle()
+        found = np.full(len(lines), math.inf)
         for (ax, ay), (bx, by) in pairwise(track.node["path"]):
             dx, dy = bx - ax, by - ay
             square = dx * dx + dy * dy
@@ -530,21 +567,21 @@ class RayOracle:
             found = np.minimum(found, np.hypot(x - ax - part * dx, y - ay - part * dy))
         return Span(found - reach, found + reach)
 
-    def roughened(self, rays: Rays, s: Stretches, z: Span, worn: Ints) -> Span:
+    def roughened(self, lines: Lines, z: Span, worn: Ints) -> Span:
         """What the reliefs of the surfaces make of it."""
-        low, high = np.full(len(s), math.inf), np.full(len(s), -math.inf)
+        if not any("roughness" in surface for surface in self.oracle.surfaces.values()):
+            return z
+        low, high = np.full(len(lines), math.inf), np.full(len(lines), -math.inf)
         for k, name in enumerate(self.surfaces):
             may = np.flatnonzero(worn >> k & 1)
             if not len(may):
                 continue
-            part = s.of(may)
             added = span_of(0.0)
             if name is not None and "roughness" in self.oracle.surfaces[name]:
-                (x0, x1), (y0, y1) = rays.along(0, part), rays.along(1, part)
-                roughness = self.oracle.surfaces[name]["roughness"]
-                middle, steep = reliefs(roughness, (x0 + x1) / 2, (y0 + y1) / 2)
-                reach = np.hypot(x1 - x0, y1 - y0) / 2 + rays.grain(part)
-                added = Span(middle - steep * reach, middle + steep * reach)
+                part = lines.of(may)
+                x, y, reach = part.middle()
+                middle, steep = reliefs(self.oracle.surfaces[name]["roughness"], x, y)
+                added = Span(middle, middle).wider(steep * (reach + part.grain))
             low[may] = np.minimum(low[may], added.low)
             high[may] = np.maximum(high[may], added.high)
         return z + Span(low, high)
@@ -581,9 +618,10 @@ class RayOracle:
         told, last = np.ones(count, bool), np.full(count, math.inf)
         while len(open_):
             state = self.states(rays, open_)
-            done = (state != OPEN) | (open_.end - open_.begin <= least[open_.ray])
+            both, said = merged(known, states, open_, state)
+            last = np.minimum(last, turned_at(both, said, count))
+            done = (state < OPEN) | (open_.end - open_.begin <= least[open_.ray])
             known, states = merged(known, states, open_.of(done), state[done])
-            last = np.minimum(last, turned_at(known, states, count))
             keep = known.begin <= last[known.ray]
             known, states = known.of(keep), states[keep]
             open_ = open_.of(~done)
@@ -606,7 +644,7 @@ class RayOracle:
         above = np.minimum(z0, z1) > ground.z.high + off
         below = np.maximum(z0, z1) < ground.z.low - off
         state = np.where(above, ABOVE, np.where(below, BELOW, OPEN))
-        return np.where(ground.all_void, VOID, np.where(ground.any_void, OPEN, state))
+        return np.where(ground.all_void, VOID, np.where(ground.any_void, OPEN_TO_VOID, state))
 
     def clipped(self, rays: Rays, most: Floats) -> tuple[Floats, Floats]:
         """Where rays are over the terrain and as high as its ground, give or take."""
@@ -645,11 +683,14 @@ def merged(known: Stretches, states: Ints, more: Stretches, others: Ints) -> tup
 
 
 def turned_at(known: Stretches, states: Ints, count: int) -> Floats:
-    """For each ray, where it is first known to be on another side than before."""
+    """For each ray, where it is first known to be on another side than before.
+
+    Not if there may be void between, which a ray passes.
+    """
     found = np.full(count, math.inf)
     told = np.flatnonzero(states != OPEN)
     ray, state = known.ray[told], states[told]
-    turns = (ray[1:] == ray[:-1]) & (state[1:] == -state[:-1]) & (state[1:] != VOID)
+    turns = (ray[1:] == ray[:-1]) & (state[1:] * state[:-1] == -1)
     at = told[1:][turns]
     np.minimum.at(found, known.ray[at], known.begin[at])
     return found
@@ -659,8 +700,10 @@ def reading(known: Stretches, states: Ints, last: float, least: float, told: boo
     """What is known of one ray, in order."""
     side, since, grazes = VOID, -math.inf, []
     for begin, end, state in zip(known.begin, known.end, states, strict=True):
-        if state == OPEN:
+        if state >= OPEN:
             grazes.append((begin, end))
+            if state == OPEN_TO_VOID:  # of a void that is too narrow to tell
+                side = VOID
             continue
         if state == -side and side != VOID:
             before = [graze for graze in grazes if graze[0] < since]
