@@ -138,9 +138,9 @@ private:
         double g0 = c[1] + s0 * (2.0 * c[2] + s0 * (3.0 * c[3]));
         double g1 = c[1] + s1 * (2.0 * c[2] + s1 * (3.0 * c[3]));
         Range slope{min(g0, g1), max(g0, g1)};
-        double turn = -c[2] / (3.0 * c[3]);  // NaN or infinite where the slope has no peak
-        if (s0 < turn && turn < s1) {
-            double peak = c[1] + c[2] * turn;
+        // its bend changes sign where the slope has a peak
+        if ((c[2] + 3.0 * c[3] * s0) * (c[2] + 3.0 * c[3] * s1) < 0.0) {
+            double peak = c[1] - c[2] * c[2] / (3.0 * c[3]);
             slope = {min(slope.low, peak), max(slope.high, peak)};
         }
         double f0 = c[0] + s0 * (c[1] + s0 * (c[2] + s0 * c[3]));
@@ -158,6 +158,15 @@ private:
 // The rectangle of an element's cell, by the doubles at which its edges stand.
 struct Cell {
     double west, south, east, north;
+
+    double wide() const { return east - west; }
+    double tall() const { return north - south; }
+};
+
+// A cell of an element, and 1 by its sides.
+struct Placed {
+    Cell cell;
+    double per_x, per_y;
 };
 
 // (u, v) of an element's primitive at (x, y): u = u_0 + u_x x + u_y y, and v likewise.
@@ -166,18 +175,39 @@ struct Frame {
 };
 
 struct Node {
-    double low, high;  // of all heights in it
-    double base;       // of a leaf: what elements add that are level all over it
-    u32 first, count;  // its entries, or its first quarter
+    float low, high;  // of all heights in it
+    u32 next;         // where its quarters are; of a leaf, which one it is
+    u8 leaf, voids;   // whether it is a leaf; whether there may be a void in it
+};
+
+// Quarters of a node: south-west, south-east, north-west, north-east; a line of the cache.
+struct alignas(64) Quarters {
+    std::array<Node, 4> nodes;
+};
+
+// A node of the plan by the place of its middle, in parts of the whole.
+struct Middle {
+    double x, y, half;
+
+    INLINE Middle quarter(bool east, bool north) const {
+        double own = 0.5 * half;
+        return {x + (east ? own : -own), y + (north ? own : -own), own};
+    }
+};
+
+struct Leaf {
+    double base;       // what elements add that are level all over it
+    u32 first, count;  // its entries …
+    u32 segments;      // … and those behind them, of tracks
     i32 top;           // the last of the elements that are level all over it, -1 for none
-    u8 leaf, voids;    // whether it is a leaf; whether there may be a void in it
 };
 
 constexpr u32 CUT = u32(1) << 31;  // of an entry: edges or steps of the element lie in the leaf
 
 // What an element does in a rectangle.
 struct Part {
-    bool meets, fills, cuts;
+    bool meets, fills;
+    i64 lines;     // edges and steps that cut the rectangle
     Range height;  // what it adds
 };
 
@@ -185,19 +215,25 @@ struct Part {
 class Index {
 public:
     const Field& field;
-    std::vector<Cell> cells;
-    std::vector<Node> nodes;
+    std::vector<Placed> cells;
+    Node root;
+    std::vector<Quarters> quarters;
+
+    std::vector<Leaf> leaves;
     std::vector<u32> entries;  // elements, those that cut with `CUT`; then segments of tracks
 
     Index(const Field& f, In west, In south, In east, In north) : field(f) {
         for (std::size_t n = 0; n < west.size(); ++n)
-            cells.push_back({west[n], south[n], east[n], north[n]});
+            cells.push_back(placed({west[n], south[n], east[n], north[n]}));
         find_curves();
         build();
     }
 
     i64 nbytes() const {
-        return i64(nodes.size() * sizeof(Node) + entries.size() * 4 + cells.size() * sizeof(Cell));
+        return i64(
+            quarters.size() * sizeof(Quarters) + leaves.size() * sizeof(Leaf) + entries.size() * 4
+            + cells.size() * sizeof(Placed)
+        );
     }
 
     INLINE const Curve& curve(u32 kind, int axis) const {
@@ -205,8 +241,7 @@ public:
     }
 
     INLINE Frame frame_of(u32 index) const {
-        const Cell& cell = cells[index];
-        double per_x = 1.0 / (cell.east - cell.west), per_y = 1.0 / (cell.north - cell.south);
+        const auto& [cell, per_x, per_y] = cells[index];
         const Element& element = field.elements[index];
         if (!field.poses[element.pose].turned)
             return {-cell.west * per_x, per_x, 0.0, -cell.south * per_y, 0.0, per_y};
@@ -226,12 +261,26 @@ public:
         return !(pose.turned && pose.free);
     }
 
+    // The world coordinate at a part of the plan along an axis; what rays cross there is decided by
+    // the same double everywhere.
+    INLINE double line(int axis, double part) const {
+        double low = field.bounds[axis], high = field.bounds[axis + 2];
+        return part == 1.0 ? high : low + part * (high - low);
+    }
+    Cell plan_of(const Middle& m) const {
+        return {
+            line(X, m.x - m.half), line(Y, m.y - m.half), line(X, m.x + m.half),
+            line(Y, m.y + m.half)
+        };
+    }
+
 private:
     std::vector<Curve> curves_;
     std::vector<std::array<u32, 2>> curve_of_kind_;
     double rough_ = 0.0, deepest_ = 0.0;  // the highest relief, the deepest rut
 
     struct Pending {
+        Middle middle;
         Cell plan;
         double base;
         i32 top;
@@ -239,6 +288,8 @@ private:
         std::vector<u32> segments;
         std::vector<Part> parts;  // of the entries
     };
+
+    static Placed placed(const Cell& cell) { return {cell, 1.0 / cell.wide(), 1.0 / cell.tall()}; }
 
     void find_curves() {
         std::vector<std::pair<u64, u32>> known;
@@ -278,24 +329,24 @@ private:
     }
 
     Part part_of(u32 index, const Cell& plan) const {
-        constexpr Part nothing{false, false, false, {0.0, 0.0}};
+        constexpr Part nothing{false, false, 0, {0.0, 0.0}};
         constexpr double slack = 1e-9;
         const Element& element = field.elements[index];
         const Kind& kind = field.kinds[element.kind];
-        const Cell& cell = cells[index];
+        const Cell& cell = cells[index].cell;
         if (!(cell.east > cell.west && cell.north > cell.south))
             return nothing;  // finer than doubles
         bool trims = is_trimmed(element), turns = field.poses[element.pose].turned;
-        bool inside = true;
+        i64 lines = 0;
         if (trims) {
             if (cell.west >= plan.east || cell.east <= plan.west) return nothing;
             if (cell.south >= plan.north || cell.north <= plan.south) return nothing;
-            inside = cell.west <= plan.west && plan.east <= cell.east && cell.south <= plan.south
-                && plan.north <= cell.north;
+            lines = (cell.west > plan.west) + (cell.east < plan.east) + (cell.south > plan.south)
+                + (cell.north < plan.north);
         }
         Frame f = frame_of(index);
+        bool fills;
         Range u = over(f.u_0, f.u_x, f.u_y, plan), v = over(f.v_0, f.v_x, f.v_y, plan);
-        bool steps = false;
         Range height;
         if (kind.combine == RADIAL) {
             Range q = u * 2.0 + Range{-1.0, -1.0}, p = v * 2.0 + Range{-1.0, -1.0};
@@ -305,31 +356,33 @@ private:
             double least = sqrt(square(nearest(q)) + square(nearest(p)));
             double most = sqrt(square(max(-q.low, q.high)) + square(max(-p.low, p.high)));
             if (least > 1.0 + slack) return nothing;
-            inside &= most <= 1.0;
+            lines += most > 1.0;
             Range t{max(0.5 + 0.5 * least - slack, 0.5), min(0.5 + 0.5 * most + slack, 1.0)};
             const Curve& x = curve(element.kind, X);
             height = x.over(t, x.all()).value;
-            steps = has_step(x, t);
+            fills = lines == 0;
+            lines += steps_in(x, t);
         } else {
             if (turns) {
                 if (u.high < -slack || u.low > 1.0 + slack) return nothing;
                 if (v.high < -slack || v.low > 1.0 + slack) return nothing;
-                inside &= 0.0 <= u.low && u.high <= 1.0 && 0.0 <= v.low && v.high <= 1.0;
+                lines += (u.low < 0.0) + (u.high > 1.0) + (v.low < 0.0) + (v.high > 1.0);
             }
             u = clamped(u + Range{-slack, slack}, 0.0, 1.0),
             v = clamped(v + Range{-slack, slack}, 0.0, 1.0);
             const Curve &x = curve(element.kind, X), &y = curve(element.kind, Y);
             height = combined(kind.combine, x.over(u, x.all()), y.over(v, y.all())).value;
-            steps = has_step(x, u) || has_step(y, v);
+            fills = lines == 0;
+            lines += steps_in(x, u) + steps_in(y, v);
         }
         height = height * element.scale + Range{element.offset, element.offset};
-        if (!inside) height = around(height, {0.0, 0.0});
-        return {true, inside, !inside || steps, height};
+        if (!fills) height = around(height, {0.0, 0.0});
+        return {true, fills, lines, height};
     }
 
-    static bool has_step(const Curve& curve, Range t) {
-        auto found = std::lower_bound(curve.steps.begin(), curve.steps.end(), t.low);
-        return found != curve.steps.end() && *found <= t.high;
+    static i64 steps_in(const Curve& curve, Range t) {
+        auto first = std::lower_bound(curve.steps.begin(), curve.steps.end(), t.low);
+        return std::upper_bound(first, curve.steps.end(), t.high) - first;
     }
 
 public:
@@ -357,7 +410,7 @@ private:
         for (u32 index : pending.entries) {
             Part part = part_of(index, pending.plan);
             if (!part.meets) continue;
-            if (part.fills && !part.cuts && part.height.low == part.height.high) {
+            if (!part.lines && part.height.low == part.height.high) {
                 pending.base += part.height.low;
                 pending.top = max(pending.top, i32(index));
                 continue;
@@ -385,74 +438,88 @@ private:
         double rounding = 1e-12 * size + 1e-300;
         height.low -= rounding + rough_ + (pending.segments.empty() ? 0.0 : deepest_);
         height.high += rounding + rough_;
-        return {height.low, height.high, pending.base, 0, 0, pending.top, 1, u8(voids)};
+        constexpr float beyond = std::numeric_limits<float>::infinity();
+        float low = std::nextafter(float(height.low), -beyond);
+        return {low, std::nextafter(float(height.high), beyond), 0, 1, u8(voids)};
     }
 
-    // Whether a node is to be quartered.
+    // Whether a node is to be quartered: where too much cuts it, or more than one thing in a node
+    // that is large beside what cuts it, or heights differ much.
     bool is_crowded(const Pending& pending, const Node& node, int depth) const {
         constexpr i64 few = 4;
         constexpr int deepest = 22, thick_until = 7;
-        constexpr double thick = 0.25;  // heights beside the shorter side
+        constexpr double thick = 0.25;                 // heights beside the shorter side
+        constexpr double large = 0.5, crowded = 0.05;  // that side beside that of what cuts it …
         if (depth >= deepest) return false;
         i64 cutting = count_of(pending.segments);
-        for (const Part& part : pending.parts) cutting += part.cuts;
-        if (cutting > few) return true;
-        double side =
-            min(pending.plan.east - pending.plan.west, pending.plan.north - pending.plan.south);
-        double thickness = node.high - node.low - 2.0 * rough_;
+        double finest = INF;
+        for (std::size_t n = 0; n < pending.entries.size(); ++n) {
+            if (!pending.parts[n].lines) continue;
+            const Cell& cell = cells[pending.entries[n]].cell;
+            u32 kind = field.elements[pending.entries[n]].kind;
+            double steps = 1.0 + double(curve(kind, X).steps.size() + curve(kind, Y).steps.size());
+            finest = min(finest, min(cell.wide(), cell.tall()) / steps);
+            cutting += pending.parts[n].lines;
+        }
+        double side = min(pending.plan.wide(), pending.plan.tall());
+        if (side > (cutting > few ? crowded : large) * finest && cutting > 1) return true;
+        double thickness = double(node.high) - double(node.low) - 2.0 * rough_;
         return depth < thick_until && !pending.parts.empty() && thickness > thick * side;
     }
 
     void build() {
         std::vector<Pending> level(1);
-        level[0].plan = {field.bounds[0], field.bounds[1], field.bounds[2], field.bounds[3]};
+        level[0].middle = {0.5, 0.5, 0.5};
+        level[0].plan = plan_of(level[0].middle);
         level[0].base = 0.0, level[0].top = -1;
         for (u32 n = 0; n < field.elements.size(); ++n) level[0].entries.push_back(n);
         for (u32 s = 0; s < field.tracks.segments.size(); ++s) level[0].segments.push_back(s);
         settle(level[0]);
-        nodes.push_back(node_of(level[0]));
-        std::size_t first = 0;
-        i64 most = (i64(1) << 18) + 16 * count_of(field.elements);
+        root = node_of(level[0]);
+        i64 most = (i64(1) << 16) + 4 * count_of(field.elements);
+        std::vector<u32> parents;  // of the level: where their nodes are, in quarters
         for (int depth = 0; !level.empty(); ++depth) {
             std::vector<Pending> next;
-            std::size_t count = level.size();
-            for (std::size_t n = 0; n < count; ++n) {
+            std::vector<u32> own;
+            for (std::size_t n = 0; n < level.size(); ++n) {
                 Pending pending = std::move(level[n]);
-                Node& node = nodes[first + n];
-                if (count_of(nodes) < most && is_crowded(pending, node, depth)) {
-                    node.leaf = 0, node.first = u32(nodes.size());
+                auto node = [&]() -> Node& {
+                    return depth ? quarters[parents[n / 4]].nodes[n % 4] : root;
+                };
+                if (count_of(quarters) < most && is_crowded(pending, node(), depth)) {
+                    own.push_back(u32(quarters.size()));
+                    node().leaf = 0, node().next = own.back();
                     split(std::move(pending), next);
-                    continue;
-                }
-                node.first = u32(entries.size());
-                for (std::size_t k = 0; k < pending.entries.size(); ++k)
-                    entries.push_back(pending.entries[k] | (pending.parts[k].cuts ? CUT : 0));
-                node.count = u32(pending.entries.size());
-                if (!pending.segments.empty()) {  // their number stands before them
-                    entries.push_back(u32(pending.segments.size()));
-                    entries.insert(entries.end(), pending.segments.begin(), pending.segments.end());
-                    node.leaf = 2;
+                } else {
+                    node().next = u32(leaves.size());
+                    add_leaf(pending);
                 }
             }
-            first += count;
-            level = std::move(next);
+            level = std::move(next), parents = std::move(own);
         }
     }
 
-    // The quarters of a node: south-west, south-east, north-west, north-east.
+    void add_leaf(const Pending& pending) {
+        leaves.push_back(
+            {pending.base, u32(entries.size()), u32(pending.entries.size()),
+             u32(pending.segments.size()), pending.top}
+        );
+        for (std::size_t k = 0; k < pending.entries.size(); ++k)
+            entries.push_back(pending.entries[k] | (pending.parts[k].lines ? CUT : 0));
+        entries.insert(entries.end(), pending.segments.begin(), pending.segments.end());
+    }
+
     void split(Pending pending, std::vector<Pending>& next) {
-        const Cell plan = pending.plan;
-        double mid_x = 0.5 * (plan.west + plan.east), mid_y = 0.5 * (plan.south + plan.north);
+        Quarters made;
         for (int quarter = 0; quarter < 4; ++quarter) {
-            Pending own = quarter < 3 ? pending : std::move(pending);
-            own.plan = {
-                quarter & 1 ? mid_x : plan.west, quarter & 2 ? mid_y : plan.south,
-                quarter & 1 ? plan.east : mid_x, quarter & 2 ? plan.north : mid_y
-            };
+            Pending own = pending;
+            own.middle = pending.middle.quarter(quarter & 1, quarter & 2);
+            own.plan = plan_of(own.middle);
             settle(own);
-            nodes.push_back(node_of(own));
+            made.nodes[quarter] = node_of(own);
             next.push_back(std::move(own));
         }
+        quarters.push_back(made);
     }
 };
 
@@ -507,15 +574,15 @@ public:
     Hit cast(const Ray& ray, double most) {
         ray_ = &ray;
         hit_ = {};
+        along_.clear();
         side_ = NOWHERE, above_ = NaN, top_ = -1;
         if (ray.dx == 0.0 && ray.dy == 0.0) return cast_upright(most);
         double begin = 0.0, end = most;
         In bounds = field_.bounds;
-        const Node& root = index_.nodes[0];
+        double low = index_.root.low, high = index_.root.high;
         if (!clip(ray.x, ray.dx, bounds[0], bounds[2], begin, end)) return hit_;
         if (!clip(ray.y, ray.dy, bounds[1], bounds[3], begin, end)) return hit_;
-        if (!clip(ray.z, ray.dz, root.low, root.high, begin, end)) return hit_;
-        // of what is looked at, not of the range: that may have no limit
+        if (!clip(ray.z, ray.dz, low, high, begin, end)) return hit_;
         scale_ = abs(ray.x) + abs(ray.y) + abs(ray.z) + end;
         walk(begin, end);
         return hit_;
@@ -533,6 +600,7 @@ private:
     double above_;  // so far above it, NaN where that is not known
     i64 top_;       // the element there
     double scale_;
+    double per_x_ = 0.0, per_y_ = 0.0;  // 1 by its direction
 
     static bool clip(double from, double way, double low, double high, double& begin, double& end) {
         if (way == 0.0) return low <= from && from <= high;
@@ -567,83 +635,69 @@ private:
     }
 
     struct Visit {
-        u32 node;
         double begin, end;
-        double west, south, east, north;
+        Middle middle;
+        const Node* node;
     };
 
     INLINE double z_at(double r) const { return ray_->z + ray_->dz * r; }
 
     // Through the tree from front to back, until something is hit.
     void walk(double begin, double end) {
-        constexpr std::size_t deepest = 3 * 22 + 4;
-        std::array<Visit, deepest> visits;
+        constexpr std::size_t most = 2 * 22 + 2;  // two are left to wait at each level
+        std::array<Visit, most> waiting;
         std::size_t pending = 0;
-        In bounds = field_.bounds;
-        visits[pending++] = {0, begin, end, bounds[0], bounds[1], bounds[2], bounds[3]};
-        double per_x = 1.0 / ray_->dx, per_y = 1.0 / ray_->dy;
-        while (pending) {
-            const Visit visit = visits[--pending];
-            const Node& node = index_.nodes[visit.node];
-            double z0 = z_at(visit.begin), z1 = z_at(visit.end);
-            if (!node.voids) {
-                // nothing in it is as high, or as low, as the ray
-                Side side = min(z0, z1) > node.high ? ABOVE
-                    : max(z0, z1) < node.low        ? BELOW
-                                                    : NOWHERE;
-                if (side != NOWHERE) {
-                    if (side_ != NOWHERE && side_ != side) {
-                        meet_wall_between(visit.begin, side);
-                        return;
-                    }
-                    side_ = side, above_ = NaN, top_ = -1;
-                    continue;
+        per_x_ = 1.0 / ray_->dx, per_y_ = 1.0 / ray_->dy;
+        const bool upright_x = ray_->dx == 0.0, upright_y = ray_->dy == 0.0;
+        const bool to_east = ray_->dx > 0.0, to_north = ray_->dy > 0.0;
+        Visit now{begin, end, {0.5, 0.5, 0.5}, &index_.root};
+        while (true) {
+            const Node& node = *now.node;
+            double z0 = z_at(now.begin), z1 = z_at(now.end);
+            bool above = min(z0, z1) > double(node.high), below = max(z0, z1) < double(node.low);
+            if ((above | below)
+                && !node.voids) {  // nothing in it is as high, or as low, as the ray
+                Side side = above ? ABOVE : BELOW;
+                if (side_ != NOWHERE && side_ != side) {
+                    meet_wall_between(now.begin, side);
+                    return;
                 }
-            }
-            if (node.leaf) {
-                if (cross_leaf(node, visit.begin, visit.end)) return;
+                side_ = side, above_ = NaN, top_ = -1;
+            } else if (node.leaf) {
+                if (cross_leaf(index_.leaves[node.next], now.begin, now.end)) return;
+            } else {
+                const auto& nodes = index_.quarters[node.next].nodes;
+                double mid_x = index_.line(X, now.middle.x), mid_y = index_.line(Y, now.middle.y);
+                // where it crosses the middles, if it does in between
+                double at_x = upright_x ? INF : (mid_x - ray_->x) * per_x_;
+                double at_y = upright_y ? INF : (mid_y - ray_->y) * per_y_;
+                // the half in which it begins; on the middle that to which it goes, or east, north
+                bool east = upright_x ? ray_->x >= mid_x : (at_x <= now.begin) == to_east;
+                bool north = upright_y ? ray_->y >= mid_y : (at_y <= now.begin) == to_north;
+                bool turns_x = at_x > now.begin && at_x < now.end;
+                bool turns_y = at_y > now.begin && at_y < now.end;
+                double middle_end = now.end;
+                auto visit = [&](bool e, bool n, double from, double to) {
+                    return Visit{from, to, now.middle.quarter(e, n), &nodes[int(e) + 2 * int(n)]};
+                };
+                if (turns_x & turns_y) {
+                    // through three quarters, or two where it crosses both middles at once
+                    double first = min(at_x, at_y), second = max(at_x, at_y);
+                    waiting[pending++] = visit(!east, !north, second, now.end);
+                    bool x_first = at_x < at_y;
+                    if (first < second)
+                        waiting[pending++] = visit(east ^ x_first, north ^ !x_first, first, second);
+                    middle_end = first;
+                } else if (turns_x | turns_y) {
+                    middle_end = turns_x ? at_x : at_y;
+                    waiting[pending++] =
+                        visit(east ^ turns_x, north ^ turns_y, middle_end, now.end);
+                }
+                now = visit(east, north, now.begin, middle_end);
                 continue;
             }
-            double mid_x = 0.5 * (visit.west + visit.east),
-                   mid_y = 0.5 * (visit.south + visit.north);
-            // where it crosses the middles, if it does in between
-            double at_x = (mid_x - ray_->x) * per_x, at_y = (mid_y - ray_->y) * per_y;
-            bool along_x = ray_->dx == 0.0, along_y = ray_->dy == 0.0;
-            // the half in which it begins; on the middle, that to which it goes, or east and north
-            bool east = along_x ? ray_->x >= mid_x : (at_x <= visit.begin) == (ray_->dx > 0.0);
-            bool north = along_y ? ray_->y >= mid_y : (at_y <= visit.begin) == (ray_->dy > 0.0);
-            bool turns_x = !along_x && at_x > visit.begin && at_x < visit.end;
-            bool turns_y = !along_y && at_y > visit.begin && at_y < visit.end;
-            std::array<Visit, 3> parts;
-            std::size_t count = 0;
-            double from = visit.begin;
-            auto add = [&](double to) {
-                parts[count++] = {
-                    node.first + u32(east) + 2 * u32(north),
-                    from,
-                    to,
-                    east ? mid_x : visit.west,
-                    north ? mid_y : visit.south,
-                    east ? visit.east : mid_x,
-                    north ? visit.north : mid_y
-                };
-                from = to;
-            };
-            if (turns_x && turns_y) {
-                if (at_x < at_y) {
-                    add(at_x), east = !east, add(at_y), north = !north;
-                } else if (at_y < at_x) {
-                    add(at_y), north = !north, add(at_x), east = !east;
-                } else {
-                    add(at_x), east = !east, north = !north;
-                }
-            } else if (turns_x) {
-                add(at_x), east = !east;
-            } else if (turns_y) {
-                add(at_y), north = !north;
-            }
-            add(visit.end);
-            while (count) visits[pending++] = parts[--count];
+            if (!pending) return;
+            now = waiting[--pending];
         }
     }
 
@@ -667,16 +721,16 @@ private:
 
     // Call put(crossing) for each edge and step of an element that the ray's line crosses.
     template <class Put> void find_crossings(const Along& a, Put put) const {
-        const Cell& cell = index_.cells[a.index];
+        const Cell& cell = index_.cells[a.index].cell;
         const Frame& f = a.frame;
         double weight = abs(a.element->scale) + abs(a.element->offset);
         if (a.trims && ray_->dx != 0.0) {
-            put({(cell.west - ray_->x) / ray_->dx, 1.0, 0.0, weight});
-            put({(cell.east - ray_->x) / ray_->dx, 1.0, 0.0, weight});
+            put({(cell.west - ray_->x) * per_x_, 1.0, 0.0, weight});
+            put({(cell.east - ray_->x) * per_x_, 1.0, 0.0, weight});
         }
         if (a.trims && ray_->dy != 0.0) {
-            put({(cell.south - ray_->y) / ray_->dy, 0.0, 1.0, weight});
-            put({(cell.north - ray_->y) / ray_->dy, 0.0, 1.0, weight});
+            put({(cell.south - ray_->y) * per_y_, 0.0, 1.0, weight});
+            put({(cell.north - ray_->y) * per_y_, 0.0, 1.0, weight});
         }
         if (a.combine == RADIAL) {
             put_circle(a, 1.0, weight, put);
@@ -747,7 +801,7 @@ private:
     INLINE bool holds_middle(Along& a, double r) const {
         double x = ray_->x + ray_->dx * r, y = ray_->y + ray_->dy * r;
         if (a.trims) {
-            const Cell& cell = index_.cells[a.index];
+            const Cell& cell = index_.cells[a.index].cell;
             In bounds = field_.bounds;
             if (x < cell.west || y < cell.south) return false;
             if (x > cell.east || (x == cell.east && cell.east < bounds[2])) return false;
@@ -817,28 +871,29 @@ private:
 
     // The ground between two cuts.
     struct Stretch {
-        double base, depth = 0.0;
-        const Relief* relief = nullptr;
+        double base;
         i64 top;
+        double depth = 0.0;
+        const Relief* relief = nullptr;
     };
 
-    // How far the ray is above the ground, and how that changes along it.
-    Slanted height_above(const Stretch& ground, double r) const {
-        double z = ground.base, slope = 0.0;
+    // How far the ray is above the ground, and how that changes along it, if it is `sloped`.
+    template <bool sloped> Slanted above(const Stretch& ground, double r) const {
+        double z = ground.base - ground.depth, slope = 0.0;
         for (const Along& a : along_) {
             if (!a.active) continue;
             ShapePoint f = shape_at(a, r);
             z += a.element->scale * f.value + a.element->offset;
-            slope += a.element->scale * (f.du * a.du + f.dv * a.dv);
+            if constexpr (sloped) slope += a.element->scale * (f.du * a.du + f.dv * a.dv);
         }
-        z -= ground.depth;
         if (ground.relief) {
-            ReliefPoint at =
-                relief_at<true>(*ground.relief, ray_->x + ray_->dx * r, ray_->y + ray_->dy * r);
+            double x = ray_->x + ray_->dx * r, y = ray_->y + ray_->dy * r;
+            ReliefPoint at = relief_at<sloped>(*ground.relief, x, y);
             z += at.z, slope += at.slope_x * ray_->dx + at.slope_y * ray_->dy;
         }
         return {z_at(r) - z, ray_->dz - slope};
     }
+    double height_above(const Stretch& ground, double r) const { return above<false>(ground, r).z; }
 
     Range change(const Stretch& ground, double r0, double r1) const {
         Range slope{0.0, 0.0};
@@ -858,46 +913,47 @@ private:
         return {ray_->dz - slope.high, ray_->dz - slope.low};
     }
 
-    // The first distance at which the ray meets the ground between two; `above` are its heights
-    // above it there. INF for none.
-    double first_root(
-        const Stretch& ground, double r0, double above0, double r1, double above1
-    ) const {
-        Range rate = change(ground, r0, r1);
-        bool crosses = side_of(above0) != side_of(above1);
-        if (rate.low >= 0.0 || rate.high <= 0.0)
-            return crosses ? the_root(ground, r0, above0, r1, above1) : INF;
-        double width = r1 - r0;
+    // A part of a stretch, and how far the ray is above the ground at its ends.
+    struct Bracket {
+        double from, above, to, beyond;
+    };
+
+    // The first distance at which the ray meets the ground, INF for none. `rate` encloses how the
+    // height above it changes.
+    double first_root(const Stretch& ground, const Bracket& b, Range rate) const {
+        bool crosses = side_of(b.above) != side_of(b.beyond);
+        if (rate.low >= 0.0 || rate.high <= 0.0) return crosses ? the_root(ground, b) : INF;
+        double width = b.to - b.from;
         if (!crosses) {
             // how near it can come: down at the fastest from both ends
-            double here = abs(above0), there = abs(above1);
-            double fall = above0 > 0.0 ? rate.low : -rate.high,
-                   rise = above0 > 0.0 ? rate.high : -rate.low;
+            double here = abs(b.above), there = abs(b.beyond);
+            double fall = b.above > 0.0 ? rate.low : -rate.high;
+            double rise = b.above > 0.0 ? rate.high : -rate.low;
             double x = (there - here - rise * width) / (fall - rise);
             if (here + fall * clamp(x, 0.0, width) > 0.0) return INF;
         }
-        double middle = 0.5 * (r0 + r1);
-        if (width <= 4e-16 * scale_ || middle <= r0 || middle >= r1) return crosses ? r1 : INF;
-        double above = height_above(ground, middle).z;
-        if (above == 0.0) {
-            double before = first_root(ground, r0, above0, middle, above0 > 0.0 ? 1e-300 : -1e-300);
-            return min(before, middle);
-        }
-        double before = first_root(ground, r0, above0, middle, above);
-        return before < INF ? before : first_root(ground, middle, above, r1, above1);
+        double middle = 0.5 * (b.from + b.to);
+        if (width <= 4e-16 * scale_ || middle <= b.from || middle >= b.to)
+            return crosses ? b.to : INF;
+        double above = height_above(ground, middle);
+        Bracket first{b.from, b.above, middle, above}, second{middle, above, b.to, b.beyond};
+        if (above == 0.0) first.beyond = std::copysign(1e-300, b.above);
+        double root = first_root(ground, first, change(ground, b.from, middle));
+        if (root < INF) return root;
+        if (above == 0.0) return middle;
+        return first_root(ground, second, change(ground, middle, b.to));
     }
 
     // The root between two distances, between which the height above only rises or falls.
-    double the_root(
-        const Stretch& ground, double r0, double above0, double r1, double above1
-    ) const {
+    double the_root(const Stretch& ground, const Bracket& b) const {
+        auto [r0, above0, r1, above1] = b;
         if (above1 == 0.0) return r1;
         if (above0 == 0.0) return r0;
         double enough = 1e-15 * scale_;
         double r = r0 + (r1 - r0) * (above0 / (above0 - above1));
         for (int n = 0; n < 64; ++n) {
             if (!(r > r0 && r < r1)) r = 0.5 * (r0 + r1);
-            auto [above, rate] = height_above(ground, r);
+            auto [above, rate] = this->above<true>(ground, r);
             if (above == 0.0) return r;
             if ((above > 0.0) == (above0 > 0.0)) r0 = r, above0 = above;
             else r1 = r, above1 = above;
@@ -909,16 +965,16 @@ private:
         return r;
     }
 
-    bool cross_leaf(const Node& node, double begin, double end) {
+    bool cross_leaf(const Leaf& leaf, double begin, double end) {
         along_.clear(), cuts_.clear();
         auto cut = [&](const Crossing& c) {
             if (c.at > begin && c.at < end) cuts_.push_back(c.at);
         };
-        for (u32 entry : entries_of(node)) {
+        for (u32 entry : entries_of(leaf)) {
             along_.push_back(along_of(entry));
             if (along_.back().cuts) find_crossings(along_.back(), cut);
         }
-        for (u32 s : segments_of(node)) find_crossings(field_.tracks.segments[s], cut);
+        for (u32 s : segments_of(leaf)) find_crossings(field_.tracks.segments[s], cut);
         if (cuts_.size() > 1) std::sort(cuts_.begin(), cuts_.end());
         cuts_.push_back(end);
         double from = begin;
@@ -926,26 +982,23 @@ private:
         for (double to : cuts_) {
             // what is no longer than rounding, between edges that meet, is passed over
             if (to - from <= least && to != end) continue;
-            if (cross_stretch(node, from, to)) return true;
+            if (cross_stretch(leaf, from, to)) return true;
             from = to;
         }
         return false;
     }
 
-    Span<const u32> entries_of(const Node& node) const {
-        return {index_.entries.data() + node.first, node.count};
+    Span<const u32> entries_of(const Leaf& leaf) const {
+        return {index_.entries.data() + leaf.first, leaf.count};
     }
-    Span<const u32> segments_of(const Node& node) const {
-        if (node.leaf != 2) return {};
-        const u32* count = index_.entries.data() + node.first + node.count;
-        return {count + 1, *count};
+    Span<const u32> segments_of(const Leaf& leaf) const {
+        return {index_.entries.data() + leaf.first + leaf.count, leaf.segments};
     }
 
     // Between two cuts; whether something is hit.
-    bool cross_stretch(const Node& node, double from, double to) {
+    bool cross_stretch(const Leaf& leaf, double from, double to) {
         double middle = 0.5 * (from + to);
-        Stretch ground{node.base};
-        ground.top = node.top;
+        Stretch ground{leaf.base, i64(leaf.top)};
         for (Along& a : along_) {
             if (a.cuts) a.active = holds_middle(a, middle);
             if (a.active) ground.top = max(ground.top, i64(a.index));
@@ -954,9 +1007,9 @@ private:
             side_ = NOWHERE;
             return false;
         }
-        if (node.leaf == 2 || has_reliefs(field_)) {
+        if (leaf.segments || has_reliefs(field_)) {
             i64 surface = surface_of(field_, ground.top);
-            if (node.leaf == 2) {
+            if (leaf.segments) {
                 double x = ray_->x + ray_->dx * middle, y = ray_->y + ray_->dy * middle;
                 Rut rut = rut_at(field_.tracks, x, y, surface);
                 ground.depth = rut.depth;
@@ -970,7 +1023,7 @@ private:
                 if (relief.scale != 0.0) ground.relief = &relief;
             }
         }
-        double above = height_above(ground, from).z, beyond = height_above(ground, to).z;
+        double above = height_above(ground, from);
         Side here = side_of(above);
         if (here == NOWHERE) {
             bool is_jump = side_ != NOWHERE && abs(above_) > wall_from(from);
@@ -981,7 +1034,15 @@ private:
             bool is_jump = !(abs(above - above_) <= wall_from(from));
             return is_jump ? meet_wall(ground, from) : meet_ground(ground, from);
         }
-        double root = first_root(ground, from, above, to, beyond);
+        Range rate = change(ground, from, to);
+        double width = to - from;
+        double least = here == ABOVE ? above + rate.low * width : -above - rate.high * width;
+        if (least > wall_from(to)) {  // it stays on its side
+            side_ = here, above_ = NaN, top_ = ground.top;
+            return false;
+        }
+        double beyond = height_above(ground, to);
+        double root = first_root(ground, {from, above, to, beyond}, rate);
         if (root < INF) return meet_ground(ground, root);
         side_ = side_of(beyond), above_ = beyond, top_ = ground.top;
         return false;
@@ -1044,42 +1105,41 @@ private:
     // The normal of the wall at a distance: of the edge there that may jump most.
     void put_wall(double r) {
         double near = 1e-9 * (1.0 + scale_);
-        double best = -1.0, x = 0.0, y = 0.0;
+        double best = 0.0, x = 0.0, y = 0.0;
         auto take = [&](const Crossing& c) {
             if (abs(c.at - r) > near || c.weight <= best) return;
             best = c.weight, x = c.normal_x, y = c.normal_y;
         };
-        for (double side : {-near, near})
-            look_at_leaf(hit_.x + ray_->dx * side, hit_.y + ray_->dy * side, r, take);
+        for (const Along& a : along_) find_crossings(a, take);
+        for (double side : {near, -near})
+            if (best == 0.0) look_at_leaf(hit_.x + ray_->dx * side, hit_.y + ray_->dy * side, take);
         double length = sqrt(x * x + y * y);
         double facing = x * ray_->dx + y * ray_->dy > 0.0 ? -1.0 : 1.0;
         hit_.normal[0] = x / length * facing + 0.0, hit_.normal[1] = y / length * facing + 0.0;
         hit_.normal[2] = 0.0;
     }
 
-    // Crossings of what lies in the leaf at a point; its sides count least.
-    template <class Take> void look_at_leaf(double x, double y, double r, Take take) {
-        In bounds = field_.bounds;
-        Cell plan{bounds[0], bounds[1], bounds[2], bounds[3]};
-        u32 n = 0;
-        while (!index_.nodes[n].leaf) {
-            double mid_x = 0.5 * (plan.west + plan.east), mid_y = 0.5 * (plan.south + plan.north);
-            bool east = x >= mid_x, north = y >= mid_y;
-            n = index_.nodes[n].first + u32(east) + 2 * u32(north);
-            plan = {
-                east ? mid_x : plan.west, north ? mid_y : plan.south, east ? plan.east : mid_x,
-                north ? plan.north : mid_y
-            };
+    // Crossings of what lies in the leaf at a point; its sides count least, for elements that are
+    // level all over it.
+    template <class Take> void look_at_leaf(double x, double y, Take take) {
+        Middle middle{0.5, 0.5, 0.5};
+        const Node* node = &index_.root;
+        while (!node->leaf) {
+            bool east = x >= index_.line(X, middle.x), north = y >= index_.line(Y, middle.y);
+            node = &index_.quarters[node->next].nodes[int(east) + 2 * int(north)];
+            middle = middle.quarter(east, north);
         }
-        const Node& node = index_.nodes[n];
-        for (u32 entry : entries_of(node)) find_crossings(along_of(entry), take);
-        for (u32 s : segments_of(node)) find_crossings(field_.tracks.segments[s], take);
+        const Leaf& leaf = index_.leaves[node->next];
+        for (u32 entry : entries_of(leaf)) find_crossings(along_of(entry), take);
+        for (u32 s : segments_of(leaf)) find_crossings(field_.tracks.segments[s], take);
+        constexpr double least = 1e-305;
+        Cell plan = index_.plan_of(middle);
         if (ray_->dx != 0.0)
             for (double at : {plan.west, plan.east})
-                take({(at - ray_->x) / ray_->dx, 1.0, 0.0, 0.0});
+                take({(at - ray_->x) * per_x_, 1.0, 0.0, least});
         if (ray_->dy != 0.0)
             for (double at : {plan.south, plan.north})
-                take({(at - ray_->y) / ray_->dy, 0.0, 1.0, 0.0});
+                take({(at - ray_->y) * per_y_, 0.0, 1.0, least});
     }
 };
 

@@ -24,7 +24,7 @@ public:
     }
     const rays::Index& index() { return *index_; }
     i64 nbytes() const { return index_->nbytes(); }
-    i64 nodes() const { return count_of(index_->nodes); }
+    i64 nodes() const { return 4 * count_of(index_->quarters) + 1; }
 
 private:
     nb::object field_, cells_;
