@@ -32,7 +32,8 @@ Flags = NDArray[np.bool_]
 
 ABOVE, VOID, BELOW = 1, 0, -1
 OPEN, OPEN_TO_VOID = 2, 3  # not told yet; there may be void in it
-FORMULA_ERROR = 2e-8  # curves of formulas are kept to 1e-8 each
+FORMULA_ERROR = 2e-8  # curves of formulas are kept to 1e-8 each; these are as written
+WITHOUT_ERROR = {"flat", "ramp", "tent", "smoothstep", "t", "2*t - 1", "t**2", "-t**2"}
 ROUNDING = 8 * 2.0**-52  # of coordinates and heights, as a share of the largest on the way
 FINEST = 1e-10  # of the way
 MOST_OPEN = 4000  # stretches of a ray; one that has more lies in the ground
@@ -166,7 +167,8 @@ class BoundedCurve:
     """A curve that can be bounded over stretches of t."""
 
     def __init__(self, curve: Any) -> None:
-        self.error = FORMULA_ERROR if isinstance(curve, str) else 0.0
+        formula = isinstance(curve, str) and curve not in WITHOUT_ERROR
+        self.error = FORMULA_ERROR if formula else 0.0
         self.expression = None
         if isinstance(curve, str) and curve not in NAMED:
             self.expression = SpanExpression(curve)
