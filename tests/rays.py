@@ -9,6 +9,7 @@ shared with the package; the tree, the tracks and the laws of both are those of 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
@@ -610,7 +611,9 @@ class RayOracle:
 
     def march(self, rays: Rays, most: Floats) -> list[Reading]:
         """What each ray does, up to a range each."""
-        begin, end = self.clipped(rays, most)
+        z = self.bounds()
+        more = 0.01 * (z.high - z.low) + 1e-3 * max(b - a for a, b in self.box)
+        begin, end = self.clipped(rays, most, [*self.box, (z.low - more, z.high + more)])
         count = len(begin)
         way = np.where(begin < end, end - begin, 0.0)
         least = FINEST * way + 4 * np.spacing(np.abs(end))
@@ -648,11 +651,10 @@ class RayOracle:
         state = np.where(above, ABOVE, np.where(below, BELOW, OPEN))
         return np.where(ground.all_void, VOID, np.where(ground.any_void, OPEN_TO_VOID, state))
 
-    def clipped(self, rays: Rays, most: Floats) -> tuple[Floats, Floats]:
-        """Where rays are over the terrain and as high as its ground, give or take."""
-        z = self.bounds()
-        more = 0.01 * (z.high - z.low) + 1e-3 * max(b - a for a, b in self.box)
-        box = [*self.box, (z.low - more, z.high + more)]
+    def clipped(
+        self, rays: Rays, most: Floats, box: Sequence[tuple[float, float]]
+    ) -> tuple[Floats, Floats]:
+        """Where rays are in a box."""
         begin, end = np.zeros(len(most)), most.copy()
         for axis, (low, high) in enumerate(box):
             origin, way = rays.origins[:, axis], rays.ways[:, axis]

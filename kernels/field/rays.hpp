@@ -590,7 +590,7 @@ public:
         along_.clear();
         side_ = NOWHERE, above_ = NaN, top_ = -1;
         if (ray.dx == 0.0 && ray.dy == 0.0) return cast_upright(most);
-        double begin = 0.0, end = most;
+        double begin = 0.0, end = most * (1.0 + 1e-15);  // what lies at the end is met
         In bounds = field_.bounds;
         // a little more, or rays would pass a level plane in a stretch of no length
         double more =
@@ -601,6 +601,7 @@ public:
         if (!clip(ray.z, ray.dz, low, high, begin, end)) return hit_;
         scale_ = abs(ray.x) + abs(ray.y) + abs(ray.z) + end;
         walk(begin, end);
+        if (hit_.distance < INF) hit_.distance = min(hit_.distance, most);
         return hit_;
     }
 
