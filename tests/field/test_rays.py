@@ -264,7 +264,8 @@ def upright(terrain: Terrain, hit: RayHits, ray: Ray) -> list[str]:
     if aside < 1e3 * np.spacing(np.abs(point).max()):
         return []
     along = np.array([-normal[1], normal[0]])
-    places = np.array([0.0, 100.0, -100.0])[:, None] * along * aside
+    ways = [0.0, *(side * far for far in (100.0, 10.0, 3.0) for side in (1, -1))]  # walls may be short
+    places = np.array(ways)[:, None] * along * aside
     ahead, behind = (
         terrain.height(*(point + places + side * aside * normal).T) for side in (-1, 1)
     )
