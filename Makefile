@@ -85,11 +85,12 @@ stubs: $(VENV)/.installed-dev  ## Write the type stubs of the kernels
 
 docs: pages site  ## Write the pages that are generated, and build the site of all pages into out/site
 
-pages: $(VENV)/.installed-$(EXTRAS)  ## Write docs/rules.md, the tables and picture of docs/validation.md, and docs/images/slip.svg
+pages: $(VENV)/.installed-$(EXTRAS)  ## Write docs/rules.md, the tables and picture of docs/validation.md, and pictures of docs/images
 	$(BIN)/terratool rules --markdown > docs/rules.md
 	$(BIN)/python -m tests.validation
 	$(BIN)/terratool traversability samples/ramp-yard.json --vehicle samples/vehicles/husky-a200.json \
 		--report docs/images/slip.svg --overwrite > /dev/null
+	$(BIN)/python docs/draw.py
 
 site: $(VENV)/.installed-docs  ## Build the site of docs/ into out/site, without the net; a warning is an error
 	@rm -rf out/site

@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 from typing import Any
 
+from sphinx.domains.python import PyObject
+
 from terratool import __version__
 
 project = "terratool"
@@ -45,6 +47,8 @@ add_module_names = False
 napoleon_google_docstring = True
 napoleon_numpy_docstring = False
 napoleon_use_ivar = True
+napoleon_attr_annotations = False  # the signature has them
+autodoc_type_aliases = {"ArrayLike": "ArrayLike"}
 
 copybutton_prompt_text = "$ "
 copybutton_here_doc_delimiter = "EOF"
@@ -58,12 +62,20 @@ PAGES = {"README": "index", "CONTRIBUTING": "contributing", "CHANGELOG": "change
 
 def setup(app: Any) -> None:
     """Have the pages read well on GitHub and in the site, by what is replaced in their text."""
+    for field in PyObject.doc_field_types:
+        if field.name == "variable":
+            field.label = "Attributes"
     top = "|".join(PAGES)
+
+    def titled(found: re.Match[str]) -> str:
+        with open(f"{app.srcdir}/{found[1]}.md", encoding="utf-8") as page:
+            return f"[{page.readline().removeprefix('# ').strip()}]({found[2]})"
+
     replacements: tuple[tuple[str, Any], ...] = (
         # links to files of the top folder lead to their pages
         (rf"\]\(\.\./({top})\.md", lambda found: f"]({PAGES[found[1]]}.md"),
         # a link that is called by its file gets the title of the page
-        (r"\[([\w-]+)\.md\]\(\1\.md\)", r"[](\1.md)"),
+        (r"\[([\w-]+)\.md\]\((\1\.md(?:#[\w-]+)?)\)", titled),
         # commands and what they say look like a terminal
         (r"^```\n\$ ", "```console\n$ "),
     )
@@ -76,10 +88,24 @@ def setup(app: Any) -> None:
         lines[:] = [re.sub(r"([*`|\\])", r"\\\1", line) for line in lines]
 
     def as_command(app: Any, command: Any, lines: list[str]) -> None:
-        text = re.sub(r"[\s|]+", " ", " ".join(lines))
-        examples = re.findall(r"terratool (?:(?!terratool ).)+", text)
+        text = re.sub(r"[\s|]+", " ", " ".join(lines)).strip()
+        examples = re.split(r" (?=terratool )", re.sub("^Examples?: ", "", text))
         lines[:] = ["", ".. code-block:: console", "", *(f"   $ {one}" for one in examples), ""]
 
+    def shortened(app: Any, *described: Any) -> tuple[str | None, str | None] | None:
+        signature, returned = described[-2:]
+        if signature is None:
+            return None
+        for pattern, by in (
+            (r"~?numpy\.ndarray\[tuple\[~?typing\.Any, \.\.\.\], ~?numpy\.dtype\[", "NDArray[["),
+            (r"NDArray\[\[(~?[\w.]+)\]\]", r"NDArray[\1]"),
+            (r"<f(actory|unction .*?>)>", "..."),
+        ):
+            signature = re.sub(pattern, by, signature)
+            returned = re.sub(pattern, by, returned or "") or None
+        return signature, returned
+
+    app.connect("autodoc-process-signature", shortened)
     app.connect("source-read", replaced)
     app.connect("sphinx-click-process-description", as_text)
     app.connect("sphinx-click-process-epilog", as_command)

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     )
     from terratool.field.terrain import Terrain, load
     from terratool.simulators.curriculum.build import curriculum
+    from terratool.starters.build import new
     from terratool.traversability.vehicle import Vehicle, load_vehicle
 
 _HOMES = {
@@ -31,6 +32,7 @@ _HOMES = {
     "load_definition": "terratool.definition.reader",
     "schema": "terratool.definition.schemas",
     "curriculum": "terratool.simulators.curriculum.build",
+    "new": "terratool.starters.build",
     "TerratoolError": "terratool.errors",
     "DefinitionError": "terratool.errors",
     "ReadError": "terratool.errors",
@@ -51,6 +53,7 @@ __all__ = [
     "load",
     "load_definition",
     "load_vehicle",
+    "new",
     "schema",
 ]
 __version__ = "0.1.0"

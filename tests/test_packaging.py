@@ -44,8 +44,11 @@ def test_the_wheel_has_the_schemas_and_nothing_stray(unpacked: Path) -> None:
     assert tops == {"terratool"}
     for path in (ROOT / "schemas").iterdir():
         assert (unpacked / "terratool" / "schemas" / path.name).read_bytes() == path.read_bytes()
-    style = Path("terratool") / "traversability" / "report" / "style.css"  # of the HTML report
-    assert (unpacked / style).read_bytes() == (ROOT / style).read_bytes()
+    package = Path("terratool")
+    style = package / "traversability" / "report" / "style.css"  # of the HTML report
+    page = package / "viewing" / "page"
+    for path in (style, *(page / name for name in ("template.html", "page.css", "page.js"))):
+        assert (unpacked / path).read_bytes() == (ROOT / path).read_bytes()
 
 
 def test_the_wheel_works_by_itself(unpacked: Path) -> None:

@@ -9,6 +9,8 @@
 // nothing, where it only rises or falls the one root is found, elsewhere the stretch is halved.
 #pragma once
 
+#include <numeric>
+
 #include "query.hpp"
 
 namespace terratool::rays {
@@ -414,25 +416,22 @@ private:
             && min(s.y, s.end_y) - reach <= plan.north && max(s.y, s.end_y) + reach >= plan.south;
     }
 
-    // Keep of the candidates what meets the plan; what is level all over it goes into the base.
-    void settle(Pending& pending) const {
-        std::size_t kept = 0;
-        pending.parts.clear();
-        for (u32 index : pending.entries) {
-            Part part = part_of(index, pending.plan);
+    // Take of what may be in a plan what is; what is level all over it goes into the base.
+    void settle(Pending& own, Span<const u32> elements, Span<const u32> segments) const {
+        own.plan = plan_of(own.middle);
+        for (u32 index : elements) {
+            Part part = part_of(index, own.plan);
             if (!part.meets) continue;
             if (!part.lines && part.height.low == part.height.high) {
-                pending.base += part.height.low;
-                pending.top = max(pending.top, i32(index));
+                own.base += part.height.low;
+                own.top = max(own.top, i32(index));
                 continue;
             }
-            pending.entries[kept++] = index;
-            pending.parts.push_back(part);
+            own.entries.push_back(index);
+            own.parts.push_back(part);
         }
-        pending.entries.resize(kept);
-        std::erase_if(pending.segments, [&](u32 s) {
-            return !meets(field.tracks.segments[s], pending.plan);
-        });
+        for (u32 s : segments)
+            if (meets(field.tracks.segments[s], own.plan)) own.segments.push_back(s);
     }
 
     bool is_void_kind(i32 index) const { return field.kinds[field.elements[index].kind].is_void; }
@@ -459,8 +458,8 @@ private:
     bool is_crowded(const Pending& pending, const Node& node, int depth) const {
         constexpr i64 few = 4;
         constexpr int deepest = 22, thick_until = 7;
-        constexpr double thick = 0.25;                 // heights beside the shorter side
-        constexpr double large = 0.5, crowded = 0.05;  // that side beside that of what cuts it …
+        constexpr double thick = 0.25;                // heights beside the shorter side
+        constexpr double large = 1.5, crowded = 0.2;  // that side beside that of what cuts it …
         if (depth >= deepest) return false;
         i64 cutting = count_of(pending.segments);
         double finest = INF;
@@ -481,13 +480,13 @@ private:
     void build() {
         std::vector<Pending> level(1);
         level[0].middle = {0.5, 0.5, 0.5};
-        level[0].plan = plan_of(level[0].middle);
         level[0].base = 0.0, level[0].top = -1;
-        for (u32 n = 0; n < field.elements.size(); ++n) level[0].entries.push_back(n);
-        for (u32 s = 0; s < field.tracks.segments.size(); ++s) level[0].segments.push_back(s);
-        settle(level[0]);
+        std::vector<u32> elements(field.elements.size()), segments(field.tracks.segments.size());
+        std::iota(elements.begin(), elements.end(), 0u);
+        std::iota(segments.begin(), segments.end(), 0u);
+        settle(level[0], elements, segments);
         root = node_of(level[0]);
-        i64 most = (i64(1) << 16) + 4 * count_of(field.elements);
+        i64 most = (i64(1) << 16) + count_of(field.elements);
         std::vector<u32> parents;  // of the level: where their nodes are, in quarters
         for (int depth = 0; !level.empty(); ++depth) {
             std::vector<Pending> next;
@@ -500,7 +499,7 @@ private:
                 if (count_of(quarters) < most && is_crowded(pending, node(), depth)) {
                     own.push_back(u32(quarters.size()));
                     node().leaf = 0, node().next = own.back();
-                    split(std::move(pending), next);
+                    split(pending, next);
                 } else {
                     node().next = u32(leaves.size());
                     add_leaf(pending);
@@ -520,13 +519,17 @@ private:
         entries.insert(entries.end(), pending.segments.begin(), pending.segments.end());
     }
 
-    void split(Pending pending, std::vector<Pending>& next) {
+    void split(const Pending& pending, std::vector<Pending>& next) {
         Quarters made;
         for (int quarter = 0; quarter < 4; ++quarter) {
-            Pending own = pending;
-            own.middle = pending.middle.quarter(quarter & 1, quarter & 2);
-            own.plan = plan_of(own.middle);
-            settle(own);
+            Pending own{pending.middle.quarter(quarter & 1, quarter & 2),
+                        {},
+                        pending.base,
+                        pending.top,
+                        {},
+                        {},
+                        {}};
+            settle(own, pending.entries, pending.segments);
             made.nodes[quarter] = node_of(own);
             next.push_back(std::move(own));
         }

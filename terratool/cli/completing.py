@@ -151,7 +151,7 @@ def _items_for(name: str, ctx: click.Context, incomplete: str) -> Items:
 
 _FILES = {
     **dict.fromkeys(
-        ("file", "files", "old", "new", "spec", "vehicle", "into", "baseline"), _DEFINITION
+        ("file", "files", "spec", "vehicle", "vehicles", "into", "baseline"), _DEFINITION
     ),
     **dict.fromkeys(
         ("output", "source", "points", "path_file", "waypoints", "reports", "map_", "surfaces",
@@ -166,7 +166,7 @@ _NAMES: dict[str, Dictionary] = {
     "surface": "surfTypes", "kind": "elemTypes", "name": "elemTypes", "part": "parts",
 }  # fmt: skip
 """Parameters that are names which the file knows that was named before."""
-_READ = ("file", "into", "files", "old")
+_READ = ("file", "into", "files")
 """Parameters that name such a file."""
 _LISTS = ("select", "ignore")
 """Parameters that may hold several values, with commas between them."""

@@ -25,10 +25,12 @@ _COMMANDS = {
     "export-vrml": ("export_mesh:vrml", "Write a mesh, or a grid of heights, as VRML97."),
     "export-sim": ("export_sim", "Write for simulators: MuJoCo, Gazebo, PyBullet, USD, Nav2, …."),
     "render": ("render", "Draw a plan, a section or a perspective: PNG, SVG, PDF."),
+    "view": ("view", "Write a page to turn a terrain about in a browser, or follow a file."),
     "import-primitive": ("import_primitive", "Make a primitive of a patch of a DEM or a mesh."),
     "import-terrain": ("import_terrain", "Make a definition of a DEM or mesh, within an error."),
     "deform": ("deform", "Drive a vehicle along a path and write the ruts of its wheels."),
     "traversability": ("traversability", "Say whether a vehicle can drive, where not, and why."),
+    "diff": ("diff", "Say what an edit did to a terrain, and to its verdicts."),
     "curriculum": ("curriculum", "Make a grid of training tiles, from a spec."),
     "bundle": ("bundle", "Write a terrain and what it needs of its libraries into one file."),
     "rules": ("rules", "List the validator's rules, or explain one."),
@@ -72,8 +74,7 @@ class _Lazy(click.Group):
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
-        known = ctx.resilient_parsing or not args or args[0] in _COMMANDS
-        if not known and not args[0].startswith("-"):
+        if args and args[0] not in _COMMANDS and not args[0].startswith("-"):
             from difflib import get_close_matches
 
             close = get_close_matches(args[0], _COMMANDS, 1)

@@ -28,7 +28,8 @@ class _Interval(click.ParamType[Any]):
 
 
 @click.command(
-    epilog="Example: terratool render samples/nested-site.json site.png --contours 2 --grid"
+    "render",
+    epilog="Example: terratool render samples/nested-site.json site.png --contours 2 --grid",
 )
 @click.argument("file")
 @click.argument("output", metavar="OUT")
@@ -91,6 +92,7 @@ class _Interval(click.ParamType[Any]):
 )
 @click.option("--title", metavar="TEXT", help='Over the picture.  [default: the "descr" of FILE]')
 @click.option("--no-legend", is_flag=True, help="Leave out what the colours mean.")
+@click.option("--bare", is_flag=True, help="Leave out letters, axes and legend.")
 @click.option(
     "--size",
     type=int,

@@ -16,6 +16,7 @@ from terratool.definition.findings import Finding
 from terratool.definition.rules import RULES
 from terratool.definition.rules.base import Rule
 from terratool.text.display import Excerpt, columns_of, counted, printable, xml_text
+from terratool.text.workflow import annotation
 
 FORMAT_VERSION = 2
 SARIF_SCHEMA = "https://docs.oasis-open.org/sarif/sarif/v2.1.0/os/schemas/sarif-schema-2.1.0.json"
@@ -169,22 +170,13 @@ def as_github(report: ValidationReport) -> str:
     lines = []
     for group in report.groups():
         f = group.first
-        place = f"file={_property(f.file)},line={f.line},col={f.column},title={f.code}"
+        place = {"file": f.file, "line": f.line, "col": f.column, "title": f.code}
         text = "\n".join(filter(None, (f.message, f.hint, group.rest())))
-        lines.append(f"::{f.severity} {place}::{_data(text)}")
+        lines.append(annotation(f.severity, place, text))
     for file in report.unreadable:
-        what = _data(f"{file.message}\n{file.hint}")
-        lines.append(f"::error file={_property(file.file)},title=unreadable::{what}")
+        what = f"{file.message}\n{file.hint}"
+        lines.append(annotation("error", {"file": file.file, "title": "unreadable"}, what))
     return "\n".join([*lines, _summed_up(report.summary)])
-
-
-def _data(text: str) -> str:
-    return text.replace("%", "%25").replace("\r", "%0D").replace("\n", "%0A")
-
-
-def _property(text: str) -> str:
-    shown = "".join(c if c in "\r\n" else printable(c) for c in text)
-    return _data(shown).replace(":", "%3A").replace(",", "%2C")
 
 
 def as_sarif(report: ValidationReport) -> str:

@@ -388,7 +388,7 @@ class _Job:
             KeyboardInterrupt: that was pressed.
             ReadError, WriteError: as of `done`.
         """
-        from terratool.cli.watch import Watch
+        from terratool.definition.watch import Watch
 
         watch = Watch(self.listed)
         watched = False

@@ -147,7 +147,7 @@ class CheckOptions(Struct, frozen=True):
         limit: how many findings to place; the others are counted.
         select: place those whose code begins with one of these; none means all.
         ignore: but none whose code begins with one of these.
-        ignored_in: what else is ignored in a file of this name, be it a library.
+        ignored_in: what else is ignored in a file of this name; a library is one, too.
         library_roots: folders under which libraries may lie, beside that of the file and the
             current one.
     """
@@ -183,7 +183,7 @@ class Checked(Struct, frozen=True, dict=True):
         tree: the elements of the terrain or the library, laid flat.
         document: the text with its libraries; None if it has an error, or is a vehicle.
         libraries: what was found in each library that it uses, directly or through others.
-        name: of the file.
+        name: what the file is called.
     """
 
     findings: tuple[Finding, ...]
@@ -239,7 +239,7 @@ def load_checked(path: str | Path, library_roots: tuple[str, ...] = ()) -> Check
     """Read a terrain that has no errors.
 
     Args:
-        path: of the file.
+        path: the file.
         library_roots: further folders under which the libraries that it uses may lie.
 
     Raises:
@@ -249,13 +249,18 @@ def load_checked(path: str | Path, library_roots: tuple[str, ...] = ()) -> Check
     source = read_source(path)
     checked = check(source, CheckOptions(warnings=False, library_roots=library_roots))
     if checked.terrain is None:
-        kind = document_kind(source.data)
-        if kind in _NO_TERRAIN:
-            raise DefinitionError(
-                f"{source.name}: is a {kind}, where a terrain is wanted.", _NO_TERRAIN[kind]
-            )
-        raise refusal(checked)
+        raise no_terrain(source, checked)
     return checked
+
+
+def no_terrain(source: Source, checked: Checked) -> DefinitionError:
+    """The error of a text that was read as a terrain, and is none, or is broken."""
+    kind = document_kind(source.data)
+    if kind in _NO_TERRAIN:
+        return DefinitionError(
+            f"{source.name}: is a {kind}, where a terrain is wanted.", _NO_TERRAIN[kind]
+        )
+    return refusal(checked)
 
 
 def load_definition(path: str | Path) -> Definition:

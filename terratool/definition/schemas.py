@@ -7,7 +7,9 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-NAMES = ("terrain", "library", "vehicle", "curriculum", "report", "comparison", "info")
+NAMES = (
+    "terrain", "library", "vehicle", "curriculum", "report", "comparison", "difference", "info",
+)  # fmt: skip
 
 
 def schema(name: str = "terrain") -> dict[str, Any]:

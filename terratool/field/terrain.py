@@ -280,16 +280,19 @@ class Terrain:
         return c.arrays.nbytes + c.document.nbytes + c.parents.nbytes
 
     def height(self, x: ArrayLike, y: ArrayLike) -> Any:
-        """Heights at points; a number for numbers, else a float64 array."""
+        """Heights at points: a float for numbers, else a float64 array. NaN where there is none."""
         x, y, shape = _points(x, y)
         return batch_heights(self.arrays, self.field, x, y).reshape(shape)[()]
 
     def surface(self, x: ArrayLike, y: ArrayLike) -> Any:
-        """Names of the surfaces at points, None where there is none; an object array for arrays."""
+        """Names of the surfaces at points, None where there is none: a str, or an object array."""
         return self._surface_names[self.sample(x, y).surface]
 
     def locate(self, x: ArrayLike, y: ArrayLike) -> Any:
-        """JSON pointers of the elements that decide the surface at points, None where none does."""
+        """JSON pointers of the elements that decide the surface at points, None where none does.
+
+        Through parts and libraries a pointer is a chain: see docs/format.md, names of elements.
+        """
         element = self.sample(x, y).element
         unique, index = np.unique(element.ravel(), return_inverse=True)
         pointers = np.array([self.pointer(i) for i in unique.tolist()], object)
@@ -377,7 +380,7 @@ class Terrain:
         origin: ArrayLike = (0.0, 0.0, 0.0),
         default_friction: float = math.nan,
     ) -> TorchField:
-        """The terrain on a device, for tensors of PyTorch; see docs/tensors.md.
+        """Bring the terrain to a device, for tensors of PyTorch: see docs/tensors.md.
 
         Args:
             device: "cpu", "cuda", "cuda:1" …
@@ -399,7 +402,7 @@ class Terrain:
         origin: ArrayLike = (0.0, 0.0, 0.0),
         default_friction: float = math.nan,
     ) -> WarpField:
-        """The terrain on a device, for arrays of NVIDIA Warp; see docs/tensors.md.
+        """Bring the terrain to a device, for arrays of NVIDIA Warp: see docs/tensors.md.
 
         Args:
             device: "cpu", "cuda:0" …; None for the one that Warp takes by itself.
@@ -572,7 +575,7 @@ def load(
     """Read, check and compile a definition.
 
     Args:
-        path: of the file.
+        path: the file.
         library_roots: further folders under which the libraries that it uses may lie.
         roughness: whether rough surfaces have their relief.
 

@@ -174,7 +174,8 @@ class MeshReport(
         files: that were written, the one that was asked for first.
         bounds: west, south, east, north of what is meshed, in the world.
         origin: world position of the file's zero.
-        faces, walls: number of all faces, and of those that stand upright.
+        faces: number of all faces.
+        walls: number of those that stand upright.
         vertices: number of vertices.
         surfaces: number of faces by name of the surface, of those that have any.
         base: where the base of a solid lies; None for ground alone.

@@ -119,7 +119,7 @@ class RasterRequest:
     Attributes:
         layers: names from `terratool.raster.layers.LAYERS`.
         dtype: "float32" or "float64", of all layers of numbers.
-        compression: of GeoTIFFs; ZSTD if None.
+        compression: how GeoTIFFs are compressed; by ZSTD if None.
         nodata: the number that stands for none in layers of numbers; NaN, or what the format has,
             if None.
         overviews: whether a GeoTIFF has them; if None, one that is larger than `OVERVIEWS_FROM`.

@@ -125,7 +125,7 @@ def export_simulators(
 
     Args:
         terrain: the terrain.
-        folder: of the folders; it is made where it is missing.
+        folder: where the folders go; it is made where it is missing.
         targets: the name of a simulator, or names of several; "all" is every one.
         options: what is wanted.
         source: the definition; its name is that of the terrain in the files.

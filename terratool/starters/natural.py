@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from terratool.errors import RequestError
 from terratool.starters.built import GROUND, sides_text
 from terratool.starters.options import (
@@ -107,8 +109,8 @@ def _craters(wanted: Wanted) -> Members:
             }
         )
     return {
-        "descr": f"{sides_text(size)} with {count + 1} craters of {m(smallest)} to {m(largest)} m "
-        f"from rim to rim, seed {draw.seed}",
+        "descr": f"{sides_text(size)} with {count + 1:,} craters of {m(smallest)} to {m(largest)} "
+        f"m from rim to rim, seed {draw.seed}",
         "size": [m(side) for side in size],
         "surfTypes": ground,
         "elemTypes": types,
@@ -127,65 +129,127 @@ def _strewn(count: int, sizes: tuple[float, float], draw: Draw, which: int) -> M
     return {"count": count, "sizes": [m(side) for side in sizes], "seed": seed}
 
 
-_RISE = 10
-"""Heights that the windward side of a dune is long; it rises by 1 in 10 on average."""
 _FALL = 0.65
-"""Rise per metre of the slip face: 33 degrees, the angle of repose of dry sand."""
-_LONG = 15 / 2 / _FALL
-"""Heights that a dune is long: 13 parts of 15 the windward side, 2 the slip face."""
-DUNE = "min((15/13*t)**2*(3 - 30/13*t), 7.5*(1 - t))"
-"""Across a dune: up to the brink at 13/15, then evenly down."""
+"""Rise per metre of a slip face: 33 degrees, the angle of repose of dry sand."""
+_LONG, _WIDE = 12.0, 10.0
+"""Heights that a barchan is long and wide (a tenth as high as wide: Hesp and Hastings 1998)."""
+_COLUMNS, _ROWS = 600, 32
+"""Cells of its grid along and across the wind."""
+_LEAST = 0.35
+"""The height of the smallest dunes, of that of the largest."""
+_TRIES = 300
+"""For a place where a dune touches no other."""
+_BELL = "4.5*t**2 - 13.5*max(0, t - 1/3)**2 + 13.5*max(0, t - 2/3)**2"
+
+
+def _barchan(surface: str) -> Members:
+    """A dune with horns, 1 m high: strips along the wind, of which three overlap everywhere.
+
+    With s from -1 to 1 across the wind, its toe lies at 5 s², its brink at 7 + 5 s² and is 1 - s²
+    high: the lower, the farther downwind, so that the sides are horns.
+    """
+    strips: list[Members] = []
+    for row in range(_ROWS - 2):
+        s = 2 * (row + 1.5) / _ROWS - 1
+        toe, brink, tall = 5 * s * s, 7 + 5 * s * s, 1 - s * s
+        first, crest, end = (
+            round(x / _LONG * _COLUMNS) for x in (toe, brink, brink + tall / _FALL)
+        )
+        for kind, begin, stop in (("stoss", first, crest), ("lee", crest, end)):
+            strip: Members = {"cellX": begin, "cellY": row, "span": [stop - begin, 3]}
+            strips.append({**strip, "type": kind, "surface": surface, "vScale": round(tall, 3)})
+    return {
+        "descr": f"{_LONG:g} × {_WIDE:g} m, 1 m high, slip face in the east; scale extent and "
+        "vScale alike",
+        "type": "ground", "vScale": 1, "cells": [_COLUMNS, _ROWS], "x-ignore": ["TT208"],
+        "children": sorted(strips, key=lambda one: one["type"], reverse=True),
+    }  # fmt: skip
+
+
+_Cell = tuple[int, int, int, int]
+"""West, south, east, north, mm."""
+
+
+def _free_cell(size: tuple[int, int], tall: int, there: list[_Cell], draw: Draw) -> _Cell | None:
+    """A random cell for a dune of a height, beside those that are there."""
+    long, wide = round(tall * _LONG), round(tall * _WIDE)
+    for _ in range(_TRIES):
+        west, south = draw.between(0, size[0] - long), draw.between(0, size[1] - wide)
+        east, north = west + long, south + wide
+        if all(east <= w or west >= e or north <= s or south >= n for w, s, e, n in there):
+            return west, south, east, north
+    return None
 
 
 def _dunes(wanted: Wanted) -> Members:
     size, draw, count = wanted.size(), wanted.draw, wanted.whole("count")
     height = wanted.mm("height")
-    slot = size[0] // count
-    if round(height * _LONG) > slot:
+    if round(height * _LONG) > size[0] or round(height * _WIDE) > size[1]:
         raise RequestError(
-            f"A dune of {m(height)} m is {m(round(height * _LONG))} m long, and {count} of them "
-            f"have {m(slot)} m each.",
-            "Make --height or --count smaller, or the terrain longer along x.",
+            f"A dune of {m(height)} m is {m(round(height * _LONG))} × {m(round(height * _WIDE))} "
+            f"m large, and the terrain {sides_text(size)}.",
+            "Make --height smaller, or the terrain larger.",
         )
-    types: Members = {
-        "sheet": {
-            "descr": "Slow undulations, added",
-            "x": "0.4 + 0.25*sin(5*pi*t)", "y": "0.3 + 0.2*cos(4*pi*t + 1)", "combine": "sum",
-        }
-    }  # fmt: skip
+    tall = [height]
+    least = min(height, max(10, 10 * round(_LEAST * height / 10)))
+    for _ in range(count - 1):
+        share = draw.share()  # squared, as there are many small dunes and few large ones
+        tall.append(least + 10 * math.floor((height - least) * share * share / 10))
+    there: list[_Cell] = []
     children = []
-    for number in range(count):
-        tall = 10 * round(height * (70 + draw.below(31)) / 1000) or height
-        long = round(tall * _LONG)
-        waves, phase = draw.between(1, 3), draw.below(100) / 100
-        name = f"dune{number + 1}"
-        types[name] = {
-            "descr": f"x: up to the brink, then a slip face. y: {waves} waves along its crest",
-            "x": DUNE,
-            "y": f"0.85 + 0.15*cos(2*pi*({waves}*t + {phase:g}))",
-        }
-        west = slot * number + draw.between(0, slot - long)
+    for wish in sorted(tall, reverse=True):
+        # where no more of that height fit, a lower one may
+        for one in (wish, least):
+            found = _free_cell(size, one, there, draw)
+            if found is not None:
+                break
+        else:
+            raise RequestError(
+                f"{count:,} dunes up to {m(height)} m high find no place side by side: "
+                f"{len(there):,} do.",
+                "Make --count or --height smaller, or the terrain larger.",
+            )
+        west, south, east, north = found
+        long, wide = east - west, north - south
+        there.append(found)
         children.append(
             {
-                **place(west + long / 2, size[1] / 2, long, size[1]),
-                "descr": f"Up to {m(tall)} m high, {m(long)} m long",
-                "type": name, "surface": SOILS[_LOOSE].name, "vScale": m(tall),
+                **place(west + long / 2, south + wide / 2, long, wide),
+                "descr": f"{m(one)} m high",
+                "part": "barchan",
+                "vScale": m(one),
             }
-        )  # fmt: skip
-    firm = {**surfaces(_FIRM)[SOILS[_FIRM].name]}
-    firm["roughness"] = {"rms": 0.01, "correlation": 0.15, "seed": draw.seed}
+        )
+    firm, loose = SOILS[_FIRM].name, SOILS[_LOOSE].name
     return {
-        "descr": f"{sides_text(size)} of desert, wind from the west: {count} dunes up to "
-        f"{m(height)} m high, seed {draw.seed}",
+        "descr": f"{sides_text(size)} of desert, wind from the west: barchans up to {m(height)} m "
+        f"high, {count:,} in all, seed {draw.seed}",
         "size": [m(side) for side in size],
-        "surfTypes": {SOILS[_FIRM].name: firm, **surfaces(_LOOSE)},
-        "elemTypes": types,
+        "surfTypes": surfaces(_FIRM, _LOOSE),
+        "elemTypes": {
+            "sheet": {
+                "descr": "Slow undulations, added",
+                "x": "0.4 + 0.25*sin(5*pi*t)",
+                "y": "0.3 + 0.2*cos(4*pi*t + 1)",
+                "combine": "sum",
+            },
+            "ground": GROUND,
+            "stoss": {
+                "descr": "Strip of the windward side, across a bell of which three make 1",
+                "x": "smoothstep",
+                "y": _BELL,
+            },
+            "lee": {"descr": "Strip of the slip face, likewise", "x": [1, 0], "y": _BELL},
+        },
+        "parts": {"barchan": _barchan(loose)},
         "elemTree": {
-            "descr": "Firm sand between the dunes, with a relief of a centimetre",
-            "type": "sheet", "surface": SOILS[_FIRM].name, "vScale": 0.3,
+            "descr": "Firm sand between the dunes",
+            "type": "sheet",
+            "surface": firm,
+            "vScale": 0.3,
             "children": children,
         },
-    }  # fmt: skip
+    }
 
 
 _FIRM, _LOOSE = "lete-sand", "dry-sand"
@@ -207,12 +271,12 @@ CRATERS = Kind(
     _craters,
 )
 DUNES = Kind(
-    "Dunes across the wind, with slip faces of 33 degrees.",
+    "Barchans: dunes with horns and slip faces of 33 degrees.",
     (
-        size_option((120.0, 80.0)),
+        size_option((150.0, 100.0), 2.0),
         SEED,
-        count_option("count", 3, "How many dunes, from west to east.", 1, 100),
-        length_option("height", 2.5, "The largest height of a dune.", 0.1, 500.0),
+        count_option("count", 8, "How many dunes.", 1, 1000),
+        length_option("height", 3.0, "Of the highest dune, a tenth of its width.", 0.1, 500.0),
     ),
     _dunes,
 )

@@ -46,7 +46,7 @@ def read_source(path: str | Path, most: int = MAX_BYTES, hint: str = _SPLIT) -> 
     """Read a file, or standard input for ``-``.
 
     Args:
-        path: of the file.
+        path: the file.
         most: bytes of its text, unpacked.
         hint: what to do about a file that holds more.
 

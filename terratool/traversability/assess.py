@@ -356,7 +356,7 @@ def assess(
 
     Args:
         prepared: what is wanted, from `prepare_assessment`.
-        name: of the terrain, for people.
+        name: what the terrain is called, for people.
         map_path: a .tif for the map; other files of it go beside it.
         overwrite: whether files may be there already.
         progress: is told what is being done, and how many pixels are.

@@ -176,7 +176,8 @@ class Vehicle:
         cog_height: of the centre of gravity over level ground, m; 0 for a wheel by itself.
         clearance: of the body between the outermost axles over level ground, m; infinity for none.
         body_width: of the body, m; 0 for none. Wheels may stand out of it or under it.
-        front, rear: overhangs.
+        front: overhang at the front.
+        rear: overhang at the rear.
         steering: how it turns on the spot: "skid", its wheels slide sideways, or "wheels", they
             are turned into their ways, or swivel.
         speed: of the wheels' treads, m/s.

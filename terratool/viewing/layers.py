@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from string import ascii_uppercase
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -28,12 +29,15 @@ from terratool.traversability.map import default_resolution
 from terratool.traversability.report.drawing import SHADING, hatch
 from terratool.traversability.results import COLORS, GroundClass
 from terratool.viewing.sheet import Key, Scale, Swatch
+from terratool.viewing.vision import look_alike
 
 NAMES = ("height", "slope", "surface", "friction", "traversability")
 """What can be shown."""
 
 VOID = (255, 255, 255)
 """Where there is no ground, below lines that slant."""
+NO_GROUND = "void, no ground"
+"""What a legend calls that."""
 _VOID_LINE = (170, 170, 170)
 
 PALETTE = (
@@ -60,7 +64,7 @@ _HATCHES = {
 }
 """Those of `hatch`, as Matplotlib calls them."""
 
-Colors = NDArray[np.float64]
+Colors = NDArray[np.uint8] | NDArray[np.float64]
 
 
 class Light(NamedTuple):
@@ -92,12 +96,14 @@ class LayerPicture:
         grid: the pixels.
         heights: (height, width) float64, rows from the north; NaN where there is no ground.
         surfaces: (height, width) index of the surface and one, 0 for none.
-        colors: (height, width, 3) float64 from 0 to 255, without light; undefined where there is no
+        colors: (height, width, 3) from 0 to 255, without light; undefined where there is no
             ground.
         key: what the colours mean.
         light: how light falls on the colours; None where it would hide what they stand for.
         classes: (height, width) uint8 `GroundClass` of verdicts; None for other layers.
         notes: sentences on what cannot be seen of the picture.
+        letters: of the key, with the numbers in `surfaces` that they stand for; none where anybody
+            can tell the colours apart.
     """
 
     grid: Grid
@@ -108,6 +114,18 @@ class LayerPicture:
     light: Light | None
     classes: NDArray[np.uint8] | None = None
     notes: tuple[str, ...] = ()
+    letters: tuple[tuple[str, int], ...] = ()
+
+    def rows(self, start: int, stop: int) -> LayerPicture:
+        """The pixels of some rows; the grid is still that of all."""
+        part = slice(start, stop)
+        return replace(
+            self,
+            heights=self.heights[part],
+            surfaces=self.surfaces[part],
+            colors=self.colors[part],
+            classes=None if self.classes is None else self.classes[part],
+        )
 
 
 def surface_colors(terrain: Terrain) -> tuple[NDArray[np.uint8], list[str]]:
@@ -194,11 +212,16 @@ def _surfaces(terrain: Terrain, grid: Grid, planes: Planes) -> LayerPicture:
     assert planes.surfaces is not None
     colors, without = surface_colors(terrain)
     seen = np.bincount(planes.surfaces[~np.isnan(planes.heights)].ravel(), minlength=len(colors))
+    drawn_ids = [*filter(seen.__getitem__, range(1, len(colors))), *[0] * bool(seen[0])]
+    letters = [""] * len(drawn_ids)
+    if len(drawn_ids) <= len(ascii_uppercase) and look_alike(colors[drawn_ids]):
+        letters = list(ascii_uppercase[: len(drawn_ids)])
+    names = ["no surface", *terrain.surfaces]
     swatches = [
-        Swatch(name, _rgb(colors[id_])) for id_, name in enumerate(terrain.surfaces, 1) if seen[id_]
+        Swatch(names[id_], _rgb(colors[id_]), letter=letter)
+        for id_, letter in zip(drawn_ids, letters, strict=True)
     ]
-    if seen[0]:
-        swatches.append(Swatch("no surface", NO_COLOR))
+    pairs = tuple(pair for pair in zip(letters, drawn_ids, strict=True) if pair[0])
     drawn = [name for name in without if seen[terrain.surfaces.index(name) + 1]]
     notes = []
     if drawn:
@@ -208,9 +231,9 @@ def _surfaces(terrain: Terrain, grid: Grid, planes: Planes) -> LayerPicture:
             "the legend were chosen here."
         )
     return LayerPicture(
-        grid, planes.heights, planes.surfaces, colors.astype(np.float64)[planes.surfaces],
+        grid, planes.heights, planes.surfaces, colors[planes.surfaces],
         Key("surface", (*swatches, *void_swatch(planes.heights))), _ON_SURFACES,
-        notes=tuple(notes),
+        notes=tuple(notes), letters=pairs,
     )  # fmt: skip
 
 
@@ -228,7 +251,7 @@ def _numbers(terrain: Terrain, grid: Grid, planes: Planes, layer: str) -> LayerP
         low, high = low - 0.5 * (layer != "slope"), high + 0.5
     scale = Scale(_TITLES[layer], low, high, _COLORS[layer])
     part = np.where(known, (values - low) / (high - low), 0.0)
-    colors = colormaps[scale.colors](part)[..., :3] * 255.0
+    colors = colormaps[scale.colors](part, bytes=True)[..., :3]
     swatches = []
     if (unknown := ground & ~known).any():
         colors[unknown] = NO_COLOR
@@ -252,7 +275,7 @@ def _verdicts(
     rows = np.floor((own.bounds[3] - grid.rows(grid.whole)) / own.resolution).astype(np.int64)
     at = np.ix_(np.clip(rows, 0, own.height - 1), np.clip(columns, 0, own.width - 1))
     classes = verdict.classes[at]
-    palette = np.array([COLORS[code] for code in sorted(COLORS)], np.float64)
+    palette = np.array([COLORS[code] for code in sorted(COLORS)], np.uint8)
     ground = ~np.isnan(planes.heights)
     seen = np.bincount(classes[ground], minlength=len(GroundClass))
     order = (
@@ -305,7 +328,7 @@ def _ids(planes: Planes) -> NDArray[Any]:
 
 def void_swatch(heights: NDArray[Any]) -> tuple[Swatch, ...]:
     """The line of the legend that says where there is no ground, if there is any such place."""
-    return (Swatch("void, no ground", VOID, "///"),) if np.isnan(heights).any() else ()
+    return (Swatch(NO_GROUND, VOID, "///"),) if np.isnan(heights).any() else ()
 
 
 def _rgb(color: NDArray[np.uint8]) -> tuple[int, int, int]:

@@ -39,6 +39,7 @@ class RenderOptions:
         exaggeration: factor on heights of a section or a perspective; chosen if None.
         title: over the picture; what the terrain is said to be if None, none if empty.
         legend: whether to say what the colours mean.
+        bare: whether to leave out all letters, axes and legends.
         size: pixels of the longer side.
         dpi: pixels of an inch; letters have the same size in inches.
     """
@@ -56,6 +57,7 @@ class RenderOptions:
     exaggeration: float | None = None
     title: str | None = None
     legend: bool = True
+    bare: bool = False
     size: int = 1600
     dpi: float = 150.0
 
@@ -79,13 +81,28 @@ class RenderOptions:
                 f"An inch is to have {self.dpi:g} pixels.",
                 f"Give --dpi from {LEAST_DPI:g} to {MOST_DPI:g}.",
             )
-        if self.size / self.dpi < 3.0:
+        if self.size / self.dpi < 3.0 and not self.bare:
             raise RequestError(
                 f"{self.size} pixels at {self.dpi:g} to an inch leave no room beside the letters.",
                 "Give a larger --size or a smaller --dpi.",
             )
         self._check_contours()
         self._check_views()
+
+    @property
+    def keyed(self) -> bool:
+        """Whether there is a legend."""
+        return self.legend and not self.bare
+
+    def title_of(self, descr: str) -> str:
+        """What stands over the picture of a terrain that is said to be something; empty for none.
+
+        Args:
+            descr: what it is said to be.
+        """
+        if self.bare:
+            return ""
+        return descr if self.title is None else self.title
 
     def _check_contours(self) -> None:
         interval = self.contours

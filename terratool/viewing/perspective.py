@@ -19,7 +19,7 @@ from terratool.errors import RequestError
 from terratool.field.terrain import Terrain, check_bounds, clip_bounds
 from terratool.kernels import mesh as mesh_kernels
 from terratool.mesh.build import build
-from terratool.mesh.export import collapse_degenerate, no_ground
+from terratool.mesh.export import collapse_degenerate, no_ground, relief_of
 from terratool.mesh.formats.common import NO_COLOR
 from terratool.mesh.types import BuiltMesh
 from terratool.raster.grid import grid_over
@@ -27,6 +27,7 @@ from terratool.raster.shading import LIGHT
 from terratool.simulators.judge import Judge
 from terratool.text.display import counted, length
 from terratool.viewing.layers import (
+    NO_GROUND,
     LayerPicture,
     layer_picture,
     light_on,
@@ -34,7 +35,7 @@ from terratool.viewing.layers import (
     surface_colors,
 )
 from terratool.viewing.options import RenderOptions
-from terratool.viewing.plan import Drawn, Margins, unit_of
+from terratool.viewing.plan import NO_MARGINS, Drawn, Margins, unit_of
 from terratool.viewing.sheet import (
     Key,
     Rectangle,
@@ -43,6 +44,7 @@ from terratool.viewing.sheet import (
     key_width,
     new_sheet,
     number,
+    rounded_down,
 )
 
 FINER = 2
@@ -257,10 +259,14 @@ def draw_perspective(
     relief = float(np.ptp(block.vertices[block.faces[block.surfaces >= 0].ravel(), 2]))
     factor = options.exaggeration or _chosen(float(sides.max()), relief)
     vertices = block.vertices * (1.0, 1.0, factor)
-    key = plan.key if options.legend else Key()
-    title = terrain.descr if options.title is None else options.title
-    margins = Margins(
-        left=14.0, bottom=48.0, right=key_width(key) + 28.0 if options.legend else 14.0,
+    # void is open here, and needs no patch
+    swatches = tuple(
+        swatch._replace(letter="") for swatch in plan.key.swatches if swatch.label != NO_GROUND
+    )
+    key = plan.key._replace(swatches=swatches) if options.keyed else Key()
+    title = options.title_of(terrain.descr)
+    margins = NO_MARGINS if options.bare else Margins(
+        left=14.0, bottom=48.0, right=key_width(key) + 28.0 if options.keyed else 14.0,
         top=28.0 if title else 12.0,
     )  # fmt: skip
     corners = vertices[np.unique(block.faces)]
@@ -281,11 +287,12 @@ def draw_perspective(
     unit = unit_of(terrain)
     said = f"{wide} {unit} from west to east, {deep} {unit} from south to north."
     steeper = f"{exaggerated(factor)}."
-    _draw_texts(sheet, ground, camera, corners, [said, steeper], options)
+    if not options.bare:
+        _draw_texts(sheet, ground, camera, corners, [said, steeper], options)
     if title:
         left = sheet.pixels(margins.left)
         sheet.title(title, left, sheet.width - 2 * left)
-    if options.legend:
+    if options.keyed:
         beside = ground.left + ground.width + sheet.pixels(14.0)
         low, high = sheet.pixels(4.0), sheet.height - sheet.pixels(margins.top + 4.0)
         sheet.key(key, Rectangle(beside, low, sheet.width - beside - low, high - low))
@@ -298,7 +305,11 @@ def draw_perspective(
 
 def _chosen(side: float, relief: float) -> float:
     """A round factor on heights by which the relief is seen."""
-    wanted = _ASPECT * side / max(relief, 1e-12)
+    if not relief > 0.0:
+        return 1.0
+    if relief > 2.0 * side:
+        return rounded_down(side / relief)
+    wanted = _ASPECT * side / relief
     return max(factor for factor in _FACTORS if factor <= max(wanted, 1.0))
 
 
@@ -325,7 +336,9 @@ def _block(
     """
     error = options.max_error
     if error is None:
-        error = 0.5 * max(part[2] - part[0], part[3] - part[1]) / options.size
+        # half a pixel, of ground or of towers that are far higher than it is wide
+        extent = max(part[2] - part[0], part[3] - part[1], relief_of(terrain, options.bounds))
+        error = 0.5 * extent / options.size
     whole = terrain.by_elements
     if whole is not None:
         west, south, east, north = whole.footprints()
@@ -421,7 +434,7 @@ def _sheet(vertices: Floats, options: RenderOptions, margins: Margins) -> tuple[
     flat = camera.project(vertices)[:, :2]
     width, height = (math.ceil(side) + 2 for side in np.ptp(flat, axis=0))
     width, height = min(width, across), min(height, down)
-    least = min(options.size, math.ceil(150.0 * per_point))
+    least = 0 if options.bare else min(options.size, math.ceil(150.0 * per_point))
     wide, tall = max(width + left + right, least), max(height + bottom + top, least)
     sheet = new_sheet(wide, tall, options.dpi)
     return sheet, Rectangle(left, tall - top - height, width, height)

@@ -16,7 +16,6 @@ from terratool.raster.geotiff import crs_of
 from terratool.raster.grid import grid_over
 from terratool.raster.shading import contour_interval, exaggeration, hillshade
 from terratool.simulators.judge import Judge
-from terratool.text.display import length
 from terratool.viewing.cells import LABEL, cell_lines
 from terratool.viewing.layers import LayerPicture, layer_picture, level_light, light_on
 from terratool.viewing.options import RenderOptions
@@ -31,14 +30,17 @@ from terratool.viewing.sheet import (
     set_ticks,
     width_of,
 )
+from terratool.viewing.vision import roomiest_places
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 FINER = 2
-"""So many pixels along each side are painted for one of the picture, which is their mean …"""
-_MOST_PAINTED = 1 << 24
-"""… unless these would be more."""
+"""So many pixels along each side are painted for one of the picture, which is their mean."""
+_BAND = 512
+"""Rows of these that get their light at a time, about."""
+_SAMPLED = 4000
+"""How steep ground is is looked at on so many pixels of the longer side at most."""
 _HATCH = 6.0
 """Points from one line of hatching to the next."""
 _MOST_CONTOURS = 200
@@ -72,6 +74,10 @@ class Margins(NamedTuple):
     bottom: float
     right: float
     top: float
+
+
+NO_MARGINS = Margins(1.0, 1.0, 1.0, 1.0)
+"""Of pictures without letters."""
 
 
 class Drawn(NamedTuple):
@@ -113,11 +119,11 @@ def layout(sides: tuple[float, float], options: RenderOptions, margins: Margins)
     height = round(sides[1] / per_pixel)
     if min(width, height) < _LEAST_MAP:
         raise RequestError(
-            f"The ground is {length(sides[0])} by {length(sides[1])}: in the picture it would be "
+            f"The ground is {sides[0]:.4g} by {sides[1]:.4g} units: in the picture it would be "
             f"{max(width, 1)} by {max(height, 1)} pixels.",
             "Look at a part of it with --bounds W S E N.",
         )
-    least = min(options.size, math.ceil(150.0 * per_point))
+    least = 0 if options.bare else min(options.size, math.ceil(150.0 * per_point))
     tall = max(height + bottom + top, least)
     wide = max(width + left + right, least)
     ground = Rectangle(left, tall - top - height, width, height)
@@ -144,18 +150,22 @@ def draw_plan(
     part = clip_bounds(terrain, options.bounds)
     sides = part[2] - part[0], part[3] - part[1]
     # the legend is known only when the ground is painted, and that takes its place from the legend
-    room = (150.0 if options.layer == "surface" else 110.0) if options.legend else 0.0
-    if options.legend and options.layer == "surface":
+    room = (150.0 if options.layer == "surface" else 110.0) if options.keyed else 0.0
+    if options.keyed and options.layer == "surface":
         from terratool.viewing.sheet import Swatch
 
         names = [Swatch(name, (0, 0, 0)) for name in (*terrain.surfaces, "void, no ground")]
         room = key_width(Key("", tuple(names)))
-    title = terrain.descr if options.title is None else options.title
-    margins = Margins(
-        left=width_of(_labels(part[1], part[3])) + 26.0,
-        bottom=76.0,
-        right=room + 20.0 if options.legend else 14.0,
-        top=26.0 if title else 10.0,
+    title = options.title_of(terrain.descr)
+    margins = (
+        NO_MARGINS
+        if options.bare
+        else Margins(
+            left=width_of(_labels(part[1], part[3])) + 26.0,
+            bottom=76.0,
+            right=room + 20.0 if options.keyed else 14.0,
+            top=26.0 if title else 10.0,
+        )
     )
     places = layout(sides, options, margins)
     picture, factor = _painted(terrain, places, part, options, judge, progress)
@@ -165,7 +175,7 @@ def draw_plan(
     grid, notes = picture.grid, list(picture.notes)
     west, south, east, north = grid.bounds
     axes.imshow(
-        _shaded(picture, options.dpi, factor), extent=(west, east, south, north), aspect="auto",
+        shaded(picture, options.dpi, factor), extent=(west, east, south, north), aspect="auto",
         interpolation="none", origin="upper",
     )  # fmt: skip
     axes.set_xlim(west, east)
@@ -177,12 +187,17 @@ def draw_plan(
         captions.append(_draw_contours(axes, picture, options.contours))
     if options.grid:
         notes += _draw_cells(axes, terrain, picture, sheet)
-    _draw_frame(sheet, axes, places, unit)
-    _draw_margins(sheet, places, picture, unit, captions)
+    if options.keyed:
+        _draw_letters(axes, picture, options.dpi)
+    if options.bare:
+        axes.set_axis_off()
+    else:
+        draw_frame(sheet, axes, places, unit)
+        draw_margins(sheet, places, picture, unit, captions)
     if title:
         left = places.ground.left
         sheet.title(title, left, places.width - left - sheet.pixels(6.0))
-    if options.legend:
+    if options.keyed:
         sheet.key(picture.key, places.key)
     known = picture.heights[np.isfinite(picture.heights)]
     what = (
@@ -210,18 +225,38 @@ def _painted(
     picture = layer_picture(terrain, grid, options.layer, judge, progress)
     if picture.light is None:
         return picture, 1.0
-    return picture, min(exaggeration(picture.heights, grid.resolution), picture.light.steeper)
+    stride = 1 + max(picture.heights.shape) // _SAMPLED
+    some = picture.heights[::stride, ::stride]
+    return picture, min(exaggeration(some, grid.resolution * stride), picture.light.steeper)
 
 
-def _shaded(picture: LayerPicture, dpi: float, factor: float) -> NDArray[np.uint8]:
+def shaded(picture: LayerPicture, dpi: float, factor: float) -> NDArray[np.uint8]:
     """The picture with light on it, at its own pixels: each the mean of the finer ones."""
-    light = np.ones(picture.heights.shape)
-    if (how := picture.light) is not None:
-        shade = hillshade(picture.heights, picture.grid.resolution, factor)
-        light = np.clip(1.0 + how.contrast * (shade - level_light()), how.shade, how.glare)
-    fine = light_on(picture, light, FINER * max(4, round(_HATCH * dpi / 72.0)))
+    step = FINER * max(4, round(_HATCH * dpi / 72.0))
+    band = step * max(1, _BAND // step)  # bands of rows need less memory, and hatching goes on
+    parts = [
+        _means(light_on(picture.rows(start, start + band), light, step))
+        for start in range(0, picture.grid.height, band)
+        for light in (_light(picture, start, start + band, factor),)
+    ]
+    return np.concatenate(parts)
+
+
+def _light(picture: LayerPicture, start: int, stop: int, factor: float) -> NDArray[np.float64]:
+    """Factors on the colours of some rows."""
+    heights = picture.heights[max(start - 1, 0) : stop + 1]  # with neighbours
+    first = min(start, 1)
+    rows = min(stop, picture.grid.height) - start
+    if (how := picture.light) is None:
+        return np.ones((rows, picture.grid.width))
+    shade = hillshade(heights, picture.grid.resolution, factor)[first : first + rows]
+    return np.asarray(np.clip(1.0 + how.contrast * (shade - level_light()), how.shade, how.glare))
+
+
+def _means(fine: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """The means of blocks of pixels; those at the ends are filled up."""
     rows, columns = (-side % FINER for side in fine.shape[:2])
-    fine = np.pad(fine, ((rows, 0), (0, columns), (0, 0)), mode="edge")
+    fine = np.pad(fine, ((0, rows), (0, columns), (0, 0)), mode="edge")
     blocks = fine.reshape(fine.shape[0] // FINER, FINER, fine.shape[1] // FINER, FINER, 3)
     return np.asarray(np.rint(blocks.mean(axis=(1, 3))), np.uint8)
 
@@ -274,6 +309,25 @@ def _draw_contours(axes: Axes, picture: LayerPicture, wanted: Any) -> str:
     return caption
 
 
+def _draw_letters(axes: Axes, picture: LayerPicture, dpi: float) -> None:
+    """Draw a letter on each surface, where there is room, if its colour does not tell enough."""
+    ground = np.where(np.isnan(picture.heights), -1, picture.surfaces.astype(np.int64))
+    places = roomiest_places(ground, [id_ for _, id_ in picture.letters])
+    grid = picture.grid
+    for letter, id_ in picture.letters:
+        row, column, room = places.get(id_, (0, 0, 0))
+        if room / FINER < 0.6 * LABEL * dpi / 72.0:
+            continue
+        x = grid.west + (column + 0.5) * grid.resolution
+        y = grid.bounds[3] - (row + 0.5) * grid.resolution
+        axes.text(
+            x, y, letter, fontsize=LABEL + 1.0, fontweight="bold", ha="center",
+            va="center_baseline", color=INK,
+            bbox={"facecolor": "white", "alpha": 0.7, "linewidth": 0.0,
+                  "boxstyle": "circle,pad=0.12"},
+        )  # fmt: skip
+
+
 def _draw_cells(axes: Axes, terrain: Terrain, picture: LayerPicture, sheet: Sheet) -> list[str]:
     """Draw nested cells, finer lines further down; sentences on what is not drawn."""
     from matplotlib.collections import LineCollection
@@ -282,8 +336,12 @@ def _draw_cells(axes: Axes, terrain: Terrain, picture: LayerPicture, sheet: Shee
     found = cell_lines(terrain, picture.grid.bounds, per_point)
     for level, (lines, outlines) in enumerate(zip(found.grids, found.elements, strict=True)):
         thin, thick = max(0.6 * 0.7**level, 0.2), max(1.6 * 0.75**level, 0.4)
-        axes.add_collection(LineCollection(list(lines), colors=INK, linewidths=thin, alpha=0.45))
-        axes.add_collection(LineCollection(list(outlines), colors=INK, linewidths=thick))
+        for those, width, share in ((lines, thin, 0.45), (outlines, thick, 1.0)):
+            # dark ground needs the lighter line
+            for color, wider in (("white", 0.8), (INK, 0.0)):
+                alpha = share if color == INK else 0.5 * share
+                style: Any = {"colors": color, "linewidths": width + wider, "alpha": alpha}
+                axes.add_collection(LineCollection(list(those), **style))
     for label in found.labels:
         axes.text(
             label.x, label.y, label.text, fontsize=LABEL, va="top", ha="left", color=INK,
@@ -293,7 +351,7 @@ def _draw_cells(axes: Axes, terrain: Terrain, picture: LayerPicture, sheet: Shee
     return list(found.notes)
 
 
-def _draw_frame(sheet: Sheet, axes: Axes, places: Layout, unit: str) -> None:
+def draw_frame(sheet: Sheet, axes: Axes, places: Layout, unit: str) -> None:
     """Draw the axes, in the units of the file."""
     per_tick = sheet.pixels(54.0)
     set_ticks(axes, "x", max(1, places.ground.width // per_tick))
@@ -307,7 +365,7 @@ def _draw_frame(sheet: Sheet, axes: Axes, places: Layout, unit: str) -> None:
     )
 
 
-def _draw_margins(
+def draw_margins(
     sheet: Sheet, places: Layout, picture: LayerPicture, unit: str, captions: list[str]
 ) -> None:
     """Draw what stands below the ground: scale bar, arrow, captions."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,7 @@ from terratool.field.bounds import finest_details
 from terratool.field.terrain import Terrain
 from terratool.viewing.layers import surface_colors
 from terratool.viewing.options import Line, RenderOptions
-from terratool.viewing.plan import Drawn, Layout, Margins, layout, unit_of
+from terratool.viewing.plan import NO_MARGINS, Drawn, Layout, Margins, layout, unit_of
 from terratool.viewing.sheet import (
     INK,
     Key,
@@ -24,9 +25,13 @@ from terratool.viewing.sheet import (
     key_width,
     new_sheet,
     number,
+    rounded_down,
     set_ticks,
     width_of,
 )
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 EVEN = 8192
 """So many even stretches of the line are looked at …"""
@@ -46,9 +51,9 @@ _SHAPE = 2e-4
 """Points are left out that lie within such a part of the range of heights from their chord."""
 
 _ASPECT = 0.3
-"""A section is about so high as a part of its length, if nothing is said …"""
-_FACTORS = (1.0, 2.0, 5.0)
-"""… by a factor of these times a power of ten."""
+"""A section is about so high as a part of its length, by a round factor on heights …"""
+_LEAST = 0.1
+"""… unless it is no less than such a part of that by itself."""
 
 Floats = NDArray[np.float64]
 
@@ -312,22 +317,30 @@ def draw_section(
     room = max(high - low, 1e-3 * found.length)
     low, high = low - 0.25 * room, high + 0.15 * room
     factor = options.exaggeration or _chosen(found.length, high - low)
-    key = _key(terrain, found) if options.legend else Key()
-    title = terrain.descr if options.title is None else options.title
-    margins = Margins(
-        left=width_of([number(place) for place in _round(low, high)]) + 26.0,
-        bottom=48.0,
-        right=key_width(key) + 20.0 if options.legend else 20.0,
-        top=44.0 if title else 28.0,
+    key = _key(terrain, found) if options.keyed else Key()
+    title = options.title_of(terrain.descr)
+    margins = (
+        NO_MARGINS
+        if options.bare
+        else Margins(
+            left=width_of([number(place) for place in _round(low, high)]) + 26.0,
+            bottom=48.0,
+            right=key_width(key) + 20.0 if options.keyed else 20.0,
+            top=44.0 if title else 28.0,
+        )
     )
     places = layout((found.length, (high - low) * factor), options, margins)
     sheet = new_sheet(places.width, places.height, options.dpi)
-    _draw_ground(sheet, terrain, found, places, (low, high))
-    _draw_texts(sheet, terrain, found, places, factor)
+    axes = _draw_ground(sheet, terrain, found, places, (low, high))
+    if options.bare:
+        axes.set_axis_off()
+    else:
+        _draw_axes(sheet, axes, places)
+        _draw_texts(sheet, terrain, found, places, factor)
     if title:
         left = places.ground.left
         sheet.title(title, left, places.width - left - sheet.pixels(6.0))
-    if options.legend:
+    if options.keyed:
         sheet.key(key, places.key)
     x0, y0, x1, y1 = line
     walls = len(found.walls)
@@ -351,10 +364,7 @@ def _round(low: float, high: float) -> list[float]:
 def _chosen(length: float, relief: float) -> float:
     """A round factor on heights with which a section is about as high as sections should be."""
     wanted = _ASPECT * length / relief
-    if wanted < 2.0:
-        return 1.0
-    power = 10.0 ** math.floor(math.log10(wanted))
-    return max(factor * power for factor in _FACTORS if factor * power <= wanted)
+    return 1.0 if _LEAST < wanted < 2.0 else rounded_down(wanted)
 
 
 def _key(terrain: Terrain, found: Section) -> Key:
@@ -376,8 +386,8 @@ def _color(colors: NDArray[np.uint8], surface: int) -> tuple[int, int, int]:
 
 def _draw_ground(
     sheet: Sheet, terrain: Terrain, found: Section, places: Layout, heights: tuple[float, float]
-) -> None:
-    """Draw the ground in the colours of its surfaces, its line on top, and the axes."""
+) -> Axes:
+    """Draw the ground in the colours of its surfaces, and its line on top."""
     axes = sheet.axes(places.ground)
     axes.set_xlim(0.0, found.length)
     axes.set_ylim(*heights)
@@ -398,6 +408,11 @@ def _draw_ground(
         found.distance, found.height, color=INK, linewidth=1.0, solid_joinstyle="miter",
         gid="ground",
     )  # fmt: skip
+    return axes
+
+
+def _draw_axes(sheet: Sheet, axes: Axes, places: Layout) -> None:
+    """Draw the axes."""
     set_ticks(axes, "x", max(1, places.ground.width // sheet.pixels(54.0)))
     set_ticks(axes, "y", max(1, places.ground.height // sheet.pixels(24.0)))
     for side in ("top", "right"):

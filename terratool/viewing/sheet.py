@@ -70,11 +70,13 @@ class Swatch(NamedTuple):
         label: what it says.
         color: red, green, blue, 0 to 255.
         hatch: pattern of Matplotlib over the colour; empty for none.
+        letter: that stands on the colour, here and in the picture; empty for none.
     """
 
     label: str
     color: tuple[int, int, int]
     hatch: str = ""
+    letter: str = ""
 
 
 class Scale(NamedTuple):
@@ -196,6 +198,13 @@ class Sheet:
                 [left, right, right, left], [low, low, high, high],
                 facecolor=(red, green, blue), hatch=swatch.hatch or None,
             )  # fmt: skip
+            if swatch.letter:
+                dark = 0.3 * red + 0.6 * green + 0.1 * blue < 0.5
+                self.text(
+                    (left + right) / 2, (low + high) / 2, swatch.letter, ha="center",
+                    va="center_baseline", fontsize=_SMALL, fontweight="bold",
+                    color="white" if dark else INK,
+                )  # fmt: skip
             label = self.cut(swatch.label, room, _FONT)
             self.text(place.left + self.pixels(1.5 * _SWATCH), top, label, va="top")
             top -= line
@@ -247,9 +256,7 @@ class Sheet:
 
         `per_pixel` is how long a pixel is, in the unit.
         """
-        room = place.width * per_pixel
-        power = 10.0 ** math.floor(math.log10(room))
-        whole = next(factor * power for factor in (5.0, 2.0, 1.0) if factor * power <= room)
+        whole = rounded_down(place.width * per_pixel)
         long = whole / per_pixel
         low, high = place.bottom, place.bottom + self.pixels(3.0)
         for part, color in enumerate((INK, "white")):
@@ -293,10 +300,20 @@ def number(value: float) -> str:
     return "0" if text == "-0" else text
 
 
+def rounded_down(value: float) -> float:
+    """The largest number of 1, 2 or 5 times a power of ten that is no larger than one above 0."""
+    power = 10.0 ** math.floor(math.log10(value))
+    return next(
+        factor * power for factor in (5.0, 2.0, 1.0, 0.5) if factor * power <= value * (1 + 1e-12)
+    )
+
+
 def exaggerated(factor: float) -> str:
     """What is said of a factor on heights."""
     if factor == 1.0:
         return "heights not exaggerated"
+    if factor < 1.0:
+        return f"heights multiplied by {number(float(f'{factor:.6g}'))}"
     return f"heights exaggerated {number(float(f'{factor:.6g}'))} times"
 
 

@@ -10,8 +10,7 @@ from typing import Any
 
 import pytest
 
-from terratool.cli import watch
-from terratool.definition import reader
+from terratool.definition import reader, watch
 from tests.commands import Ran, call
 
 GOOD = '{"size":10,"elemTypes":{"b":{"x":[1]}},"elemTree":{"type":"b"}}'
@@ -41,7 +40,7 @@ def watched(monkeypatch: pytest.MonkeyPatch, steps: list[Step], *arguments: obje
     """Watch while these are done, one in each pause; behind the last one Ctrl-C is pressed."""
     pending = iter(steps)
 
-    def pause() -> None:
+    def pause(seconds: float) -> None:
         step = next(pending, None)
         if step is None:
             raise KeyboardInterrupt

@@ -111,11 +111,12 @@ def test_a_new_terrain_explains_itself(kind: str) -> None:
     if kind not in ("rough", "course"):
         tree = document["elemTree"]
         pallets = [one for one in tree.get("children", ()) if one.get("surface") == "timber"]
+        assert all(part["descr"] for part in document.get("parts", {}).values())
         assert all(one["descr"] for one in [tree, *tree.get("children", ())] if one not in pallets)
 
 
 @pytest.mark.parametrize(
-    ("kind", "limit"), [(kind, 6000) for kind in KINDS if kind not in ("course", "rough")]
+    ("kind", "limit"), [(kind, 10_000) for kind in KINDS if kind not in ("course", "rough")]
 )
 def test_files_are_short_enough_to_read(kind: str, limit: int) -> None:
     assert len(new(kind).encode()) < limit
@@ -128,7 +129,7 @@ PROMISED = {
     "rough": "9a45ce28b7c6821f",
     "craters": "c0a52d982478cc7b",
     "warehouse": "e82f490944885dce",
-    "dunes": "22ec08d040a00850",
+    "dunes": "3697d1bbfb954d8f",
     "course": "33e85d3073beacde",
 }
 
@@ -158,6 +159,29 @@ def test_another_process_gives_the_same_bytes(tmp_path: Path) -> None:
         for seed in ("1",)
     ]  # fmt: skip
     assert said == ["".join(map(new, KINDS)).encode()]
+
+
+@pytest.mark.parametrize("kind", [kind for kind in SEEDED if kind not in ("rough", "course")])
+def test_no_seed_is_refused(kind: str) -> None:
+    """With the defaults there is always room for what has a random place."""
+    for seed in range(60):
+        new(kind, seed=seed)
+
+
+@pytest.mark.parametrize(
+    ("kind", "near", "exact"),
+    [
+        ("stairs", {"rise": 0.1704, "run": 0.2996}, {"rise": 0.17, "run": 0.3}),
+        ("ramp", {"size": (40.0004, 9)}, {"size": (40, 9)}),
+        ("rough", {"height_range": (0.0196, 0.1004)}, {"height_range": (0.02, 0.1)}),
+        ("rough", {"height_step": 0.0404, "rms": 0}, {"height_step": 0.04}),
+        ("course", {"tile": (7.0004, 6.4996), "rows": 1}, {"tile": (7, 6.5), "rows": 1}),
+    ],
+)  # fmt: skip
+def test_lengths_are_whole_millimetres(
+    kind: str, near: dict[str, Any], exact: dict[str, Any]
+) -> None:
+    assert new(kind, **near) == new(kind, **exact)
 
 
 @pytest.mark.parametrize("kind", SEEDED)
@@ -354,6 +378,25 @@ def test_the_main_crater_is_as_published() -> None:
     assert along[far] == pytest.approx(0.32 / 7 * ((5 / r[far]) ** 3 - 0.125) * 10, rel=1e-3)
 
 
+def test_a_worn_crater_is_half_as_deep() -> None:
+    """Of its width from rim to rim, which is two thirds of its cell."""
+    options = {"size": (90.0, 60.0), "largest": 20.0, "smallest": 8.0, "rocks": 0}
+    definition = json.loads(new("craters", **options, count=2, fresh=0, seed=6))
+    children = definition["elemTree"]["children"]
+    children.remove(next(one for one in children if one["type"] == "freshCrater"))
+    del definition["elemTypes"]["freshCrater"]
+    terrain = Terrain(check(Source("worn", json.dumps(definition).encode())))
+    assert terrain.by_elements is not None
+    west, south, east, north = terrain.by_elements.cells()[:, 1]
+    width = (east - west) / 1.5
+    x = np.linspace(west, east, 2001)
+    along = terrain.height(x, np.full(x.shape, (south + north) / 2))
+    assert 8 <= width <= 20
+    assert np.ptp(along) == pytest.approx(0.1 * width, rel=0.01)
+    assert along.max() == pytest.approx(0.03 * width, rel=0.03)
+    assert 2 * abs(x[along.argmax()] - (west + east) / 2) == pytest.approx(width, rel=0.03)
+
+
 def test_craters_are_as_many_and_as_large_as_asked_for() -> None:
     """Of all a share of (least/D)² is wider than D; those in a file are counted by its kinds."""
     terrain = made(
@@ -376,35 +419,68 @@ def test_craters_are_as_many_and_as_large_as_asked_for() -> None:
     assert share == pytest.approx(expected, abs=4 * math.sqrt(expected))
 
 
-@pytest.mark.parametrize("seed", [0, 3])
-def test_dunes_have_slip_faces_in_the_east(seed: int) -> None:
-    """33 degrees there, gentle in the west, and no dune is higher than asked for."""
-    terrain = made("dunes", size=(150.0, 40.0), count=3, height=3.0, seed=seed)
-    x = np.arange(0, 150, 0.02)
-    sheet = {**json.loads(new("dunes", size=(150.0, 40.0), count=3, height=3.0, seed=seed))}
-    sheet["elemTree"] = {**sheet["elemTree"], "children": []}
-    base = Terrain(check(Source("sheet", json.dumps(sheet).encode())), roughness=False)
-    steepest, gentlest = [], []
-    for y in np.linspace(0.5, 39.5, 14):
-        at = np.full(x.shape, y)
-        bare = Terrain(
-            check(
-                Source(
-                    "dunes",
-                    new("dunes", size=(150.0, 40.0), count=3, height=3.0, seed=seed).encode(),
-                )
-            ),
-            roughness=False,
-        )
-        dunes = bare.height(x, at) - base.height(x, at)
-        assert dunes.min() >= 0
-        assert dunes.max() <= 3.0
-        rise = np.diff(dunes) / 0.02
-        steepest.append(rise.min())
-        gentlest.append(rise.max())
-    assert math.degrees(math.atan(-min(steepest))) == pytest.approx(33.0, abs=0.5)
-    assert math.degrees(math.atan(max(gentlest))) < 9
-    assert terrain.count_by_primitive() == {"sheet": 1, "dune1": 1, "dune2": 1, "dune3": 1}
+def dune(height: float) -> tuple[Terrain, NDArray[np.float64], NDArray[np.float64]]:
+    """A terrain as large as one dune, and the points of its middle line."""
+    size = 12 * height + 7, 10 * height
+    definition = json.loads(new("dunes", size=size, count=1, height=height, seed=5))
+    definition["elemTree"]["vScale"] = 1e-9  # without the undulations of the ground
+    terrain = Terrain(check(Source("dune", json.dumps(definition).encode())))
+    x = np.arange(0, size[0], 0.01)
+    return terrain, x, np.full(x.shape, size[1] / 2)
+
+
+@pytest.mark.parametrize("height", [1.0, 4.0])
+def test_a_dune_is_steep_in_the_lee(height: float) -> None:
+    """33 degrees there, gentle in the west, and as high as asked for."""
+    terrain, x, y = dune(height)
+    along = terrain.height(x, y)
+    assert along.max() == pytest.approx(height, rel=0.02)
+    rise = np.diff(along) / 0.01
+    # the strips beside the middle begin a little later, so that the ends of the face are round
+    assert math.degrees(math.atan(-np.quantile(rise[rise < -1e-6], 0.2))) == pytest.approx(
+        33, abs=1
+    )
+    assert math.degrees(math.atan(rise.max())) < 14
+    crest = along.argmax()
+    windward = x[crest] - x[np.flatnonzero(along > 1e-6)[0]]
+    assert windward == pytest.approx(7 * height, rel=0.03)
+    assert x[np.flatnonzero(along > 1e-6)[-1]] - x[crest] == pytest.approx(1.54 * height, rel=0.1)
+
+
+def test_the_horns_of_a_dune_point_downwind() -> None:
+    """Near its sides it is lower, and reaches farther east by more than it is high."""
+    terrain, x, middle = dune(2.0)
+    ends, tops = [], []
+    for share in (0.5, 0.35, 0.2, 0.1):
+        across = [terrain.height(x, middle * 2 * at) for at in (share, 1 - share)]
+        assert across[0] == pytest.approx(across[1], abs=1e-6)
+        ends.append(x[np.flatnonzero(across[0] > 0.01)[-1]])
+        tops.append(across[0].max())
+    assert ends == sorted(ends)
+    assert ends[-1] - ends[0] > 1.5 * 2.0
+    assert tops == sorted(tops, reverse=True)
+    assert tops[-1] < 0.5 * tops[0]
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_dunes_stand_apart(seed: int) -> None:
+    definition = json.loads(new("dunes", size=(150, 90), count=12, height=2.5, seed=seed))
+    dunes = definition["elemTree"]["children"]
+    assert len(dunes) == 12
+    assert dunes[0]["vScale"] == 2.5
+    cells = []
+    for one in dunes:
+        (x, y), (w, h) = one["at"], one["extent"]
+        assert (w, h) == pytest.approx((12 * one["vScale"], 10 * one["vScale"]))
+        assert one["vScale"] >= 0.35 * 2.5 - 0.01
+        cells.append((x - w / 2, y - h / 2, x + w / 2, y + h / 2))
+    for number, (west, south, east, north) in enumerate(cells):
+        assert min(west, south) >= -1e-9
+        assert east <= 150 + 1e-9
+        assert north <= 90 + 1e-9
+        for other in cells[:number]:
+            apart = other[0] - east, west - other[2], other[1] - north, south - other[3]
+            assert max(apart) >= -1e-9
 
 
 # --- the hall ------------------------------------------------------------------------------------
@@ -546,7 +622,8 @@ def test_numbers_out_of_their_limits_are_refused(kind: str, key: str) -> None:
         ("craters", {"largest": 40}, "takes 80 m"),
         ("craters", {"smallest": 12}, "--smallest is 12 m"),
         ("warehouse", {"aisle": 20}, "No rack fits"),
-        ("dunes", {"count": 20}, "20 of them have 6 m each"),
+        ("dunes", {"count": 100}, "100 dunes up to 3 m high find no place"),
+        ("dunes", {"height": 11}, "A dune of 11 m is 132 × 110 m large"),
         ("flat", {"rise": 1}, "flat takes no 'rise'"),
         ("flats", {}, "There is no kind 'flats'"),
         ("flat", {"soil": "mud"}, "--soil is 'mud'"),

@@ -151,6 +151,18 @@ def test_walls_are_upright(tmp_path: Path) -> None:
     assert tall[1] == pytest.approx(2 * tall[0], rel=0.15)
 
 
+def test_towers_fit_into_the_picture(tmp_path: Path) -> None:
+    """A thousand high on ground of 40: heights are multiplied by less than 1, and it says so."""
+    definition = {**PLATE, "elemTree": {**PLATE["elemTree"], "vScale": 2}}
+    definition["elemTree"]["children"] = [
+        {"cellX": 8, "cellY": 3, "type": "flat", "vScale": 1000, "surface": "box red"}
+    ]
+    options = RenderOptions(perspective=True, size=400, dpi=72.0, legend=False)
+    report = render(terrain_of(definition), tmp_path / "tower.png", options)
+    assert "heights multiplied by 0.02" in report.what
+    assert red(pixels_of(tmp_path / "tower.png")).sum() > 200
+
+
 def test_void_is_open(tmp_path: Path) -> None:
     """From above, the paper is seen in the south-west corner."""
     pixels = picture(tmp_path, azimuth=180.0, elevation=90.0)
@@ -190,6 +202,7 @@ def test_too_many_elements_are_drawn_from_a_grid(
     """Said so; the box and the void are where the mesh has them."""
     by_mesh = red(picture(tmp_path, azimuth=200.0))
     monkeypatch.setattr(perspective, "_MOST_ELEMENTS", 1)
+    monkeypatch.setattr(perspective, "_GRID_SIDE", 400)
     options = RenderOptions(
         perspective=True, azimuth=200.0, size=640, dpi=72.0, legend=False, title=""
     )
@@ -200,3 +213,5 @@ def test_too_many_elements_are_drawn_from_a_grid(
     rows, columns = (min(one, two) for one, two in zip(by_mesh.shape, by_grid.shape, strict=True))
     both = by_mesh[:rows, :columns] & by_grid[:rows, :columns]
     assert both.sum() > 0.8 * max(by_mesh.sum(), by_grid.sum())
+    heights = picture(tmp_path, azimuth=200.0, layer="height")
+    assert ((heights[..., 0] > 180) & (heights[..., 2] < 110)).sum() > 500  # the top of the box

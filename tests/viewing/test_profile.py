@@ -104,6 +104,15 @@ def test_a_rib_of_a_millimetre() -> None:
     assert_walls(found, [17.2995, 17.3005, 17.3015, 17.3025], [1, -1, 1, -1])
 
 
+def test_steps_that_are_too_near_to_each_other_to_be_seen() -> None:
+    """Both, though no place that is looked at lies between them."""
+    near = {"x": [[0, 0], [0.4567, 0], [0.4567, 1], [0.456701, 1], [0.456701, 3], [1, 3]]}
+    terrain = terrain_of(
+        {"size": [40, 12], "elemTypes": {"near": near}, "elemTree": {"type": "near", "vScale": 1}}
+    )
+    assert_walls(section(terrain, (0, 5, 40, 5)), [18.268, 18.26804], [1, 2])
+
+
 def test_void_is_a_gap() -> None:
     """Ground begins where the void ends, at 4, and no line leads there."""
     found = section(terrain_of(PLATE), (100, 202, 140, 202))
@@ -115,6 +124,26 @@ def test_void_is_a_gap() -> None:
     outside = section(terrain_of(PLATE), (90, 210, 150, 210))
     known = np.isfinite(outside.height)
     assert outside.distance[known][[0, -1]] == pytest.approx([10, 50], abs=1e-9)
+
+
+def test_a_round_hole_ends_where_it_does() -> None:
+    """A void disc of radius 3 around 20, 6, passed by at half of that: a gap from rim to rim."""
+    hole = {"at": [20, 6], "extent": 6, "type": "disc", "surface": "hole"}
+    terrain = terrain_of(
+        {
+            "size": [40, 12], "surfTypes": {"hole": {"void": True}},
+            "elemTypes": {"flat": {"x": [1]}, "disc": {"x": [1, 1], "combine": "radial"}},
+            "elemTree": {"type": "flat", "children": [hole]},
+        }
+    )  # fmt: skip
+    found = section(terrain, (0, 7.5, 40, 7.5))
+    gap = found.distance[np.isnan(found.height)]
+    half = math.sqrt(3**2 - 1.5**2)
+    assert gap.min() >= 20 - half - 2e-8 and gap.max() <= 20 + half + 2e-8
+    known = found.distance[np.isfinite(found.height)]
+    assert known[known < 20].max() == pytest.approx(20 - half, abs=2e-8)
+    assert known[known > 20].min() == pytest.approx(20 + half, abs=2e-8)
+    assert len(found.walls) == 0
 
 
 def test_surfaces_change_where_they_do() -> None:

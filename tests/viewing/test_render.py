@@ -16,6 +16,7 @@ from terratool.errors import RequestError
 from terratool.raster.painter import Painter
 from terratool.raster.shading import ticks
 from terratool.traversability.results import COLORS, GroundClass
+from terratool.viewing import plan
 from terratool.viewing.cells import cell_lines
 from terratool.viewing.layers import NAMES, PALETTE
 from terratool.viewing.options import RenderOptions
@@ -269,6 +270,15 @@ def test_only_the_pixels_of_the_picture_are_painted(
     report = render(terrain, tmp_path / "p.png", RenderOptions(grid=True, **SMALL))
     assert 0 < painted <= 4 * report.width * report.height
     assert any("too many elements" in note for note in report.notes)
+
+
+def test_bands_of_rows_make_no_difference(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Light and hatching go on from one to the next."""
+    definition = copy.deepcopy(PLATE)
+    definition["elemTypes"]["flat"] = {"x": "1 + 0.2*cos(9*t)", "y": "1 + 0.3*sin(7*t)"}
+    whole = drawn(tmp_path, definition).read_bytes()
+    monkeypatch.setattr(plan, "_BAND", 8)
+    assert drawn(tmp_path, definition).read_bytes() == whole
 
 
 # --- refusals -------------------------------------------------------------------------------------

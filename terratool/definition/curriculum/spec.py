@@ -150,7 +150,7 @@ def load_spec(path: str | Path, seed: int | None = None) -> Spec:
     """Read a spec; ``-`` is standard input.
 
     Args:
-        path: of the file.
+        path: the file.
         seed: instead of the spec's own.
 
     Raises:

@@ -52,7 +52,8 @@ class PrimitiveRequest:
         recognise: write named curves where they fit.
         tolerance: largest error, in units of the heights; None for any.
         combine: how the two curves become one; "auto" takes what fits better.
-        x_steps, y_steps: world positions of vertical steps, as walls of a mesh make.
+        x_steps: world positions of vertical steps along x, as walls of a mesh make.
+        y_steps: the same along y.
     """
 
     samples: int | None = None
@@ -145,7 +146,7 @@ def import_primitive(
 
     Args:
         samples: the patch.
-        name: of the primitive; with several terms they are called NAME-1, NAME-2, ….
+        name: what the primitive is called; with several terms they are called NAME-1, NAME-2, ….
         wanted: how.
 
     Raises:

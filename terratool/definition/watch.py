@@ -18,9 +18,9 @@ State = tuple[int, int, int] | None
 """Time of the last change in ns, bytes and number of a file; None where there is none."""
 
 
-def pause() -> None:
+def pause(seconds: float) -> None:
     """Wait until it is time for another look."""
-    time.sleep(EVERY)
+    time.sleep(seconds)
 
 
 class _Seen(Struct):
@@ -42,14 +42,16 @@ class Watch:
 
     Args:
         listed: names the files that are checked, as they are there now.
+        every: s between two looks at them.
     """
 
-    def __init__(self, listed: Callable[[], Iterable[str]]) -> None:
+    def __init__(self, listed: Callable[[], Iterable[str]], every: float = EVERY) -> None:
         self._listed = listed
+        self._every = every
         self._seen: dict[str, _Seen] = {}
 
     def look(self, name: str, options: CheckOptions) -> Checked:
-        """The findings in a file, without what it says; it is read only if it has changed.
+        """The findings in a file, which is read only if it has changed; then with what it says.
 
         Raises:
             ReadError: the file cannot be read.
@@ -65,7 +67,7 @@ class Watch:
         for library in shelf.files:
             seen.states[library] = states[library] if library in states else _state(library)
         seen.checked = _without_model(checked)
-        return seen.checked
+        return checked
 
     def wait(self) -> dict[str, str]:
         """Wait until some of the files differ from what was looked at, and then for one pause.
@@ -75,7 +77,7 @@ class Watch:
         """
         before: dict[str, dict[str, State]] = {}
         while True:
-            pause()
+            pause(self._every)
             listed = list(self._listed())
             now = {
                 name: _states(self._seen[name].states if name in self._seen else [name])

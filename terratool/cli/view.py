@@ -1,0 +1,244 @@
+"""`terratool view`."""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from terratool.cli.options import (
+    has_roughness,
+    library_root_option,
+    library_roots,
+    roughness_option,
+    vehicle_from,
+    vehicle_options,
+)
+from terratool.cli.terminal import Status, called, say
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from terratool.errors import TerratoolError
+    from terratool.traversability.results import TraversabilityReport
+    from terratool.traversability.vehicle import Vehicle
+    from terratool.viewing.mesh import PageOptions
+    from terratool.viewing.places import Site
+    from terratool.viewing.scene import Scene
+
+Routes = tuple[tuple[float, float, float, float], ...]
+_SUFFIXES = (".html", ".htm")
+_DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY", "BROWSER", "WSL_DISTRO_NAME")
+"""Where none of these is set, a Linux has no window to open."""
+
+
+@click.command(
+    "view",
+    epilog="\b\nExamples: terratool view samples/warehouse.json\n"
+    "          terratool view site.json --output site.html --no-open\n"
+    "          terratool view site.json --watch",
+)
+@click.argument("file")
+@click.option(
+    "--output",
+    metavar="OUT.html",
+    help="Where the page goes.  [default: a new folder among the temporary ones]",
+)
+@click.option("--no-open", is_flag=True, help="Do not open the page in a browser.")
+@click.option(
+    "--watch",
+    is_flag=True,
+    help="Serve the page to this machine alone, and draw it again whenever FILE is saved.",
+)
+@click.option(
+    "--port",
+    type=click.IntRange(0, 65535),
+    metavar="N",
+    help="The port of --watch.  [default: any that is free]",
+)
+@vehicle_options
+@click.option(
+    "--route",
+    "routes",
+    nargs=4,
+    type=float,
+    multiple=True,
+    metavar="X0 Y0 X1 Y1",
+    help="Draw a way of the vehicle, once or several times.",
+)
+@click.option(
+    "--max-error",
+    type=float,
+    metavar="E",
+    help="How far the ground may be from the terrain, along z, anywhere.  [default: 0.001, or as "
+    "small as about 200,000 faces allow, 40,000 with --watch]",
+)
+@click.option(
+    "--max-faces",
+    type=int,
+    metavar="N",
+    help="Enlarge the error, and then leave out the lowest elements, until there are no more.",
+)
+@roughness_option
+@library_root_option
+@click.option("--overwrite", is_flag=True, help="Replace a page that exists.")
+def command(
+    file: str,
+    output: str | None,
+    no_open: bool,
+    watch: bool,
+    port: int | None,
+    routes: Routes,
+    max_error: float | None,
+    max_faces: int | None,
+    overwrite: bool,
+    **values: Any,
+) -> None:
+    """Show the terrain FILE in a browser: turn it, ask what is where, switch layers.
+
+    The page is one file, and asks nothing of the net. With --watch it is served at 127.0.0.1 until
+    Ctrl-C. Where FILE is broken it keeps the last good picture, with the findings beside it.
+    """
+    from terratool.viewing.mesh import PageOptions
+    from terratool.viewing.pages import three
+
+    if watch and output is not None:
+        raise click.UsageError("--watch serves the page, and --output writes it. Drop one of them.")
+    if watch and file == "-":
+        raise click.UsageError("--watch needs a file, and - is none. Name a file.")
+    if port is not None and not watch:
+        raise click.UsageError("--port is about --watch. Add that, or leave out --port.")
+    wheeled = any(value is not None for value in values.values())
+    if routes and not wheeled:
+        raise click.UsageError("A route needs a vehicle. Add --vehicle V.json.")
+    options = PageOptions(max_error, max_faces, live=watch)
+    options.check()
+    path = None if output is None else _checked_output(output, file, overwrite)
+    three()
+    vehicle = vehicle_from(values) if wheeled else None
+    if watch:
+        _follow(file, options, vehicle, routes, port or 0, not no_open)
+    else:
+        _write(file, options, vehicle, routes, path, overwrite, not no_open)
+
+
+def _checked_output(output: str, file: str, overwrite: bool) -> Path:
+    """Refuse a page that cannot be, before any work."""
+    from terratool.errors import RequestError, WriteError
+    from terratool.output import is_same_file, refuse_existing, refuse_missing_folder
+
+    path = Path(output)
+    if path.suffix.lower() not in _SUFFIXES:
+        raise RequestError(f"{output}: is no name of a page.", "Choose one that ends in .html.")
+    if is_same_file(path, file):
+        raise WriteError(f"{output}: is the definition itself.", "Choose another name.")
+    refuse_existing(path, overwrite)
+    refuse_missing_folder(path)
+    return path
+
+
+def _write(
+    file: str, options: PageOptions, vehicle: Vehicle | None, routes: Routes, path: Path | None,
+    overwrite: bool, opens: bool,
+) -> None:  # fmt: skip
+    from terratool.output import whole_file
+    from terratool.text.display import counted, length
+    from terratool.viewing.pages import page_of
+    from terratool.viewing.places import read_site
+
+    with Status(f"reading {called(file)}") as status:
+        site = read_site(file, library_roots(), roughness=has_roughness())
+        scene = _scene(site, options, vehicle, routes, status)
+        status.say("writing the page")
+        text = page_of(called(file), scene.to_bytes())
+        path = _temporary(file) if path is None else path
+        with whole_file(path, overwrite) as part:
+            part.write_text(text, encoding="utf-8", newline="\n")
+    faces = counted(len(scene.arrays["elements"]), "face")
+    say(f"{path}: {faces} within {length(scene.told['error'])}, {len(text.encode()):,} bytes")
+    if opens and not _open(path.resolve().as_uri()):
+        say("No browser can be opened here. Open the page in yours.", err=True)
+
+
+def _temporary(file: str) -> Path:
+    """A page in a new folder that nobody else can write to."""
+    import tempfile
+
+    from terratool.errors import WriteError
+
+    try:
+        folder = Path(tempfile.mkdtemp(prefix="terratool-"))
+    except OSError as error:
+        raise WriteError.of(tempfile.gettempdir(), error, "Name a page with --output.") from error
+    stem = "terrain" if file == "-" else Path(file).name.removesuffix(".gz").removesuffix(".json")
+    return folder / f"{stem}.html"
+
+
+def _scene(
+    site: Site, options: PageOptions, vehicle: Vehicle | None, routes: Routes, status: Status
+) -> Scene:
+    from terratool.viewing.scene import scene_of
+
+    report = None if vehicle is None else _judged(site, vehicle, routes, status)
+    return scene_of(site, options, report, status.say)
+
+
+def _judged(site: Site, vehicle: Vehicle, routes: Routes, status: Status) -> TraversabilityReport:
+    """What the vehicle can do there: the map, and the ways that are wanted."""
+    from terratool.traversability.assess import Request, assess, prepare_assessment
+
+    prepared = prepare_assessment(site.terrain, vehicle, Request(routes=routes))
+    status.say("judging", prepared.pixels)
+    return assess(prepared, name=site.name, progress=status)
+
+
+def _follow(
+    file: str, options: PageOptions, vehicle: Vehicle | None, routes: Routes, port: int,
+    opens: bool,
+) -> None:  # fmt: skip
+    from terratool.text.source import read_source
+    from terratool.viewing.live import Followed, LiveState, PageServer, follow
+    from terratool.viewing.pages import page_of
+
+    read_source(file)  # what is not there is no file to follow
+    state = LiveState()
+    told = _teller(file)
+
+    def scene(site: Site) -> Scene:
+        with Status(f"drawing {called(file)}") as status:
+            return _scene(site, options, vehicle, routes, status)
+
+    with PageServer(page_of(called(file), live=True), state, port) as server:
+        say(f"{server.url} shows {file}; Ctrl-C ends it.")
+        sys.stdout.flush()
+        if opens and not _open(server.url):
+            say("No browser can be opened here. Open this address in yours.", err=True)
+        follow(state, Followed(file, library_roots(), has_roughness()), scene, told)
+
+
+def _teller(file: str) -> Callable[[TerratoolError | None], object]:
+    """What is said of each version of a file."""
+
+    def told(problem: TerratoolError | None) -> None:
+        if problem is None:
+            say(f"terratool: {file}: drawn.", err=True)
+        else:
+            say(f"terratool: {problem.message}", err=True)
+
+    return told
+
+
+def _open(url: str) -> bool:
+    """Open a page in a browser with a window; whether there is one."""
+    import webbrowser
+
+    windows = sys.platform in ("darwin", "win32") or any(map(os.environ.get, _DISPLAYS))
+    if not windows:
+        return False
+    try:
+        return webbrowser.open(url)
+    except (OSError, webbrowser.Error):
+        return False

@@ -1,0 +1,210 @@
+"""Two definitions compared: texts first, then the ground, and only where it can differ."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from msgspec import structs
+
+from terratool.definition.findings import Bounds
+from terratool.errors import DefinitionError
+from terratool.field.terrain import Terrain
+from terratool.raster.geotiff import crs_of, shown_crs
+from terratool.text.display import counted
+from terratool.traversability.route.headings import Progress
+from terratool.traversability.vehicle import Vehicle
+from terratool.viewing.diff.ground import Both, area_of, common_bounds, compare_ground
+from terratool.viewing.diff.regions import clipped, reaches, track_reach, users
+from terratool.viewing.diff.results import Difference, GroundChange, KeyChange, VerdictChange
+from terratool.viewing.diff.sides import Side, surface_key
+from terratool.viewing.diff.texts import TextDifference, compare_texts
+from terratool.viewing.diff.verdicts import compare_verdicts
+
+TOLERANCE = 1e-3
+"""Heights that differ by less do not count as changed ground, if nothing else is asked for."""
+
+
+@dataclass(frozen=True, slots=True)
+class DiffOptions:
+    """How closely to look.
+
+    Attributes:
+        tolerance: from which difference of heights on the ground counts as changed.
+        bounds: of the ground that is compared; all if None.
+        resolution: side of a pixel; chosen if None.
+        vehicles: whose verdicts are compared.
+        everywhere: compare the ground where nothing can differ, too; for tests.
+    """
+
+    tolerance: float = TOLERANCE
+    bounds: Bounds | None = None
+    resolution: float | None = None
+    vehicles: tuple[Vehicle, ...] = ()
+    everywhere: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Compared:
+    """What differs between two definitions, and what pictures and maps of it are painted from.
+
+    Attributes:
+        difference: for reports.
+        both: the terrains, where their ground can be compared.
+    """
+
+    difference: Difference
+    both: Both | None
+
+
+def diff(
+    old: Side, new: Side, options: DiffOptions | None = None, progress: Progress | None = None
+) -> Compared:
+    """Compare two definitions.
+
+    They are the same terrain if everything that makes heights, surfaces, soils and places is the
+    same, however it is written. Names, descriptions and what no element uses do not count.
+
+    Args:
+        old: a definition …
+        new: … and what became of it.
+        options: how closely to look.
+        progress: is told what is being done.
+
+    Raises:
+        RequestError: bounds or resolution make no grid, or a vehicle cannot be asked there.
+    """
+    options = options or DiffOptions()
+    frame, notes = _frame(old, new)
+    texts = compare_texts(old, new)
+    differs = bool(frame) or not texts.is_empty
+    notes += texts.notes
+    if differs and not frame and _is_one_field(old, new):
+        what = counted(texts.places, "place")
+        notes.append(f"It is written otherwise in {what}, and means the same to the last bit.")
+        texts, differs = TextDifference(structs.replace(texts.entries, changes=())), False
+    bounds = common_bounds(old.terrain, new.terrain, options.bounds)
+    ground: GroundChange | None = None
+    verdicts: tuple[VerdictChange, ...] = ()
+    both: Both | None = None
+    if bounds is None:
+        notes.append("The two have no ground in common.")
+    elif any(key.key == "crs" and key.old and key.new for key in frame):
+        notes.append("The ground is not compared, as the two have different reference systems.")
+    else:
+        regions: Any = None if options.everywhere else _regions(old, new, texts, bool(frame))
+        both = Both(old.terrain, new.terrain, bounds, regions, texts.entries.names.surfaces)
+    if differs and both is not None:
+        if progress is not None:
+            progress.say("comparing the ground")
+        ground = compare_ground(both, tolerance=options.tolerance, resolution=options.resolution)
+        ground = _with_outside(ground, both, options.bounds)
+        verdicts = tuple(
+            compare_verdicts(
+                old.terrain, new.terrain, vehicle, bounds=both.bounds,
+                resolution=options.resolution, progress=progress,
+            )
+            for vehicle in options.vehicles
+        )  # fmt: skip
+    difference = Difference(
+        old=old.name,
+        new=new.name,
+        same=not differs,
+        frame=tuple(frame),
+        entries=(*texts.entries.changes, *texts.parts),
+        elements=texts.elements,
+        tracks=texts.tracks,
+        notes=tuple(notes),
+        ground=ground,
+        verdicts=verdicts,
+    )
+    return Compared(difference, both)
+
+
+def _frame(old: Side, new: Side) -> tuple[list[KeyChange], list[str]]:
+    """Size, origin and reference system, where they differ; a note on what is written otherwise."""
+    found, notes = [], []
+    first, second = old.definition, new.definition
+    if first.extent != second.extent:
+        found.append(KeyChange("size", *(f"{w:.12g} × {h:.12g}" for w, h in _pairs(old, new))))
+    if first.corner != second.corner:
+        corners = (f"({x:.12g}, {y:.12g})" for x, y in (first.corner, second.corner))
+        found.append(KeyChange("origin", *corners))
+    before, after = old.terrain.crs, new.terrain.crs
+    if before != after:
+        if _is_one_system(old.terrain, new.terrain):
+            notes.append("The reference system is written otherwise.")
+        else:
+            texts = ("" if one is None else shown_crs(one) for one in (before, after))
+            found.append(KeyChange("crs", *texts))
+    return found, notes
+
+
+def _pairs(old: Side, new: Side) -> Iterator[tuple[float, float]]:
+    yield old.definition.extent
+    yield new.definition.extent
+
+
+def _is_one_system(old: Terrain, new: Terrain) -> bool:
+    """Whether two terrains have one reference system, written in two ways."""
+    try:
+        first, second = crs_of(old), crs_of(new)
+    except DefinitionError:
+        return False
+    return first is not None and first == second
+
+
+def _is_one_field(old: Side, new: Side) -> bool:
+    """Whether two definitions have one field, with the same surfaces, however they are written."""
+    before, after = old.terrain, new.terrain
+    if before.is_shared != after.is_shared or len(before.surfaces) != len(after.surfaces):
+        return False
+    surfaces = (
+        [surface_key(side.terrain.surface_types[name]) for name in side.terrain.surfaces]
+        for side in (old, new)
+    )
+    first, second = surfaces
+    return bool(first == second) and _equal(tuple(before.arrays), tuple(after.arrays))
+
+
+def _equal(one: Any, other: Any) -> bool:
+    """Whether arrays, or tuples of them, are equal to the last bit."""
+    if isinstance(one, tuple):
+        return len(one) == len(other) and all(map(_equal, one, other))
+    if isinstance(one, np.ndarray):
+        alike = one.dtype == other.dtype and one.shape == other.shape
+        return bool(alike and one.tobytes() == other.tobytes())
+    return bool(one == other)
+
+
+def _regions(old: Side, new: Side, texts: TextDifference, moved: bool) -> tuple[Bounds, ...] | None:
+    """Rectangles outside of which nothing differs; None where anything may."""
+    if moved:
+        return None
+    found: list[Bounds] = list(reaches(texts.raw, old, new))
+    relief, shapes = set(texts.entries.relief), set(texts.entries.shapes)
+    for side, dirty in (
+        (old, {was for was, _ in texts.dirty}),
+        (new, {now for _, now in texts.dirty}),
+    ):
+        rectangles = users(side, relief, shapes, dirty)
+        if rectangles is None:
+            return None
+        found += rectangles
+    found += (place.bounds for one in texts.tracks for place in (one.old, one.new)
+              if place is not None and place.bounds is not None)  # fmt: skip
+    if any(entry.dictionary == "surface" for entry in texts.entries.changes):
+        # how deep wheels sink follows from the surfaces
+        found += map(track_reach, (*old.definition.ruts, *new.definition.ruts))
+    return tuple(dict.fromkeys(found))
+
+
+def _with_outside(ground: GroundChange, both: Both, bounds: Bounds | None) -> GroundChange:
+    """The same with what of each terrain lies outside of the other."""
+    areas = []
+    for terrain in (both.old, both.new):
+        part = terrain.bounds if bounds is None else clipped(terrain.bounds, bounds)
+        areas.append(0.0 if part is None else area_of(part) - area_of(both.bounds))
+    return structs.replace(ground, left=areas[0], joined=areas[1])

@@ -1,0 +1,229 @@
+"""Surfaces, primitives and parts that differ, and where they are used."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from msgspec import UNSET, Struct
+
+from terratool.definition.curves import shape_of
+from terratool.definition.model import Primitive, Roughness, Surface, names_of
+from terratool.definition.uses import elements_of
+from terratool.viewing.diff.results import EntryChange, KeyChange
+from terratool.viewing.diff.sides import Side, renamed, shape_key, surface_key
+from terratool.viewing.diff.signed import Names
+
+_NAMED = 3
+"""So many places are named of those where an entry is used."""
+_LONG = 60
+"""Characters of a value that is shown."""
+
+
+class EntryDifference(Struct, frozen=True):
+    """What differs between the dictionaries of two sides.
+
+    Attributes:
+        names: what was renamed.
+        changes: of what is in use on either side.
+        notes: sentences on what is used nowhere, or changes no ground.
+        relief: names, old ones, of changed surfaces that change heights, by void or roughness.
+        shapes: names of changed primitives.
+    """
+
+    names: Names
+    changes: tuple[EntryChange, ...]
+    notes: tuple[str, ...]
+    relief: frozenset[str]
+    shapes: frozenset[str]
+
+
+def compare_entries(old: Side, new: Side) -> EntryDifference:
+    """Compare the surfaces and the primitives of two definitions, and find parts of new names."""
+    surfaces = renamed(
+        {name: surface_key(value) for name, value in old.surfaces.items()},
+        {name: surface_key(value) for name, value in new.surfaces.items()},
+    )
+    primitives = renamed(
+        {name: shape_key(value) for name, value in old.primitives.items()},
+        {name: shape_key(value) for name, value in new.primitives.items()},
+    )
+    names = Names(surfaces, primitives, {})
+    changes: list[EntryChange] = []
+    notes: list[str] = []
+    relief: set[str] = set()
+    shapes: set[str] = set()
+    for change, in_use in _surface_changes(old, new, surfaces):
+        if not in_use:
+            notes.append(_unused("surface", change))
+        elif change.kind == "renamed":
+            notes.append(_renamed("surface", change))
+        else:
+            changes.append(change)
+            if {"void", "roughness"} & {key.key.split(".")[0] for key in change.keys}:
+                relief.add(change.name)
+    for change, in_use in _primitive_changes(old, new, primitives):
+        if not in_use:
+            notes.append(_unused("primitive", change))
+        elif change.kind == "renamed":
+            notes.append(_renamed("primitive", change))
+        else:
+            changes.append(change)
+            shapes.add(change.name)
+    return EntryDifference(
+        names, tuple(changes), tuple(notes), frozenset(relief), frozenset(shapes)
+    )
+
+
+def _unused(what: str, change: EntryChange) -> str:
+    how = f"was {change.kind}" + (f" from {change.was}" if change.was else "")
+    return f"The {what} {change.name} {how}; no element uses it."
+
+
+def _renamed(what: str, change: EntryChange) -> str:
+    return f"The {what} {change.was} is called {change.name} now; it is the same."
+
+
+def _surface_changes(
+    old: Side, new: Side, names: Mapping[str, str]
+) -> Iterator[tuple[EntryChange, bool]]:
+    before, after = old.surfaces, new.surfaces
+    for kind, was, name in _pairs(before, after, names):
+        keys: tuple[KeyChange, ...] = ()
+        if kind == "changed":
+            if surface_key(before[name]) == surface_key(after[name]):
+                continue
+            keys = tuple(_surface_keys(before[name], after[name]))
+        yield _entry("surface", kind, name, was, keys, old, new)
+
+
+def _primitive_changes(
+    old: Side, new: Side, names: Mapping[str, str]
+) -> Iterator[tuple[EntryChange, bool]]:
+    before, after = old.primitives, new.primitives
+    for kind, was, name in _pairs(before, after, names):
+        keys: tuple[KeyChange, ...] = ()
+        if kind == "changed":
+            if shape_key(before[name]) == shape_key(after[name]):
+                continue
+            keys = tuple(_primitive_keys(before[name], after[name]))
+        yield _entry("primitive", kind, name, was, keys, old, new)
+
+
+def _pairs(
+    before: Mapping[str, Any], after: Mapping[str, Any], names: Mapping[str, str]
+) -> Iterator[tuple[Any, str, str]]:
+    """What may have become of each name, with the old and the new one."""
+    for name in before:
+        if name in after:
+            yield "changed", "", name
+        elif name in names:
+            yield "renamed", name, names[name]
+        else:
+            yield "removed", "", name
+    taken = set(names.values())
+    for name in after:
+        if name not in before and name not in taken:
+            yield "added", "", name
+
+
+def _entry(
+    what: Any, kind: Any, name: str, was: str, keys: tuple[KeyChange, ...], old: Side, new: Side
+) -> tuple[EntryChange, bool]:
+    key = "surfTypes" if what == "surface" else "elemTypes"
+    attribute = "surface" if what == "surface" else "type"
+    in_use = new.uses_name(key, name) or old.uses_name(key, was or name)
+    side = old if kind == "removed" or not new.uses_name(key, name) else new
+    wanted = name if side is new else was or name
+    counts = (
+        side.terrain.count_by_surface() if what == "surface" else side.terrain.count_by_primitive()
+    )
+    places = tuple(_places(side, attribute, wanted))
+    return EntryChange(what, kind, name, was, keys, counts.get(wanted, 0), places), in_use
+
+
+def _places(side: Side, attribute: str, name: str) -> Iterator[str]:
+    """Names of the first elements of the text that have this value."""
+    found = 0
+    for _, root in side.roots():
+        column = root.tree.column(attribute)
+        if name not in root.tree.distinct(attribute):
+            continue
+        for index in elements_of(root):
+            if column[index] == name:
+                yield side.pointer(root, index)
+                found += 1
+                if found == _NAMED:
+                    return
+
+
+def part_entry(kind: Any, name: str, side: Side, keys: tuple[KeyChange, ...] = ()) -> EntryChange:
+    """What became of a part, and where it stands."""
+    count = sum(
+        root.tree.column("part")[index] == name
+        for _, root in side.roots()
+        if name in root.tree.distinct("part")
+        for index in elements_of(root)
+    )
+    places = tuple(_places(side, "part", name))
+    return EntryChange("part", kind, name, "", keys, count, places)
+
+
+def _surface_keys(old: Surface, new: Surface) -> Iterator[KeyChange]:
+    for attribute, key in names_of(Surface):
+        was, now = getattr(old, attribute), getattr(new, attribute)
+        if attribute == "descr" or was == now:
+            continue
+        if attribute == "roughness":
+            first, second = (one if isinstance(one, Roughness) else None for one in (was, now))
+            for inner, name in names_of(Roughness):
+                parts = [getattr(one, inner, UNSET) for one in (first, second)]
+                if parts[0] != parts[1]:
+                    yield KeyChange(f"{key}.{name}", *map(shown_value, parts))
+            continue
+        yield KeyChange(key, shown_value(was), shown_value(now))
+
+
+def _primitive_keys(old: Primitive, new: Primitive) -> Iterator[KeyChange]:
+    first, second = shape_of(old), shape_of(new)
+    if first.combine != second.combine:
+        yield KeyChange("combine", first.combine, second.combine)
+    for key in ("x", "y"):
+        if repr(getattr(first, key)) == repr(getattr(second, key)):
+            continue
+        was, now = getattr(old, key), getattr(new, key)
+        yield KeyChange(key, *_curves(was, now))
+
+
+def _curves(was: Any, now: Any) -> tuple[str, str]:
+    """Two curves as text; of long ones how many values they have, and how many differ."""
+    texts = shown_value(was), shown_value(now)
+    if isinstance(was, tuple) and isinstance(now, tuple) and max(map(len, texts)) >= _LONG:
+        counts = [f"{len(one):,} {_points(one)}" for one in (was, now)]
+        if len(was) == len(now):
+            differ = sum(a != b for a, b in zip(was, now, strict=True))
+            counts[1] += f", of which {differ:,} differ"
+        return counts[0], counts[1]
+    return texts
+
+
+def _points(curve: tuple[Any, ...]) -> str:
+    return "knots" if curve and isinstance(curve[0], tuple) else "values"
+
+
+def shown_value(value: Any) -> str:
+    """A value of a key as text, empty where there is none, and not too long."""
+    if value is UNSET:
+        return ""
+    text = _plain(value)
+    return text if len(text) <= _LONG else f"{text[: _LONG - 1]}…"
+
+
+def _plain(value: Any) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, float):
+        return f"{value:.12g}"
+    if isinstance(value, tuple):
+        return f"[{', '.join(map(_plain, value))}]"
+    return str(value)

@@ -1,0 +1,95 @@
+"""The map of a difference: a GeoTIFF of new less old, and of where the surface differs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from terratool.errors import RequestError
+from terratool.output import refuse_existing, refuse_missing_folder, whole_file
+from terratool.raster.export import COMPANIONS, refuse_full_disk
+from terratool.raster.formats import raster_format
+from terratool.raster.geotiff import Compression, RasterExtent, geotiff
+from terratool.raster.grid import Grid, default_resolution, grid_over
+from terratool.raster.layers import Bands, Layer
+from terratool.raster.prefetch import TILE, processors
+from terratool.raster.statistics import BandStatistics, band_statistics
+from terratool.viewing.diff.ground import Both, windows_painted
+
+BANDS = Bands(
+    (
+        Layer("difference", ("new less old height",), "m"),
+        Layer("surfaces", ("surface differs",), ""),
+    ),
+    np.dtype(np.float32),
+)
+"""NaN where there is no ground on either side; of the second band 1 where surfaces differ, or 0."""
+
+
+def refuse_map(path: str | Path, overwrite: bool) -> None:
+    """Refuse a map that cannot be written, before any work.
+
+    Raises:
+        RequestError: it is no .tif.
+        WriteError: it exists, or its folder does not.
+    """
+    if raster_format(Path(path)).driver != "GTiff":
+        raise RequestError(
+            f"{Path(path).name}: a map is a GeoTIFF.", "Give a name that ends in .tif."
+        )
+    refuse_existing(Path(path), overwrite, COMPANIONS)
+    refuse_missing_folder(Path(path))
+
+
+def map_grid(both: Both, resolution: float | None) -> Grid:
+    """The pixels of a map, or of a picture: over all that is compared.
+
+    Raises:
+        RequestError: the resolution makes no grid.
+    """
+    if resolution is None:
+        terrains = both.old, both.new
+        resolution = min(default_resolution(one, both.bounds)[0] for one in terrains)
+    return grid_over(both.old, resolution, both.bounds)
+
+
+def write_map(
+    both: Both, path: str | Path, resolution: float | None, *, overwrite: bool = False,
+    progress: Callable[[int], object] | None = None,
+) -> None:  # fmt: skip
+    """Write a map.
+
+    Args:
+        both: the terrains.
+        path: a .tif.
+        resolution: side of a pixel; as of a DEM if None.
+        overwrite: whether it may be there already.
+        progress: is told how many pixels more are done.
+
+    Raises:
+        RequestError: the resolution makes no grid, or the file is no .tif.
+        WriteError: it exists, cannot be written or does not fit on the disk.
+        DefinitionError: the CRS of the new terrain is unknown.
+    """
+    refuse_map(path, overwrite)
+    grid, threads = map_grid(both, resolution), processors()
+    refuse_full_disk(Path(path), grid, (BANDS,), raster_format(Path(path)))
+    statistics = [BandStatistics()] * BANDS.count
+    with (
+        whole_file(path, overwrite, COMPANIONS) as part,
+        geotiff(part, RasterExtent(both.new, grid), BANDS, Compression(), threads) as file,
+    ):
+        windows = list(grid.windows(TILE, TILE))
+        for window, seen in windows_painted(both, grid, windows, threads):
+            change = seen.change
+            other = (seen.old_surface != seen.new_surface).astype(np.float32)
+            other[np.isnan(change)] = np.nan
+            pixels = np.stack([change.astype(np.float32), other])
+            file.write(window, pixels)
+            found = map(band_statistics, pixels)
+            statistics = [a + b for a, b in zip(statistics, found, strict=True)]
+            if progress is not None:
+                progress(window.height * window.width)
+        file.finish(statistics)

@@ -1,0 +1,148 @@
+"""Siblings of two trees, paired in rounds: from what is equal to what is only alike."""
+
+from __future__ import annotations
+
+from collections import Counter, deque
+from collections.abc import Callable, Hashable, Iterable, Iterator
+from dataclasses import dataclass
+
+from terratool.definition.tree import Tree
+from terratool.viewing.diff.places import Placed, distance, overlap, placed_child, way_between
+
+_ALIKE = 3
+"""So many siblings that moved alike are taken to have moved, whatever stands in their places."""
+MANY_PAIRS = 1_000_000
+"""More pairs of like siblings are not looked at: they are matched in their order."""
+
+
+@dataclass(slots=True)
+class Sibling:
+    """An element among its siblings; where it stands is found out when it is asked for."""
+
+    element: int
+    tree: Tree
+    parent: int
+    around: Placed
+    _at: Placed | None = None
+
+    @property
+    def at(self) -> Placed:
+        """Where it stands."""
+        if self._at is None:
+            self._at = placed_child(self.tree, self.element, self.parent, self.around)
+        return self._at
+
+
+class Matching:
+    """Siblings of both sides, which are paired in rounds."""
+
+    def __init__(self, old: list[Sibling], new: list[Sibling]) -> None:
+        self.old, self.new = old, new
+        self.pairs: list[tuple[Sibling, Sibling]] = []
+
+    @property
+    def is_open(self) -> bool:
+        """Whether there are any left on both sides."""
+        return bool(self.old and self.new)
+
+    def take(
+        self, old_key: Callable[[Sibling], Hashable], new_key: Callable[[Sibling], Hashable]
+    ) -> None:
+        """Pair those with equal keys, in their order; a key that is None has no equal."""
+        if not self.is_open:
+            return
+        waiting: dict[Hashable, deque[int]] = {}
+        for number, one in enumerate(self.old):
+            if (key := old_key(one)) is not None:
+                waiting.setdefault(key, deque()).append(number)
+        chosen = []
+        for number, one in enumerate(self.new):
+            key = new_key(one)
+            if key is not None and (same := waiting.get(key)):
+                chosen.append((same.popleft(), number))
+        self._pair(chosen)
+
+    def take_moved_alike(
+        self, old_key: Callable[[Sibling], Hashable], new_key: Callable[[Sibling], Hashable]
+    ) -> None:
+        """Pair those whose key only they have, where several moved by the same way."""
+        if min(len(self.old), len(self.new)) < _ALIKE:
+            return
+        ours, theirs = _single(self.old, old_key), _single(self.new, new_key)
+        ways: dict[Hashable, list[tuple[int, int]]] = {}
+        for key, number in ours.items():
+            if key in theirs:
+                other = theirs[key]
+                way = way_between(self.old[number].at.bounds, self.new[other].at.bounds)
+                ways.setdefault(way, []).append((number, other))
+        best = max(ways.values(), key=len, default=[])
+        if len(best) >= _ALIKE:
+            self._pair(best)
+
+    def take_nearest(
+        self, old_key: Callable[[Sibling], Hashable], new_key: Callable[[Sibling], Hashable],
+        *, overlapping: bool = False,
+    ) -> None:  # fmt: skip
+        """Pair those with equal keys, the nearest first; or only those that overlap."""
+        if not self.is_open:
+            return
+        ours, theirs = _groups(self.old, old_key), _groups(self.new, new_key)
+        chosen: list[tuple[int, int]] = []
+        for key, mine in ours.items():
+            others = theirs.get(key, [])
+            if len(mine) * len(others) > MANY_PAIRS:
+                chosen += () if overlapping else zip(mine, others, strict=False)
+                continue
+            near = sorted(
+                (distance(self.old[i].at.bounds, self.new[j].at.bounds), i, j)
+                for i in mine
+                for j in others
+                if not overlapping or overlap(self.old[i].at.bounds, self.new[j].at.bounds)
+            )
+            chosen += _greedy(near)
+        self._pair(chosen)
+
+    def take_only(
+        self, old_key: Callable[[Sibling], Hashable], new_key: Callable[[Sibling], Hashable]
+    ) -> None:
+        """Pair those that are the only ones of their key that are left."""
+        if not self.is_open:
+            return
+        ours, theirs = _single(self.old, old_key), _single(self.new, new_key)
+        self._pair([(number, theirs[key]) for key, number in ours.items() if key in theirs])
+
+    def _pair(self, chosen: list[tuple[int, int]]) -> None:
+        if not chosen:
+            return
+        self.pairs += [(self.old[i], self.new[j]) for i, j in chosen]
+        mine, others = {i for i, _ in chosen}, {j for _, j in chosen}
+        self.old = [one for i, one in enumerate(self.old) if i not in mine]
+        self.new = [one for j, one in enumerate(self.new) if j not in others]
+
+
+def _greedy(near: list[tuple[float, int, int]]) -> Iterator[tuple[int, int]]:
+    mine: set[int] = set()
+    others: set[int] = set()
+    for _, i, j in near:
+        if i not in mine and j not in others:
+            mine.add(i)
+            others.add(j)
+            yield i, j
+
+
+def _groups(
+    siblings: list[Sibling], key: Callable[[Sibling], Hashable]
+) -> dict[Hashable, list[int]]:
+    groups: dict[Hashable, list[int]] = {}
+    for number, one in enumerate(siblings):
+        groups.setdefault(key(one), []).append(number)
+    return groups
+
+
+def _single(siblings: list[Sibling], key: Callable[[Sibling], Hashable]) -> dict[Hashable, int]:
+    return {k: found[0] for k, found in _groups(siblings, key).items() if len(found) == 1}
+
+
+def common(ours: Iterable[Hashable], theirs: Iterable[Hashable]) -> int:
+    """How many keys two have in common."""
+    return sum((Counter(ours) & Counter(theirs)).values())

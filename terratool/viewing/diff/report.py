@@ -1,0 +1,324 @@
+"""What differs, as text for people, as JSON, as Markdown, and for GitHub's log."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
+
+import msgspec
+
+from terratool.text.display import counted, length, printable, shown
+from terratool.text.workflow import annotation
+from terratool.viewing.diff.results import (
+    FORMAT_VERSION,
+    Comparison,
+    Difference,
+    ElementChange,
+    EntryChange,
+    FileDifference,
+    GroundChange,
+    KeyChange,
+    VerdictChange,
+)
+
+_ALIKE = 3
+"""So many elements that changed alike get one line …"""
+_NAMED = 3
+"""… with the names of the first ones."""
+_FLIPS = 5
+"""So many kinds of flips are listed."""
+_SIGNS = {"added": "+", "removed": "-", "moved": "~", "changed": "~", "renamed": "~"}
+_DICTIONARIES = {"surface": "worn by", "primitive": "used by", "part": "stands in"}
+_STATUS = {
+    "same": "same terrain", "different": "different", "added": "added", "removed": "removed",
+    "invalid": "invalid", "unreadable": "unreadable",
+}  # fmt: skip
+
+
+def as_text(comparison: Comparison, most: int) -> str:
+    """For people: what each file has that differs, and a summary of several."""
+    lines: list[str] = []
+    several = len(comparison.files) > 1
+    for file in comparison.files:
+        if several and file.status == "same" and not _notes(file):
+            continue
+        lines.append(f"{printable(file.file)}: {_STATUS[file.status]}")
+        lines += (f"  {printable(line)}" for line in _said(file, most))
+    if several:
+        lines.append(_summed_up(comparison))
+    return "\n".join(lines)
+
+
+def _notes(file: FileDifference) -> tuple[str, ...]:
+    return file.difference.notes if file.difference else ()
+
+
+def _summed_up(comparison: Comparison) -> str:
+    counts = [
+        f"{count:,} {_STATUS[status] if status != 'same' else 'the same'}"
+        for status in ("same", "different", "added", "removed", "invalid", "unreadable")
+        if (count := comparison.count(status))
+    ]
+    return f"{counted(len(comparison.files), 'terrain')}: {', '.join(counts)}."
+
+
+def _said(file: FileDifference, most: int) -> Iterator[str]:
+    if file.message:
+        yield file.message
+    if file.hint:
+        yield file.hint
+    if file.difference is not None:
+        yield from lines_of(file.difference, most)
+
+
+def lines_of(found: Difference, most: int) -> Iterator[str]:
+    """What differs, in lines of which the first say what it is; lists have at most so many."""
+    for key in found.frame:
+        yield _key(key)
+    yield from _listed(found.entries, most, _entry)
+    yield from _listed(_groups([*found.elements, *found.tracks]), most, _group)
+    if found.ground is not None:
+        yield from _ground(found.ground)
+    for verdict in found.verdicts:
+        yield from _verdict(verdict, most)
+    for note in found.notes:
+        yield f"note: {note}"
+
+
+def _listed(items: Sequence[Any], most: int, line: Callable[[Any], str]) -> Iterator[str]:
+    shown_items = items[:most] if most else items
+    yield from map(line, shown_items)
+    if len(items) > len(shown_items):
+        yield f"  … and {len(items) - len(shown_items):,} more"
+
+
+def _key(key: KeyChange) -> str:
+    return f"{key.key} {key.old or 'none'} → {key.new or 'none'}"
+
+
+def _entry(entry: EntryChange) -> str:
+    text = f"{_SIGNS[entry.kind]} {entry.dictionary} {entry.name}"
+    if entry.was:
+        text += f", before {entry.was}"
+    if entry.keys:
+        text += f": {'; '.join(map(_key, entry.keys))}"
+    where = ", ".join(entry.places) + (", …" if entry.used > len(entry.places) else "")
+    tense = "was " if entry.kind == "removed" and entry.dictionary != "part" else ""
+    how = _DICTIONARIES[entry.dictionary]
+    if entry.kind == "removed" and entry.dictionary == "part":
+        how = "stood in"
+    return f"{text}; {tense}{how} {counted(entry.used, 'element')}: {where}"
+
+
+def _groups(changes: Sequence[ElementChange]) -> list[list[ElementChange]]:
+    """Changes of one kind together, by the first of each."""
+    groups: dict[Any, list[ElementChange]] = {}
+    for change in changes:
+        way = change.shift and tuple(f"{part:.6g}" for part in change.shift)
+        key = change.kind, change.what, way, change.keys, change.part
+        groups.setdefault(key, []).append(change)
+    found: list[list[ElementChange]] = []
+    for group in groups.values():
+        found += [group] if len(group) >= _ALIKE else [[one] for one in group]
+    order = {id(change): number for number, change in enumerate(changes)}
+    return sorted(found, key=lambda group: order[id(group[0])])
+
+
+def _group(group: list[ElementChange]) -> str:
+    first = group[0]
+    place = first.place
+    sign, what = _SIGNS[first.kind], first.what
+    if len(group) > 1:
+        names = ", ".join(one.place.pointer for one in group[:_NAMED])
+        more = ", …" if len(group) > _NAMED else ""
+        return f"{sign} {len(group):,} × {what}{_change(first)}: {names}{more}"
+    where = place.pointer + (f" (line {place.line})" if place.line else "")
+    descr = f" {shown(first.descr)}" if first.descr else ""
+    if first.kind in ("added", "removed") and place.bounds is not None:
+        west, south, east, north = place.bounds
+        where += f": {_side(west, east)} × {_side(south, north)} m at "
+        where += f"{_middle(west, east)} {_middle(south, north)}"
+    if first.elements > 1:
+        where += f", {counted(first.elements, 'element')}"
+    return f"{sign} {what}{descr}{_change(first)}: {where}"
+
+
+def _side(low: float, high: float) -> str:
+    return f"{high - low:.6g}"
+
+
+def _middle(low: float, high: float) -> str:
+    return f"{(low + high) / 2:.6g}"
+
+
+def _change(change: ElementChange) -> str:
+    parts: list[str] = [] if change.kind == "changed" else [change.kind]
+    if change.shift is not None:
+        way = ", ".join(f"{part:.6g}" for part in change.shift)
+        parts = [f"moved by ({way})"]
+    parts += map(_key, change.keys)
+    return f" {'; '.join(parts)}" if parts else ""
+
+
+def _area(area: float, whole: float) -> str:
+    share = f" ({_share(area / whole)})" if whole > 0.0 else ""
+    return f"{area:.6g} m²{share}"
+
+
+def _share(share: float) -> str:
+    return f"{100.0 * share:.3g} %"
+
+
+def _ground(ground: GroundChange) -> Iterator[str]:
+    if ground.is_same:
+        yield f"ground: no difference at the centres of {_pixels(ground)}"
+        return
+    about = ""
+    if ground.error > 1e-9 * (ground.cut + ground.fill):
+        each = "each " * (ground.cut > 0.0 and ground.fill > 0.0)
+        about = f" ({each}± {ground.error:.2g})"
+    yield f"ground: cut {ground.cut:.6g} m³, fill {ground.fill:.6g} m³{about}"
+    if ground.changed:
+        assert ground.around is not None
+        box = " ".join(f"{side:.6g}" for side in ground.around)
+        yield (
+            f"  higher or lower by more than {length(ground.tolerance)}: "
+            f"{_area(ground.changed, ground.common)}, within {box}"
+        )
+    if (largest := ground.largest) is not None:
+        elements = largest.old_element or "no element"
+        if largest.new_element != largest.old_element:
+            elements += f", now {largest.new_element or 'no element'}"
+        yield (
+            f"  largest change {largest.change:+.6g} m at {largest.x:.6g} {largest.y:.6g}: "
+            f"{largest.old:.6g} → {largest.new:.6g} m, {elements}"
+        )
+    for name, area in (
+        ("ground lost to void", ground.lost), ("ground gained from void", ground.gained),
+        ("of the old terrain outside of the new one", ground.left),
+        ("of the new terrain outside of the old one", ground.joined),
+    ):  # fmt: skip
+        if area:
+            yield f"  {name}: {area:.6g} m²"
+    for surface in ground.surfaces:
+        names = f"{surface.old or 'none'} → {surface.new or 'none'}"
+        yield f"  surface {names}: {_area(surface.area, ground.common)}"
+    yield f"  compared at the centres of {_pixels(ground)}"
+
+
+def _pixels(ground: GroundChange) -> str:
+    grid = ground.grid
+    return f"{grid.width} × {grid.height} pixels of {grid.resolution:.4g} m"
+
+
+def _verdict(verdict: VerdictChange, most: int) -> Iterator[str]:
+    name = verdict.vehicle
+    if not verdict.flips:
+        yield f"{name}: all verdicts are the same, on pixels of {verdict.grid.resolution:.4g} m"
+        return
+    yield (
+        f"{name}: {_share(verdict.worse)} of the ground got worse, {_share(verdict.better)} "
+        f"better, on pixels of {verdict.grid.resolution:.4g} m"
+    )
+    yield from _listed(
+        verdict.flips,
+        min(most, _FLIPS),
+        lambda flip: (
+            f"  {flip.old} → {flip.new}: {_share(flip.share)}, {flip.area:.4g} m², as at "
+            f"{flip.x:.6g} {flip.y:.6g}"
+        ),
+    )
+
+
+def as_json(comparison: Comparison, most: int) -> str:  # noqa: ARG001, as others have it
+    """For scripts: all that is known, with the version of the format."""
+    statuses = ("same", "different", "added", "removed", "invalid", "unreadable")
+    document = {
+        "format_version": FORMAT_VERSION,
+        "same": comparison.same,
+        "summary": {status: comparison.count(status) for status in statuses},  # type: ignore[arg-type]
+        "files": comparison.files,
+    }
+    return msgspec.json.format(msgspec.json.encode(document), indent=2).decode()
+
+
+def as_markdown(comparison: Comparison, most: int) -> str:
+    """For comments and the summaries of CI: a table of files, then what differs in each."""
+    lines = ["## Terrains", "", _summed_up(comparison), ""]
+    listed_files = [file for file in comparison.files if file.status != "same" or _notes(file)]
+    if not listed_files:
+        return "\n".join(lines)
+    verdicts = any(file.difference and file.difference.verdicts for file in listed_files)
+    head = ["file", "what", "elements", "cut, m³", "fill, m³", "area, m²", "largest, m"]
+    head += ["worse", "better"] * verdicts
+    lines += [_row(head), _row(["---"] * len(head))]
+    lines += (_row(_cells(file, verdicts)) for file in listed_files)
+    for file in listed_files:
+        said = list(_said(file, most))
+        if said:
+            lines += ["", f"### {_escaped(file.file)}", ""]
+            lines += ["```", *map(printable, said), "```"]
+    return "\n".join(lines)
+
+
+def _cells(file: FileDifference, verdicts: bool) -> list[str]:
+    cells = [_escaped(file.file), _STATUS[file.status]]
+    found = file.difference
+    if found is None:
+        return [*cells, *[""] * (5 + 2 * verdicts)]
+    cells.append(_counts(found))
+    ground = found.ground
+    if ground is None:
+        cells += [""] * 4
+    else:
+        largest = "" if ground.largest is None else f"{ground.largest.change:+.4g}"
+        cells += [f"{ground.cut:.4g}", f"{ground.fill:.4g}", f"{ground.changed:.4g}", largest]
+    if verdicts:
+        shares = found.verdicts
+        cells.append(_share(max(one.worse for one in shares)) if shares else "")
+        cells.append(_share(max(one.better for one in shares)) if shares else "")
+    return cells
+
+
+def _counts(found: Difference) -> str:
+    kinds = ("added", "removed", "moved", "changed")
+    counts = [f"{found.count(kind)} {kind}" for kind in kinds if found.count(kind)]  # type: ignore[arg-type]
+    entries = [entry.name for entry in found.entries]
+    return ", ".join([*counts, *entries[:_NAMED], *["…"] * (len(entries) > _NAMED)])
+
+
+def _row(cells: Sequence[str]) -> str:
+    return f"| {' | '.join(cells)} |"
+
+
+def _escaped(text: str) -> str:
+    return "".join(f"\\{c}" if c in "\\`*_[]<>|#" else c for c in printable(text))
+
+
+def as_github(comparison: Comparison, most: int) -> str:
+    """Workflow commands, which GitHub shows beside the files: one for each that differs."""
+    lines = []
+    for file in comparison.files:
+        if file.status == "same":
+            continue
+        title = f"terrain {_STATUS[file.status]}"
+        text = "\n".join(_said(file, most))
+        found = file.difference
+        worse = found is not None and any(one.worse for one in found.verdicts)
+        level = "error" if file.status in ("invalid", "unreadable") else "notice"
+        level = "warning" if worse else level
+        name, line = file.file, 1
+        if found is not None:
+            name = found.new
+            places = (one.new for one in (*found.elements, *found.tracks) if one.new is not None)
+            line = next((place.line for place in places if place.file == found.new), 1) or 1
+        lines.append(annotation(level, {"file": name, "line": line, "title": title}, text))
+    return "\n".join([*lines, _summed_up(comparison)])
+
+
+REPORTERS: dict[str, Callable[[Comparison, int], str]] = {
+    "text": as_text,
+    "json": as_json,
+    "markdown": as_markdown,
+    "github": as_github,
+}

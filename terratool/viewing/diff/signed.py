@@ -1,0 +1,126 @@
+"""Trees whose elements have numbers: what is equal, with all in it, has the same one."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Hashable
+from typing import Any
+
+from msgspec import UNSET, Struct
+
+from terratool.definition.model import pair_of
+from terratool.definition.tree import Tree
+
+
+class Names(Struct, frozen=True):
+    """New names of what was renamed."""
+
+    surfaces: dict[str, str]
+    primitives: dict[str, str]
+    parts: dict[str, str]
+
+
+class Interner:
+    """Numbers for what is equal, of both sides."""
+
+    def __init__(self) -> None:
+        self._known: dict[Hashable, int] = {}
+
+    def of(self, key: Hashable) -> int:
+        """The number of a key."""
+        return self._known.setdefault(key, len(self._known))
+
+
+class SignedTree:
+    """A tree, with a number for each element: of equal ones it is equal, with all in them.
+
+    Attributes:
+        tree: the elements.
+        plain: numbers by what makes ground, without the places of the elements themselves.
+        full: the same with what they say of themselves.
+        place: where each stands in its parent, as exactly as it is written.
+    """
+
+    def __init__(self, tree: Tree, names: Names, interner: Interner) -> None:
+        self.tree = tree
+        size = len(tree)
+        surfaces, primitives, parts = names.surfaces, names.primitives, names.parts
+        columns = zip(
+            *(
+                tree.column(name)
+                for name in (
+                    "type",
+                    "part",
+                    "surface",
+                    "v_scale",
+                    "v_offset",
+                    "turn_deg",
+                    "scatter",
+                )
+            ),
+            strict=True,
+        )
+        own: list[Hashable] = [
+            (
+                primitives.get(type_, type_),
+                parts.get(part, part),
+                surfaces.get(surface, surface),
+                scale,
+                0.0 if offset is UNSET else offset,
+                0.0 if turn is UNSET else math.fmod(turn, 360.0),
+                scatter,
+            )
+            for type_, part, surface, scale, offset, turn, scatter in columns
+        ]
+        self.place: list[Hashable] = [None] * size
+        for parent, begin, end in tree.families:
+            grid = tree.grid(parent)
+            for child in range(begin, end):
+                self.place[child] = place_of(tree, child, grid)
+        self.plain, self.full = [0] * size, [0] * size
+        below = {parent: (begin, end) for parent, begin, end in tree.families}
+        descr = tree.column("descr")
+        for index in range(size - 1, -1, -1):
+            inner: Any = ()
+            inner_full: Any = ()
+            if index in below:
+                brood = range(*below[index])
+                inner = tuple((self.place[child], self.plain[child]) for child in brood)
+                inner_full = tuple(self.full[child] for child in brood)
+            self.plain[index] = interner.of((own[index], inner))
+            self.full[index] = interner.of((self.plain[index], descr[index], inner_full))
+        self._below = below
+
+    def children(self, index: int) -> range:
+        """The children of an element."""
+        return range(*self._below.get(index, (0, 0)))
+
+    def kind(self, index: int, names: Names) -> Hashable:
+        """Its primitive or its part, in new names."""
+        tree = self.tree
+        type_, part = tree.value("type", index), tree.value("part", index)
+        return names.primitives.get(type_, type_), names.parts.get(part, part)
+
+
+def place_of(tree: Tree, index: int, grid: tuple[int, int]) -> Hashable:
+    """Where an element stands in its parent: shares of its cell, or a free place; with copies."""
+    repeat, at = tree.value("repeat", index), tree.value("at", index)
+    count, step = (None, (0, 0)) if repeat is UNSET else (repeat.count, repeat.step)
+    if at is not UNSET:
+        extent = tree.value("extent", index)
+        sides = None if extent is UNSET else pair_of(extent, 0.0)
+        return "at", at, sides, count, None if count is None else step
+    x, y, w, h = tree.block(index)
+    axes = zip((x, y), (w, h), grid, map(int, step), strict=True)
+    return "cell", count, *(_reduced(*axis) for axis in axes)
+
+
+def _reduced(*numbers: int) -> tuple[int, ...]:
+    divisor = math.gcd(*numbers)
+    return tuple(number // divisor for number in numbers)
+
+
+def as_written(tree: Tree, index: int) -> Hashable:
+    """The place of an element as its text has it."""
+    names = "cell_x", "cell_y", "span", "at", "extent", "repeat"
+    return tuple(tree.value(name, index) for name in names)

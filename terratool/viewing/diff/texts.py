@@ -1,0 +1,277 @@
+"""What differs between two texts: entries, parts, elements and tracks, matched and named."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from msgspec import UNSET
+
+from terratool.definition.findings import Bounds
+from terratool.definition.model import DEFAULT_MULTIPASS, Track, names_of
+from terratool.definition.tree import Tree
+from terratool.definition.uses import Root
+from terratool.text.display import counted
+from terratool.text.locate import Address, locate
+from terratool.viewing.diff.elements import RawChange, TreeComparison, TreeDifference
+from terratool.viewing.diff.entries import (
+    EntryDifference,
+    compare_entries,
+    part_entry,
+    shown_value,
+)
+from terratool.viewing.diff.places import Placed
+from terratool.viewing.diff.regions import track_reach
+from terratool.viewing.diff.results import ElementChange, ElementPlace, EntryChange, KeyChange
+from terratool.viewing.diff.sides import Side, renamed
+from terratool.viewing.diff.signed import Interner, Names, SignedTree
+
+MOST_PLACED = 10_000
+"""So many elements get a line of their file; the others have line 0."""
+
+
+@dataclass(frozen=True, slots=True)
+class TextDifference:
+    """What differs between two texts.
+
+    Attributes:
+        entries: surfaces and primitives.
+        parts: that differ.
+        elements: that differ, first those of the terrain itself.
+        raw: these of the terrain itself, by their indices.
+        dirty: names of parts whose elements differ, on the old and on the new side.
+        tracks: that differ.
+        notes: sentences on what is no other ground.
+    """
+
+    entries: EntryDifference
+    parts: tuple[EntryChange, ...] = ()
+    elements: tuple[ElementChange, ...] = ()
+    raw: tuple[RawChange, ...] = ()
+    dirty: tuple[tuple[str, str], ...] = ()
+    tracks: tuple[ElementChange, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether nothing differs that could matter."""
+        return not (self.entries.changes or self.parts or self.elements or self.tracks)
+
+    @property
+    def places(self) -> int:
+        """How many things differ."""
+        found = self.entries.changes, self.parts, self.elements, self.tracks
+        return sum(map(len, found))
+
+
+def compare_texts(old: Side, new: Side) -> TextDifference:
+    """Compare the texts of two definitions."""
+    entries = compare_entries(old, new)
+    names = entries.names
+    signed = _Signed(old, new, names)
+    parts = signed.renamed_parts()
+    if parts:
+        names = Names(names.surfaces, names.primitives, parts)
+        signed = _Signed(old, new, names)
+    notes = list(entries.notes)
+    notes += (f"The part {was} is called {now} now; it is the same." for was, now in parts.items())
+    changes, elements, dirty, descriptions = [], [], [], 0
+    found = _compared(old, new, "", "", signed, names)
+    raw = tuple(found.changes)
+    descriptions += found.descriptions
+    elements += _told(found.changes, old, new, "", "")
+    for was in old.parts:
+        now = parts.get(was, was)
+        if now not in new.parts:
+            changes.append(part_entry("removed", was, old))
+            continue
+        found = _compared(old, new, was, now, signed, names)
+        descriptions += found.descriptions
+        if found.changes:
+            dirty.append((was, now))
+            changes.append(part_entry("changed", now, new))
+            elements += _told(found.changes, old, new, was, now)
+    known = {parts.get(was, was) for was in old.parts}
+    changes += (part_entry("added", now, new) for now in new.parts if now not in known)
+    if descriptions:
+        verb = "is" if descriptions == 1 else "are"
+        notes.append(f"{counted(descriptions, 'element')} {verb} described otherwise.")
+    if old.terrain.descr != new.terrain.descr:
+        notes.append("The terrain is described otherwise.")
+    return TextDifference(
+        entries, tuple(changes), tuple(elements), raw, tuple(dirty),
+        tuple(_tracks(old, new, names)), tuple(notes),
+    )  # fmt: skip
+
+
+class _Signed:
+    """The trees of both sides, each signed once."""
+
+    def __init__(self, old: Side, new: Side, names: Names) -> None:
+        self._names = names
+        self._interner = Interner()
+        self._known: dict[int, SignedTree] = {}
+        self._old, self._new = old, new
+
+    def of(self, side: Side, tree: Tree) -> SignedTree:
+        """A tree of a side."""
+        if id(tree) not in self._known:
+            names = self._names if side is self._old else Names({}, {}, {})
+            self._known[id(tree)] = SignedTree(tree, names, self._interner)
+        return self._known[id(tree)]
+
+    def renamed_parts(self) -> dict[str, str]:
+        """New names of parts that are equal."""
+        old, new = (
+            {
+                name: self.of(side, root.tree).plain[root.element]
+                for name, root in side.parts.items()
+            }
+            for side in (self._old, self._new)
+        )
+        return renamed(old, new)
+
+
+def _root(side: Side, part: str) -> Root:
+    return side.parts[part] if part else side.uses.root
+
+
+def _compared(
+    old: Side, new: Side, was: str, now: str, signed: _Signed, names: Names
+) -> TreeDifference:
+    """What differs in the terrain, or in a part of it."""
+    first, second = _root(old, was), _root(new, now)
+    trees = signed.of(old, first.tree), signed.of(new, second.tree)
+    return TreeComparison(old, new, first, second, *trees, names, bool(now)).run()
+
+
+def _told(
+    changes: Sequence[RawChange], old: Side, new: Side, was: str, now: str
+) -> list[ElementChange]:
+    """Changes with the names of elements, in the order of the text."""
+    first, second = _root(old, was), _root(new, now)
+    places: list[dict[int, ElementPlace]] = []
+    for side, root, indices, spots in (
+        (old, first, [c.old for c in changes], [c.old_at for c in changes]),
+        (new, second, [c.new for c in changes], [c.new_at for c in changes]),
+    ):
+        there = [(i, at) for i, at in zip(indices, spots, strict=True) if at is not None]
+        places.append(_places(side, root, there, bool(now)))
+    found = []
+    for change in changes:
+        tree, index = (second.tree, change.new) if change.new >= 0 else (first.tree, change.old)
+        told = ElementChange(
+            kind=change.kind,
+            what=_what(tree, index),
+            descr=_descr(tree, index),
+            old=places[0].get(change.old),
+            new=places[1].get(change.new),
+            shift=change.shift,
+            keys=change.keys,
+            elements=_count(tree, index),
+            part=now,
+        )
+        found.append((_order(tree.pointer(index)), told))
+    found.sort(key=lambda one: one[0])
+    return [told for _, told in found]
+
+
+def _places(
+    side: Side, root: Root, there: Sequence[tuple[int, Placed]], in_part: bool
+) -> dict[int, ElementPlace]:
+    pointers = {index: root.tree.pointer(index) for index, _ in there}
+    looked = list(pointers)[:MOST_PLACED]
+    source = root.home.source
+    found = locate(source.data, [Address(pointers[index]) for index in looked]) if looked else []
+    lines = {index: place.line for index, place in zip(looked, found, strict=True)}
+    return {
+        index: ElementPlace(
+            side.pointer(root, index), source.name, lines.get(index, 0),
+            None if in_part else at.bounds,
+        )
+        for index, at in there
+    }  # fmt: skip
+
+
+def _what(tree: Tree, index: int) -> str:
+    part = tree.value("part", index)
+    return str(tree.value("type", index)) if part is UNSET else f"part {part}"
+
+
+def _descr(tree: Tree, index: int) -> str:
+    descr = tree.value("descr", index)
+    return "" if descr is UNSET else str(descr)
+
+
+def _count(tree: Tree, index: int) -> int:
+    count, pending = 0, [index]
+    while pending:
+        count += 1
+        pending += range(*tree.brood(pending.pop()))
+    return count
+
+
+def _order(pointer: str) -> tuple[int, ...]:
+    return tuple(int(token) for token in pointer.split("/") if token.isdigit())
+
+
+# Tracks
+
+
+def _tracks(old: Side, new: Side, names: Names) -> Iterator[ElementChange]:
+    """Tracks that differ: matched as a whole, then by their path."""
+    ours = {number: _track(track, names) for number, track in enumerate(old.definition.ruts)}
+    theirs = {number: _track(track, None) for number, track in enumerate(new.definition.ruts)}
+    for key in _whole, _path:
+        waiting: dict[str, list[int]] = {}
+        for number, track in ours.items():
+            waiting.setdefault(key(track), []).append(number)
+        for number, track in list(theirs.items()):
+            same = waiting.get(key(track))
+            if not same:
+                continue
+            at = same.pop(0)
+            before = ours.pop(at)
+            del theirs[number]
+            changes = tuple(
+                KeyChange(name, shown_value(before[name]), shown_value(track[name]))
+                for name in track
+                if before[name] != track[name]
+            )
+            if changes:
+                box = track_reach(new.definition.ruts[number])
+                was, now = _track_place(old, at, box), _track_place(new, number, box)
+                yield ElementChange("changed", "track", "", was, now, None, changes)
+    for number in ours:
+        box = track_reach(old.definition.ruts[number])
+        yield ElementChange("removed", "track", "", _track_place(old, number, box), None)
+    for number in theirs:
+        box = track_reach(new.definition.ruts[number])
+        yield ElementChange("added", "track", "", None, _track_place(new, number, box))
+
+
+def _whole(track: dict[str, Any]) -> str:
+    return repr(track)
+
+
+def _path(track: dict[str, Any]) -> str:
+    return repr(track["path"])
+
+
+def _track(track: Track, names: Names | None) -> dict[str, Any]:
+    """What counts of a track, in new names."""
+    known = names.surfaces if names else {}
+    found = {key: getattr(track, name) for name, key in names_of(Track) if name != "descr"}
+    found["passes"] = 1 if track.passes is UNSET else track.passes
+    found["multipass"] = DEFAULT_MULTIPASS if track.multipass is UNSET else track.multipass
+    found["surface"] = known.get(track.surface, track.surface)  # type: ignore[arg-type]
+    if isinstance(track.depth, dict):
+        found["depth"] = {known.get(name, name): depth for name, depth in track.depth.items()}
+    return found
+
+
+def _track_place(side: Side, number: int, box: Bounds) -> ElementPlace:
+    pointer, source = f"/tracks/{number}", side.document.source
+    (found,) = locate(source.data, [Address(pointer)])
+    return ElementPlace(pointer, source.name, found.line, box)

@@ -1,0 +1,119 @@
+"""What became of a vehicle's verdicts, on one grid for both terrains."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terratool.definition.findings import Bounds
+from terratool.field.terrain import Terrain
+from terratool.raster.export import checked_threads
+from terratool.raster.grid import Grid, Window
+from terratool.traversability.assess import Request, chosen_resolution, prepare_assessment
+from terratool.traversability.map import stream_map
+from terratool.traversability.results import GroundClass
+from terratool.traversability.route.headings import Progress
+from terratool.traversability.vehicle import Vehicle
+from terratool.viewing.diff.results import Flip, PixelGrid, VerdictChange
+
+_RANKS = {
+    GroundClass.GO: 0, GroundClass.CAUTION: 1, GroundClass.ONE_WAY: 2, GroundClass.UNKNOWN: 3,
+    GroundClass.CUT_OFF: 4, GroundClass.EDGE: 5, GroundClass.NO_GO: 6,
+}  # fmt: skip
+"""What is worse, of classes of ground."""
+
+
+class _Map(NamedTuple):
+    """Classes of ground, (height, width) uint8, and where there is ground."""
+
+    grid: Grid
+    classes: NDArray[np.uint8]
+    ground: NDArray[np.bool_]
+
+
+def compare_verdicts(
+    old: Terrain,
+    new: Terrain,
+    vehicle: Vehicle,
+    *,
+    bounds: Bounds,
+    resolution: float | None,
+    progress: Progress | None = None,
+) -> VerdictChange:
+    """Judge both terrains with a vehicle, and say what flipped.
+
+    Args:
+        old: a terrain …
+        new: … and what became of it; all parts are written out.
+        vehicle: that is to drive there.
+        bounds: what both have in common.
+        resolution: side of a pixel; as a map of verdicts would have it if None.
+        progress: is told what is being done, and how many pixels are.
+
+    Raises:
+        RequestError: the resolution is none for this vehicle, there are too many elements, or a
+            figure of a surface is too large.
+    """
+    request = Request(bounds=bounds, resolution=resolution)
+    if resolution is None:
+        request = Request(bounds=bounds, resolution=chosen_resolution(new, vehicle, request, False))
+    before = _judged(old, vehicle, request, progress)
+    after = _judged(new, vehicle, request, progress)
+    return _compared(vehicle.name, before, after)
+
+
+def _judged(
+    terrain: Terrain, vehicle: Vehicle, request: Request, progress: Progress | None
+) -> _Map:
+    prepared = prepare_assessment(terrain, vehicle, request)
+    builder = prepared.builder
+    assert builder is not None
+    if progress is not None:
+        progress.say("judging", prepared.pixels)
+    stream_map(prepared.surveyor, builder, None, checked_threads(None), progress)
+    classes, _ = builder.classes(None, vehicle.area)
+    return _Map(builder.grid, classes, builder.ground)
+
+
+def _compared(name: str, before: _Map, after: _Map) -> VerdictChange:
+    grid, pixel = after.grid, after.grid.resolution**2
+    ground = before.ground & after.ground
+    count = int(np.count_nonzero(ground))
+    size = len(GroundClass)
+    pairs = before.classes.astype(np.int64) * size + after.classes
+    counts = np.bincount(pairs[ground], minlength=size * size).reshape(size, size)
+    worse = better = 0
+    flips = []
+    for old in GroundClass:
+        for new in GroundClass:
+            number = int(counts[old, new])
+            if old == new or not number:
+                continue
+            worse += number * (_RANKS[new] > _RANKS[old])
+            better += number * (_RANKS[new] < _RANKS[old])
+            first = int(np.argmax((pairs == old * size + new) & ground))
+            row, column = divmod(first, grid.width)
+            at = Window(row, column, 1, 1)
+            x, y = float(grid.columns(at)[0]), float(grid.rows(at)[0])
+            flips.append(Flip(old.label, new.label, number * pixel, number / count, x, y))
+    flips.sort(key=lambda flip: (-flip.area, flip.old, flip.new))
+    return VerdictChange(
+        vehicle=name,
+        grid=PixelGrid(grid.bounds, grid.resolution, grid.width, grid.height),
+        ground=count * pixel,
+        worse=worse / count if count else 0.0,
+        better=better / count if count else 0.0,
+        old=_shares(counts.sum(axis=1), count),
+        new=_shares(counts.sum(axis=0), count),
+        flips=tuple(flips),
+    )
+
+
+def _shares(counts: NDArray[np.int64], whole: int) -> dict[str, float]:
+    return {
+        ground.label: int(number) / whole
+        for ground, number in zip(GroundClass, counts, strict=True)
+        if number
+    }

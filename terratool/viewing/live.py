@@ -1,0 +1,304 @@
+"""A page that follows a file: served on this machine alone, drawn again when the file is saved."""
+
+from __future__ import annotations
+
+import http.server
+import json
+import math
+import threading
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple, NoReturn
+from urllib.parse import parse_qs, urlsplit
+
+from msgspec import Struct, field
+
+from terratool.definition.findings import Finding
+from terratool.definition.reader import CheckOptions
+from terratool.definition.watch import Watch
+from terratool.errors import TerratoolError, WriteError, reason
+from terratool.viewing.places import Places, Site, read_site, site_of
+from terratool.viewing.scene import Scene
+
+HOST = "127.0.0.1"
+WAIT = 20.0
+"""s after which a page that waits for news is told that there are none."""
+_MOST_FINDINGS = 50
+
+
+class _Shown(NamedTuple):
+    """The last good picture, and what answers about it."""
+
+    site: Site
+    places: Places
+    scene: bytes
+
+
+class LiveState(Struct, dict=True, eq=False):
+    """What a page shows now; pages are told when it changes.
+
+    Attributes:
+        version: grows with every change.
+        picture: grows with every picture; 0 before the first one.
+        findings: what is wrong with the file now.
+    """
+
+    version: int = 0
+    picture: int = 0
+    findings: list[dict[str, Any]] = field(default_factory=list)
+    shown: _Shown | None = None
+    changed: threading.Condition = field(default_factory=threading.Condition)
+
+    def publish(self, site: Site, scene: Scene) -> None:
+        """Show another picture, as the file has no error."""
+        shown = _Shown(site, Places(site.checked), scene.to_bytes())
+        with self.changed:
+            self.shown, self.findings = shown, []
+            self.picture += 1
+            self._news()
+
+    def complain(self, error: TerratoolError) -> None:
+        """Keep the picture, and say beside it what is wrong with the file."""
+        findings: Sequence[Finding] = getattr(error, "findings", ())
+        listed = [
+            {
+                "file": one.file, "line": one.line, "column": one.column, "code": one.code,
+                "message": one.message, "hint": one.hint,
+            }
+            for one in findings[:_MOST_FINDINGS]
+        ]  # fmt: skip
+        if not listed:
+            listed = [
+                {
+                    "file": "", "line": 0, "column": 0, "code": "", "message": error.message,
+                    "hint": error.hint,
+                }
+            ]  # fmt: skip
+        with self.changed:
+            self.findings = listed
+            self._news()
+
+    def _news(self) -> None:
+        self.version += 1
+        self.changed.notify_all()
+
+    def after(self, version: int, wait: float = WAIT) -> dict[str, Any]:
+        """What there is now, as soon as that is newer than a version, or when waiting ends."""
+        with self.changed:
+            self.changed.wait_for(lambda: self.version > version, wait)
+            return {
+                "version": self.version, "picture": self.picture, "findings": self.findings,
+            }  # fmt: skip
+
+    def values(self, x: float, y: float) -> dict[str, Any] | None:
+        """What the field has at a place of the picture; None where there is no picture.
+
+        z is None outside the terrain and in the void.
+        """
+        shown, picture = self.shown, self.picture
+        if shown is None:
+            return None
+        terrain = shown.site.terrain
+        found = terrain.sample(x, y)
+        height, element = float(found.height), int(found.element)
+        name = terrain.pointer(element)
+        places = () if name is None else shown.places.of(name)
+        line = ""
+        if places:
+            own = places[-1]
+            line = f"{shown.places.files[own.file]}:{shown.places.lines([own])[own]}"
+        known = math.isfinite(height)
+        surface = int(found.surface)
+        return {
+            "picture": picture,
+            "z": height if known else None,
+            "slope": math.degrees(math.acos(min(1.0, float(found.normal[2])))) if known else None,
+            "surface": terrain.surfaces[surface] if surface >= 0 else "",
+            "element": name or "",
+            "descr": terrain.descr_of(element),
+            "line": line,
+        }
+
+
+class PageServer:
+    """Serves one page and what it asks for, to this machine alone.
+
+    Args:
+        page: its text.
+        state: what it shows.
+        port: 0 for any that is free.
+
+    Raises:
+        WriteError: the port cannot be had.
+    """
+
+    def __init__(self, page: str, state: LiveState, port: int = 0) -> None:
+        handler = _handler(page.encode(), state)
+        try:
+            self._server = http.server.ThreadingHTTPServer((HOST, port), handler)
+        except (OSError, OverflowError) as error:
+            why = reason(error) if isinstance(error, OSError) else "there is none of that number"
+            raise WriteError(
+                f"Port {port} cannot be used ({why}).",
+                "Choose another one with --port, or leave that out.",
+            ) from error
+        self._server.daemon_threads = True
+        self._thread = threading.Thread(target=self._server.serve_forever, daemon=True)
+
+    @property
+    def url(self) -> str:
+        """Where the page is."""
+        return f"http://{HOST}:{self._server.server_port}/"
+
+    def __enter__(self) -> PageServer:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._server.shutdown()
+        self._server.server_close()
+
+
+def _handler(page: bytes, state: LiveState) -> type[http.server.BaseHTTPRequestHandler]:
+    """What answers requests: for the page, what is new, the scene, and values at a place."""
+
+    class Handler(http.server.BaseHTTPRequestHandler):
+        protocol_version = "HTTP/1.1"
+        server_version, sys_version = "terratool", ""
+        timeout = 60.0
+
+        def do_GET(self) -> None:
+            assert isinstance(self.server, http.server.HTTPServer)
+            port = self.server.server_port
+            # another name may lead here from a page of somebody else (DNS rebinding)
+            if self.headers.get("Host") not in (f"{HOST}:{port}", f"localhost:{port}"):
+                self._answer(403, b"This page is served to this machine alone.", "text/plain")
+                return
+            asked = urlsplit(self.path)
+            given = parse_qs(asked.query)
+            answers: dict[str, Callable[[], None]] = {
+                "/": lambda: self._answer(200, page, "text/html; charset=utf-8"),
+                "/state": lambda: self._state(given),
+                "/scene": self._scene,
+                "/values": lambda: self._values(given),
+            }
+            answers.get(asked.path, self._nothing)()
+
+        def _state(self, given: dict[str, list[str]]) -> None:
+            text = given.get("after", ["0"])[0]
+            after = int(text) if text.isdecimal() and len(text) < 16 else 0
+            self._json(state.after(after))
+
+        def _scene(self) -> None:
+            shown = state.shown
+            if shown is None:
+                self._nothing()
+            else:
+                self._answer(200, shown.scene, "application/octet-stream")
+
+        def _values(self, given: dict[str, list[str]]) -> None:
+            try:
+                x, y = (float(given[key][0]) for key in ("x", "y"))
+            except (KeyError, ValueError):
+                x = y = math.nan
+            found = state.values(x, y) if math.isfinite(x) and math.isfinite(y) else None
+            if found is None:
+                self._nothing()
+            else:
+                self._json(found)
+
+        def _nothing(self) -> None:
+            self._answer(404, b"There is nothing here.", "text/plain")
+
+        def _json(self, value: dict[str, Any]) -> None:
+            self._answer(200, json.dumps(value).encode(), "application/json")
+
+        def _answer(self, code: int, body: bytes, kind: str) -> None:
+            self.send_response(code)
+            for name, text in (
+                ("Content-Type", kind), ("Content-Length", str(len(body))),
+                ("Cache-Control", "no-store"), ("X-Content-Type-Options", "nosniff"),
+                ("Cross-Origin-Resource-Policy", "same-origin"), ("Referrer-Policy", "no-referrer"),
+                ("X-Frame-Options", "DENY"),
+            ):  # fmt: skip
+                self.send_header(name, text)
+            self.end_headers()
+            self.wfile.write(body)
+
+        def log_message(self, *_: object) -> None:
+            pass
+
+        def handle(self) -> None:
+            try:
+                super().handle()
+            except OSError:  # the page was closed meanwhile
+                self.close_connection = True
+
+    return Handler
+
+
+EVERY = 0.1
+"""s between two looks at the files: a save is seen after two of them."""
+
+
+@dataclass(frozen=True)
+class Followed:
+    """A file that is read again whenever it, or a library that it uses, changes.
+
+    Attributes:
+        file: its name.
+        library_roots: further folders under which libraries may lie.
+        roughness: whether rough surfaces have their relief.
+    """
+
+    file: str
+    library_roots: tuple[str, ...] = ()
+    roughness: bool = True
+
+    @cached_property
+    def _watch(self) -> Watch:
+        return Watch(lambda: [self.file], EVERY)
+
+    def read(self) -> Site:
+        """The terrain as it is now.
+
+        Raises:
+            ReadError, DefinitionError, RequestError: as of `read_site`.
+        """
+        options = CheckOptions(warnings=False, library_roots=self.library_roots)
+        checked = self._watch.look(self.file, options)
+        if checked.terrain is None:  # which says why
+            return read_site(self.file, self.library_roots, roughness=self.roughness)
+        return site_of(checked, roughness=self.roughness)
+
+    def wait(self) -> None:
+        """Wait until it has changed since it was read."""
+        self._watch.wait()
+
+
+def follow(
+    state: LiveState, followed: Followed, scene: Callable[[Site], Scene],
+    told: Callable[[TerratoolError | None], object],
+) -> NoReturn:  # fmt: skip
+    """Read a file again and again, and have pages show what is there, until Ctrl-C.
+
+    Args:
+        state: what pages show.
+        followed: the file.
+        scene: makes a scene of it.
+        told: is called after each time, with what is wrong with the file.
+
+    Raises:
+        KeyboardInterrupt: Ctrl-C was pressed.
+    """
+    while True:
+        problem: TerratoolError | None = None
+        try:
+            site = followed.read()
+            state.publish(site, scene(site))
+        except TerratoolError as error:
+            problem = error
+            state.complain(error)
+        told(problem)
+        followed.wait()

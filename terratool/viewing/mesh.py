@@ -1,0 +1,361 @@
+"""The mesh of a page: as good as its faces allow, with what the field says of each face."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terratool.field.bounds import largest_depths, largest_heights
+from terratool.field.terrain import Terrain
+from terratool.mesh.build import build
+from terratool.mesh.export import (
+    BudgetedMesh,
+    MeshOptions,
+    collapse_degenerate,
+    no_ground,
+    relief_of,
+    within_budget,
+)
+from terratool.mesh.types import BuiltMesh, Mesh
+from terratool.text.display import length
+
+FACES = 200_000
+"""The error is as small as so many faces allow, …"""
+LIVE_FACES = 40_000
+"""… or so many where the page follows a file, and asks the field itself what is under the pointer;
+walls come on top of them …"""
+MOST_FACES = 2_000_000
+"""… up to so many; beyond, the lowest elements are left out."""
+_FINER = 0.2
+"""By default the error is wanted to be this part of that of an exported mesh."""
+_COARSE = 0.01
+"""The first mesh has an error of this part of the relief …"""
+_STRIDES = 0.1, 0.5
+"""… and each after it one that is smaller by a factor in here, …"""
+_AIM, _ENOUGH = 0.8, 0.5
+"""… so that it has about the one part of the faces; the other is enough."""
+
+_INWARD = 1.0 / 256.0
+"""The field is asked at corners, but so far towards the middle of their face: on its side."""
+_SMOOTH = 0.004
+"""Normals of one element around a vertex that differ by less are one."""
+_UNIT = 32767
+"""A component of 1 of a normal, as it is written."""
+_STEPS = 23
+"""Coordinates are whole numbers of this many bits at most, so that float32 holds them."""
+_PROBES = 4096
+"""So many places of the mesh are compared with the field, for the error of slopes …"""
+_RARELY = 0.99
+"""… which this share of them does not exceed."""
+
+Ints = NDArray[np.int64]
+Floats = NDArray[np.float64]
+Progress = Callable[[str], object]
+Attempt = Callable[[float, float], BudgetedMesh]
+
+
+@dataclass(frozen=True, slots=True)
+class PageOptions:
+    """What is wanted of the mesh of a page.
+
+    Attributes:
+        max_error: the largest distance, along z, of the ground from the terrain; as small as the
+            faces allow if None.
+        max_faces: no more faces: elements are left out if that is not enough; chosen if None.
+        live: whether the page follows a file and can ask the field.
+    """
+
+    max_error: float | None = None
+    max_faces: int | None = None
+    live: bool = False
+
+    def check(self) -> None:
+        """Refuse numbers that make no sense for any terrain.
+
+        Raises:
+            RequestError: which one it is.
+        """
+        MeshOptions(self.max_error, self.max_faces).check()
+
+
+# --- a mesh of as many faces as a page takes ------------------------------------------------------
+
+
+def fitted_mesh(terrain: Terrain, options: PageOptions, progress: Progress) -> BudgetedMesh:
+    """A mesh whose error is as small as is wanted, or as its faces allow.
+
+    Raises:
+        RequestError: there is no ground, or more faces than allowed whatever is left out.
+    """
+
+    def attempt(error: float, least: float) -> BudgetedMesh:
+        progress(f"meshing within {length(error)}")
+        return BudgetedMesh(build(terrain, error, least=least), error, least)
+
+    relief = relief_of(terrain, None)
+    wanted, _ = MeshOptions(options.max_error).error_for(terrain)
+    if options.max_error is None:
+        wanted *= _FINER
+    if options.max_faces is not None:
+        fit = _within(attempt, terrain, wanted, relief, options.max_faces)
+    elif options.max_error is not None:
+        fit = attempt(wanted, 0.0)
+    else:
+        fit = _finest(attempt, wanted, relief, LIVE_FACES if options.live else FACES)
+        if fit.faces > MOST_FACES:
+            fit = _within(attempt, terrain, wanted, relief, MOST_FACES)
+    fit = fit._replace(built=_in_order(collapse_degenerate(fit.built)))
+    if not fit.faces:
+        raise no_ground("Ask terratool info what the terrain is.")
+    return fit
+
+
+def _within(
+    attempt: Attempt, terrain: Terrain, wanted: float,
+    relief: float, most: int,
+) -> BudgetedMesh:  # fmt: skip
+    """The best mesh of so many faces at most, without the lowest elements if need be."""
+    sizes = largest_heights(terrain.arrays)[1:]
+    if terrain.tracks:
+        sizes = np.append(sizes, largest_depths(terrain.arrays))
+    largest = float(sizes.max(initial=0.0))
+    return within_budget(
+        lambda error, least: attempt(error, least).built, wanted, relief, largest, most
+    )
+
+
+def _finest(attempt: Attempt, wanted: float, relief: float, faces: int) -> BudgetedMesh:
+    """A mesh with about so many faces for smooth ground, on top of what walls need anyway.
+
+    Errors are tried from large to small: faces are about as the inverse of the error, so all that
+    comes before the last one takes no longer than it.
+    """
+    fit = attempt(max(wanted, _COARSE * relief), 0.0)
+    most = fit.faces + faces
+    while fit.error > wanted and fit.faces < _ENOUGH * most:
+        factor = min(max(fit.faces / (_AIM * most), _STRIDES[0]), _STRIDES[1])
+        finer = attempt(max(wanted, factor * fit.error), 0.0)
+        if finer.faces > MOST_FACES:
+            break
+        fit = finer
+    return fit
+
+
+def _in_order(built: BuiltMesh) -> BuiltMesh:
+    """The same with ground first, then walls, each in the order of a Z-shaped curve over the plane.
+
+    So neighbours stand near each other, which compresses well and is found quickly (G. M. Morton,
+    A computer oriented geodetic data base and a new technique in file sequencing, IBM, 1966).
+    """
+    mesh = built.mesh
+    if not len(mesh.faces):
+        return built
+    middles = mesh.vertices[mesh.faces, :2].mean(axis=1)
+    low = middles.min(axis=0)
+    cells = ((middles - low) / max(float(np.ptp(middles, axis=0).max()), 1e-300) * 65535).astype(
+        np.uint64
+    )
+    for shift, mask in ((8, 0x00FF00FF), (4, 0x0F0F0F0F), (2, 0x33333333), (1, 0x55555555)):
+        cells = (cells | (cells << np.uint64(shift))) & np.uint64(mask)
+    order = np.lexsort((cells[:, 0] | (cells[:, 1] << np.uint64(1)), mesh.walls))
+    faces = mesh.faces[order]
+    # vertices in the order in which faces name them
+    _, first, index = np.unique(faces.ravel(), return_index=True, return_inverse=True)
+    rank = np.empty(len(first), np.int64)
+    rank[np.argsort(first, kind="stable")] = np.arange(len(first))
+    vertices = mesh.vertices[faces.ravel()[np.sort(first)]]
+    return replace(
+        built,
+        mesh=replace(
+            mesh,
+            vertices=vertices,
+            faces=rank[index].reshape(-1, 3).astype(np.int32),
+            surfaces=mesh.surfaces[order],
+            walls=mesh.walls[order],
+        ),
+    )
+
+
+# --- what the field says of faces -----------------------------------------------------------------
+
+
+class Faces(NamedTuple):
+    """What the field says of the faces of a mesh.
+
+    Attributes:
+        element: (m,) of the ground, or of the higher ground that a wall bounds; -1 for none.
+        surface: (m,) likewise, index into the surfaces, -1 for none.
+        normals: (m, 3, 3) of the ground at their corners; of walls that of the face.
+        upright: (m,) whether they are walls.
+    """
+
+    element: Ints
+    surface: Ints
+    normals: Floats
+    upright: NDArray[np.bool_]
+
+
+def wall_offset_of(built: BuiltMesh) -> float:
+    """How far beside its place the wall of a disc or of a rut stands, at most."""
+    return max(built.loss.wall_offset, built.loss.ruts.wall_offset)
+
+
+def faces_of(terrain: Terrain, built: BuiltMesh) -> Faces:
+    """Ask the field about the faces of a mesh of it: in their middles, and beside their corners."""
+    mesh = built.mesh
+    corners = mesh.vertices[mesh.faces]
+    plane = corners[..., :2] + mesh.origin[:2]
+    middle = plane.mean(axis=1)
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    flat = across / np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-300)
+    found = terrain.sample(middle[:, 0], middle[:, 1])
+    element, surface = found.element.copy(), found.surface.astype(np.int64)
+    # a wall faces its lower side: what it bounds is behind it, and behind its arc if it is a chord
+    walls = np.flatnonzero(mesh.walls)
+    wide = np.linalg.norm(plane[walls] - middle[walls, None], axis=2).max(axis=1)
+    surface[walls] = mesh.surfaces[walls]
+    chord = 2.0 * wall_offset_of(built)
+    for behind in (_INWARD * wide, np.maximum(_INWARD * wide, chord)):
+        inside = middle[walls] - behind[:, None] * flat[walls, :2]
+        at = terrain.sample(inside[:, 0], inside[:, 1])
+        fits = at.surface == surface[walls]
+        element[walls[fits]] = at.element[fits]
+    normals = np.broadcast_to(flat[:, None], corners.shape).copy()
+    ground = np.flatnonzero(~mesh.walls)
+    near = plane[ground] + _INWARD * (middle[ground, None] - plane[ground])
+    at = terrain.sample(near[..., 0], near[..., 1])
+    own = (at.element == found.element[ground, None]) & np.isfinite(at.normal[..., 0])
+    middles = found.normal[ground]
+    known = np.isfinite(middles[:, 0])
+    middles[~known] = flat[ground][~known]
+    normals[ground] = np.where(own[..., None], at.normal, middles[:, None])
+    return Faces(element, surface, normals, mesh.walls)
+
+
+class Wedges(NamedTuple):
+    """Vertices with one element and one normal each.
+
+    Attributes:
+        vertex: (n,) of the mesh.
+        normal: (n, 2) whole numbers, x and y of the normal.
+        corners: (m, 3) that of each corner of each face.
+    """
+
+    vertex: Ints
+    normal: Ints
+    corners: Ints
+
+
+def wedges_of(mesh: Mesh, faces: Faces) -> Wedges:
+    """Normals of one element around a vertex are made one where they are nearly that already."""
+    vertex = mesh.faces.ravel().astype(np.int64)
+    owner = np.repeat(2 * (faces.element + 2) + faces.upright, 3)
+    normals = faces.normals.reshape(-1, 3)
+    order = np.lexsort((owner, vertex))
+    new = np.ones(len(order), bool)
+    new[1:] = (np.diff(vertex[order]) != 0) | (np.diff(owner[order]) != 0)
+    begins = np.flatnonzero(new)
+    group = np.cumsum(new) - 1
+    counts = np.diff(np.append(begins, len(order)))
+    means = np.add.reduceat(normals[order], begins) / counts[:, None]
+    apart = np.abs(normals[order] - means[group]).max(axis=1)
+    smooth = np.maximum.reduceat(apart, begins) < _SMOOTH
+    chosen = np.where(smooth[group][:, None], means[group], normals[order])
+    chosen /= np.maximum(np.linalg.norm(chosen, axis=1, keepdims=True), 1e-300)
+    whole = np.rint(chosen[:, :2] * _UNIT).astype(np.int64)
+    key = (whole[:, 0] + 32768) * 65536 + whole[:, 1] + 32768
+    inner = np.lexsort((key, group))
+    fresh = np.ones(len(order), bool)
+    fresh[1:] = (np.diff(group[inner]) != 0) | (np.diff(key[inner]) != 0)
+    number = np.empty(len(order), np.int64)
+    number[order[inner]] = np.cumsum(fresh) - 1
+    firsts = order[inner][fresh]
+    normal = np.empty((len(order), 2), np.int64)
+    normal[order] = whole
+    # wedges in the order in which faces name them
+    _, seen = np.unique(number, return_index=True)
+    ranked = np.argsort(seen, kind="stable")
+    rank = np.empty(len(ranked), np.int64)
+    rank[ranked] = np.arange(len(ranked))
+    return Wedges(vertex[firsts][ranked], normal[firsts][ranked], rank[number].reshape(-1, 3))
+
+
+def slope_error(terrain: Terrain, mesh: Mesh, faces: Faces) -> float:
+    """How far slopes between the corners of faces are from those of the field, degrees.
+
+    As far as `_RARELY` of `_PROBES` places, spread evenly over the ground, are at most.
+    """
+    random = np.random.default_rng(0)
+    ground = np.flatnonzero(~faces.upright)
+    corners = mesh.vertices[mesh.faces[ground]]
+    sides = corners[:, 1:, :2] - corners[:, :1, :2]
+    area = np.abs(sides[:, 0, 0] * sides[:, 1, 1] - sides[:, 0, 1] * sides[:, 1, 0])
+    if not area.sum() > 0:
+        return 0.0
+    face = random.choice(len(ground), _PROBES, p=area / area.sum())
+    share = random.dirichlet((1.0, 1.0, 1.0), _PROBES)
+    places = (corners[face] * share[:, :, None]).sum(axis=1)
+    normals = faces.normals[ground[face]]
+    rises = normals[..., :2] / np.maximum(normals[..., 2:], 1e-9)
+    seen = np.arctan(np.linalg.norm((rises * share[:, :, None]).sum(axis=1), axis=1))
+    found = terrain.sample(places[:, 0] + mesh.origin[0], places[:, 1] + mesh.origin[1])
+    with np.errstate(invalid="ignore"):
+        apart = np.abs(np.degrees(seen - np.arccos(np.clip(found.normal[:, 2], 0.0, 1.0))))
+    apart = apart[np.isfinite(apart)]
+    return float(np.quantile(apart, _RARELY)) if len(apart) else 0.0
+
+
+class Rounding(NamedTuple):
+    """How coordinates become whole numbers.
+
+    Attributes:
+        origin: of the world, where they are 0.
+        steps: what 1 is along x, y and z: powers of two.
+        shift: from the zero of the mesh to that origin.
+        rounding: how far a height is from that of the mesh at most, where slopes are below 54°.
+    """
+
+    origin: tuple[float, float, float]
+    steps: tuple[float, float, float]
+    shift: Floats
+    rounding: float
+
+    @classmethod
+    def of(cls, mesh: Mesh, error: float) -> Rounding:
+        """Fine enough for a mesh with such an error of heights."""
+        low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
+        middle = (low + high) / 2
+        finest = [
+            2.0 ** math.ceil(math.log2(max(float(high[axis] - low[axis]), 1e-6) / 2**_STEPS))
+            for axis in range(3)
+        ]
+        finest[0] = finest[1] = max(finest[:2])
+        middle[:2] = np.rint(middle[:2] / finest[0]) * finest[0]
+        across = max(error / 64, 1e-9)
+        finest[2] = max(finest[2], 2.0 ** math.floor(math.log2(across)))
+        middle[2] = np.rint(middle[2] / finest[2]) * finest[2]
+        origin = middle + mesh.origin
+        return cls(
+            (float(origin[0]), float(origin[1]), float(origin[2])),
+            (finest[0], finest[1], finest[2]),
+            middle,
+            0.5 * finest[2] + finest[0],
+        )
+
+    def whole(self, points: Floats) -> Ints:
+        """Points of the mesh as whole numbers, (n, 3)."""
+        return np.rint((points - self.shift) / self.steps).astype(np.int64)
+
+    def line(self, x: Floats, y: Floats, z: Floats) -> list[list[float]]:
+        """Points of the world, relative to the origin and rounded."""
+        local = np.column_stack([x, y, z]) - self.origin
+        digits = [max(0, math.ceil(-math.log10(step))) for step in self.steps]
+        return [
+            [round(value, digits[axis]) for axis, value in enumerate(point)]
+            for point in local.tolist()
+        ]

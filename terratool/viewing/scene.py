@@ -1,0 +1,276 @@
+"""What a page shows of a terrain: its mesh in few bytes, elements, soils, lines and verdicts."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from msgspec import UNSET
+
+from terratool.definition.model import SOIL_FIGURES
+from terratool.definition.presets import preset_of, property_of
+from terratool.field.terrain import Terrain
+from terratool.mesh.export import (
+    MeshOptions,
+    loss_of,
+)
+from terratool.mesh.types import Mesh
+from terratool.text.display import counted
+from terratool.traversability.results import COLORS, GroundClass, Route, TraversabilityReport
+from terratool.viewing.layers import surface_colors
+from terratool.viewing.mesh import (
+    Ints,
+    PageOptions,
+    Progress,
+    Rounding,
+    faces_of,
+    fitted_mesh,
+    slope_error,
+    wall_offset_of,
+    wedges_of,
+)
+from terratool.viewing.places import Places, Site
+
+_BEST, _QUICK = 9, 6
+_LARGE = 1 << 25
+"""Bytes of a scene from which on quick compression must do: the best takes seconds."""
+_TRACK_POINTS = 100_000
+"""All lines of tracks have about so many points at most."""
+_ALONG = 400
+"""A track is followed at every so many-th part of the terrain's longer side."""
+
+
+@dataclass(frozen=True, slots=True)
+class Scene:
+    """A terrain for a page.
+
+    Attributes:
+        told: what the page says and draws besides arrays, ready for JSON.
+        arrays: by name (n, columns) int64, each within 32 bits.
+    """
+
+    told: dict[str, Any]
+    arrays: dict[str, Ints]
+
+    def to_bytes(self) -> bytes:
+        """The scene, compressed (RFC 1950), as page.js reads it.
+
+        A JSON text behind its length, then the arrays. Of each column there are the differences
+        from row to row, first the lowest bytes of all of them, then the next ones, …: most of them
+        are equal, and are compressed best so.
+        """
+        import deflate
+
+        listed = [
+            {"name": name, "rows": len(array), "columns": array.shape[1]}
+            for name, array in self.arrays.items()
+        ]
+        text = json.dumps({**self.told, "arrays": listed}, ensure_ascii=False).encode()
+        parts = [len(text).to_bytes(4, "little"), text]
+        for array in self.arrays.values():
+            steps = np.diff(array, axis=0, prepend=0).astype("<i4")
+            planes = np.ascontiguousarray(steps.T).view(np.uint8).reshape(-1, 4)
+            parts.append(
+                np.ascontiguousarray(
+                    planes.reshape(array.shape[1], len(array), 4).transpose(0, 2, 1)
+                ).tobytes()
+            )
+        whole = b"".join(parts)
+        return bytes(deflate.zlib_compress(whole, _BEST if len(whole) <= _LARGE else _QUICK))
+
+
+def scene_of(
+    site: Site,
+    options: PageOptions | None = None,
+    report: TraversabilityReport | None = None,
+    progress: Progress = lambda _: None,
+) -> Scene:
+    """What a page shows of a terrain.
+
+    Args:
+        site: the terrain and its texts.
+        options: what is wanted of the mesh; the defaults if None.
+        report: what a vehicle can do there, with a preview of the map; its routes are drawn, too.
+        progress: is called with words that say how far it is.
+
+    Raises:
+        RequestError: there is no ground, or more faces than allowed whatever is left out.
+    """
+    terrain, options = site.terrain, options or PageOptions()
+    fit = fitted_mesh(terrain, options, progress)
+    mesh = fit.built.mesh
+    progress(f"asking the field about {counted(len(mesh.faces), 'face')}")
+    faces = faces_of(terrain, fit.built)
+    wedges = wedges_of(mesh, faces)
+    grid = Rounding.of(mesh, fit.built.error)
+    used, of_face = np.unique(faces.element, return_inverse=True)
+    loss = loss_of(terrain, fit, MeshOptions(max_faces=options.max_faces), fit.error)
+    west, south, east, north = terrain.bounds
+    low, high = _heights(mesh)
+    progress("looking up elements")
+    told: dict[str, Any] = {
+        "format": 1,
+        "descr": terrain.descr,
+        "crs": terrain.crs if isinstance(terrain.crs, str) else "",
+        "bounds": [west, south, east, north],
+        "heights": [low, high],
+        "origin": list(grid.origin),
+        "steps": list(grid.steps),
+        "error": loss.miss + grid.rounding,
+        "slope_error": slope_error(terrain, mesh, faces),
+        "measured": loss.miss_measured,
+        "wall_offset": wall_offset_of(fit.built),
+        "left_out": loss.left.small + loss.left.faint,
+        "ground_faces": int((~faces.upright).sum()),
+        "elements_total": terrain.elements,
+        "surfaces": _surfaces(terrain),
+        **_elements(site, used.tolist()),
+        "tracks": _tracks(terrain, grid),
+        "routes": [] if report is None else [_route(terrain, grid, one) for one in report.routes],
+        "map": None if report is None or report.preview is None else _verdict(report),
+    }
+    arrays = {
+        "positions": grid.whole(mesh.vertices[wedges.vertex]),
+        "normals": wedges.normal,
+        "corners": wedges.corners.reshape(-1, 1),
+        "elements": of_face.reshape(-1, 1).astype(np.int64),
+        "faceSurfaces": faces.surface.reshape(-1, 1).astype(np.int64),
+    }
+    if report is not None and report.preview is not None:
+        arrays["verdict"] = report.preview.ground[::-1].reshape(-1, 1).astype(np.int64)
+    return Scene(told, arrays)
+
+
+def _heights(mesh: Mesh) -> tuple[float, float]:
+    z = mesh.vertices[:, 2] + mesh.origin[2]
+    return float(z.min()), float(z.max())
+
+
+# --- names, keys, soils ---------------------------------------------------------------------------
+
+
+def _elements(site: Site, used: list[int]) -> dict[str, Any]:
+    """What is known of elements and tracks, in the order given; each text place once."""
+    places = Places(site.checked)
+    names = [site.terrain.pointer(element) for element in used]
+    chains = [() if name is None else places.of(name) for name in names]
+    lines = places.lines(place for chain in chains for place in chain)
+    index = {place: number for number, place in enumerate(lines)}
+    own: dict[int, dict[str, Any]] = {}
+    for chain in chains:
+        if chain and index[chain[-1]] not in own:
+            own[index[chain[-1]]] = places.keys(chain[-1])
+    return {
+        "files": places.files,
+        "places": [[place.file, line, place.pointer] for place, line in lines.items()],
+        "keys": {str(number): keys for number, keys in own.items()},
+        "names": [name or "" for name in names],
+        "chains": [[index[place] for place in chain] for chain in chains],
+        "descrs": [site.terrain.descr_of(element) for element in used],
+    }
+
+
+_SOIL = {
+    "cohesion": "kPa", "fric_angle": "°", "sinkage": "m/kN", "shear_modulus": "m",
+}  # fmt: skip
+
+
+def _surfaces(terrain: Terrain) -> list[dict[str, Any]]:
+    """The surfaces and their soils, in the order of their indices; ground without one last."""
+    listed: list[dict[str, Any]] = []
+    colors = surface_colors(terrain)[0].tolist()
+    for color, (name, surface) in zip(colors[1:], terrain.surface_types.items(), strict=True):
+        soil = []
+        for attribute, unit in _SOIL.items():
+            value = getattr(surface, attribute)
+            if isinstance(value, tuple | list):
+                text = f"{value[0]:g} to {value[1]:g} {unit}"
+            else:
+                value = property_of(surface, attribute)
+                text = "" if value is UNSET else f"{value:g} {unit}"
+            if text:
+                soil.append([_WORDS[attribute], text])
+        preset = preset_of(surface)
+        if preset is not None:
+            soil.insert(0, ["soil", f"{surface.preset}: {preset.descr}"])
+        descr = "" if surface.descr is UNSET else surface.descr
+        listed.append({"name": name, "color": color, "soil": soil, "descr": descr})
+    return [*listed, {"name": "", "color": colors[0], "soil": [], "descr": ""}]
+
+
+_WORDS = {
+    "cohesion": "cohesion", "fric_angle": "friction angle", "sinkage": "sinkage",
+    "shear_modulus": "shear modulus",
+}  # fmt: skip
+assert set(_SOIL) >= set(SOIL_FIGURES) - {"preset"}
+
+
+# --- lines and verdicts ---------------------------------------------------------------------------
+
+
+def _tracks(terrain: Terrain, grid: Rounding) -> list[dict[str, Any]]:
+    """The middle of each track on its ground, and what it is called."""
+    tracks = terrain.arrays.tracks
+    segments = tracks.segments
+    west, south, east, north = terrain.bounds
+    step = max(east - west, north - south) / _ALONG
+    long = np.hypot(segments["end_x"] - segments["x"], segments["end_y"] - segments["y"])
+    step = max(step, float(long.sum()) / _TRACK_POINTS)
+    found = []
+    for index in range(terrain.tracks):
+        own = segments[tracks.first[index] : tracks.first[index + 1]]
+        xs, ys = [], []
+        for one in own:
+            x0, y0, x1, y1 = (float(one[key]) for key in ("x", "y", "end_x", "end_y"))
+            parts = max(1, math.ceil(math.hypot(x1 - x0, y1 - y0) / step))
+            along = np.arange(parts) / parts
+            xs.append(x0 + along * (x1 - x0))
+            ys.append(y0 + along * (y1 - y0))
+        x = np.append(np.concatenate(xs), float(own["end_x"][-1]))
+        y = np.append(np.concatenate(ys), float(own["end_y"][-1]))
+        z = terrain.height(x, y)
+        known = np.isfinite(z)
+        found.append(
+            {
+                "name": terrain.pointer(terrain.elements + index),
+                "points": grid.line(x[known], y[known], z[known]),
+            }
+        )
+    return found
+
+
+def _route(terrain: Terrain, grid: Rounding, route: Route) -> dict[str, Any]:
+    """A route, or where one was looked for."""
+    ends = [[one.x, one.y] for one in (route.start, route.goal)]
+    told: dict[str, Any] = {"found": route.found, "ends": ends, "verdict": route.verdict.label}
+    told["length"], told["time"], told["note"] = route.length, route.time, route.note
+    profile = route.profile
+    if profile is None:
+        x, y = np.array(ends).T
+        z = terrain.height(x, y)
+        told["points"] = grid.line(x, y, np.where(np.isfinite(z), z, grid.origin[2]))
+        told["verdicts"] = []
+        return told
+    known = np.isfinite(profile.height)
+    told["points"] = grid.line(profile.x[known], profile.y[known], profile.height[known])
+    told["verdicts"] = profile.verdict[known].tolist()
+    return told
+
+
+def _verdict(report: TraversabilityReport) -> dict[str, Any]:
+    """The map of a vehicle: where its pixels lie, and what their numbers mean."""
+    preview = report.preview
+    assert preview is not None
+    grid = preview.grid
+    return {
+        "vehicle": report.vehicle.name,
+        "west": grid.west,
+        "south": grid.south,
+        "resolution": grid.resolution,
+        "width": grid.width,
+        "height": grid.height,
+        "classes": [{"name": one.label, "color": list(COLORS[one])} for one in GroundClass],
+    }
