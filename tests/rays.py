@@ -125,7 +125,9 @@ SPAN_FUNCTIONS: dict[str, Any] = {
     "min": lambda a, *more: a if not more else a.least(SPAN_FUNCTIONS["min"](*more)),
     "max": lambda a, *more: a if not more else a.most(SPAN_FUNCTIONS["max"](*more)),
     # tan: of what is nearer to 0 than a quarter turn
-    **{f.__name__: (lambda a, f=f: a.rising(f)) for f in (np.exp, np.log, np.sinh, np.tanh, np.tan)},
+    **{
+        f.__name__: (lambda a, f=f: a.rising(f)) for f in (np.exp, np.log, np.sinh, np.tanh, np.tan)
+    },
 }
 
 

@@ -20,7 +20,7 @@ from terratool.field.rays import RayHits
 from terratool.field.terrain import OUTSIDE, Terrain
 from tests.conftest import terrain_of
 from tests.oracle import Oracle
-from tests.rays import ABOVE, BELOW, RayOracle, Rays, Reading, Stretches, reliefs
+from tests.rays import ABOVE, RayOracle, Rays, Reading, Stretches
 from tests.strategies import SURFACES, definitions, landmarks
 
 EXAMPLES = int(os.environ.get("TERRATOOL_FUZZ", "25"))
@@ -264,7 +264,10 @@ def upright(terrain: Terrain, hit: RayHits, ray: Ray) -> list[str]:
     if aside < 1e3 * np.spacing(np.abs(point).max()):
         return []
     along = np.array([-normal[1], normal[0]])
-    ways = [0.0, *(side * far for far in (100.0, 10.0, 3.0) for side in (1, -1))]  # walls may be short
+    ways = [
+        0.0,
+        *(side * far for far in (100.0, 10.0, 3.0) for side in (1, -1)),
+    ]  # walls may be short
     places = np.array(ways)[:, None] * along * aside
     ahead, behind = (
         terrain.height(*(point + places + side * aside * normal).T) for side in (-1, 1)
@@ -318,7 +321,6 @@ def test_rays_over_thin_posts_and_walls_agree_with_the_format() -> None:
     for seed in range(EXAMPLES):
         rng = np.random.default_rng(seed)
         total += compared(crowded(rng), rng, RAYS)
-    print(total)
     rays = EXAMPLES * RAYS
     assert total["same"] + total["nothing"] > 0.6 * rays
     assert total["wall"] > 0.1 * rays
@@ -482,7 +484,9 @@ def test_steps_inside_a_curve_are_walls() -> None:
     """Stairs along x in an oblong cell: risers at 30 and at 60 hundredths."""
     stairs = {"type": "stairs", "at": [10, 6], "extent": [10, 4], "vScale": 1}
     terrain = with_floor(stairs)
-    hits = terrain.cast([[5.5, 6, 0.3], [9.0, 4.5, 0.8], [16, 6, 0.5]], [[1, 0, 0]] * 2 + [[-1, 0, 0]])
+    hits = terrain.cast(
+        [[5.5, 6, 0.3], [9.0, 4.5, 0.8], [16, 6, 0.5]], [[1, 0, 0]] * 2 + [[-1, 0, 0]]
+    )
     assert np.allclose(hits.distance, [2.5, 2.0, 1.0], rtol=0, atol=1e-12)
     assert hits.wall.all()
     assert hits.normal.tolist() == [[-1, 0, 0], [-1, 0, 0], [1, 0, 0]]
@@ -496,7 +500,9 @@ def test_steps_inside_a_curve_are_walls() -> None:
 def test_in_the_plane_of_a_wall_the_cell_that_has_the_edge_decides() -> None:
     """A cell has its west and south edges, so a ray in their planes meets the other walls."""
     terrain = with_floor(BOX)  # from 5, 4 to 9, 6
-    along = terrain.cast([[5, 1, 1], [9, 1, 1], [1, 4, 1], [1, 6, 1]], [[0, 1, 0]] * 2 + [[1, 0, 0]] * 2)
+    along = terrain.cast(
+        [[5, 1, 1], [9, 1, 1], [1, 4, 1], [1, 6, 1]], [[0, 1, 0]] * 2 + [[1, 0, 0]] * 2
+    )
     assert along.distance.tolist() == [3.0, math.inf, 4.0, math.inf]
     assert along.wall.tolist() == [True, False, True, False]
     assert along.normal[[0, 2]].tolist() == [[0, -1, 0], [-1, 0, 0]]
@@ -648,7 +654,11 @@ def test_shapes_are_those_of_the_rays() -> None:
         (hits.surface, (3, 4)), (hits.element, (3, 4)), (hits.wall, (3, 4)),
     ):  # fmt: skip
         assert one.shape == shape
-    wanted = [[1, math.inf, 1, math.inf], [1, math.inf, 1, math.inf], [math.inf, 1, math.inf, math.inf]]
+    wanted = [
+        [1, math.inf, 1, math.inf],
+        [1, math.inf, 1, math.inf],
+        [math.inf, 1, math.inf, math.inf],
+    ]
     assert hits.distance.tolist() == wanted
     assert terrain.cast([2, 3, 1], [0, 0, -1]).distance.shape == ()
     assert terrain.cast(np.zeros((0, 3)), [0, 0, -1]).point.shape == (0, 3)
@@ -672,14 +682,16 @@ def test_shapes_are_those_of_the_rays() -> None:
         (np.zeros((3, 3)), [0, 0, 1], np.ones(2), "do not fit together"),
     ],
 )
-def test_what_is_no_ray_is_refused_in_a_sentence(origin: Any, way: Any, most: Any, said: str) -> None:
+def test_what_is_no_ray_is_refused_in_a_sentence(
+    origin: Any, way: Any, most: Any, said: str
+) -> None:
     with pytest.raises(RequestError, match=said) as refused:
         with_floor(BOX).cast(origin, way, most)
     assert refused.value.hint
 
 
 def test_parts_that_are_shared_are_written_out_or_refused() -> None:
-    """What comes to 10^12 elements has no answer; what comes to 100,000 has that of its elements."""
+    """What comes to 10^12 elements has no answer; 100,000 have that of their own."""
     brick = {"type": "box", "at": [0.4, 0.5], "extent": [0.2, 0.1], "vScale": 3}
 
     def wall(*levels: int) -> Json:
@@ -698,7 +710,7 @@ def test_parts_that_are_shared_are_written_out_or_refused() -> None:
     assert hit.wall and abs(hit.distance - 0.25) <= 1e-12
     assert terrain.pointer(int(hit.element)) == terrain.locate(100.4, 57.5)
     brick = {"type": "box", "cellX": 3, "cellY": 5}
-    with pytest.raises(RequestError, match="elements, and more than .* are not written out"):
+    with pytest.raises(RequestError, match=r"elements, and more than .* are not written out"):
         terrain_of(wall(1000, 1000)).cast([1, 1, 1], [1, 0, 0])
 
 
