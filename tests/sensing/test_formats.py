@@ -179,6 +179,15 @@ def test_png_in_pillow(tmp_path: Path) -> None:
     assert told["images"][1]["position"] == [112, 206, 2]
 
 
+def test_images_that_are_there_are_kept(tmp_path: Path) -> None:
+    """Any of them, and before anything is read."""
+    (tmp_path / "d-0001.png").write_text("mine")
+    scan = Scan(CAMERA, Poses.joined(list(map(one_pose, TWO))))
+    with pytest.raises(WriteError, match=r"d-0001\.png: exists already"):
+        ScanOutput(tmp_path / "d.png").checked(scan)
+    ScanOutput(tmp_path / "d.png", overwrite=True).checked(scan)
+
+
 def test_png_says_what_it_cannot_hold(tmp_path: Path) -> None:
     """Depths of more than 65.535 m are 0, and counted."""
     from PIL import Image
