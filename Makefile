@@ -9,7 +9,7 @@ CONFIG ?=
 FUZZ ?=
 KILLS ?=
 TABLE = $(BIN)/python -c 'import tomllib; print(*tomllib.load(open("pyproject.toml", "rb"))$(1), sep="\n")'
-KERNEL_TESTS := tests/test_kernels.py tests/field/test_field.py tests/raster/test_painter.py tests/field/test_tracks.py \
+KERNEL_TESTS := tests/test_kernels.py tests/field/test_field.py tests/field/test_rays.py tests/raster/test_painter.py tests/field/test_tracks.py \
   tests/raster/test_loss.py tests/mesh/test_build.py tests/mesh/test_normals.py tests/mesh/test_solid.py \
   tests/mesh/test_tracks.py tests/simulators/test_solids.py \
   tests/importing/test_zbuffer.py tests/importing/test_structure.py tests/importing/test_vrml_numbers.py \
@@ -107,6 +107,7 @@ kills: $(VENV)/.installed-test  ## End 1,000 commands that write at random momen
 
 fuzz-terrains: $(VENV)/.installed-test  ## Compare thousands of random terrains with the slow reading
 	TERRATOOL_FUZZ=5000 $(BIN)/python -m pytest tests/field/test_properties.py
+	TERRATOOL_FUZZ=2500 $(BIN)/python -m pytest tests/field/test_rays.py
 
 fuzz-expressions: $(VENV)/.installed-test  ## Try 100,000 strings as curves, each in 50 ms at most
 	$(BIN)/python benchmarks/expressions.py

@@ -59,6 +59,8 @@ def known(kind: str) -> Any:
         return kernels.traversability.Search(way, np.zeros(1, np.int64), 2, 3)
     if kind == "Painter":
         return kernels.field.Painter(TERRAIN.field, np.zeros(2, np.bool_), True, edges)
+    if kind == "RayIndex":
+        return kernels.field.RayIndex(TERRAIN.field, TERRAIN.cells())
     if kind == "WallFinder":
         return kernels.field.WallFinder(TERRAIN.field, edges)
     if kind == "VehicleOnSoils":
@@ -289,6 +291,20 @@ def test_pairs_of_pixels_that_are_not_there_are_refused() -> None:
         kernels.field.find_candidates(labels, np.zeros((2, 3)), 3, 3)
 
 
+def test_an_index_of_rays_is_made_of_a_field_and_its_cells() -> None:
+    cells = TERRAIN.cells()
+    for wrong in (cells[:3], cells.astype(np.float32), cells[:, :1], cells.T.tolist(), None):
+        with pytest.raises(TypeError, match=r"RayIndex\(\): cells must be "):
+            kernels.field.RayIndex(TERRAIN.field, wrong)
+    with pytest.raises(TypeError, match=r"RayIndex\(\): field must be a Field, but is str"):
+        kernels.field.RayIndex("field", cells)
+    empty = kernels.field.RayIndex.__new__(kernels.field.RayIndex)
+    three, one = np.zeros((1, 3)), np.zeros(1)
+    rest = three, three, one, one.copy(), three.copy(), three.copy()
+    with pytest.raises(TypeError, match=r"cast\(\): index must be a RayIndex, but is"):
+        kernels.field.cast(empty, *rest, np.zeros(1, np.int64), np.zeros(1, bool))
+
+
 def test_dtypes_that_are_not_the_structs_are_refused() -> None:
     """Member by member: a name, a type or a place that differs."""
     from terratool.field.records import (
@@ -345,6 +361,10 @@ def digest() -> str:
         grid = grid_over(terrain, max(terrain.size) / 211)
         planes = Painter(terrain, grid, np.float64, slopes=True, labels=True).paint(grid.whole)
         arrays = [terrain.height(x, y), sample.height, sample.element, sample.normal]
+        tall = np.nanmax(sample.height) + 0.1 * max(terrain.size)
+        ways = rng.normal(size=(5000, 3)) * [1, 1, 0.2]
+        hits = terrain.cast(np.column_stack([x, y, rng.uniform(0, tall, 5000)]), ways)
+        arrays += [hits.distance, hits.point, hits.normal, hits.element, hits.wall]
         arrays += [planes.heights, planes.surfaces, planes.slope_x, planes.slope_y, planes.labels]
         found.update(repr(LossFinder(terrain, grid).of(grid.whole, planes)).encode())
         if path.stem in ("paper-example", "stairs-and-kerbs", "wheel-tracks"):
@@ -357,7 +377,7 @@ def digest() -> str:
 
 @pytest.mark.skipif(not X86, reason="other processors have one variant")
 def test_both_variants_give_the_same_bits() -> None:
-    """Heights, surfaces, normals, planes, losses and meshes of all samples."""
+    """Heights, surfaces, normals, rays, planes, losses and meshes of all samples."""
     if not kernels.is_v3():
         pytest.skip("this processor has no x86-64-v3")
     if find_spec("terratool.kernels.v3") is None:

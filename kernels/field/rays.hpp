@@ -226,7 +226,7 @@ public:
 
     Index(const Field& f, In west, In south, In east, In north) : field(f) {
         for (std::size_t n = 0; n < west.size(); ++n)
-            cells.push_back(placed({west[n], south[n], east[n], north[n]}));
+            cells.push_back(placed(f.elements[n], {west[n], south[n], east[n], north[n]}));
         find_curves();
         build();
     }
@@ -291,7 +291,18 @@ private:
         std::vector<Part> parts;  // of the entries
     };
 
-    static Placed placed(const Cell& cell) { return {cell, 1.0 / cell.wide(), 1.0 / cell.tall()}; }
+    Placed placed(const Element& element, const Cell& cell) const {
+        Placed found{cell, 1.0 / cell.wide(), 1.0 / cell.tall()};
+        // far from zero the edges of a thin cell say little of its shorter side: where it is turned
+        // that follows from the longer one, or it would be skewed
+        Pose pose = pose_of(field, element);
+        if (pose.turned && pose.sin_u != 0.0) {
+            double aspect = sqrt(pose.sin_u / pose.sin_v);  // width by height
+            if (aspect > 1.0) found.per_y = found.per_x * aspect;
+            else found.per_x = found.per_y / aspect;
+        }
+        return found;
+    }
 
     void find_curves() {
         std::vector<std::pair<u64, u32>> known;
@@ -538,6 +549,8 @@ struct Hit {
     bool wall = false;
 };
 
+constexpr i64 UNKNOWN = -3;  // of an element
+
 enum Side : int { NOWHERE = 0, ABOVE = 1, BELOW = -1 };
 
 INLINE Side side_of(double above) { return above > 0.0 ? ABOVE : above < 0.0 ? BELOW : NOWHERE; }
@@ -580,14 +593,18 @@ public:
         along_.clear();
         side_ = NOWHERE, above_ = NaN, top_ = -1;
         if (ray.dx == 0.0 && ray.dy == 0.0) return cast_upright(most);
-        double begin = 0.0, end = most;
+        double begin = 0.0, end = most * (1.0 + 1e-15);  // what lies at the end is met
         In bounds = field_.bounds;
-        double low = index_.root.low, high = index_.root.high;
+        // a little more, or rays would pass a level plane in a stretch of no length
+        double more =
+            1e-6 * (bounds[2] - bounds[0] + bounds[3] - bounds[1]) + 1e-12 * abs(ray.z);
+        double low = index_.root.low - more, high = index_.root.high + more;
         if (!clip(ray.x, ray.dx, bounds[0], bounds[2], begin, end)) return hit_;
         if (!clip(ray.y, ray.dy, bounds[1], bounds[3], begin, end)) return hit_;
         if (!clip(ray.z, ray.dz, low, high, begin, end)) return hit_;
         scale_ = abs(ray.x) + abs(ray.y) + abs(ray.z) + end;
         walk(begin, end);
+        if (hit_.distance < INF) hit_.distance = min(hit_.distance, most);
         return hit_;
     }
 
@@ -601,7 +618,7 @@ private:
     Hit hit_;
     Side side_;     // of the ground at the end of what was looked at
     double above_;  // so far above it, NaN where that is not known
-    i64 top_;       // the element there
+    i64 top_;       // the element there, or UNKNOWN
     double scale_;
     double per_x_ = 0.0, per_y_ = 0.0;  // 1 by its direction
 
@@ -665,7 +682,7 @@ private:
                     meet_wall_between(now.begin, side);
                     return;
                 }
-                side_ = side, above_ = NaN, top_ = -1;
+                side_ = side, above_ = NaN, top_ = UNKNOWN;
             } else if (node.leaf) {
                 if (cross_leaf(index_.leaves[node.next], now.begin, now.end)) return;
             } else {
@@ -1081,7 +1098,7 @@ private:
     bool meet_wall(const Stretch& ground, double r) {
         put_point(r);
         hit_.wall = true;
-        hit_.top = side_ == BELOW && top_ >= 0 ? top_ : ground.top;
+        hit_.top = side_ == BELOW ? top_before() : ground.top;
         put_wall(r);
         return true;
     }
@@ -1090,19 +1107,25 @@ private:
     void meet_wall_between(double r, Side side) {
         put_point(r);
         hit_.wall = true;
-        double beside =
-            1e-9 * (field_.bounds[2] - field_.bounds[0] + field_.bounds[3] - field_.bounds[1]);
-        double to = side == ABOVE ? -beside : beside;  // where it is higher
-        Found found = descend_at(hit_.x + ray_->dx * to, hit_.y + ray_->dy * to);
-        hit_.top = side == ABOVE && top_ >= 0 ? top_ : found.top;
+        hit_.top = side == ABOVE ? top_before() : top_beside(1.0);
         put_wall(r);
     }
 
-    Found descend_at(double x, double y) {
+    // The element on the side from which the ray comes to a wall.
+    i64 top_before() { return top_ == UNKNOWN ? top_beside(-1.0) : top_; }
+
+    // The element a little before the point of the hit, or behind it: 1.
+    i64 top_beside(double way) {
         In bounds = field_.bounds;
-        return descend<false>(
-            field_, clamp(x, bounds[0], bounds[2]), clamp(y, bounds[1], bounds[3]), stack_
-        );
+        double flat = sqrt(square(ray_->dx) + square(ray_->dy));
+        double aside = 1e-9 * (bounds[2] - bounds[0] + bounds[3] - bounds[1])
+            + 1e-15 * (abs(hit_.x) + abs(hit_.y));
+        double x = clamp(hit_.x + way * aside * ray_->dx / flat, bounds[0], bounds[2]);
+        double y = clamp(hit_.y + way * aside * ray_->dy / flat, bounds[1], bounds[3]);
+        i64 top = descend<false>(field_, x, y, stack_).top;
+        if (!has_tracks(field_)) return top;
+        i64 track = rut_at(field_.tracks, x, y, surface_of(field_, top)).surface_track;
+        return track < 0 ? top : count_of(field_.elements) + track;
     }
 
     // The normal of the wall at a distance: of the edge there that may jump most.

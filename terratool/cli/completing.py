@@ -151,7 +151,8 @@ def _items_for(name: str, ctx: click.Context, incomplete: str) -> Items:
 
 _FILES = {
     **dict.fromkeys(
-        ("file", "files", "spec", "vehicle", "vehicles", "into", "baseline"), _DEFINITION
+        ("file", "files", "spec", "vehicle", "vehicles", "sensor_file", "into", "baseline"),
+        _DEFINITION,
     ),
     **dict.fromkeys(
         ("output", "source", "points", "path_file", "waypoints", "reports", "map_", "surfaces",

@@ -28,7 +28,7 @@ _NOT_ONE = ("TT105", "")
 )
 @click.pass_context
 def command(ctx: click.Context, files: tuple[str, ...], only_check: bool) -> None:
-    """Lay terrains, libraries, vehicles and curricula out in the canonical way, in place.
+    """Lay terrains, libraries, vehicles, sensors and curricula out canonically, in place.
 
     Keys stand in the format's order, short vectors and members share a line, lines have up to 120
     characters. Numbers and texts stay as they are spelled, keys of your own are kept. - reads

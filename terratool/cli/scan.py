@@ -156,7 +156,7 @@ def as_text(report: ScanReport) -> Iterator[str]:
     files = "" if len(report.files) < 2 else f", {counted(len(report.files), 'file')}"
     frames = {"lidar": "turn", "camera": "image", "sonar": "ping"}[report.scan.sensor.kind]
     yield (
-        f"{report.path}: {counted(returns, 'reading')} of {tally.rays:,} rays in "
+        f"{report.path}: {counted(returns, 'reading')} of {counted(tally.rays, 'ray')} in "
         f"{counted(tally.frames, frames)}{files}"
     )
     if returns:

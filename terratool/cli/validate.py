@@ -283,7 +283,19 @@ def _is_definition(name: str) -> bool:
     except (msgspec.MsgspecError, RecursionError, UnicodeError, ReadError):
         return False
     return not members.keys().isdisjoint(
-        ("size", "surfTypes", "elemTypes", "elemTree", "parts", "mass", "wheels", "kinds")
+        (
+            "size",
+            "surfTypes",
+            "elemTypes",
+            "elemTree",
+            "parts",
+            "mass",
+            "wheels",
+            "kinds",
+            "lidar",
+            "camera",
+            "sonar",
+        )
     )
 
 
@@ -502,10 +514,10 @@ def command(
     config_file: str | None,
     **given: Any,
 ) -> None:
-    """Check terrains, libraries, vehicles and curricula: say what is wrong, where, what to do.
+    """Check terrains, libraries, vehicles, sensors, curricula: what is wrong, where, what to do.
 
-    A file is a vehicle, a library or the spec of a curriculum if its $schema says so, or else its
-    keys; all others are terrains.
+    A file is a vehicle, a sensor, a library or the spec of a curriculum if its $schema says so, or
+    else its keys; all others are terrains.
     FILE may be gzipped, and - is standard input; of a DIR all *.json and *.json.gz are checked, but
     nothing whose name begins with a dot. Libraries that a terrain uses are checked, too, each once.
     Exits 0 if all are valid, 1 if one is not, 3 if one cannot be read. A text that is not JSON is

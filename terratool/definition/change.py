@@ -177,7 +177,7 @@ def open_target(
         raise RequestError("The result cannot go to standard output.", "Give the name of a file.")
     source = read_source(path)
     kind = document_kind(source.data)
-    if kind in ("vehicle", "curriculum"):
+    if kind in ("vehicle", "sensor", "curriculum"):
         raise DefinitionError(
             f"{source.name}: is a {kind}, where a terrain is wanted.", "Name a terrain."
         )

@@ -50,6 +50,32 @@ def ray_index(terrain: Terrain) -> kernels.RayIndex:
     return kernels.RayIndex(terrain.field, terrain.cells())
 
 
+def document_order(parents: NDArray[np.int32], document: NDArray[np.uint32]) -> NDArray[np.int64]:
+    """The number of each element in the order of the document, parents before children.
+
+    Args:
+        parents: (n,) index of each element's parent, -1 for the root.
+        document: (n,) each element's place among the children of its parent.
+    """
+    level = np.zeros(len(parents), np.int64)
+    above = parents
+    while (above >= 0).any():
+        level += above >= 0
+        above = np.where(above >= 0, parents[above], -1)
+    levels = [np.flatnonzero(level == depth) for depth in range(1, int(level.max()) + 1)]
+    below = np.ones(len(parents), np.int64)  # itself, and all that stand in it
+    for elements in reversed(levels):
+        np.add.at(below, parents[elements], below[elements])
+    numbers = np.zeros(len(parents), np.int64)
+    for elements in levels:
+        ordered = elements[np.lexsort((document[elements], parents[elements]))]
+        parent = parents[ordered]
+        before = np.cumsum(below[ordered]) - below[ordered]
+        _, first, sibling = np.unique(parent, return_index=True, return_inverse=True)
+        numbers[ordered] = numbers[parent] + 1 + before - before[first][sibling]
+    return numbers
+
+
 def cast(
     terrain: Terrain,
     origins: ArrayLike,
@@ -124,11 +150,14 @@ def cast(
     else:
         for begin in begins:
             share(begin)
+    surface = written_out.surface_of(element)
+    if written_out is not terrain:
+        element = terrain.numbers_of(element)
     return RayHits(
         distance.reshape(shape),
         point.reshape(*shape, 3),
         normal.reshape(*shape, 3),
-        written_out.surface_of(element).reshape(shape),
+        surface.reshape(shape),
         element.reshape(shape),
         wall.reshape(shape),
     )

@@ -208,7 +208,7 @@ class Terrain:
         return kernels.Field(self.arrays)
 
     def __getstate__(self) -> dict[str, Any]:
-        dropped = "field", "written_out", "ray_index"
+        dropped = "field", "written_out", "ray_index", "_document_order"
         return {name: value for name, value in vars(self).items() if name not in dropped}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -347,6 +347,21 @@ class Terrain:
         from terratool.field.rays import ray_index
 
         return ray_index(self)
+
+    @cached_property
+    def _document_order(self) -> NDArray[np.int64]:
+        """The number in the document of each element of `written_out`."""
+        from terratool.field.rays import document_order
+
+        compiled = self.written_out._compiled
+        return document_order(compiled.parents, compiled.document)
+
+    def numbers_of(self, elements: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Elements and tracks of `written_out` by their numbers here, where parts are shared."""
+        count = len(self._document_order)
+        tracks = elements - count + self._first_track
+        own = self._document_order[np.clip(elements, 0, count - 1)]
+        return np.where(elements < 0, elements, np.where(elements < count, own, tracks))
 
     def cast(
         self,

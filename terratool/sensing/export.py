@@ -19,6 +19,7 @@ from terratool.output import (
     whole_file,
 )
 from terratool.sensing.formats.common import Record
+from terratool.sensing.formats.images import image_path
 from terratool.sensing.formats.table import ScanFormat, format_of
 from terratool.sensing.readings import Frame, Status
 from terratool.sensing.scan import Scan, Tally
@@ -70,6 +71,8 @@ class ScanOutput:
             )
         if not form.folder:
             refuse_existing(self.path, self.overwrite, form.companions)
+            for number in range(scan.frames if form.images else 0):
+                refuse_existing(image_path(self.path, number, scan.frames), self.overwrite)
         elif self.path.is_dir():
             refuse_strange(self.path, self.overwrite)
         else:

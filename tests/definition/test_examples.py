@@ -115,7 +115,9 @@ def test_curriculum_is_valid(path: Path) -> None:
         assert (checked.findings, checked.readable) == ((), True)
 
 
-@pytest.mark.parametrize("path", SAMPLES + VEHICLES + SENSORS + CURRICULA, ids=lambda path: path.stem)
+@pytest.mark.parametrize(
+    "path", SAMPLES + VEHICLES + SENSORS + CURRICULA, ids=lambda path: path.stem
+)
 def test_sample_is_laid_out(path: Path) -> None:
     """Laying it out anew changes nothing."""
     text = path.read_text("utf-8")

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import csv
+import datetime
 import json
+import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -110,6 +112,7 @@ def test_las_in_laspy(suffix: str, tmp_path: Path) -> None:
         np.testing.assert_array_equal(las[name], together(frames, name))
     walls = together(frames, "wall")
     np.testing.assert_array_equal(las.classification, np.where(walls, 1, 2))
+    assert las.header.creation_date == datetime.date(1980, 1, 1)  # no clock
     assert b"brick" in las.vlrs.get_by_id("terratool")[0].record_data_bytes()
 
 
@@ -118,6 +121,8 @@ def test_npz_has_all_of_it(tmp_path: Path) -> None:
     for misses in (False, True):
         path = tmp_path / f"{misses}.npz"
         frames, _ = scanned(LIDAR, path, misses=misses)
+        with zipfile.ZipFile(path) as archive:  # no clock
+            assert {one.date_time[0] for one in archive.infolist()} == {1980}
         with np.load(path) as file:
             names = ("range", "intensity", "ring", "surface", "element", "wall", "status")
             for name in names:
@@ -172,6 +177,15 @@ def test_png_in_pillow(tmp_path: Path) -> None:
     assert told["K"] == [6, 0, 3, 0, 8, 2, 0, 0, 1]
     assert told["images"][1]["file"] == "d-0001.png"
     assert told["images"][1]["position"] == [112, 206, 2]
+
+
+def test_images_that_are_there_are_kept(tmp_path: Path) -> None:
+    """Any of them, and before anything is read."""
+    (tmp_path / "d-0001.png").write_text("mine")
+    scan = Scan(CAMERA, Poses.joined(list(map(one_pose, TWO))))
+    with pytest.raises(WriteError, match=r"d-0001\.png: exists already"):
+        ScanOutput(tmp_path / "d.png").checked(scan)
+    ScanOutput(tmp_path / "d.png", overwrite=True).checked(scan)
 
 
 def test_png_says_what_it_cannot_hold(tmp_path: Path) -> None:

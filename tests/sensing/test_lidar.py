@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 
 from terratool.sensing.poses import read_poses
-from terratool.sensing.readings import Status
+from terratool.sensing.readings import Status, passed
 from terratool.sensing.scan import Scan
 from terratool.sensing.sensor import load_sensor
 from tests.commands import ROOT
+from tests.conftest import terrain_of
 from tests.sensing.yard import BRICK, HERE, LEVEL, SNOW, STEEL, TERRAIN, frame, frames, sensor
 
 
@@ -136,6 +137,26 @@ def test_what_becomes_of_rays() -> None:
         lost = ~one.returns
         assert np.isnan(one.points[lost]).all() and np.isnan(one.range[lost]).all()
         assert (one.surface[lost] == -1).all() and (one.element[lost] == -1).all()
+
+
+def test_rays_that_stay_over_one_place_or_leave_over_void() -> None:
+    """Upright ones over the hole; and one whose place at the rim is void itself."""
+    over = np.tile([134.0, 220.0, 3.0], (2, 1))
+    ways = np.array([[0.0, 0.0, -1.0], [0.0, 0.0, 1.0]])
+    assert passed(TERRAIN, over, ways).tolist() == [Status.VOID, Status.OUTSIDE]
+    moat = terrain_of({
+        "size": [20, 10],
+        "surfTypes": {"hole": {"void": True}},
+        "elemTypes": {"flat": {"x": [1]}},
+        "elemTree": {
+            "type": "flat",
+            "children": [{"at": [15, 5], "extent": [10, 10], "type": "flat", "surface": "hole"}],
+        },
+    })  # fmt: skip
+    down, up = np.array([1.0, 0.0, -1.0]), np.array([1.0, 0.0, 0.1])
+    ways = np.array([down / np.linalg.norm(down), up / np.linalg.norm(up)])
+    got = passed(moat, np.tile([9.0, 5.0, 2.5], (2, 1)), ways)
+    assert got.tolist() == [Status.VOID, Status.OUTSIDE]
 
 
 def down_keys() -> dict[str, object]:

@@ -53,6 +53,13 @@ def write_tiff(path: Path, frames: Iterator[Frame], record: Record) -> None:
     beside.write()
 
 
+def image_path(path: Path, number: int, frames: int) -> Path:
+    """The file of an image among several: -0000, -0001, … behind the name; of one the name."""
+    if frames == 1:
+        return path
+    return path.with_name(f"{path.stem}-{number:04}{path.suffix}")
+
+
 class _Beside:
     """The intrinsics and the poses, which are written beside the images."""
 
@@ -79,9 +86,7 @@ class _Beside:
 
     def named(self, frame: Frame) -> Path:
         """The file of a frame."""
-        if self._record.frames == 1:
-            return self._path
-        return self._path.with_name(f"{self._path.stem}-{frame.number:04}{self._path.suffix}")
+        return image_path(self._path, frame.number, self._record.frames)
 
     def add(self, frame: Frame, beyond: int = 0) -> None:
         """Note a frame that was written."""
