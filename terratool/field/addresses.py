@@ -65,6 +65,7 @@ def addresses(terrain: Terrain, x: ArrayLike, y: ArrayLike) -> CellAddress:
     grids = _grids_of(arrays)
     chain = _chains(whole.parents, _tops(whole, x, y), whole.levels)[:, :levels]
     elements = np.where((chain >= 0) & (grids[chain] >= 0), chain, -1)
+    elements[_beside(whole, grids, elements, x, y)] = -1
     cells = np.full((len(x), levels, 2), -1, np.int64)
     for level in range(levels):
         at = np.flatnonzero(elements[:, level] >= 0)
@@ -114,6 +115,24 @@ def _chains(parents: NDArray[np.int32], tops: Ints, levels: int) -> Ints:
     turned = depth[:, None] - 1 - np.arange(levels)
     chain = np.take_along_axis(upward, np.maximum(turned, 0), axis=1)
     return np.asarray(np.where(turned >= 0, chain, -1)[index])
+
+
+def _beside(
+    terrain: Terrain, grids: Ints, elements: Ints, x: NDArray[np.float64], y: NDArray[np.float64]
+) -> NDArray[np.bool_]:
+    """Where a point lies in the footprint of a turned element, but beside its cell."""
+    arrays = terrain.arrays
+    poses = arrays.poses[arrays.elements["pose"][elements]]
+    out = np.zeros(elements.shape, bool)
+    places = np.argwhere((elements >= 0) & (poses["free"] != 0) & (poses["turned"] != 0))
+    for point, level in places.tolist():
+        grid = arrays.grids[grids[elements[point, level]]]
+        for axis, value in enumerate((x[point], y[point])):
+            low, high = (_edge(grid, axis, int(k)) for k in (0, grid["count"][axis]))
+            end = terrain.bounds[axis + 2]
+            held = low <= value and (value < high or value == high >= end)
+            out[point, level] |= not held
+    return out
 
 
 def _located(

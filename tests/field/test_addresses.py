@@ -68,6 +68,15 @@ def test_free_places_have_grids_too() -> None:
         assert terrain.pointer(int(found.elements[1])) == "/elemTree/children/1"
 
 
+def test_a_turned_footprint_may_lie_beside_its_cell() -> None:
+    """It is 2 by 4 after a quarter turn, its cell 4 by 2: to the north of that it has no cells."""
+    turned = dict(NESTED["elemTree"]["children"][1], turnDeg=90)
+    tree = {**NESTED["elemTree"], "children": [turned]}
+    found = terrain_of({**NESTED, "elemTree": tree}).address([0.0, 0.0], [120.5, 121.5])
+    assert found.cells[:, 1].tolist() == [[1, 0], [-1, -1]]
+    assert found.elements[:, 1].tolist() == [1, -1]
+
+
 def test_edges_belong_to_the_east_and_the_north() -> None:
     """But for the terrain's own, which belong to its last cells."""
     terrain = terrain_of(NESTED)
@@ -119,7 +128,7 @@ def by_format(oracle: Oracle, x: float, y: float) -> list[list[int]] | None:
     found = []
     for element in reversed(chain):
         children = element.node.get("children", [])
-        if not children:
+        if not children or not oracle._in_cell(element.cell, x, y):
             break
         if all("at" in child for child in children):
             found.append([0, 0])
