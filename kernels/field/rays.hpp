@@ -596,8 +596,7 @@ public:
         double begin = 0.0, end = most * (1.0 + 1e-15);  // what lies at the end is met
         In bounds = field_.bounds;
         // a little more, or rays would pass a level plane in a stretch of no length
-        double more =
-            1e-6 * (bounds[2] - bounds[0] + bounds[3] - bounds[1]) + 1e-12 * abs(ray.z);
+        double more = 1e-6 * (bounds[2] - bounds[0] + bounds[3] - bounds[1]) + 1e-12 * abs(ray.z);
         double low = index_.root.low - more, high = index_.root.high + more;
         if (!clip(ray.x, ray.dx, bounds[0], bounds[2], begin, end)) return hit_;
         if (!clip(ray.y, ray.dy, bounds[1], bounds[3], begin, end)) return hit_;
