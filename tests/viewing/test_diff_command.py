@@ -15,6 +15,9 @@ import pytest
 from jsonschema import Draft202012Validator
 
 import terratool
+from terratool.cli import diff
+from terratool.viewing.diff.compare import TOLERANCE
+from terratool.viewing.diff.report import REPORTERS
 from tests.commands import COMMAND, ENVIRONMENT, YARD, call
 from tests.viewing.test_diff_elements import CRATE, EDITS, after, give
 from tests.viewing.test_diff_elements import YARD as BEFORE
@@ -334,3 +337,10 @@ def test_outputs_are_refused_before_any_work(pair: tuple[Path, Path], tmp_path: 
     assert (ran.code, "coarser resolution" in ran.err) == (2, True)
     assert call("diff", "-", "-").code == 2
     assert call("diff", old, new, "--tolerance", "nan").code == 2
+
+
+def test_what_help_says_is_what_there_is() -> None:
+    """The command names formats and defaults without importing what they are of."""
+    default = next(one.default for one in diff.command.params if one.name == "tolerance")
+    assert tuple(REPORTERS) == diff.FORMATS
+    assert default == TOLERANCE

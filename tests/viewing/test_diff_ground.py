@@ -70,12 +70,19 @@ def pixels(old: dict[str, Any], new: dict[str, Any], resolution: float) -> dict[
     """What both have at the centres of pixels, which are counted from the south-west."""
     (west, width), (south, height) = box(new)
     before, after = Oracle(old), Oracle(new)
+    # pixels with their centres clearly within, as for rasters
+    columns, rows = (
+        sum(
+            (k + 0.5) * resolution < float(side) * (1 - 1e-9)
+            for k in range(2 + int(float(side) / resolution))
+        )
+        for side in (width, height)
+    )
     found = {}
-    for row in range(round(float(height) / resolution)):
-        for column in range(round(float(width) / resolution)):
+    for row in range(rows):
+        for column in range(columns):
             x = float(west) + (column + 0.5) * resolution
-            y = float(south) + round(float(height) / resolution) * resolution
-            y -= (round(float(height) / resolution) - 1 - row + 0.5) * resolution
+            y = float(south) + rows * resolution - (rows - 1 - row + 0.5) * resolution
             for oracle in (before, after):
                 # on the edge of a turned rectangle or a disc, where rounding decides
                 assume(oracle.margin(x, y, cells=False) > 1e-9)
