@@ -392,7 +392,7 @@ def test_along_edges_the_ground_is_that_of_the_points_on_them(data: st.DataObjec
     grounds = 0
     for n, distance in enumerate(hits.distance.tolist()):
         far = min(distance, reach)
-        at = far * np.concatenate([[0.0], np.sort(rng.uniform(0, 1, 60)), [1 - 1e-7]])
+        at = far * np.concatenate([[0.0], np.sort(rng.uniform(0, 1, 12)), [1 - 1e-7]])
         x, y, z = (origins[n, axis] + ways[n, axis] * at for axis in range(3))
         height = terrain.height(x, y)
         # what is turned, and rounding, may decide beside the plane; void is passed
