@@ -236,8 +236,10 @@ def described(terrain: Terrain, oracle: RayOracle, hit: RayHits, ray: Ray) -> li
     """What could be told of what a ray meets, where the hit says the same."""
     assert ray.beside is not None
     near, where = ray.beside, f"{hit} {ray}"
+    assert ray.reading.crossing is not None
+    loose = np.ptp(ray.reading.crossing) > 20 * ray.reading.least  # may begin at a dome's rim
     pointer, (before, behind) = terrain.pointer(int(hit.element)), near.tops
-    if near.depth > 20 * near.smooth and near.depth > 1e-6:
+    if near.depth > 20 * near.smooth and near.depth > 1e-6 and not loose:
         said = ["wall"]
         assert hit.wall, where
         higher = behind if ray.reading.side == ABOVE else before
