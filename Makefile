@@ -65,6 +65,7 @@ lint: $(VENV)/.installed-dev  ## Check style, types and the direction of imports
 bench: $(VENV)/.installed-bench  ## Measure speed and memory, as ratios from one run
 	$(BIN)/python benchmarks/query.py
 	$(BIN)/python benchmarks/heights.py
+	$(BIN)/python benchmarks/casting.py
 	$(BIN)/python benchmarks/painting.py
 	$(BIN)/python benchmarks/exporting.py
 	$(BIN)/python benchmarks/compiling.py
