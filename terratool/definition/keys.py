@@ -372,7 +372,7 @@ MAX_BEAMS = 1024
 MAX_PIXELS = 16384
 """Along a side of a camera's picture."""
 MAX_FRAME = 10_000_000
-"""Rays of a turn, a picture or a ping: some 2 GB of results."""
+"""Rays of a turn, a picture or a ping: some 3 GB of memory."""
 MAX_BOUNCES = 4
 
 SENSOR_KEYS: dict[type, dict[str, Key]] = {
