@@ -228,18 +228,18 @@ private:
             put({(cell.north - ray_->y) * per_y_, 0.0, 1.0, weight});
         }
         if (a.combine == RADIAL) {
-            put_circle(a, 1.0, weight, put);
+            put_circle(a, 1.0 + EDGE, weight, put);
             for (double t : a.x->steps)
                 if (t > 0.5) put_circle(a, 2.0 * t - 1.0, weight, put);
             return;
         }
         if (a.turns && a.du != 0.0) {
-            put({(0.0 - a.u) / a.du, f.u_x, f.u_y, weight});
-            put({(1.0 - a.u) / a.du, f.u_x, f.u_y, weight});
+            put({(-EDGE - a.u) / a.du, f.u_x, f.u_y, weight});
+            put({(1.0 + EDGE - a.u) / a.du, f.u_x, f.u_y, weight});
         }
         if (a.turns && a.dv != 0.0) {
-            put({(0.0 - a.v) / a.dv, f.v_x, f.v_y, weight});
-            put({(1.0 - a.v) / a.dv, f.v_x, f.v_y, weight});
+            put({(-EDGE - a.v) / a.dv, f.v_x, f.v_y, weight});
+            put({(1.0 + EDGE - a.v) / a.dv, f.v_x, f.v_y, weight});
         }
         if (a.du != 0.0)
             for (double t : a.x->steps) put({(t - a.u) / a.du, f.u_x, f.u_y, weight});
@@ -310,7 +310,10 @@ private:
             return true;
         }
         if (a.turns && is_beyond(at)) return false;
-        a.x_pieces = a.x->stretch(at.u), a.y_pieces = a.y->stretch(at.v);
+        // in the plane of a step it is that which begins there, as at any point of it
+        double more_u = a.du == 0.0 ? 1e-15 * (1.0 + abs(a.frame.u_0)) : 0.0;
+        double more_v = a.dv == 0.0 ? 1e-15 * (1.0 + abs(a.frame.v_0)) : 0.0;
+        a.x_pieces = a.x->stretch(at.u + more_u), a.y_pieces = a.y->stretch(at.v + more_v);
         return true;
     }
 

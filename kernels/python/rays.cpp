@@ -46,7 +46,7 @@ void bind_rays(nb::module_ m) {
         .def_prop_ro("nodes", &KeptIndex::nodes);
     def<&rays::cast>(
         m, "cast", "What rays meet first.",
-        {"index", "origins[n,3]", "directions[n,3]", "most[n]", "distance[n]", "point[n,3]",
+        {"index", "origins[n,3]", "ways[n,3]", "most[n]", "distance[n]", "point[n,3]",
          "normal[n,3]", "top[n]", "wall[n]"}
     );
 }

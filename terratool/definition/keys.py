@@ -372,7 +372,7 @@ MAX_BEAMS = 1024
 MAX_PIXELS = 16384
 """Along a side of a camera's picture."""
 MAX_FRAME = 10_000_000
-"""Rays of a turn, a picture or a ping: some 2 GB of results."""
+"""Rays of a turn, a picture or a ping: some 3 GB of memory."""
 MAX_BOUNCES = 4
 
 SENSOR_KEYS: dict[type, dict[str, Key]] = {
@@ -417,8 +417,8 @@ SENSOR_KEYS: dict[type, dict[str, Key]] = {
             f"a number of pixels, a whole number from 1 to {MAX_PIXELS}", "whole", 1, MAX_PIXELS
         ),
         "fov": Key(
-            "the angle of view along the width in degrees, above 0 and below 180", "number",
-            0, 180, open_low=True, open_high=True,
+            "the angle of view along the width in degrees, from 1e-06 to below 180", "number",
+            LEAST, 180, open_high=True,
         ),
         "focal": Key(
             "a focal length in pixels, from 1e-06 to 1e+06, or a pair [fx, fy]", "number",
@@ -431,15 +431,15 @@ SENSOR_KEYS: dict[type, dict[str, Key]] = {
     },
     SonarText: {
         "beamWidth": Key(
-            "an angle in degrees, above 0 and below 180", "number", 0, 180,
-            open_low=True, open_high=True,
+            "an angle in degrees, from 0.01 to below 180", "number", 0.01, 180,
+            open_high=True,
         ),
         "pattern": Key(
             "one of " + ", ".join(f'"{name}"' for name in PATTERNS), "text", choices=PATTERNS,
             noun="beam pattern",
         ),
         "cone": Key(
-            "an angle in degrees, above 0 and up to 180", "number", 0, 180, open_low=True
+            "an angle in degrees, from 0.01 to 180", "number", 0.01, 180
         ),
         "rays": Key("a whole number from 16 to 1,000,000", "whole", 16, 1_000_000),
         "threshold": Key("an amplitude, from 1e-12 to 1e+06", "number", 1e-12, MOST),

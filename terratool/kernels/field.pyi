@@ -356,7 +356,7 @@ class RayIndex:
 def cast(
     index: RayIndex,
     origins: NDArray[np.float64],
-    directions: NDArray[np.float64],
+    ways: NDArray[np.float64],
     most: NDArray[np.float64],
     distance: NDArray[np.float64],
     point: NDArray[np.float64],
@@ -367,5 +367,5 @@ def cast(
     """
     What rays meet first.
 
-    Shapes: origins[n,3], directions[n,3], most[n], distance[n], point[n,3], normal[n,3], top[n], wall[n].
+    Shapes: origins[n,3], ways[n,3], most[n], distance[n], point[n,3], normal[n,3], top[n], wall[n].
     """

@@ -229,8 +229,10 @@ def disturbed(frame: Frame, sensor: Sensor, generator: np.random.Generator) -> F
     off, lot = generator.standard_normal(count), generator.random(count)
     dropped = frame.returns & (lot < sensor.noise.dropout)
     off *= sensor.noise.deviation(frame.range)
-    factor = 1.0 + off / frame.range
-    # a reading is never behind the sensor
+    # a reading is never behind the sensor, and one that is where the sensor is stays there
+    factor = np.ones(count)
+    np.divide(off, frame.range, out=factor, where=frame.range > 0.0)
+    factor[frame.range > 0.0] += 1.0
     factor = np.maximum(factor, 0.0)
     status = frame.status.copy()
     status[dropped] = Status.DROPPED

@@ -208,6 +208,19 @@ def test_noise_is_as_large_as_the_sensor_says() -> None:
     np.testing.assert_allclose(noisy.points[kept], HERE + ways * noisy.range[kept, None], atol=1e-9)
 
 
+def test_noise_where_the_sensor_stands() -> None:
+    """On the ground itself a ray down reads 0; noise neither fails there nor reads behind it."""
+    lidar = sensor(
+        range=[0, 9], noise={"sigma": 5},
+        lidar={"elevations": [-90, -30], "azimuths": [-90, 0], "azimuthStep": 0.01},
+    )  # fmt: skip
+    (on,) = frames(lidar, (110, 207, 0.5, 0, 0, 0), seed=1)
+    assert (on.range[on.returns] == 0).all()
+    (above,) = frames(lidar, (110, 207, 1.0, 0, 0, 0), seed=1)
+    assert (above.range[above.returns] >= 0).all()
+    assert (above.range[above.returns] == 0).any()
+
+
 def test_a_seed_is_the_noise() -> None:
     """The same one gives the same, another one another, and each frame has its own."""
     lidar = sensor(lidar=WALL, noise=NOISY)
