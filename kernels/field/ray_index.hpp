@@ -169,15 +169,20 @@ struct Frame {
     double u_0, u_x, u_y, v_0, v_x, v_y;
 };
 
-struct Node {
-    float low, high;  // of all heights in it
-    u32 next;         // where its quarters are; of a leaf, which one it is
-    u8 leaf, voids;   // whether it is a leaf; whether there may be a void in it
-};
+constexpr u32 LEAF = u32(1) << 31;  // of what is next in a quarter: no quarters, but a leaf
 
-// Quarters of a node: south-west, south-east, north-west, north-east; a line of the cache.
+// Quarters of a node: south-west, south-east, north-west, north-east; a line of the cache. Where
+// there may be a void in one its heights are no bounds.
 struct alignas(64) Quarters {
-    std::array<Node, 4> nodes;
+    std::array<float, 4> low, high;
+    std::array<u32, 4> next;  // where their quarters are, or with `LEAF` which leaf each is
+    double middle_x, middle_y;
+
+    void put(int quarter, Range height, bool voids) {
+        constexpr float beyond = std::numeric_limits<float>::infinity();
+        low[quarter] = voids ? -beyond : std::nextafter(float(height.low), -beyond);
+        high[quarter] = voids ? beyond : std::nextafter(float(height.high), beyond);
+    }
 };
 
 // A node of the plan by the place of its middle, in parts of the whole.
@@ -211,8 +216,8 @@ class Index {
 public:
     const Field& field;
     std::vector<Placed> cells;
-    Node root;
-    std::vector<Quarters> quarters;
+    Range height;                    // of all
+    std::vector<Quarters> quarters;  // of a node; the first quarter of the first one is the root
 
     std::vector<Leaf> leaves;
     std::vector<u32> entries;  // elements, those that cut with `CUT`; then segments of tracks
@@ -282,6 +287,8 @@ private:
         std::vector<u32> entries;  // elements only
         std::vector<u32> segments;
         std::vector<Part> parts;  // of the entries
+        Range height;             // of all in it
+        bool voids;               // whether there may be a void in it
     };
 
     Placed placed(const Element& element, const Cell& cell) const {
@@ -425,11 +432,12 @@ private:
         }
         for (u32 s : segments)
             if (meets(field.tracks.segments[s], own.plan)) own.segments.push_back(s);
+        find_height(own);
     }
 
     bool is_void_kind(i32 index) const { return field.kinds[field.elements[index].kind].is_void; }
 
-    Node node_of(const Pending& pending) const {
+    void find_height(Pending& pending) const {
         Range height{pending.base, pending.base};
         double size = abs(pending.base);
         bool voids = pending.top >= 0 && is_void_kind(pending.top);
@@ -441,14 +449,12 @@ private:
         double rounding = 1e-12 * size + 1e-300;
         height.low -= rounding + rough_ + (pending.segments.empty() ? 0.0 : deepest_);
         height.high += rounding + rough_;
-        constexpr float beyond = std::numeric_limits<float>::infinity();
-        float low = std::nextafter(float(height.low), -beyond);
-        return {low, std::nextafter(float(height.high), beyond), 0, 1, u8(voids)};
+        pending.height = height, pending.voids = voids;
     }
 
     // Whether a node is to be quartered: where too much cuts it, or more than one thing in a node
     // that is large beside what cuts it, or heights differ much.
-    bool is_crowded(const Pending& pending, const Node& node, int depth) const {
+    bool is_crowded(const Pending& pending, int depth) const {
         constexpr i64 few = 4;
         constexpr int deepest = 22, thick_until = 7;
         constexpr double thick = 0.25;                // heights beside the shorter side
@@ -466,7 +472,7 @@ private:
         }
         double side = min(pending.plan.wide(), pending.plan.tall());
         if (side > (cutting > few ? crowded : large) * finest && cutting > 1) return true;
-        double thickness = double(node.high) - double(node.low) - 2.0 * rough_;
+        double thickness = pending.height.high - pending.height.low - 2.0 * rough_;
         return depth < thick_until && !pending.parts.empty() && thickness > thick * side;
     }
 
@@ -478,25 +484,20 @@ private:
         std::iota(elements.begin(), elements.end(), 0u);
         std::iota(segments.begin(), segments.end(), 0u);
         settle(level[0], elements, segments);
-        root = node_of(level[0]);
+        height = level[0].height;
+        quarters.emplace_back().put(0, height, level[0].voids);
         i64 most = (i64(1) << 16) + count_of(field.elements);
-        std::vector<u32> parents;  // of the level: where their nodes are, in quarters
+        std::vector<u32> parents{0};  // of the level: where their nodes are, in quarters
         for (int depth = 0; !level.empty(); ++depth) {
             std::vector<Pending> next;
             std::vector<u32> own;
             for (std::size_t n = 0; n < level.size(); ++n) {
                 Pending pending = std::move(level[n]);
-                auto node = [&]() -> Node& {
-                    return depth ? quarters[parents[n / 4]].nodes[n % 4] : root;
-                };
-                if (count_of(quarters) < most && is_crowded(pending, node(), depth)) {
-                    own.push_back(u32(quarters.size()));
-                    node().leaf = 0, node().next = own.back();
-                    split(pending, next);
-                } else {
-                    node().next = u32(leaves.size());
-                    add_leaf(pending);
-                }
+                bool splits = count_of(quarters) < most && is_crowded(pending, depth);
+                u32 place = splits ? u32(quarters.size()) : u32(leaves.size()) | LEAF;
+                quarters[parents[n / 4]].next[n % 4] = place;
+                if (splits) own.push_back(place), split(pending, next);
+                else add_leaf(pending);
             }
             level = std::move(next), parents = std::move(own);
         }
@@ -514,16 +515,13 @@ private:
 
     void split(const Pending& pending, std::vector<Pending>& next) {
         Quarters made;
+        made.middle_x = line(X, pending.middle.x), made.middle_y = line(Y, pending.middle.y);
         for (int quarter = 0; quarter < 4; ++quarter) {
-            Pending own{pending.middle.quarter(quarter & 1, quarter & 2),
-                        {},
-                        pending.base,
-                        pending.top,
-                        {},
-                        {},
-                        {}};
+            Pending own;
+            own.middle = pending.middle.quarter(quarter & 1, quarter & 2);
+            own.base = pending.base, own.top = pending.top;
             settle(own, pending.entries, pending.segments);
-            made.nodes[quarter] = node_of(own);
+            made.put(quarter, own.height, own.voids);
             next.push_back(std::move(own));
         }
         quarters.push_back(made);

@@ -73,12 +73,13 @@ public:
         In bounds = field_.bounds;
         // a little more, or rays would pass a level plane in a stretch of no length
         double more = 1e-6 * (bounds[2] - bounds[0] + bounds[3] - bounds[1]) + 1e-12 * abs(ray.z);
-        double low = index_.root.low - more, high = index_.root.high + more;
+        double low = index_.height.low - more, high = index_.height.high + more;
         if (!clip(ray.x, ray.dx, bounds[0], bounds[2], begin, end)) return hit_;
         if (!clip(ray.y, ray.dy, bounds[1], bounds[3], begin, end)) return hit_;
         if (!clip(ray.z, ray.dz, low, high, begin, end)) return hit_;
         scale_ = abs(ray.x) + abs(ray.y) + abs(ray.z) + end;
-        walk(begin, end);
+        if (ray.dx == 0.0 || ray.dy == 0.0) walk<true>(begin, end);
+        else walk<false>(begin, end);
         if (hit_.distance < INF) hit_.distance = min(hit_.distance, most);
         return hit_;
     }
@@ -131,69 +132,74 @@ private:
 
     struct Visit {
         double begin, end;
-        Middle middle;
-        const Node* node;
+        u32 quarter;  // of which node, times 4, and which of the four
     };
 
     INLINE double z_at(double r) const { return ray_->z + ray_->dz * r; }
 
-    // Through the tree from front to back, until something is hit.
-    void walk(double begin, double end) {
+    // Through the tree from front to back, until something is hit. `parallel` where the ray may be
+    // parallel to an axis.
+    template <bool parallel> void walk(double begin, double end) {
         constexpr std::size_t most = 2 * 22 + 2;  // two are left to wait at each level
         std::array<Visit, most> waiting;
         std::size_t pending = 0;
-        per_x_ = 1.0 / ray_->dx, per_y_ = 1.0 / ray_->dy;
-        const bool upright_x = ray_->dx == 0.0, upright_y = ray_->dy == 0.0;
-        const bool to_east = ray_->dx > 0.0, to_north = ray_->dy > 0.0;
-        Visit now{begin, end, {0.5, 0.5, 0.5}, &index_.root};
+        const Ray ray = *ray_;
+        const double per_x = per_x_ = 1.0 / ray.dx, per_y = per_y_ = 1.0 / ray.dy;
+        const u32 nearest = u32(ray.dx < 0.0) + 2 * u32(ray.dy < 0.0);  // the quarter it meets first
+        const Quarters* all = index_.quarters.data();
+        auto at = [](double line, double from, double per) {
+            // on a line it is east or north of it
+            if (parallel && abs(per) == INF) return line <= from ? -INF : INF;
+            return (line - from) * per;
+        };
+        u32 quarter = 0;
         while (true) {
-            const Node& node = *now.node;
-            double z0 = z_at(now.begin), z1 = z_at(now.end);
-            bool above = min(z0, z1) > double(node.high), below = max(z0, z1) < double(node.low);
-            if ((above | below)
-                && !node.voids) {  // nothing in it is as high, or as low, as the ray
-                Side side = above ? ABOVE : BELOW;
-                if (side_ != NOWHERE && side_ != side) {
-                    meet_wall_between(now.begin, side);
-                    return;
-                }
-                side_ = side, above_ = NaN, top_ = UNKNOWN;
-            } else if (node.leaf) {
-                if (cross_leaf(index_.leaves[node.next], now.begin, now.end)) return;
+            const Quarters& own = all[quarter / 4];
+            const double z0 = ray.z + ray.dz * begin, z1 = ray.z + ray.dz * end;
+            const u32 next = own.next[quarter % 4];
+            if (min(z0, z1) > double(own.high[quarter % 4])) {
+                if (passes(begin, ABOVE)) return;
+            } else if (max(z0, z1) < double(own.low[quarter % 4])) {
+                if (passes(begin, BELOW)) return;
+            } else if (next & LEAF) {
+                if (cross_leaf(index_.leaves[next & ~LEAF], begin, end)) return;
             } else {
-                const auto& nodes = index_.quarters[node.next].nodes;
-                double mid_x = index_.line(X, now.middle.x), mid_y = index_.line(Y, now.middle.y);
-                // where it crosses the middles, if it does in between
-                double at_x = upright_x ? INF : (mid_x - ray_->x) * per_x_;
-                double at_y = upright_y ? INF : (mid_y - ray_->y) * per_y_;
-                // the half in which it begins; on the middle that to which it goes, or east, north
-                bool east = upright_x ? ray_->x >= mid_x : (at_x <= now.begin) == to_east;
-                bool north = upright_y ? ray_->y >= mid_y : (at_y <= now.begin) == to_north;
-                bool turns_x = at_x > now.begin && at_x < now.end;
-                bool turns_y = at_y > now.begin && at_y < now.end;
-                double middle_end = now.end;
-                auto visit = [&](bool e, bool n, double from, double to) {
-                    return Visit{from, to, now.middle.quarter(e, n), &nodes[int(e) + 2 * int(n)]};
-                };
+                const double at_x = at(all[next].middle_x, ray.x, per_x);
+                const double at_y = at(all[next].middle_y, ray.y, per_y);
+                quarter = 4 * next + (nearest ^ (u32(at_x <= begin) + 2 * u32(at_y <= begin)));
+                const bool turns_x = at_x > begin && at_x < end;
+                const bool turns_y = at_y > begin && at_y < end;
                 if (turns_x & turns_y) {
                     // through three quarters, or two where it crosses both middles at once
-                    double first = min(at_x, at_y), second = max(at_x, at_y);
-                    waiting[pending++] = visit(!east, !north, second, now.end);
-                    bool x_first = at_x < at_y;
-                    if (first < second)
-                        waiting[pending++] = visit(east ^ x_first, north ^ !x_first, first, second);
-                    middle_end = first;
-                } else if (turns_x | turns_y) {
-                    middle_end = turns_x ? at_x : at_y;
-                    waiting[pending++] =
-                        visit(east ^ turns_x, north ^ turns_y, middle_end, now.end);
+                    double second = max(at_x, at_y);
+                    waiting[pending++] = {second, end, quarter ^ 3};
+                    end = min(at_x, at_y);
+                    if (end < second)
+                        waiting[pending++] = {end, second, quarter ^ (at_x < at_y ? 1 : 2)};
+                } else if (turns_x) {
+                    waiting[pending++] = {at_x, end, quarter ^ 1};
+                    end = at_x;
+                } else if (turns_y) {
+                    waiting[pending++] = {at_y, end, quarter ^ 2};
+                    end = at_y;
                 }
-                now = visit(east, north, now.begin, middle_end);
                 continue;
             }
             if (!pending) return;
-            now = waiting[--pending];
+            --pending;
+            begin = waiting[pending].begin, end = waiting[pending].end;
+            quarter = waiting[pending].quarter;
         }
+    }
+
+    // The ray stays on one side of all in a node; whether there is a wall before it.
+    INLINE bool passes(double r, Side side) {
+        if (side_ != NOWHERE && side_ != side) {
+            meet_wall_between(r, side);
+            return true;
+        }
+        side_ = side, above_ = NaN, top_ = UNKNOWN;
+        return false;
     }
 
     Along along_of(u32 entry) const {
@@ -626,18 +632,20 @@ private:
     // Crossings of what lies in the leaf at a point; its sides count least, for elements that are
     // level all over it.
     template <class Take> void look_at_leaf(double x, double y, Take take) {
-        Middle middle{0.5, 0.5, 0.5};
-        const Node* node = &index_.root;
-        while (!node->leaf) {
-            bool east = x >= index_.line(X, middle.x), north = y >= index_.line(Y, middle.y);
-            node = &index_.quarters[node->next].nodes[int(east) + 2 * int(north)];
-            middle = middle.quarter(east, north);
+        In bounds = field_.bounds;
+        Cell plan{bounds[0], bounds[1], bounds[2], bounds[3]};
+        u32 next = index_.quarters[0].next[0];
+        while (!(next & LEAF)) {
+            const Quarters& quarters = index_.quarters[next];
+            bool east = x >= quarters.middle_x, north = y >= quarters.middle_y;
+            (east ? plan.west : plan.east) = quarters.middle_x;
+            (north ? plan.south : plan.north) = quarters.middle_y;
+            next = quarters.next[int(east) + 2 * int(north)];
         }
-        const Leaf& leaf = index_.leaves[node->next];
+        const Leaf& leaf = index_.leaves[next & ~LEAF];
         for (u32 entry : entries_of(leaf)) find_crossings(along_of(entry), take);
         for (u32 s : segments_of(leaf)) find_crossings(field_.tracks.segments[s], take);
         constexpr double least = 1e-305;
-        Cell plan = index_.plan_of(middle);
         if (ray_->dx != 0.0)
             for (double at : {plan.west, plan.east})
                 take({(at - ray_->x) * per_x_, 1.0, 0.0, least});
