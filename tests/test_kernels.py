@@ -302,7 +302,9 @@ def test_an_index_of_rays_is_made_of_a_field_and_its_cells() -> None:
     three, one = np.zeros((1, 3)), np.zeros(1)
     rest = three, three, one, one.copy(), three.copy(), three.copy()
     with pytest.raises(TypeError, match=r"cast\(\): index must be a RayIndex, but is"):
-        kernels.field.cast(empty, *rest, np.zeros(1, np.int64), np.zeros(1, bool))
+        kernels.field.cast(
+            empty, *rest, np.zeros(1, np.int64), np.zeros(1, np.int32), np.zeros(1, bool)
+        )
 
 
 def test_dtypes_that_are_not_the_structs_are_refused() -> None:

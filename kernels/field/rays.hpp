@@ -655,24 +655,43 @@ private:
     }
 };
 
+// A ray of a direction of any length, made without that overflows or vanishes on the way. False
+// where it is no ray: where a number is not finite, or the direction is 0.
+INLINE bool make_ray(const double* origin, const double* direction, Ray& ray) {
+    double largest = max3(abs(direction[0]), abs(direction[1]), abs(direction[2]));
+    double x = direction[0] / largest, y = direction[1] / largest, z = direction[2] / largest;
+    double length = sqrt(x * x + y * y + z * z);
+    ray = {origin[0], origin[1], origin[2], x / length, y / length, z / length};
+    // 0 times what is not finite is NaN
+    double zero = 0.0 * (ray.x + ray.y + ray.z + ray.dx + ray.dy + ray.dz);
+    return zero == 0.0;
+}
+
 // The first thing that each ray meets, within `most`: its distance, INF for none; the point, the
-// normal towards the ray, the element as in `samples`, -2 for none, and whether it is a wall.
-// Directions are 1 long.
-inline void cast(
+// normal towards the ray, the element as in `samples`, -2 for none, its surface, -1 for none, and
+// whether it is a wall. The number of the first ray that is none, where it ends, or -1.
+inline i64 cast(
     const Index& index, Matrix<const double> origins, Matrix<const double> directions, In most,
-    Out distance, Matrix<double> point, Matrix<double> normal, Span<i64> top, Span<bool> wall
+    Out distance, Matrix<double> point, Matrix<double> normal, Span<i64> top, Span<i32> surface,
+    Span<bool> wall
 ) {
+    const Field& field = index.field;
     Caster caster(index);
     for (i64 n = 0; n < origins.rows(); ++n) {
-        Ray ray{origins(n, 0),    origins(n, 1),    origins(n, 2),
-                directions(n, 0), directions(n, 1), directions(n, 2)};
+        Ray ray;
+        if (!make_ray(&origins(n, 0), &directions(n, 0), ray) || !(most[n] >= 0.0)) return n;
         Hit hit = caster.cast(ray, most[n]);
         distance[n] = hit.distance;
         point(n, 0) = hit.x, point(n, 1) = hit.y, point(n, 2) = hit.z;
         for (int axis = 0; axis < 3; ++axis) normal(n, axis) = hit.normal[axis];
-        top[n] = hit.distance < INF ? hit.top : -2;
+        bool hits = hit.distance < INF;
+        top[n] = hits ? hit.top : -2;
+        i64 track = hit.top - count_of(field.elements);
+        if (!hits) surface[n] = -1;
+        else surface[n] = i32(track < 0 ? surface_of(field, hit.top) : field.tracks.surface[track]);
         wall[n] = hit.wall;
     }
+    return -1;
 }
 
 }  // namespace terratool::rays

@@ -45,9 +45,9 @@ void bind_rays(nb::module_ m) {
         .def_prop_ro("nbytes", &KeptIndex::nbytes)
         .def_prop_ro("nodes", &KeptIndex::nodes);
     def<&rays::cast>(
-        m, "cast", "What rays meet first.",
-        {"index", "origins[n,3]", "ways[n,3]", "most[n]", "distance[n]", "point[n,3]",
-         "normal[n,3]", "top[n]", "wall[n]"}
+        m, "cast", "What rays meet first; the first that is no ray, or -1.",
+        {"index", "origins[n,3]", "directions[n,3]", "most[n]", "distance[n]", "point[n,3]",
+         "normal[n,3]", "top[n]", "surface[n]", "wall[n]"}
     );
 }
 

@@ -107,10 +107,6 @@ def cast(
             raise RequestError(
                 f"The {name} have the shape {vectors.shape}.", "Let the last axis be x, y, z."
             )
-        if not np.isfinite(vectors).all():
-            raise RequestError(f"The {name} have a NaN or an infinity.", "Leave those rays out.")
-    if not (most >= 0.0).all():  # nor NaN
-        raise RequestError("A range is below 0, or NaN.", "Give 0 or more; inf is no limit.")
     try:
         shape = np.broadcast_shapes(origins.shape[:-1], directions.shape[:-1], most.shape)
     except ValueError:
@@ -119,28 +115,28 @@ def cast(
             "not fit together.",
             "Give as many of each, or one of what they share.",
         ) from None
-    # a length that neither overflows nor vanishes on the way
-    largest = np.abs(directions).max(axis=-1, keepdims=True, initial=0.0)
-    if not (largest > 0.0).all():
-        raise RequestError("A direction is 0 0 0.", "Leave that ray out.")
-    scaled = directions / largest
-    unit = scaled / np.sqrt((scaled * scaled).sum(axis=-1, keepdims=True))
     starts, ways = (
         np.ascontiguousarray(np.broadcast_to(one, (*shape, 3))).reshape(-1, 3)
-        for one in (origins, unit)
+        for one in (origins, directions)
     )
     ranges = np.ascontiguousarray(np.broadcast_to(most, shape)).ravel()
     written_out = terrain.written_out
     index, count = written_out.ray_index, len(starts)
-    distance, element = np.empty(count), np.empty(count, np.int64)
+    distance, element, surface = (
+        np.empty(count),
+        np.empty(count, np.int64),
+        np.empty(count, np.int32),
+    )
     point, normal, wall = np.empty((count, 3)), np.empty((count, 3)), np.empty(count, bool)
 
     def share(begin: int) -> None:
         part = slice(begin, begin + _SHARE)
-        kernels.cast(
+        wrong = kernels.cast(
             index, starts[part], ways[part], ranges[part],
-            distance[part], point[part], normal[part], element[part], wall[part],
+            distance[part], point[part], normal[part], element[part], surface[part], wall[part],
         )  # fmt: skip
+        if wrong >= 0:
+            _refuse(starts[begin + wrong], ways[begin + wrong])
 
     begins = range(0, count, _SHARE)
     wanted = min(threads or os.cpu_count() or 1, len(begins))
@@ -150,7 +146,6 @@ def cast(
     else:
         for begin in begins:
             share(begin)
-    surface = written_out.surface_of(element)
     if written_out is not terrain:
         element = terrain.numbers_of(element)
     return RayHits(
@@ -161,3 +156,13 @@ def cast(
         element.reshape(shape),
         wall.reshape(shape),
     )
+
+
+def _refuse(origin: NDArray[np.float64], direction: NDArray[np.float64]) -> None:
+    """Say what is wrong with a ray."""
+    for name, vector in (("origins", origin), ("directions", direction)):
+        if not np.isfinite(vector).all():
+            raise RequestError(f"The {name} have a NaN or an infinity.", "Leave those rays out.")
+    if not direction.any():
+        raise RequestError("A direction is 0 0 0.", "Leave that ray out.")
+    raise RequestError("A range is below 0, or NaN.", "Give 0 or more; inf is no limit.")

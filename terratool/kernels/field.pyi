@@ -356,16 +356,17 @@ class RayIndex:
 def cast(
     index: RayIndex,
     origins: NDArray[np.float64],
-    ways: NDArray[np.float64],
+    directions: NDArray[np.float64],
     most: NDArray[np.float64],
     distance: NDArray[np.float64],
     point: NDArray[np.float64],
     normal: NDArray[np.float64],
     top: NDArray[np.int64],
+    surface: NDArray[np.int32],
     wall: NDArray[np.bool_],
-) -> None:
+) -> int:
     """
-    What rays meet first.
+    What rays meet first; the first that is no ray, or -1.
 
-    Shapes: origins[n,3], ways[n,3], most[n], distance[n], point[n,3], normal[n,3], top[n], wall[n].
+    Shapes: origins[n,3], directions[n,3], most[n], distance[n], point[n,3], normal[n,3], top[n], surface[n], wall[n].
     """
