@@ -234,4 +234,4 @@ def _metres(metres: float) -> str:
 
 
 def _signed(metres: float) -> str:
-    return f"{metres:+.4f} m"
+    return f"{round(metres, 4) + 0.0:+.4f} m"  # -0.0 + 0.0 is 0.0

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
 # as terratool.sensing.robot_map has them, which is not imported for --help; a test holds them equal
 LEVELS, MOST_LEVELS, SIGMA = 3, 12, 0.02
+_MOST_NAMES = 20
+"""Of surfaces that are told."""
 
 
 def _finite(ctx: click.Context, param: click.Parameter, value: Any) -> Any:
@@ -30,7 +32,7 @@ def _finite(ctx: click.Context, param: click.Parameter, value: Any) -> Any:
 
 @click.command(
     "map",
-    epilog="Example: terratool map first.npz second.npz --cell 0.1 --output map.tif --bag map.bag",
+    epilog="Example: terratool map first.npz second.npz --cell 0.1 --output map.tif --bag map_bag",
 )
 @click.argument("scans", nargs=-1, required=True, metavar="SCANS")
 @click.option("--output", required=True, metavar="OUT.tif", help="The map, of its finest cells.")
@@ -75,7 +77,7 @@ def _finite(ctx: click.Context, param: click.Parameter, value: Any) -> Any:
     help="Where the sensor was, for scans that do not say.",
 )
 @click.option("--crs", metavar="CRS", help="Reference system of the scans, as EPSG:32633.")
-@click.option("--bag", metavar="OUT.bag", help="Write a bag of ROS 2 with grid_maps, too.")
+@click.option("--bag", metavar="DIR", help="Write a folder that is a bag of ROS 2, of grid_maps.")
 @click.option("--overwrite", is_flag=True, help="Replace what exists.")
 @click.option("--json", "as_json", is_flag=True, help="Say what was mapped as JSON.")
 def command(
@@ -153,7 +155,9 @@ def as_text(robot_map: RobotMap, files: list[Path]) -> Iterator[str]:
     )
     if files[1:]:
         yield f"  With it: {listed([file.name for file in files[1:]])}."
-    if robot_map.surfaces:
-        yield f"  Surfaces: {listed([shown(name) for name in robot_map.surfaces])}."
+    names = [shown(name) for name in robot_map.surfaces[:_MOST_NAMES]]
+    if names:
+        more = len(robot_map.surfaces) - len(names)
+        yield f"  Surfaces: {listed([*names, *([f'{more:,} more'] if more else [])])}."
     if robot_map.outside:
         yield f"  Out of the bounds: {counted(robot_map.outside, 'reading')}."
