@@ -174,7 +174,10 @@ def _read_npz(path: Path) -> Iterator[Batch]:
                 member.shape[1:] != ((3,) if name == "origin" else ())
                 for name, member in members.items()
             ):
-                raise ReadError(f"{path}: has an array that is no column of numbers.", _DAMAGED)
+                raise ReadError(
+                    f"{path}: has an array that is no column of numbers.",
+                    "Save one of a dimension for each column; origin has three numbers a row.",
+                )
             counts = {member.shape[0] for member in members.values()}
             if len(counts) > 1:
                 raise ReadError(f"{path}: its arrays are not of one length.", _DAMAGED)
