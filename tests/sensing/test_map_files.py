@@ -13,7 +13,7 @@ import rasterio
 from numpy.typing import NDArray
 from rasterio.transform import Affine
 
-from terratool.errors import RequestError
+from terratool.errors import RequestError, WriteError
 from terratool.field.terrain import Terrain
 from terratool.raster.grid import Grid
 from terratool.sensing.clouds import Cloud
@@ -133,21 +133,15 @@ def test_an_older_level_does_not_stay(tmp_path: Path) -> None:
 
 def test_a_bag_has_a_grid_map_of_each_level(tmp_path: Path) -> None:
     """Index 0 is in the north-east of grid_map; ages count from the last reading."""
-    from rosbags.rosbag2 import Reader
-    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
-
-    from terratool.raster.grid_map_bag import _GRID_MAP, _INFO, TYPE
+    from rosbags.highlevel import AnyReader
 
     out = RobotMap(GRID, MapOptions(1.0, 2))
     points = np.array([[-3.5, 10.5, 7.0], [7.5, 15.5, 9.0]])
     out.add(Cloud(points, time=np.array([1e9, 1e9 + 5.0])))
-    write_map(out, MapOutput(tmp_path / "m.tif", 2, tmp_path / "m.bag"))
-    store = get_typestore(Stores.ROS2_HUMBLE)
-    for name, text in (("grid_map_msgs/msg/GridMapInfo", _INFO), (TYPE, _GRID_MAP)):
-        store.register(get_types_from_msg(text, name))
-    with Reader(tmp_path / "m.bag") as reader:
+    write_map(out, MapOutput(tmp_path / "m.tif", 2, tmp_path / "map_bag"))
+    with AnyReader([tmp_path / "map_bag"]) as reader:  # by the types in the bag alone
         got = {
-            connection.topic: store.deserialize_cdr(data, TYPE)
+            connection.topic: reader.deserialize(data, connection.msgtype)
             for connection, _, data in reader.messages()
         }
     assert [*got] == ["/grid_map", "/grid_map/level_1"]
@@ -159,6 +153,16 @@ def test_a_bag_has_a_grid_map_of_each_level(tmp_path: Path) -> None:
     assert (layers["age"][0], layers["age"][-1]) == (0.0, 5.0)
     assert np.isfinite(layers["elevation"]).sum() == 2
     assert got["/grid_map/level_1"].info.resolution == 2.0
+
+
+def test_a_bag_takes_no_place_of_a_file(tmp_path: Path) -> None:
+    """Neither that of a level, nor that of a folder that is no bag."""
+    for name in ("m.tif", "m.level-1.tif"):
+        with pytest.raises(RequestError, match="is to be the map, too"):
+            MapOutput(tmp_path / "m.tif", 2, tmp_path / name).check()
+    (tmp_path / "kept").mkdir()
+    with pytest.raises(WriteError, match="no bag"):
+        MapOutput(tmp_path / "m.tif", 2, tmp_path / "kept", overwrite=True).check()
 
 
 def test_cells_never_seen_are_void_after_the_import(tmp_path: Path) -> None:

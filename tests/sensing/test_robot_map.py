@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ from terratool.errors import ReadError, RequestError
 from terratool.sensing import robot_map as module
 from terratool.sensing.clouds import Cloud, read_clouds
 from terratool.sensing.export import ScanOutput, export_scan
-from terratool.sensing.poses import one_pose
+from terratool.sensing.poses import Poses, one_pose
 from terratool.sensing.robot_map import (
     MapOptions,
     RobotMap,
@@ -252,6 +253,75 @@ def test_broken_clouds_are_refused(
     with pytest.raises((ReadError, RequestError), match=said) as caught:
         list(read_clouds(path))
     assert name in caught.value.message
+
+
+@pytest.mark.parametrize("suffix", ["npz", "csv", "ply", "pcd", "las"])
+def test_points_in_the_axes_of_a_sensor_are_refused(suffix: str, tmp_path: Path) -> None:
+    """Of two turns from different places, where a PCD cannot say either where each was."""
+    poses = Poses.joined([one_pose((*HERE, yaw, 0.0, 0.0)) for yaw in (10.0, 70.0)])
+    path = tmp_path / f"a.{suffix}"
+    export_scan(TERRAIN, Scan(LIDAR, poses, ScanOptions()), ScanOutput(path, world=False))
+    with pytest.raises((ReadError, RequestError), match=r"(axes of|from) the sensor") as caught:
+        map_scans([path], MapOptions(0.5))
+    assert "--frame world" in (caught.value.hint or "")
+
+
+def test_a_sensor_at_zero_has_the_axes_of_the_world(tmp_path: Path) -> None:
+    """If that is said: points alone could be either."""
+    path = tmp_path / "a.csv"
+    path.write_text("x,y,z,range\n3,0,-4,5\n0,6,-8,10\n")
+    with pytest.raises(RequestError, match="as far from 0"):
+        map_scans([path], ONE)
+    assert map_scans([path], ONE, origin=(0.0, 0.0, 0.0)).points == 2
+    path.write_text("x,y,z,range\n3,0,-4,5\n0,6,-8,11\n")
+    assert map_scans([path], ONE).points == 2
+    with pytest.raises(RequestError, match="is nowhere"):
+        map_scans([path], ONE, origin=(0.0, math.inf, 0.0))
+
+
+@pytest.mark.parametrize(
+    ("wrong", "shape"), [("x", (2, 3)), ("range", (2, 2)), ("origin", (2,)), ("origin", (2, 2))]
+)
+def test_arrays_of_another_shape_are_refused(
+    wrong: str, shape: tuple[int, ...], tmp_path: Path
+) -> None:
+    """Columns have one dimension, origin has three numbers a row."""
+    path = tmp_path / "a.npz"
+    np.savez(path, **{name: np.ones(2) for name in "xyz"} | {wrong: np.ones(shape)})
+    with pytest.raises(ReadError, match="no column of numbers"):
+        map_scans([path], ONE)
+
+
+def test_numbers_that_no_square_holds_are_none(tmp_path: Path) -> None:
+    """Endless or huge ranges, times and variances are not known; nothing is warned of."""
+    path = tmp_path / "a.csv"
+    path.write_text(
+        "x,y,z,range,time,variance\n1,2,3,1e300,inf,inf\n1,2,3.1,7,5,1e300\n1e300,1,1,1,1,1\n"
+    )
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        got = map_scans([path], ONE)
+        level = got.level(0)
+    seen = level.count > 0
+    assert got.points == 2 and seen.sum() == 1
+    assert level.elevation[seen] == pytest.approx(3.05)
+    assert level.variance[seen] == pytest.approx(module.SIGMA**2 / 2)
+    assert (level.time[seen], level.distance[seen]) == (5.0, 7.0)
+
+
+def test_names_of_surfaces_have_an_end(tmp_path: Path) -> None:
+    """A column surface that holds something else is told from one of surfaces."""
+    path = tmp_path / "a.csv"
+    path.write_text("x,y,z,surface\n" + "".join(f"1,2,3,s{n}\n" for n in range(65_537)))
+    with pytest.raises(RequestError, match="more than 65,536 surfaces"):
+        map_scans([path], ONE)
+
+
+@pytest.mark.parametrize("name", ["angle", "gate", "relief"])
+def test_options_of_a_map_are_numbers(name: str) -> None:
+    for value in (-1.0, math.nan, math.inf):
+        with pytest.raises(RequestError, match=f"The {name} of a map"):
+            MapOptions(1.0, **{name: value})
 
 
 def test_readings_that_are_none_are_left_out(tmp_path: Path) -> None:
