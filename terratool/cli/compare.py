@@ -9,18 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from terratool.cli.options import library_root_option, roughness_option
+from terratool.cli.options import finite, library_root_option, roughness_option
 from terratool.cli.terminal import Status, load, say
 from terratool.text.display import counted, shown
 
 if TYPE_CHECKING:
     from terratool.sensing.comparison import Errors, MapComparison
-
-
-def _finite(ctx: click.Context, param: click.Parameter, value: float | None) -> float | None:
-    if value is not None and not math.isfinite(value):
-        raise click.BadParameter(f"{value:g} is no finite number.")
-    return value
 
 
 @click.command(
@@ -41,14 +35,14 @@ def _finite(ctx: click.Context, param: click.Parameter, value: float | None) -> 
 @click.option(
     "--max-rmse",
     type=click.FloatRange(0),
-    callback=_finite,
+    callback=finite,
     metavar="M",
     help="End with 1 if the root mean square error is more, m.",
 )
 @click.option(
     "--min-coverage",
     type=click.FloatRange(0, 1),
-    callback=_finite,
+    callback=finite,
     metavar="C",
     help="End with 1 if less of the ground is known, from 0 to 1.",
 )

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import click
 
+from terratool.cli.options import finite
 from terratool.cli.terminal import Status, say
 from terratool.text.display import counted, listed, shown
 
@@ -23,13 +23,6 @@ _MOST_NAMES = 20
 """Of surfaces that are told."""
 
 
-def _finite(ctx: click.Context, param: click.Parameter, value: Any) -> Any:
-    for number in value if isinstance(value, tuple) else (value,):
-        if number is not None and not math.isfinite(number):
-            raise click.BadParameter(f"{number:g} is no finite number.")
-    return value
-
-
 @click.command(
     "map",
     epilog="Example: terratool map first.npz second.npz --cell 0.1 --output map.tif --bag map_bag",
@@ -40,7 +33,7 @@ def _finite(ctx: click.Context, param: click.Parameter, value: Any) -> Any:
     "--cell",
     type=click.FloatRange(0, min_open=True),
     required=True,
-    callback=_finite,
+    callback=finite,
     metavar="S",
     help="Side of the finest cells, m.",
 )
@@ -56,14 +49,14 @@ def _finite(ctx: click.Context, param: click.Parameter, value: Any) -> Any:
     "--bounds",
     nargs=4,
     type=float,
-    callback=_finite,
+    callback=finite,
     metavar="W S E N",
     help="What the map holds.  [default: all readings]",
 )
 @click.option(
     "--sigma",
     type=click.FloatRange(0, min_open=True),
-    callback=_finite,
+    callback=finite,
     metavar="M",
     help=f"Standard deviation of ranges, m.  [default: {SIGMA:g}]",
 )
@@ -72,7 +65,7 @@ def _finite(ctx: click.Context, param: click.Parameter, value: Any) -> Any:
     "--origin",
     nargs=3,
     type=float,
-    callback=_finite,
+    callback=finite,
     metavar="X Y Z",
     help="Where the sensor was, for scans that do not say.",
 )

@@ -290,17 +290,16 @@ class RobotMap:
         """The Kalman filter; which of the cells took the batch, and which of them instead."""
         height, before = self._height[cells], self._variance[cells]
         known = np.isfinite(before)
-        limit = self.options.gate**2 * (np.where(known, before, 0.0) + variance + tau)
-        near = known & ((mean - height) ** 2 <= limit)
-        higher, lower = known & ~near & (mean > height), known & ~near & (mean < height)
-        gain = np.where(near, np.where(known, before, 0.0), 0.0)
-        gain = gain / (gain + variance)
-        taken = higher | ~known
-        self._height[cells] = np.where(taken, mean, height + gain * (mean - height))
-        after = np.where(near, (1.0 - gain) * before, before)
-        after = np.where(lower, before + _MULTI_HEIGHT**2, after)
+        before = np.where(known, before, 0.0)
+        off = mean - height
+        near = known & (off**2 <= self.options.gate**2 * (before + variance + tau))
+        taken = ~known | (~near & (off > 0.0))
+        lower = ~near & ~taken
+        gain = np.where(near, before, 0.0) / (before + variance)
+        self._height[cells] = np.where(taken, mean, height + gain * off)
+        after = (1.0 - gain) * before + np.where(lower, _MULTI_HEIGHT**2, 0.0)
         self._variance[cells] = np.where(taken, variance, after)
-        return ~lower, higher
+        return ~lower, taken & known
 
     def _vote(
         self, batch: _Batch, cloud: Cloud, member: NDArray[np.bool_], replaced: NDArray[np.int64]
