@@ -13,6 +13,7 @@ import rasterio
 from numpy.typing import NDArray
 from rasterio.transform import Affine
 
+from terratool.cli.compare import _signed
 from terratool.errors import RequestError, WriteError
 from terratool.field.terrain import Terrain
 from terratool.raster.grid import Grid
@@ -273,6 +274,30 @@ def test_any_raster_of_heights_can_be_compared(ramp: Terrain, tmp_path: Path) ->
         file.write(heights, 1)
     with pytest.raises(RequestError, match=r"miss .*far\.tif"):
         compare(read_map(tmp_path / "far.tif"), ramp)
+
+
+def test_walls_do_not_take_all_colours(saved: Save, tmp_path: Path) -> None:
+    """A column of 6 cells of 70 is off by 2 m, and the others, 2 cm too high, are red all the same;
+    where all is right, rounding is not drawn."""
+    heights, picture = truth() + 0.02, tmp_path / "errors.png"
+    heights[:, 4] += 2.0
+    path, site = tmp_path / "m.tif", saved(RAMP)
+    from PIL import Image
+
+    def redness() -> float:
+        assert call("compare", path, site, "--picture", picture, "--overwrite").code == 0
+        pixels = np.asarray(Image.open(picture).convert("RGB")).astype(float)
+        middle = pixels[pixels.shape[0] // 3, pixels.shape[1] // 2 : pixels.shape[1] * 2 // 3]
+        return float((middle[:, 0] - middle[:, 2]).mean())
+
+    saved_map(of_heights(heights), path)
+    assert redness() > 60
+    saved_map(of_heights(truth() + 1e-12), path)
+    assert redness() < 20
+
+
+def test_no_bias_has_no_minus() -> None:
+    assert (_signed(-1e-9), _signed(-0.00126)) == ("+0.0000 m", "-0.0013 m")
 
 
 def test_commands_end_to_end(saved: Save, tmp_path: Path) -> None:

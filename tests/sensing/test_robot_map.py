@@ -85,6 +85,47 @@ def test_fusion_of_unlike_readings_is_the_kalman_filter() -> None:
     assert np.isfinite(level.elevation).sum() == 1
 
 
+def test_readings_one_by_one_are_those_of_a_slow_filter() -> None:
+    """1,000 of ground at four heights, each a batch, against the filter as elevation_mapping has it
+    and the rule of the higher one: heights, variances, votes and times."""
+    rng = np.random.default_rng(5)
+    x, y, variance = (
+        rng.uniform(10, 13, 1000),
+        rng.uniform(20, 22, 1000),
+        rng.uniform(1e-4, 0.01, 1000),
+    )
+    z = rng.choice([0.0, 0.0, 2.0, 5.0], 1000) + 0.3 * rng.normal(0.0, np.sqrt(variance))
+    surface = rng.integers(0, 3, 1000)
+    got = mapped()
+    height, after, votes, last = {}, {}, {}, {}
+    for k in range(1000):
+        got.add(
+            cloud(
+                (x[k], y[k], z[k]), variance=variance[[k]], time=np.array([float(k)]),
+                surface=surface[[k]].astype(np.int32), surfaces=("a", "b", "c"),
+            )
+        )  # fmt: skip
+        cell = 21 - int(y[k]), int(x[k]) - 10
+        last[cell] = k
+        old, before = height.get(cell, -math.inf), after.get(cell, 0.0)
+        if abs(z[k] - old) <= 2.5 * math.sqrt(before + variance[k] + 0.25):
+            total = before + variance[k]
+            height[cell] = (before * z[k] + variance[k] * old) / total
+            after[cell] = before * variance[k] / total
+            votes[cell].append(surface[k])
+        elif z[k] > old:
+            height[cell], after[cell], votes[cell] = z[k], variance[k], [surface[k]]
+        else:
+            after[cell] += 0.003**2
+    level = got.level(0)
+    for cell, wanted in height.items():
+        assert level.elevation[cell] == pytest.approx(wanted, rel=1e-12, abs=1e-12)
+        assert level.variance[cell] == pytest.approx(after[cell], rel=1e-12)
+        assert level.time[cell] == last[cell]
+        counts = [votes[cell].count(k) for k in range(3)]
+        assert counts[level.surface[cell]] == max(counts)
+
+
 def test_variance_of_a_reading_by_its_incidence() -> None:
     """σ_r² u_z² + (r σ_a)² (1 − u_z²): a ray of (3, 0, −4), of 5 m, has u_z = 0.8."""
     options = MapOptions(1.0, 1, Noise(0.01, 0.002), angle=0.003)
@@ -128,6 +169,12 @@ def test_the_likeliest_surface_is_that_of_the_fused_height() -> None:
     points = [(10.5, 20.5, z) for z in heights]
     first = cloud(*points, surface=surface, surfaces=("sand", "steel"))
     level = mapped(first).level(0)
+    assert level.surfaces[level.surface[1, 0]] == "steel"
+    foot, top = (
+        cloud(*points[part], surface=surface[part], surfaces=("sand", "steel"))
+        for part in (slice(0, 3), slice(3, 5))
+    )
+    level = mapped(foot, top).level(0)  # what takes a cell over has the votes anew
     assert level.surfaces[level.surface[1, 0]] == "steel"
     more = cloud(*points[3:] * 2, surface=np.array([0] * 4, np.int32), surfaces=("rust",))
     level = mapped(first, more).level(0)
