@@ -97,9 +97,13 @@ def _failed(
 ) -> Iterator[str]:
     # a map that knows nothing is not good
     rmse, coverage = comparison.errors.rmse, comparison.coverage
-    if max_rmse is not None and not rmse <= max_rmse:
+    if max_rmse is not None and math.isnan(rmse):
+        yield f"No height is known in both, so the RMSE is not shown to be within {max_rmse:g} m."
+    elif max_rmse is not None and rmse > max_rmse:
         yield f"The RMSE of {_metres(rmse)} is more than {max_rmse:g} m."
-    if min_coverage is not None and not coverage >= min_coverage:
+    if min_coverage is not None and math.isnan(coverage):
+        yield "The terrain has no ground that could be covered."
+    elif min_coverage is not None and coverage < min_coverage:
         yield f"The coverage of {_share(coverage)} is less than {min_coverage:.1%}."
 
 
@@ -156,10 +160,10 @@ def as_dict(comparison: MapComparison) -> dict[str, Any]:
 def as_text(comparison: MapComparison) -> Iterator[str]:
     """A comparison, in lines for people."""
     level, errors, worst = comparison.map.level, comparison.errors, comparison.worst
+    share = f"{_share(comparison.coverage)} of the ground" if comparison.ground else "no ground"
     yield (
-        f"{comparison.map.name}: {_share(comparison.coverage)} of the ground, "
-        f"{comparison.known:,} of {counted(comparison.ground, 'cell')} of "
-        f"{level.grid.resolution:g} m"
+        f"{comparison.map.name}: {share}, {comparison.known:,} of "
+        f"{counted(comparison.ground, 'cell')} of {level.grid.resolution:g} m"
     )
     if comparison.beyond:
         yield f"  Without ground in the terrain: {counted(comparison.beyond, 'cell')}."
@@ -220,11 +224,11 @@ def _table(head: tuple[str, ...], rows: list[tuple[str, ...]]) -> Iterator[str]:
 
 
 def _share(share: float) -> str:
-    return "nothing" if math.isnan(share) else f"{share:.1%}"
+    return f"{share:.1%}"
 
 
 def _metres(metres: float) -> str:
-    return "an unknown number" if math.isnan(metres) else f"{metres:.4f} m"
+    return f"{metres:.4f} m"
 
 
 def _signed(metres: float) -> str:

@@ -83,7 +83,9 @@ def write_picture(
             )  # fmt: skip
         unit = unit_of(terrain)
         draw_frame(sheet, axes, places, unit)
-        caption = "Red is too high, blue too low; the ring is the worst place."
+        caption = "Red is too high, blue too low."
+        if worst is not None:
+            caption += " The ring is the worst place."
         if beyond := float((size > most).sum()):
             caption += f" Beyond the colours: {beyond / size.size:.1%}."
         draw_margins(sheet, places, picture, unit, [caption])

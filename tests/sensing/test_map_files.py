@@ -329,6 +329,13 @@ def test_commands_end_to_end(saved: Save, tmp_path: Path) -> None:
     assert np.quantile(red[1][red[1] < ground], 0.99) < pixels.shape[1] / 4  # in the west alone
     assert call("compare", out, site, "--max-rmse", "0.1").code == 1
     assert call("compare", out, site, "--max-rmse", "0.2", "--min-coverage", "1").code == 0
+    with rasterio.open(
+        tmp_path / "never.tif", "w", driver="GTiff", dtype="float32", count=1, height=6, width=12,
+        transform=Affine(1.0, 0.0, -4.0, 0.0, -1.0, 16.0),
+    ) as file:  # fmt: skip
+        file.write(np.full((6, 12), np.nan, np.float32), 1)
+    ran = call("compare", tmp_path / "never.tif", site, "--max-rmse", "9")
+    assert ran.code == 1 and "so the RMSE is not shown to be within 9 m" in ran.err
     ran = call("compare", site, site)
     assert ran.code in (2, 3) and not ran.out
     ran = call("map", scan, "--cell", "nan", "--output", tmp_path / "n.tif")
