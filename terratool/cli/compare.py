@@ -173,7 +173,7 @@ def as_text(comparison: MapComparison) -> Iterator[str]:
     yield f"  RMSE {_metres(errors.rmse)}, bias {_signed(errors.bias)}."
     surface = "" if worst.surface is None else f", on {shown(worst.surface)}"
     yield (
-        f"  Worst at {worst.x:.6g} {worst.y:.6g}: {worst.mapped:.4g} m in place of "
+        f"  Worst at {worst.x:.10g} {worst.y:.10g}: {worst.mapped:.4g} m in place of "
         f"{worst.true:.4g} m{surface}."
     )
     if math.isfinite(comparison.within):

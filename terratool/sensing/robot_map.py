@@ -160,7 +160,7 @@ def map_grid(bounds: Bounds, options: MapOptions, *, anchored: bool = True) -> G
     cells = counts[0] * counts[1] * parts * parts
     if cells > MOST_CELLS:
         raise RequestError(
-            f"Cells of {options.cell:g} m over {' '.join(f'{b:.6g}' for b in bounds)} are "
+            f"Cells of {options.cell:g} m over {' '.join(f'{b:.9g}' for b in bounds)} are "
             f"{cells:,}.",
             f"Give larger cells, or part of it by bounds; a map has up to {MOST_CELLS:,}.",
         )
