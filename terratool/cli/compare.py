@@ -9,18 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from terratool.cli.options import library_root_option, roughness_option
+from terratool.cli.options import finite, library_root_option, roughness_option
 from terratool.cli.terminal import Status, load, say
 from terratool.text.display import counted, shown
 
 if TYPE_CHECKING:
     from terratool.sensing.comparison import Errors, MapComparison
-
-
-def _finite(ctx: click.Context, param: click.Parameter, value: float | None) -> float | None:
-    if value is not None and not math.isfinite(value):
-        raise click.BadParameter(f"{value:g} is no finite number.")
-    return value
 
 
 @click.command(
@@ -41,14 +35,14 @@ def _finite(ctx: click.Context, param: click.Parameter, value: float | None) -> 
 @click.option(
     "--max-rmse",
     type=click.FloatRange(0),
-    callback=_finite,
+    callback=finite,
     metavar="M",
     help="End with 1 if the root mean square error is more, m.",
 )
 @click.option(
     "--min-coverage",
     type=click.FloatRange(0, 1),
-    callback=_finite,
+    callback=finite,
     metavar="C",
     help="End with 1 if less of the ground is known, from 0 to 1.",
 )
@@ -103,9 +97,13 @@ def _failed(
 ) -> Iterator[str]:
     # a map that knows nothing is not good
     rmse, coverage = comparison.errors.rmse, comparison.coverage
-    if max_rmse is not None and not rmse <= max_rmse:
+    if max_rmse is not None and math.isnan(rmse):
+        yield f"No height is known in both, so the RMSE is not shown to be within {max_rmse:g} m."
+    elif max_rmse is not None and rmse > max_rmse:
         yield f"The RMSE of {_metres(rmse)} is more than {max_rmse:g} m."
-    if min_coverage is not None and not coverage >= min_coverage:
+    if min_coverage is not None and math.isnan(coverage):
+        yield "The terrain has no ground that could be covered."
+    elif min_coverage is not None and coverage < min_coverage:
         yield f"The coverage of {_share(coverage)} is less than {min_coverage:.1%}."
 
 
@@ -162,10 +160,10 @@ def as_dict(comparison: MapComparison) -> dict[str, Any]:
 def as_text(comparison: MapComparison) -> Iterator[str]:
     """A comparison, in lines for people."""
     level, errors, worst = comparison.map.level, comparison.errors, comparison.worst
+    share = f"{_share(comparison.coverage)} of the ground" if comparison.ground else "no ground"
     yield (
-        f"{comparison.map.name}: {_share(comparison.coverage)} of the ground, "
-        f"{comparison.known:,} of {counted(comparison.ground, 'cell')} of "
-        f"{level.grid.resolution:g} m"
+        f"{comparison.map.name}: {share}, {comparison.known:,} of "
+        f"{counted(comparison.ground, 'cell')} of {level.grid.resolution:g} m"
     )
     if comparison.beyond:
         yield f"  Without ground in the terrain: {counted(comparison.beyond, 'cell')}."
@@ -175,7 +173,7 @@ def as_text(comparison: MapComparison) -> Iterator[str]:
     yield f"  RMSE {_metres(errors.rmse)}, bias {_signed(errors.bias)}."
     surface = "" if worst.surface is None else f", on {shown(worst.surface)}"
     yield (
-        f"  Worst at {worst.x:.6g} {worst.y:.6g}: {worst.mapped:.4g} m in place of "
+        f"  Worst at {worst.x:.10g} {worst.y:.10g}: {worst.mapped:.4g} m in place of "
         f"{worst.true:.4g} m{surface}."
     )
     if math.isfinite(comparison.within):
@@ -226,12 +224,12 @@ def _table(head: tuple[str, ...], rows: list[tuple[str, ...]]) -> Iterator[str]:
 
 
 def _share(share: float) -> str:
-    return "nothing" if math.isnan(share) else f"{share:.1%}"
+    return f"{share:.1%}"
 
 
 def _metres(metres: float) -> str:
-    return "an unknown number" if math.isnan(metres) else f"{metres:.4f} m"
+    return f"{metres:.4f} m"
 
 
 def _signed(metres: float) -> str:
-    return f"{metres:+.4f} m"
+    return f"{round(metres, 4) + 0.0:+.4f} m"  # -0.0 + 0.0 is 0.0

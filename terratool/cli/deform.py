@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import json
-import math
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from terratool.cli.options import library_root_option, library_roots, vehicle_from, vehicle_options
+from terratool.cli.options import (
+    finite,
+    library_root_option,
+    library_roots,
+    vehicle_from,
+    vehicle_options,
+)
 from terratool.cli.terminal import Status, called, say
 from terratool.text.display import counted, listed, shown
 
@@ -17,12 +22,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from terratool.traversability.ruts import Deformed
-
-
-def _finite(ctx: click.Context, param: click.Parameter, value: float | None) -> float | None:
-    if value is not None and not math.isfinite(value):
-        raise click.BadParameter(f"{value:g} is no finite number.")
-    return value
 
 
 @click.command(
@@ -53,7 +52,7 @@ def _finite(ctx: click.Context, param: click.Parameter, value: float | None) -> 
     "--multipass",
     type=click.FloatRange(1),
     metavar="A",
-    callback=_finite,
+    callback=finite,
     help="The depth grows with the passes n as n^(1/A): 2 to 3 for loose soil, 4 to 5 for dense "
     "soil.  [default: 3]",
 )
@@ -61,7 +60,7 @@ def _finite(ctx: click.Context, param: click.Parameter, value: float | None) -> 
     "--tolerance",
     type=click.FloatRange(0, min_open=True),
     metavar="M",
-    callback=_finite,
+    callback=finite,
     help="Simplify the lines of the wheels by up to so many metres.  [default: a fifth of a "
     "wheel's width]",
 )

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from terratool.cli.options import (
+    finite,
     has_roughness,
     library_root_option,
     library_roots,
@@ -29,12 +29,6 @@ _GIT_ARGUMENTS = (7, 9)
 """What git hands to an external diff; more where a file was renamed."""
 
 
-def _number(ctx: click.Context, param: click.Parameter, value: float | None) -> float | None:
-    if value is not None and not math.isfinite(value):
-        raise click.BadParameter(f"{value:g} is no finite number.")
-    return value
-
-
 @click.command(
     "diff",
     epilog="Example: terratool diff old/site.json site.json --vehicle rover.json",
@@ -54,7 +48,7 @@ def _number(ctx: click.Context, param: click.Parameter, value: float | None) -> 
     default=1e-3,
     show_default=True,
     metavar="T",
-    callback=_number,
+    callback=finite,
     help="Ground counts as changed where heights differ by more.",
 )
 @click.option(

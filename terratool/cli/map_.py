@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import click
 
+from terratool.cli.options import finite
 from terratool.cli.terminal import Status, say
 from terratool.text.display import counted, listed, shown
 
@@ -19,18 +19,13 @@ if TYPE_CHECKING:
 
 # as terratool.sensing.robot_map has them, which is not imported for --help; a test holds them equal
 LEVELS, MOST_LEVELS, SIGMA = 3, 12, 0.02
-
-
-def _finite(ctx: click.Context, param: click.Parameter, value: Any) -> Any:
-    for number in value if isinstance(value, tuple) else (value,):
-        if number is not None and not math.isfinite(number):
-            raise click.BadParameter(f"{number:g} is no finite number.")
-    return value
+_MOST_NAMES = 20
+"""Of surfaces that are told."""
 
 
 @click.command(
     "map",
-    epilog="Example: terratool map first.npz second.npz --cell 0.1 --output map.tif --bag map.bag",
+    epilog="Example: terratool map first.npz second.npz --cell 0.1 --output map.tif --bag map_bag",
 )
 @click.argument("scans", nargs=-1, required=True, metavar="SCANS")
 @click.option("--output", required=True, metavar="OUT.tif", help="The map, of its finest cells.")
@@ -38,7 +33,7 @@ def _finite(ctx: click.Context, param: click.Parameter, value: Any) -> Any:
     "--cell",
     type=click.FloatRange(0, min_open=True),
     required=True,
-    callback=_finite,
+    callback=finite,
     metavar="S",
     help="Side of the finest cells, m.",
 )
@@ -54,14 +49,14 @@ def _finite(ctx: click.Context, param: click.Parameter, value: Any) -> Any:
     "--bounds",
     nargs=4,
     type=float,
-    callback=_finite,
+    callback=finite,
     metavar="W S E N",
     help="What the map holds.  [default: all readings]",
 )
 @click.option(
     "--sigma",
     type=click.FloatRange(0, min_open=True),
-    callback=_finite,
+    callback=finite,
     metavar="M",
     help=f"Standard deviation of ranges, m.  [default: {SIGMA:g}]",
 )
@@ -70,12 +65,12 @@ def _finite(ctx: click.Context, param: click.Parameter, value: Any) -> Any:
     "--origin",
     nargs=3,
     type=float,
-    callback=_finite,
+    callback=finite,
     metavar="X Y Z",
     help="Where the sensor was, for scans that do not say.",
 )
 @click.option("--crs", metavar="CRS", help="Reference system of the scans, as EPSG:32633.")
-@click.option("--bag", metavar="OUT.bag", help="Write a bag of ROS 2 with grid_maps, too.")
+@click.option("--bag", metavar="DIR", help="Write a folder that is a bag of ROS 2, of grid_maps.")
 @click.option("--overwrite", is_flag=True, help="Replace what exists.")
 @click.option("--json", "as_json", is_flag=True, help="Say what was mapped as JSON.")
 def command(
@@ -153,7 +148,9 @@ def as_text(robot_map: RobotMap, files: list[Path]) -> Iterator[str]:
     )
     if files[1:]:
         yield f"  With it: {listed([file.name for file in files[1:]])}."
-    if robot_map.surfaces:
-        yield f"  Surfaces: {listed([shown(name) for name in robot_map.surfaces])}."
+    names = [shown(name) for name in robot_map.surfaces[:_MOST_NAMES]]
+    if names:
+        more = len(robot_map.surfaces) - len(names)
+        yield f"  Surfaces: {listed([*names, *([f'{more:,} more'] if more else [])])}."
     if robot_map.outside:
         yield f"  Out of the bounds: {counted(robot_map.outside, 'reading')}."

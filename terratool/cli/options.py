@@ -151,6 +151,14 @@ _LEAST, _MOST = 1e-6, 1e9
 """Of each of them: with these nothing overflows on the way."""
 
 
+def finite(ctx: click.Context, param: click.Parameter, value: Any) -> Any:
+    """A callback: neither NaN nor endless, a number or several."""
+    for number in value if isinstance(value, tuple) else (value,):
+        if number is not None and not math.isfinite(number):
+            raise click.BadParameter(f"{number:g} is no finite number.")
+    return value
+
+
 def _positive(ctx: click.Context, param: click.Parameter, value: float | None) -> float | None:
     if value is not None and not _LEAST <= value <= _MOST:  # nor NaN
         what = "is no number" if math.isnan(value) else f"is not from {_LEAST:g} to {_MOST:g}"

@@ -28,6 +28,10 @@ BATCH = 1 << 20
 _LINES = 1 << 17
 """Lines of a text that are read at a time."""
 _MOST_HEADER = 1 << 20
+_MOST = 1e30
+"""What is larger is taken for no number: squares of it and float32 have to hold it."""
+SENSOR_AXES = ["axes", "of", "the", "sensor"]
+"""Words of a header that say so."""
 _DAMAGED = "It may be cut short: write it again, or fetch it again."
 
 
@@ -113,16 +117,17 @@ def _cloud(path: Path, columns: Columns, surfaces: tuple[str, ...]) -> Cloud:
         raise ReadError(
             f"{path}: has no {listed(lacking)}.", "Name the coordinates of its points x, y and z."
         )
-    points = np.stack([columns[name].astype(np.float64) for name in "xyz"], axis=-1)
+    points = np.stack([_numbers_of(columns[name]) for name in "xyz"], axis=-1)
     kept = np.isfinite(points).all(axis=1)
 
     def of(name: str) -> Floats | None:
-        return columns[name][kept].astype(np.float64) if name in columns else None
+        return _numbers_of(columns[name][kept]) if name in columns else None
 
     surface = columns.get("surface")
     if surface is not None:
-        surface = surface[kept].astype(np.int32)
-        surface = np.where(surface < len(surfaces), np.maximum(surface, -1), -1).astype(np.int32)
+        surface = surface[kept]
+        known = (surface >= 0) & (surface < len(surfaces))
+        surface = np.where(known, surface, -1).astype(np.int32)
     return Cloud(
         points[kept],
         of("origin"),
@@ -132,6 +137,18 @@ def _cloud(path: Path, columns: Columns, surfaces: tuple[str, ...]) -> Cloud:
         surfaces,
         of("variance"),
     )
+
+
+def _in_sensor_axes(path: Path) -> ReadError:
+    return ReadError(
+        f"{path}: its points are in the axes of the sensor.", "Scan with --frame world."
+    )
+
+
+def _numbers_of(column: NDArray[Any]) -> Floats:
+    """A column as float64, NaN where it is no number or too large."""
+    values = column.astype(np.float64)
+    return np.where(np.abs(values) < _MOST, values, np.nan)
 
 
 # --- NumPy ---------------------------------------------------------------------------------------
@@ -153,6 +170,14 @@ def _read_npz(path: Path) -> Iterator[Batch]:
                 for name in _WANTED
                 if name in names
             }
+            if any(
+                member.shape[1:] != ((3,) if name == "origin" else ())
+                for name, member in members.items()
+            ):
+                raise ReadError(
+                    f"{path}: has an array that is no column of numbers.",
+                    "Save one of a dimension for each column; origin has three numbers a row.",
+                )
             counts = {member.shape[0] for member in members.values()}
             if len(counts) > 1:
                 raise ReadError(f"{path}: its arrays are not of one length.", _DAMAGED)
@@ -259,11 +284,8 @@ def _read_ply(path: Path) -> Iterator[Batch]:
             match words:
                 case ["format", form, *_]:
                     pass
-                case ["comment", "axes", "of", "the", "sensor"]:
-                    raise ReadError(
-                        f"{path}: its points are in the axes of the sensor.",
-                        "Scan with --frame world.",
-                    )
+                case ["comment", *rest] if rest == SENSOR_AXES:
+                    raise _in_sensor_axes(path)
                 case ["comment", "surface", _, *name]:
                     with contextlib.suppress(ValueError):
                         surfaces.append(str(json.loads(" ".join(name))))
@@ -342,6 +364,8 @@ def _read_pcd(path: Path) -> Iterator[Batch]:
         said: dict[str, list[str]] = {}
         while "DATA" not in said:
             words = _header_line(path, file)
+            if words[:1] == ["#"] and words[1:] == SENSOR_AXES:
+                raise _in_sensor_axes(path)
             if words and not words[0].startswith("#"):
                 said[words[0].upper()] = words[1:]
         try:

@@ -78,7 +78,8 @@ class MapOutput:
     Attributes:
         path: a .tif, of the finest level; the others stand beside it.
         levels: how many there are.
-        bag: a folder that is to be a bag; None for none.
+        bag: a folder that is to be a bag; None for none. Readers such as rosbags take a name in
+            .bag for one of ROS 1.
         crs: reference system of the map; None for none.
         overwrite: whether they may be there already.
     """
@@ -116,8 +117,8 @@ class MapOutput:
                 "A bag needs rosbags, which is not installed.",
                 f"Install it: {install_command('ros')}",
             )
-        if self.bag.suffix.lower() != ".bag":
-            raise RequestError(f"{self.bag}: is no bag.", "Give a name that ends in .bag.")
+        if os.path.realpath(self.bag) in map(os.path.realpath, self.files):
+            raise RequestError(f"{self.bag}: is to be the map, too.", "Choose another name.")
         if self.bag.is_dir():
             refuse_strange(self.bag, self.overwrite)
         else:

@@ -7,7 +7,8 @@ Heights are fused by the Kalman filter of elevation mapping: Fankhauser, Bloesch
 and Siegwart, Robot-Centric Elevation Mapping with Uncertainty Estimates, CLAWAR 2014; Fankhauser,
 Bloesch and Hutter, Probabilistic Terrain Mapping for Mobile Robots with Uncertain Localization,
 IEEE RA-L 3(4), 2018. Two heights are of one surface where their Mahalanobis distance is within a
-gate; else the higher one is the ground, as in github.com/ANYbotics/elevation_mapping.
+gate; else the higher one is the ground. github.com/ANYbotics/elevation_mapping has it so within a
+scan, and keeps what it has where a later scan differs, higher or lower; here the higher one stays.
 """
 
 from __future__ import annotations
@@ -46,6 +47,10 @@ _MULTI_HEIGHT = 0.003
 _ROUNDS = 4
 """In which the top surface of a cell is looked for in a batch."""
 _FAR = 1e9
+"""m: no height, and no place of a sensor, is as far from 0."""
+_MOST_SURFACES = 1 << 16
+_SAME = 1e-3
+"""m: what a range and the distance of a rounded point may differ by."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,6 +82,11 @@ class MapOptions:
             raise RequestError(
                 f"A map of {self.levels} levels is none.", f"Give 1 to {MOST_LEVELS} levels."
             )
+        for name in ("angle", "gate", "relief"):
+            if not 0.0 <= getattr(self, name) < math.inf:
+                raise RequestError(
+                    f"The {name} of a map is {getattr(self, name):g}.", "Give a number from 0 on."
+                )
 
     @property
     def coarsest(self) -> float:
@@ -130,6 +140,7 @@ def map_grid(bounds: Bounds, options: MapOptions, *, anchored: bool = True) -> G
     Raises:
         RequestError: there are too many cells.
     """
+    # readings on one line, or a single one, do have a map
     refuse_empty((bounds[0], bounds[1], bounds[2] + 1.0, bounds[3] + 1.0))
     side, parts = options.coarsest, 2 ** (options.levels - 1)
     if max(map(abs, bounds)) / side > 2**40:
@@ -149,7 +160,7 @@ def map_grid(bounds: Bounds, options: MapOptions, *, anchored: bool = True) -> G
     cells = counts[0] * counts[1] * parts * parts
     if cells > MOST_CELLS:
         raise RequestError(
-            f"Cells of {options.cell:g} m over {' '.join(f'{b:.6g}' for b in bounds)} are "
+            f"Cells of {options.cell:g} m over {' '.join(f'{b:.9g}' for b in bounds)} are "
             f"{cells:,}.",
             f"Give larger cells, or part of it by bounds; a map has up to {MOST_CELLS:,}.",
         )
@@ -174,7 +185,7 @@ def height_variance(cloud: Cloud, options: MapOptions, origin: Floats | None = N
 
     σ_z² = σ_r² u_z² + (r σ_a)² (1 − u_z²), with the direction u of the ray, its range r and the
     deviations of range and angle: the covariance of a reading, turned into the world and seen along
-    z (Fankhauser and others 2018, equation 1, without that of the pose). A grazing ray tells
+    z (Fankhauser and others 2014, 2018; without that of the pose). A grazing ray tells
     heights better than a steep one, as far as its range goes. Without origins rays lead straight
     down.
     """
@@ -208,7 +219,6 @@ class RobotMap:
         origin: where the sensor was, (3,), for readings that do not say.
         points: readings that were fused.
         outside: readings beyond the cells.
-        surfaces: names, as they came.
     """
 
     grid: Grid
@@ -216,7 +226,6 @@ class RobotMap:
     origin: Floats | None = None
     points: int = 0
     outside: int = 0
-    surfaces: list[str] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         cells = self.grid.width * self.grid.height
@@ -224,8 +233,14 @@ class RobotMap:
         self._low, self._high = np.full(cells, np.inf), np.full(cells, -np.inf)
         self._count, self._ranged = np.zeros(cells, np.int64), np.zeros(cells, np.int64)
         self._time, self._range = np.full(cells, -np.inf), np.zeros(cells)
+        self._numbers: dict[str, int] = {}
         # votes for surfaces: cell and surface as one number, ascending
         self._voted, self._votes = np.zeros(0, np.int64), np.zeros(0, np.int64)
+
+    @property
+    def surfaces(self) -> list[str]:
+        """Names, as they came."""
+        return [*self._numbers]
 
     @property
     def seen(self) -> int:
@@ -257,7 +272,8 @@ class RobotMap:
         self._high[cells] = np.maximum(self._high[cells], batch.reduced(np.maximum, batch.heights))
         self._count[cells] += batch.sizes
         if cloud.time is not None:
-            time = np.nan_to_num(cloud.time[batch.order], nan=-np.inf)
+            time = cloud.time[batch.order]
+            time = np.where(np.isfinite(time), time, -np.inf)
             self._time[cells] = np.maximum(self._time[cells], batch.reduced(np.maximum, time))
         ranges, origins = cloud.range, cloud.origin if cloud.origin is not None else self.origin
         if ranges is None and origins is not None:
@@ -274,17 +290,16 @@ class RobotMap:
         """The Kalman filter; which of the cells took the batch, and which of them instead."""
         height, before = self._height[cells], self._variance[cells]
         known = np.isfinite(before)
-        limit = self.options.gate**2 * (np.where(known, before, 0.0) + variance + tau)
-        near = known & ((mean - height) ** 2 <= limit)
-        higher, lower = known & ~near & (mean > height), known & ~near & (mean < height)
-        gain = np.where(near, np.where(known, before, 0.0), 0.0)
-        gain = gain / (gain + variance)
-        taken = higher | ~known
-        self._height[cells] = np.where(taken, mean, height + gain * (mean - height))
-        after = np.where(near, (1.0 - gain) * before, before)
-        after = np.where(lower, before + _MULTI_HEIGHT**2, after)
+        before = np.where(known, before, 0.0)
+        off = mean - height
+        near = known & (off**2 <= self.options.gate**2 * (before + variance + tau))
+        taken = ~known | (~near & (off > 0.0))
+        lower = ~near & ~taken
+        gain = np.where(near, before, 0.0) / (before + variance)
+        self._height[cells] = np.where(taken, mean, height + gain * off)
+        after = (1.0 - gain) * before + np.where(lower, _MULTI_HEIGHT**2, 0.0)
         self._variance[cells] = np.where(taken, variance, after)
-        return ~lower, higher
+        return ~lower, taken & known
 
     def _vote(
         self, batch: _Batch, cloud: Cloud, member: NDArray[np.bool_], replaced: NDArray[np.int64]
@@ -292,9 +307,13 @@ class RobotMap:
         """Count the surfaces of readings of the fused height."""
         assert cloud.surface is not None
         for name in cloud.surfaces:
-            if name not in self.surfaces:
-                self.surfaces.append(name)
-        index = np.array([self.surfaces.index(name) for name in cloud.surfaces], np.int64)
+            self._numbers.setdefault(name, len(self._numbers))
+        if len(self._numbers) > _MOST_SURFACES:
+            raise RequestError(
+                f"The scans name more than {_MOST_SURFACES:,} surfaces.",
+                "Rename the column surface, if it holds something else.",
+            )
+        index = np.array([self._numbers[name] for name in cloud.surfaces], np.int64)
         surface = cloud.surface[batch.order]
         member = member & (surface >= 0)
         keys = batch.cells[batch.group[member]] << 20 | index[surface[member]]
@@ -437,11 +456,17 @@ def map_scans(
         progress: is called with words that say how far it is.
 
     Raises:
-        RequestError: a suffix says no format, there are no readings, or too many cells.
+        RequestError: a suffix says no format, points are in the axes of a sensor, there are no
+            readings, or too many cells.
         ReadError: a file cannot be read.
     """
     for path in paths:
         checked_reader(Path(path))
+    if origin is not None and not all(abs(value) < _FAR for value in origin):
+        raise RequestError(
+            f"The origin {' '.join(f'{value:g}' for value in origin)} is nowhere.",
+            f"Give x, y and z below {_FAR:g} m.",
+        )
     if bounds is None:
         grid = map_grid(_around(paths, progress), options)
     else:
@@ -452,6 +477,11 @@ def map_scans(
     for path in paths:
         for cloud in read_clouds(path):
             progress(f"fusing {Path(path).name}, {robot_map.points:,} points")
+            if place is None and in_sensor_axes(cloud):
+                raise RequestError(
+                    f"{path}: its points are as far from 0 as they were from the sensor.",
+                    "Scan with --frame world; if the sensor was at 0, say --origin 0 0 0.",
+                )
             robot_map.add(cloud)
     if not robot_map.points:
         raise RequestError(
@@ -459,6 +489,20 @@ def map_scans(
             "Give other bounds." if bounds else "Give scans that met something.",
         )
     return robot_map
+
+
+def in_sensor_axes(cloud: Cloud) -> bool:
+    """Whether all points are as far from 0 as their ranges are long, and the sensor was not at 0.
+
+    Files of terratool say where it was only as .npz; the others do not say whose axes they have.
+    """
+    if cloud.range is None:
+        return False
+    known = np.isfinite(cloud.range)
+    far = np.linalg.norm(cloud.points[known], axis=1)
+    same = np.abs(far - cloud.range[known]) <= _SAME
+    elsewhere = cloud.origin is None or bool(cloud.origin.any())
+    return bool(known.any() and same.all()) and elsewhere
 
 
 def _around(paths: Sequence[str | Path], progress: Callable[[str], object]) -> Bounds:

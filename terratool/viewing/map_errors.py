@@ -32,8 +32,10 @@ _COLORS = "RdBu_r"
 """Red is too high, blue too low: distinct for any kind of colour vision."""
 _NEVER, _GROUNDLESS = (150, 150, 146), (240, 228, 66)
 _LIGHT = Light(contrast=0.8, shade=0.55, glare=1.12, steeper=10.0)
-_MOST = 99.0
-"""Percentile of the sizes of errors at which the colours end, so that no wall takes them all."""
+_MOST = 90.0
+"""Percentile of the sizes of errors at which the colours end, so that no wall takes them all …"""
+_LEAST = 1e-3
+"""… and the least size at which they do, m."""
 
 
 def write_picture(
@@ -58,7 +60,11 @@ def write_picture(
     with settings():
         places = layout(sides, options, Margins(left=48.0, bottom=76.0, right=122.0, top=26.0))
         grid = grid_over(terrain, sides[0] / (places.ground.width * FINER))
-        picture = _picture(comparison, terrain, grid)
+        size = np.abs(_errors(comparison))
+        size = size[np.isfinite(size)]
+        most = max(float(np.percentile(size, _MOST)) if size.size else 0.0, _LEAST)
+        most = 1.0 / rounded_down(1.0 / most)  # the next of 1, 2 or 5 times a power of ten
+        picture = _picture(comparison, terrain, grid, most)
         factor = min(exaggeration(picture.heights, grid.resolution), _LIGHT.steeper)
         sheet = new_sheet(places.width, places.height, options.dpi)
         axes = sheet.axes(places.ground)
@@ -77,7 +83,11 @@ def write_picture(
             )  # fmt: skip
         unit = unit_of(terrain)
         draw_frame(sheet, axes, places, unit)
-        caption = "Red is too high, blue too low; the ring is the worst place."
+        caption = "Red is too high, blue too low."
+        if worst is not None:
+            caption += " The ring is the worst place."
+        if beyond := float((size > most).sum()):
+            caption += f" Beyond the colours: {beyond / size.size:.1%}."
         draw_margins(sheet, places, picture, unit, [caption])
         left = places.ground.left
         sheet.title(_title(comparison), left, places.width - left - sheet.pixels(6.0))
@@ -93,16 +103,18 @@ def _title(comparison: MapComparison) -> str:
     return f"{known}, RMSE {comparison.errors.rmse:.3g} m"
 
 
-def _picture(comparison: MapComparison, terrain: Terrain, grid: Grid) -> LayerPicture:
+def _errors(comparison: MapComparison) -> NDArray[np.float64]:
+    """(height, width) float64 of the map's cells, NaN where one of both is not known."""
+    return comparison.map.level.elevation - comparison.truth
+
+
+def _picture(comparison: MapComparison, terrain: Terrain, grid: Grid, most: float) -> LayerPicture:
     """The colours of all pixels: each has those of the cell that its middle is in."""
     from matplotlib import colormaps
 
     level = comparison.map.level
-    errors = level.elevation - comparison.truth
+    errors = _errors(comparison)
     heights = terrain.height(grid.columns(grid.whole)[None, :], grid.rows(grid.whole)[:, None])
-    size = np.abs(errors[np.isfinite(errors)])
-    most = float(np.percentile(size, _MOST)) if size.size else 0.0
-    most = _rounded_up(most or float(size.max(initial=0.0)) or 1e-3)
     shares = np.clip(0.5 + 0.5 * errors / most, 0.0, 1.0)
     of_cells = 255.0 * colormaps[_COLORS](np.nan_to_num(shares, nan=0.5))[..., :3]
     of_cells[np.isnan(errors)] = _NEVER
@@ -117,11 +129,6 @@ def _picture(comparison: MapComparison, terrain: Terrain, grid: Grid) -> LayerPi
         swatches.append(Swatch("no ground there", _GROUNDLESS))
     key = Key("Map", tuple(swatches), Scale("map less terrain (m)", -most, most, _COLORS))
     return LayerPicture(grid, heights, np.zeros(heights.shape, np.uint8), colors, key, _LIGHT)
-
-
-def _rounded_up(value: float) -> float:
-    """The least number of 1, 2 or 5 times a power of ten that is no less than one above 0."""
-    return 1.0 / rounded_down(1.0 / value)
 
 
 def _at(

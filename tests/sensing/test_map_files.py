@@ -13,7 +13,8 @@ import rasterio
 from numpy.typing import NDArray
 from rasterio.transform import Affine
 
-from terratool.errors import RequestError
+from terratool.cli.compare import _signed
+from terratool.errors import RequestError, WriteError
 from terratool.field.terrain import Terrain
 from terratool.raster.grid import Grid
 from terratool.sensing.clouds import Cloud
@@ -133,21 +134,15 @@ def test_an_older_level_does_not_stay(tmp_path: Path) -> None:
 
 def test_a_bag_has_a_grid_map_of_each_level(tmp_path: Path) -> None:
     """Index 0 is in the north-east of grid_map; ages count from the last reading."""
-    from rosbags.rosbag2 import Reader
-    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
-
-    from terratool.raster.grid_map_bag import _GRID_MAP, _INFO, TYPE
+    from rosbags.highlevel import AnyReader
 
     out = RobotMap(GRID, MapOptions(1.0, 2))
     points = np.array([[-3.5, 10.5, 7.0], [7.5, 15.5, 9.0]])
     out.add(Cloud(points, time=np.array([1e9, 1e9 + 5.0])))
-    write_map(out, MapOutput(tmp_path / "m.tif", 2, tmp_path / "m.bag"))
-    store = get_typestore(Stores.ROS2_HUMBLE)
-    for name, text in (("grid_map_msgs/msg/GridMapInfo", _INFO), (TYPE, _GRID_MAP)):
-        store.register(get_types_from_msg(text, name))
-    with Reader(tmp_path / "m.bag") as reader:
+    write_map(out, MapOutput(tmp_path / "m.tif", 2, tmp_path / "map_bag"))
+    with AnyReader([tmp_path / "map_bag"]) as reader:  # by the types in the bag alone
         got = {
-            connection.topic: store.deserialize_cdr(data, TYPE)
+            connection.topic: reader.deserialize(data, connection.msgtype)
             for connection, _, data in reader.messages()
         }
     assert [*got] == ["/grid_map", "/grid_map/level_1"]
@@ -159,6 +154,16 @@ def test_a_bag_has_a_grid_map_of_each_level(tmp_path: Path) -> None:
     assert (layers["age"][0], layers["age"][-1]) == (0.0, 5.0)
     assert np.isfinite(layers["elevation"]).sum() == 2
     assert got["/grid_map/level_1"].info.resolution == 2.0
+
+
+def test_a_bag_takes_no_place_of_a_file(tmp_path: Path) -> None:
+    """Neither that of a level, nor that of a folder that is no bag."""
+    for name in ("m.tif", "m.level-1.tif"):
+        with pytest.raises(RequestError, match="is to be the map, too"):
+            MapOutput(tmp_path / "m.tif", 2, tmp_path / name).check()
+    (tmp_path / "kept").mkdir()
+    with pytest.raises(WriteError, match="no bag"):
+        MapOutput(tmp_path / "m.tif", 2, tmp_path / "kept", overwrite=True).check()
 
 
 def test_cells_never_seen_are_void_after_the_import(tmp_path: Path) -> None:
@@ -271,6 +276,30 @@ def test_any_raster_of_heights_can_be_compared(ramp: Terrain, tmp_path: Path) ->
         compare(read_map(tmp_path / "far.tif"), ramp)
 
 
+def test_walls_do_not_take_all_colours(saved: Save, tmp_path: Path) -> None:
+    """A column of 6 cells of 70 is off by 2 m, and the others, 2 cm too high, are red all the same;
+    where all is right, rounding is not drawn."""
+    heights, picture = truth() + 0.02, tmp_path / "errors.png"
+    heights[:, 4] += 2.0
+    path, site = tmp_path / "m.tif", saved(RAMP)
+    from PIL import Image
+
+    def redness() -> float:
+        assert call("compare", path, site, "--picture", picture, "--overwrite").code == 0
+        pixels = np.asarray(Image.open(picture).convert("RGB")).astype(float)
+        middle = pixels[pixels.shape[0] // 3, pixels.shape[1] // 2 : pixels.shape[1] * 2 // 3]
+        return float((middle[:, 0] - middle[:, 2]).mean())
+
+    saved_map(of_heights(heights), path)
+    assert redness() > 60
+    saved_map(of_heights(truth() + 1e-12), path)
+    assert redness() < 20
+
+
+def test_no_bias_has_no_minus() -> None:
+    assert (_signed(-1e-9), _signed(-0.00126)) == ("+0.0000 m", "-0.0013 m")
+
+
 def test_commands_end_to_end(saved: Save, tmp_path: Path) -> None:
     """From a CSV to a map, to its figures and the exit code, and a picture of the errors."""
     site, scan, out = saved(RAMP), tmp_path / "scan.csv", tmp_path / "m.tif"
@@ -300,6 +329,13 @@ def test_commands_end_to_end(saved: Save, tmp_path: Path) -> None:
     assert np.quantile(red[1][red[1] < ground], 0.99) < pixels.shape[1] / 4  # in the west alone
     assert call("compare", out, site, "--max-rmse", "0.1").code == 1
     assert call("compare", out, site, "--max-rmse", "0.2", "--min-coverage", "1").code == 0
+    with rasterio.open(
+        tmp_path / "never.tif", "w", driver="GTiff", dtype="float32", count=1, height=6, width=12,
+        transform=Affine(1.0, 0.0, -4.0, 0.0, -1.0, 16.0),
+    ) as file:  # fmt: skip
+        file.write(np.full((6, 12), np.nan, np.float32), 1)
+    ran = call("compare", tmp_path / "never.tif", site, "--max-rmse", "9")
+    assert ran.code == 1 and "so the RMSE is not shown to be within 9 m" in ran.err
     ran = call("compare", site, site)
     assert ran.code in (2, 3) and not ran.out
     ran = call("map", scan, "--cell", "nan", "--output", tmp_path / "n.tif")

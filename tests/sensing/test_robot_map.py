@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ from terratool.errors import ReadError, RequestError
 from terratool.sensing import robot_map as module
 from terratool.sensing.clouds import Cloud, read_clouds
 from terratool.sensing.export import ScanOutput, export_scan
-from terratool.sensing.poses import one_pose
+from terratool.sensing.poses import Poses, one_pose
 from terratool.sensing.robot_map import (
     MapOptions,
     RobotMap,
@@ -84,6 +85,47 @@ def test_fusion_of_unlike_readings_is_the_kalman_filter() -> None:
     assert np.isfinite(level.elevation).sum() == 1
 
 
+def test_readings_one_by_one_are_those_of_a_slow_filter() -> None:
+    """1,000 of ground at four heights, each a batch, against the filter as elevation_mapping has it
+    and the rule of the higher one: heights, variances, votes and times."""
+    rng = np.random.default_rng(5)
+    x, y, variance = (
+        rng.uniform(10, 13, 1000),
+        rng.uniform(20, 22, 1000),
+        rng.uniform(1e-4, 0.01, 1000),
+    )
+    z = rng.choice([0.0, 0.0, 2.0, 5.0], 1000) + 0.3 * rng.normal(0.0, np.sqrt(variance))
+    surface = rng.integers(0, 3, 1000)
+    got = mapped()
+    height, after, votes, last = {}, {}, {}, {}
+    for k in range(1000):
+        got.add(
+            cloud(
+                (x[k], y[k], z[k]), variance=variance[[k]], time=np.array([float(k)]),
+                surface=surface[[k]].astype(np.int32), surfaces=("a", "b", "c"),
+            )
+        )  # fmt: skip
+        cell = 21 - int(y[k]), int(x[k]) - 10
+        last[cell] = k
+        old, before = height.get(cell, -math.inf), after.get(cell, 0.0)
+        if abs(z[k] - old) <= 2.5 * math.sqrt(before + variance[k] + 0.25):
+            total = before + variance[k]
+            height[cell] = (before * z[k] + variance[k] * old) / total
+            after[cell] = before * variance[k] / total
+            votes[cell].append(surface[k])
+        elif z[k] > old:
+            height[cell], after[cell], votes[cell] = z[k], variance[k], [surface[k]]
+        else:
+            after[cell] += 0.003**2
+    level = got.level(0)
+    for cell, wanted in height.items():
+        assert level.elevation[cell] == pytest.approx(wanted, rel=1e-12, abs=1e-12)
+        assert level.variance[cell] == pytest.approx(after[cell], rel=1e-12)
+        assert level.time[cell] == last[cell]
+        counts = [votes[cell].count(k) for k in range(3)]
+        assert counts[level.surface[cell]] == max(counts)
+
+
 def test_variance_of_a_reading_by_its_incidence() -> None:
     """σ_r² u_z² + (r σ_a)² (1 − u_z²): a ray of (3, 0, −4), of 5 m, has u_z = 0.8."""
     options = MapOptions(1.0, 1, Noise(0.01, 0.002), angle=0.003)
@@ -127,6 +169,12 @@ def test_the_likeliest_surface_is_that_of_the_fused_height() -> None:
     points = [(10.5, 20.5, z) for z in heights]
     first = cloud(*points, surface=surface, surfaces=("sand", "steel"))
     level = mapped(first).level(0)
+    assert level.surfaces[level.surface[1, 0]] == "steel"
+    foot, top = (
+        cloud(*points[part], surface=surface[part], surfaces=("sand", "steel"))
+        for part in (slice(0, 3), slice(3, 5))
+    )
+    level = mapped(foot, top).level(0)  # what takes a cell over has the votes anew
     assert level.surfaces[level.surface[1, 0]] == "steel"
     more = cloud(*points[3:] * 2, surface=np.array([0] * 4, np.int32), surfaces=("rust",))
     level = mapped(first, more).level(0)
@@ -252,6 +300,75 @@ def test_broken_clouds_are_refused(
     with pytest.raises((ReadError, RequestError), match=said) as caught:
         list(read_clouds(path))
     assert name in caught.value.message
+
+
+@pytest.mark.parametrize("suffix", ["npz", "csv", "ply", "pcd", "las"])
+def test_points_in_the_axes_of_a_sensor_are_refused(suffix: str, tmp_path: Path) -> None:
+    """Of two turns from different places, where a PCD cannot say either where each was."""
+    poses = Poses.joined([one_pose((*HERE, yaw, 0.0, 0.0)) for yaw in (10.0, 70.0)])
+    path = tmp_path / f"a.{suffix}"
+    export_scan(TERRAIN, Scan(LIDAR, poses, ScanOptions()), ScanOutput(path, world=False))
+    with pytest.raises((ReadError, RequestError), match=r"(axes of|from) the sensor") as caught:
+        map_scans([path], MapOptions(0.5))
+    assert "--frame world" in (caught.value.hint or "")
+
+
+def test_a_sensor_at_zero_has_the_axes_of_the_world(tmp_path: Path) -> None:
+    """If that is said: points alone could be either."""
+    path = tmp_path / "a.csv"
+    path.write_text("x,y,z,range\n3,0,-4,5\n0,6,-8,10\n")
+    with pytest.raises(RequestError, match="as far from 0"):
+        map_scans([path], ONE)
+    assert map_scans([path], ONE, origin=(0.0, 0.0, 0.0)).points == 2
+    path.write_text("x,y,z,range\n3,0,-4,5\n0,6,-8,11\n")
+    assert map_scans([path], ONE).points == 2
+    with pytest.raises(RequestError, match="is nowhere"):
+        map_scans([path], ONE, origin=(0.0, math.inf, 0.0))
+
+
+@pytest.mark.parametrize(
+    ("wrong", "shape"), [("x", (2, 3)), ("range", (2, 2)), ("origin", (2,)), ("origin", (2, 2))]
+)
+def test_arrays_of_another_shape_are_refused(
+    wrong: str, shape: tuple[int, ...], tmp_path: Path
+) -> None:
+    """Columns have one dimension, origin has three numbers a row."""
+    path = tmp_path / "a.npz"
+    np.savez(path, **{name: np.ones(2) for name in "xyz"} | {wrong: np.ones(shape)})
+    with pytest.raises(ReadError, match="no column of numbers"):
+        map_scans([path], ONE)
+
+
+def test_numbers_that_no_square_holds_are_none(tmp_path: Path) -> None:
+    """Endless or huge ranges, times and variances are not known; nothing is warned of."""
+    path = tmp_path / "a.csv"
+    path.write_text(
+        "x,y,z,range,time,variance\n1,2,3,1e300,inf,inf\n1,2,3.1,7,5,1e300\n1e300,1,1,1,1,1\n"
+    )
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        got = map_scans([path], ONE)
+        level = got.level(0)
+    seen = level.count > 0
+    assert got.points == 2 and seen.sum() == 1
+    assert level.elevation[seen] == pytest.approx(3.05)
+    assert level.variance[seen] == pytest.approx(module.SIGMA**2 / 2)
+    assert (level.time[seen], level.distance[seen]) == (5.0, 7.0)
+
+
+def test_names_of_surfaces_have_an_end(tmp_path: Path) -> None:
+    """A column surface that holds something else is told from one of surfaces."""
+    path = tmp_path / "a.csv"
+    path.write_text("x,y,z,surface\n" + "".join(f"1,2,3,s{n}\n" for n in range(65_537)))
+    with pytest.raises(RequestError, match="more than 65,536 surfaces"):
+        map_scans([path], ONE)
+
+
+@pytest.mark.parametrize("name", ["angle", "gate", "relief"])
+def test_options_of_a_map_are_numbers(name: str) -> None:
+    for value in (-1.0, math.nan, math.inf):
+        with pytest.raises(RequestError, match=f"The {name} of a map"):
+            MapOptions(1.0, **{name: value})
 
 
 def test_readings_that_are_none_are_left_out(tmp_path: Path) -> None:
