@@ -262,7 +262,7 @@ def test_tables_of_the_format_say_what_the_terrain_says(file: str, terrains: Pat
     for _, _, point, said in (row for row in rows() if row.file == file):
         z = float(said["z"]) if said["z"] else math.nan
         assert terrain.height(*point) == pytest.approx(z, rel=1e-6, abs=1e-6, nan_ok=True), said
-        assert (terrain.locate(*point) or "") == said["element"].strip("`"), said
+        assert (terrain.element(*point) or "") == said["element"].strip("`"), said
         if "surface" in said:
             assert (terrain.surface(*point) or "") == said["surface"], said
 

@@ -289,7 +289,7 @@ class Terrain:
         """Names of the surfaces at points, None where there is none: a str, or an object array."""
         return self._surface_names[self.sample(x, y).surface]
 
-    def locate(self, x: ArrayLike, y: ArrayLike) -> Any:
+    def element(self, x: ArrayLike, y: ArrayLike) -> Any:
         """JSON pointers of the elements that decide the surface at points, None where none does.
 
         Through parts and libraries a pointer is a chain: see docs/format.md, names of elements.
@@ -299,10 +299,10 @@ class Terrain:
         pointers = np.array([self.pointer(i) for i in unique.tolist()], object)
         return pointers[index].reshape(element.shape)[()]
 
-    def address(self, x: ArrayLike, y: ArrayLike) -> CellAddress:
+    def locate(self, x: ArrayLike, y: ArrayLike) -> CellAddress:
         """Cells of the nested grids that hold points, level by level: the paper's Ψ.
 
-        See `terratool.field.addresses.addresses`. `locate` names the element instead.
+        See `terratool.field.addresses.addresses`. `element` names what decides the surface.
 
         Raises:
             RequestError: the parts of the terrain come to too many elements.

@@ -261,7 +261,7 @@ def interpolation_error(
         rms=largest * float(np.sqrt(np.mean(scaled**2))),
         x=float(x[worst]),
         y=float(y[worst]),
-        element=terrain.locate(x[worst], y[worst]),
+        element=terrain.element(x[worst], y[worst]),
     )
 
 

@@ -119,7 +119,7 @@ def test_heights_grow_with_the_size() -> None:
     for number, (x, y, side) in enumerate(inside()):
         assert box.height(x, y) == side
         assert tall.height(x, y) == -3 * side + 0.5
-        assert box.locate(x, y) == f"/elemTree/children/0[{number}]"
+        assert box.element(x, y) == f"/elemTree/children/0[{number}]"
 
 
 def test_parts_are_scattered_as_a_whole() -> None:

@@ -47,7 +47,7 @@ NESTED: dict[str, Any] = {
 def test_levels_of_a_terrain_by_hand() -> None:
     """Cells of 20 × 13, in one of them of 5 × 2.6, and a block there is no cell of its own."""
     terrain = terrain_of(NESTED)
-    found = terrain.address([-5.0, 31.0, 39.0, 42.0, 70.0], [120.0, 101.0, 106.0, 105.3, 100.0])
+    found = terrain.locate([-5.0, 31.0, 39.0, 42.0, 70.0], [120.0, 101.0, 106.0, 105.3, 100.0])
     none = [-1, -1]
     assert found.cells.tolist() == [
         [[0, 1], none, none],
@@ -63,7 +63,7 @@ def test_free_places_have_grids_too() -> None:
     """The element at (−2 … 2, 119 … 121) has two cells; it stands in the root's cell (0, 1)."""
     terrain = terrain_of(NESTED)
     for x, cell in ((-1.0, 0), (1.0, 1)):
-        found = terrain.address(x, 120.0)
+        found = terrain.locate(x, 120.0)
         assert found.cells.tolist() == [[0, 1], [cell, 0], [-1, -1]]
         assert terrain.pointer(int(found.elements[1])) == "/elemTree/children/1"
 
@@ -72,7 +72,7 @@ def test_a_turned_footprint_may_lie_beside_its_cell() -> None:
     """It is 2 by 4 after a quarter turn, its cell 4 by 2: to the north of that it has no cells."""
     turned = dict(NESTED["elemTree"]["children"][1], turnDeg=90)
     tree = {**NESTED["elemTree"], "children": [turned]}
-    found = terrain_of({**NESTED, "elemTree": tree}).address([0.0, 0.0], [120.5, 121.5])
+    found = terrain_of({**NESTED, "elemTree": tree}).locate([0.0, 0.0], [120.5, 121.5])
     assert found.cells[:, 1].tolist() == [[1, 0], [-1, -1]]
     assert found.elements[:, 1].tolist() == [1, -1]
 
@@ -82,7 +82,7 @@ def test_edges_belong_to_the_east_and_the_north() -> None:
     terrain = terrain_of(NESTED)
     west = np.nextafter(10.0, -np.inf)
     x = [west, 10.0, 30.0, 50.0, np.nextafter(50.0, np.inf)]
-    cells = terrain.address(x, 126.0).cells[:, 0]
+    cells = terrain.locate(x, 126.0).cells[:, 0]
     assert cells.tolist() == [[0, 1], [1, 1], [2, 1], [2, 1], [-1, -1]]
 
 
@@ -92,17 +92,17 @@ def test_tracks_change_no_address() -> None:
     terrain, driven = terrain_of(NESTED), terrain_of({**NESTED, "tracks": [track]})
     x, y = np.random.default_rng(4).uniform((30, 100), (50, 113), (500, 2)).T
     assert (driven.surface(x, y) == "rut").sum() > 50
-    np.testing.assert_array_equal(driven.address(x, y).cells, terrain.address(x, y).cells)
-    np.testing.assert_array_equal(driven.address(x, y).elements, terrain.address(x, y).elements)
+    np.testing.assert_array_equal(driven.locate(x, y).cells, terrain.locate(x, y).cells)
+    np.testing.assert_array_equal(driven.locate(x, y).elements, terrain.locate(x, y).elements)
 
 
 def test_shapes_are_those_of_the_points() -> None:
     """Points broadcast, and a root alone has no grid in it."""
-    found = terrain_of(NESTED).address(np.zeros((2, 1)), np.zeros(5))
+    found = terrain_of(NESTED).locate(np.zeros((2, 1)), np.zeros(5))
     assert found.cells.shape == (2, 5, 3, 2)
     assert found.elements.shape == (2, 5, 3)
     alone = {**NESTED, "elemTree": {"type": "flat"}}
-    assert terrain_of(alone).address(0.0, 110.0).cells.shape == (0, 2)
+    assert terrain_of(alone).locate(0.0, 110.0).cells.shape == (0, 2)
 
 
 def cell_of(side: Side, count: int, p: float, ground: Side) -> int:
@@ -149,7 +149,7 @@ def test_addresses_agree_with_the_format(data: st.DataObject) -> None:
     drawn = data.draw(st.lists(points(definition), min_size=4, max_size=12))
     places = landmarks(definition)[:40] + rims(definition) + drawn
     x, y = np.array(places).T
-    found = terrain.address(x, y)
+    found = terrain.locate(x, y)
     for place, cells in zip(places, found.cells.tolist(), strict=True):
         if oracle.margin(*place, cells=False) <= 1e-9:
             continue  # on the edge of a turned rectangle or a disc, where rounding decides

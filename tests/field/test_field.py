@@ -181,7 +181,7 @@ class TestRules:
         t = terrain({"type": "flat", "surface": "d", "children": [early, late]}, **surfaces)
         assert t.surface([10.5, 15, 5], [10.5, 15, 5]).tolist() == ["b", "c", "d"]
         pointers = ["/elemTree/children/0/children/0", "/elemTree/children/1", "/elemTree"]
-        assert t.locate([10.5, 15, 5], [10.5, 15, 5]).tolist() == pointers
+        assert t.element([10.5, 15, 5], [10.5, 15, 5]).tolist() == pointers
 
     @pytest.mark.parametrize("more", [{}, {"span": [2, 1]}, {"type": "cone"}], ids=str)
     def test_later_wins_among_the_children_of_overlapping_parents(self, more: Any) -> None:
@@ -202,7 +202,7 @@ class TestRules:
         for order, name in ((children, "b"), (children[::-1], "a")):
             t = terrain({"type": "flat", "children": order}, **surfaces)
             assert t.surface(35, 35) == name
-            assert t.locate(35, 35) == "/elemTree/children/1"
+            assert t.element(35, 35) == "/elemTree/children/1"
 
     def test_surface_comes_from_the_cell_even_where_the_parent_does_not_cover(self) -> None:
         surfaces = {"surfTypes": {"a": {}, "b": {}}}
@@ -217,7 +217,7 @@ class TestRules:
         assert t.height([10, 15, 10, 20, 1], [5, 5, 7.5, 5, 1]).tolist() == pytest.approx(
             [4, 2, 2, 0, 0]
         )
-        assert t.locate(1, 1) is None
+        assert t.element(1, 1) is None
 
     def test_a_column_ends_at_its_disc(self) -> None:
         """Closed, and not a hair further; the ellipse of an oblong cell likewise."""
@@ -349,7 +349,7 @@ class TestFreePlaces:
         for order in ([here, there, wide], [wide, there, here], [there, here], [wide, here, there]):
             t = terrain({"type": "flat", "children": order}, size=[100, 50], **surfaces)
             assert t.surface(44, 23) == order[-1]["surface"]
-            assert t.locate(44, 23) == f"/elemTree/children/{len(order) - 1}"
+            assert t.element(44, 23) == f"/elemTree/children/{len(order) - 1}"
             # summed up, too: the share of each in the terrain
             shares = {"a": 0.1, "b": 0.08, "c": 0.4}
             wanted = sum(shares[element["surface"]] for element in order)
@@ -414,7 +414,7 @@ class TestArrays:
         x = [4.999, 105.001, math.nan, math.inf, -math.inf, 50, 50]
         y = [50, 50, 50, 50, 50, math.nan, -math.inf]
         assert np.isnan(t.height(x, y)).all()
-        assert t.locate(x, y).tolist() == [None] * 7
+        assert t.element(x, y).tolist() == [None] * 7
 
     def test_large_batches_come_back_in_order(self) -> None:
         """Batches on large fields are visited place by place; the answers keep their places."""
@@ -447,7 +447,7 @@ class TestExtremes:
             assert t.levels == 1000
             at = 64.0 * corner
             assert t.height(at, at) == 1000
-            assert t.locate(at, at) == "/elemTree" + "/children/0" * 999
+            assert t.element(at, at) == "/elemTree" + "/children/0" * 999
             assert t.height(32, 31) == 1 + (cells == 2) * 0
 
     def test_a_thousand_levels_around_an_inner_point(self) -> None:

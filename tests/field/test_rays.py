@@ -761,7 +761,7 @@ def test_parts_that_are_shared_are_written_out_or_refused() -> None:
     assert terrain.is_shared and terrain.elements > 80_000
     hit = terrain.cast([100.05, 57.5, 1], [1, 0, 0])
     assert hit.wall and abs(hit.distance - 0.25) <= 1e-12
-    assert terrain.pointer(int(hit.element)) == terrain.locate(100.4, 57.5)
+    assert terrain.pointer(int(hit.element)) == terrain.element(100.4, 57.5)
     brick = {"type": "box", "cellX": 3, "cellY": 5}
     with pytest.raises(RequestError, match=r"elements, and more than .* are not written out"):
         terrain_of(wall(1000, 1000)).cast([1, 1, 1], [1, 0, 0])

@@ -83,7 +83,7 @@ def compare(shared: Terrain, plain: Terrain, seed: int = 0) -> None:
     np.testing.assert_array_equal(one.normal, other.normal)
     np.testing.assert_array_equal(shared.surface(x, y), plain.surface(x, y))
     np.testing.assert_array_equal(shared.surface_of(one.element), one.surface)
-    assert shared.locate(x, y).tolist() == plain.locate(x, y).tolist()
+    assert shared.element(x, y).tolist() == plain.element(x, y).tolist()
     assert shared.elements == plain.elements
     assert shared.levels == plain.levels
     assert shared.smallest_cell == plain.smallest_cell
@@ -307,11 +307,11 @@ def test_a_million_million_elements() -> None:
     rng = np.random.default_rng(3)
     x, y = rng.uniform(0, 1000, (2, 40))
     found = terrain.sample(x, y)
-    for n, pointer in enumerate(terrain.locate(x, y).tolist()):
+    for n, pointer in enumerate(terrain.element(x, y).tolist()):
         plain = Terrain(checked(branch(definition, pointer)))
         assert plain.height(x[n], y[n]) == found.height[n]
         np.testing.assert_array_equal(plain.normal(x[n], y[n]), found.normal[n])
-        assert plain.locate(x[n], y[n]) == re.sub(r"\[.*?\]", "", pointer)
+        assert plain.element(x[n], y[n]) == re.sub(r"\[.*?\]", "", pointer)
 
 
 def test_more_elements_than_a_number_holds() -> None:
@@ -323,7 +323,7 @@ def test_more_elements_than_a_number_holds() -> None:
     x, y = np.random.default_rng(3).uniform(0, 1000, (2, 20))
     found = terrain.sample(x, y)
     pointers = [terrain.pointer(int(element)) for element in found.element]
-    assert pointers == terrain.locate(x, y).tolist()
+    assert pointers == terrain.element(x, y).tolist()
     for n, pointer in enumerate(pointers):
         assert pointer is not None
         plain = Terrain(checked(branch(definition, pointer)))
@@ -340,7 +340,7 @@ def test_a_terrain_travels_with_what_it_shares() -> None:
     x, y = np.random.default_rng(5).uniform(-10, 1010, (2, 100))
     other = pickle.loads(pickle.dumps(terrain))
     np.testing.assert_array_equal(other.height(x, y), terrain.height(x, y))
-    assert other.locate(x, y).tolist() == terrain.locate(x, y).tolist()
+    assert other.element(x, y).tolist() == terrain.element(x, y).tolist()
     outside = other.sample(-1.0, 5.0)
     assert outside.element == OUTSIDE and other.pointer(int(outside.element)) is None
 

@@ -146,7 +146,7 @@ def test_the_later_surface_wins_over_all_elements() -> None:
         (7, 5, "sand", "/elemTree"), (18, 5.5, "firm", "/elemTree/children/1"),
     ):  # fmt: skip
         assert terrain.surface(x, y) == surface
-        assert terrain.locate(x, y) == element
+        assert terrain.element(x, y) == element
     assert terrain.height(16, 8.2) == 1 - 0.02 * 3 ** (1 / 3)
     assert list(terrain.surface([7, 1], [8.25, 1])) == ["plain", "hole"]
 
@@ -352,7 +352,7 @@ def test_the_example_of_the_format() -> None:
         at = float(x), float(y)
         assert terrain.height(*at) == pytest.approx(float(z), abs=1e-12)
         assert terrain.surface(*at) == surface
-        assert terrain.locate(*at) == element.strip("`")
+        assert terrain.element(*at) == element.strip("`")
 
 
 def test_warnings_about_tracks_are_for_them_alone() -> None:

@@ -201,7 +201,7 @@ class TestRuts:
         """The ruts can have a surface, and a query names the track."""
         terrain = driven(flat(tmp_path), [(4, 10), (12, 10)], surface="rock")
         assert terrain.surface(8.0, 10.4) == "rock"
-        assert str(terrain.locate(8.0, 10.4)).startswith("/tracks/")
+        assert str(terrain.element(8.0, 10.4)).startswith("/tracks/")
         assert terrain.surface(8.0, 10.0) == "sand"
 
     def test_driven_again(self, tmp_path: Path) -> None:

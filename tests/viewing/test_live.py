@@ -91,7 +91,7 @@ def test_values_are_those_of_a_query(served: tuple[PageServer, LiveState]) -> No
     for x, y in ((2.1, -3.3), (-4.4, -0.2), (3.75, 2.5), (0.0, 0.0)):
         answer = json.loads(ask(server, f"/values?x={x}&y={y}")[1])
         assert answer["z"] == terrain.height(x, y)
-        assert answer["element"] == terrain.locate(x, y)
+        assert answer["element"] == terrain.element(x, y)
         assert answer["surface"] == terrain.surface(x, y)
         assert answer["line"] == "yard.json:1"
         assert answer["picture"] == 1

@@ -125,7 +125,7 @@ def test_faces_are_what_the_field_has_there(name: str) -> None:
     within = 2 * told["wall_offset"] + 1e-3
     behind = walls.mean(axis=1)[:, :2] - within * facing + np.array(told["origin"][:2])
     owners = np.array([told["names"][index] for index in arrays["elements"][ground:, 0]], object)
-    same = owners == found.terrain.locate(*behind.T)
+    same = owners == found.terrain.element(*behind.T)
     assert same[wide > 8 * within].all()
     assert same.mean() > 0.9
 

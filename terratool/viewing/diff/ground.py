@@ -379,7 +379,7 @@ def _largest(
     _, row, column, old, new = min(found, key=lambda one: (-one[0], one[1], one[2]))
     at = Window(row, column, 1, 1)
     x, y = float(grid.columns(at)[0]), float(grid.rows(at)[0])
-    return LargestChange(x, y, old, new, both.old.locate(x, y), both.new.locate(x, y))
+    return LargestChange(x, y, old, new, both.old.element(x, y), both.new.element(x, y))
 
 
 def area_of(bounds: Bounds) -> float:
