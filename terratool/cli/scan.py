@@ -91,9 +91,9 @@ def command(
     """Read FILE with a lidar, a depth camera or a sonar, and write what it saw into OUT.
 
     The suffix of OUT says what is written: points as .ply, .pcd, .las, .laz, .npz or .csv; depth
-    images as .png (16 bits, mm) or .tif (floats, m), their intrinsics beside them; .bag, a bag of
-    ROS 2. Each point knows its surface and its element. Along a path with times a lidar turns while
-    it moves.
+    images as .png (16 bits, mm) or .tif (floats, m), their intrinsics beside them; .rosbag2, a bag
+    of ROS 2. Each point knows its surface and its element. Along a path with times a lidar turns
+    while it moves.
     """
     from pathlib import Path
 

@@ -57,7 +57,7 @@ class ScanOutput:
         if form.images and not isinstance(scan.sensor.head, Camera):
             raise RequestError(
                 f"{self.path}: is an image, and a {scan.sensor.kind} takes none.",
-                "Write .ply, .pcd, .las, .npz, .csv or .bag, or take a camera.",
+                "Write .ply, .pcd, .las, .npz, .csv or .rosbag2, or take a camera.",
             )
         if self.misses and not form.misses:
             raise RequestError(

@@ -74,8 +74,8 @@ def test_the_suffix_says_the_format(folder: Path) -> None:
     """In upper case, too."""
     assert scan(*POSE, out="A.PLY").code == 0
     assert (folder / "A.PLY").read_bytes().startswith(b"ply\n")
-    assert scan(*POSE, out="a.bag").code == 0
-    assert names(folder / "a.bag") == ["a.bag.mcap", "metadata.yaml"]
+    assert scan(*POSE, out="a.rosbag2").code == 0
+    assert names(folder / "a.rosbag2") == ["a.rosbag2.mcap", "metadata.yaml"]
 
 
 def test_on_the_ground(folder: Path) -> None:
@@ -154,7 +154,7 @@ def test_a_sensor_that_dives_between_two_poses(folder: Path) -> None:
     """Its poses are in order, but on the way from one to the other it is in the brick."""
     (folder / "p.csv").write_text("x,y,z,time\n110,207,1.7,0\n139,207,1.7,1\n")
     before = names(folder)
-    ran = scan("--path", "p.csv", out="out.bag")
+    ran = scan("--path", "p.csv", out="out.rosbag2")
     assert ran.code == 2
     assert "below the ground at x 1" in ran.err
     assert names(folder) == before
@@ -188,11 +188,11 @@ def test_sensors_that_are_none(text: str, code: int, said: str, folder: Path) ->
         ("out.xyz", (), 2, "out.xyz: ends with .xyz, which says no format."),
         ("out.png", (), 2, "is an image, and a lidar takes none."),
         ("out.las", ("--misses",), 2, ".las cannot hold rays without a reading."),
-        ("out.bag", ("--frame", "sensor"), 2, "has the sensor's axes anyway."),
+        ("out.rosbag2", ("--frame", "sensor"), 2, "has the sensor's axes anyway."),
         ("there/out.ply", (), 3, "does not exist"),
         ("yard.json", (), 3, "yard.json: is read, too"),
         ("old.ply", (), 3, "old.ply: exists already."),
-        ("old.bag", (), 3, "old.bag: exists already."),
+        ("old.rosbag2", (), 3, "old.rosbag2: exists already."),
     ],
 )
 def test_outputs_that_cannot_be(
@@ -200,7 +200,7 @@ def test_outputs_that_cannot_be(
 ) -> None:
     """Before anything is read of the terrain."""
     (folder / "old.ply").write_text("mine")
-    (folder / "old.bag").mkdir()
+    (folder / "old.rosbag2").mkdir()
     before = names(folder)
     ran = scan(*POSE, *words, out=out)
     assert ran.code == code, ran
@@ -211,7 +211,7 @@ def test_outputs_that_cannot_be(
 
 @pytest.mark.parametrize(
     ("out", "module", "extra"),
-    [("a.las", "laspy", "las"), ("a.laz", "lazrs", "las"), ("a.bag", "rosbags", "ros")],
+    [("a.las", "laspy", "las"), ("a.laz", "lazrs", "las"), ("a.rosbag2", "rosbags", "ros")],
 )
 def test_what_is_not_installed_is_named(
     out: str, module: str, extra: str, folder: Path, monkeypatch: pytest.MonkeyPatch

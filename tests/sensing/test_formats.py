@@ -226,15 +226,13 @@ def test_tiff_has_depths_and_labels(tmp_path: Path) -> None:
 
 
 def messages(path: Path) -> dict[str, list[Any]]:
-    """What a bag holds, by topic, in order."""
-    from rosbags.rosbag2 import Reader
-    from rosbags.typesys import Stores, get_typestore
+    """What a bag holds, by topic, in order, by the types in it."""
+    from rosbags.highlevel import AnyReader
 
-    store = get_typestore(Stores.ROS2_HUMBLE)
     found: dict[str, list[Any]] = {}
-    with Reader(path) as reader:
+    with AnyReader([path]) as reader:
         for connection, stamp, data in reader.messages():
-            message = store.deserialize_cdr(data, connection.msgtype)
+            message = reader.deserialize(data, connection.msgtype)
             header = getattr(message, "header", None)
             if header is not None:
                 assert stamp == header.stamp.sec * 10**9 + header.stamp.nanosec
@@ -254,10 +252,10 @@ def matrix(transform: Any) -> tuple[Any, Any]:
 @pytest.mark.parametrize("misses", [False, True])
 def test_bag_of_a_lidar(misses: bool, tmp_path: Path) -> None:
     """Points of PointCloud2 come to those of the world by /tf; rows are beams, with misses."""
-    frames, report = scanned(LIDAR, tmp_path / "a.bag", misses=misses)
-    found = messages(tmp_path / "a.bag")
+    frames, report = scanned(LIDAR, tmp_path / "a.rosbag2", misses=misses)
+    found = messages(tmp_path / "a.rosbag2")
     assert sorted(found) == ["/points", "/tf"]
-    assert report.files == ("a.bag.mcap", "metadata.yaml")
+    assert report.files == ("a.rosbag2.mcap", "metadata.yaml")
     names = {7: "<f4", 4: "<u2", 5: "<i4", 2: "u1"}
     for frame, cloud, tf in zip(frames, found["/points"], found["/tf"], strict=True):
         kind = np.dtype({
@@ -286,8 +284,8 @@ def test_bag_of_a_lidar(misses: bool, tmp_path: Path) -> None:
 
 def test_bag_of_a_level_lidar(tmp_path: Path) -> None:
     """A LaserScan: angles, and ranges with +inf for what is nowhere."""
-    scanned(PLANAR, tmp_path / "a.bag")
-    found = messages(tmp_path / "a.bag")
+    scanned(PLANAR, tmp_path / "a.rosbag2")
+    found = messages(tmp_path / "a.rosbag2")
     assert sorted(found) == ["/scan", "/tf"]
     scan = found["/scan"][0]
     assert scan.angle_min == pytest.approx(-np.pi / 4)
@@ -298,15 +296,15 @@ def test_bag_of_a_level_lidar(tmp_path: Path) -> None:
     np.testing.assert_allclose(scan.ranges, [np.inf, 18, np.inf, 12], rtol=1e-6)
     near = sensor(range=[15, 17], lidar={"elevations": [0], "azimuths": [-90, 90],
                                          "azimuthStep": 90})  # fmt: skip
-    scanned(near, tmp_path / "b.bag")
-    ranges = messages(tmp_path / "b.bag")["/scan"][0].ranges
+    scanned(near, tmp_path / "b.rosbag2")
+    ranges = messages(tmp_path / "b.rosbag2")["/scan"][0].ranges
     assert ranges.tolist() == [np.inf, np.inf, -np.inf]
 
 
 def test_bag_of_a_camera(tmp_path: Path) -> None:
     """A depth image in the optical frame: z ahead, x to the right, y down, by K and /tf."""
-    frames, _ = scanned(CAMERA, tmp_path / "a.bag")
-    found = messages(tmp_path / "a.bag")
+    frames, _ = scanned(CAMERA, tmp_path / "a.rosbag2")
+    found = messages(tmp_path / "a.rosbag2")
     assert sorted(found) == ["/depth/camera_info", "/depth/image_rect_raw", "/tf", "/tf_static"]
     (fixed,) = found["/tf_static"][0].transforms
     assert (fixed.header.frame_id, fixed.child_frame_id) == ("camera", "camera_optical")
@@ -330,8 +328,8 @@ def test_bag_of_a_camera(tmp_path: Path) -> None:
 
 def test_bag_of_a_sonar(tmp_path: Path) -> None:
     """A Range with the beam's width."""
-    frames, _ = scanned(SONAR, tmp_path / "a.bag")
-    first, second = messages(tmp_path / "a.bag")["/sonar/range"]
+    frames, _ = scanned(SONAR, tmp_path / "a.rosbag2")
+    first, second = messages(tmp_path / "a.rosbag2")["/sonar/range"]
     assert first.range == pytest.approx(frames[0].range[0], rel=1e-6)
     assert first.range == pytest.approx(18, rel=1e-2)
     assert first.field_of_view == pytest.approx(np.radians(10))
@@ -346,8 +344,8 @@ def test_bag_follows_a_lidar_that_moves(tmp_path: Path) -> None:
         quaternions([0, 0], [0, 0], [0, 0]), True,
     )  # fmt: skip
     lidar = sensor(rate=1, lidar={"elevations": [0], "azimuthStep": 30})
-    export_scan(TERRAIN, Scan(lidar, poses), ScanOutput(tmp_path / "a.bag"))
-    moves = [one.transforms[0] for one in messages(tmp_path / "a.bag")["/tf"]]
+    export_scan(TERRAIN, Scan(lidar, poses), ScanOutput(tmp_path / "a.rosbag2"))
+    moves = [one.transforms[0] for one in messages(tmp_path / "a.rosbag2")["/tf"]]
     x = [move.transform.translation.x for move in moves]
     at = [move.header.stamp.sec + move.header.stamp.nanosec / 1e9 for move in moves]
     np.testing.assert_allclose(x, np.minimum(105 + 10 * (np.array(at) - 3), 115), atol=1e-6)
@@ -415,7 +413,7 @@ def test_a_scan_of_nothing_is_written(suffix: str, tmp_path: Path) -> None:
 
 def test_a_folder_that_is_no_bag_is_kept(tmp_path: Path) -> None:
     """Whatever --overwrite says."""
-    folder = tmp_path / "a.bag"
+    folder = tmp_path / "a.rosbag2"
     folder.mkdir()
     (folder / "mine.txt").write_text("mine")
     scan = Scan(LIDAR, one_pose(TWO[0]))
@@ -429,5 +427,5 @@ def test_times_that_no_message_can_have(tmp_path: Path) -> None:
     turns = quaternions([0] * 2, [0] * 2, [0] * 2)
     poses = Poses(np.array([-1.0, 1.0]), np.array([HERE, HERE]), turns, True)
     with pytest.raises(RequestError, match="-1 s is none"):
-        export_scan(TERRAIN, Scan(LIDAR, poses), ScanOutput(tmp_path / "a.bag"))
+        export_scan(TERRAIN, Scan(LIDAR, poses), ScanOutput(tmp_path / "a.rosbag2"))
     assert list(tmp_path.iterdir()) == []

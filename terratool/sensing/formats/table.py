@@ -61,7 +61,7 @@ FORMATS = {
     ".png": ScanFormat(write_png, companions=(BESIDE,), images=True, axes=False),
     ".tif": _TIFF,
     ".tiff": _TIFF,
-    ".bag": ScanFormat(
+    ".rosbag2": ScanFormat(
         write_bag, folder=True, axes=False, module="rosbags", package="rosbags", extra="ros"
     ),
 }
@@ -80,7 +80,7 @@ def format_of(path: Path) -> ScanFormat:
         what = f"ends with {suffix}" if suffix else "has no suffix"
         raise RequestError(
             f"{path}: {what}, which says no format.",
-            f"Let it end with one of {listed([*FORMATS])}; .bag is a folder, a bag of ROS 2.",
+            f"Let it end with one of {listed([*FORMATS])}; .rosbag2 is a folder, a bag of ROS 2.",
         )
     if form.module and (find_spec(form.module) is None or (suffix == ".laz" and not _has_laspy())):
         raise RequestError(
