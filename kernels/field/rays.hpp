@@ -25,6 +25,9 @@ struct Hit {
     bool wall = false;
 };
 
+constexpr double ROUNDING = 4.5e-16;  // of a number, by a few operations
+constexpr int LEAST_HALVINGS = 10, PATIENCE = 4000;
+
 constexpr i64 UNKNOWN = -3;  // of an element
 
 enum Side : int { NOWHERE = 0, ABOVE = 1, BELOW = -1 };
@@ -33,9 +36,14 @@ INLINE Side side_of(double above) { return above > 0.0 ? ABOVE : above < 0.0 ? B
 
 // How the ray crosses an edge or a step, seen from above.
 struct Crossing {
-    double at;
+    double at, slack;           // the distance, and how far rounding may put it off
     double normal_x, normal_y;  // square to the edge, of any length
     double weight;              // how much may jump there
+};
+
+// Where a stretch of the ray begins or ends.
+struct Cut {
+    double at, slack;
 };
 
 // An element along a ray.
@@ -43,7 +51,8 @@ struct Along {
     const Element* element;
     const Curve *x, *y;
     Frame frame;
-    double u, du, v, dv;  // u = u + du r at the distance r
+    double u, du, v, dv;      // u = u + du r at the distance r
+    double u_slack, v_slack;  // what rounding may add to u and v
     u32 index;
     u8 combine, cuts, turns, trims, active;
     PieceRange x_pieces, y_pieces;
@@ -67,9 +76,10 @@ public:
         ray_ = &ray;
         hit_ = {};
         along_.clear();
-        side_ = NOWHERE, above_ = NaN, top_ = -1;
+        side_ = NOWHERE, above_ = NaN, top_ = -1, past_ = NaN;
         if (ray.dx == 0.0 && ray.dy == 0.0) return cast_upright(most);
-        double begin = 0.0, end = most * (1.0 + 1e-15);  // what lies at the end is met
+        const double reach = most * (1.0 + 1e-15);  // what lies at the end is met
+        double begin = 0.0, end = reach;
         In bounds = field_.bounds;
         // a little more, or rays would pass a level plane in a stretch of no length
         double more = 1e-6 * (bounds[2] - bounds[0] + bounds[3] - bounds[1]) + 1e-12 * abs(ray.z);
@@ -77,6 +87,7 @@ public:
         if (!clip(ray.x, ray.dx, bounds[0], bounds[2], begin, end)) return hit_;
         if (!clip(ray.y, ray.dy, bounds[1], bounds[3], begin, end)) return hit_;
         if (!clip(ray.z, ray.dz, low, high, begin, end)) return hit_;
+        leaves_ = end < reach;
         scale_ = abs(ray.x) + abs(ray.y) + abs(ray.z) + end;
         if (ray.dx == 0.0 || ray.dy == 0.0) walk<true>(begin, end);
         else walk<false>(begin, end);
@@ -90,12 +101,15 @@ private:
     const Ray* ray_ = nullptr;
     Stack stack_;
     std::vector<Along> along_;
-    std::vector<double> cuts_;
+    std::vector<Cut> cuts_;
     Hit hit_;
     Side side_;     // of the ground at the end of what was looked at
     double above_;  // so far above it, NaN where that is not known
     i64 top_;       // the element there, or UNKNOWN
+    double past_;   // the end of the last stretch
     double scale_;
+    bool leaves_;   // whether it ends where it leaves the terrain
+    int patience_;  // halvings that are left
     double per_x_ = 0.0, per_y_ = 0.0;  // 1 by its direction
 
     static bool clip(double from, double way, double low, double high, double& begin, double& end) {
@@ -130,9 +144,14 @@ private:
         hit_.normal[2] = facing / length;
     }
 
+    // Where the part of a ray in a node begins and ends: on a line across an axis, where the ray
+    // itself does, or where it comes into the terrain or leaves it.
+    enum Line : u8 { ACROSS_X = X, ACROSS_Y = Y, ITSELF, RIM };
+
     struct Visit {
         double begin, end;
         u32 quarter;  // of which node, times 4, and which of the four
+        Line from, to;
     };
 
     INLINE double z_at(double r) const { return ray_->z + ray_->dz * r; }
@@ -153,6 +172,7 @@ private:
             return (line - from) * per;
         };
         u32 quarter = 0;
+        Line from = begin > 0.0 ? RIM : ITSELF, to = leaves_ ? RIM : ITSELF;
         while (true) {
             const Quarters& own = all[quarter / 4];
             const double z0 = ray.z + ray.dz * begin, z1 = ray.z + ray.dz * end;
@@ -162,7 +182,7 @@ private:
             } else if (max(z0, z1) < double(own.low[quarter % 4])) {
                 if (passes(begin, BELOW)) return;
             } else if (next & LEAF) {
-                if (cross_leaf(index_.leaves[next & ~LEAF], begin, end)) return;
+                if (cross_leaf(index_.leaves[next & ~LEAF], {begin, end, quarter, from, to})) return;
             } else {
                 const double at_x = at(all[next].middle_x, ray.x, per_x);
                 const double at_y = at(all[next].middle_y, ray.y, per_y);
@@ -171,17 +191,21 @@ private:
                 const bool turns_y = at_y > begin && at_y < end;
                 if (turns_x & turns_y) {
                     // through three quarters, or two where it crosses both middles at once
-                    double second = max(at_x, at_y);
-                    waiting[pending++] = {second, end, quarter ^ 3};
-                    end = min(at_x, at_y);
-                    if (end < second)
-                        waiting[pending++] = {end, second, quarter ^ (at_x < at_y ? 1 : 2)};
+                    double first = min(at_x, at_y), second = max(at_x, at_y);
+                    Line before = at_x < at_y ? ACROSS_X : ACROSS_Y;
+                    Line after = at_x < at_y ? ACROSS_Y : ACROSS_X;
+                    waiting[pending++] = {second, end, quarter ^ 3, after, to};
+                    if (first < second)
+                        waiting[pending++] = {
+                            first, second, quarter ^ (at_x < at_y ? 1 : 2), before, after
+                        };
+                    end = first, to = before;
                 } else if (turns_x) {
-                    waiting[pending++] = {at_x, end, quarter ^ 1};
-                    end = at_x;
+                    waiting[pending++] = {at_x, end, quarter ^ 1, ACROSS_X, to};
+                    end = at_x, to = ACROSS_X;
                 } else if (turns_y) {
-                    waiting[pending++] = {at_y, end, quarter ^ 2};
-                    end = at_y;
+                    waiting[pending++] = {at_y, end, quarter ^ 2, ACROSS_Y, to};
+                    end = at_y, to = ACROSS_Y;
                 }
                 continue;
             }
@@ -189,6 +213,7 @@ private:
             --pending;
             begin = waiting[pending].begin, end = waiting[pending].end;
             quarter = waiting[pending].quarter;
+            from = waiting[pending].from, to = waiting[pending].to;
         }
     }
 
@@ -213,6 +238,8 @@ private:
         const Frame& f = a.frame;
         a.u = f.u_0 + f.u_x * ray_->x + f.u_y * ray_->y, a.du = f.u_x * ray_->dx + f.u_y * ray_->dy;
         a.v = f.v_0 + f.v_x * ray_->x + f.v_y * ray_->y, a.dv = f.v_x * ray_->dx + f.v_y * ray_->dy;
+        a.u_slack = ROUNDING * (abs(f.u_0) + abs(f.u_x * ray_->x) + abs(f.u_y * ray_->y) + 1.0);
+        a.v_slack = ROUNDING * (abs(f.v_0) + abs(f.v_x * ray_->x) + abs(f.v_y * ray_->y) + 1.0);
         a.cuts = (entry & CUT) != 0;
         a.turns = field_.poses[element.pose].turned, a.trims = index_.is_trimmed(element);
         a.active = 1;
@@ -220,37 +247,47 @@ private:
         return a;
     }
 
+    // Where the ray's line crosses a line of the plan.
+    INLINE Crossing line_crossing(int axis, double line, double weight) const {
+        if (axis == X) return {(line - ray_->x) * per_x_, line_slack(X, line), 1.0, 0.0, weight};
+        return {(line - ray_->y) * per_y_, line_slack(Y, line), 0.0, 1.0, weight};
+    }
+    INLINE double line_slack(int axis, double line) const {
+        if (axis == X) return ROUNDING * (abs(line) + abs(ray_->x)) * abs(per_x_);
+        return ROUNDING * (abs(line) + abs(ray_->y)) * abs(per_y_);
+    }
+
     // Call put(crossing) for each edge and step of an element that the ray's line crosses.
     template <class Put> void find_crossings(const Along& a, Put put) const {
         const Cell& cell = index_.cells[a.index].cell;
         const Frame& f = a.frame;
         double weight = abs(a.element->scale) + abs(a.element->offset);
-        if (a.trims && ray_->dx != 0.0) {
-            put({(cell.west - ray_->x) * per_x_, 1.0, 0.0, weight});
-            put({(cell.east - ray_->x) * per_x_, 1.0, 0.0, weight});
-        }
-        if (a.trims && ray_->dy != 0.0) {
-            put({(cell.south - ray_->y) * per_y_, 0.0, 1.0, weight});
-            put({(cell.north - ray_->y) * per_y_, 0.0, 1.0, weight});
-        }
+        if (a.trims && ray_->dx != 0.0)
+            for (double line : {cell.west, cell.east}) put(line_crossing(X, line, weight));
+        if (a.trims && ray_->dy != 0.0)
+            for (double line : {cell.south, cell.north}) put(line_crossing(Y, line, weight));
         if (a.combine == RADIAL) {
             put_circle(a, 1.0 + EDGE, weight, put);
             for (double t : a.x->steps)
                 if (t > 0.5) put_circle(a, 2.0 * t - 1.0, weight, put);
             return;
         }
-        if (a.turns && a.du != 0.0) {
-            put({(-EDGE - a.u) / a.du, f.u_x, f.u_y, weight});
-            put({(1.0 + EDGE - a.u) / a.du, f.u_x, f.u_y, weight});
+        auto put_u = [&](double t) {
+            double at = (t - a.u) / a.du;
+            put({at, a.u_slack / abs(a.du) + ROUNDING * abs(at), f.u_x, f.u_y, weight});
+        };
+        auto put_v = [&](double t) {
+            double at = (t - a.v) / a.dv;
+            put({at, a.v_slack / abs(a.dv) + ROUNDING * abs(at), f.v_x, f.v_y, weight});
+        };
+        if (a.du != 0.0) {
+            if (a.turns) put_u(-EDGE), put_u(1.0 + EDGE);
+            for (double t : a.x->steps) put_u(t);
         }
-        if (a.turns && a.dv != 0.0) {
-            put({(-EDGE - a.v) / a.dv, f.v_x, f.v_y, weight});
-            put({(1.0 + EDGE - a.v) / a.dv, f.v_x, f.v_y, weight});
+        if (a.dv != 0.0) {
+            if (a.turns) put_v(-EDGE), put_v(1.0 + EDGE);
+            for (double t : a.y->steps) put_v(t);
         }
-        if (a.du != 0.0)
-            for (double t : a.x->steps) put({(t - a.u) / a.du, f.u_x, f.u_y, weight});
-        if (a.dv != 0.0)
-            for (double t : a.y->steps) put({(t - a.v) / a.dv, f.v_x, f.v_y, weight});
     }
 
     // Where the ray's line crosses a circle around the middle of a disc.
@@ -265,13 +302,20 @@ private:
         double rest = square(radius) - (near_q * near_q + near_p * near_p);
         if (!(rest > 0.0)) return;
         double half = sqrt(rest / per);
+        double off = 2.0 * radius * (a.u_slack + a.v_slack + ROUNDING * radius);
+        double slack = off / (half * per) + ROUNDING * abs(nearest);
         for (double at : {nearest - half, nearest + half}) {
             double here_q = q + dq * at, here_p = p + dp * at;
             put(
-                {at, here_q * a.frame.u_x + here_p * a.frame.v_x,
+                {at, slack, here_q * a.frame.u_x + here_p * a.frame.v_x,
                  here_q * a.frame.u_y + here_p * a.frame.v_y, weight}
             );
         }
+    }
+
+    // What rounding adds to a place times a length.
+    INLINE double rounding_along(double length) const {
+        return ROUNDING * (abs(ray_->x) + abs(ray_->y)) * length;
     }
 
     // Where it crosses the rim of a segment of a track.
@@ -281,8 +325,9 @@ private:
         double turn = ray_->dx * s.dy - ray_->dy * s.dx;
         if (turn != 0.0 && s.square > 0.0) {
             double across = ex * s.dy - ey * s.dx, half = s.reach * sqrt(s.square);
-            put({(half - across) / turn, s.dy, -s.dx, weight});
-            put({(-half - across) / turn, s.dy, -s.dx, weight});
+            double slack = rounding_along(abs(s.dx) + abs(s.dy)) / abs(turn);
+            put({(half - across) / turn, slack, s.dy, -s.dx, weight});
+            put({(-half - across) / turn, slack, s.dy, -s.dx, weight});
         }
         double flat = square(ray_->dx) + square(ray_->dy);
         for (auto [cx, cy] : {UV{s.x, s.y}, UV{s.end_x, s.end_y}}) {
@@ -293,7 +338,8 @@ private:
             double way = sqrt(rest / flat);
             for (double at : {nearest - way, nearest + way}) {
                 double x = ray_->x + ray_->dx * at - cx, y = ray_->y + ray_->dy * at - cy;
-                put({at, x, y, weight});
+                double slack = rounding_along(2.0 * s.reach) / (way * flat) + ROUNDING * abs(at);
+                put({at, slack, x, y, weight});
             }
         }
     }
@@ -423,8 +469,9 @@ private:
     };
 
     // The first distance at which the ray meets the ground, INF for none. `rate` encloses how the
-    // height above it changes.
-    double first_root(const Stretch& ground, const Bracket& b, Range rate) const {
+    // height above it changes. Where elements cancel, bounds of their sum are wide: then brackets
+    // are halved `LEAST_HALVINGS` times at least, and further while there is patience.
+    double first_root(const Stretch& ground, const Bracket& b, Range rate, int halvings = 0) {
         bool crosses = side_of(b.above) != side_of(b.beyond);
         if (rate.low >= 0.0 || rate.high <= 0.0) return crosses ? the_root(ground, b) : INF;
         double width = b.to - b.from;
@@ -439,13 +486,15 @@ private:
         double middle = 0.5 * (b.from + b.to);
         if (width <= 4e-16 * scale_ || middle <= b.from || middle >= b.to)
             return crosses ? b.to : INF;
+        if (!crosses && halvings >= LEAST_HALVINGS && patience_ <= 0) return INF;
+        --patience_;
         double above = height_above(ground, middle);
         Bracket first{b.from, b.above, middle, above}, second{middle, above, b.to, b.beyond};
         if (above == 0.0) first.beyond = std::copysign(1e-300, b.above);
-        double root = first_root(ground, first, change(ground, b.from, middle));
+        double root = first_root(ground, first, change(ground, b.from, middle), halvings + 1);
         if (root < INF) return root;
         if (above == 0.0) return middle;
-        return first_root(ground, second, change(ground, middle, b.to));
+        return first_root(ground, second, change(ground, middle, b.to), halvings + 1);
     }
 
     // The root between two distances, between which the height above only rises or falls.
@@ -469,27 +518,54 @@ private:
         return r;
     }
 
-    bool cross_leaf(const Leaf& leaf, double begin, double end) {
+    // The slack of where the part of the ray in a node begins or ends.
+    double slack_of(Line line, double at) const {
+        if (line == ITSELF) return ROUNDING * scale_;
+        if (line == RIM) return INF;
+        return line == ACROSS_X ? line_slack(X, ray_->x + ray_->dx * at)
+                                : line_slack(Y, ray_->y + ray_->dy * at);
+    }
+
+    bool cross_leaf(const Leaf& leaf, const Visit& visit) {
         along_.clear(), cuts_.clear();
         auto cut = [&](const Crossing& c) {
-            if (c.at > begin && c.at < end) cuts_.push_back(c.at);
+            if (c.at > visit.begin && c.at < visit.end) cuts_.push_back({c.at, c.slack});
         };
         for (u32 entry : entries_of(leaf)) {
             along_.push_back(along_of(entry));
             if (along_.back().cuts) find_crossings(along_.back(), cut);
         }
         for (u32 s : segments_of(leaf)) find_crossings(field_.tracks.segments[s], cut);
-        if (cuts_.size() > 1) std::sort(cuts_.begin(), cuts_.end());
-        cuts_.push_back(end);
-        double from = begin;
-        double least = 4e-16 * scale_;
-        for (double to : cuts_) {
-            // what is no longer than rounding, between edges that meet, is passed over
-            if (to - from <= least && to != end) continue;
-            if (cross_stretch(leaf, from, to)) return true;
-            from = to;
+        if (cuts_.size() > 1)
+            std::sort(cuts_.begin(), cuts_.end(), [](Cut a, Cut b) { return a.at < b.at; });
+        drop_slivers(visit);
+        double from = visit.begin;
+        for (Cut c : cuts_) {
+            if (cross_stretch(leaf, from, c.at)) return true;
+            from = c.at;
         }
         return false;
+    }
+
+    // Let the cuts be ends of stretches. What is no longer than rounding, between edges that are
+    // one or meet, is none: the stretch before it is longer for that, or the one behind.
+    void drop_slivers(const Visit& visit) {
+        Cut last{visit.begin, slack_of(visit.from, visit.begin)};
+        Cut end{visit.end, slack_of(visit.to, visit.end)};
+        // a line along which the ray goes says little of where it crosses another one
+        auto are_one = [](Cut a, Cut b) {
+            return b.at - a.at <= min(a.slack + b.slack, 8.0 * min(a.slack, b.slack));
+        };
+        std::size_t kept = 0;
+        for (Cut c : cuts_) {
+            if (!are_one(last, c)) cuts_[kept++] = c;
+            last = c;
+        }
+        cuts_.resize(kept);
+        bool is_last = visit.to == ITSELF;  // what lies at the end is met
+        while (!is_last && !cuts_.empty() && are_one(cuts_.back(), end)) cuts_.pop_back();
+        Cut begin{visit.begin, slack_of(visit.from, visit.begin)};
+        if (is_last || !cuts_.empty() || !are_one(begin, end)) cuts_.push_back(end);
     }
 
     Span<const u32> entries_of(const Leaf& leaf) const {
@@ -529,16 +605,15 @@ private:
         }
         double above = height_above(ground, from);
         Side here = side_of(above);
-        if (here == NOWHERE) {
-            bool is_jump = side_ != NOWHERE && abs(above_) > wall_from(from);
-            return is_jump ? meet_wall(ground, from) : meet_ground(ground, from);
-        }
-        if (side_ != NOWHERE && here != side_) {
-            // not where rounding alone tells the two apart
-            bool is_jump = !(abs(above - above_) <= wall_from(from));
-            return is_jump ? meet_wall(ground, from) : meet_ground(ground, from);
-        }
         Range rate = change(ground, from, to);
+        if (here == NOWHERE || (side_ != NOWHERE && here != side_)) {
+            // not where rounding alone tells the two apart, or what slivers were passed
+            double rounding = wall_from(from);
+            if (past_ < from) rounding += (from - past_) * max(abs(rate.low), abs(rate.high));
+            bool is_jump = side_ != NOWHERE && !(abs(above - above_) <= rounding);
+            return is_jump ? meet_wall(ground, from) : meet_ground(ground, from);
+        }
+        past_ = to;
         double width = to - from;
         double least = here == ABOVE ? above + rate.low * width : -above - rate.high * width;
         if (least > wall_from(to)) {  // it stays on its side
@@ -546,6 +621,7 @@ private:
             return false;
         }
         double beyond = height_above(ground, to);
+        patience_ = PATIENCE;
         double root = first_root(ground, {from, above, to, beyond}, rate);
         if (root < INF) return meet_ground(ground, root);
         side_ = side_of(beyond), above_ = beyond, top_ = ground.top;
@@ -576,7 +652,9 @@ private:
     }
 
     // A jump that is no larger is rounding.
-    INLINE double wall_from(double r) const { return 1e-9 * (1.0 + abs(z_at(r))); }
+    INLINE double wall_from(double r) const {
+        return 1e-9 * (1.0 + abs(z_at(r))) + 1e-14 * scale_;
+    }
 
     // The ground jumps across the ray where a stretch begins: a wall, of the higher side.
     bool meet_wall(const Stretch& ground, double r) {
@@ -590,6 +668,7 @@ private:
     // The same where only bounds tell on which side the ray goes on.
     void meet_wall_between(double r, Side side) {
         put_point(r);
+        along_.clear();
         hit_.wall = true;
         hit_.top = side == ABOVE ? top_before() : top_beside(1.0);
         put_wall(r);
@@ -612,17 +691,20 @@ private:
         return track < 0 ? top : count_of(field_.elements) + track;
     }
 
-    // The normal of the wall at a distance: of the edge there that may jump most.
+    // The normal of the wall at a distance: of the nearest edge, and that which may jump most.
     void put_wall(double r) {
         double near = 1e-9 * (1.0 + scale_);
-        double best = 0.0, x = 0.0, y = 0.0;
+        double best = 0.0, nearest = INF, x = 0.0, y = 0.0;
         auto take = [&](const Crossing& c) {
-            if (abs(c.at - r) > near || c.weight <= best) return;
-            best = c.weight, x = c.normal_x, y = c.normal_y;
+            double off = abs(c.at - r);
+            if (off > 2.0 * c.slack || off > nearest) return;
+            if (off == nearest && c.weight <= best) return;
+            nearest = off, best = c.weight, x = c.normal_x, y = c.normal_y;
         };
         for (const Along& a : along_) find_crossings(a, take);
         for (double side : {near, -near})
             if (best == 0.0) look_at_leaf(hit_.x + ray_->dx * side, hit_.y + ray_->dy * side, take);
+        if (best == 0.0) x = ray_->dx, y = ray_->dy;  // nothing is known of it
         double length = sqrt(x * x + y * y);
         double facing = x * ray_->dx + y * ray_->dy > 0.0 ? -1.0 : 1.0;
         hit_.normal[0] = x / length * facing + 0.0, hit_.normal[1] = y / length * facing + 0.0;
@@ -647,11 +729,9 @@ private:
         for (u32 s : segments_of(leaf)) find_crossings(field_.tracks.segments[s], take);
         constexpr double least = 1e-305;
         if (ray_->dx != 0.0)
-            for (double at : {plan.west, plan.east})
-                take({(at - ray_->x) * per_x_, 1.0, 0.0, least});
+            for (double line : {plan.west, plan.east}) take(line_crossing(X, line, least));
         if (ray_->dy != 0.0)
-            for (double at : {plan.south, plan.north})
-                take({(at - ray_->y) * per_y_, 0.0, 1.0, least});
+            for (double line : {plan.south, plan.north}) take(line_crossing(Y, line, least));
     }
 };
 
@@ -662,8 +742,12 @@ INLINE bool make_ray(const double* origin, const double* direction, Ray& ray) {
     double x = direction[0] / largest, y = direction[1] / largest, z = direction[2] / largest;
     double length = sqrt(x * x + y * y + z * z);
     ray = {origin[0], origin[1], origin[2], x / length, y / length, z / length};
-    // 0 times what is not finite is NaN
-    double zero = 0.0 * (ray.x + ray.y + ray.z + ray.dx + ray.dy + ray.dz);
+    double zero = 0.0;  // or NaN, which 0 times what is not finite is
+    for (double number : {ray.x, ray.y, ray.z, ray.dx, ray.dy, ray.dz}) zero += 0.0 * number;
+    // what moves no coordinate, and has no inverse
+    constexpr double nothing = 1e-300;
+    if (abs(ray.dx) < nothing) ray.dx = 0.0;
+    if (abs(ray.dy) < nothing) ray.dy = 0.0;
     return zero == 0.0;
 }
 
