@@ -284,11 +284,12 @@ private:
         Cell plan;
         double base;
         i32 top;
-        std::vector<u32> entries;  // elements only
+        std::vector<u32> entries;  // elements only, as those of leaves
         std::vector<u32> segments;
-        std::vector<Part> parts;  // of the entries
-        Range height;             // of all in it
-        bool voids;               // whether there may be a void in it
+        Range height{0.0, 0.0};  // of all in it
+        bool voids = false;      // whether there may be a void in it
+        i64 cutting = 0;         // edges, steps and segments in it …
+        double finest = INF;     // … and the least distance of those of an element
     };
 
     Placed placed(const Element& element, const Cell& cell) const {
@@ -419,7 +420,9 @@ private:
     // Take of what may be in a plan what is; what is level all over it goes into the base.
     void settle(Pending& own, Span<const u32> elements, Span<const u32> segments) const {
         own.plan = plan_of(own.middle);
-        for (u32 index : elements) {
+        double size = 0.0;
+        for (u32 entry : elements) {
+            u32 index = entry & ~CUT;
             Part part = part_of(index, own.plan);
             if (!part.meets) continue;
             if (!part.lines && part.height.low == part.height.high) {
@@ -427,30 +430,28 @@ private:
                 own.top = max(own.top, i32(index));
                 continue;
             }
-            own.entries.push_back(index);
-            own.parts.push_back(part);
+            own.entries.push_back(index | (part.lines ? CUT : 0));
+            own.height = own.height + part.height;
+            own.voids |= is_void_kind(i32(index));
+            size += max(abs(part.height.low), abs(part.height.high));
+            if (!part.lines) continue;
+            own.cutting += part.lines;
+            u32 kind = field.elements[index].kind;
+            double steps = 1.0 + double(curve(kind, X).steps.size() + curve(kind, Y).steps.size());
+            const Cell& cell = cells[index].cell;
+            own.finest = min(own.finest, min(cell.wide(), cell.tall()) / steps);
         }
         for (u32 s : segments)
             if (meets(field.tracks.segments[s], own.plan)) own.segments.push_back(s);
-        find_height(own);
+        own.cutting += count_of(own.segments);
+        own.voids |= own.top >= 0 && is_void_kind(own.top);
+        double rounding = 1e-12 * (size + abs(own.base)) + 1e-300;
+        own.height = own.height + Range{own.base, own.base};
+        own.height.low -= rounding + rough_ + (own.segments.empty() ? 0.0 : deepest_);
+        own.height.high += rounding + rough_;
     }
 
     bool is_void_kind(i32 index) const { return field.kinds[field.elements[index].kind].is_void; }
-
-    void find_height(Pending& pending) const {
-        Range height{pending.base, pending.base};
-        double size = abs(pending.base);
-        bool voids = pending.top >= 0 && is_void_kind(pending.top);
-        for (std::size_t n = 0; n < pending.entries.size(); ++n) {
-            height = height + pending.parts[n].height;
-            size += max(abs(pending.parts[n].height.low), abs(pending.parts[n].height.high));
-            voids |= is_void_kind(i32(pending.entries[n]));
-        }
-        double rounding = 1e-12 * size + 1e-300;
-        height.low -= rounding + rough_ + (pending.segments.empty() ? 0.0 : deepest_);
-        height.high += rounding + rough_;
-        pending.height = height, pending.voids = voids;
-    }
 
     // Whether a node is to be quartered: where too much cuts it, or more than one thing in a node
     // that is large beside what cuts it, or heights differ much.
@@ -460,20 +461,11 @@ private:
         constexpr double thick = 0.25;                // heights beside the shorter side
         constexpr double large = 1.5, crowded = 0.2;  // that side beside that of what cuts it …
         if (depth >= deepest) return false;
-        i64 cutting = count_of(pending.segments);
-        double finest = INF;
-        for (std::size_t n = 0; n < pending.entries.size(); ++n) {
-            if (!pending.parts[n].lines) continue;
-            const Cell& cell = cells[pending.entries[n]].cell;
-            u32 kind = field.elements[pending.entries[n]].kind;
-            double steps = 1.0 + double(curve(kind, X).steps.size() + curve(kind, Y).steps.size());
-            finest = min(finest, min(cell.wide(), cell.tall()) / steps);
-            cutting += pending.parts[n].lines;
-        }
         double side = min(pending.plan.wide(), pending.plan.tall());
-        if (side > (cutting > few ? crowded : large) * finest && cutting > 1) return true;
+        double beside = pending.cutting > few ? crowded : large;
+        if (side > beside * pending.finest && pending.cutting > 1) return true;
         double thickness = pending.height.high - pending.height.low - 2.0 * rough_;
-        return depth < thick_until && !pending.parts.empty() && thickness > thick * side;
+        return depth < thick_until && !pending.entries.empty() && thickness > thick * side;
     }
 
     void build() {
@@ -486,17 +478,20 @@ private:
         settle(level[0], elements, segments);
         height = level[0].height;
         quarters.emplace_back().put(0, height, level[0].voids);
-        i64 most = (i64(1) << 16) + count_of(field.elements);
+        // so many quarters, and so many entries that wait, keep the tree in the size of the field
+        i64 most = (i64(1) << 16) + count_of(field.elements), most_waiting = 32 * most;
         std::vector<u32> parents{0};  // of the level: where their nodes are, in quarters
         for (int depth = 0; !level.empty(); ++depth) {
             std::vector<Pending> next;
             std::vector<u32> own;
+            i64 waiting = 0;
             for (std::size_t n = 0; n < level.size(); ++n) {
                 Pending pending = std::move(level[n]);
-                bool splits = count_of(quarters) < most && is_crowded(pending, depth);
+                bool splits = count_of(quarters) < most && waiting < most_waiting
+                    && is_crowded(pending, depth);
                 u32 place = splits ? u32(quarters.size()) : u32(leaves.size()) | LEAF;
                 quarters[parents[n / 4]].next[n % 4] = place;
-                if (splits) own.push_back(place), split(pending, next);
+                if (splits) own.push_back(place), waiting += split(pending, next);
                 else add_leaf(pending);
             }
             level = std::move(next), parents = std::move(own);
@@ -508,13 +503,14 @@ private:
             {pending.base, u32(entries.size()), u32(pending.entries.size()),
              u32(pending.segments.size()), pending.top}
         );
-        for (std::size_t k = 0; k < pending.entries.size(); ++k)
-            entries.push_back(pending.entries[k] | (pending.parts[k].lines ? CUT : 0));
+        entries.insert(entries.end(), pending.entries.begin(), pending.entries.end());
         entries.insert(entries.end(), pending.segments.begin(), pending.segments.end());
     }
 
-    void split(const Pending& pending, std::vector<Pending>& next) {
+    // The number of entries that its quarters have.
+    i64 split(const Pending& pending, std::vector<Pending>& next) {
         Quarters made;
+        i64 count = 0;
         made.middle_x = line(X, pending.middle.x), made.middle_y = line(Y, pending.middle.y);
         for (int quarter = 0; quarter < 4; ++quarter) {
             Pending own;
@@ -522,9 +518,11 @@ private:
             own.base = pending.base, own.top = pending.top;
             settle(own, pending.entries, pending.segments);
             made.put(quarter, own.height, own.voids);
+            count += count_of(own.entries) + count_of(own.segments);
             next.push_back(std::move(own));
         }
         quarters.push_back(made);
+        return count;
     }
 };
 

@@ -521,12 +521,15 @@ private:
     // The slack of where the part of the ray in a node begins or ends.
     double slack_of(Line line, double at) const {
         if (line == ITSELF) return ROUNDING * scale_;
-        if (line == RIM) return INF;
+        if (line == RIM) return INF;  // it is not known on which line: that of the other cut decides
         return line == ACROSS_X ? line_slack(X, ray_->x + ray_->dx * at)
                                 : line_slack(Y, ray_->y + ray_->dy * at);
     }
 
     bool cross_leaf(const Leaf& leaf, const Visit& visit) {
+        Cut begin{visit.begin, slack_of(visit.from, visit.begin)};
+        Cut end{visit.end, slack_of(visit.to, visit.end)};
+        if (visit.from != RIM && visit.to < ITSELF && are_one(begin, end)) return false;
         along_.clear(), cuts_.clear();
         auto cut = [&](const Crossing& c) {
             if (c.at > visit.begin && c.at < visit.end) cuts_.push_back({c.at, c.slack});
@@ -538,7 +541,8 @@ private:
         for (u32 s : segments_of(leaf)) find_crossings(field_.tracks.segments[s], cut);
         if (cuts_.size() > 1)
             std::sort(cuts_.begin(), cuts_.end(), [](Cut a, Cut b) { return a.at < b.at; });
-        drop_slivers(visit);
+        drop_slivers(begin, end, visit.to != ITSELF);
+        cuts_.push_back(end);
         double from = visit.begin;
         for (Cut c : cuts_) {
             if (cross_stretch(leaf, from, c.at)) return true;
@@ -547,25 +551,23 @@ private:
         return false;
     }
 
-    // Let the cuts be ends of stretches. What is no longer than rounding, between edges that are
-    // one or meet, is none: the stretch before it is longer for that, or the one behind.
-    void drop_slivers(const Visit& visit) {
-        Cut last{visit.begin, slack_of(visit.from, visit.begin)};
-        Cut end{visit.end, slack_of(visit.to, visit.end)};
-        // a line along which the ray goes says little of where it crosses another one
-        auto are_one = [](Cut a, Cut b) {
-            return b.at - a.at <= min(a.slack + b.slack, 8.0 * min(a.slack, b.slack));
-        };
+    // Whether it is rounding that tells two cuts apart. A line along which the ray goes says little
+    // of where it crosses another one.
+    static bool are_one(Cut a, Cut b) {
+        return b.at - a.at <= min(a.slack + b.slack, 8.0 * min(a.slack, b.slack));
+    }
+
+    // Leave out cuts of edges that are one, or meet, with others: no stretch is shorter than
+    // rounding. The one before it is longer for that, or the one behind.
+    void drop_slivers(Cut begin, Cut end, bool at_end) {
         std::size_t kept = 0;
+        Cut last = begin;
         for (Cut c : cuts_) {
             if (!are_one(last, c)) cuts_[kept++] = c;
             last = c;
         }
+        while (at_end && kept && are_one(cuts_[kept - 1], end)) --kept;
         cuts_.resize(kept);
-        bool is_last = visit.to == ITSELF;  // what lies at the end is met
-        while (!is_last && !cuts_.empty() && are_one(cuts_.back(), end)) cuts_.pop_back();
-        Cut begin{visit.begin, slack_of(visit.from, visit.begin)};
-        if (is_last || !cuts_.empty() || !are_one(begin, end)) cuts_.push_back(end);
     }
 
     Span<const u32> entries_of(const Leaf& leaf) const {
@@ -605,15 +607,18 @@ private:
         }
         double above = height_above(ground, from);
         Side here = side_of(above);
-        Range rate = change(ground, from, to);
         if (here == NOWHERE || (side_ != NOWHERE && here != side_)) {
             // not where rounding alone tells the two apart, or what slivers were passed
             double rounding = wall_from(from);
-            if (past_ < from) rounding += (from - past_) * max(abs(rate.low), abs(rate.high));
+            if (past_ < from) {
+                Range rate = change(ground, past_, from);
+                rounding += (from - past_) * max(abs(rate.low), abs(rate.high));
+            }
             bool is_jump = side_ != NOWHERE && !(abs(above - above_) <= rounding);
             return is_jump ? meet_wall(ground, from) : meet_ground(ground, from);
         }
         past_ = to;
+        Range rate = change(ground, from, to);
         double width = to - from;
         double least = here == ABOVE ? above + rate.low * width : -above - rate.high * width;
         if (least > wall_from(to)) {  // it stays on its side
