@@ -108,8 +108,8 @@ private:
     i64 top_;       // the element there, or UNKNOWN
     double past_;   // the end of the last stretch
     double scale_;
-    bool leaves_;   // whether it ends where it leaves the terrain
-    int patience_;  // halvings that are left
+    bool leaves_;                       // whether it ends where it leaves the terrain
+    int patience_;                      // halvings that are left
     double per_x_ = 0.0, per_y_ = 0.0;  // 1 by its direction
 
     static bool clip(double from, double way, double low, double high, double& begin, double& end) {
@@ -164,7 +164,8 @@ private:
         std::size_t pending = 0;
         const Ray ray = *ray_;
         const double per_x = per_x_ = 1.0 / ray.dx, per_y = per_y_ = 1.0 / ray.dy;
-        const u32 nearest = u32(ray.dx < 0.0) + 2 * u32(ray.dy < 0.0);  // the quarter it meets first
+        const u32 nearest =
+            u32(ray.dx < 0.0) + 2 * u32(ray.dy < 0.0);  // the quarter it meets first
         const Quarters* all = index_.quarters.data();
         auto at = [](double line, double from, double per) {
             // on a line it is east or north of it
@@ -182,7 +183,8 @@ private:
             } else if (max(z0, z1) < double(own.low[quarter % 4])) {
                 if (passes(begin, BELOW)) return;
             } else if (next & LEAF) {
-                if (cross_leaf(index_.leaves[next & ~LEAF], {begin, end, quarter, from, to})) return;
+                if (cross_leaf(index_.leaves[next & ~LEAF], {begin, end, quarter, from, to}))
+                    return;
             } else {
                 const double at_x = at(all[next].middle_x, ray.x, per_x);
                 const double at_y = at(all[next].middle_y, ray.y, per_y);
@@ -521,7 +523,8 @@ private:
     // The slack of where the part of the ray in a node begins or ends.
     double slack_of(Line line, double at) const {
         if (line == ITSELF) return ROUNDING * scale_;
-        if (line == RIM) return INF;  // it is not known on which line: that of the other cut decides
+        if (line == RIM)
+            return INF;  // it is not known on which line: that of the other cut decides
         return line == ACROSS_X ? line_slack(X, ray_->x + ray_->dx * at)
                                 : line_slack(Y, ray_->y + ray_->dy * at);
     }
@@ -657,9 +660,7 @@ private:
     }
 
     // A jump that is no larger is rounding.
-    INLINE double wall_from(double r) const {
-        return 1e-9 * (1.0 + abs(z_at(r))) + 1e-14 * scale_;
-    }
+    INLINE double wall_from(double r) const { return 1e-9 * (1.0 + abs(z_at(r))) + 1e-14 * scale_; }
 
     // The ground jumps across the ray where a stretch begins: a wall, of the higher side.
     bool meet_wall(const Stretch& ground, double r) {
