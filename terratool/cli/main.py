@@ -167,7 +167,10 @@ def _run() -> int:
         click.echo(error.ctx.get_help() if error.ctx else "", err=True)
         return 2
     except click.ClickException as error:
-        error.show()
+        usage = error.ctx if isinstance(error, click.UsageError) else None
+        message = error.format_message()
+        hint = f"See {usage.command_path} --help." if usage and "--help" not in message else ""
+        _say(message, hint)
         return error.exit_code
     except click.Abort:
         return _stopped()
