@@ -89,7 +89,7 @@ def _number(ctx: click.Context, param: click.Parameter, value: float | None) -> 
     "--as",
     "called",
     metavar="PATH",
-    help="Take both files to stand at PATH: there begins the way to their libraries.",
+    help="Look for the libraries of both files from PATH on, as if both stood there.",
 )
 @click.option(
     "--git",
@@ -115,11 +115,11 @@ def command(
 
     Elements are matched by place and type: added, removed, moved, changed. Surfaces, primitives
     and parts are told once, with where they are used. Volumes cut and filled are sums over the
-    centres of pixels. What differs in its text alone is the same terrain.
+    centres of pixels. Two texts that mean the same are the same terrain.
 
-    Of folders all terrains with the same name below both are compared. /dev/null stands for a file
-    that is not there. The command ends with 0 whatever differs, unless --exit-code is given; with 1
-    if a file is invalid, with 3 if one cannot be read.
+    In two folders all terrains with the same name are compared. /dev/null stands for a file that is
+    not there. The command ends with 0 whatever differs, unless --exit-code is given. It ends with 1
+    if a file is invalid, and with 3 if one cannot be read.
     """
     from terratool.errors import TerratoolError
     from terratool.viewing.diff.files import Reading, are_folders

@@ -145,14 +145,14 @@ def test_files_are_short_enough_to_read(kind: str, limit: int) -> None:
 
 
 PROMISED = {
-    "flat": "696d41bd35bc80ae",
-    "ramp": "bebcea4e96d2a985",
-    "stairs": "1de5124dc4e3f2a8",
-    "rough": "9a45ce28b7c6821f",
-    "craters": "c0a52d982478cc7b",
-    "warehouse": "e82f490944885dce",
-    "dunes": "3697d1bbfb954d8f",
-    "course": "33e85d3073beacde",
+    "flat": "d35b9da1f76e9774",
+    "ramp": "ba9222121ffb0f07",
+    "stairs": "c1e780a392994382",
+    "rough": "fc0cc5d9e288460c",
+    "craters": "c47202e59603173b",
+    "warehouse": "dfe547fa7c27b621",
+    "dunes": "e3cdcdb42761878c",
+    "course": "ca14e12c3340df80",
 }
 
 
