@@ -45,8 +45,8 @@ def _number(ctx: click.Context, param: click.Parameter, value: float | None) -> 
     "formats",
     multiple=True,
     metavar="FORM[=OUT]",
-    help=f"How the difference is written: {', '.join(FORMATS)}; once, and as often as you like "
-    "into files.  [default: text]",
+    help=f"Form of the report: {', '.join(FORMATS)}. FORM=OUT writes it into a file; may be "
+    "repeated.  [default: text]",
 )
 @click.option(
     "--tolerance",
@@ -72,7 +72,7 @@ def _number(ctx: click.Context, param: click.Parameter, value: float | None) -> 
     "vehicles",
     multiple=True,
     metavar="V.json",
-    help="Say whose verdicts flipped; may be repeated.",
+    help="Say which verdicts of this vehicle flipped; may be repeated.",
 )
 @click.option("--picture", metavar="OUT.png", help="Draw what was cut (red) and filled (blue).")
 @click.option("--map", "map_", metavar="OUT.tif", help="Write new less old as a GeoTIFF.")
@@ -82,7 +82,7 @@ def _number(ctx: click.Context, param: click.Parameter, value: float | None) -> 
     default=MOST,
     show_default=True,
     metavar="N",
-    help="Lines of a list in text; 0 lists all. JSON has all.",
+    help="Most lines of a list in text; 0 lists all. JSON always has all.",
 )
 @click.option("--exit-code", is_flag=True, help="End with 1 if any terrain differs.")
 @click.option(

@@ -308,7 +308,7 @@ CRATERS = Kind(
         SEED,
         count_option("count", 40, "How many craters.", 1, 100_000),
         length_option("largest", 12.0, "The largest crater, from rim to rim.", 0.1, 5000.0),
-        length_option("smallest", 1.0, "The smallest one.", 0.05, 1000.0),
+        length_option("smallest", 1.0, "The smallest crater.", 0.05, 1000.0),
         Option(
             "fresh", "number", 0.3, "Share of craters that are not worn.", 0.0, 1.0, metavar="S"
         ),
@@ -323,7 +323,9 @@ DUNES = Kind(
         size_option((150.0, 100.0), 2.0),
         SEED,
         count_option("count", 8, "How many dunes.", 1, 1000),
-        length_option("height", 3.0, "Of the highest dune, a tenth of its width.", 0.1, 500.0),
+        length_option(
+            "height", 3.0, "Height of the highest dune, a tenth of its width.", 0.1, 500.0
+        ),
     ),
     _dunes,
 )
