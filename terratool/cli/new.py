@@ -133,8 +133,9 @@ def _make(kind: str, output: str, overwrite: bool, as_json: bool, values: dict[s
     shown = output == "-"
     if not shown:
         if not output.endswith(ALL) or Path(output).name in ALL:
-            name = f"{output}: is" if output else "The name of OUT.json is empty, which is"
-            raise RequestError(f"{name} no name of a definition.", "Let it end in .json.")
+            if not output:
+                raise RequestError("OUT.json has an empty name.", "Give one that ends in .json.")
+            raise RequestError(f"{output}: is no name of a definition.", "Let it end in .json.")
         refuse_existing(Path(output), overwrite)
         refuse_missing_folder(Path(output))
     with Status("making") as status:

@@ -784,7 +784,7 @@ def test_without_a_kind_all_are_listed() -> None:
         (["stairs", "o.json", "--rise", "17cm"], "Write one with a point and without a unit"),
         (["stairs", "o.json", "--size", "3", "0,17"], "'0,17' is no number."),
         (["castle", "o.json"], "There is flat, ramp, stairs,"),
-        (["flat", ""], "The name of OUT.json is empty"),
+        (["flat", ""], "OUT.json has an empty name."),
     ],
 )  # fmt: skip
 def test_wrong_usage_is_said(
