@@ -16,6 +16,8 @@ import pytest
 import trimesh
 
 import terratool
+from terratool.definition.reader import check
+from terratool.text.source import Source
 from tests.commands import COMMAND, ENVIRONMENT, ROOT, call
 
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -67,7 +69,10 @@ def test_commands_say_what_the_page_shows(
 ) -> None:
     """A line of "…" stands for whatever follows; a file that is no sample is the JSON before."""
     shutil.copytree(ROOT / "samples", tmp_path / "samples")
+    if " out/" in block:
+        (tmp_path / "out").mkdir()  # as `make demo` does
     for name, saved_text in files.items():
+        (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).write_text(saved_text, "utf-8")
     for command, shown in commands(block):
         program, *words = shlex.split(command)
@@ -75,6 +80,35 @@ def test_commands_say_what_the_page_shows(
         if words[1].endswith(".json") and not (tmp_path / words[1]).exists():
             (tmp_path / words[1]).write_text(text, "utf-8")
         assert_says(words, shown, tmp_path)
+
+
+def test_what_readers_save_draws_no_remark() -> None:
+    """Terrains of all pages are clean, but of the one that explains what is remarked on."""
+    seen = 0
+    for page in PAGES:
+        if page.stem == "format":
+            continue
+        for name, text in saved(page).items():
+            if '"elemTree"' in text and '"use"' not in text:
+                assert check(Source(f"{page.stem}: {name}", text.encode())).findings == ()
+                seen += 1
+    assert seen >= 3
+
+
+def test_the_readme_leaves_nothing_behind_that_git_does_not_ignore() -> None:
+    """What its examples write, and what readers save, goes into out/."""
+    assert "out/" in (ROOT / ".gitignore").read_text("utf-8").splitlines()
+    assert all(name.startswith("out/") for name in saved(PAGES[0]))
+    words = {
+        word
+        for _, block in blocks(PAGES[0])
+        if block.startswith("$ ")
+        for command, _ in commands(block)
+        for word in shlex.split(command)
+        if re.search(r"\.(json|png|html|glb|tif|gz)$", word) and not word.startswith("samples/")
+    }
+    assert len(words) > 5
+    assert {word for word in words if not word.startswith("out/")} == set()
 
 
 def commands(block: str) -> list[tuple[str, str]]:

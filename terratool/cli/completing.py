@@ -1,7 +1,7 @@
 """What shells complete: files, names that a file knows, codes, targets and formats.
 
 Click has the protocol and the scripts. What a parameter takes follows from its name, which means
-the same in every command; so commands need not know of it.
+the same in every command, but for formats; so commands need not know of it.
 """
 
 from __future__ import annotations
@@ -140,7 +140,7 @@ def _items_for(name: str, ctx: click.Context, incomplete: str) -> Items:
     if name in _NAMES:
         values: Iterable[str] = _names(ctx, _NAMES[name])
     elif name in _WORDS:
-        values = _WORDS[name]()
+        values = _WORDS[name](ctx)
     else:
         return []
     # of a list only the last word is completed
@@ -184,31 +184,35 @@ def _names(ctx: click.Context, dictionary: Dictionary) -> list[str]:
     return []
 
 
-def _codes() -> list[str]:
+def _codes(_: click.Context) -> list[str]:
     from terratool.definition.rules import RULES
 
     return list(RULES)
 
 
-def _targets() -> list[str]:
+def _targets(_: click.Context) -> list[str]:
     from terratool.simulators.targets import TARGETS
 
     return [*TARGETS, "all"]
 
 
-def _formats() -> list[str]:
+def _formats(ctx: click.Context) -> list[str]:
+    if ctx.command.name == "diff":
+        from terratool.cli.diff import FORMATS
+
+        return list(FORMATS)
     from terratool.cli.report import REPORTERS
 
     return list(REPORTERS)
 
 
-def _conditions() -> list[str]:
+def _conditions(_: click.Context) -> list[str]:
     from terratool.traversability.conditions import WORDS
 
     return list(WORDS)
 
 
-_WORDS: dict[str, Callable[[], list[str]]] = {
+_WORDS: dict[str, Callable[[click.Context], list[str]]] = {
     "code": _codes, "select": _codes, "ignore": _codes, "targets": _targets, "formats": _formats,
     "conditions": _conditions,
 }  # fmt: skip

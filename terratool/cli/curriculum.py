@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     "--seed",
     type=click.IntRange(0, 2**53),
     metavar="N",
-    help="What all that is random follows from, instead of the spec's own.",
+    help="Number that all random choices follow from, instead of the spec's own.",
 )
 @click.option("--overwrite", is_flag=True, help="Replace files that exist.")
 @click.option("--json", "as_json", is_flag=True, help="Say what was written as JSON.")

@@ -39,8 +39,8 @@ _GIT_ARGUMENTS = (7, 9)
     "formats",
     multiple=True,
     metavar="FORM[=OUT]",
-    help=f"How the difference is written: {', '.join(FORMATS)}; once, and as often as you like "
-    "into files.  [default: text]",
+    help=f"Form of the report: {', '.join(FORMATS)}. FORM=OUT writes it into a file; may be "
+    "repeated.  [default: text]",
 )
 @click.option(
     "--tolerance",
@@ -66,7 +66,7 @@ _GIT_ARGUMENTS = (7, 9)
     "vehicles",
     multiple=True,
     metavar="V.json",
-    help="Say whose verdicts flipped; may be repeated.",
+    help="Say which verdicts of this vehicle flipped; may be repeated.",
 )
 @click.option("--picture", metavar="OUT.png", help="Draw what was cut (red) and filled (blue).")
 @click.option("--map", "map_", metavar="OUT.tif", help="Write new less old as a GeoTIFF.")
@@ -76,14 +76,14 @@ _GIT_ARGUMENTS = (7, 9)
     default=MOST,
     show_default=True,
     metavar="N",
-    help="Lines of a list in text; 0 lists all. JSON has all.",
+    help="Most lines of a list in text; 0 lists all. JSON always has all.",
 )
 @click.option("--exit-code", is_flag=True, help="End with 1 if any terrain differs.")
 @click.option(
     "--as",
     "called",
     metavar="PATH",
-    help="Take both files to stand at PATH: there begins the way to their libraries.",
+    help="Look for the libraries of both files from PATH on, as if both stood there.",
 )
 @click.option(
     "--git",
@@ -109,11 +109,11 @@ def command(
 
     Elements are matched by place and type: added, removed, moved, changed. Surfaces, primitives
     and parts are told once, with where they are used. Volumes cut and filled are sums over the
-    centres of pixels. What differs in its text alone is the same terrain.
+    centres of pixels. Two texts that mean the same are the same terrain.
 
-    Of folders all terrains with the same name below both are compared. /dev/null stands for a file
-    that is not there. The command ends with 0 whatever differs, unless --exit-code is given; with 1
-    if a file is invalid, with 3 if one cannot be read.
+    In two folders all terrains with the same name are compared. /dev/null stands for a file that is
+    not there. The command ends with 0 whatever differs, unless --exit-code is given. It ends with 1
+    if a file is invalid, and with 3 if one cannot be read.
     """
     from terratool.errors import TerratoolError
     from terratool.viewing.diff.files import Reading, are_folders

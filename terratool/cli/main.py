@@ -170,7 +170,10 @@ def _run() -> int:
         click.echo(error.ctx.get_help() if error.ctx else "", err=True)
         return 2
     except click.ClickException as error:
-        error.show()
+        message = error.format_message()
+        ctx = getattr(error, "ctx", None)  # click knows none of an option without its value
+        of = ctx.command_path if ctx else "terratool"
+        _say(message, "" if "--help" in message else f"See {of} --help.")
         return error.exit_code
     except click.Abort:
         return _stopped()

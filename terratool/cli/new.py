@@ -23,7 +23,15 @@ _EXAMPLES = {
     "dunes": "dunes desert.json --seed 3 --count 4 --height 2",
     "course": "course course.json --style legged-gym --rows 10",
 }
-_TYPES: dict[str, Any] = {"length": float, "pair": float, "number": float, "whole": int}
+
+
+def _number(text: str | float) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise click.BadParameter(
+            f"{text!r} is no number. Write one with a point and without a unit, such as 0.5."
+        ) from None
 
 
 class _Kind(click.Command):
@@ -104,7 +112,7 @@ def _command_of(kind: str) -> click.Command:
 
 
 def _option_of(option: Option) -> click.Option:
-    kind: Any = click.Choice(option.choices) if option.form == "choice" else _TYPES[option.form]
+    kind: Any = click.Choice(option.choices) if option.form == "choice" else _number
     limits = "" if option.form == "choice" else f"{option.range}; "
     text = option.descr.removesuffix(".")
     return click.Option(
@@ -125,6 +133,8 @@ def _make(kind: str, output: str, overwrite: bool, as_json: bool, values: dict[s
     shown = output == "-"
     if not shown:
         if not output.endswith(ALL) or Path(output).name in ALL:
+            if not output:
+                raise RequestError("OUT.json has an empty name.", "Give one that ends in .json.")
             raise RequestError(f"{output}: is no name of a definition.", "Let it end in .json.")
         refuse_existing(Path(output), overwrite)
         refuse_missing_folder(Path(output))
@@ -136,7 +146,7 @@ def _make(kind: str, output: str, overwrite: bool, as_json: bool, values: dict[s
     if shown:
         click.echo(text.encode(), nl=False)  # JSON is UTF-8, whatever the terminal speaks
         return
-    descr, size = json.loads(text)["descr"], len(text.encode())
+    descr, size = json.loads(text)["descr"], Path(output).stat().st_size
     if as_json:
         report = {"format_version": 1, "file": output, "kind": kind, "descr": descr, "bytes": size}
         click.echo(json.dumps(report, indent=2, ensure_ascii=False))

@@ -52,7 +52,29 @@ def new(kind: str, **options: Any) -> str:
         key: option.accepted(given[key]) if key in given else option.default
         for key, option in known.items()
     }
-    return text_of(KINDS[kind].make(Wanted(values)))
+    return text_of(_explained(KINDS[kind].make(Wanted(values))))
+
+
+_REASONS = {
+    "TT208": "The children overlap on purpose; they add up",
+    "TT306": "The curves go outside of 0 to 1 on purpose",
+    "TT308": "It is level on purpose: only its surface is wanted",
+}
+"""Why a new terrain has findings ignored, by their codes."""
+
+
+def _explained(value: Any) -> Any:
+    """A copy of a value in which `x-why` stands behind each `x-ignore`, and says what for."""
+    if isinstance(value, list):
+        return [_explained(item) for item in value]
+    if not isinstance(value, dict):
+        return value
+    members: dict[str, Any] = {}
+    for key, member in value.items():
+        members[key] = _explained(member)
+        if key == "x-ignore":
+            members["x-why"] = ". ".join(_REASONS[code] for code in member)
+    return members
 
 
 def text_of(document: Mapping[str, Any]) -> str:
@@ -72,7 +94,11 @@ def text_of(document: Mapping[str, Any]) -> str:
     return text
 
 
+_ALIKE = 0.7
+"""Names that are less alike are no misspelling of each other: as castle and craters."""
+
+
 def hint_for(name: str, names: list[str]) -> str:
     """Which of some names was meant, or all of them."""
-    close = get_close_matches(name, names, 1)
+    close = get_close_matches(name, names, 1, _ALIKE)
     return f"Did you mean {close[0]}?" if close else f"There is {listed(names)}."

@@ -7,6 +7,7 @@ from itertools import pairwise
 
 from terratool.errors import RequestError
 from terratool.starters.options import (
+    LARGEST,
     Kind,
     Members,
     Option,
@@ -14,6 +15,7 @@ from terratool.starters.options import (
     count_option,
     length_option,
     m,
+    mm,
     place,
     size_option,
 )
@@ -32,6 +34,11 @@ _BUILT = "concrete"
 def sides_text(size: tuple[int, int]) -> str:
     """The sides of a terrain in words; they are in mm."""
     return f"{m(size[0])} × {m(size[1])} m"
+
+
+def either(*ways: str) -> str:
+    """Ways out in words, with "or" before the last one."""
+    return " or ".join(filter(None, [", ".join(ways[:-1]), ways[-1]]))
 
 
 def _flat(wanted: Wanted) -> Members:
@@ -62,6 +69,7 @@ class _Crossing:
         down: that of the way down.
         names: what these two are called …
         need: … and both, in a sentence about what they need.
+        shorter: what to ask for so that they get shorter.
     """
 
     descr: str
@@ -73,6 +81,7 @@ class _Crossing:
     down: Members
     names: tuple[str, str]
     need: str
+    shorter: tuple[str, ...]
 
     def definition(self, wanted: Wanted) -> Members:
         """It stands in the middle of the terrain.
@@ -82,11 +91,18 @@ class _Crossing:
         """
         length = 2 * self.way + self.top
         size = wanted.size((length + 2 * _AROUND, self.width + 2 * _AROUND))
-        for axis, side, needed in zip("xy", size, (length, self.width), strict=True):
+        smaller = self.shorter, ("a smaller --width",)
+        for axis, side, needed, less in zip("xy", size, (length, self.width), smaller, strict=True):
             if needed > side:
                 raise RequestError(
                     f"{self.need} {m(needed)} m along {axis}, and --size has {m(side)} m.",
-                    "Make it smaller, or the terrain larger, or leave --size out.",
+                    f"Ask for {either(*less, 'a larger --size')}, or leave --size out.",
+                )
+            if side > mm(LARGEST):
+                raise RequestError(
+                    f"{self.need} {m(side):,} m along {axis} with the ground around, and a terrain "
+                    f"has {LARGEST:,g} m at most.",
+                    f"Ask for {either(*less)}.",
                 )
         west, y = (size[0] - length) / 2, size[1] / 2
         soil, (up, down) = wanted.word("soil"), self.names
@@ -125,11 +141,12 @@ def _ramp(wanted: Wanted) -> Members:
     rise, slope = wanted.mm("rise"), wanted.number("slope")
     way = round(rise / slope)
     crossing = _Crossing(
-        f"A ramp that rises by {slope:g} m a metre to {m(rise)} m, a level top, and down again",
+        f"A ramp that rises by {slope:g} m per metre to {m(rise)} m, a level top, and down again",
         max(way, 1), wanted.mm("platform"), wanted.mm("width"), m(rise),
         {"descr": "Rises evenly from west to east", "x": [0, 1]},
         {"descr": "Falls evenly from west to east", "x": [1, 0]},
         ("ramp", "rampDown"), "The ramp needs",
+        ("a steeper --slope", "a smaller --rise", "a shorter --platform"),
     )  # fmt: skip
     return crossing.definition(wanted)
 
@@ -143,6 +160,7 @@ def _stairs(wanted: Wanted) -> Members:
         _flight(f"Steps up to the east, each {m(rise)} m high; heights in metres", treads),
         _flight("The same, down to the east", treads[::-1]),
         ("flight", "flightDown"), "The stairs need",
+        ("fewer --steps", "a shorter --run", "a shorter --landing"),
     )  # fmt: skip
     return crossing.definition(wanted)
 
@@ -163,9 +181,17 @@ RAMP = Kind(
     "A ramp up to a level top and down again, with upright sides.",
     (
         size_option(None),
-        Option("slope", "number", 0.1, "Rise per metre: 0.1 is 10 %.", 0.001, 10.0, metavar="S"),
+        Option(
+            "slope",
+            "number",
+            0.1,
+            "Metres of rise per metre: 0.1 is 10 %.",
+            0.001,
+            10.0,
+            metavar="S",
+        ),
         length_option("rise", 1.0, "Height of the top.", 0.01, 100.0),
-        length_option("width", 3.0, "Of the ramp, along y.", 0.05, 1000.0),
+        length_option("width", 3.0, "Width of the ramp, along y.", 0.05, 1000.0),
         length_option("platform", 2.0, "Length of the level top.", 0.05, 1000.0),
         soil_option("gravel"),
     ),
@@ -178,7 +204,7 @@ STAIRS = Kind(
         length_option("rise", 0.17, "Height of a step; 2 rises and a run are 0.63.", 0.005, 2.0),
         length_option("run", 0.29, "Depth of a step.", 0.02, 10.0),
         count_option("steps", 5, "How many steps each flight has.", 1, 500),
-        length_option("width", 1.5, "Of the flights, along y.", 0.05, 1000.0),
+        length_option("width", 1.5, "Width of the flights, along y.", 0.05, 1000.0),
         length_option("landing", 1.5, "Length of the level top.", 0.05, 1000.0),
         soil_option("gravel"),
     ),

@@ -90,6 +90,9 @@ def _craters(wanted: Wanted) -> Members:
             "vScale": m(largest),
         }
     )
+    many = f"{count + 1:,} craters of {m(smallest)} to {m(largest)} m"
+    if not count:
+        many = f"a crater of {m(largest)} m"
     ground = surfaces(soil)
     if rocks:
         types["knob"] = ROCK
@@ -109,8 +112,7 @@ def _craters(wanted: Wanted) -> Members:
             }
         )
     return {
-        "descr": f"{sides_text(size)} with {count + 1:,} craters of {m(smallest)} to {m(largest)} "
-        f"m from rim to rim, seed {draw.seed}",
+        "descr": f"{sides_text(size)} with {many} from rim to rim, seed {draw.seed}",
         "size": [m(side) for side in size],
         "surfTypes": ground,
         "elemTypes": types,
@@ -131,10 +133,17 @@ def _strewn(count: int, sizes: tuple[float, float], draw: Draw, which: int) -> M
 
 _FALL = 0.65
 """Rise per metre of a slip face: 33 degrees, the angle of repose of dry sand."""
-_LONG, _WIDE = 12.0, 10.0
-"""Heights that a barchan is long and wide (a tenth as high as wide: Hesp and Hastings 1998)."""
-_COLUMNS, _ROWS = 600, 32
-"""Cells of its grid along and across the wind."""
+_LONG, _WIDE = 14.0, 10.0
+"""Heights that the cell of a barchan is long and wide (Hesp and Hastings 1998: a tenth as high as
+wide)."""
+_COLUMNS, _ROWS = 140, 50
+"""Cells of its grid along and across the wind; the wind blows along its middle line."""
+_MOUND, _TOP = 130, 65
+"""Cells that its windward side is long, and from there to its top."""
+_HOLLOW, _FOOT = (52, 26), 85
+"""Cells along and across the round hollow between the horns, and from the west to it."""
+_CARVED = 14
+"""Rows on each side of the middle line that reach the slip face."""
 _LEAST = 0.35
 """The height of the smallest dunes, of that of the largest."""
 _TRIES = 300
@@ -142,27 +151,58 @@ _TRIES = 300
 _BELL = "4.5*t**2 - 13.5*max(0, t - 1/3)**2 + 13.5*max(0, t - 2/3)**2"
 
 
-def _barchan(surface: str) -> Members:
-    """A dune with horns, 1 m high: strips along the wind, of which three overlap everywhere.
+def _slip_face() -> Members:
+    """What rows take off the mound so that a slip face remains, by their number from the middle.
 
-    With s from -1 to 1 across the wind, its toe lies at 5 s², its brink at 7 + 5 s² and is 1 - s²
-    high: the lower, the farther downwind, so that the sides are horns.
+    The face is a cone turned upside down, whose foot is the rim of the hollow: it is equally steep
+    everywhere, up to the tips of the horns. A row has the lower of cone and mound at its middle.
     """
-    strips: list[Members] = []
-    for row in range(_ROWS - 2):
-        s = 2 * (row + 1.5) / _ROWS - 1
-        toe, brink, tall = 5 * s * s, 7 + 5 * s * s, 1 - s * s
-        first, crest, end = (
-            round(x / _LONG * _COLUMNS) for x in (toe, brink, brink + tall / _FALL)
-        )
-        for kind, begin, stop in (("stoss", first, crest), ("lee", crest, end)):
-            strip: Members = {"cellX": begin, "cellY": row, "span": [stop - begin, 3]}
-            strips.append({**strip, "type": kind, "surface": surface, "vScale": round(tall, 3)})
+    cell, wide = _LONG / _COLUMNS, _WIDE / _ROWS
+    radius, half = _HOLLOW[0] * cell / 2, _WIDE / 2
+    long = (_MOUND - _TOP) * cell
+    middle = (_FOOT - _TOP) * cell + radius
+    types: Members = {}
+    for row in range(_CARVED):
+        y = (row + 0.5) * wide
+        cone = f"{_FALL:g}*(sqrt(({long:g}*t - {middle:g})**2 + {y * y:.9g}) - {radius:g})"
+        mound = f"max(0, {1 - (y / half) ** 2:.9g} - t**2)**1.5"
+        types[f"lee {row}"] = {"x": f"max(0, {mound} - max(0, {cone}))", "y": _BELL}
+    descr = (
+        "Row along the wind: what the mound has above a cone of 33 degrees, across a bell of which "
+        "three make 1; the others likewise"
+    )
+    return {**types, "lee 0": {"descr": descr, **types["lee 0"]}}
+
+
+def _barchan(surface: str) -> Members:
+    """A dune with horns, 1 m high: a mound, less what rows along the wind carve out in its lee."""
+    rows: list[Members] = []
+    for row in range(_CARVED):
+        south, apart = _ROWS // 2 - 2 - row, 2 * row + 1
+        lee: Members = {"span": [_MOUND - _TOP, 3], "type": f"lee {row}", "vScale": -1}
+        if row:  # the same on the other side of the middle line
+            lee["repeat"] = {"count": [1, 2], "step": [0, apart]}
+            rows.append({"cellX": _TOP, "cellY": south, **lee})
+        else:  # these two overlap
+            rows += [{"cellX": _TOP, "cellY": south + one, **lee} for one in (0, apart)]
     return {
         "descr": f"{_LONG:g} × {_WIDE:g} m, 1 m high, slip face in the east; scale extent and "
         "vScale alike",
         "type": "ground", "vScale": 1, "cells": [_COLUMNS, _ROWS], "x-ignore": ["TT208"],
-        "children": sorted(strips, key=lambda one: one["type"], reverse=True),
+        "children": [
+            *rows,
+            {
+                "cellX": 0, "cellY": 0, "span": [_MOUND, _ROWS],
+                "descr": "The mound, highest in its middle",
+                "type": "mound", "surface": surface, "vScale": 1,
+            },
+            {
+                "cellX": _FOOT, "cellY": (_ROWS - _HOLLOW[1]) // 2,
+                "span": [*_HOLLOW],
+                "descr": "No loose sand between the horns",
+                "type": "hollow", "vScale": 1,
+            },
+        ],
     }  # fmt: skip
 
 
@@ -220,10 +260,11 @@ def _dunes(wanted: Wanted) -> Members:
                 "vScale": m(one),
             }
         )
+    many = "a barchan" if count == 1 else f"{count:,} barchans up to"
     firm, loose = SOILS[_FIRM].name, SOILS[_LOOSE].name
     return {
-        "descr": f"{sides_text(size)} of desert, wind from the west: barchans up to {m(height)} m "
-        f"high, {count:,} in all, seed {draw.seed}",
+        "descr": f"{sides_text(size)} of desert, wind from the west: {many} {m(height)} m high, "
+        f"seed {draw.seed}",
         "size": [m(side) for side in size],
         "surfTypes": surfaces(_FIRM, _LOOSE),
         "elemTypes": {
@@ -234,12 +275,18 @@ def _dunes(wanted: Wanted) -> Members:
                 "combine": "sum",
             },
             "ground": GROUND,
-            "stoss": {
-                "descr": "Strip of the windward side, across a bell of which three make 1",
-                "x": "smoothstep",
-                "y": _BELL,
+            "mound": {
+                "descr": "Round rise, level at its rim",
+                "x": "(4*t*(1 - t))**1.5",
+                "combine": "radial",
             },
-            "lee": {"descr": "Strip of the slip face, likewise", "x": [1, 0], "y": _BELL},
+            **_slip_face(),
+            "hollow": {
+                "descr": "A disc at height 0",
+                "x": [0],
+                "combine": "radial",
+                "x-ignore": ["TT308"],
+            },
         },
         "parts": {"barchan": _barchan(loose)},
         "elemTree": {
@@ -261,7 +308,7 @@ CRATERS = Kind(
         SEED,
         count_option("count", 40, "How many craters.", 1, 100_000),
         length_option("largest", 12.0, "The largest crater, from rim to rim.", 0.1, 5000.0),
-        length_option("smallest", 1.0, "The smallest one.", 0.05, 1000.0),
+        length_option("smallest", 1.0, "The smallest crater.", 0.05, 1000.0),
         Option(
             "fresh", "number", 0.3, "Share of craters that are not worn.", 0.0, 1.0, metavar="S"
         ),
@@ -276,7 +323,9 @@ DUNES = Kind(
         size_option((150.0, 100.0), 2.0),
         SEED,
         count_option("count", 8, "How many dunes.", 1, 1000),
-        length_option("height", 3.0, "Of the highest dune, a tenth of its width.", 0.1, 500.0),
+        length_option(
+            "height", 3.0, "Height of the highest dune, a tenth of its width.", 0.1, 500.0
+        ),
     ),
     _dunes,
 )

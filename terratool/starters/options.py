@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from numbers import Real
 from typing import Any, Literal
 
 from terratool.definition.scattering import share
@@ -18,6 +19,8 @@ Form = Literal["length", "pair", "number", "whole", "choice"]
 
 MM = 1000
 """mm in a metre."""
+LARGEST = 10_000.0
+"""The longest side of a terrain, m."""
 LAST_SEED = 2**53 - 1
 
 
@@ -87,18 +90,27 @@ class Option:
                 raise RequestError(f"--{self.name} is {value!r}.", f"Choose from {self.range}.")
             return str(value)
         if self.form == "pair":
-            first, second = value
-            return self._number(first), self._number(second)
+            if not isinstance(value, (tuple, list)) or len(value) != 2:
+                raise RequestError(f"--{self.name} is {value!r}.", "Give two numbers.")
+            first, second = self.metavar.split()
+            return self._number(value[0], f"{first} of "), self._number(value[1], f"{second} of ")
         return self._number(value)
 
-    def _number(self, value: Any) -> float | int:
-        if not self.low <= value <= self.high:  # nor NaN
-            raise RequestError(f"--{self.name} is {value:g}.", f"Give {self.range}.")
+    def _number(self, value: Any, which: str = "") -> float | int:
+        name = f"{which}--{self.name}"
+        if isinstance(value, bool) or not isinstance(value, Real):
+            raise RequestError(f"{name} is {value!r}.", f"Give a number, {self.range}.")
+        try:
+            number = float(value)
+        except OverflowError:
+            number = math.inf
+        if not self.low <= number <= self.high:  # nor NaN
+            raise RequestError(f"{name} is {number:,.16g}.", f"Give {self.range}.")
         if self.form == "whole":
-            if value != int(value):
-                raise RequestError(f"--{self.name} is {value:g}.", "Give a whole number.")
-            return int(value)
-        return round(float(value) * MM) / MM if self.form in ("length", "pair") else float(value)
+            if not number.is_integer():
+                raise RequestError(f"{name} is {number:,.16g}.", "Give a whole number.")
+            return int(number)
+        return round(number * MM) / MM if self.form in ("length", "pair") else number
 
 
 @dataclass(frozen=True, slots=True)
@@ -214,7 +226,7 @@ class Kind:
 
 
 def size_option(
-    default: tuple[float, float] | None, least: float = 1.0, most: float = 10_000.0
+    default: tuple[float, float] | None, least: float = 1.0, most: float = LARGEST
 ) -> Option:
     """Sides of the terrain, m."""
     return Option(
@@ -224,7 +236,7 @@ def size_option(
 
 
 SEED = Option(
-    "seed", "whole", 0, "What all that is random follows from.", 0, LAST_SEED, metavar="N"
+    "seed", "whole", 0, "Number that all random choices follow from.", 0, LAST_SEED, metavar="N"
 )
 
 

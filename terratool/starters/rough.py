@@ -49,6 +49,7 @@ def _rough(wanted: Wanted) -> Members:
             f"more than {MOST_NODES:,}.",
             "Make --spacing wider, or the terrain smaller.",
         )
+    high = low + (levels - 1) * step  # the highest that there is
     draw = wanted.draw
     heights = [[draw.below(levels) for _ in range(columns)] for _ in range(rows)]
     ground = {**surfaces(soil)[SOILS[soil].name]}
@@ -112,11 +113,13 @@ ROUGH = Kind(
             -100.0, 100.0, "m", metavar="LOW HIGH",
         ),
         length_option("height-step", 0.02, "Heights are multiples of it above LOW.", 0.001, 100.0),
-        length_option("spacing", 0.2, "Between heights; even slopes in between.", 0.01, 1000.0),
+        length_option(
+            "spacing", 0.2, "Distance between heights; slopes are even in between.", 0.01, 1000.0
+        ),
         length_option(
             "rms", 0.0, "Standard deviation of a finer relief of the surface; 0 is none.", 0.0, 1.0
         ),
-        length_option("correlation", 0.1, "Correlation length of that.", 0.01, 100.0),
+        length_option("correlation", 0.1, "Correlation length of the finer relief.", 0.01, 100.0),
         soil_option("gravel"),
     ),
     _rough,

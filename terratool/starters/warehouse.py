@@ -184,7 +184,7 @@ WAREHOUSE = Kind(
         size_option((40.0, 26.0), 6.0, 1000.0),
         SEED,
         length_option("aisle", 3.25, "Width of the aisles.", 0.3, 50.0),
-        length_option("height", 5.5, "Of full racks.", 0.5, 50.0),
+        length_option("height", 5.5, "Height of full racks.", 0.5, 50.0),
     ),
     _warehouse,
 )

@@ -502,6 +502,8 @@ def _meant(text: str, offset: int, wanted: str) -> str:
     if found[0].isalnum() or found[0] in "_$":
         if wanted == A_VALUE:
             found = _formula(text, offset).group().strip()  # type: ignore[union-attr]
+        elif not text[match.end() : match.end() + 100].lstrip().startswith(":"):  # type: ignore[union-attr]
+            return "Remove it, or write a key in double quotes, a colon and a value."
         return _in_double_quotes(found)
     return ""
 

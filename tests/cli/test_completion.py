@@ -70,6 +70,8 @@ def test_words_of_the_tool() -> None:
     assert completed("rules", "tt20") == [code for code in RULES if code.startswith("TT20")]
     assert completed("validate", "--ignore", "TT4,tt70")[0] == "TT4,TT701"
     assert "sarif" in completed("validate", PAPER, "--format", "s")
+    assert completed("diff", PAPER, PAPER, "--format", "") == ["text", "json", "markdown", "github"]
+    assert "gitlab" in completed("validate", PAPER, "--format", "")
     assert completed("traversability", PAPER, "--fail-on", "no") == ["no-route", "no-go"]
     assert completed("completion", "") == ["bash", "zsh", "fish"]
     assert completed("completion", "f") == ["fish"]

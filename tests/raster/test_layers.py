@@ -262,5 +262,5 @@ class TestFiles:
 
 def test_the_command_knows_the_layers_and_compressions() -> None:
     """They are named twice, as --help is not to import NumPy."""
-    assert tuple(LAYERS) == command.LAYERS
+    assert tuple(LAYERS) == command.LAYERS, "cli/export_dem.py has other layers, or another order"
     assert geotiff.COMPRESSIONS == command.COMPRESSIONS

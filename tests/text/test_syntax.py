@@ -18,6 +18,7 @@ CLOSE_OBJECT = 'Complete it and close it with "}"; the file may have been cut of
 CLOSE_LIST = 'Complete it and close it with "]"; the file may have been cut off.'
 VALUE = "stands where a value is expected."
 KEY = "stands where a key in double quotes is expected."
+NO_KEY = "Remove it, or write a key in double quotes, a colon and a value."
 DEFINITION = 'stands where the "{" of a definition is expected.'
 AFTER = "stands after the end of the definition."
 
@@ -44,6 +45,10 @@ def said(data: bytes) -> tuple[str, str]:
         ("{size: 1}", f'"size" {KEY}', 'Write "size".'),
         ("{x-größe.a: 1}", f'"x-größe.a" {KEY}', 'Write "x-größe.a".'),
         ("{1: 1}", f'"1" {KEY}', 'Write "1".'),
+        ("{size  : 1}", f'"size" {KEY}', 'Write "size".'),
+        ('{ X "size": 1}', f'"X" {KEY}', NO_KEY),
+        ('{"size": 1, X}', f'"X" {KEY}', NO_KEY),
+        ("{size 1}", f'"size" {KEY}', NO_KEY),
         ("[box]", f'"box" {VALUE}', 'Write "box".'),
         ("[cos(2*t) , 1]", f'"cos" {VALUE}', 'Write "cos(2*t)".'),
         ("[" + "a" * 70 + "]", f'"{"a" * 60}…" {VALUE}', "Put it in double quotes."),

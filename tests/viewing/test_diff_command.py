@@ -101,7 +101,7 @@ def test_folders_are_compared_by_names(tmp_path: Path, pair: tuple[Path, Path]) 
     found = json.loads(ran.out)
     assert ran.code == 1
     assert {one["file"]: one["status"] for one in found["files"]} == {
-        "broken.json": "same", "fresh.json": "added", "gone.json": "removed",
+        "broken.json": "invalid", "fresh.json": "added", "gone.json": "removed",
         "site.json": "different", "spoilt.json": "invalid", "sub/site.json": "different",
         "yard.json": "same",
     }  # fmt: skip
@@ -110,7 +110,19 @@ def test_folders_are_compared_by_names(tmp_path: Path, pair: tuple[Path, Path]) 
             assert one["difference"]["ground"]["fill"] == pytest.approx(1)
             assert [e["name"] for e in one["difference"]["entries"]] == ["rack"]
     text = call("diff", old, new).out
-    assert "7 terrains: 2 the same, 2 different, 1 added, 1 removed, 1 invalid." in text
+    assert "7 terrains: 1 the same, 2 different, 1 added, 1 removed, 2 invalid." in text
+    assert "broken.json: invalid\n  The text is the same, and is no valid terrain." in text
+
+
+def test_an_invalid_terrain_is_none_whatever_it_is_compared_with(tmp_path: Path) -> None:
+    """In two folders as among two files, also where the text is the same."""
+    for side in ("a", "b"):
+        (tmp_path / side).mkdir()
+        (tmp_path / side / "broken.json").write_text("{", "utf-8")
+    broken = tmp_path / "a" / "broken.json"
+    assert call("diff", broken, broken).code == 1
+    ran = call("diff", tmp_path / "a", tmp_path / "b")
+    assert (ran.code, ran.out.splitlines()[0]) == (1, "broken.json: invalid")
 
 
 def test_github_shows_annotations_and_markdown_a_table(
@@ -270,6 +282,32 @@ def test_a_place_that_is_spoilt_changes_verdicts(tmp_path: Path) -> None:
     assert sum(found["old"].values()) == pytest.approx(1) == sum(found["new"].values())
     same = call("diff", new, new, "--vehicle", vehicle)
     assert same.out == f"{new}: same terrain\n"
+
+
+def test_a_list_that_ends_early_says_how_to_see_all_of_it(tmp_path: Path) -> None:
+    """And what unknown ground lacks."""
+    yard = {
+        "size": [12, 8],
+        "surfTypes": {"hard": {"cohesion": 1, "fricAngle": 25, "sinkage": 0}, "bare": {}},
+        "elemTypes": {"level": {"x": [0]}, "box": {"x": [1]}},
+        "elemTree": {"type": "level", "surface": "hard", "cells": [12, 8], "children": []},
+    }
+    children: Any = [{"cellX": x, "cellY": 3, "type": "box", "vScale": x} for x in range(1, 8)]
+    yard["elemTree"]["children"] = children  # type: ignore[index]
+    old = save(tmp_path / "old.json", yard)
+    for child in children:
+        child["vScale"] *= 1.25
+    children.append({"at": [10, 5], "extent": [2, 1.5], "type": "box", "surface": "bare"})
+    new = save(tmp_path / "new.json", yard)
+    vehicle = "samples/vehicles/husky-a200.json"
+    judged = call("diff", old, new, "--vehicle", vehicle, "--resolution", 0.25).out
+    assert "\n    unknown: a surface lacks a figure of its soil" in judged
+    children[-1]["surface"] = "hard"
+    save(new, yard)
+    assert "unknown" not in call("diff", old, new, "--vehicle", vehicle, "--resolution", 0.25).out
+    short = call("diff", old, new, "--max-changes", 2).out
+    assert "\n    … and 6 more; --max-changes 0 lists all\n" in short
+    assert "more" not in call("diff", old, new, "--max-changes", 0).out.replace("by more", "")
 
 
 def test_soil_alone_changes_verdicts(tmp_path: Path) -> None:

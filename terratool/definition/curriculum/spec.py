@@ -119,7 +119,7 @@ class Spec:
         columns: how many columns.
         tile: sides of a tile along x and y, m.
         kinds: at least one.
-        seed: what all that is random follows from.
+        seed: number that all random choices follow from.
         curriculum: whether difficulty follows the row and kind the column; else both are random.
         difficulty: the least and the greatest.
         jitter: the share of a row's part of the difficulty that is random: 1 is Isaac Lab's, 0 is

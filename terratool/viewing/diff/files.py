@@ -125,8 +125,7 @@ def compare_folders(
                 found.append(_pair(first, second, name, reading, options, progress, None))
         except DefinitionError as error:
             if _is_one_text(first, second):
-                found.append(FileDifference(name, "same", message=_STILL))
-                continue
+                error = DefinitionError(f"{_STILL} {error.message}", error.hint)
             found.append(FileDifference(name, "invalid", None, error.message, error.hint))
         except ReadError as error:
             found.append(FileDifference(name, "unreadable", None, error.message, error.hint))

@@ -27,6 +27,8 @@ _NAMED = 3
 """… with the names of the first ones."""
 _FLIPS = 5
 """So many kinds of flips are listed."""
+_UNKNOWN = "unknown"
+"""The class of ground that has no verdict."""
 _SIGNS = {"added": "+", "removed": "-", "moved": "~", "changed": "~", "renamed": "~"}
 _DICTIONARIES = {"surface": "worn by", "primitive": "used by", "part": "stands in"}
 _STATUS = {
@@ -89,7 +91,7 @@ def _listed(items: Sequence[Any], most: int, line: Callable[[Any], str]) -> Iter
     shown_items = items[:most] if most else items
     yield from map(line, shown_items)
     if len(items) > len(shown_items):
-        yield f"  … and {len(items) - len(shown_items):,} more"
+        yield f"  … and {len(items) - len(shown_items):,} more; --max-changes 0 lists all"
 
 
 def _key(key: KeyChange) -> str:
@@ -228,6 +230,8 @@ def _verdict(verdict: VerdictChange, most: int) -> Iterator[str]:
             f"{flip.x:.6g} {flip.y:.6g}"
         ),
     )
+    if any(_UNKNOWN in (flip.old, flip.new) for flip in verdict.flips):
+        yield f"  {_UNKNOWN}: a surface lacks a figure of its soil; validate names it (TT401)"
 
 
 def as_json(comparison: Comparison, most: int) -> str:  # noqa: ARG001, as others have it
