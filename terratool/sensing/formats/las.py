@@ -98,6 +98,6 @@ def _wkt(terrain: Terrain) -> str:
     if crs is None:
         return ""
     try:
-        return str(crs.to_wkt("WKT1_GDAL"))
+        return str(crs.to_wkt(version="WKT1_GDAL"))
     except CRSError:
-        return str(crs.to_wkt("WKT2_2019"))
+        return str(crs.to_wkt(version="WKT2_2019"))
