@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from terratool.errors import RequestError
 from terratool.sensing.poses import Poses, quaternions, read_poses
 from terratool.sensing.readings import Status, passed
 from terratool.sensing.scan import Scan
@@ -200,6 +201,14 @@ def test_beams_of_a_column_fire_one_after_the_other() -> None:
         "elevations": [-1, 0, 1], "azimuths": [0, 90], "azimuthStep": 90, "firingInterval": 1e-3,
     }))  # fmt: skip
     np.testing.assert_allclose(got.offset, [0, 0.001, 0.002, 0.125, 0.126, 0.127])
+
+
+@pytest.mark.parametrize("threads", [0, -3])
+def test_rays_take_a_thread(threads: int) -> None:
+    """None or a negative number of them is refused, in a sentence."""
+    with pytest.raises(RequestError, match=f"The number of threads is {threads}"):
+        TERRAIN.cast([HERE], [[1.0, 0, 0]], threads=threads)
+    assert TERRAIN.cast([HERE], [[1.0, 0, 0]], threads=1).distance[0] == 18
 
 
 # Noise
