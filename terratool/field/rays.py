@@ -98,7 +98,7 @@ def cast(
 
     Raises:
         RequestError: a number is NaN, an origin or direction infinite, a direction 0, or a range
-            below 0; there are less than 1 threads; or the parts of the terrain come to too many
+            below 0; `threads` is below 1; or the parts of the terrain come to too many
             elements.
     """
     if threads is not None and threads < 1:
