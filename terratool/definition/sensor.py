@@ -6,6 +6,8 @@ that is computed with.
 
 from __future__ import annotations
 
+import math
+
 import msgspec
 from msgspec import UNSET, Struct, UnsetType
 
@@ -66,6 +68,16 @@ class LidarText(Struct, frozen=True, rename="camel", kw_only=True):
             return 0
         steps = int((self.span[1] - self.span[0]) / self.azimuth_step + _SLACK)
         return max(steps, 1) if self.is_full else steps + 1
+
+    @property
+    def firing(self) -> float:
+        """Time from the first beam of a column to its last one, s."""
+        interval = 0.0 if self.firing_interval is UNSET else self.firing_interval
+        return interval * max(self.rings - 1, 0)
+
+    def column_time(self, rate: float) -> float:
+        """Time from a column to the next one at so many turns in a second, s."""
+        return math.inf if self.azimuth_step is UNSET else self.azimuth_step / (TURN * rate)
 
 
 class CameraText(Struct, frozen=True, rename="camel", kw_only=True):

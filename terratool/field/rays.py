@@ -98,8 +98,11 @@ def cast(
 
     Raises:
         RequestError: a number is NaN, an origin or direction infinite, a direction 0, or a range
-            below 0; or the parts of the terrain come to too many elements.
+            below 0; `threads` is below 1; or the parts of the terrain come to too many
+            elements.
     """
+    if threads is not None and threads < 1:
+        raise RequestError(f"The number of threads is {threads}.", "Give 1 or more.")
     origins, directions = np.asarray(origins, np.float64), np.asarray(directions, np.float64)
     most = np.asarray(max_range, np.float64)
     for name, vectors in (("origins", origins), ("directions", directions)):

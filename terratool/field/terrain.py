@@ -379,8 +379,8 @@ class Terrain:
             threads: number of threads; as many as there are processors if None.
 
         Raises:
-            RequestError: a number is NaN, a direction 0, or a range below 0; or the parts of the
-                terrain come to too many elements.
+            RequestError: a number is NaN, a direction 0, or a range below 0; `threads` is below 1;
+                or the parts of the terrain come to too many elements.
         """
         from terratool.field.rays import cast
 

@@ -152,7 +152,12 @@ def read_poses(path: str | Path) -> Poses:
     for number, line in enumerate(text.splitlines(), 1):
         if not line.strip() or line.lstrip().startswith("#"):
             continue
-        cells = [cell.strip() for cell in next(csv.reader([line]))]
+        try:
+            cells = [cell.strip() for cell in next(csv.reader([line]))]
+        except csv.Error as error:  # a cell longer than the csv module takes
+            raise RequestError(
+                f"{name}:{number}: is no line of CSV ({error}).", "Write numbers and commas."
+            ) from error
         if not places:
             places = _header(name, number, [cell.lower() for cell in cells])
             continue
@@ -219,11 +224,12 @@ def grounded(poses: Poses, terrain: Terrain, height: float, follow: bool = False
         poses: where.
         terrain: what they stand on.
         height: m, along z; along the normal if they follow the slope.
-        follow: whether they tilt with the ground: their upright axis along its normal, their
-            heading kept. Else they stay as they are turned.
+        follow: whether they tilt with the ground. It stands in for the level plane then: pitch and
+            roll count from it, the yaw stays. Else they stay as they are turned.
 
     Raises:
-        RequestError: there is no ground at one of them, or the height is none.
+        RequestError: there is no ground at one of them, the height is none, or the normal leads out
+            of the terrain or below its ground.
     """
     if not 0.0 <= height <= _FAR:
         raise RequestError(
@@ -240,8 +246,11 @@ def grounded(poses: Poses, terrain: Terrain, height: float, follow: bool = False
         )
     up = samples.normal if follow else np.tile([0.0, 0.0, 1.0], (len(poses), 1))
     positions = np.column_stack([x, y, samples.height]) + height * up
-    turns = _product(_upright_to(up), poses.turns) if follow else poses.turns
-    return replace(poses, positions=positions, turns=turns)
+    if not follow:
+        return replace(poses, positions=positions)
+    tilted = replace(poses, positions=positions, turns=_tilted(poses, up))
+    check_poses(tilted, terrain)
+    return tilted
 
 
 def check_poses(poses: Poses, terrain: Terrain) -> None:
@@ -312,9 +321,26 @@ def _product(first: Floats, last: Floats) -> Floats:
     )
 
 
-def _upright_to(normals: Floats) -> Floats:
-    """The shortest turns that take z to the normals, which point up."""
-    nx, ny, nz = normals.T
-    turns = np.stack([-ny, nx, np.zeros(len(nx)), 1.0 + nz], axis=-1)
-    unit: Floats = turns / np.linalg.norm(turns, axis=-1, keepdims=True)
-    return unit
+def _tilted(poses: Poses, normals: Floats) -> Floats:
+    """Turns of poses on ground with these normals, which point up.
+
+    With the yaw ψ and the pitch p and roll r of the ground ahead of it, R becomes
+    Rz(ψ) · Ry(p) · Rx(r) · Rz(−ψ) · R: the third column of Ry(p) · Rx(r) is
+    (sin p cos r, −sin r, cos p cos r), which is the normal as seen with that yaw.
+    """
+    matrices = poses.matrices
+    ahead, left = matrices[:, :2, 0], matrices[:, :2, 1]
+    # what looks straight up or down has its heading by where its left is
+    upright = np.hypot(*ahead.T) < 1e-9
+    yaw = np.where(
+        upright, np.arctan2(-left[:, 0], left[:, 1]), np.arctan2(ahead[:, 1], ahead[:, 0])
+    )
+    along = np.cos(yaw) * normals[:, 0] + np.sin(yaw) * normals[:, 1]
+    aside = np.cos(yaw) * normals[:, 1] - np.sin(yaw) * normals[:, 0]
+    pitch, roll = (
+        np.arctan2(along, normals[:, 2]),
+        np.arctan2(-aside, np.hypot(along, normals[:, 2])),
+    )
+    heading, none = np.degrees(yaw), np.zeros(len(poses))
+    ground = quaternions(heading, np.degrees(pitch), np.degrees(roll))
+    return _product(ground, _product(quaternions(-heading, none, none), poses.turns))

@@ -223,31 +223,33 @@ def reflectances(terrain: Terrain) -> Floats:
 def disturbed(frame: Frame, sensor: Sensor, generator: np.random.Generator) -> Frame:
     """The same with the noise of the sensor: readings off along their rays, or lacking.
 
+    What it moves out of the sensor's range is no reading. What is out of it without noise stays so.
     Two numbers are drawn for each ray, read or not, so that none depends on the others.
     """
     count = len(frame.range)
     off, lot = generator.standard_normal(count), generator.random(count)
-    dropped = frame.returns & (lot < sensor.noise.dropout)
     off *= sensor.noise.deviation(frame.range)
-    # a reading is never behind the sensor, and one that is where the sensor is stays there
+    # one that is where the sensor is stays there, as its ray has no direction any more
     factor = np.ones(count)
     np.divide(off, frame.range, out=factor, where=frame.range > 0.0)
     factor[frame.range > 0.0] += 1.0
-    factor = np.maximum(factor, 0.0)
-    status = frame.status.copy()
-    status[dropped] = Status.DROPPED
     origins = frame.origins
     points = origins + (frame.points - origins) * factor[:, None]
     local, range_ = frame.local * factor[:, None], frame.range * factor
-    points[dropped], local[dropped], range_[dropped] = np.nan, np.nan, np.nan
+    returns, status = frame.returns, frame.status.copy()
+    status[returns & (range_ < sensor.least)] = Status.NEAR
+    status[returns & (range_ > sensor.most)] = Status.FAR
+    status[returns & (lot < sensor.noise.dropout)] = Status.DROPPED
+    lost = returns & (status != Status.RETURN)
+    points[lost], local[lost], range_[lost] = np.nan, np.nan, np.nan
     return replace(
         frame,
         range=range_,
         local=local,
         points=points,
         status=status,
-        intensity=np.where(dropped, np.float32(0.0), frame.intensity),
-        surface=np.where(dropped, np.int32(-1), frame.surface),
-        element=np.where(dropped, np.int64(-1), frame.element),
-        wall=frame.wall & ~dropped,
+        intensity=np.where(lost, np.float32(0.0), frame.intensity),
+        surface=np.where(lost, np.int32(-1), frame.surface),
+        element=np.where(lost, np.int64(-1), frame.element),
+        wall=frame.wall & ~lost,
     )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,8 @@ MOST_RAYS = 1_000_000_000
 """Of all frames of a scan."""
 _SLACK = 1e-6
 """Of a period: so much later the last frame may begin than the last pose is."""
+_BATCH = 1 << 16
+"""Poses that are looked at together."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +48,8 @@ class Scan:
     Attributes:
         sensor: what reads.
         poses: where it is. Where they are timed it moves between them, and reads as often as it
-            does from the first time to the last one; else there is a frame of each.
+            does from the first time to the last one, at which no turn begins any more; else there
+            is a frame of each.
         options: how it is made.
     """
 
@@ -84,8 +87,10 @@ class Scan:
         """How many turns, pictures or pings there are."""
         if not self.poses.timed:
             return len(self.poses)
-        duration = float(self.poses.times[-1] - self.poses.times[0])
-        return int(duration * self.sensor.rate + _SLACK) + 1
+        periods = float(self.poses.times[-1] - self.poses.times[0]) * self.sensor.rate
+        if self.moves:  # a turn takes time: what begins at the last one would be read at rest
+            return max(math.ceil(periods - _SLACK), 1)
+        return int(periods + _SLACK) + 1
 
     @property
     def rays(self) -> int:
@@ -98,16 +103,17 @@ class Scan:
         return self.poses.timed and len(self.poses) > 1 and isinstance(self.sensor.head, Lidar)
 
     def placed(self, terrain: Terrain) -> Scan:
-        """The same, its poses looked at.
+        """The same, its poses looked at, and those between from which anything is read.
 
         Raises:
             RequestError: a pose is outside of the terrain, or below the ground, or has none.
         """
-        on_ground = self.options.on_ground
-        if on_ground is None:
-            check_poses(self.poses, terrain)
-        else:
-            grounded(self.poses, terrain, on_ground)
+        self._standing(self.poses, terrain)
+        if self.poses.timed:
+            frames, step = self.frames, max(_BATCH // len(self._within), 1)
+            for first in range(0, frames, step):
+                numbers = np.arange(first, min(first + step, frames))
+                self._standing(self._between(numbers), terrain)
         return self
 
     def read(self, terrain: Terrain, progress: Callable[[int], None] | None = None
@@ -143,21 +149,29 @@ class Scan:
             if progress is not None:
                 progress(self.sensor.rays)
 
+    @property
+    def _within(self) -> NDArray[np.float64]:
+        """Times of a frame's poses from its beginning, s: one, or one for each column."""
+        if self.moves:
+            assert isinstance(self.sensor.head, Lidar)
+            return np.array(self.sensor.head.times)
+        return np.zeros(1)
+
     def _poses(self, number: int, terrain: Terrain) -> Poses:
         """Those of a frame: one, or of a lidar that moves one for each column."""
-        if not self.poses.timed:
-            poses = self.poses.only(number)
-            poses = Poses(
-                np.array([number / self.sensor.rate]), poses.positions, poses.turns, False
-            )
-        else:
-            begin = float(self.poses.times[0]) + number / self.sensor.rate
-            times = np.array([begin])
-            if self.moves:
-                assert isinstance(self.sensor.head, Lidar)
-                times = begin + np.array(self.sensor.head.times)
-            between = self.poses.at(times)
-            poses = Poses(times, between.positions, between.turns, True)
+        if self.poses.timed:
+            return self._standing(self._between(np.array([number])), terrain)
+        poses = self._standing(self.poses.only(number), terrain)
+        return replace(poses, times=np.array([number / self.sensor.rate]))
+
+    def _between(self, numbers: NDArray[np.int64]) -> Poses:
+        """Those of frames that move, one frame after the other, z as it is given."""
+        begins = self.poses.times[0] + numbers / self.sensor.rate
+        times = (begins[:, None] + self._within).ravel()
+        return replace(self.poses.at(times), times=times)
+
+    def _standing(self, poses: Poses, terrain: Terrain) -> Poses:
+        """The same on the ground, if that is asked for, and looked at."""
         if self.options.on_ground is not None:
             return grounded(poses, terrain, self.options.on_ground, self.options.follow_slope)
         check_poses(poses, terrain)

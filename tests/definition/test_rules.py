@@ -107,6 +107,7 @@ NAMES = {
     "TT903": "beams-of-a-list",
     "TT904": "too-many-rays",
     "TT905": "two-lenses",
+    "TT906": "slow-firing",
 }
 ROOT = Path(__file__).parents[2]
 INVALID = sorted((ROOT / "samples" / "invalid").glob("*.json"))

@@ -50,6 +50,7 @@ SONAR: Json = {
         "sonarRefl": 0.5,
     },
 }  # fmt: skip
+SLOW: Json = {"elevations": [-9, 9], "beams": 6, "azimuthStep": 1.8}
 
 
 def resolved(schema: Json) -> Json:
@@ -201,6 +202,14 @@ def test_nothing_but_an_object_is_a_sensor(value: Any) -> None:
         # 1,000 beams of 10,000 columns are 10,000,000 rays
         ({"lidar": {"elevations": [0, 1], "beams": 1000, "azimuthStep": 0.036}}, []),
         ({"lidar": {"elevations": [0, 1], "beams": 1001, "azimuthStep": 0.036}}, ["TT904"]),
+        # columns of 1.8 degrees come each 0.0005 s at 10 Hz; 5 gaps between 6 beams
+        ({"lidar": {**SLOW, "firingInterval": 1e-4}}, []),
+        ({"lidar": {**SLOW, "firingInterval": 1.001e-4}}, ["TT906"]),
+        ({"lidar": {**SLOW, "firingInterval": 1e-4}, "rate": 10.1}, ["TT906"]),
+        ({"lidar": {**SLOW, "firingInterval": 1.001e-4}, "rate": 9.9}, []),
+        ({"lidar": {**SLOW, "beams": 7, "firingInterval": 1e-4}}, ["TT906"]),
+        ({"lidar": {**SLOW, "firingInterval": 1}, "rate": "9"}, ["TT105"]),
+        ({"lidar": {"elevations": [1], "azimuthStep": 1, "firingInterval": 1}}, []),
         ({"lidar": {"elevations": [0], "azimuthStep": 1, "beams": "2"}}, ["TT105"]),
         ({"lidar": 3}, ["TT105"]),
         ({"sonar": SONAR["sonar"]}, ["TT901"]),

@@ -6,6 +6,7 @@ import csv
 import datetime
 import json
 import zipfile
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,12 +15,15 @@ import pytest
 
 from terratool.errors import RequestError, WriteError
 from terratool.sensing.export import ScanOutput, export_scan
+from terratool.sensing.formats.common import Record
+from terratool.sensing.formats.images import write_tiff
 from terratool.sensing.formats.table import FORMATS
 from terratool.sensing.poses import Poses, one_pose, quaternions
 from terratool.sensing.readings import Frame, Status
 from terratool.sensing.scan import Scan, ScanOptions
 from terratool.sensing.sensor import Sensor
-from tests.sensing.yard import HERE, TERRAIN, sensor
+from tests.conftest import terrain_of
+from tests.sensing.yard import HERE, TERRAIN, YARD, sensor
 
 LIDAR = sensor(rate=2, lidar={
     "elevations": [-20, 0, 20], "azimuthStep": 45, "firingInterval": 0.001,
@@ -96,6 +100,21 @@ def test_pcd_keeps_millimetres_far_from_the_origin(tmp_path: Path) -> None:
     np.testing.assert_array_equal(got, frame.points[frame.returns])
 
 
+def test_pcd_keeps_millimetres_high_up(tmp_path: Path) -> None:
+    """float64 where z is large, too; float32 in the sensor's axes all the same."""
+    from pypcd4 import PointCloud
+
+    high = terrain_of(YARD | {"elemTree": {**YARD["elemTree"], "vOffset": 300_000}})
+    scan = Scan(LIDAR, one_pose(TWO[0]), ScanOptions(on_ground=1.2))
+    (frame,) = scan.read(high)
+    for world, size in ((True, 8), (False, 4)):
+        export_scan(high, scan, ScanOutput(tmp_path / f"{size}.pcd", world=world))
+        cloud = PointCloud.from_path(tmp_path / f"{size}.pcd")
+        assert cloud.metadata.size[0] == size
+        if world:
+            np.testing.assert_array_equal(cloud.numpy(("x", "y", "z")), frame.points[frame.returns])
+
+
 @pytest.mark.parametrize("suffix", [".las", ".laz"])
 def test_las_in_laspy(suffix: str, tmp_path: Path) -> None:
     """Coordinates to a tenth of a millimetre, times as GPS times, labels as extra bytes."""
@@ -114,6 +133,65 @@ def test_las_in_laspy(suffix: str, tmp_path: Path) -> None:
     np.testing.assert_array_equal(las.classification, np.where(walls, 1, 2))
     assert las.header.creation_date == datetime.date(1980, 1, 1)  # no clock
     assert b"brick" in las.vlrs.get_by_id("terratool")[0].record_data_bytes()
+
+
+@pytest.mark.parametrize("height", [-250_000.0, 300_000.0, 1e9])
+def test_las_of_high_ground_in_laspy(height: float, tmp_path: Path) -> None:
+    """Wherever the ground is, the step is a tenth of a millimetre: offsets are of the points."""
+    import laspy
+
+    high = terrain_of(YARD | {"elemTree": {**YARD["elemTree"], "vOffset": height}})
+    far = sensor(range=[0.1, 1e6], lidar={"elevations": [-20, 0], "azimuthStep": 30})
+    scan = Scan(far, one_pose((*HERE, 20, 5, 0)), ScanOptions(on_ground=1.2))
+    export_scan(high, scan, ScanOutput(tmp_path / "a.las"))
+    (frame,) = scan.read(high)
+    las = laspy.read(tmp_path / "a.las")
+    assert (las.header.scales == 1e-4).all()
+    assert (las.header.offsets == np.floor(las.header.offsets)).all()
+    np.testing.assert_allclose(las.xyz, frame.points[frame.returns], rtol=1e-15, atol=0.51e-4)
+
+
+@pytest.mark.parametrize(("elevation", "step"), [(40, 1e-4), (44, 1e-3)])
+def test_las_of_points_far_apart_in_laspy(elevation: float, step: float, tmp_path: Path) -> None:
+    """Where 31 bits of a tenth of a millimetre do not reach, the step is ten times as large."""
+    import laspy
+
+    plain = terrain_of({
+        "size": [400_000, 90_000], "elemTypes": {"ramp": {"x": [0, 1]}},
+        "elemTree": {"type": "ramp", "vScale": 400_000},
+    })  # fmt: skip
+    lidar = sensor(range=[1, 1e6], lidar={"elevations": [-89, elevation], "azimuthStep": 90})
+    scan = Scan(lidar, one_pose((10_000, 40_000, 20_000, 0, 0, 0)))
+    export_scan(plain, scan, ScanOutput(tmp_path / "a.las"))
+    (frame,) = scan.read(plain)
+    points = frame.points[frame.returns]
+    assert (np.ptp(points, axis=0).max() > 2**31 * 1e-4) == (step == 1e-3)
+    las = laspy.read(tmp_path / "a.las")
+    np.testing.assert_allclose(las.header.scales, step)
+    np.testing.assert_allclose(las.xyz, points, atol=0.51 * step)
+
+
+@pytest.mark.parametrize("crs", ["EPSG:32633", None])
+def test_las_has_the_reference_system_in_pyproj(crs: str | None, tmp_path: Path) -> None:
+    """As WKT 1, with its bit, which is set without one, too; points of the sensor have none."""
+    import laspy
+    import pyproj
+
+    terrain = terrain_of(YARD | ({"crs": crs} if crs else {}))
+    scan = Scan(LIDAR, one_pose(TWO[0]))
+    for name, world in (("world", True), ("own", False)):
+        path = tmp_path / f"{name}.las"
+        export_scan(terrain, scan, ScanOutput(path, world=world))
+        with laspy.open(path) as file:
+            header = file.header
+        assert header.global_encoding.wkt
+        assert path.read_bytes()[6] & 0b10000  # bit 4 of the global encoding, bytes 6 and 7
+        if crs and world:
+            assert header.parse_crs().equals(pyproj.CRS.from_user_input(crs))
+            (wkt,) = header.vlrs.get("WktCoordinateSystemVlr")
+            assert wkt.string.startswith("PROJCS[")
+        else:
+            assert header.parse_crs() is None
 
 
 def test_npz_has_all_of_it(tmp_path: Path) -> None:
@@ -192,8 +270,6 @@ def test_png_says_what_it_cannot_hold(tmp_path: Path) -> None:
     """Depths of more than 65.535 m are 0, and counted."""
     from PIL import Image
 
-    from tests.conftest import terrain_of
-
     plain = terrain_of({
         "size": [400, 90], "elemTypes": {"f": {"x": [1]}}, "elemTree": {"type": "f", "vScale": 0},
     })  # fmt: skip
@@ -223,6 +299,25 @@ def test_tiff_has_depths_and_labels(tmp_path: Path) -> None:
     for name, band in bands.items():
         expected = getattr(frames[1], name.replace("depth", "range")).reshape(5, 7)
         np.testing.assert_array_equal(band, expected.astype(np.float32))
+
+
+def test_tiff_has_all_indices(tmp_path: Path) -> None:
+    """float32 ends at 2²⁴; an image with an index beyond has doubles."""
+    import rasterio
+    from rasterio.errors import NotGeoreferencedWarning
+
+    scan = Scan(CAMERA, one_pose(TWO[0]))
+    (frame,) = scan.read(TERRAIN)
+    for most, kind in ((2**24, "float32"), (2**24 + 1, "float64")):
+        element = np.where(frame.element >= 0, most - frame.element, -1)
+        assert element.max() == most
+        path = tmp_path / f"{kind}.tif"
+        write_tiff(path, iter([replace(frame, element=element)]), Record(TERRAIN, CAMERA, 1))
+        with pytest.warns(NotGeoreferencedWarning), rasterio.open(path) as file:
+            assert {*file.dtypes} == {kind}
+            got = file.read()
+        np.testing.assert_array_equal(got[2].ravel(), element)
+        np.testing.assert_array_equal(got[0].ravel(), frame.range.astype(kind))
 
 
 def messages(path: Path) -> dict[str, list[Any]]:
@@ -349,7 +444,50 @@ def test_bag_follows_a_lidar_that_moves(tmp_path: Path) -> None:
     x = [move.transform.translation.x for move in moves]
     at = [move.header.stamp.sec + move.header.stamp.nanosec / 1e9 for move in moves]
     np.testing.assert_allclose(x, np.minimum(105 + 10 * (np.array(at) - 3), 115), atol=1e-6)
-    assert len(at) == 24
+    assert len(at) == 12
+
+
+def test_bag_has_the_last_column_of_a_turn(tmp_path: Path) -> None:
+    """However many columns there are, /tf has some of a turn, its first and its last among them."""
+    poses = Poses(
+        np.array([3.0, 4.0]), np.array([[105.0, 207, 1.7], [115, 207, 1.7]]),
+        quaternions([0, 0], [0, 0], [0, 0]), True,
+    )  # fmt: skip
+    for columns in (2, 32, 33, 34, 90):
+        lidar = sensor(rate=1, lidar={"elevations": [0], "azimuthStep": 360 / columns})
+        path = tmp_path / f"{columns}.rosbag2"
+        export_scan(TERRAIN, Scan(lidar, poses), ScanOutput(path))
+        x = [one.transforms[0].transform.translation.x for one in messages(path)["/tf"]]
+        assert x[0] == 105
+        assert x[-1] == pytest.approx(105 + 10 * (columns - 1) / columns)
+        assert len(x) == min(columns, len(x)) <= 33
+        assert (np.diff(x) > 0).all()
+
+
+@pytest.mark.parametrize("what", [LIDAR, PLANAR, CAMERA, SONAR], ids=lambda one: one.kind)
+def test_no_stamp_is_the_latest(what: Sensor, tmp_path: Path) -> None:
+    """A stamp of 0 would be that to tf2; the first one is a nanosecond."""
+    scanned(what, tmp_path / "a.rosbag2")
+    for topic, found in messages(tmp_path / "a.rosbag2").items():
+        first = found[0].transforms[0] if topic.startswith("/tf") else found[0]
+        assert (first.header.stamp.sec, first.header.stamp.nanosec) == (0, 1), topic
+
+
+def test_bag_of_noise_is_within_the_range(tmp_path: Path) -> None:
+    """What noise has moved out of it is −inf or +inf, as REP 117 has it."""
+    noisy = sensor(
+        range=[17.9, 18.2], noise={"sigma": 0.2},
+        lidar={"elevations": [0], "azimuths": [-4, 6], "azimuthStep": 0.1},
+    )  # fmt: skip
+    scan = Scan(noisy, one_pose((*HERE, 0, 0, 0)), ScanOptions(seed=5))
+    export_scan(TERRAIN, scan, ScanOutput(tmp_path / "a.rosbag2"))
+    (told,) = messages(tmp_path / "a.rosbag2")["/scan"]
+    finite = told.ranges[np.isfinite(told.ranges)]
+    assert finite.min() >= told.range_min
+    assert finite.max() <= told.range_max
+    assert np.isneginf(told.ranges).any()
+    assert np.isposinf(told.ranges).any()
+    assert not np.isnan(told.ranges).any()
 
 
 # All formats
@@ -408,7 +546,9 @@ def test_a_scan_of_nothing_is_written(suffix: str, tmp_path: Path) -> None:
     if suffix == ".las":
         import laspy
 
-        assert len(laspy.read(tmp_path / "a.las").points) == 0
+        las = laspy.read(tmp_path / "a.las")
+        assert len(las.points) == 0
+        assert las.header.offsets.tolist() == [0, 0, 0]
 
 
 def test_a_folder_that_is_no_bag_is_kept(tmp_path: Path) -> None:

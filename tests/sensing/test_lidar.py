@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from terratool.sensing.poses import read_poses
+from terratool.errors import RequestError
+from terratool.sensing.poses import Poses, quaternions, read_poses
 from terratool.sensing.readings import Status, passed
 from terratool.sensing.scan import Scan
 from terratool.sensing.sensor import load_sensor
@@ -97,16 +98,40 @@ def test_a_lidar_turns_while_it_moves(clockwise: bool, time: float, tmp_path: Pa
         rate=1, lidar={**LEVEL, "azimuths": [-45, 90], "azimuthStep": 45, "clockwise": clockwise}
     )
     scan = Scan(lidar, read_poses(path))
-    assert scan.frames == 2
-    first, second = scan.read(TERRAIN)
+    (first,) = scan.read(TERRAIN)
     east = int(np.argmin(np.abs(np.array(lidar.head.azimuths))))  # type: ignore[union-attr]
     assert first.range[east] == pytest.approx(128 - 105 - 10 * time, rel=1e-9)
     assert first.time + first.offset[east] == pytest.approx(5 + time)
     np.testing.assert_allclose(first.points[east], [128, 207, 1.7], atol=1e-9)
     np.testing.assert_allclose(first.origins[east], [105 + 10 * time, 207, 1.7], atol=1e-9)
-    # behind the last pose it rests
-    assert second.range[east] == pytest.approx(13, rel=1e-9)
-    assert second.time == 6
+
+
+@pytest.mark.parametrize(
+    ("end", "begins"),
+    [(5, [5]), (5.1, [5]), (5.5, [5]), (6, [5, 5.5]), (6.5, [5, 5.5, 6]), (6.6, [5, 5.5, 6, 6.5])],
+)
+def test_no_turn_begins_when_the_path_has_ended(end: float, begins: list[float]) -> None:
+    """The last one that has begun is read to its end, at rest behind the path."""
+    count = 1 if end == 5 else 2
+    times, x = np.array([5.0, end])[:count], np.array([105.0, 115.0])[:count]
+    positions = np.column_stack([x, np.full(count, 207.0), np.full(count, 1.7)])
+    poses = Poses(times, positions, quaternions(*np.zeros((3, count))), True)
+    scan = Scan(sensor(rate=2, lidar={**LEVEL, "azimuthStep": 0.5}), poses)
+    frames_ = list(scan.read(TERRAIN))
+    assert scan.frames == len(frames_)
+    np.testing.assert_allclose([one.time for one in frames_], begins)
+    if end == 6.6:
+        np.testing.assert_allclose(frames_[-1].origins[-1], [115, 207, 1.7])
+        assert frames_[-1].origins[0, 0] == pytest.approx(105 + 10 * 1.5 / 1.6)
+
+
+def test_a_camera_takes_a_picture_at_the_last_pose() -> None:
+    """A picture takes no time: both ends of the path have one."""
+    turns = quaternions(*np.zeros((3, 2)))
+    poses = Poses(np.array([0.0, 1.0]), np.array([[105, 207, 1.7], [115, 207, 1.7]]), turns, True)
+    camera = sensor(rate=2, camera={"width": 1, "height": 1, "fov": 9})
+    depths = [float(one.range[0]) for one in Scan(camera, poses).read(TERRAIN)]
+    np.testing.assert_allclose(depths, [23, 18, 13])
 
 
 def test_a_path_without_times_is_poses_of_rest(tmp_path: Path) -> None:
@@ -178,6 +203,14 @@ def test_beams_of_a_column_fire_one_after_the_other() -> None:
     np.testing.assert_allclose(got.offset, [0, 0.001, 0.002, 0.125, 0.126, 0.127])
 
 
+@pytest.mark.parametrize("threads", [0, -3])
+def test_rays_take_a_thread(threads: int) -> None:
+    """None or a negative number of them is refused, in a sentence."""
+    with pytest.raises(RequestError, match=f"The number of threads is {threads}"):
+        TERRAIN.cast([HERE], [[1.0, 0, 0]], threads=threads)
+    assert TERRAIN.cast([HERE], [[1.0, 0, 0]], threads=1).distance[0] == 18
+
+
 # Noise
 
 
@@ -217,8 +250,43 @@ def test_noise_where_the_sensor_stands() -> None:
     (on,) = frames(lidar, (110, 207, 0.5, 0, 0, 0), seed=1)
     assert (on.range[on.returns] == 0).all()
     (above,) = frames(lidar, (110, 207, 1.0, 0, 0, 0), seed=1)
-    assert (above.range[above.returns] >= 0).all()
-    assert (above.range[above.returns] == 0).any()
+    assert (above.range[above.returns] > 0).all()
+
+
+@pytest.mark.parametrize("least", [0.0, 0.4])
+def test_noise_stays_within_the_range(least: float) -> None:
+    """Readings that it moves out of it are too near or too far, as often as the normal law says."""
+    from scipy.special import ndtr
+
+    keys = {"elevations": [-90], "azimuthStep": 0.02}
+    lidar = sensor(range=[least, 0.9], lidar=keys, noise={"sigma": 0.3})
+    (got,) = frames(lidar, (110, 207, 1.1, 0, 0, 0), seed=3)  # 0.6 over the ground
+    count, kept = len(got.status), got.returns
+    assert got.range[kept].min() >= least
+    assert got.range[kept].max() <= 0.9
+    assert {*got.status.tolist()} == {Status.RETURN, Status.NEAR, Status.FAR}
+    # four deviations of such a count
+    for status, share in (
+        (Status.NEAR, ndtr((least - 0.6) / 0.3)), (Status.FAR, ndtr(-1.0)),
+    ):  # fmt: skip
+        seen = got.counts[status] / count
+        assert seen == pytest.approx(share, abs=4 * math.sqrt(share * (1 - share) / count))
+    np.testing.assert_allclose(got.points[kept, 2], 1.1 - got.range[kept], atol=1e-9)
+    for name in ("range", "points", "local"):
+        assert np.isnan(getattr(got, name)[~kept]).all()
+    assert (got.surface[kept] == SNOW).all()
+    assert (got.surface[~kept] == -1).all() and (got.element[~kept] == -1).all()
+    assert (got.intensity[~kept] == 0).all()
+
+
+def test_noise_brings_nothing_into_the_range() -> None:
+    """What is out of it without noise stays so, and a wall beyond it leaves no mark."""
+    lidar = sensor(range=[1, 17.99], lidar=WALL, noise={"sigma": 5})
+    got = frame(lidar, seed=1)
+    assert (got.status == Status.FAR).all()
+    near = frame(sensor(range=[18.4, 50], lidar=WALL, noise={"sigma": 5}), seed=1)
+    assert (near.status == Status.NEAR).all()
+    assert not near.wall.any()
 
 
 def test_a_seed_is_the_noise() -> None:

@@ -21,6 +21,14 @@ RAMP = terrain_of(
     }
 )
 """It rises by 1 in 2 to the east."""
+ASLANT = terrain_of(
+    {
+        "size": [20, 10],
+        "elemTypes": {"ramp": {"combine": "sum", "x": [0, 1], "y": [0.4, 0]}},
+        "elemTree": {"type": "ramp", "vScale": 10},
+    }
+)
+"""It rises by 1 in 2 to the east, and falls by 2 in 5 to the north."""
 
 
 def test_turns_are_those_of_scipy() -> None:
@@ -69,6 +77,50 @@ def test_on_the_ground_it_stands_upright_or_with_the_slope() -> None:
     np.testing.assert_allclose(south.matrices[0][:, 2], normal, atol=1e-12)
 
 
+def test_with_the_slope_headings_are_kept() -> None:
+    """Ahead stays in the upright plane of the yaw, and pitch and roll count from the ground."""
+    normal = np.array([-0.5, 0.4, 1.0]) / np.linalg.norm([-0.5, 0.4, 1.0])
+    yaws = np.arange(-180.0, 180.0, 15.0)
+    angles = [(yaw, 0.0, 0.0) for yaw in yaws]
+    angles += [tuple(row) for row in RANDOM.uniform(-170, 170, (40, 3)).tolist()]
+    angles += [(30.0, 90.0, 0.0), (-75.0, -90.0, 0.0)]
+    poses = Poses.joined([one_pose((4, 3, 0, *each)) for each in angles])
+    got = grounded(poses, ASLANT, 0.2, follow=True).matrices
+    for (yaw, pitch, roll), matrix in zip(angles, got, strict=True):
+        level = np.array([np.cos(np.radians(yaw)), np.sin(np.radians(yaw)), 0.0])
+        ahead = level - [0.0, 0.0, (level @ normal) / normal[2]]
+        ahead /= np.linalg.norm(ahead)
+        ground = np.column_stack([ahead, np.cross(normal, ahead), normal])
+        own = Rotation.from_euler("xyz", [roll, pitch, 0], degrees=True).as_matrix()
+        np.testing.assert_allclose(matrix, ground @ own, atol=1e-9)
+    headings = np.degrees(np.arctan2(got[: len(yaws), 1, 0], got[: len(yaws), 0, 0]))
+    off = (headings - yaws + 180.0) % 360.0 - 180.0
+    np.testing.assert_allclose(off, 0.0, atol=1e-9)
+
+
+def test_the_normal_leads_into_no_wall_and_not_over_the_rim() -> None:
+    """High over a slope it stands beside its place, where there may be a block, or nothing."""
+    blocked = terrain_of(
+        {
+            "size": [20, 10],
+            "elemTypes": {"ramp": {"x": [0, 1]}, "flat": {"x": [1]}},
+            "elemTree": {
+                "type": "ramp",
+                "vScale": 10,
+                "children": [
+                    {"at": [7, 5], "extent": [2, 10], "type": "flat", "vScale": 15},
+                ],
+            },
+        }
+    )
+    pose = one_pose((9, 4, 0, 0, 0, 0))
+    grounded(pose, blocked, 3.0)
+    with pytest.raises(RequestError, match=r"below the ground at x 7\.65"):
+        grounded(pose, blocked, 3.0, follow=True)
+    with pytest.raises(RequestError, match=r"outside of the terrain at x -0\.34"):
+        grounded(one_pose((1, 4, 0, 0, 0, 0)), blocked, 3.0, follow=True)
+
+
 def test_a_path_is_read_by_its_header(tmp_path: Path) -> None:
     """Columns in any order, others passed over, comments and empty lines too."""
     path = tmp_path / "p.csv"
@@ -94,6 +146,8 @@ def test_a_path_is_read_by_its_header(tmp_path: Path) -> None:
         ("x,y,x\n1,2,3\n", "x twice"),
         ("x,y\n", "holds no poses"),
         ("", "holds no poses"),
+        (f"x,y\n{'1' * 131_073},2\n", ":2: is no line of CSV (field larger than field limit"),
+        (f"x,y,{'n' * 131_073}\n1,2,3\n", ":1: is no line of CSV"),
     ],
 )
 def test_a_path_that_is_none_is_told_in_a_sentence(text: str, words: str, tmp_path: Path) -> None:

@@ -9,8 +9,11 @@ from msgspec import UNSET
 from terratool.definition.findings import Remark
 from terratool.definition.keys import MAX_FRAME
 from terratool.definition.rules.base import SensorSubject, rule
-from terratool.definition.sensor import SENSORS, TURN
+from terratool.definition.sensor import RATE, SENSORS, TURN
 from terratool.text.display import listed, shown
+
+_SLACK = 1.0 + 1e-9
+"""For rounding, where the last beam of a column fires with the next column."""
 
 
 @rule("TT901", "no-single-sensor", kind="sensor")
@@ -191,4 +194,47 @@ def two_lenses(subject: SensorSubject) -> Iterator[Remark]:
             f"{listed(['fov', 'focal'])} both say how wide the camera looks.",
             "Remove one of them.",
             on_key=True,
+        )
+
+
+@rule("TT906", "slow-firing", kind="sensor")
+def slow_firing(subject: SensorSubject) -> Iterator[Remark]:
+    """The beams of a lidar's column fire so slowly that the next column comes before the last one.
+
+    A column begins azimuthStep / (360 · rate) seconds after the one before it. Its last beam fires
+    (beams − 1) · firingInterval after its first one. All of a column is read from one pose, which
+    would be that of another column.
+
+    Fails:
+
+        {
+          "range": [0.1, 30],
+          "rate": 10,
+          "lidar": {
+            "elevations": [-15, 15], "beams": 16, "azimuthStep": 0.2, "firingInterval": 4e-6
+          }
+        }
+
+    Passes:
+
+        {
+          "range": [0.1, 30],
+          "rate": 10,
+          "lidar": {
+            "elevations": [-15, 15], "beams": 16, "azimuthStep": 0.2, "firingInterval": 2.304e-6
+          }
+        }
+
+    To mend: give a shorter firingInterval, a coarser azimuthStep or a lower rate.
+    """
+    sensor, lidar = subject.sensor, subject.sensor.lidar
+    if lidar is UNSET or subject.left_out("", "rate"):
+        return
+    column = lidar.column_time(RATE if sensor.rate is UNSET else sensor.rate)
+    if lidar.firing > column * _SLACK:
+        yield Remark(
+            "/lidar/firingInterval",
+            f"the last beam of a column fires {lidar.firing:.4g} s after the first, but the "
+            f"next column comes after {column:.4g} s.",
+            'Give a shorter "firingInterval", a coarser "azimuthStep" or a lower "rate".',
         )

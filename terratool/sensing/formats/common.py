@@ -104,6 +104,13 @@ class Spool:
         with open(self._path, "rb") as source:
             shutil.copyfileobj(source, file, 1 << 20)
 
+    def chunks(self, kind: np.dtype[Any], count: int) -> Iterator[NDArray[Any]]:
+        """All of it as rows, so many at a time."""
+        self._file.close()
+        with open(self._path, "rb") as source:
+            while data := source.read(count * kind.itemsize):
+                yield np.frombuffer(data, kind)
+
 
 def write_after(path: Path, batches: Iterator[NDArray[Any]], header: Any) -> int:
     """Write rows behind a header that says how many they are.
@@ -132,6 +139,7 @@ def picked(rows: NDArray[Any], kind: np.dtype[Any]) -> NDArray[Any]:
     return out
 
 
-def is_wide(record: Record) -> bool:
-    """Whether coordinates of the world are so large that float32 has no millimetres left."""
-    return record.world and max(map(abs, record.terrain.bounds)) >= 2.0**13
+def is_wide(record: Record, frame: Frame) -> bool:
+    """Whether float32 has no millimetres left of the world where a scan begins."""
+    largest = max(map(abs, [*record.terrain.bounds, frame.poses.positions[0, 2]]))
+    return bool(record.world and largest >= 2.0**13)

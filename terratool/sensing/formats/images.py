@@ -19,6 +19,8 @@ from terratool.sensing.sensor import Camera
 BESIDE = ".camera.json"
 """Suffix of the intrinsics, in place of that of the image."""
 MOST_MM = 65535
+_WHOLE = 2**24
+"""Up to here float32 has all whole numbers."""
 _BANDS = ("depth", "surface", "element", "status")
 
 
@@ -38,17 +40,19 @@ def write_png(path: Path, frames: Iterator[Frame], record: Record) -> None:
 
 
 def write_tiff(path: Path, frames: Iterator[Frame], record: Record) -> None:
-    """Write depths in metres, float32, NaN where there is none, and bands of what is there.
+    """Write depths in metres, NaN where there is none, and bands of what is there.
 
     The bands are depth, surface and element (an index, -1 for none), and status: 0 for a depth,
-    else why there is none. One frame has the name itself, several have it with -0000, ….
+    else why there is none. They are float32, or float64 in an image with an index that float32 has
+    not. One frame has the name itself, several have it with -0000, ….
     """
     beside = _Beside(path, record, "metres; NaN is none")
     for frame in frames:
         layers: list[NDArray[Any]] = [frame.range, frame.surface, frame.element, frame.status]
         bands = np.stack([layer.reshape(record.sensor.shape) for layer in layers])
         options = {"compress": "deflate", "predictor": 3, "nodata": np.nan}
-        _write(beside.named(frame), "GTiff", bands.astype(np.float32), _BANDS, **options)
+        kind = np.float32 if frame.element.max() <= _WHOLE else np.float64
+        _write(beside.named(frame), "GTiff", bands.astype(kind), _BANDS, **options)
         beside.add(frame)
     beside.write()
 

@@ -9,12 +9,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from terratool.sensing.formats.common import Record
+from terratool.field.terrain import Terrain
+from terratool.sensing.formats.common import ROW, Record, Spool
 from terratool.sensing.readings import Frame
 
 _FINEST = 1e-4
-"""m: the step of coordinates, unless the terrain is too large for 31 bits of them."""
+"""m: the step of coordinates, unless points lie too far apart for 31 bits of it."""
+_CHUNK = 1 << 16
+"""Rows that are encoded together."""
 _GROUND, _OTHER = 2, 1
 """Classes of ASPRS: ground, and what is not classified, as walls."""
 _EXTRA = (
@@ -30,7 +34,11 @@ def write_las(path: Path, frames: Iterator[Frame], record: Record) -> None:
     """Write points of format 6: intensity of 0 … 65,535, GPS time in seconds of the scan.
 
     Ring, surface, element, range and wall are extra bytes; a record of variable length named
-    terratool has the names of the surfaces, a line each.
+    terratool has the names of the surfaces, a line each. Points of the world have the terrain's
+    reference system as WKT. Offsets are whole metres, below all points.
+
+    Raises:
+        DefinitionError: the terrain's "crs" is unknown.
     """
     import laspy
 
@@ -38,26 +46,58 @@ def write_las(path: Path, frames: Iterator[Frame], record: Record) -> None:
     header.creation_date = datetime.date(1980, 1, 1)  # no clock
     header.generating_software = "terratool"
     header.system_identifier = record.sensor.kind
-    west, south, east, north = record.terrain.bounds
-    reach = max(east - west, north - south) + record.sensor.most
-    step = max(_FINEST, 10.0 ** math.ceil(math.log10(2.0 * reach / (2**31 - 1))))
-    header.scales = np.full(3, step)
-    header.offsets = np.floor([west, south, 0.0]) if record.world else np.zeros(3)
+    header.global_encoding.wkt = True  # as formats 6 and up want it, whether there is any or not
     header.add_extra_dims(
         [laspy.ExtraBytesParams(name=n, type=kind, description=text) for n, kind, text in _EXTRA]
     )
     names = "\n".join(record.terrain.surfaces).encode()
     header.vlrs.append(laspy.VLR("terratool", 1, "names of surfaces", names[: 2**16 - 1]))
-    with laspy.open(path, "w", header=header, do_compress=path.suffix == ".laz") as file:
+    wkt = _wkt(record.terrain) if record.world else ""
+    if wkt:
+        header.vlrs.append(laspy.vlrs.known.WktCoordinateSystemVlr(wkt))
+    lowest, highest = np.full(3, np.inf), np.full(3, -np.inf)
+    with Spool(path.with_name(path.name + ".rows")) as spool:
         for frame in frames:
             rows = record.rows(frame)
-            points: Any = laspy.ScaleAwarePointRecord.zeros(len(rows), header=header)
-            points.x, points.y, points.z = rows["x"], rows["y"], rows["z"]
-            light = np.clip(rows["intensity"], 0.0, 1.0) * 65535.0
-            points.intensity = np.round(light).astype(np.uint16)
-            points.return_number[:] = points.number_of_returns[:] = 1
-            points.classification[:] = np.where(rows["wall"], _OTHER, _GROUND)
-            points.gps_time = rows["time"]
-            for name, kind, _ in _EXTRA:
-                points[name] = rows[name].astype(kind)
-            file.write_points(points)
+            spool.add(rows)
+            for axis, name in enumerate("xyz"):
+                lowest[axis] = min(lowest[axis], rows[name].min(initial=np.inf))
+                highest[axis] = max(highest[axis], rows[name].max(initial=-np.inf))
+        header.offsets = np.floor(lowest) if np.isfinite(lowest).all() else np.zeros(3)
+        reach = max(float((highest - header.offsets).max()), 1.0)
+        step = max(_FINEST, 10.0 ** math.ceil(math.log10(reach / (2**31 - 1))))
+        header.scales = np.full(3, step)
+        with laspy.open(path, "w", header=header, do_compress=path.suffix == ".laz") as file:
+            for rows in spool.chunks(ROW, _CHUNK):
+                file.write_points(_encoded(rows, header))
+
+
+def _encoded(rows: NDArray[Any], header: Any) -> Any:
+    """Rows as points of a header."""
+    import laspy
+
+    points: Any = laspy.ScaleAwarePointRecord.zeros(len(rows), header=header)
+    points.x, points.y, points.z = rows["x"], rows["y"], rows["z"]
+    light = np.clip(rows["intensity"], 0.0, 1.0) * 65535.0
+    points.intensity = np.round(light).astype(np.uint16)
+    points.return_number[:] = points.number_of_returns[:] = 1
+    points.classification[:] = np.where(rows["wall"], _OTHER, _GROUND)
+    points.gps_time = rows["time"]
+    for name, kind, _ in _EXTRA:
+        points[name] = rows[name].astype(kind)
+    return points
+
+
+def _wkt(terrain: Terrain) -> str:
+    """The reference system of a terrain as WKT 1, which LAS wants, or 2 if it has no other; ""."""
+    from rasterio.errors import CRSError
+
+    from terratool.raster.geotiff import crs_of
+
+    crs = crs_of(terrain)
+    if crs is None:
+        return ""
+    try:
+        return str(crs.to_wkt(version="WKT1_GDAL"))
+    except CRSError:
+        return str(crs.to_wkt(version="WKT2_2019"))

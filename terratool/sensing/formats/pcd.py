@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +21,8 @@ def write_pcd(path: Path, frames: Iterator[Frame], record: Record) -> None:
     where points are in its axes and it rests for one frame, else the world's origin. A comment says
     where neither has the points in the world.
     """
-    wide = "<f8" if is_wide(record) else "<f4"
+    first = next(frames)
+    wide = "<f8" if is_wide(record, first) else "<f4"
     kind = np.dtype(
         [
             ("x", wide), ("y", wide), ("z", wide), ("intensity", "<f4"), ("ring", "<u2"),
@@ -34,7 +36,7 @@ def write_pcd(path: Path, frames: Iterator[Frame], record: Record) -> None:
 
     def batches() -> Iterator[np.ndarray[tuple[int], np.dtype[np.void]]]:
         nonlocal viewpoint
-        for frame in frames:
+        for frame in chain([first], frames):
             if not record.world and record.frames == 1 and _rests(frame):
                 x, y, z, w = frame.poses.turns[0]
                 numbers = (*frame.poses.positions[0], w, x, y, z)

@@ -28,7 +28,7 @@ MAP = "map"
 _LAST = 2**31 - 1
 """s: the largest time of a message."""
 _MOST_TF = 32
-"""Transforms of one turn, at most."""
+"""Transforms of one turn, at most, and that of its last column."""
 _POINT = np.dtype(
     [
         ("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("intensity", "<f4"), ("ring", "<u2"),
@@ -83,9 +83,8 @@ class _Bag:
             turn = np.array([_OPTICAL])
             fixed = Poses(np.array([frame.time]), np.zeros((1, 3)), turn)
             self._transform("/tf_static", fixed, self._kind, f"{self._kind}_optical")
-        step = -(-len(frame.poses) // _MOST_TF)
-        chosen = [*range(0, len(frame.poses), step)]
-        for index in chosen:
+        last = len(frame.poses) - 1
+        for index in [*range(0, last, -(-last // _MOST_TF) or 1), last]:
             self._transform("/tf", frame.poses.only(index), MAP, self._kind)
         head = self._record.sensor.head
         if isinstance(head, Camera):
@@ -200,7 +199,8 @@ def told_ranges(frame: Frame) -> NDArray[np.float64]:
 
 
 def _nanoseconds(time: float) -> int:
-    return round(time * 1e9)
+    """Of a stamp; 0 would be "the latest" to tf2 (tf2::TimePointZero)."""
+    return max(round(time * 1e9), 1)
 
 
 def _qos(topic: str) -> list[Any]:
