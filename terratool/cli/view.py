@@ -20,7 +20,7 @@ from terratool.cli.options import (
 from terratool.cli.terminal import Status, called, say
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterator
 
     from terratool.errors import TerratoolError
     from terratool.traversability.results import TraversabilityReport
@@ -157,10 +157,32 @@ def _write(
         path = _temporary(file) if path is None else path
         with whole_file(path, overwrite) as part:
             part.write_text(text, encoding="utf-8", newline="\n")
-    faces = counted(len(scene.arrays["elements"]), "face")
-    say(f"{path}: {faces} within {length(scene.told['error'])}, {len(text.encode()):,} bytes")
+    told = scene.told
+    within = f"{counted(len(scene.arrays['elements']), 'face')} within {length(told['error'])}"
+    if told["measured"]:
+        within += ", as far as measured"
+    say(f"{path}: {within}, {len(text.encode()):,} bytes")
+    for note in _notes(told):
+        say(f"  {note}")
     if opens and not _open(path.resolve().as_uri()):
         say("No browser can be opened here. Open the page in yours.", err=True)
+
+
+def _notes(told: dict[str, Any]) -> Iterator[str]:
+    """Sentences on what the page cannot show."""
+    from terratool.text.display import counted, length
+
+    if told["left_out"]:
+        yield (
+            f"Left out: {counted(told['left_out'], 'element')}; "
+            f"heights change by up to {length(told['change'])}."
+        )
+    if told["grid"]:
+        rows, columns, step = told["grid"]
+        yield (
+            f"It is drawn from a grid of {rows:,} × {columns:,} heights, as there is too much for a"
+            f" mesh. Walls are as wide as a step: {length(step)}."
+        )
 
 
 def _temporary(file: str) -> Path:

@@ -87,6 +87,7 @@ def stopped(tmp_path: Path) -> Iterator[Callable[..., tuple[int, str]]]:
         (IN_A_FILE, signal.SIGTERM, ""),
         (IN_A_THREAD, signal.SIGINT, "terratool: stopped.\n"),
     ],
+    ids=["Ctrl-C", "SIGTERM", "thread"],
 )
 def test_a_call_that_hears_nothing_is_ended_and_leaves_nothing(
     stopped: Callable[..., tuple[int, str]], tmp_path: Path,

@@ -561,10 +561,18 @@
       ["slopes are within", `${short(told.slope_error)}° at 99 of 100 places`],
     ];
     if (told.wall_offset > told.steps[0]) rows.push(["walls of discs and ruts within", `${short(told.wall_offset)} m`]);
-    if (told.left_out) rows.push(["left out", `${told.left_out.toLocaleString("en")} elements that change heights little`]);
+    if (told.left_out) rows.push(["left out", `${counted(told.left_out, "element")}; heights change by up to ${short(told.change)} m`]);
+    if (told.grid) {
+      const [down, across, step] = told.grid;
+      rows.push(["drawn from", `a grid of ${down.toLocaleString("en")} × ${across.toLocaleString("en")} heights, as there is too much for a mesh. Walls are as wide as a step: ${short(step)} m`]);
+    }
     if (told.crs) rows.push(["crs", told.crs]);
     if (told.map) rows.push(["vehicle", told.map.vehicle]);
     list($("#facts dl"), rows);
+  }
+
+  function counted(count, noun) {
+    return `${count.toLocaleString("en")} ${noun}${count === 1 ? "" : "s"}`;
   }
 
   function list(box, rows) {
