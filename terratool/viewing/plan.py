@@ -119,7 +119,7 @@ def layout(sides: tuple[float, float], options: RenderOptions, margins: Margins)
     height = round(sides[1] / per_pixel)
     if min(width, height) < _LEAST_MAP:
         raise RequestError(
-            f"The ground is {sides[0]:.4g} by {sides[1]:.4g} units: in the picture it would be "
+            f"The ground is {sides[0]:,.6g} by {sides[1]:,.6g} units: in the picture it would be "
             f"{max(width, 1)} by {max(height, 1)} pixels.",
             "Look at a part of it with --bounds W S E N.",
         )
@@ -201,9 +201,9 @@ def draw_plan(
         sheet.key(picture.key, places.key)
     known = picture.heights[np.isfinite(picture.heights)]
     what = (
-        f"plan of {number(float(f'{sides[0]:.6g}'))} × {number(float(f'{sides[1]:.6g}'))} {unit}, "
+        f"plan of {sides[0]:,.6g} × {sides[1]:,.6g} {unit}, "
         f"{options.layer}; {grid.resolution * FINER:.3g} {unit} a pixel, heights from "
-        f"{known.min():.4g} to {known.max():.4g} at the pixels"
+        f"{known.min():,.4g} to {known.max():,.4g} at the pixels"
     )
     return Drawn(sheet, what, tuple(notes))
 
