@@ -350,7 +350,7 @@ def draw_section(
         f"{found.length:,.6g} {unit_of(terrain)} long; {exaggerated(factor)}, "
         f"{walls} wall{'s' * (walls != 1)}"
     )
-    notes = [*note_of_chosen(factor, options.exaggeration)]
+    notes: list[str] = [*note_of_chosen(factor, options.exaggeration)]
     if terrain.by_elements is None:
         notes.append("There are too many elements to look at each: narrow ones may be missing.")
     return Drawn(sheet, what, tuple(notes))
