@@ -23,8 +23,11 @@ said = threading.Event()
 
 
 def end_on_signals() -> None:
-    """From now on the command ends soon after Ctrl-C, and after SIGTERM and SIGHUP where they are
-    handled, whatever it does then; where the system is none of POSIX it is left as it is."""
+    """From now on the command ends soon after Ctrl-C, whatever it does then.
+
+    So it does after SIGTERM and SIGHUP where they are handled. On other systems than those of POSIX
+    all is left as it is.
+    """
     if os.name != "posix" or threading.current_thread() is not threading.main_thread():
         return
     hears, tells = os.pipe()

@@ -8,10 +8,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from terratool.errors import RequestError
 from terratool.field.summary import spread_points
 from terratool.field.terrain import Terrain
 from terratool.mesh.elevation import grid_misses
 from terratool.mesh.types import BuiltMesh, Mesh, PlanLoss
+from terratool.text.display import counted
 
 _POINTS = 100_000
 """At so many points a grid is compared with the terrain."""
@@ -36,6 +38,9 @@ def ground_grid(terrain: Terrain, faces: int) -> GroundGrid:
 
     A square of four nodes is two faces; there is none where a node is void. Walls become ramps as
     wide as a step.
+
+    Raises:
+        RequestError: there is ground, but none between four nodes.
     """
     west, south, east, north = terrain.bounds
     wide, tall = east - west, north - south
@@ -48,6 +53,11 @@ def ground_grid(terrain: Terrain, faces: int) -> GroundGrid:
     index = np.arange(heights.size, dtype=np.int32).reshape(heights.shape)
     corners = [index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1]]
     whole = known[:-1, :-1] & known[:-1, 1:] & known[1:, 1:] & known[1:, :-1]
+    if known.any() and not whole.any():
+        raise RequestError(
+            f"In a grid of {counted(faces, 'face')} no square has ground at all four corners.",
+            "Allow more with --max-faces.",
+        )
     sw, se, ne, nw = (corner[whole] for corner in corners)
     made = np.concatenate([np.stack([sw, se, ne], axis=-1), np.stack([sw, ne, nw], axis=-1)])
     local = np.meshgrid(x - west, y - south)
@@ -73,9 +83,7 @@ def ground_grid(terrain: Terrain, faces: int) -> GroundGrid:
     )
 
 
-def _miss(
-    terrain: Terrain, heights: NDArray[np.float64], spacing: tuple[float, float]
-) -> float:
+def _miss(terrain: Terrain, heights: NDArray[np.float64], spacing: tuple[float, float]) -> float:
     """How far a grid is from the terrain, as far as is measured."""
     west, south, _, _ = terrain.bounds
     x, y = spread_points(terrain.bounds, _POINTS)

@@ -145,8 +145,7 @@ class _Ground:
 
 
 def _highest_near(values: Floats, reach: int) -> Floats:
-    """The highest value in a square around each, which reaches so far to all sides; NaN if any is.
-    """
+    """The highest value in a square around each, which reaches so far to all sides."""
     for axis in (0, 1):
         wide = np.pad(values, [(reach, reach) if axis == n else (0, 0) for n in (0, 1)], "edge")
         views = np.lib.stride_tricks.sliding_window_view(wide, 2 * reach + 1, axis)

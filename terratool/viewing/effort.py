@@ -93,8 +93,10 @@ def allowed_error(terrain: Terrain, wanted: float, most: float) -> Allowed:
 
 
 def _spread(plan: MeshPlan) -> tuple[Floats, Floats, float]:
-    """Length of edges in each part of a plan, how many elements lie above each other there, and the
-    area of a part; on the lattice."""
+    """Of parts of a plan the length of edges, how many elements lie above each other, and the area.
+
+    All on the lattice.
+    """
     drawn = plan.footprints[plan.frames["drawn"] != 0]
     low, high = np.maximum(drawn[:, :2], plan.bounds[:2]), np.minimum(drawn[:, 2:], plan.bounds[2:])
     sides = np.maximum(high - low, 0.0)
@@ -107,8 +109,9 @@ def _spread(plan: MeshPlan) -> tuple[Floats, Floats, float]:
     def added(each: Floats) -> Floats:
         """Sums of what each element has, spread evenly over the parts that it lies in."""
         total = np.zeros((_BINS + 1, _BINS + 1))
-        for x, y, sign in ((first, first, 1), (first, last, -1), (last, first, -1), (last, last, 1)):
-            np.add.at(total, (x[:, 0], y[:, 1]), sign * each / parts)
+        for x, one in ((first, 1.0), (last, -1.0)):
+            for y, other in ((first, 1.0), (last, -1.0)):
+                np.add.at(total, (x[:, 0], y[:, 1]), one * other * each / parts)
         return np.asarray(np.maximum(total.cumsum(axis=0).cumsum(axis=1)[:-1, :-1], 0.0))
 
     return added(2.0 * sides.sum(axis=1)), added(sides.prod(axis=1)) / area, area

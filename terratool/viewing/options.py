@@ -84,7 +84,8 @@ class RenderOptions:
         if self.size / self.dpi < 3.0 and not self.bare:
             raise RequestError(
                 f"{self.size} pixels at {self.dpi:g} to an inch leave no room beside the letters.",
-                f"Give a --size of {math.ceil(3.0 * self.dpi)} or more, a smaller --dpi, or --bare.",
+                f"Give a --size of at least {math.ceil(3.0 * self.dpi)}, a smaller --dpi, "
+                "or --bare.",
             )
         self._check_contours()
         self._check_views()

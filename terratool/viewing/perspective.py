@@ -256,9 +256,7 @@ def draw_perspective(
     plan = _plan(terrain, options, part, judge, progress)
     block, made = _block(terrain, options, part, progress)
     relief = float(np.ptp(block.vertices[block.faces[block.surfaces >= 0].ravel(), 2]))
-    factor = options.exaggeration or chosen_exaggeration(
-        float(sides.max()), relief, _MOST_CHOSEN
-    )
+    factor = options.exaggeration or chosen_exaggeration(float(sides.max()), relief, _MOST_CHOSEN)
     vertices = block.vertices * (1.0, 1.0, factor)
     # void is open here, and needs no patch
     swatches = tuple(
@@ -406,8 +404,8 @@ def _gridded(terrain: Terrain, part: tuple[float, float, float, float]) -> tuple
     walls = np.zeros(len(faces), np.bool_)
     walls[-len(sides) :] = True
     made = (
-        f"{rows:,} × {columns:,} heights, as there are too many elements for a mesh: walls are as wide "
-        "as a step of these"
+        f"{rows:,} × {columns:,} heights, as there are too many elements for a mesh: walls are as "
+        "wide as a step of these"
     )
     return Block(vertices, faces, surfaces, walls, normals), made
 

@@ -277,11 +277,8 @@ def _narrow(terrain: Terrain, part: Bounds, pixel: float) -> list[str]:
     return [f"Narrower than a pixel: {counted(count, 'element')}."] if count else []
 
 
-def _draw_letters(
-    axes: Axes, picture: LayerPicture, dpi: float, labels: tuple[Label, ...]
-) -> None:
-    """Draw a letter on each surface, where there is room beside labels, if its colour does not tell
-    enough."""
+def _draw_letters(axes: Axes, picture: LayerPicture, dpi: float, labels: tuple[Label, ...]) -> None:
+    """Draw a letter on each surface whose colour says too little, beside labels, if there is room."""
     ground = np.where(np.isnan(picture.heights), -1, picture.surfaces.astype(np.int64))
     grid = picture.grid
     for label in labels:
@@ -307,8 +304,7 @@ def _draw_letters(
 def _draw_cells(
     axes: Axes, terrain: Terrain, picture: LayerPicture, sheet: Sheet
 ) -> tuple[tuple[Label, ...], tuple[str, ...]]:
-    """Draw nested cells, finer lines further down; their labels, and sentences on what is not
-    drawn."""
+    """Draw nested cells, finer lines further down; their labels, and what is not drawn in words."""
     from matplotlib.collections import LineCollection
 
     per_point = picture.grid.resolution * FINER * sheet.dpi / 72.0

@@ -131,7 +131,7 @@ def require_matplotlib() -> None:
 
 @contextlib.contextmanager
 def _without_its_warnings() -> Iterator[None]:
-    """Have Matplotlib say nothing of folders that it cannot write and of fonts that it looks for."""
+    """Have Matplotlib be silent on folders that it cannot write and fonts that it looks for."""
     log = logging.getLogger("matplotlib")
     before = log.level
     log.setLevel(logging.ERROR)
@@ -335,7 +335,9 @@ def rounded_up(value: float) -> float:
     """The smallest of 1, 2, 3 or 5 times a power of ten that is no smaller than one above 0."""
     power = 10.0 ** math.floor(math.log10(value))
     return next(
-        factor * power for factor in (1.0, 2.0, 3.0, 5.0, 10.0) if factor * power >= value * (1 - 1e-12)
+        factor * power
+        for factor in (1.0, 2.0, 3.0, 5.0, 10.0)
+        if factor * power >= value * (1 - 1e-12)
     )
 
 
