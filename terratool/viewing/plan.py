@@ -278,7 +278,7 @@ def _narrow(terrain: Terrain, part: Bounds, pixel: float) -> list[str]:
 
 
 def _draw_letters(axes: Axes, picture: LayerPicture, dpi: float, labels: tuple[Label, ...]) -> None:
-    """Draw a letter on each surface whose colour says too little, beside labels, if there is room."""
+    """Draw a letter on each surface whose colour says too little, where there is room."""
     ground = np.where(np.isnan(picture.heights), -1, picture.surfaces.astype(np.int64))
     grid = picture.grid
     for label in labels:
