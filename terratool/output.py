@@ -20,6 +20,10 @@ from terratool.errors import WriteError
 
 PART = ".terratool-"
 """How the names of what is not yet whole begin."""
+_parts: set[Path] = set()
+"""What `abandon_parts` removes."""
+_renaming = threading.RLock()
+"""Is held while names change that must change together."""
 
 
 @contextlib.contextmanager
@@ -73,10 +77,31 @@ def part_folder(folder: Path) -> Iterator[Path]:
     """
     _remove_leftovers(folder)
     part = folder / part_name()
+    with removed_if_abandoned(part):
+        try:
+            part.mkdir()
+            yield part
+        finally:
+            shutil.rmtree(part, ignore_errors=True)
+
+
+@contextlib.contextmanager
+def removed_if_abandoned(part: Path) -> Iterator[None]:
+    """Have `abandon_parts` remove a folder while the block lasts."""
+    _parts.add(part)
     try:
-        part.mkdir()
-        yield part
+        yield
     finally:
+        _parts.discard(part)
+
+
+def abandon_parts() -> None:
+    """Remove all that is not yet whole, as the process is to end at once, by whatever thread.
+
+    Waits for blocks of `hold_signals`; after it, none begins.
+    """
+    _renaming.acquire()
+    for part in list(_parts):
         shutil.rmtree(part, ignore_errors=True)
 
 
@@ -230,7 +255,10 @@ def hold_signals() -> Iterator[None]:
     """Have Ctrl-C, SIGTERM and SIGHUP wait for the end of the block, which is short."""
     held: list[int] = []
     try:
-        with _on_signals(lambda number, _: held.append(number), "SIGINT", "SIGTERM", "SIGHUP"):
+        with (
+            _on_signals(lambda number, _: held.append(number), "SIGINT", "SIGTERM", "SIGHUP"),
+            _renaming,
+        ):
             yield
     finally:
         for number in held[:1]:

@@ -153,6 +153,9 @@ def main() -> None:
         from terratool.cli.completing import register
 
         register()
+    from terratool.cli.stopping import end_on_signals
+
+    end_on_signals()
     code = _run()
     if sys.stdout is not None:  # as it is where it was closed
         try:
@@ -199,6 +202,9 @@ def _run() -> int:
 
 
 def _stopped() -> int:
+    from terratool.cli.stopping import said
+
+    said.set()
     click.echo("terratool: stopped.", err=True)
     return 130
 

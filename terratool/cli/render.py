@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import itertools
 from typing import Any
 
 import click
@@ -27,8 +29,26 @@ class _Interval(click.ParamType[Any]):
             self.fail(f"{value!r} is no number. Give a height after --contours, or write it last.")
 
 
+class _Render(click.Command):
+    """Refuses a number below 0 after --contours as what it is, not as an option."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        for option, word in itertools.pairwise(args):
+            if option == "--contours" and word.startswith("-"):
+                with contextlib.suppress(ValueError):
+                    _refuse_interval(float(word))
+        return super().parse_args(ctx, args)
+
+
+def _refuse_interval(interval: float) -> None:
+    from terratool.viewing.options import RenderOptions
+
+    RenderOptions(contours=interval).check()
+
+
 @click.command(
     "render",
+    cls=_Render,
     epilog="Example: terratool render samples/nested-site.json site.png --contours 2 --grid",
 )
 @click.argument("file")
@@ -68,7 +88,7 @@ class _Interval(click.ParamType[Any]):
     default=215.0,
     show_default=True,
     metavar="DEG",
-    help="From where a perspective is seen, clockwise from north.",
+    help="From where a perspective is seen, clockwise from north, -360 to 360.",
 )
 @click.option(
     "--elevation",
@@ -88,7 +108,8 @@ class _Interval(click.ParamType[Any]):
     "--exaggeration",
     type=float,
     metavar="F",
-    help="Factor on the heights of a section or a perspective.  [default: chosen, and said]",
+    help="Factor on the heights of a section or a perspective.  [default: 1, or more where the "
+    "relief is below 1/20 of the width]",
 )
 @click.option("--title", metavar="TEXT", help='Over the picture.  [default: the "descr" of FILE]')
 @click.option("--no-legend", is_flag=True, help="Leave out what the colours mean.")
@@ -99,7 +120,7 @@ class _Interval(click.ParamType[Any]):
     default=1600,
     show_default=True,
     metavar="N",
-    help="Pixels of the longer side.",
+    help="Pixels of the longer side, 200 to 4,096; 3 inches or more unless --bare is given.",
 )
 @click.option(
     "--dpi",
@@ -139,7 +160,7 @@ def command(
     terrain = load(file)
     with Status("drawing") as status:
         report = render(terrain, output, wanted, overwrite=overwrite, progress=status.say)
-    say(f"{report.path}: {report.width} × {report.height} pixels, {report.what}")
+    say(f"{report.path}: {report.width:,} × {report.height:,} pixels, {report.what}")
     for note in report.notes:
         say(f"  {note}")
 

@@ -9,7 +9,7 @@ import threading
 import time
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, TextIO
+from typing import TYPE_CHECKING, ClassVar, TextIO
 
 from terratool.text.display import printable
 
@@ -39,6 +39,9 @@ class Status:
         then: what is done when all of it is done.
         unit: what is counted.
     """
+
+    shown: ClassVar[Status | None] = None
+    """The one that has begun last, if it has not ended."""
 
     def __init__(
         self, what: str, total: int | None = None, then: str = "finishing", unit: str = "px"
@@ -76,6 +79,7 @@ class Status:
         self._begin = self._since = time.monotonic()
         if self._stream is not None:
             self._thread.start()
+        Status.shown = self
         return self
 
     def __exit__(
@@ -83,6 +87,7 @@ class Status:
         trace: TracebackType | None,
     ) -> None:  # fmt: skip
         self._ended.set()
+        Status.shown = None
         if self._stream is not None:
             self._thread.join(timeout=1.0)  # longer where nobody takes what is written
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import click
 
@@ -20,7 +20,7 @@ from terratool.cli.options import (
 from terratool.cli.terminal import Status, called, say
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterator
 
     from terratool.errors import TerratoolError
     from terratool.traversability.results import TraversabilityReport
@@ -96,10 +96,11 @@ def command(
     max_faces: int | None,
     overwrite: bool,
     **values: Any,
-) -> None:
+) -> int:
     """Show the terrain FILE in a browser: turn it, ask what is where, switch layers.
 
-    The page is one file, and asks nothing of the net. With --watch it is served at 127.0.0.1 until
+    The page is one file, and asks nothing of the net. Where there is no way for a --route, the page
+    is written and the exit code is 1. With --watch it is served at 127.0.0.1 until
     Ctrl-C. Where FILE is broken it keeps the last good picture, with the findings beside it.
     """
     from terratool.viewing.mesh import PageOptions
@@ -121,8 +122,7 @@ def command(
     vehicle = vehicle_from(values) if wheeled else None
     if watch:
         _follow(file, options, vehicle, routes, port or 0, not no_open)
-    else:
-        _write(file, options, vehicle, routes, path, overwrite, not no_open)
+    return _write(file, options, vehicle, routes, path, overwrite, not no_open)
 
 
 def _checked_output(output: str, file: str, overwrite: bool) -> Path:
@@ -143,7 +143,8 @@ def _checked_output(output: str, file: str, overwrite: bool) -> Path:
 def _write(
     file: str, options: PageOptions, vehicle: Vehicle | None, routes: Routes, path: Path | None,
     overwrite: bool, opens: bool,
-) -> None:  # fmt: skip
+) -> int:  # fmt: skip
+    """Write the page; the exit code."""
     from terratool.output import whole_file
     from terratool.text.display import counted, length
     from terratool.viewing.pages import page_of
@@ -157,10 +158,36 @@ def _write(
         path = _temporary(file) if path is None else path
         with whole_file(path, overwrite) as part:
             part.write_text(text, encoding="utf-8", newline="\n")
-    faces = counted(len(scene.arrays["elements"]), "face")
-    say(f"{path}: {faces} within {length(scene.told['error'])}, {len(text.encode()):,} bytes")
+    told = scene.told
+    within = f"{counted(len(scene.arrays['elements']), 'face')} within {length(told['error'])}"
+    if told["measured"]:
+        within += ", as far as measured"
+    say(f"{path}: {within}, {len(text.encode()):,} bytes")
+    for note in _notes(told):
+        say(f"  {note}")
     if opens and not _open(path.resolve().as_uri()):
         say("No browser can be opened here. Open the page in yours.", err=True)
+    lost = [route["note"] for route in told["routes"] if not route["found"]]
+    for note in lost:
+        say(f"terratool: There is no such route. {note}", err=True)
+    return int(bool(lost))
+
+
+def _notes(told: dict[str, Any]) -> Iterator[str]:
+    """Sentences on what the page cannot show."""
+    from terratool.text.display import counted, length
+
+    if told["left_out"]:
+        yield (
+            f"Left out: {counted(told['left_out'], 'element')}; "
+            f"heights change by up to {length(told['change'])}."
+        )
+    if told["grid"]:
+        rows, columns, step = told["grid"]
+        yield (
+            f"It is drawn from a grid of {rows:,} × {columns:,} heights, as there is too much for a"
+            f" mesh. Walls are as wide as a step: {length(step)}."
+        )
 
 
 def _temporary(file: str) -> Path:
@@ -198,7 +225,7 @@ def _judged(site: Site, vehicle: Vehicle, routes: Routes, status: Status) -> Tra
 def _follow(
     file: str, options: PageOptions, vehicle: Vehicle | None, routes: Routes, port: int,
     opens: bool,
-) -> None:  # fmt: skip
+) -> NoReturn:  # fmt: skip
     from terratool.text.source import read_source
     from terratool.viewing.live import Followed, LiveState, PageServer, follow
     from terratool.viewing.pages import page_of

@@ -33,7 +33,7 @@ _POLYGON_SHARE = 0.6
 """Discs that overlap may take up so much of the error by being polygons."""
 _ROUNDS = 8
 """Where edges were split because the higher side changes, triangles are refined again, so often."""
-_BATCH = 200_000
+_BATCH = 2_000
 """So many triangles are examined before others get their turn, such as who interrupts."""
 GREY = 160, 160, 160
 """The colour of surfaces that have none."""

@@ -188,8 +188,22 @@ def _statement(
 def _off(grid: HeightGrid, x: Floats, y: Floats, ground: Floats) -> Floats:
     """How far a grid is from the ground at points, whichever way its squares are halved."""
     heights = grid.heights[::-1].astype(np.float64)
+    return grid_misses(heights, (x - grid.origin[0], y - grid.origin[1]), grid.spacing, ground)
+
+
+def grid_misses(
+    heights: Floats, points: tuple[Floats, Floats], spacing: tuple[float, float], ground: Floats
+) -> Floats:
+    """How far a grid is from the ground at points, whichever way its squares are halved.
+
+    Args:
+        heights: (n, m) of its nodes, rows from the south.
+        points: x and y from the node in the south-west, (k,) each.
+        spacing: from one node to the next along x and along y.
+        ground: (k,) heights there.
+    """
     rows, columns = heights.shape
-    east, north = (x - grid.origin[0]) / grid.spacing[0], (y - grid.origin[1]) / grid.spacing[1]
+    east, north = points[0] / spacing[0], points[1] / spacing[1]
     i = np.clip(east.astype(np.int64), 0, columns - 2)
     j = np.clip(north.astype(np.int64), 0, rows - 2)
     u, v = east - i, north - j

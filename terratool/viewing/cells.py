@@ -33,12 +33,11 @@ class Label(NamedTuple):
     """What an element is said to be.
 
     Attributes:
-        x, y: world position of the north-west corner of the text.
+        box: west, south, east, north of the text in the world, about.
         text: in lines.
     """
 
-    x: float
-    y: float
+    box: Bounds
     text: str
 
 
@@ -181,6 +180,6 @@ def _labels(
         apart |= (taken[:, 1] >= box[3]) | (taken[:, 3] <= box[1])
         if apart.all():
             taken = np.vstack([taken, box])
-            yield Label(west, north, "\n".join(lines))
+            yield Label((west, north - tall, west + wide, north), "\n".join(lines))
         if len(taken) >= _MOST_LABELS:
             return

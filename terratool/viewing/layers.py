@@ -31,6 +31,8 @@ from terratool.traversability.results import COLORS, GroundClass
 from terratool.viewing.sheet import Key, Scale, Swatch
 from terratool.viewing.vision import look_alike
 
+FINER = 2
+"""So many pixels along each side are painted for one of the picture, which is their mean."""
 NAMES = ("height", "slope", "surface", "friction", "traversability")
 """What can be shown."""
 

@@ -10,19 +10,24 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from terratool.errors import RequestError
 from terratool.field.bounds import largest_depths, largest_heights
 from terratool.field.terrain import Terrain
+from terratool.kernels import mesh as kernels
 from terratool.mesh.build import build
 from terratool.mesh.export import (
     BudgetedMesh,
     MeshOptions,
     collapse_degenerate,
+    loss_of,
     no_ground,
     relief_of,
     within_budget,
 )
 from terratool.mesh.types import BuiltMesh, Mesh
-from terratool.text.display import length
+from terratool.text.display import counted, length
+from terratool.viewing.coarse import GroundGrid, ground_grid
+from terratool.viewing.effort import Allowed, allowed_error
 
 FACES = 200_000
 """The error is as small as so many faces allow, …"""
@@ -30,11 +35,14 @@ LIVE_FACES = 40_000
 """… or so many where the page follows a file, and asks the field itself what is under the pointer;
 walls come on top of them …"""
 MOST_FACES = 2_000_000
-"""… up to so many; beyond, the lowest elements are left out."""
+"""… up to so many; beyond, the lowest elements are left out. What is thought to be too much work
+(`effort`) is drawn as a grid of heights."""
 _FINER = 0.2
 """By default the error is wanted to be this part of that of an exported mesh."""
 _COARSE = 0.01
 """The first mesh has an error of this part of the relief …"""
+_COARSEST = 0.05
+"""A mesh with a larger error than this part of the relief is no better than a grid of heights."""
 _STRIDES = 0.1, 0.5
 """… and each after it one that is smaller by a factor in here, …"""
 _AIM, _ENOUGH = 0.8, 0.5
@@ -86,21 +94,55 @@ class PageOptions:
 # --- a mesh of as many faces as a page takes ------------------------------------------------------
 
 
-def fitted_mesh(terrain: Terrain, options: PageOptions, progress: Progress) -> BudgetedMesh:
-    """A mesh whose error is as small as is wanted, or as its faces allow.
+class PageMesh(NamedTuple):
+    """The mesh of a page, and how well it shows its terrain. Lengths are in units of the terrain.
+
+    Attributes:
+        built: the mesh.
+        miss: how far its heights are from those of the terrain.
+        measured: whether that was measured, and is no bound.
+        left_out: how many elements and tracks it leaves out …
+        change: … and how much that changes heights, as far as was measured.
+        grid: the grid of heights that it is; None for a mesh with walls.
+    """
+
+    built: BuiltMesh
+    miss: float
+    measured: bool = False
+    left_out: int = 0
+    change: float = 0.0
+    grid: GroundGrid | None = None
+
+
+def fitted_mesh(terrain: Terrain, options: PageOptions, progress: Progress) -> PageMesh:
+    """A mesh whose error is as small as is wanted, or as its faces and the work on it allow.
+
+    Where not even a coarse one is little enough work, it is a grid of heights.
 
     Raises:
-        RequestError: there is no ground, or more faces than allowed whatever is left out.
+        RequestError: there is no ground, more faces than allowed whatever is left out, or the mesh
+            with the error that is asked for is too much work.
     """
 
     def attempt(error: float, least: float) -> BudgetedMesh:
         progress(f"meshing within {length(error)}")
         return BudgetedMesh(build(terrain, error, least=least), error, least)
 
+    progress("estimating the mesh")
     relief = relief_of(terrain, None)
     wanted, _ = MeshOptions(options.max_error).error_for(terrain)
     if options.max_error is None:
         wanted *= _FINER
+    allowed = allowed_error(terrain, wanted, max(wanted, _COARSEST * relief))
+    if options.max_error is not None and options.max_faces is None and allowed.error > wanted:
+        raise _too_large(wanted, allowed)
+    if math.isinf(allowed.error):
+        faces = LIVE_FACES if options.live else FACES
+        progress("painting heights")
+        grid = ground_grid(terrain, options.max_faces or faces)
+        built = _in_order(grid.built)
+        return PageMesh(_checked(built), built.error, measured=True, grid=grid)
+    wanted = allowed.error
     if options.max_faces is not None:
         fit = _within(attempt, terrain, wanted, relief, options.max_faces)
     elif options.max_error is not None:
@@ -109,10 +151,33 @@ def fitted_mesh(terrain: Terrain, options: PageOptions, progress: Progress) -> B
         fit = _finest(attempt, wanted, relief, LIVE_FACES if options.live else FACES)
         if fit.faces > MOST_FACES:
             fit = _within(attempt, terrain, wanted, relief, MOST_FACES)
-    fit = fit._replace(built=_in_order(collapse_degenerate(fit.built)))
-    if not fit.faces:
+    fit = fit._replace(built=_checked(_in_order(collapse_degenerate(fit.built))))
+    loss = loss_of(terrain, fit, MeshOptions(max_faces=options.max_faces), fit.error)
+    left = loss.left.small + loss.left.faint
+    if terrain.tracks:
+        left += fit.built.loss.ruts.narrow + fit.built.loss.ruts.shallow
+    change = loss.left.change.size if loss.left.change else 0.0
+    return PageMesh(fit.built, loss.miss, loss.miss_measured, left, change)
+
+
+def _checked(built: BuiltMesh) -> BuiltMesh:
+    if not len(built.mesh.faces):
         raise no_ground("Ask terratool info what the terrain is.")
-    return fit
+    return built
+
+
+def _too_large(wanted: float, allowed: Allowed) -> RequestError:
+    """What is said of an error that takes too much work; the one that does not is rounded up."""
+    much = allowed.effort.faces
+    many = f": about {counted(int(float(f'{much:.2g}')), 'face')}" if math.isfinite(much) else ""
+    other = "for a grid of heights, whose error is measured"
+    if math.isfinite(allowed.error):
+        step = 10.0 ** (math.floor(math.log10(allowed.error)) - 1)
+        other = f"or give {math.ceil(allowed.error / step) * step:.2g} or more"
+    return RequestError(
+        f"A mesh within {length(wanted)} is too large for a page{many}.",
+        f"Leave out --max-error, {other}.",
+    )
 
 
 def _within(
@@ -205,8 +270,14 @@ def wall_offset_of(built: BuiltMesh) -> float:
     return max(built.loss.wall_offset, built.loss.ruts.wall_offset)
 
 
-def faces_of(terrain: Terrain, built: BuiltMesh) -> Faces:
-    """Ask the field about the faces of a mesh of it: in their middles, and beside their corners."""
+def faces_of(terrain: Terrain, built: BuiltMesh, *, from_field: bool = True) -> Faces:
+    """Ask the field about the faces of a mesh of it: in their middles, and beside their corners.
+
+    Args:
+        terrain: the terrain.
+        built: the mesh.
+        from_field: whether normals are those of the field, rather than those of the mesh.
+    """
     mesh = built.mesh
     corners = mesh.vertices[mesh.faces]
     plane = corners[..., :2] + mesh.origin[:2]
@@ -225,6 +296,9 @@ def faces_of(terrain: Terrain, built: BuiltMesh) -> Faces:
         at = terrain.sample(inside[:, 0], inside[:, 1])
         fits = at.surface == surface[walls]
         element[walls[fits]] = at.element[fits]
+    if not from_field:
+        own, corner = kernels.corner_normals(mesh.vertices, mesh.faces, mesh.walls, built.error)
+        return Faces(element, surface, own.astype(np.float64)[corner], mesh.walls)
     normals = np.broadcast_to(flat[:, None], corners.shape).copy()
     ground = np.flatnonzero(~mesh.walls)
     near = plane[ground] + _INWARD * (middle[ground, None] - plane[ground])

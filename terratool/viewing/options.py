@@ -33,7 +33,7 @@ class RenderOptions:
         grid: whether nested cells are drawn, with what elements are said to be.
         profile: x and y of both ends of a section, which is drawn instead of a plan.
         perspective: whether a view from the side is drawn instead of a plan.
-        azimuth: degrees clockwise from north from where a perspective is seen.
+        azimuth: degrees clockwise from north from where a perspective is seen, -360 to 360.
         elevation: degrees above the horizon from where it is seen.
         max_error: the largest error of its mesh, in units of the terrain; half a pixel if None.
         exaggeration: factor on heights of a section or a perspective; chosen if None.
@@ -84,7 +84,8 @@ class RenderOptions:
         if self.size / self.dpi < 3.0 and not self.bare:
             raise RequestError(
                 f"{self.size} pixels at {self.dpi:g} to an inch leave no room beside the letters.",
-                "Give a larger --size or a smaller --dpi.",
+                f"Give a --size of at least {math.ceil(3.0 * self.dpi)}, a smaller --dpi, "
+                "or --bare.",
             )
         self._check_contours()
         self._check_views()
@@ -153,8 +154,10 @@ class RenderOptions:
             raise RequestError("Both ends of the section are one point.", "Give two points.")
 
     def _check_perspective(self) -> None:
-        if not math.isfinite(self.azimuth):
-            raise RequestError(f"The azimuth is {self.azimuth:g}.", "Give degrees from north.")
+        if not -360.0 <= self.azimuth <= 360.0:
+            raise RequestError(
+                f"The azimuth is {self.azimuth:g} degrees.", "Give --azimuth from -360 to 360."
+            )
         if not 5.0 <= self.elevation <= 90.0:
             raise RequestError(
                 f"The perspective is to be seen from {self.elevation:g} degrees above.",

@@ -40,11 +40,12 @@ from terratool.viewing.sheet import (
     Key,
     Rectangle,
     Sheet,
+    chosen_exaggeration,
     exaggerated,
     key_width,
     new_sheet,
+    note_of_chosen,
     number,
-    rounded_down,
 )
 
 FINER = 2
@@ -63,10 +64,8 @@ _EDGE = 0.62
 """Share of a colour that is left on an edge."""
 _SKIRT = 205, 201, 196
 """Colour of the sides of the block that the ground is cut out as."""
-_ASPECT = 0.12
-"""Relief is exaggerated to such a part of the size of the ground, by a round factor …"""
-_FACTORS = (1.0, 1.5, 2.0, 3.0, 5.0, 10.0)
-"""… of these."""
+_MOST_CHOSEN = 10.0
+"""Heights are exaggerated so often at most, unless more is asked for."""
 
 Floats = NDArray[np.float64]
 
@@ -257,7 +256,7 @@ def draw_perspective(
     plan = _plan(terrain, options, part, judge, progress)
     block, made = _block(terrain, options, part, progress)
     relief = float(np.ptp(block.vertices[block.faces[block.surfaces >= 0].ravel(), 2]))
-    factor = options.exaggeration or _chosen(float(sides.max()), relief)
+    factor = options.exaggeration or chosen_exaggeration(float(sides.max()), relief, _MOST_CHOSEN)
     vertices = block.vertices * (1.0, 1.0, factor)
     # void is open here, and needs no patch
     swatches = tuple(
@@ -283,12 +282,13 @@ def draw_perspective(
     axes = sheet.axes(ground)
     axes.imshow(pixels, aspect="auto", interpolation="none", origin="lower")
     axes.set_axis_off()
-    wide, deep = (number(float(f"{side:.6g}")) for side in sides)
+    wide, deep = (f"{side:,.6g}" for side in sides)
     unit = unit_of(terrain)
     said = f"{wide} {unit} from west to east, {deep} {unit} from south to north."
-    steeper = f"{exaggerated(factor)}."
     if not options.bare:
-        _draw_texts(sheet, ground, camera, corners, [said, steeper], options)
+        _draw_texts(sheet, ground, camera, corners, [said], options)
+        if factor != 1.0:
+            sheet.warning(factor, sheet.pixels(64.0), sheet.pixels(17.0))
     if title:
         left = sheet.pixels(margins.left)
         sheet.title(title, left, sheet.width - 2 * left)
@@ -297,20 +297,10 @@ def draw_perspective(
         low, high = sheet.pixels(4.0), sheet.height - sheet.pixels(margins.top + 4.0)
         sheet.key(key, Rectangle(beside, low, sheet.width - beside - low, high - low))
     what = (
-        f"perspective from {number(options.azimuth)}°, {number(options.elevation)}° above; "
+        f"perspective from {number(options.azimuth % 360.0)}°, {number(options.elevation)}° above; "
         f"{made}; {exaggerated(factor)}"
     )
-    return Drawn(sheet, what, plan.notes)
-
-
-def _chosen(side: float, relief: float) -> float:
-    """A round factor on heights by which the relief is seen."""
-    if not relief > 0.0:
-        return 1.0
-    if relief > 2.0 * side:
-        return rounded_down(side / relief)
-    wanted = _ASPECT * side / relief
-    return max(factor for factor in _FACTORS if factor <= max(wanted, 1.0))
+    return Drawn(sheet, what, (*note_of_chosen(factor, options.exaggeration), *plan.notes))
 
 
 def _plan(
@@ -414,8 +404,8 @@ def _gridded(terrain: Terrain, part: tuple[float, float, float, float]) -> tuple
     walls = np.zeros(len(faces), np.bool_)
     walls[-len(sides) :] = True
     made = (
-        f"{rows} × {columns} heights, as there are too many elements for a mesh: walls are as wide "
-        "as a step of these"
+        f"{rows:,} × {columns:,} heights, as there are too many elements for a mesh: walls are as "
+        "wide as a step of these"
     )
     return Block(vertices, faces, surfaces, walls, normals), made
 
@@ -553,7 +543,7 @@ def _draw_texts(
     y = sheet.pixels(22.0 - 12.0 * up)
     sheet.north_arrow(x, y, (right, up))
     seen = (
-        f"Seen from {number(options.azimuth)}° (clockwise from north), "
+        f"Seen from {number(options.azimuth % 360.0)}° (clockwise from north), "
         f"{number(options.elevation)}° above."
     )
     line = " ".join([*(f"{text[0].upper()}{text[1:]}" for text in said), seen])

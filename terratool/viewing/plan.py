@@ -14,10 +14,12 @@ from terratool.errors import DefinitionError, RequestError
 from terratool.field.terrain import Terrain, check_bounds, clip_bounds
 from terratool.raster.geotiff import crs_of
 from terratool.raster.grid import grid_over
-from terratool.raster.shading import contour_interval, exaggeration, hillshade
+from terratool.raster.shading import exaggeration, hillshade
 from terratool.simulators.judge import Judge
-from terratool.viewing.cells import LABEL, cell_lines
-from terratool.viewing.layers import LayerPicture, layer_picture, level_light, light_on
+from terratool.text.display import counted
+from terratool.viewing.cells import LABEL, Label, cell_lines
+from terratool.viewing.contours import draw_contours
+from terratool.viewing.layers import FINER, LayerPicture, layer_picture, level_light, light_on
 from terratool.viewing.options import RenderOptions
 from terratool.viewing.sheet import (
     INK,
@@ -35,17 +37,12 @@ from terratool.viewing.vision import roomiest_places
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-FINER = 2
-"""So many pixels along each side are painted for one of the picture, which is their mean."""
 _BAND = 512
 """Rows of these that get their light at a time, about."""
 _SAMPLED = 4000
 """How steep ground is is looked at on so many pixels of the longer side at most."""
 _HATCH = 6.0
 """Points from one line of hatching to the next."""
-_MOST_CONTOURS = 200
-_INDEX = 5
-"""Each so many contours are thicker, and have their height written on them."""
 _LEAST_MAP = 8
 """Pixels that the shorter side of the ground has at least."""
 
@@ -119,7 +116,7 @@ def layout(sides: tuple[float, float], options: RenderOptions, margins: Margins)
     height = round(sides[1] / per_pixel)
     if min(width, height) < _LEAST_MAP:
         raise RequestError(
-            f"The ground is {sides[0]:.4g} by {sides[1]:.4g} units: in the picture it would be "
+            f"The ground is {sides[0]:,.6g} by {sides[1]:,.6g} units: in the picture it would be "
             f"{max(width, 1)} by {max(height, 1)} pixels.",
             "Look at a part of it with --bounds W S E N.",
         )
@@ -184,11 +181,14 @@ def draw_plan(
     if picture.light is not None:
         captions.append(_light_caption(factor))
     if options.contours is not None:
-        captions.append(_draw_contours(axes, picture, options.contours))
+        captions.append(draw_contours(axes, picture, options.contours, options.dpi))
+    labels: tuple[Label, ...] = ()
     if options.grid:
-        notes += _draw_cells(axes, terrain, picture, sheet)
+        labels, left_out = _draw_cells(axes, terrain, picture, sheet)
+        notes += left_out
     if options.keyed:
-        _draw_letters(axes, picture, options.dpi)
+        _draw_letters(axes, picture, options.dpi, labels)
+    notes += _narrow(terrain, part, grid.resolution * FINER)
     if options.bare:
         axes.set_axis_off()
     else:
@@ -201,9 +201,9 @@ def draw_plan(
         sheet.key(picture.key, places.key)
     known = picture.heights[np.isfinite(picture.heights)]
     what = (
-        f"plan of {number(float(f'{sides[0]:.6g}'))} × {number(float(f'{sides[1]:.6g}'))} {unit}, "
+        f"plan of {sides[0]:,.6g} × {sides[1]:,.6g} {unit}, "
         f"{options.layer}; {grid.resolution * FINER:.3g} {unit} a pixel, heights from "
-        f"{known.min():.4g} to {known.max():.4g} at the pixels"
+        f"{known.min():,.4g} to {known.max():,.4g} at the pixels"
     )
     return Drawn(sheet, what, tuple(notes))
 
@@ -266,54 +266,27 @@ def _light_caption(factor: float) -> str:
     return f"Light from the north-west{steeper}."
 
 
-def _draw_contours(axes: Axes, picture: LayerPicture, wanted: Any) -> str:
-    """Draw contours; a caption that says how far they are apart.
-
-    Raises:
-        RequestError: they would be too many.
-    """
-    grid, heights = picture.grid, picture.heights
-    interval = contour_interval(heights) if wanted == "auto" else float(wanted)
-    known = heights[np.isfinite(heights)]
-    low, high = float(known.min()), float(known.max())
-    if interval == 0.0:
-        return "The ground is level: no contours."
-    first, last = math.floor(low / interval) + 1, math.ceil(high / interval) - 1
-    if last - first >= _MOST_CONTOURS:
-        raise RequestError(
-            f"Contours {interval:g} apart would be {last - first + 1:,} on heights from {low:.4g} "
-            f"to {high:.4g}.",
-            f"Give at least {(high - low) / _MOST_CONTOURS:.2g}, or no number.",
-        )
-    caption = f"Contours {number(float(f'{interval:.6g}'))} m apart."
-    if last < first:
-        return f"{caption} None lies between the heights drawn."
-    step = np.s_[::FINER]
-    x, y = grid.columns(grid.whole)[step], grid.rows(grid.whole)[step]
-    z = np.ma.masked_invalid(heights[step, step])
-    if min(z.shape) < 2:
-        return caption
-    for which, width in ((False, 0.45), (True, 0.9)):
-        levels = [
-            index * interval
-            for index in range(first, last + 1)
-            if (index % _INDEX == 0) == which or (last - first < _INDEX and which)
-        ]
-        if not levels:
-            continue
-        drawn = axes.contour(
-            x, y, z, levels=levels, colors=INK, linewidths=width, alpha=0.7, linestyles="solid"
-        )
-        if which:
-            axes.clabel(drawn, fontsize=LABEL, fmt=number, inline_spacing=2)
-    return caption
+def _narrow(terrain: Terrain, part: Bounds, pixel: float) -> list[str]:
+    """A sentence on elements that are narrower than a pixel, if there are any."""
+    whole = terrain.by_elements
+    if whole is None:
+        return []
+    west, south, east, north = whole.footprints()
+    there = (west < part[2]) & (east > part[0]) & (south < part[3]) & (north > part[1])
+    count = int(np.count_nonzero(there & (np.minimum(east - west, north - south) < pixel)))
+    return [f"Narrower than a pixel: {counted(count, 'element')}."] if count else []
 
 
-def _draw_letters(axes: Axes, picture: LayerPicture, dpi: float) -> None:
-    """Draw a letter on each surface, where there is room, if its colour does not tell enough."""
+def _draw_letters(axes: Axes, picture: LayerPicture, dpi: float, labels: tuple[Label, ...]) -> None:
+    """Draw a letter on each surface whose colour says too little, where there is room."""
     ground = np.where(np.isnan(picture.heights), -1, picture.surfaces.astype(np.int64))
-    places = roomiest_places(ground, [id_ for _, id_ in picture.letters])
     grid = picture.grid
+    for label in labels:
+        west, south, east, north = label.box
+        rows = [max(0, int((grid.bounds[3] - y) / grid.resolution)) for y in (north, south)]
+        columns = [max(0, int((x - grid.west) / grid.resolution)) for x in (west, east)]
+        ground[rows[0] : rows[1] + 1, columns[0] : columns[1] + 1] = -1
+    places = roomiest_places(ground, [id_ for _, id_ in picture.letters])
     for letter, id_ in picture.letters:
         row, column, room = places.get(id_, (0, 0, 0))
         if room / FINER < 0.6 * LABEL * dpi / 72.0:
@@ -328,8 +301,10 @@ def _draw_letters(axes: Axes, picture: LayerPicture, dpi: float) -> None:
         )  # fmt: skip
 
 
-def _draw_cells(axes: Axes, terrain: Terrain, picture: LayerPicture, sheet: Sheet) -> list[str]:
-    """Draw nested cells, finer lines further down; sentences on what is not drawn."""
+def _draw_cells(
+    axes: Axes, terrain: Terrain, picture: LayerPicture, sheet: Sheet
+) -> tuple[tuple[Label, ...], tuple[str, ...]]:
+    """Draw nested cells, finer lines further down; their labels, and what is not drawn in words."""
     from matplotlib.collections import LineCollection
 
     per_point = picture.grid.resolution * FINER * sheet.dpi / 72.0
@@ -344,11 +319,11 @@ def _draw_cells(axes: Axes, terrain: Terrain, picture: LayerPicture, sheet: Shee
                 axes.add_collection(LineCollection(list(those), **style))
     for label in found.labels:
         axes.text(
-            label.x, label.y, label.text, fontsize=LABEL, va="top", ha="left", color=INK,
+            label.box[0], label.box[3], label.text, fontsize=LABEL, va="top", ha="left", color=INK,
             linespacing=1.1, clip_on=True,
             bbox={"facecolor": "white", "alpha": 0.75, "linewidth": 0.0, "pad": 0.8},
         )  # fmt: skip
-    return list(found.notes)
+    return found.labels, found.notes
 
 
 def draw_frame(sheet: Sheet, axes: Axes, places: Layout, unit: str) -> None:

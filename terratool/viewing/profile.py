@@ -21,11 +21,12 @@ from terratool.viewing.sheet import (
     Key,
     Sheet,
     Swatch,
+    chosen_exaggeration,
     exaggerated,
     key_width,
     new_sheet,
+    note_of_chosen,
     number,
-    rounded_down,
     set_ticks,
     width_of,
 )
@@ -49,11 +50,10 @@ _STEEPER = 4.0
 """A wall rises by so many times more than the slopes beside it do."""
 _SHAPE = 2e-4
 """Points are left out that lie within such a part of the range of heights from their chord."""
-
-_ASPECT = 0.3
-"""A section is about so high as a part of its length, by a round factor on heights …"""
-_LEAST = 0.1
-"""… unless it is no less than such a part of that by itself."""
+_MOST_CHOSEN = 1000.0
+"""Heights are exaggerated so often at most, unless more is asked for."""
+_LEAST_RELIEF = 0.04
+"""A section shows heights over such a part of its length at least."""
 
 Floats = NDArray[np.float64]
 
@@ -314,9 +314,10 @@ def draw_section(
     found = section(terrain, line)
     progress("drawing")
     low, high = float(np.nanmin(found.height)), float(np.nanmax(found.height))
-    room = max(high - low, 1e-3 * found.length)
+    relief = high - low
+    factor = options.exaggeration or chosen_exaggeration(found.length, relief, _MOST_CHOSEN)
+    room = max(relief, _LEAST_RELIEF * found.length / factor)
     low, high = low - 0.25 * room, high + 0.15 * room
-    factor = options.exaggeration or _chosen(found.length, high - low)
     key = _key(terrain, found) if options.keyed else Key()
     title = options.title_of(terrain.descr)
     margins = (
@@ -324,7 +325,7 @@ def draw_section(
         if options.bare
         else Margins(
             left=width_of([number(place) for place in _round(low, high)]) + 26.0,
-            bottom=48.0,
+            bottom=48.0 if factor == 1.0 else 52.0,
             right=key_width(key) + 20.0 if options.keyed else 20.0,
             top=44.0 if title else 28.0,
         )
@@ -346,10 +347,10 @@ def draw_section(
     walls = len(found.walls)
     what = (
         f"section from {number(x0)} {number(y0)} to {number(x1)} {number(y1)}, "
-        f"{found.length:.6g} {unit_of(terrain)} long; {exaggerated(factor)}, "
+        f"{found.length:,.6g} {unit_of(terrain)} long; {exaggerated(factor)}, "
         f"{walls} wall{'s' * (walls != 1)}"
     )
-    notes = []
+    notes: list[str] = [*note_of_chosen(factor, options.exaggeration)]
     if terrain.by_elements is None:
         notes.append("There are too many elements to look at each: narrow ones may be missing.")
     return Drawn(sheet, what, tuple(notes))
@@ -359,12 +360,6 @@ def _round(low: float, high: float) -> list[float]:
     from terratool.raster.shading import ticks
 
     return ticks(low, high, 5)
-
-
-def _chosen(length: float, relief: float) -> float:
-    """A round factor on heights with which a section is about as high as sections should be."""
-    wanted = _ASPECT * length / relief
-    return 1.0 if _LEAST < wanted < 2.0 else rounded_down(wanted)
 
 
 def _key(terrain: Terrain, found: Section) -> Key:
@@ -434,4 +429,7 @@ def _draw_texts(
     sheet.text(left + width / 2, row, f"distance from A ({unit})", ha="center", va="top")
     middle = bottom + height / 2
     sheet.text(sheet.pixels(5.0), middle, "height (m)", va="center", rotation=90, ha="left")
-    sheet.caption([f"{exaggerated(factor).capitalize()}."], left, sheet.pixels(4.0))
+    if factor == 1.0:
+        sheet.caption([f"{exaggerated(factor).capitalize()}."], left, sheet.pixels(4.0))
+    else:
+        sheet.warning(factor, left, sheet.pixels(4.0))

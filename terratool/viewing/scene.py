@@ -13,10 +13,6 @@ from msgspec import UNSET
 from terratool.definition.model import SOIL_FIGURES
 from terratool.definition.presets import preset_of, property_of
 from terratool.field.terrain import Terrain
-from terratool.mesh.export import (
-    MeshOptions,
-    loss_of,
-)
 from terratool.mesh.types import Mesh
 from terratool.text.display import counted
 from terratool.traversability.results import COLORS, GroundClass, Route, TraversabilityReport
@@ -101,13 +97,12 @@ def scene_of(
     """
     terrain, options = site.terrain, options or PageOptions()
     fit = fitted_mesh(terrain, options, progress)
-    mesh = fit.built.mesh
+    mesh, grid_of = fit.built.mesh, fit.grid
     progress(f"asking the field about {counted(len(mesh.faces), 'face')}")
-    faces = faces_of(terrain, fit.built)
+    faces = faces_of(terrain, fit.built, from_field=grid_of is None)
     wedges = wedges_of(mesh, faces)
     grid = Rounding.of(mesh, fit.built.error)
     used, of_face = np.unique(faces.element, return_inverse=True)
-    loss = loss_of(terrain, fit, MeshOptions(max_faces=options.max_faces), fit.error)
     west, south, east, north = terrain.bounds
     low, high = _heights(mesh)
     progress("looking up elements")
@@ -119,11 +114,13 @@ def scene_of(
         "heights": [low, high],
         "origin": list(grid.origin),
         "steps": list(grid.steps),
-        "error": loss.miss + grid.rounding,
+        "error": fit.miss + grid.rounding,
         "slope_error": slope_error(terrain, mesh, faces),
-        "measured": loss.miss_measured,
+        "measured": fit.measured,
         "wall_offset": wall_offset_of(fit.built),
-        "left_out": loss.left.small + loss.left.faint,
+        "left_out": fit.left_out,
+        "change": fit.change,
+        "grid": None if grid_of is None else [*grid_of.shape, grid_of.step],
         "ground_faces": int((~faces.upright).sum()),
         "elements_total": terrain.elements,
         "surfaces": _surfaces(terrain),

@@ -7,6 +7,7 @@ clock has a say, and its global state is left as it was.
 from __future__ import annotations
 
 import contextlib
+import logging
 import math
 import warnings
 from collections.abc import Iterator, Sequence
@@ -37,6 +38,10 @@ _LINE = 1.45
 _SWATCH = 14.0
 """Width of a patch of colour in the legend, in points."""
 _MOST_SWATCHES = 40
+_FLATTEST, _TALLEST = 1 / 20, 2.0
+"""Relief that is flatter or higher than such a part of the width is shown with a factor; …"""
+_LEVEL = 1e-6
+"""… but what is flatter than this is level."""
 
 _SETTINGS = {
     "font.family": ["DejaVu Sans"],
@@ -115,12 +120,25 @@ def require_matplotlib() -> None:
         RequestError: it is not installed.
     """
     try:
-        import matplotlib  # noqa: F401, only whether it is there
+        with _without_its_warnings():
+            import matplotlib  # noqa: F401, only whether it is there
     except ImportError as error:
         raise RequestError(
             "Pictures are drawn by Matplotlib, which is not installed.",
             f"Run {install_command('plot')}",
         ) from error
+
+
+@contextlib.contextmanager
+def _without_its_warnings() -> Iterator[None]:
+    """Have Matplotlib be silent on folders that it cannot write and fonts that it looks for."""
+    log = logging.getLogger("matplotlib")
+    before = log.level
+    log.setLevel(logging.ERROR)
+    try:
+        yield
+    finally:
+        log.setLevel(before)
 
 
 @dataclass(frozen=True)
@@ -251,6 +269,11 @@ class Sheet:
             y = bottom + up * self.pixels(_SMALL * _LINE)
             self.text(left, y, text, va="bottom", fontsize=_SMALL, color=_FAINT)
 
+    def warning(self, factor: float, left: int, bottom: int) -> None:
+        """A line on a factor on heights that is not to be overlooked."""
+        said = f"{exaggerated(factor).capitalize()}: {slopes_look(factor)}."
+        self.text(left, bottom, said, va="bottom", fontweight="bold")
+
     def scale_bar(self, place: Rectangle, per_pixel: float, unit: str) -> None:
         """A bar of a round length that fits into a place, in two halves.
 
@@ -308,6 +331,30 @@ def rounded_down(value: float) -> float:
     )
 
 
+def rounded_up(value: float) -> float:
+    """The smallest of 1, 2, 3 or 5 times a power of ten that is no smaller than one above 0."""
+    power = 10.0 ** math.floor(math.log10(value))
+    return next(
+        factor * power
+        for factor in (1.0, 2.0, 3.0, 5.0, 10.0)
+        if factor * power >= value * (1 - 1e-12)
+    )
+
+
+def chosen_exaggeration(width: float, relief: float, most: float) -> float:
+    """A round factor on heights, if none is given.
+
+    Pictures show what is there. Only relief that would be flatter than `_FLATTEST` of the width is
+    exaggerated until it is not, or so often at most; and only what is more than `_TALLEST` times as
+    high as wide is made lower.
+    """
+    if not relief > _LEVEL * width:
+        return 1.0
+    if relief > _TALLEST * width:
+        return rounded_down(width / relief)
+    return min(rounded_up(max(_FLATTEST * width / relief, 1.0)), most)
+
+
 def exaggerated(factor: float) -> str:
     """What is said of a factor on heights."""
     if factor == 1.0:
@@ -315,6 +362,19 @@ def exaggerated(factor: float) -> str:
     if factor < 1.0:
         return f"heights multiplied by {number(float(f'{factor:.6g}'))}"
     return f"heights exaggerated {number(float(f'{factor:.6g}'))} times"
+
+
+def slopes_look(factor: float) -> str:
+    """What that does to slopes."""
+    return f"slopes look {'steeper' if factor > 1.0 else 'gentler'} than they are"
+
+
+def note_of_chosen(factor: float, wanted: float | None) -> tuple[str, ...]:
+    """A sentence on a factor on heights that nobody has asked for; none where it is 1."""
+    if wanted is not None or factor == 1.0:
+        return ()
+    look = slopes_look(factor)
+    return (f"{look[0].upper()}{look[1:]}; --exaggeration 1 shows them as they are.",)
 
 
 def set_ticks(axes: Axes, axis: str, count: int) -> list[str]:
@@ -350,7 +410,7 @@ def settings() -> Iterator[None]:
     wanted.update(_SETTINGS)
     for name in [name for name in wanted if name.startswith("backend")]:
         del wanted[name]  # of windows, of which there are none
-    with mpl.rc_context(wanted), warnings.catch_warnings():
+    with mpl.rc_context(wanted), warnings.catch_warnings(), _without_its_warnings():
         # letters that the font lacks become boxes in a PNG; in an SVG they are still letters
         warnings.filterwarnings("ignore", message="Glyph .* missing from")
         yield

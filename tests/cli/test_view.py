@@ -119,6 +119,38 @@ def test_the_definition_is_not_written_over(tmp_path: Path) -> None:
     assert json.loads(path.read_text("utf-8")) == YARD
 
 
+def test_a_route_without_a_way_is_a_no(tmp_path: Path) -> None:
+    """The page is there, and says why; another route is there, too."""
+    out = tmp_path / "a.html"
+    site = ROOT / "samples/stairs-and-kerbs.json"
+    words = ["view", site, "--vehicle", HUSKY, "--output", out, "--no-open", "--max-error", 0.1]
+    ran = call(*words, "--route", 1, 1, 12, 1, "--route", 0, 0, 8, 5)
+    assert ran.code == 1
+    assert ran.err.startswith("terratool: There is no such route. The vehicle cannot stand at")
+    assert ran.err.count("\n") == 1 and out.exists()
+    ran = call(*words, "--route", 1, 1, 12, 1, "--overwrite")
+    assert (ran.code, ran.err) == (0, "")
+
+
+def test_what_is_left_out_is_said(tmp_path: Path) -> None:
+    ran = call(
+        "view", ROOT / "samples/stairs-and-kerbs.json", "--output", tmp_path / "a.html",
+        "--no-open", "--max-faces", 3,
+    )  # fmt: skip
+    assert "2 faces within 4 m, as far as measured" in ran.out
+    assert "  Left out: 29 elements; heights change by up to 4 m.\n" in ran.out
+
+
+def test_a_grid_in_place_of_a_mesh_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("terratool.viewing.effort.MOST_WORK", 0)
+    ran = call("view", SAMPLE, "--output", tmp_path / "a.html", "--no-open", "--max-faces", 800)
+    assert ran.code == 0
+    assert (
+        "as far as measured" in ran.out
+        and "  It is drawn from a grid of 21 × 21 heights" in ran.out
+    )
+
+
 def test_help_has_an_example() -> None:
     ran = run("view", "--help")
     assert ran.code == 0

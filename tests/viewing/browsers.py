@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -13,8 +13,11 @@ import pytest
 
 
 @contextmanager
-def chromium(folder: Path, width: int = 1000, height: int = 700) -> Iterator[Any]:
+def chromium(
+    folder: Path, width: int = 1000, height: int = 700, options: Sequence[str] = ()
+) -> Iterator[Any]:
     """A browser of its own, with a new profile; it draws without a graphics card."""
+    further = options
     program, driver = shutil.which("chromium"), shutil.which("chromedriver")
     if program is None or driver is None:
         pytest.skip("chromium is not installed")
@@ -29,6 +32,7 @@ def chromium(folder: Path, width: int = 1000, height: int = 700) -> Iterator[Any
         "enable-unsafe-swiftshader", "disable-background-networking", "disable-component-update",
         "disable-sync", "disable-dev-shm-usage", "hide-scrollbars", "force-device-scale-factor=1",
         f"user-data-dir={folder}", f"window-size={width},{height}",
+        *further,
     ):  # fmt: skip
         options.add_argument(f"--{argument}")
     options.set_capability("goog:loggingPrefs", {"browser": "ALL"})

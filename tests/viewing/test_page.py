@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from terratool.traversability.results import COLORS, GroundClass
-from tests.commands import COMMAND, ENVIRONMENT, ROOT, call
+from tests.commands import COMMAND, ENVIRONMENT, ROOT, SAMPLE, call
 from tests.viewing.browsers import chromium
 
 WAIT = 20.0
@@ -74,6 +74,49 @@ def page(browser: Any, tmp_path: Path) -> Iterator[Callable[..., Page]]:
     browser.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
     browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": []})
     assert severe == []
+
+
+def test_all_of_it_is_in_view_whatever_the_window_is(
+    page: Callable[..., Page], tmp_path: Path
+) -> None:
+    """As large as it fits, in the middle, in a wide window, a tall one, and one that is changed."""
+    path = tmp_path / "flat.json"
+    flat = {"size": [15, 8], "surfTypes": {"red": {"color": [230, 20, 20]}}}
+    tree = {"elemTypes": {"b": {"x": [1]}}, "elemTree": {"type": "b", "surface": "red"}}
+    path.write_text(json.dumps(flat | tree), "utf-8")
+    shown = page(path)
+    for width, height in ((1280, 800), (390, 844), (900, 500)):
+        screen = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
+        shown.changed(
+            lambda screen=screen: shown.browser.execute_cdp_cmd(
+                "Emulation.setDeviceMetricsOverride", screen
+            )
+        )
+        picture = shown.picture()
+        tall, wide, _ = picture.shape
+        left, top, right, bottom = extent(reddish(picture))
+        assert left > 0 and top > 0 and right < wide and bottom < tall
+        assert left + right == pytest.approx(wide, abs=0.02 * wide)
+        assert top + bottom == pytest.approx(tall, abs=0.02 * tall)
+        assert max((right - left) / wide, (bottom - top) / tall) > 0.9
+
+
+def test_a_browser_without_webgl_is_told(tmp_path: Path) -> None:
+    """And all but the picture is shown."""
+    out = tmp_path / "a.html"
+    assert call("view", SAMPLE, "--output", out, "--no-open").code == 0
+    with chromium(tmp_path / "profile", options=("disable-3d-apis",)) as browser:
+        browser.get(out.as_uri())
+        end = time.monotonic() + WAIT
+        script = "return document.body.dataset.shown"
+        while browser.execute_script(script) is None:
+            assert time.monotonic() < end
+            time.sleep(0.01)
+        assert browser.execute_script(script) == "no"
+        text = browser.find_element("tag name", "body").text
+    assert "This browser has no WebGL" in text and "Opening" not in text
+    assert json.loads(Path(SAMPLE).read_text("utf-8"))["descr"] in text
+    assert "faces" in text
 
 
 @pytest.fixture

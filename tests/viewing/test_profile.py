@@ -201,6 +201,6 @@ def test_the_picture_has_these_lines(tmp_path: Path) -> None:
     rise = points[wall, 1] - points[wall + 1, 1]
     assert rise / (end - start) == pytest.approx(2.5 * 3 / 39, rel=0.01)
     texts = texts_of(tmp_path / "p.svg")
-    assert "Heights exaggerated 2.5 times." in texts
+    assert "Heights exaggerated 2.5 times: slopes look steeper than they are." in texts
     assert {"A (100, 214)", "B (139, 214)", "sand", "box red", "height (m)"} <= {*texts}
     assert "heights exaggerated 2.5 times, 1 wall" in report.what

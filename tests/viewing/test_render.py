@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import builtins
 import copy
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib.transforms import Bbox
 
 from terratool.cli.render import LAYERS
 from terratool.errors import RequestError
@@ -20,8 +22,10 @@ from terratool.viewing import plan
 from terratool.viewing.cells import cell_lines
 from terratool.viewing.layers import NAMES, PALETTE
 from terratool.viewing.options import RenderOptions
+from terratool.viewing.plan import draw_plan
 from terratool.viewing.render import render
-from tests.commands import ROOT, call
+from terratool.viewing.sheet import chosen_exaggeration, settings
+from tests.commands import ROOT, call, run
 from tests.conftest import terrain_of
 from tests.viewing.pictures import PLATE, RED, SAND, STONE, Ground, hue_of, texts_of
 
@@ -136,7 +140,7 @@ def test_the_grid_has_cells_and_what_elements_are(tmp_path: Path) -> None:
     assert children[2][0] == [120, 204] and children[2][2] == [124, 208]  # by size, as in the file
     assert quarter == [[[120, 206], [122, 206], [122, 208], [120, 208], [120, 206]]]
     assert [label.text for label in found.labels] == ["Level ground", "Box"]
-    assert found.labels[1].x > 132 and found.labels[1].y < 216
+    assert found.labels[1].box[0] > 132 and found.labels[1].box[3] < 216
     coarse = cell_lines(terrain_of(PLATE), (100.0, 200.0, 140.0, 216.0), 0.5)
     assert len(coarse.elements) == 2 and not len(coarse.grids[1])  # too small to be seen
     texts = texts_of(drawn(tmp_path, PLATE, ".svg", grid=True))
@@ -156,6 +160,111 @@ def test_a_turned_free_element_has_a_turned_cell() -> None:
     east = turned[np.argmax(turned[:, 0])]
     assert east[1] < 6
     assert np.ptp(turned[:, 0]) == pytest.approx(6 * np.cos(np.pi / 6) + 1)
+
+
+HILLS: dict[str, Any] = {
+    "size": [40, 16],
+    "surfTypes": {"sand": {"color": [*SAND]}, "clay": {"color": [SAND[0], SAND[1], SAND[2] + 4]}},
+    "elemTypes": {
+        "ramp": {"x": [0, 1], "y": [1, 1]}, "block": {"x": [1]},
+        "cone": {"x": "tent", "combine": "radial"},
+    },
+    "elemTree": {
+        "type": "ramp", "vScale": 8, "surface": "sand",
+        "children": [
+            {"at": [30, 11], "extent": [16, 6], "type": "block", "vScale": 40, "surface": "clay",
+             "descr": "A table that is as high as it is said to be, and no higher"},
+            {"at": [6, 4], "extent": [1, 1], "type": "cone", "vScale": 10},
+        ],
+    },
+}  # fmt: skip
+
+
+def texts_drawn(definition: dict[str, Any], **options: Any) -> dict[str, list[Any]]:
+    """What stands on the ground of a plan: for each text the box around it, in the world."""
+    with settings():
+        figure = draw_plan(terrain_of(definition), RenderOptions(**options)).sheet.figure
+        axes, found = figure.axes[0], {}
+        for one in axes.texts:
+            box = one.get_window_extent().transformed(axes.transData.inverted())
+            found.setdefault(one.get_text(), []).append(box)
+    return found
+
+
+def test_labels_of_contours_stand_where_they_can_be_read() -> None:
+    """On the slope, but not at the side of the table, where contours lie on each other.
+
+    Nor on the cone, which is smaller than a label.
+    """
+    found = texts_drawn(HILLS, contours=1.0, title="", legend=False)
+    assert {*found} == {"5", "45"}
+    table = Bbox([[22, 8], [38, 14]])
+    assert not any(box.overlaps(table) for box in found["5"])
+    assert all(table.fully_overlaps(box) and box.x0 < 25 < box.x1 for box in found["45"])
+    few = texts_drawn(HILLS, contours=9.0, title="", legend=False)
+    assert {*few} == {"45"}
+
+
+def test_letters_of_surfaces_stand_on_no_label() -> None:
+    """On a bar whose middle its label covers, the letter stands beside that."""
+    definition = copy.deepcopy(HILLS)
+    definition["elemTree"]["children"][0]["extent"] = [16, 1]
+    found = texts_drawn(definition, grid=True, title="")
+    (label,) = (boxes[0] for text, boxes in found.items() if text.startswith("A table"))
+    assert label.x0 < 30 < label.x1 and label.y0 < 11 < label.y1
+    assert not any(found[letter][0].overlaps(label) for letter in "AB")
+    assert 22 < found["B"][0].x0 < found["B"][0].x1 < 38
+
+
+def test_elements_narrower_than_a_pixel_are_said(saved: Saved, tmp_path: Path) -> None:
+    """A cone that is 1 m and one that is 0.1 m wide, in pixels of 0.2 m."""
+    ran = call("render", saved(HILLS), tmp_path / "w.png", "--bare", "--size", "200")
+    assert "0.2" in ran.out and "Narrower" not in ran.out
+    definition = copy.deepcopy(HILLS)
+    definition["elemTree"]["children"][1]["extent"] = [0.1, 1]
+    ran = call("render", saved(definition), tmp_path / "n.png", "--bare", "--size", "200")
+    assert "Narrower than a pixel: 1 element.\n" in ran.out
+
+
+@pytest.mark.parametrize(
+    ("relief", "factor"),
+    [
+        (5.0, 1.0), (200.0, 1.0), (4.99, 2.0), (2.5, 2.0), (2.4, 3.0), (1.0, 5.0), (0.01, 10.0),
+        (0.0, 1.0), (1e-9, 1.0), (250.0, 0.2), (201.0, 0.2),
+    ],
+)  # fmt: skip
+def test_heights_are_exaggerated_only_where_they_are_flat(relief: float, factor: float) -> None:
+    """Of 100 in width: from 1/20 to twice as high they are shown as they are."""
+    assert chosen_exaggeration(100.0, relief, 10.0) == factor
+
+
+def test_the_command_says_that_slopes_look_steeper(saved: Saved, tmp_path: Path) -> None:
+    definition = copy.deepcopy(PLATE)
+    definition["elemTree"]["children"][0]["vScale"] = 0.5
+    file, line = saved(definition), ("--profile", 101, 215, 139, 215)
+    for words in (line, ("--perspective",)):
+        ran = call("render", file, tmp_path / "a.svg", *words, "--overwrite")
+        assert "heights exaggerated" in ran.out
+        assert "  Slopes look steeper than they are; --exaggeration 1 shows them as" in ran.out
+        assert any("slopes look steeper" in text for text in texts_of(tmp_path / "a.svg"))
+        ran = call("render", file, tmp_path / "a.svg", *words, "--exaggeration", 1, "--overwrite")
+        assert "heights not exaggerated" in ran.out and "Slopes" not in ran.out
+        assert not any("slopes look" in text for text in texts_of(tmp_path / "a.svg"))
+    ran = call("render", saved(PLATE), tmp_path / "a.svg", *line, "--overwrite")
+    assert "heights not exaggerated" in ran.out and "Slopes" not in ran.out
+
+
+def test_large_numbers_have_commas(saved: Saved, tmp_path: Path) -> None:
+    definition = copy.deepcopy(PLATE)
+    definition["size"] = [40_000, 16_000]
+    ran = call("render", saved(definition), tmp_path / "a.png", "--size", "1200")
+    assert re.match(r".*: 1,200 × \d{3} pixels, plan of 40,000 × 16,000 m,", ran.out)
+
+
+def test_matplotlib_does_not_complain_of_its_folders(saved: Saved, tmp_path: Path) -> None:
+    ran = run("render", saved(PLATE), tmp_path / "a.png", HOME="/dev/null", MPLCONFIGDIR="",
+              XDG_CONFIG_HOME="", XDG_CACHE_HOME="")  # fmt: skip
+    assert (ran.code, ran.err) == (0, "")
 
 
 # --- layers ---------------------------------------------------------------------------------------
@@ -295,6 +404,8 @@ REFUSED = [
     (["out.png", "--size", "400", "--dpi", "600"], "leave no room"),
     (["out.png", "--contours", "0"], "above 0"),
     (["out.png", "--contours", "nan"], "above 0"),
+    (["out.png", "--contours", "-1"], "Contours are to be -1 apart"),
+    (["out.png", "--size", "449"], "at least 450, a smaller --dpi, or --bare"),
     (["out.png", "--contours", "1e-9"], "Give at least"),
     (["out.png", "--profile", "101", "201", "101", "201"], "one point"),
     (["out.png", "--profile", "0", "0", "9", "9"], "misses the terrain"),
@@ -308,6 +419,7 @@ REFUSED = [
     (["out.png", "--perspective", "--exaggeration", "nan"], "above 0"),
     (["out.png", "--perspective", "--elevation", "-5"], "--elevation from"),
     (["out.png", "--perspective", "--azimuth", "inf"], "azimuth"),
+    (["out.png", "--perspective", "--azimuth", "361"], "--azimuth from -360 to 360"),
     (["out.png", "--perspective", "--max-error", "0"], "above 0"),
     (["out.png", "--azimuth", "3"], "--perspective"),
     (["out.png", "--bounds", "100", "200", "104", "204"], "void"),

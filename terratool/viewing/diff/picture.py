@@ -14,10 +14,9 @@ from terratool.raster.shading import exaggeration
 from terratool.viewing.diff.ground import Both, windows_painted
 from terratool.viewing.diff.ground import Difference as Seen
 from terratool.viewing.diff.results import Difference
-from terratool.viewing.layers import LayerPicture, Light
+from terratool.viewing.layers import FINER, LayerPicture, Light
 from terratool.viewing.options import RenderOptions
 from terratool.viewing.plan import (
-    FINER,
     Margins,
     draw_frame,
     draw_margins,

@@ -183,9 +183,9 @@
   // --- what is drawn ------------------------------------------------------------------------------
 
   const canvas = $("#view");
-  const renderer = new THREE.WebGLRenderer({ canvas, antialias: true, alpha: true });
-  renderer.setPixelRatio(Math.min(devicePixelRatio || 1, 2));
-  renderer.setClearColor(0, 0);
+  const NO_WEBGL = "This browser has no WebGL, so the terrain cannot be drawn. " +
+    "Switch on its graphics acceleration, or open the page in another browser.";
+  const renderer = drawer();
   const stage = new THREE.Scene();
   // level ground has its own colour: 0.5 + 0.7071 · sin 45° = 1
   stage.add(new THREE.AmbientLight(0xffffff, 0.5));
@@ -196,7 +196,24 @@
   const root = new THREE.Group();
   stage.add(root);
 
-  const eye = { target: new THREE.Vector3(), distance: 1, azimuth: 215, elevation: 35, parallel: false };
+  /** What draws; null where the browser has nothing to draw with. */
+  function drawer() {
+    try {
+      const made = new THREE.WebGLRenderer({ canvas, antialias: true, alpha: true });
+      made.setPixelRatio(Math.min(devicePixelRatio || 1, 2));
+      made.setClearColor(0, 0);
+      return made;
+    } catch (error) {
+      return null;
+    }
+  }
+
+  /** Say what the page waits for, or why it shows nothing. */
+  function busy(text) {
+    $("#busy").textContent = text || (renderer ? "" : NO_WEBGL);
+  }
+
+  const eye = { target: new THREE.Vector3(), distance: 1, azimuth: 215, elevation: 35, parallel: false, fitted: false };
   let told = null, ground = null, geometry = null, materials = null, drape = null, lines = null, mark = null;
   let layer = "surface", picked = null, waiting = false, exact = null, picture = 0;
 
@@ -250,6 +267,10 @@
     waiting = true;
     requestAnimationFrame(() => {
       waiting = false;
+      if (!renderer) {
+        document.body.dataset.shown = "no";
+        return;
+      }
       const [width, height] = size();
       const ratio = renderer.getPixelRatio();
       if (canvas.width !== Math.floor(width * ratio) || canvas.height !== Math.floor(height * ratio)) {
@@ -281,19 +302,36 @@
   function look(name) {
     [eye.azimuth, eye.elevation] = VIEWS[name];
     eye.parallel = name !== "home";
+    fit();
+    say(null);
+  }
+
+  /** Have all of the terrain in the view, as large as it fits, and until it is moved. */
+  function fit() {
     const [west, south, east, north] = told.bounds, [low, high] = told.heights;
     const from = [west, south, low].map((value, axis) => (value - told.origin[axis]) * (axis > 1 ? root.scale.z : 1));
     const to = [east, north, high].map((value, axis) => (value - told.origin[axis]) * (axis > 1 ? root.scale.z : 1));
-    eye.target.set(...from.map((value, axis) => (value + to[axis]) / 2));
+    const corners = [0, 1, 2, 3, 4, 5, 6, 7].map((corner) => new THREE.Vector3(
+      ...[0, 1, 2].map((axis) => (corner >> axis & 1 ? to : from)[axis])));
     const { right, up, back } = axes(), [width, height] = size();
-    let distance = 0;
-    for (let corner = 0; corner < 8; corner += 1) {
-      const point = new THREE.Vector3(...[0, 1, 2].map((axis) => (corner >> axis & 1 ? to : from)[axis])).sub(eye.target);
-      const half = Math.max(Math.abs(point.dot(up)), Math.abs(point.dot(right)) * height / width);
-      distance = Math.max(distance, (eye.parallel ? 1.1 : 1.04) * half / tan + (eye.parallel ? 0 : point.dot(back)));
+    const away = new THREE.Vector3(-back.x, -back.y, 0).normalize();
+    eye.target.set(...from.map((value, axis) => (value + to[axis]) / 2));
+    for (let turn = 0; turn < 12; turn += 1) {
+      const seen = corners.map((corner) => {
+        const point = corner.clone().sub(eye.target);
+        return [point.dot(right), point.dot(up), point.dot(back)];
+      });
+      eye.distance = Math.max(1e-6, ...seen.map(([x, y, near]) => (eye.parallel ? 1.1 : 1.06)
+        * Math.max(Math.abs(y), Math.abs(x) * height / width) / tan + (eye.parallel ? 0 : near)));
+      if (eye.parallel) break; // the middle is in the middle
+      // what is near looks larger: the target moves over the ground until both sides have as much room
+      const [across, upwards] = [0, 1].map((axis) => {
+        const all = seen.map((point) => point[axis] / (eye.distance - point[2]));
+        return (Math.min(...all) + Math.max(...all)) / 2 * eye.distance;
+      });
+      eye.target.addScaledVector(right, across).addScaledVector(away, upwards / up.dot(away));
     }
-    eye.distance = Math.max(distance, 1e-6);
-    say(null);
+    eye.fitted = true;
     draw();
   }
 
@@ -428,7 +466,7 @@
     const again = before ? told.names.indexOf(before) : -1;
     pick(again >= 0 ? again : null);
     $("#readout").replaceChildren();
-    $("#busy").textContent = "";
+    busy("");
     draw();
   }
 
@@ -561,10 +599,18 @@
       ["slopes are within", `${short(told.slope_error)}° at 99 of 100 places`],
     ];
     if (told.wall_offset > told.steps[0]) rows.push(["walls of discs and ruts within", `${short(told.wall_offset)} m`]);
-    if (told.left_out) rows.push(["left out", `${told.left_out.toLocaleString("en")} elements that change heights little`]);
+    if (told.left_out) rows.push(["left out", `${counted(told.left_out, "element")}; heights change by up to ${short(told.change)} m`]);
+    if (told.grid) {
+      const [down, across, step] = told.grid;
+      rows.push(["drawn from", `a grid of ${down.toLocaleString("en")} × ${across.toLocaleString("en")} heights, as there is too much for a mesh. Walls are as wide as a step: ${short(step)} m`]);
+    }
     if (told.crs) rows.push(["crs", told.crs]);
     if (told.map) rows.push(["vehicle", told.map.vehicle]);
     list($("#facts dl"), rows);
+  }
+
+  function counted(count, noun) {
+    return `${count.toLocaleString("en")} ${noun}${count === 1 ? "" : "s"}`;
   }
 
   function list(box, rows) {
@@ -841,13 +887,14 @@
   function turn(degrees, up) {
     eye.azimuth = (eye.azimuth + degrees + 360) % 360;
     eye.elevation = Math.min(90, Math.max(-20, eye.elevation + up));
-    eye.parallel = false;
+    eye.parallel = eye.fitted = false;
     draw();
   }
 
   function shift(dx, dy) {
     const { right, up } = axes(), scale = perPixel();
     eye.target.addScaledVector(right, -dx * scale).addScaledVector(up, dy * scale);
+    eye.fitted = false;
     draw();
   }
 
@@ -859,6 +906,7 @@
     eye.target.addScaledVector(right, (px - width / 2) * scale * rest);
     eye.target.addScaledVector(up, (height / 2 - py) * scale * rest);
     eye.distance = next;
+    eye.fitted = false;
     draw();
   }
 
@@ -918,10 +966,10 @@
     const open = $("#handle").getAttribute("aria-expanded") !== "true";
     $("#handle").setAttribute("aria-expanded", String(open));
   });
-  new ResizeObserver(draw).observe(canvas);
+  new ResizeObserver(() => (eye.fitted ? fit() : draw())).observe(canvas);
   canvas.addEventListener("webglcontextlost", (event) => {
     event.preventDefault();
-    $("#busy").textContent = "The graphics card let go of the picture. Load the page again.";
+    busy("The graphics card let go of the picture. Load the page again.");
   });
 
   // --- a page that follows a file ------------------------------------------------------------------------
@@ -947,7 +995,7 @@
       const fresh = state && state.picture && state.picture !== picture;
       const scene = fresh ? await fetch("scene").then((one) => one.arrayBuffer()).catch(() => null) : null;
       if (!state || (fresh && !scene)) {
-        $("#busy").textContent = "terratool has ended. The picture stays as it is.";
+        busy("terratool has ended. The picture stays as it is.");
         await new Promise((go) => setTimeout(go, 1000));
         continue;
       }
@@ -956,13 +1004,13 @@
         picture = state.picture;
       }
       complain(state);
-      $("#busy").textContent = told || state.findings.length ? "" : "Opening…";
+      busy(told || state.findings.length ? "" : "Opening…");
       version = state.version;
     }
   }
 
   (live ? follow() : unpack(embedded()).then(show)).catch((error) => {
     console.error(error);
-    $("#busy").textContent = `The terrain cannot be shown: ${error.message}`;
+    busy(`The terrain cannot be shown: ${error.message}`);
   });
 })();

@@ -1,0 +1,163 @@
+"""The contours of a plan, labelled where a label can be read."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terratool.errors import RequestError
+from terratool.raster.shading import contour_interval
+from terratool.viewing.cells import LABEL
+from terratool.viewing.layers import FINER, LayerPicture
+from terratool.viewing.sheet import INK, number
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+_MOST_CONTOURS = 200
+_INDEX = 5
+"""Each so many contours are thicker, and have their height written on them."""
+_LETTER = 0.65
+"""Width of a letter of a label as a part of its size."""
+_ROOM = 1.5
+"""Labelled contours are so many heights of a label apart where one stands."""
+_LINE = 3.0
+"""A line that is labelled is so many times as long as its label."""
+_STRAIGHT = 0.9
+"""Below a label a line is no longer than its chord by more than this factor."""
+_GAP = 2.0
+"""From one label to the next, in widths of one."""
+_TRIED = 64
+"""Places of a line that are looked at."""
+
+Floats = NDArray[np.float64]
+
+
+class _Place(NamedTuple):
+    """Where a label may stand: world x and y, how wide it is, and how long its line is."""
+
+    x: float
+    y: float
+    wide: float
+    line: float
+
+
+def draw_contours(axes: Axes, picture: LayerPicture, wanted: Any, dpi: float) -> str:
+    """Draw contours; a caption that says how far they are apart.
+
+    Args:
+        axes: of the plan.
+        picture: the heights.
+        wanted: how far contours are apart, "auto" for about eight.
+        dpi: pixels of an inch.
+
+    Raises:
+        RequestError: they would be too many.
+    """
+    grid, heights = picture.grid, picture.heights
+    interval = contour_interval(heights) if wanted == "auto" else float(wanted)
+    known = heights[np.isfinite(heights)]
+    low, high = float(known.min()), float(known.max())
+    if interval == 0.0:
+        return "The ground is level: no contours."
+    first, last = math.floor(low / interval) + 1, math.ceil(high / interval) - 1
+    if last - first >= _MOST_CONTOURS:
+        raise RequestError(
+            f"Contours {interval:g} apart would be {last - first + 1:,} on heights from {low:.4g} "
+            f"to {high:.4g}.",
+            f"Give at least {(high - low) / _MOST_CONTOURS:.2g}, or no number.",
+        )
+    caption = f"Contours {number(float(f'{interval:.6g}'))} m apart."
+    if last < first:
+        return f"{caption} None lies between the heights drawn."
+    step = np.s_[::FINER]
+    x, y = grid.columns(grid.whole)[step], grid.rows(grid.whole)[step]
+    z = heights[step, step].astype(np.float64)
+    if min(z.shape) < 2:
+        return caption
+    few = last - first < _INDEX
+    for which, width in ((False, 0.45), (True, 0.9)):
+        levels = [
+            index * interval
+            for index in range(first, last + 1)
+            if (index % _INDEX == 0) == which or (few and which)
+        ]
+        if not levels:
+            continue
+        drawn = axes.contour(
+            x, y, np.ma.masked_invalid(z), levels=levels, colors=INK, linewidths=width, alpha=0.7,
+            linestyles="solid",
+        )  # fmt: skip
+        if not which:
+            continue
+        per_point = abs(x[1] - x[0]) * dpi / 72.0
+        ground = _Ground(x, y, z, interval * (1 if few else _INDEX), per_point)
+        places = [
+            place
+            for level, lines in zip(levels, drawn.allsegs, strict=True)
+            for line in lines
+            for place in ground.place_on(line, number(level))
+        ]
+        chosen = [(place.x, place.y) for place in _apart(places)]
+        if chosen:
+            axes.clabel(drawn, fontsize=LABEL, fmt=number, inline_spacing=2, manual=chosen)
+    return caption
+
+
+class _Ground:
+    """Says how far apart labelled contours are, in points of the picture."""
+
+    def __init__(self, x: Floats, y: Floats, z: Floats, apart: float, per_point: float) -> None:
+        self._x, self._y = x, y
+        reach = math.ceil(0.5 * LABEL * per_point / abs(x[1] - x[0]))
+        rise = _highest_near(np.hypot(*np.gradient(z, y, x)), reach)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            self._apart = np.nan_to_num(apart / rise / per_point, nan=0.0)
+        self._per_point = per_point
+
+    def _apart_at(self, x: Floats, y: Floats) -> Floats:
+        columns = np.rint(np.interp(x, self._x, np.arange(len(self._x)))).astype(np.int64)
+        rows = np.rint(np.interp(-y, -self._y, np.arange(len(self._y)))).astype(np.int64)
+        return self._apart[rows, columns]
+
+    def place_on(self, line: Floats, text: str) -> Iterator[_Place]:
+        """The straightest place of a line on which a label can be read, if there is one.
+
+        At a wall contours lie on each other, and a small hill is smaller than its label.
+        """
+        wide = (len(text) + 1) * LABEL * _LETTER * self._per_point
+        along = np.append(0.0, np.cumsum(np.hypot(*np.diff(line, axis=0).T)))
+        whole = float(along[-1])
+        if whole < _LINE * wide:
+            return
+        tried = np.linspace(wide, whole - wide, _TRIED)
+        window = tried[:, None] + np.linspace(-0.5, 0.5, 5) * wide
+        x, y = (np.interp(window, along, line[:, axis]) for axis in (0, 1))
+        chord = np.hypot(x[:, -1] - x[:, 0], y[:, -1] - y[:, 0])
+        chord[self._apart_at(x, y).min(axis=1) < _ROOM * LABEL] = 0.0
+        best = int(chord.argmax())
+        if chord[best] >= _STRAIGHT * wide:
+            yield _Place(float(x[best, 2]), float(y[best, 2]), wide, whole)
+
+
+def _highest_near(values: Floats, reach: int) -> Floats:
+    """The highest value in a square around each, which reaches so far to all sides."""
+    for axis in (0, 1):
+        wide = np.pad(values, [(reach, reach) if axis == n else (0, 0) for n in (0, 1)], "edge")
+        views = np.lib.stride_tricks.sliding_window_view(wide, 2 * reach + 1, axis)
+        values = views.max(axis=-1)
+    return values
+
+
+def _apart(places: Iterable[_Place]) -> list[_Place]:
+    """Places that are not near to each other, those of the longest lines first."""
+    chosen: list[_Place] = []
+    for place in sorted(places, key=lambda one: -one.line):
+        gap = _GAP * place.wide
+        if all(math.hypot(place.x - one.x, place.y - one.y) > gap for one in chosen):
+            chosen.append(place)
+    return chosen
