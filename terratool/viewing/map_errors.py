@@ -13,10 +13,9 @@ from terratool.raster.grid import Grid, grid_over
 from terratool.raster.shading import exaggeration
 from terratool.sensing.comparison import MapComparison
 from terratool.viewing.diff.picture import refuse_picture
-from terratool.viewing.layers import LayerPicture, Light
+from terratool.viewing.layers import FINER, LayerPicture, Light
 from terratool.viewing.options import RenderOptions
 from terratool.viewing.plan import (
-    FINER,
     Margins,
     draw_frame,
     draw_margins,
