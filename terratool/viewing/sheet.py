@@ -255,24 +255,43 @@ class Sheet:
         most = max(3, int(room / (self.pixels(size) * _LETTER)))
         return text if len(text) <= most else f"{text[: most - 1]}…"
 
+    def wide(self, text: str, size: float, weight: str = "normal") -> float:
+        """How many pixels a line of text takes."""
+        from matplotlib.font_manager import FontProperties
+        from matplotlib.textpath import TextPath
+
+        path = TextPath((0.0, 0.0), text, size=size, prop=FontProperties(weight=weight))
+        return float(path.get_extents().x1) * self.dpi / 72.0
+
+    def fitting(self, text: str, left: int, size: float, weight: str = "normal") -> float:
+        """A size of letters, this one or smaller, of which a line from there on fits."""
+        room = self.width - left - self.pixels(6.0)
+        return size * min(1.0, room / max(self.wide(text, size, weight), 1.0))
+
     def title(self, text: str, left: int, room: int) -> None:
-        """A title at the very top."""
-        size = _FONT + 2.0
+        """A title at the very top, as much of it as there is room for."""
+        size, weight = _FONT + 2.0, "bold"
+        text = whole = " ".join(printable(text).split())
+        kept = len(whole)
+        while kept and self.wide(text, size, weight) > room:
+            kept -= 1
+            text = f"{whole[:kept].rstrip()}…"
         self.text(
-            left, self.height - self.pixels(6.0), self.cut(text, room, size), va="top",
-            fontsize=size, fontweight="bold",
-        )  # fmt: skip
+            left, self.height - self.pixels(6.0), text, va="top", fontsize=size, fontweight=weight
+        )
 
     def caption(self, lines: Sequence[str], left: int, bottom: int) -> None:
-        """Small lines, the last of which stands at the bottom."""
+        """Small lines, the last of which stands at the bottom; smaller where they would not fit."""
+        size = min((self.fitting(text, left, _SMALL) for text in lines), default=_SMALL)
         for up, text in enumerate(reversed(lines)):
             y = bottom + up * self.pixels(_SMALL * _LINE)
-            self.text(left, y, text, va="bottom", fontsize=_SMALL, color=_FAINT)
+            self.text(left, y, text, va="bottom", fontsize=size, color=_FAINT)
 
     def warning(self, factor: float, left: int, bottom: int) -> None:
         """A line on a factor on heights that is not to be overlooked."""
         said = f"{exaggerated(factor).capitalize()}: {slopes_look(factor)}."
-        self.text(left, bottom, said, va="bottom", fontweight="bold")
+        size = self.fitting(said, left, _FONT, "bold")
+        self.text(left, bottom, said, va="bottom", fontsize=size, fontweight="bold")
 
     def scale_bar(self, place: Rectangle, per_pixel: float, unit: str) -> None:
         """A bar of a round length that fits into a place, in two halves.

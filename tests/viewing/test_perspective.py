@@ -187,6 +187,21 @@ def test_the_picture_says_how_it_is_seen(tmp_path: Path) -> None:
     assert "heights exaggerated 3 times" in report.what
 
 
+@pytest.mark.parametrize("perspective", [False, True])
+@pytest.mark.parametrize("size", [450, 900])
+def test_no_line_is_cut_off(perspective: bool, size: int, tmp_path: Path) -> None:
+    """Whatever the size: titles end with dots before the edge, and captions are smaller."""
+    factor = 3.0 if perspective else None
+    options = RenderOptions(perspective=perspective, exaggeration=factor, size=size, legend=False)
+    terrain = terrain_of(
+        {**PLATE, "descr": "A plate with a name that no picture has room for. " * 9}
+    )
+    render(terrain, tmp_path / "view.png", options)
+    pixels = pixels_of(tmp_path / "view.png")
+    assert (pixels[:, -4:] > 250).all()
+    assert (pixels[:40] < 100).any()  # the title
+
+
 def test_layers_lie_on_the_ground(tmp_path: Path) -> None:
     """Heights in their colours on the top of the box and on the ground; walls are grey."""
     pixels = picture(tmp_path, layer="height", azimuth=180.0, elevation=30.0)
