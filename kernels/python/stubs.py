@@ -11,6 +11,7 @@ import re
 import subprocess
 import sys
 import tempfile
+import textwrap
 from pathlib import Path
 
 FOLDER = Path(__file__).parents[2] / "terratool" / "kernels"
@@ -41,6 +42,7 @@ def made() -> dict[str, str]:
                 [sys.executable, "-c", STUBGEN, "-q", "-m", module, "-o", path], check=True
             )
             text = re.sub(r"^SPECS: dict = .*$", SPECS, path.read_text(), flags=re.MULTILINE)
+            text = re.sub(r"^( *)(Shapes: .*)$", _wrapped, text, flags=re.MULTILINE)
             text = text.replace("import np\n", "").strip()
             lines = [line for line in text.splitlines() if not line.startswith(("import", "from"))]
             path.write_text(HEAD.format(title=name.capitalize()) + "\n" + "\n".join(lines) + "\n")
@@ -50,6 +52,11 @@ def made() -> dict[str, str]:
         for path in Path(folder).glob("*.pyi"):
             texts[path.name] = path.read_text()
     return texts
+
+
+def _wrapped(line: re.Match[str]) -> str:
+    indent, words = line.groups()
+    return textwrap.fill(words, 100, initial_indent=indent, subsequent_indent=indent)
 
 
 def main() -> None:

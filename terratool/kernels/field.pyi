@@ -368,5 +368,6 @@ def cast(
     """
     What rays meet first; the first that is no ray, or -1.
 
-    Shapes: origins[n,3], directions[n,3], most[n], distance[n], point[n,3], normal[n,3], top[n], surface[n], wall[n].
+    Shapes: origins[n,3], directions[n,3], most[n], distance[n], point[n,3], normal[n,3], top[n],
+    surface[n], wall[n].
     """

@@ -257,11 +257,13 @@ class Sheet:
 
     def wide(self, text: str, size: float, weight: str = "normal") -> float:
         """How many pixels a line of text takes."""
+        from matplotlib.backends.backend_agg import RendererAgg
         from matplotlib.font_manager import FontProperties
-        from matplotlib.textpath import TextPath
 
-        path = TextPath((0.0, 0.0), text, size=size, prop=FontProperties(weight=weight))
-        return float(path.get_extents().x1) * self.dpi / 72.0
+        # as pixels are drawn, whose letters are set wider than those of outlines
+        letters = FontProperties(size=size, weight=weight)
+        renderer = RendererAgg(1, 1, self.dpi)
+        return float(renderer.get_text_width_height_descent(text, letters, False)[0])
 
     def fitting(self, text: str, left: int, size: float, weight: str = "normal") -> float:
         """A size of letters, this one or smaller, of which a line from there on fits."""
