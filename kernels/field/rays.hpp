@@ -700,17 +700,17 @@ private:
     // The normal of the wall at a distance: of the nearest edge, and that which may jump most.
     void put_wall(double r) {
         double near = 1e-9 * (1.0 + scale_);
-        double best = 0.0, nearest = INF, x = 0.0, y = 0.0;
+        double best = 0.0, nearest = INF, x = ray_->dx, y = ray_->dy;
         auto take = [&](const Crossing& c) {
             double off = abs(c.at - r);
-            if (off > 2.0 * c.slack || off > nearest) return;
+            if (off > 16.0 * c.slack || off > nearest) return;  // slivers are shorter than half
             if (off == nearest && c.weight <= best) return;
             nearest = off, best = c.weight, x = c.normal_x, y = c.normal_y;
         };
         for (const Along& a : along_) find_crossings(a, take);
         for (double side : {near, -near})
-            if (best == 0.0) look_at_leaf(hit_.x + ray_->dx * side, hit_.y + ray_->dy * side, take);
-        if (best == 0.0) x = ray_->dx, y = ray_->dy;  // nothing is known of it
+            if (nearest == INF)
+                look_at_leaf(hit_.x + ray_->dx * side, hit_.y + ray_->dy * side, take);
         double length = sqrt(x * x + y * y);
         double facing = x * ray_->dx + y * ray_->dy > 0.0 ? -1.0 : 1.0;
         hit_.normal[0] = x / length * facing + 0.0, hit_.normal[1] = y / length * facing + 0.0;

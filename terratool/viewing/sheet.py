@@ -262,7 +262,8 @@ class Sheet:
 
         # as pixels are drawn, whose letters are set wider than those of outlines
         letters = FontProperties(size=size, weight=weight)
-        renderer = RendererAgg(1, 1, self.dpi)
+        untyped: Any = RendererAgg
+        renderer = untyped(1, 1, self.dpi)
         return float(renderer.get_text_width_height_descent(text, letters, False)[0])
 
     def fitting(self, text: str, left: int, size: float, weight: str = "normal") -> float:

@@ -397,7 +397,9 @@ def test_along_edges_the_ground_is_that_of_the_points_on_them(data: st.DataObjec
     grounds = 0
     for n, distance in enumerate(hits.distance.tolist()):
         far = min(distance, reach)
-        at = far * np.concatenate([[0.0], np.sort(rng.uniform(0, 1, 12)), [1 - 1e-7]])
+        rounding = 1e-15 * np.abs(origins[n]).max() / max(far * abs(ways[n, 1 - n % 2]), 1e-300)
+        last = max(1 - 1e-7 - rounding, 0.0)
+        at = far * np.concatenate([[0.0], np.sort(rng.uniform(0, last, 12)), [last]])
         x, y, z = (origins[n, axis] + ways[n, axis] * at for axis in range(3))
         height = terrain.height(x, y)
         # what is turned, and rounding, may decide beside the plane
@@ -644,6 +646,17 @@ def test_walls_beside_a_corner_have_their_own_normal(origin: list[float]) -> Non
                 aim = way + slant * along
                 hit = terrain.cast(middle - 0.5 * way + place * along - 1.0 * aim, aim)
                 assert hit.wall and np.array_equal(hit.normal, -way), (side, place, slant)
+
+
+def test_walls_of_relief_alone_have_a_normal() -> None:
+    """A level square on its corner, rough, whose edges lie among ground without relief."""
+    rough = {"gravel": {"roughness": {"rms": 0.04, "correlation": 0.7}}}
+    tree = {"type": "floor", "surface": "gravel", "vScale": 0, "turnDeg": 45}
+    terrain = terrain_of({"size": 1, "surfTypes": rough, "elemTypes": FLOOR, "elemTree": tree})
+    origin = np.array([0.7573620123571221, 0.8459573439320407, 0.014638247483454783])
+    hit = terrain.cast(origin, [-0.9645384848545545, 0.2398911262117531, -0.11008069221864893])
+    assert hit.wall and terrain.height(0.2619, 0.9692) == 0.0 > terrain.height(0.2622, 0.969)
+    assert np.allclose(hit.normal, [math.sqrt(0.5), -math.sqrt(0.5), 0.0], rtol=0, atol=1e-12)
 
 
 def test_directions_may_be_as_small_as_numbers_are() -> None:
