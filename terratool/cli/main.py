@@ -155,13 +155,13 @@ def main() -> None:
         register()
     from terratool.cli.stopping import end_on_signals
 
-    end_on_signals()
-    code = _run()
-    if sys.stdout is not None:  # as it is where it was closed
-        try:
-            sys.stdout.flush()
-        except OSError as error:
-            code = max(code, _cannot_write(error))
+    with end_on_signals():
+        code = _run()
+        if sys.stdout is not None:  # as it is where it was closed
+            try:
+                sys.stdout.flush()
+            except OSError as error:
+                code = max(code, _cannot_write(error))
     sys.exit(code)
 
 

@@ -12,6 +12,7 @@ import os
 import signal
 import threading
 import time
+from collections.abc import Iterator
 
 PATIENCE = 0.7
 """s that a command has to end by itself."""
@@ -22,23 +23,33 @@ said = threading.Event()
 """Whether it was said that the command was stopped."""
 
 
-def end_on_signals() -> None:
-    """From now on the command ends soon after Ctrl-C, whatever it does then.
-
-    So it does after SIGTERM and SIGHUP where they are handled. On other systems than those of POSIX
-    all is left as it is.
+@contextlib.contextmanager
+def end_on_signals() -> Iterator[None]:
+    """Within, the command ends soon after Ctrl-C, and after SIGTERM and SIGHUP where they are
+    handled, whatever it does then; where the system is none of POSIX it is left as it is.
     """
     if os.name != "posix" or threading.current_thread() is not threading.main_thread():
+        yield
         return
     hears, tells = os.pipe()
     os.set_blocking(tells, False)
-    signal.set_wakeup_fd(tells, warn_on_full_buffer=False)
+    before = signal.set_wakeup_fd(tells, warn_on_full_buffer=False)
     threading.Thread(target=_end, args=(hears,), daemon=True).start()
+    try:
+        yield
+    finally:
+        signal.set_wakeup_fd(before)
+        os.close(tells)  # which ends the thread
 
 
 def _end(hears: int) -> None:
-    while (number := os.read(hears, 1)[0]) not in _ENDING:
-        pass
+    number = 0
+    while number not in _ENDING:
+        heard = os.read(hears, 1)
+        if not heard:
+            os.close(hears)
+            return
+        number = heard[0]
     time.sleep(PATIENCE)
     from terratool.cli.terminal import Status
     from terratool.output import abandon_parts

@@ -6,11 +6,13 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 
+from terratool.cli import stopping
 from tests.commands import ENVIRONMENT
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="needs signals of POSIX")
@@ -103,3 +105,16 @@ def test_names_that_change_together_do_so_first(
 ) -> None:
     assert stopped(WITH_NAMES_HELD, signal.SIGINT) == (130, "terratool: stopped.\n")
     assert len(list(tmp_path.iterdir())) == 200
+
+
+def test_nothing_is_left_of_it_afterwards() -> None:
+    """What follows in the same process may handle its signals as it likes."""
+    before, threads = signal.set_wakeup_fd(-1), threading.active_count()
+    signal.set_wakeup_fd(before)
+    with stopping.end_on_signals():
+        assert threading.active_count() == threads + 1
+    for thread in threading.enumerate():
+        if thread is not threading.current_thread() and "_end" in thread.name:
+            thread.join(10.0)
+    assert threading.active_count() == threads
+    assert signal.set_wakeup_fd(before) == before
