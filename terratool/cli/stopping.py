@@ -25,8 +25,10 @@ said = threading.Event()
 
 @contextlib.contextmanager
 def end_on_signals() -> Iterator[None]:
-    """Within, the command ends soon after Ctrl-C, and after SIGTERM and SIGHUP where they are
-    handled, whatever it does then; where the system is none of POSIX it is left as it is.
+    """Within, the command ends soon after a signal, whatever it does then.
+
+    That is after Ctrl-C, and after SIGTERM and SIGHUP where they are handled. Where the system is
+    none of POSIX it is left as it is.
     """
     if os.name != "posix" or threading.current_thread() is not threading.main_thread():
         yield
