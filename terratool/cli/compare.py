@@ -68,7 +68,7 @@ def command(
     from terratool.sensing.map_files import read_map
 
     if picture is not None:
-        from terratool.viewing.map_errors import refuse_picture
+        from terratool.viewing.differences import refuse_picture
 
         refuse_picture(picture, overwrite)
     mapped = read_map(map_)

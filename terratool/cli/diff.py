@@ -212,7 +212,7 @@ def _refuse_outputs(
 
         refuse_map(map_, overwrite)
     if picture:
-        from terratool.viewing.diff.picture import refuse_picture
+        from terratool.viewing.differences import refuse_picture
 
         refuse_picture(picture, overwrite)
     known: set[str] = set()

@@ -8,29 +8,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terratool.field.terrain import Terrain
-from terratool.output import whole_file
 from terratool.raster.grid import Grid, grid_over
-from terratool.raster.shading import exaggeration
 from terratool.sensing.comparison import MapComparison
-from terratool.viewing.diff.picture import refuse_picture
-from terratool.viewing.layers import FINER, LayerPicture, Light
-from terratool.viewing.options import RenderOptions
-from terratool.viewing.plan import (
-    Margins,
-    draw_frame,
-    draw_margins,
-    layout,
-    shaded,
-    unit_of,
+from terratool.viewing.differences import (
+    LIGHT,
+    DifferenceSheet,
+    refuse_picture,
+    sheet_layout,
+    write_sheet,
 )
-from terratool.viewing.sheet import Key, Scale, Swatch, new_sheet, rounded_down, settings, write
-
-__all__ = ["refuse_picture", "write_picture"]
+from terratool.viewing.layers import FINER, LayerPicture
+from terratool.viewing.sheet import Key, Scale, Swatch, rounded_down, settings
 
 _COLORS = "RdBu_r"
 """Red is too high, blue too low: distinct for any kind of colour vision."""
 _NEVER, _GROUNDLESS = (150, 150, 146), (240, 228, 66)
-_LIGHT = Light(contrast=0.8, shade=0.55, glare=1.12, steeper=10.0)
 _MOST = 90.0
 """Percentile of the sizes of errors at which the colours end, so that no wall takes them all …"""
 _LEAST = 1e-3
@@ -53,46 +45,24 @@ def write_picture(
         WriteError: it exists, or cannot be written.
     """
     refuse_picture(path, overwrite)
-    options = RenderOptions(size=1200)
-    west, south, east, north = terrain.bounds
-    sides = east - west, north - south
     with settings():
-        places = layout(sides, options, Margins(left=48.0, bottom=76.0, right=122.0, top=26.0))
-        grid = grid_over(terrain, sides[0] / (places.ground.width * FINER))
+        places = sheet_layout(terrain.bounds)
+        wide = terrain.bounds[2] - terrain.bounds[0]
+        grid = grid_over(terrain, wide / (places.ground.width * FINER))
         size = np.abs(_errors(comparison))
         size = size[np.isfinite(size)]
         most = max(float(np.percentile(size, _MOST)) if size.size else 0.0, _LEAST)
         most = 1.0 / rounded_down(1.0 / most)  # the next of 1, 2 or 5 times a power of ten
-        picture = _picture(comparison, terrain, grid, most)
-        factor = min(exaggeration(picture.heights, grid.resolution), _LIGHT.steeper)
-        sheet = new_sheet(places.width, places.height, options.dpi)
-        axes = sheet.axes(places.ground)
-        box = grid.bounds
-        axes.imshow(
-            shaded(picture, options.dpi, factor), extent=(box[0], box[2], box[1], box[3]),
-            aspect="auto", interpolation="none", origin="upper",
-        )  # fmt: skip
-        axes.set_xlim(box[0], box[2])
-        axes.set_ylim(box[1], box[3])
         worst = comparison.worst
-        if worst is not None:
-            axes.plot(
-                [worst.x], [worst.y], marker="o", markersize=9.0, markerfacecolor="none",
-                markeredgecolor="black", markeredgewidth=1.2,
-            )  # fmt: skip
-        unit = unit_of(terrain)
-        draw_frame(sheet, axes, places, unit)
         caption = "Red is too high, blue too low."
         if worst is not None:
             caption += " The ring is the worst place."
         if beyond := float((size > most).sum()):
             caption += f" Beyond the colours: {beyond / size.size:.1%}."
-        draw_margins(sheet, places, picture, unit, [caption])
-        left = places.ground.left
-        sheet.title(_title(comparison), left, places.width - left - sheet.pixels(6.0))
-        sheet.key(picture.key, places.key)
-        with whole_file(path, overwrite) as part:
-            write(sheet, part)
+        picture = _picture(comparison, terrain, grid, most)
+        ring = None if worst is None else (worst.x, worst.y)
+        drawn = DifferenceSheet(picture, _title(comparison), caption, ring)
+        write_sheet(drawn, places, terrain, path, overwrite)
 
 
 def _title(comparison: MapComparison) -> str:
@@ -127,7 +97,7 @@ def _picture(comparison: MapComparison, terrain: Terrain, grid: Grid, most: floa
     if groundless.any():
         swatches.append(Swatch("no ground there", _GROUNDLESS))
     key = Key("Map", tuple(swatches), Scale("map less terrain (m)", -most, most, _COLORS))
-    return LayerPicture(grid, heights, np.zeros(heights.shape, np.uint8), colors, key, _LIGHT)
+    return LayerPicture(grid, heights, np.zeros(heights.shape, np.uint8), colors, key, LIGHT)
 
 
 def _at(

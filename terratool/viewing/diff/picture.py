@@ -6,54 +6,26 @@ from pathlib import Path
 
 import numpy as np
 
-from terratool.errors import RequestError
-from terratool.output import refuse_existing, refuse_missing_folder, whole_file
 from terratool.raster.grid import Grid, Window, grid_over
 from terratool.raster.prefetch import TILE, processors
-from terratool.raster.shading import exaggeration
 from terratool.viewing.diff.ground import Both, windows_painted
 from terratool.viewing.diff.ground import Difference as Seen
 from terratool.viewing.diff.results import Difference
-from terratool.viewing.layers import FINER, LayerPicture, Light
-from terratool.viewing.options import RenderOptions
-from terratool.viewing.plan import (
-    Margins,
-    draw_frame,
-    draw_margins,
-    layout,
-    shaded,
-    unit_of,
+from terratool.viewing.differences import (
+    LIGHT,
+    DifferenceSheet,
+    refuse_picture,
+    shading_factor,
+    sheet_layout,
+    write_sheet,
 )
-from terratool.viewing.sheet import (
-    Key,
-    Scale,
-    Swatch,
-    new_sheet,
-    number,
-    require_matplotlib,
-    settings,
-    write,
-)
+from terratool.viewing.layers import FINER, LayerPicture
+from terratool.viewing.sheet import Key, Scale, Swatch, number, settings
 
 _COLORS = "RdBu"
 """Red for what was cut, blue for what was filled: distinct for any kind of colour vision."""
 _SAME = (226, 226, 222)
 _LOST, _GAINED, _SURFACE = (40, 40, 40), (240, 228, 66), (204, 187, 214)
-_LIGHT = Light(contrast=0.8, shade=0.55, glare=1.12, steeper=10.0)
-
-
-def refuse_picture(path: str | Path, overwrite: bool) -> None:
-    """Refuse a picture that cannot be drawn, before any work.
-
-    Raises:
-        RequestError: it is no .png, or Matplotlib is missing.
-        WriteError: it exists, or its folder does not.
-    """
-    if Path(path).suffix.lower() != ".png":
-        raise RequestError(f"{Path(path).name}: is no .png.", "Give a name that ends in .png.")
-    require_matplotlib()
-    refuse_existing(Path(path), overwrite)
-    refuse_missing_folder(Path(path))
 
 
 def write_picture(
@@ -74,36 +46,18 @@ def write_picture(
         WriteError: it exists, or cannot be written.
     """
     refuse_picture(path, overwrite)
-    options = RenderOptions(size=1200)
-    west, south, east, north = both.bounds
-    sides = east - west, north - south
-    margins = Margins(left=48.0, bottom=76.0, right=122.0, top=26.0)
+    wide = both.bounds[2] - both.bounds[0]
     with settings():
-        places = layout(sides, options, margins)
-        grid = grid_over(both.old, sides[0] / (places.ground.width * FINER), both.bounds)
+        places = sheet_layout(both.bounds)
+        grid = grid_over(both.old, wide / (places.ground.width * FINER), both.bounds)
         picture = _picture(both, grid, tolerance)
-        factor = min(exaggeration(picture.heights, grid.resolution), _LIGHT.steeper)
-        sheet = new_sheet(places.width, places.height, options.dpi)
-        axes = sheet.axes(places.ground)
-        box = grid.bounds
-        axes.imshow(
-            shaded(picture, options.dpi, factor), extent=(box[0], box[2], box[1], box[3]),
-            aspect="auto", interpolation="none", origin="upper",
-        )  # fmt: skip
-        axes.set_xlim(box[0], box[2])
-        axes.set_ylim(box[1], box[3])
-        unit = unit_of(both.new)
-        draw_frame(sheet, axes, places, unit)
+        factor = shading_factor(picture)
         steeper = f"; slopes shaded {factor:g} times as steep" if factor != 1.0 else ""
         caption = (
             f"Red was cut, blue was filled; the new ground, light from the north-west{steeper}."
         )
-        draw_margins(sheet, places, picture, unit, [caption])
-        left = places.ground.left
-        sheet.title(_title(difference), left, places.width - left - sheet.pixels(6.0))
-        sheet.key(picture.key, places.key)
-        with whole_file(path, overwrite) as part:
-            write(sheet, part)
+        drawn = DifferenceSheet(picture, _title(difference), caption)
+        write_sheet(drawn, places, both.new, path, overwrite)
 
 
 def _title(difference: Difference) -> str:
@@ -142,7 +96,7 @@ def _picture(both: Both, grid: Grid, tolerance: float) -> LayerPicture:
     scale = Scale("new less old (m)", -most, most, _COLORS) if beyond.any() else None
     key = Key("Ground", tuple(swatches), scale)
     surfaces = np.zeros(change.shape, np.uint8)
-    return LayerPicture(grid, heights, surfaces, colors, key, _LIGHT)
+    return LayerPicture(grid, heights, surfaces, colors, key, LIGHT)
 
 
 def _painted(both: Both, grid: Grid) -> Seen:
