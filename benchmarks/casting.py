@@ -6,11 +6,14 @@ other; up to 100 m. Embree is asked directly, and by trimesh. Times are those of
 
 from __future__ import annotations
 
+import os
 import sys
 import time
 from collections.abc import Callable
 from importlib.util import find_spec
 from pathlib import Path
+
+os.environ["OPENBLAS_NUM_THREADS"] = "1"  # or its threads take time of the processor after trimesh
 
 import numpy as np
 import terrains
