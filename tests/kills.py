@@ -130,6 +130,41 @@ def jobs() -> list[Job]:
     found.append(Job("simulators", ("export-sim", YARD, "@sim", *several), before=TRACKS))
     course = ("curriculum", "samples/curricula/rough.json", "@course.json", "--overwrite")
     found.append(Job("curriculum", course, before="samples/curricula/all-kinds.json"))
+    return found + _seen() + _sensed()
+
+
+def _seen() -> list[Job]:
+    """Pictures, pages and differences."""
+    over, hall = ("--overwrite",), "samples/warehouse.json"
+    found = [
+        Job(f"picture {ending}", ("render", hall, f"@a.{ending}", *over), before=YARD)
+        for ending in ("png", "svg", "pdf")
+    ]
+    page = ("view", hall, "--no-open", "--output", "@a.html", *over)
+    found.append(Job("page", page, before=YARD))
+    shown = ("--picture", "@d.png", "--map", "@d.tif", *over)
+    found.append(Job("difference", ("diff", hall, YARD, *shown), before="samples/dunes.json"))
+    return found
+
+
+def _sensed() -> list[Job]:
+    """Scans in all formats."""
+    hall, over = "samples/warehouse.json", ("--on-ground", "1.5", "--overwrite")
+    lidar = (
+        "--sensor",
+        "samples/sensors/velodyne-vlp-16.json",
+        "--pose",
+        *["8", "5", "0", "20", "0", "0"],
+    )
+    camera = ("--sensor", "samples/sensors/realsense-d435.json", *lidar[2:])
+    found = [
+        Job(f"scan {ending}", ("scan", hall, f"@a.{ending}", *lidar, *over), before=YARD)
+        for ending in ("ply", "pcd", "las", "npz", "csv", "rosbag2")
+    ]
+    found += [
+        Job(f"images {ending}", ("scan", hall, f"@a.{ending}", *camera, *over), before=YARD)
+        for ending in ("png", "tif")
+    ]
     return found
 
 
