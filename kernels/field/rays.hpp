@@ -532,7 +532,8 @@ private:
     bool cross_leaf(const Leaf& leaf, const Visit& visit) {
         Cut begin{visit.begin, slack_of(visit.from, visit.begin)};
         Cut end{visit.end, slack_of(visit.to, visit.end)};
-        if (visit.from != RIM && visit.to < ITSELF && are_one(begin, end)) return false;
+        bool may_end = visit.to == ITSELF || visit.to == RIM;
+        if (visit.from != RIM && !may_end && are_one(begin, end)) return false;
         along_.clear(), cuts_.clear();
         auto cut = [&](const Crossing& c) {
             if (c.at > visit.begin && c.at < visit.end) cuts_.push_back({c.at, c.slack});

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from terratool.errors import ReadError, RequestError
 from terratool.extras import install_command
+from terratool.sensing.formats.common import SENSOR_AXES
 from terratool.sensing.poses import Poses
 from terratool.text.display import listed, shown
 
@@ -30,8 +31,6 @@ _LINES = 1 << 17
 _MOST_HEADER = 1 << 20
 _MOST = 1e30
 """What is larger is taken for no number: squares of it and float32 have to hold it."""
-SENSOR_AXES = ["axes", "of", "the", "sensor"]
-"""Words of a header that say so."""
 _DAMAGED = "It may be cut short: write it again, or fetch it again."
 
 
@@ -284,7 +283,7 @@ def _read_ply(path: Path) -> Iterator[Batch]:
             match words:
                 case ["format", form, *_]:
                     pass
-                case ["comment", *rest] if rest == SENSOR_AXES:
+                case ["comment", *rest] if rest == SENSOR_AXES.split():
                     raise _in_sensor_axes(path)
                 case ["comment", "surface", _, *name]:
                     with contextlib.suppress(ValueError):
@@ -364,7 +363,7 @@ def _read_pcd(path: Path) -> Iterator[Batch]:
         said: dict[str, list[str]] = {}
         while "DATA" not in said:
             words = _header_line(path, file)
-            if words[:1] == ["#"] and words[1:] == SENSOR_AXES:
+            if words[:1] == ["#"] and words[1:] == SENSOR_AXES.split():
                 raise _in_sensor_axes(path)
             if words and not words[0].startswith("#"):
                 said[words[0].upper()] = words[1:]

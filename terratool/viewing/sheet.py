@@ -10,6 +10,7 @@ import contextlib
 import logging
 import math
 import warnings
+from bisect import bisect_right
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -274,11 +275,19 @@ class Sheet:
     def title(self, text: str, left: int, room: int) -> None:
         """A title at the very top, as much of it as there is room for."""
         size, weight = _FONT + 2.0, "bold"
-        text = whole = " ".join(printable(text).split())
-        kept = len(whole)
-        while kept and self.wide(text, size, weight) > room:
-            kept -= 1
-            text = f"{whole[:kept].rstrip()}…"
+        text = " ".join(printable(text).split())
+
+        def cut(kept: int) -> str:
+            return f"{text[:kept].rstrip()}…"
+
+        # no letter is narrower than a pixel
+        if len(text) > room or self.wide(text, size, weight) > room:
+            lengths = range(1, min(len(text), room))
+            text = cut(
+                bisect_right(
+                    lengths, room, key=lambda n: math.ceil(self.wide(cut(n), size, weight))
+                )
+            )
         self.text(
             left, self.height - self.pixels(6.0), text, va="top", fontsize=size, fontweight=weight
         )

@@ -194,7 +194,7 @@ def test_no_line_is_cut_off(perspective: bool, size: int, tmp_path: Path) -> Non
     factor = 3.0 if perspective else None
     options = RenderOptions(perspective=perspective, exaggeration=factor, size=size, legend=False)
     terrain = terrain_of(
-        {**PLATE, "descr": "A plate with a name that no picture has room for. " * 9}
+        {**PLATE, "descr": "A plate with a name that no picture has room for. " * 4000}
     )
     render(terrain, tmp_path / "view.png", options)
     pixels = pixels_of(tmp_path / "view.png")

@@ -17,6 +17,8 @@ from terratool.sensing.readings import Frame
 from terratool.sensing.sensor import Sensor
 
 NO_COLOR = (128, 128, 128)
+SENSOR_AXES = "axes of the sensor"
+"""A comment of files whose points are not in the world."""
 ROW = np.dtype(
     [
         ("x", "<f8"), ("y", "<f8"), ("z", "<f8"), ("intensity", "<f4"), ("ring", "<u2"),

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from terratool.sensing.formats.common import Record, is_wide, picked, write_after
+from terratool.sensing.formats.common import SENSOR_AXES, Record, is_wide, picked, write_after
 from terratool.sensing.readings import Frame
 
 _LETTERS = {"f": "F", "u": "U", "i": "I"}
@@ -42,7 +42,7 @@ def write_pcd(path: Path, frames: Iterator[Frame], record: Record) -> None:
                 numbers = (*frame.poses.positions[0], w, x, y, z)
                 viewpoint = " ".join(f"{number:.17g}" for number in numbers)
             elif not record.world:
-                comments[:] = ["# axes of the sensor"]
+                comments[:] = [f"# {SENSOR_AXES}"]
             yield picked(record.rows(frame), kind)
 
     def header(count: int) -> bytes:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from terratool.sensing.formats.common import Record, write_after
+from terratool.sensing.formats.common import SENSOR_AXES, Record, write_after
 from terratool.sensing.readings import Frame
 
 _TYPES = {
@@ -40,7 +40,7 @@ def write_ply(path: Path, frames: Iterator[Frame], record: Record) -> None:
 
     def header(count: int) -> bytes:
         comments = [record.descr, "metres, seconds; surface and element -1 are none"]
-        comments += [f"axes of the {'world' if record.world else 'sensor'}"]
+        comments += ["axes of the world" if record.world else SENSOR_AXES]
         comments += [
             f"surface {index} {json.dumps(name)}"
             for index, name in enumerate(record.terrain.surfaces)
