@@ -296,6 +296,27 @@ def test_walls_do_not_take_all_colours(saved: Save, tmp_path: Path) -> None:
     assert redness() < 20
 
 
+def test_errors_stand_where_they_are(saved: Save, tmp_path: Path) -> None:
+    """One cell is too high, in the north-east, and ringed: neither mirrored nor turned."""
+    heights, picture = truth(), tmp_path / "errors.png"
+    row, column = np.argwhere(np.isfinite(heights[:2, 8:]))[0] + [0, 8]
+    heights[row, column] += 0.5
+    saved_map(of_heights(heights), tmp_path / "m.tif")
+    assert call("compare", tmp_path / "m.tif", saved(RAMP), "--picture", picture).code == 0
+    from PIL import Image
+
+    pixels = np.asarray(Image.open(picture).convert("RGB")).astype(int)
+    tall, wide = pixels.shape[:2]
+    west, east, north, south = 100, wide - 255, 55, tall - 159  # the margins, at 150 to an inch
+    x = west + (column + 0.5) / 12 * (east - west)
+    y = north + (row + 0.5) / 6 * (south - north)
+    red = np.argwhere(pixels[north:south, west:east] @ [1, 0, -1] > 60) + np.array([north, west])
+    assert np.abs(np.median(red, axis=0) - [y, x]).max() < 5
+    black = np.argwhere(pixels.max(axis=2) < 60)
+    far = np.hypot(*(black - [y, x]).T)
+    assert (far < 16).sum() > 40  # the ring
+
+
 def test_no_bias_has_no_minus() -> None:
     assert (_signed(-1e-9), _signed(-0.00126)) == ("+0.0000 m", "-0.0013 m")
 
