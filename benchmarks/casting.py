@@ -51,15 +51,17 @@ def lidar(terrain: Terrain, rays: int) -> tuple[np.ndarray, np.ndarray]:
     return np.repeat(places, each, axis=0), np.tile(way, (PLACES, 1))
 
 
-def medians(tasks: dict[str, Callable[[], object]]) -> dict[str, float]:
-    """Seconds of the processor of each task, taken in turn after one that is not counted."""
+def medians(
+    tasks: dict[str, Callable[[], object]], clock: Callable[[], float] = time.process_time
+) -> dict[str, float]:
+    """Seconds of each task, taken in turn after one that is not counted."""
     seconds: dict[str, list[float]] = {name: [] for name in tasks}
     for run in range(RUNS + 1):
         for name, task in tasks.items():
-            begin = time.process_time()
+            begin = clock()
             task()
             if run:
-                seconds[name].append(time.process_time() - begin)
+                seconds[name].append(clock() - begin)
     return {name: float(np.median(took)) for name, took in seconds.items()}
 
 
@@ -103,12 +105,14 @@ def compare(name: str, terrain: Terrain, rays: int, meshed: bool) -> None:
     if "embreex" in seconds:
         line(f"{name}: embreex over cast", seconds["embreex"] / seconds["cast"], ">= 1")
         line(f"{name}: trimesh over cast", seconds["trimesh"] / seconds["cast"], ">= 3")
-    walls = {}
-    for threads in (1, 2):
-        begin = time.perf_counter()
-        terrain.cast(origins, directions, REACH, threads=threads)
-        walls[threads] = time.perf_counter() - begin
-    line(f"{name}: one thread over two", walls[1] / walls[2], ">= 1.8")
+    walls = medians(
+        {
+            "one": lambda: terrain.cast(origins, directions, REACH, threads=1),
+            "two": lambda: terrain.cast(origins, directions, REACH, threads=2),
+        },
+        time.perf_counter,
+    )
+    line(f"{name}: one thread over two", walls["one"] / walls["two"], ">= 1.8")
 
 
 if __name__ == "__main__":

@@ -7,15 +7,12 @@
 // curves. Between two cuts it is over the same elements, all of them smooth but for kinks, and how
 // its height above the ground changes is enclosed by intervals: where it cannot reach 0 there is
 // nothing, where it only rises or falls the one root is found, elsewhere the stretch is halved.
+// Leaves that nothing cuts have those intervals beforehand.
 #pragma once
 
-#include "ray_index.hpp"
+#include "ray_ground.hpp"
 
 namespace terratool::rays {
-
-struct Ray {
-    double x, y, z, dx, dy, dz;  // from here in this direction, which is 1 long
-};
 
 struct Hit {
     double distance = INF;
@@ -25,58 +22,22 @@ struct Hit {
     bool wall = false;
 };
 
-constexpr double ROUNDING = 4.5e-16;  // of a number, by a few operations
-constexpr int LEAST_HALVINGS = 10, PATIENCE = 4000;
-
-constexpr i64 UNKNOWN = -3;  // of an element
-
-enum Side : int { NOWHERE = 0, ABOVE = 1, BELOW = -1 };
-
-INLINE Side side_of(double above) { return above > 0.0 ? ABOVE : above < 0.0 ? BELOW : NOWHERE; }
-
-// How the ray crosses an edge or a step, seen from above.
-struct Crossing {
-    double at, slack;           // the distance, and how far rounding may put it off
-    double normal_x, normal_y;  // square to the edge, of any length
-    double weight;              // how much may jump there
-};
+// Of an element: that it is not known, nor, in the second, whether there is a void instead.
+constexpr i64 UNKNOWN = -3, UNSURE = -4;
 
 // Where a stretch of the ray begins or ends.
 struct Cut {
     double at, slack;
 };
 
-// An element along a ray.
-struct Along {
-    const Element* element;
-    const Curve *x, *y;
-    Frame frame;
-    double u, du, v, dv;      // u = u + du r at the distance r
-    double u_slack, v_slack;  // what rounding may add to u and v
-    u32 index;
-    u8 combine, cuts, turns, trims, active;
-    PieceRange x_pieces, y_pieces;
-};
-
-struct Slanted {
-    double z, slope;  // the slope along the ray
-};
-
-struct Gradient {
-    double x, y;
-};
-
 // Casts rays; each thread needs its own.
-class Caster {
+class Caster : RayGround {
 public:
-    explicit Caster(const Index& index)
-        : index_(index), field_(index.field), stack_(field_.pending) {}
+    explicit Caster(const Index& index) : RayGround(index), stack_(field_.pending) {}
 
     Hit cast(const Ray& ray, double most) {
         ray_ = &ray;
-        hit_ = {};
-        along_.clear();
-        side_ = NOWHERE, above_ = NaN, top_ = -1, past_ = NaN;
+        start();
         if (ray.dx == 0.0 && ray.dy == 0.0) return cast_upright(most);
         const double reach = most * (1.0 + 1e-15);  // what lies at the end is met
         double begin = 0.0, end = reach;
@@ -84,37 +45,55 @@ public:
         // a little more, or rays would pass a level plane in a stretch of no length
         double more = 1e-6 * (bounds[2] - bounds[0] + bounds[3] - bounds[1]) + 1e-12 * abs(ray.z);
         double low = index_.height.low - more, high = index_.height.high + more;
-        if (!clip(ray.x, ray.dx, bounds[0], bounds[2], begin, end)) return hit_;
-        if (!clip(ray.y, ray.dy, bounds[1], bounds[3], begin, end)) return hit_;
-        if (!clip(ray.z, ray.dz, low, high, begin, end)) return hit_;
+        per_x_ = 1.0 / ray.dx, per_y_ = 1.0 / ray.dy;
+        if (!clip(ray.x, per_x_, bounds[0], bounds[2], begin, end)) return hit_;
+        if (!clip(ray.y, per_y_, bounds[1], bounds[3], begin, end)) return hit_;
+        if (!clip(ray.z, 1.0 / ray.dz, low, high, begin, end)) return hit_;
         leaves_ = end < reach;
         scale_ = abs(ray.x) + abs(ray.y) + abs(ray.z) + end;
-        if (ray.dx == 0.0 || ray.dy == 0.0) walk<true>(begin, end);
-        else walk<false>(begin, end);
+        bool parallel = ray.dx == 0.0 || ray.dy == 0.0;
+        if (parallel) walk<true, true>(begin, end);
+        else walk<false, false>(begin, end);
+        if (hit_.distance == AGAIN) {
+            start();
+            walk<false, true>(begin, end);
+        }
         if (hit_.distance < INF) hit_.distance = min(hit_.distance, most);
         return hit_;
     }
 
 private:
-    const Index& index_;
-    const Field& field_;
-    const Ray* ray_ = nullptr;
+    static constexpr double AGAIN = -1.0;  // of a distance, where voids decide that were passed
+    static constexpr int PATIENCE = 4000;
+
+    // Where the part of a ray in a node begins and ends: on a line across an axis, where the ray
+    // itself does, or where it comes into the terrain or leaves it.
+    enum End : u8 { ACROSS_X = X, ACROSS_Y = Y, ITSELF, RIM };
+
     Stack stack_;
-    std::vector<Along> along_;
     std::vector<Cut> cuts_;
     Hit hit_;
-    Side side_;     // of the ground at the end of what was looked at
-    double above_;  // so far above it, NaN where that is not known
-    i64 top_;       // the element there, or UNKNOWN
-    double past_;   // the end of the last stretch
-    double scale_;
-    bool leaves_;                       // whether it ends where it leaves the terrain
-    int patience_;                      // halvings that are left
-    double per_x_ = 0.0, per_y_ = 0.0;  // 1 by its direction
+    Side side_;                 // of the ground at the end of what was looked at
+    double above_;              // so far above it, NaN where that is not known
+    i64 top_;                   // the element there, or UNKNOWN or UNSURE
+    double past_;               // the end of the last stretch
+    bool leaves_;               // whether it ends where it leaves the terrain
+    End begins_;                // what the stretch begins on; itself for a cut
+    bool skipped_;              // whether a sliver was passed since
+    Span<const u32> segments_;  // of the leaf
 
-    static bool clip(double from, double way, double low, double high, double& begin, double& end) {
-        if (way == 0.0) return low <= from && from <= high;
-        double one = (low - from) / way, other = (high - from) / way;
+    void start() {
+        hit_ = {};
+        along_.clear();
+        segments_ = {};
+        side_ = NOWHERE, above_ = NaN, top_ = -1, past_ = NaN;
+        skipped_ = false;
+    }
+
+    // The part of a ray between two bounds along an axis; `per` is 1 by its direction.
+    static bool clip(double from, double per, double low, double high, double& begin, double& end) {
+        if (abs(per) == INF) return low <= from && from <= high;
+        double one = (low - from) * per, other = (high - from) * per;
         begin = max(begin, min(one, other)), end = min(end, max(one, other));
         return begin <= end;
     }
@@ -144,26 +123,23 @@ private:
         hit_.normal[2] = facing / length;
     }
 
-    // Where the part of a ray in a node begins and ends: on a line across an axis, where the ray
-    // itself does, or where it comes into the terrain or leaves it.
-    enum Line : u8 { ACROSS_X = X, ACROSS_Y = Y, ITSELF, RIM };
-
     struct Visit {
         double begin, end;
         u32 quarter;  // of which node, times 4, and which of the four
-        Line from, to;
+        End from, to;
     };
 
-    INLINE double z_at(double r) const { return ray_->z + ray_->dz * r; }
-
     // Through the tree from front to back, until something is hit. `parallel` where the ray may be
-    // parallel to an axis.
-    template <bool parallel> void walk(double begin, double end) {
+    // parallel to an axis, `looks` where all voids are looked for.
+    template <bool parallel, bool looks> void walk(double begin, double end) {
         constexpr std::size_t most = 2 * 22 + 2;  // two are left to wait at each level
         std::array<Visit, most> waiting;
         std::size_t pending = 0;
         const Ray ray = *ray_;
-        const double per_x = per_x_ = 1.0 / ray.dx, per_y = per_y_ = 1.0 / ray.dy;
+        const double per_x = per_x_, per_y = per_y_;
+        const bool rises = ray.dz > 0.0;
+        Side side = NOWHERE;  // as `side_`, but for what was passed …
+        u32 passed = 0;       // … what the last of that is, since a leaf was looked at
         const u32 nearest =
             u32(ray.dx < 0.0) + 2 * u32(ray.dy < 0.0);  // the quarter it meets first
         const Quarters* all = index_.quarters.data();
@@ -173,29 +149,42 @@ private:
             return (line - from) * per;
         };
         u32 quarter = 0;
-        Line from = begin > 0.0 ? RIM : ITSELF, to = leaves_ ? RIM : ITSELF;
+        End from = begin > 0.0 ? RIM : ITSELF, to = leaves_ ? RIM : ITSELF;
         while (true) {
             const Quarters& own = all[quarter / 4];
-            const double z0 = ray.z + ray.dz * begin, z1 = ray.z + ray.dz * end;
+            const double lowest = ray.z + ray.dz * (rises ? begin : end);
+            const double highest = ray.z + ray.dz * (rises ? end : begin);
             const u32 next = own.next[quarter % 4];
-            if (min(z0, z1) > double(own.high[quarter % 4])) {
-                if (passes(begin, ABOVE)) return;
-            } else if (max(z0, z1) < double(own.low[quarter % 4])) {
-                if (passes(begin, BELOW)) return;
+            const bool bounded = !(looks && next & VOIDS);
+            const bool over = bounded && lowest > double(own.high[quarter % 4]);
+            const bool under = bounded && highest < double(own.low[quarter % 4]);
+            // down to the leaf where the ray gets from one side to the other
+            if (over && side != BELOW) {
+                side = ABOVE, passed = next;
+            } else if (under && side != ABOVE) {
+                side = BELOW, passed = next;
             } else if (next & LEAF) {
-                if (cross_leaf(index_.leaves[next & ~LEAF], {begin, end, quarter, from, to}))
+                if (passed) pass(side, passed), passed = 0;
+                const Leaf& leaf = index_.leaves[next & PLACE];
+                const Visit visit{begin, end, quarter, from, to};
+                if (leaf.slab == VOID) side_ = NOWHERE;
+                else if (leaf.slab == LEVEL && meets_level(leaf, visit)) return;
+                else if (leaf.slab < MIXED ? cross_slab(leaf, visit) : cross_leaf(leaf, visit))
                     return;
+                side = side_;
             } else {
-                const double at_x = at(all[next].middle_x, ray.x, per_x);
-                const double at_y = at(all[next].middle_y, ray.y, per_y);
-                quarter = 4 * next + (nearest ^ (u32(at_x <= begin) + 2 * u32(at_y <= begin)));
+                const Quarters& parts = all[next & PLACE];
+                const double at_x = at(parts.x, ray.x, per_x);
+                const double at_y = at(parts.y, ray.y, per_y);
+                quarter =
+                    4 * (next & PLACE) + (nearest ^ (u32(at_x <= begin) + 2 * u32(at_y <= begin)));
                 const bool turns_x = at_x > begin && at_x < end;
                 const bool turns_y = at_y > begin && at_y < end;
                 if (turns_x & turns_y) {
                     // through three quarters, or two where it crosses both middles at once
                     double first = min(at_x, at_y), second = max(at_x, at_y);
-                    Line before = at_x < at_y ? ACROSS_X : ACROSS_Y;
-                    Line after = at_x < at_y ? ACROSS_Y : ACROSS_X;
+                    End before = at_x < at_y ? ACROSS_X : ACROSS_Y;
+                    End after = at_x < at_y ? ACROSS_Y : ACROSS_X;
                     waiting[pending++] = {second, end, quarter ^ 3, after, to};
                     if (first < second)
                         waiting[pending++] = {
@@ -219,338 +208,142 @@ private:
         }
     }
 
-    // The ray stays on one side of all in a node; whether there is a wall before it.
-    INLINE bool passes(double r, Side side) {
-        if (side_ != NOWHERE && side_ != side) {
-            meet_wall_between(r, side);
+    // The ray stays on one side of all in a node.
+    INLINE void pass(Side side, u32 next) {
+        side_ = side, above_ = NaN, top_ = next & VOIDS ? UNSURE : UNKNOWN;
+        skipped_ = false;
+    }
+
+    // Whether the ray meets the ground of a level leaf, or its side; false, too, where that is not
+    // plain.
+    INLINE bool meets_level(const Leaf& leaf, const Visit& visit) {
+        double z0 = z_at(visit.begin), z1 = z_at(visit.end);
+        Side here = side_of(z0 - leaf.base), there = side_of(z1 - leaf.base);
+        if (here == NOWHERE || there == NOWHERE) return false;
+        if (side_ == NOWHERE || side_ == here) {
+            if (here == there) return false;
+            put_point(clamp((leaf.base - ray_->z) / ray_->dz, visit.begin, visit.end));
+            hit_.top = leaf.top;
+            put_normal({0.0, 0.0});
             return true;
         }
-        side_ = side, above_ = NaN, top_ = UNKNOWN;
-        return false;
-    }
-
-    Along along_of(u32 entry) const {
-        Along a;
-        a.index = entry & ~CUT;
-        const Element& element = field_.elements[a.index];
-        const Kind& kind = field_.kinds[element.kind];
-        a.element = &element, a.combine = kind.combine;
-        a.x = &index_.curve(element.kind, X), a.y = &index_.curve(element.kind, Y);
-        a.frame = index_.frame_of(a.index);
-        const Frame& f = a.frame;
-        a.u = f.u_0 + f.u_x * ray_->x + f.u_y * ray_->y, a.du = f.u_x * ray_->dx + f.u_y * ray_->dy;
-        a.v = f.v_0 + f.v_x * ray_->x + f.v_y * ray_->y, a.dv = f.v_x * ray_->dx + f.v_y * ray_->dy;
-        a.u_slack = ROUNDING * (abs(f.u_0) + abs(f.u_x * ray_->x) + abs(f.u_y * ray_->y) + 1.0);
-        a.v_slack = ROUNDING * (abs(f.v_0) + abs(f.v_x * ray_->x) + abs(f.v_y * ray_->y) + 1.0);
-        a.cuts = (entry & CUT) != 0;
-        a.turns = field_.poses[element.pose].turned, a.trims = index_.is_trimmed(element);
-        a.active = 1;
-        a.x_pieces = a.x->all(), a.y_pieces = a.y->all();
-        return a;
-    }
-
-    // Where the ray's line crosses a line of the plan.
-    INLINE Crossing line_crossing(int axis, double line, double weight) const {
-        if (axis == X) return {(line - ray_->x) * per_x_, line_slack(X, line), 1.0, 0.0, weight};
-        return {(line - ray_->y) * per_y_, line_slack(Y, line), 0.0, 1.0, weight};
-    }
-    INLINE double line_slack(int axis, double line) const {
-        if (axis == X) return ROUNDING * (abs(line) + abs(ray_->x)) * abs(per_x_);
-        return ROUNDING * (abs(line) + abs(ray_->y)) * abs(per_y_);
-    }
-
-    // Call put(crossing) for each edge and step of an element that the ray's line crosses.
-    template <class Put> void find_crossings(const Along& a, Put put) const {
-        const Cell& cell = index_.cells[a.index].cell;
-        const Frame& f = a.frame;
-        double weight = abs(a.element->scale) + abs(a.element->offset);
-        if (a.trims && ray_->dx != 0.0)
-            for (double line : {cell.west, cell.east}) put(line_crossing(X, line, weight));
-        if (a.trims && ray_->dy != 0.0)
-            for (double line : {cell.south, cell.north}) put(line_crossing(Y, line, weight));
-        if (a.combine == RADIAL) {
-            put_circle(a, 1.0 + EDGE, weight, put);
-            for (double t : a.x->steps)
-                if (t > 0.5) put_circle(a, 2.0 * t - 1.0, weight, put);
-            return;
-        }
-        auto put_u = [&](double t) {
-            double at = (t - a.u) / a.du;
-            put({at, a.u_slack / abs(a.du) + ROUNDING * abs(at), f.u_x, f.u_y, weight});
-        };
-        auto put_v = [&](double t) {
-            double at = (t - a.v) / a.dv;
-            put({at, a.v_slack / abs(a.dv) + ROUNDING * abs(at), f.v_x, f.v_y, weight});
-        };
-        if (a.du != 0.0) {
-            if (a.turns) put_u(-EDGE), put_u(1.0 + EDGE);
-            for (double t : a.x->steps) put_u(t);
-        }
-        if (a.dv != 0.0) {
-            if (a.turns) put_v(-EDGE), put_v(1.0 + EDGE);
-            for (double t : a.y->steps) put_v(t);
-        }
-    }
-
-    // Where the ray's line crosses a circle around the middle of a disc.
-    template <class Put>
-    void put_circle(const Along& a, double radius, double weight, Put put) const {
-        double q = 2.0 * a.u - 1.0, p = 2.0 * a.v - 1.0, dq = 2.0 * a.du, dp = 2.0 * a.dv;
-        double per = dq * dq + dp * dp;
-        if (per == 0.0) return;
-        // from the place that is nearest to the middle, so that no digits are lost far away
-        double nearest = -(q * dq + p * dp) / per;
-        double near_q = q + dq * nearest, near_p = p + dp * nearest;
-        double rest = square(radius) - (near_q * near_q + near_p * near_p);
-        if (!(rest > 0.0)) return;
-        double half = sqrt(rest / per);
-        double off = 2.0 * radius * (a.u_slack + a.v_slack + ROUNDING * radius);
-        double slack = off / (half * per) + ROUNDING * abs(nearest);
-        for (double at : {nearest - half, nearest + half}) {
-            double here_q = q + dq * at, here_p = p + dp * at;
-            put(
-                {at, slack, here_q * a.frame.u_x + here_p * a.frame.v_x,
-                 here_q * a.frame.u_y + here_p * a.frame.v_y, weight}
-            );
-        }
-    }
-
-    // What rounding adds to a place times a length.
-    INLINE double rounding_along(double length) const {
-        return ROUNDING * (abs(ray_->x) + abs(ray_->y)) * length;
-    }
-
-    // Where it crosses the rim of a segment of a track.
-    template <class Put> void find_crossings(const Segment& s, Put put) const {
-        double ex = ray_->x - s.x, ey = ray_->y - s.y;
-        double weight = 1e-300;  // less than any other
-        double turn = ray_->dx * s.dy - ray_->dy * s.dx;
-        if (turn != 0.0 && s.square > 0.0) {
-            double across = ex * s.dy - ey * s.dx, half = s.reach * sqrt(s.square);
-            double slack = rounding_along(abs(s.dx) + abs(s.dy)) / abs(turn);
-            put({(half - across) / turn, slack, s.dy, -s.dx, weight});
-            put({(-half - across) / turn, slack, s.dy, -s.dx, weight});
-        }
-        double flat = square(ray_->dx) + square(ray_->dy);
-        for (auto [cx, cy] : {UV{s.x, s.y}, UV{s.end_x, s.end_y}}) {
-            double nearest = ((cx - ray_->x) * ray_->dx + (cy - ray_->y) * ray_->dy) / flat;
-            double nx = ray_->x + ray_->dx * nearest - cx, ny = ray_->y + ray_->dy * nearest - cy;
-            double rest = s.reach_square - (nx * nx + ny * ny);
-            if (!(rest > 0.0)) continue;
-            double way = sqrt(rest / flat);
-            for (double at : {nearest - way, nearest + way}) {
-                double x = ray_->x + ray_->dx * at - cx, y = ray_->y + ray_->dy * at - cy;
-                double slack = rounding_along(2.0 * s.reach) / (way * flat) + ROUNDING * abs(at);
-                put({at, slack, x, y, weight});
-            }
-        }
-    }
-
-    // Whether the footprint of an element holds the middle of a stretch between two cuts.
-    INLINE bool holds_middle(Along& a, double r) const {
-        double x = ray_->x + ray_->dx * r, y = ray_->y + ray_->dy * r;
-        if (a.trims) {
-            const Cell& cell = index_.cells[a.index].cell;
-            In bounds = field_.bounds;
-            if (x < cell.west || y < cell.south) return false;
-            if (x > cell.east || (x == cell.east && cell.east < bounds[2])) return false;
-            if (y > cell.north || (y == cell.north && cell.north < bounds[3])) return false;
-        }
-        UV at{a.u + a.du * r, a.v + a.dv * r};
-        if (a.combine == RADIAL) {
-            double rho = radius(at);
-            if (rho > 1.0 + EDGE) return false;
-            a.x_pieces = a.x->stretch(0.5 + 0.5 * rho);
-            return true;
-        }
-        if (a.turns && is_beyond(at)) return false;
-        // in the plane of a step it is that which begins there, as at any point of it
-        double more_u = a.du == 0.0 ? 1e-15 * (1.0 + abs(a.frame.u_0)) : 0.0;
-        double more_v = a.dv == 0.0 ? 1e-15 * (1.0 + abs(a.frame.v_0)) : 0.0;
-        a.x_pieces = a.x->stretch(at.u + more_u), a.y_pieces = a.y->stretch(at.v + more_v);
+        double deep = min(leaf.base - z0, leaf.base - z1);
+        if (here == ABOVE || !(deep > wall_from(visit.begin))) return false;
+        if (top_ == UNSURE || visit.from > ACROSS_Y || is_sliver(visit)) return false;
+        put_point(visit.begin);
+        along_.clear(), segments_ = {}, begins_ = visit.from;
+        put_wall(leaf.top);
         return true;
     }
 
-    // Value of an element's primitive at a distance, and its slopes in u and v.
-    INLINE ShapePoint shape_at(const Along& a, double r) const {
-        UV at{a.u + a.du * r, a.v + a.dv * r};
-        if (a.combine == RADIAL) {
-            double rho = radius(at);
-            CurvePoint f = a.x->at(min(0.5 + 0.5 * rho, 1.0), a.x_pieces);
-            double by = rho > 0.0 ? f.slope / rho : 0.0;
-            return {f.value, by * (2.0 * at.u - 1.0), by * (2.0 * at.v - 1.0)};
-        }
-        CurvePoint fx = a.x->at(clamp(at.u, 0.0, 1.0), a.x_pieces);
-        CurvePoint fy = a.y->at(clamp(at.v, 0.0, 1.0), a.y_pieces);
-        return combine(a.combine, fx, fy);
+    // There may be a void where the ray comes from: look for all of them.
+    bool look() {
+        hit_.distance = AGAIN;
+        return true;
     }
 
-    // Bounds of the slope of an element along the ray between two distances.
-    INLINE Range slopes(const Along& a, double r0, double r1) const {
-        double scale = a.element->scale;
-        double u0 = a.u + a.du * r0, u1 = a.u + a.du * r1, v0 = a.v + a.dv * r0,
-               v1 = a.v + a.dv * r1;
-        if (a.combine == RADIAL) {
-            if (a.x->is_constant) return {0.0, 0.0};
-            // the distance from the middle is convex along a line, so its slope only rises
-            double q = 2.0 * u0 - 1.0, p = 2.0 * v0 - 1.0, q1 = 2.0 * u1 - 1.0, p1 = 2.0 * v1 - 1.0;
-            double rho0 = sqrt(q * q + p * p), rho1 = sqrt(q1 * q1 + p1 * p1);
-            double dq = 2.0 * a.du, dp = 2.0 * a.dv, steepest = sqrt(dq * dq + dp * dp);
-            double way0 = q * dq + p * dp, way1 = q1 * dq + p1 * dp;
-            Range way{rho0 > 0.0 ? way0 / rho0 : -steepest, rho1 > 0.0 ? way1 / rho1 : steepest};
-            double least = min(rho0, rho1), most = max(rho0, rho1);
-            if (way0 < 0.0 && way1 > 0.0) least = abs(q * dp - p * dq) / steepest;
-            Range t{0.5 + 0.5 * least, min(0.5 + 0.5 * most, 1.0)};
-            return a.x->over(t, a.x_pieces).slope * way * (0.5 * scale);
-        }
-        Range u = clamped({min(u0, u1), max(u0, u1)}, 0.0, 1.0);
-        Range v = clamped({min(v0, v1), max(v0, v1)}, 0.0, 1.0);
-        CurveRange x = a.x->over(u, a.x_pieces), y = a.y->over(v, a.y_pieces);
-        Range along = x.slope * a.du, across = y.slope * a.dv;
-        switch (a.combine) {
-            case PRODUCT: return (along * y.value + across * x.value) * scale;
-            case SUM: return (along + across) * scale;
-            default: {
-                bool least = a.combine == MIN;
-                if (least ? x.value.high < y.value.low : x.value.low > y.value.high)
-                    return along * scale;
-                if (least ? y.value.high < x.value.low : y.value.low > x.value.high)
-                    return across * scale;
-                return around(along, across) * scale;
-            }
-        }
+    // Whether it is rounding alone that tells the two ends of a visit apart, at a corner of the
+    // node.
+    bool is_sliver(const Visit& visit) const {
+        if (visit.from == RIM || visit.to == RIM || visit.to == ITSELF) return false;
+        Cut begin{visit.begin, slack_of(visit.from, visit.begin)};
+        Cut end{visit.end, slack_of(visit.to, visit.end)};
+        return are_one(begin, end);
     }
 
-    // The ground between two cuts.
-    struct Stretch {
-        double base;
-        i64 top;
-        double depth = 0.0;
-        const Relief* relief = nullptr;
-    };
-
-    // How far the ray is above the ground, and how that changes along it, if it is `sloped`.
-    template <bool sloped> Slanted above(const Stretch& ground, double r) const {
-        double z = ground.base - ground.depth, slope = 0.0;
-        for (const Along& a : along_) {
-            if (!a.active) continue;
-            ShapePoint f = shape_at(a, r);
-            z += a.element->scale * f.value + a.element->offset;
-            if constexpr (sloped) slope += a.element->scale * (f.du * a.du + f.dv * a.dv);
-        }
-        if (ground.relief) {
-            double x = ray_->x + ray_->dx * r, y = ray_->y + ray_->dy * r;
-            ReliefPoint at = relief_at<sloped>(*ground.relief, x, y);
-            z += at.z, slope += at.slope_x * ray_->dx + at.slope_y * ray_->dy;
-        }
-        return {z_at(r) - z, ray_->dz - slope};
-    }
-    double height_above(const Stretch& ground, double r) const { return above<false>(ground, r).z; }
-
-    Range change(const Stretch& ground, double r0, double r1) const {
-        Range slope{0.0, 0.0};
-        for (const Along& a : along_)
-            if (a.active) slope = slope + slopes(a, r0, r1);
-        if (ground.relief) {
-            const Relief& relief = *ground.relief;
-            double middle = 0.5 * (r0 + r1), flat = sqrt(square(ray_->dx) + square(ray_->dy));
-            ReliefPoint at =
-                relief_at<true>(relief, ray_->x + ray_->dx * middle, ray_->y + ray_->dy * middle);
-            double own = at.slope_x * ray_->dx + at.slope_y * ray_->dy;
-            double bent =
-                MOST_BENT_RELIEF * relief.scale * square(relief.per * flat) * 0.5 * (r1 - r0);
-            double steep = STEEPEST_RELIEF * relief.scale * relief.per * flat;
-            slope = slope + Range{max(own - bent, -steep), min(own + bent, steep)};
-        }
-        return {ray_->dz - slope.high, ray_->dz - slope.low};
-    }
-
-    // A part of a stretch, and how far the ray is above the ground at its ends.
-    struct Bracket {
-        double from, above, to, beyond;
-    };
-
-    // The first distance at which the ray meets the ground, INF for none. `rate` encloses how the
-    // height above it changes. Where elements cancel, bounds of their sum are wide: then brackets
-    // are halved `LEAST_HALVINGS` times at least, and further while there is patience.
-    double first_root(const Stretch& ground, const Bracket& b, Range rate, int halvings = 0) {
-        bool crosses = side_of(b.above) != side_of(b.beyond);
-        if (rate.low >= 0.0 || rate.high <= 0.0) return crosses ? the_root(ground, b) : INF;
-        double width = b.to - b.from;
-        if (!crosses) {
-            // how near it can come: down at the fastest from both ends
-            double here = abs(b.above), there = abs(b.beyond);
-            double fall = b.above > 0.0 ? rate.low : -rate.high;
-            double rise = b.above > 0.0 ? rate.high : -rate.low;
-            double x = (there - here - rise * width) / (fall - rise);
-            if (here + fall * clamp(x, 0.0, width) > 0.0) return INF;
-        }
-        double middle = 0.5 * (b.from + b.to);
-        if (width <= 4e-16 * scale_ || middle <= b.from || middle >= b.to)
-            return crosses ? b.to : INF;
-        if (!crosses && halvings >= LEAST_HALVINGS && patience_ <= 0) return INF;
-        --patience_;
-        double above = height_above(ground, middle);
-        Bracket first{b.from, b.above, middle, above}, second{middle, above, b.to, b.beyond};
-        if (above == 0.0) first.beyond = std::copysign(1e-300, b.above);
-        double root = first_root(ground, first, change(ground, b.from, middle), halvings + 1);
-        if (root < INF) return root;
-        if (above == 0.0) return middle;
-        return first_root(ground, second, change(ground, middle, b.to), halvings + 1);
-    }
-
-    // The root between two distances, between which the height above only rises or falls.
-    double the_root(const Stretch& ground, const Bracket& b) const {
-        auto [r0, above0, r1, above1] = b;
-        if (above1 == 0.0) return r1;
-        if (above0 == 0.0) return r0;
-        double enough = 1e-15 * scale_;
-        double r = r0 + (r1 - r0) * (above0 / (above0 - above1));
-        for (int n = 0; n < 64; ++n) {
-            if (!(r > r0 && r < r1)) r = 0.5 * (r0 + r1);
-            auto [above, rate] = this->above<true>(ground, r);
-            if (above == 0.0) return r;
-            if ((above > 0.0) == (above0 > 0.0)) r0 = r, above0 = above;
-            else r1 = r, above1 = above;
-            double step = -above / rate;
-            if (abs(step) <= enough || r1 - r0 <= enough) return clamp(r + step, r0, r1);
-            // by Newton's rule; by halving where that leaves the bracket, or is slow
-            r = n % 8 == 7 ? 0.5 * (r0 + r1) : r + step;
-        }
-        return r;
+    // A level normal, of any length, towards where the ray comes from.
+    void put_level_normal(Gradient normal) {
+        auto [x, y] = normal;
+        double length = sqrt(x * x + y * y);
+        double facing = x * ray_->dx + y * ray_->dy > 0.0 ? -1.0 : 1.0;
+        hit_.normal[0] = x / length * facing + 0.0, hit_.normal[1] = y / length * facing + 0.0;
+        hit_.normal[2] = 0.0;
     }
 
     // The slack of where the part of the ray in a node begins or ends.
-    double slack_of(Line line, double at) const {
-        if (line == ITSELF) return ROUNDING * scale_;
-        if (line == RIM)
-            return INF;  // it is not known on which line: that of the other cut decides
-        return line == ACROSS_X ? line_slack(X, ray_->x + ray_->dx * at)
-                                : line_slack(Y, ray_->y + ray_->dy * at);
+    double slack_of(End end, double at) const {
+        if (end == ITSELF) return ROUNDING * scale_;
+        if (end == RIM) return INF;  // on a line that is not known: that of the other cut decides
+        if (end == ACROSS_X) return line_slack({X, ray_->x + ray_->dx * at});
+        return line_slack({Y, ray_->y + ray_->dy * at});
     }
 
+    // The ray through a leaf that nothing cuts. Its heights are between two planes: below and above
+    // them it is known where the ray is, and if it only falls or rises to the ground between them
+    // there is one root at most.
+    bool cross_slab(const Leaf& leaf, const Visit& visit) {
+        const Slab& slab = index_.slabs[leaf.slab];
+        const double rounding =
+            1e-15 * scale_ * (1.0 + abs(double(slab.slope_x)) + abs(double(slab.slope_y)));
+        const double low = slab.low - rounding, high = slab.high + rounding;
+        double zero = ray_->z - slab.z - slab.slope_x * ray_->x - slab.slope_y * ray_->y;
+        double rate = ray_->dz - slab.slope_x * ray_->dx - slab.slope_y * ray_->dy;
+        double here = zero + rate * visit.begin, there = zero + rate * visit.end;
+        const bool over = min(here, there) > high, under = max(here, there) < low;
+        if ((over && side_ != BELOW) || (under && side_ != ABOVE)) {
+            pass(over ? ABOVE : BELOW, LEAF);
+            return false;
+        }
+        double off = slab.off_x * abs(ray_->dx) + slab.off_y * abs(ray_->dy) + 1e-12;
+        if (over || under || abs(rate) <= off || is_sliver(visit)) return cross_leaf(leaf, visit);
+        Stretch ground = smooth_ground(leaf);
+        // INF and -INF beyond the planes
+        auto above_at = [&](double r, double off) {
+            return off > high ? INF : off < low ? -INF : height_above(ground, r);
+        };
+        Side side = side_of(above_at(visit.begin, here));
+        if (side == NOWHERE || (side_ != NOWHERE && side != side_)) return cross_leaf(leaf, visit);
+        bool leaves = (rate > 0.0) == (side == ABOVE);  // the ground, for good
+        double beyond = leaves ? double(side) * INF : above_at(visit.end, there);
+        if (side_of(beyond) == side) {
+            side_ = side, above_ = abs(beyond) < INF ? beyond : NaN, top_ = ground.top;
+            past_ = visit.end, skipped_ = false;
+            return false;
+        }
+        double first = (low - zero) / rate, last = (high - zero) / rate;
+        double from = max(min(first, last), visit.begin), to = min(max(first, last), visit.end);
+        Root root = the_root(ground, from, to, 0.5 * (from + to), side);
+        return meet_ground(ground, root.at, root.slopes);
+    }
+
+    // Of a leaf that nothing cuts.
+    Stretch smooth_ground(const Leaf& leaf) {
+        along_.clear();
+        Stretch ground{leaf.base, i64(leaf.top)};
+        for (u32 entry : entries_of(leaf)) {
+            along_.push_back(along_of(entry));
+            ground.top = max(ground.top, i64(entry));
+        }
+        return ground;
+    }
+
+    // The ray through any leaf, cut where it crosses edges and steps.
     bool cross_leaf(const Leaf& leaf, const Visit& visit) {
+        if (is_sliver(visit)) {
+            skipped_ = true;
+            return false;
+        }
         Cut begin{visit.begin, slack_of(visit.from, visit.begin)};
         Cut end{visit.end, slack_of(visit.to, visit.end)};
-        bool may_end = visit.to == ITSELF || visit.to == RIM;
-        if (visit.from != RIM && !may_end && are_one(begin, end)) return false;
         along_.clear(), cuts_.clear();
         auto cut = [&](const Crossing& c) {
             if (c.at > visit.begin && c.at < visit.end) cuts_.push_back({c.at, c.slack});
         };
         for (u32 entry : entries_of(leaf)) {
             along_.push_back(along_of(entry));
-            if (along_.back().cuts) find_crossings(along_.back(), cut);
+            if (along_.back().cuts) find_crossings(along_.back(), {visit.begin, visit.end}, cut);
         }
-        for (u32 s : segments_of(leaf)) find_crossings(field_.tracks.segments[s], cut);
+        segments_ = segments_of(leaf);
+        for (u32 s : segments_) find_crossings(field_.tracks.segments[s], cut);
         if (cuts_.size() > 1)
             std::sort(cuts_.begin(), cuts_.end(), [](Cut a, Cut b) { return a.at < b.at; });
         drop_slivers(begin, end, visit.to != ITSELF);
         cuts_.push_back(end);
         double from = visit.begin;
+        begins_ = visit.from;
         for (Cut c : cuts_) {
             if (cross_stretch(leaf, from, c.at)) return true;
-            from = c.at;
+            from = c.at, begins_ = ITSELF;
         }
         return false;
     }
@@ -612,6 +405,7 @@ private:
         double above = height_above(ground, from);
         Side here = side_of(above);
         if (here == NOWHERE || (side_ != NOWHERE && here != side_)) {
+            if (side_ != NOWHERE && top_ == UNSURE) return look();
             // not where rounding alone tells the two apart, or what slivers were passed
             double rounding = wall_from(from);
             if (past_ < from) {
@@ -619,9 +413,10 @@ private:
                 rounding += (from - past_) * max(abs(rate.low), abs(rate.high));
             }
             bool is_jump = side_ != NOWHERE && !(abs(above - above_) <= rounding);
+            if (here == NOWHERE && skipped_) is_jump = false;  // it may have been in the sliver
             return is_jump ? meet_wall(ground, from) : meet_ground(ground, from);
         }
-        past_ = to;
+        past_ = to, skipped_ = false;
         Range rate = change(ground, from, to);
         double width = to - from;
         double least = here == ABOVE ? above + rate.low * width : -above - rate.high * width;
@@ -642,22 +437,14 @@ private:
         hit_.x = ray_->x + ray_->dx * r, hit_.y = ray_->y + ray_->dy * r, hit_.z = z_at(r);
     }
 
-    bool meet_ground(const Stretch& ground, double r) {
+    bool meet_ground(const Stretch& ground, double r, Gradient slopes) {
         put_point(r);
         hit_.top = ground.top;
-        Gradient slopes{0.0, 0.0};
-        for (const Along& a : along_) {
-            if (!a.active) continue;
-            ShapePoint f = shape_at(a, r);
-            slopes.x += a.element->scale * (f.du * a.frame.u_x + f.dv * a.frame.v_x);
-            slopes.y += a.element->scale * (f.du * a.frame.u_y + f.dv * a.frame.v_y);
-        }
-        if (ground.relief) {
-            ReliefPoint at = relief_at<true>(*ground.relief, hit_.x, hit_.y);
-            slopes.x += at.slope_x, slopes.y += at.slope_y;
-        }
         put_normal(slopes);
         return true;
+    }
+    bool meet_ground(const Stretch& ground, double r) {
+        return meet_ground(ground, r, above<true>(ground, r).slopes);
     }
 
     // A jump that is no larger is rounding.
@@ -666,89 +453,60 @@ private:
     // The ground jumps across the ray where a stretch begins: a wall, of the higher side.
     bool meet_wall(const Stretch& ground, double r) {
         put_point(r);
-        hit_.wall = true;
-        hit_.top = side_ == BELOW ? top_before() : ground.top;
-        put_wall(r);
+        put_wall(side_ == BELOW ? top_before() : ground.top);
         return true;
     }
 
-    // The same where only bounds tell on which side the ray goes on.
-    void meet_wall_between(double r, Side side) {
-        put_point(r);
-        along_.clear();
-        hit_.wall = true;
-        hit_.top = side == ABOVE ? top_before() : top_beside(1.0);
-        put_wall(r);
-    }
-
     // The element on the side from which the ray comes to a wall.
-    i64 top_before() { return top_ == UNKNOWN ? top_beside(-1.0) : top_; }
-
-    // The element a little before the point of the hit, or behind it: 1.
-    i64 top_beside(double way) {
+    i64 top_before() {
+        if (top_ != UNKNOWN) return top_;
         In bounds = field_.bounds;
         double flat = sqrt(square(ray_->dx) + square(ray_->dy));
         double aside = 1e-9 * (bounds[2] - bounds[0] + bounds[3] - bounds[1])
             + 1e-15 * (abs(hit_.x) + abs(hit_.y));
-        double x = clamp(hit_.x + way * aside * ray_->dx / flat, bounds[0], bounds[2]);
-        double y = clamp(hit_.y + way * aside * ray_->dy / flat, bounds[1], bounds[3]);
+        double x = clamp(hit_.x - aside * ray_->dx / flat, bounds[0], bounds[2]);
+        double y = clamp(hit_.y - aside * ray_->dy / flat, bounds[1], bounds[3]);
         i64 top = descend<false>(field_, x, y, stack_).top;
         if (!has_tracks(field_)) return top;
         i64 track = rut_at(field_.tracks, x, y, surface_of(field_, top)).surface_track;
         return track < 0 ? top : count_of(field_.elements) + track;
     }
 
-    // The normal of the wall at a distance: of the nearest edge, and that which may jump most.
-    void put_wall(double r) {
-        double near = 1e-9 * (1.0 + scale_);
-        double best = 0.0, nearest = INF, x = ray_->dx, y = ray_->dy;
+    // A wall at the point of the hit, of an element. Its normal is that of the nearest edge, and of
+    // that which may jump most; or else of the side of the node through which the ray comes.
+    void put_wall(i64 top) {
+        hit_.wall = true, hit_.top = top;
+        double best = 0.0, nearest = INF;
+        Gradient normal{ray_->dx, ray_->dy};
+        if (begins_ == ACROSS_X) normal = {1.0, 0.0};
+        if (begins_ == ACROSS_Y) normal = {0.0, 1.0};
         auto take = [&](const Crossing& c) {
-            double off = abs(c.at - r);
+            double off = abs(c.at - hit_.distance);
             if (off > 16.0 * c.slack || off > nearest) return;  // slivers are shorter than half
             if (off == nearest && c.weight <= best) return;
-            nearest = off, best = c.weight, x = c.normal_x, y = c.normal_y;
+            nearest = off, best = c.weight, normal = c.normal;
         };
-        for (const Along& a : along_) find_crossings(a, take);
-        for (double side : {near, -near})
-            if (nearest == INF)
-                look_at_leaf(hit_.x + ray_->dx * side, hit_.y + ray_->dy * side, take);
-        double length = sqrt(x * x + y * y);
-        double facing = x * ray_->dx + y * ray_->dy > 0.0 ? -1.0 : 1.0;
-        hit_.normal[0] = x / length * facing + 0.0, hit_.normal[1] = y / length * facing + 0.0;
-        hit_.normal[2] = 0.0;
-    }
-
-    // Crossings of what lies in the leaf at a point; its sides count least, for elements that are
-    // level all over it.
-    template <class Take> void look_at_leaf(double x, double y, Take take) {
-        In bounds = field_.bounds;
-        Cell plan{bounds[0], bounds[1], bounds[2], bounds[3]};
-        u32 next = index_.quarters[0].next[0];
-        while (!(next & LEAF)) {
-            const Quarters& quarters = index_.quarters[next];
-            bool east = x >= quarters.middle_x, north = y >= quarters.middle_y;
-            (east ? plan.west : plan.east) = quarters.middle_x;
-            (north ? plan.south : plan.north) = quarters.middle_y;
-            next = quarters.next[int(east) + 2 * int(north)];
-        }
-        const Leaf& leaf = index_.leaves[next & ~LEAF];
-        for (u32 entry : entries_of(leaf)) find_crossings(along_of(entry), take);
-        for (u32 s : segments_of(leaf)) find_crossings(field_.tracks.segments[s], take);
-        constexpr double least = 1e-305;
-        if (ray_->dx != 0.0)
-            for (double line : {plan.west, plan.east}) take(line_crossing(X, line, least));
-        if (ray_->dy != 0.0)
-            for (double line : {plan.south, plan.north}) take(line_crossing(Y, line, least));
+        for (const Along& a : along_) find_crossings(a, EVERYWHERE, take);
+        for (u32 s : segments_) find_crossings(field_.tracks.segments[s], take);
+        // behind a sliver that side may be no edge
+        if (skipped_ && 0 <= top && top < count_of(field_.elements))
+            find_crossings(along_of(u32(top)), EVERYWHERE, take);
+        put_level_normal(normal);
     }
 };
 
 // A ray of a direction of any length, made without that overflows or vanishes on the way. False
 // where it is no ray: where a number is not finite, or the direction is 0.
 INLINE bool make_ray(const double* origin, const double* direction, Ray& ray) {
-    double largest = max3(abs(direction[0]), abs(direction[1]), abs(direction[2]));
-    double x = direction[0] / largest, y = direction[1] / largest, z = direction[2] / largest;
-    double length = sqrt(x * x + y * y + z * z);
-    ray = {origin[0], origin[1], origin[2], x / length, y / length, z / length};
+    double x = direction[0], y = direction[1], z = direction[2];
+    double square = x * x + y * y + z * z;
+    if (!(square > 1e-200 && square < 1e200)) {
+        double largest = max3(abs(x), abs(y), abs(z));
+        x /= largest, y /= largest, z /= largest;
+        square = x * x + y * y + z * z;
+    }
+    double per = 1.0 / sqrt(square);
+    ray = {origin[0], origin[1], origin[2], x * per, y * per, z * per};
     double zero = 0.0;  // or NaN, which 0 times what is not finite is
     for (double number : {ray.x, ray.y, ray.z, ray.dx, ray.dy, ray.dz}) zero += 0.0 * number;
     // what moves no coordinate, and has no inverse

@@ -6,7 +6,7 @@ import math
 import os
 import pickle
 from collections import Counter
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -247,7 +247,7 @@ def described(terrain: Terrain, oracle: RayOracle, hit: RayHits, ray: Ray) -> li
             assert pointer == oracle.pointer(higher), where
             said.append("element of a wall")
         return said + upright(terrain, hit, ray)
-    if near.jump > 3 * near.smooth:
+    if loose or near.jump > 3 * near.smooth:
         return []
     said = ["ground"]
     assert not hit.wall, where
@@ -257,13 +257,19 @@ def described(terrain: Terrain, oracle: RayOracle, hit: RayHits, ray: Ray) -> li
     return said + sloped(terrain, hit, ray)
 
 
+def finest_cell(terrain: Terrain) -> float:
+    """The shortest side of all cells."""
+    west, south, east, north = terrain.cells()
+    return float(min((east - west).min(), (north - south).min()))
+
+
 def upright(terrain: Terrain, hit: RayHits, ray: Ray) -> list[str]:
     """The height jumps across the line that is square to the normal of a wall."""
     normal, point, where = hit.normal[:2], hit.point[:2], f"{hit} {ray}"
     assert hit.normal[2] == 0.0, where
     west, south, east, north = terrain.bounds
     aside = 1e-8 * min(east - west, north - south)
-    if aside < 1e3 * np.spacing(np.abs(point).max()):
+    if aside < 1e3 * np.spacing(np.abs(point).max()) or aside > 1e-3 * finest_cell(terrain):
         return []
     along = np.array([-normal[1], normal[0]])
     ways = [
@@ -296,6 +302,11 @@ def sloped(terrain: Terrain, hit: RayHits, ray: Ray) -> list[str]:
     return ["normal of the ground"]
 
 
+def told_from_rounding(terrain: Terrain) -> bool:
+    """Whether edges of all cells are far enough from each other to tell on which side a hit is."""
+    return finest_cell(terrain) > 1e4 * float(np.spacing(np.abs(terrain.bounds).max()))
+
+
 def compared(definition: Json, rng: np.random.Generator, count: int) -> Counter[str]:
     """How rays over a terrain agree with the slow reading."""
     terrain, oracle = terrain_of(definition), RayOracle(definition)
@@ -306,7 +317,7 @@ def compared(definition: Json, rng: np.random.Generator, count: int) -> Counter[
     hits = terrain.cast(origins, ways, most, threads=1)
     rays = Rays(origins, ways / np.linalg.norm(ways, axis=1)[:, None])
     readings = oracle.march(rays, most)
-    around = beside(oracle, rays, readings)
+    around = beside(oracle, rays, readings) if told_from_rounding(terrain) else {}
     found: Counter[str] = Counter()
     for n, reading in enumerate(readings):
         hit = RayHits(*(getattr(hits, member.name)[n] for member in fields(hits)))
@@ -514,6 +525,72 @@ def test_steps_inside_a_curve_are_walls() -> None:
     assert down.wall and abs(down.point[0] - 11.0) <= 1e-12
 
 
+def test_a_step_in_a_cell_of_a_tenth_of_a_millimetre_far_from_zero_is_a_wall() -> None:
+    """Coordinates there tell a ten-thousandth of the cell; its step down is at 0.7 of it."""
+    step = {"x": [1], "y": [[0, 0], [0.7, 1], [0.7, 0], [1, 0]]}
+    origin = [500000.25, 4649776.5]
+    post = {"type": "step", "cellX": 0, "cellY": 0, "vScale": 1e-4}
+    root = {"type": "floor", "cells": 65536, "children": [post]}
+    terrain = terrain_of(
+        {"size": 5, "origin": origin, "elemTypes": {**FLOOR, "step": step}, "elemTree": root}
+    )
+    side = 5 / 65536
+    across = np.linspace(0.1, 0.9, 50) * side
+    starts = np.column_stack([origin[0] + across + 0.5, np.full(50, origin[1] + 1 + 0.7 * side)])
+    hits = terrain.cast(np.column_stack([starts, np.full(50, 5e-5)]), [-0.5, -1, 0])
+    assert hits.wall.all() and (hits.normal == [0, 1, 0]).all()
+    assert np.allclose(hits.point[:, 1] - origin[1], 0.7 * side, rtol=0, atol=4e-9)
+
+
+@pytest.mark.parametrize("kind", ["stairs", "kerbs", "sum", "trough", "waves", "tower", "ball"])
+def test_what_is_turned_by_quarters_is_seen_as_from_elsewhere(kind: str) -> None:
+    """The rays turned with it meet the same."""
+    rng = np.random.default_rng(3)
+    count = 300
+    target = np.column_stack([rng.uniform(7, 13, count), rng.uniform(4.5, 7.5, count)])
+    starts = np.column_stack([rng.uniform(0, 20, (count, 2)) * [1, 0.6], rng.uniform(0, 3, count)])
+    ways = np.column_stack([target, rng.uniform(0, 0.8, count)]) - starts
+    middle = np.array([10.0, 6.0, 0.0])
+
+    def hits(quarters: int) -> RayHits:
+        turn = math.radians(-90 * quarters)  # clockwise
+        turned = np.array(
+            [[math.cos(turn), -math.sin(turn), 0], [math.sin(turn), math.cos(turn), 0], [0, 0, 1]]
+        ).round()
+        there = {"type": kind, "at": [10, 6], "extent": [6, 3], "vScale": 1.5}
+        found = with_floor({**there, "turnDeg": 90 * quarters}).cast(
+            (starts - middle) @ turned.T + middle, ways @ turned.T
+        )
+        return replace(found, point=(found.point - middle) @ turned + middle,
+                       normal=found.normal @ turned)  # fmt: skip
+
+    plain = hits(0)
+    on_it = plain.element == 1  # the oblong floor does not turn with it
+    assert on_it.sum() > 0.4 * count and (kind != "stairs" or plain.wall.sum() > 50)
+    for quarters in (1, 2, 3, -1):
+        turned = hits(quarters)
+        assert np.array_equal(turned.element[on_it], plain.element[on_it])
+        assert np.array_equal(turned.wall[on_it], plain.wall[on_it])
+        # what is turned reaches 1e-9 of its sides further
+        off = np.abs(turned.point - plain.point).max(axis=1)
+        assert off[on_it].max() <= 1e-6
+        assert np.abs(turned.normal - plain.normal)[on_it].max() <= 1e-5
+
+
+def test_the_wall_beside_a_ramp_is_of_the_ramp() -> None:
+    """Below its surface, on all of its sides but the lowest, among other things."""
+    boxes = [{"type": "box", "cellX": k, "cellY": 1, "vScale": 0.5} for k in (1, 18)]
+    terrain = with_floor(*boxes, {"type": "ramp", "at": [10, 6], "extent": [6, 4], "vScale": 2})
+    y = np.linspace(4.2, 7.8, 20)
+    east = terrain.cast(np.column_stack([np.full(20, 16), y, y / 4]), [-1, 0.01, -0.01])
+    assert east.wall.all() and (east.element == 3).all() and (east.normal == [1, 0, 0]).all()
+    x = np.linspace(9.5, 12.8, 20)
+    for start, way in ((2.0, 1.0), (10.0, -1.0)):
+        beside = terrain.cast(np.column_stack([x, np.full(20, start), x / 30]), [0.01, way, 0.01])
+        assert beside.wall.all() and (beside.element == 3).all()
+        assert (beside.normal == [0, -way, 0]).all()
+
+
 @pytest.mark.parametrize("origin", [[0, 0], [500000, 4649776.5]])
 def test_in_the_plane_of_a_step_what_begins_there_decides(origin: list[float]) -> None:
     """Along all risers of stairs in both directions, at a height between their treads."""
@@ -659,6 +736,124 @@ def test_walls_of_relief_alone_have_a_normal() -> None:
     assert np.allclose(hit.normal, [math.sqrt(0.5), -math.sqrt(0.5), 0.0], rtol=0, atol=1e-12)
 
 
+def test_the_relief_of_a_track_on_smooth_ground_is_met() -> None:
+    """No place of a ray before its hit lies below the ground, of which only the track is rough."""
+    track = {"path": [[1, 6], [19, 6]], "width": 6, "depth": 0, "surface": "stony"}
+    terrain = with_floor(tracks=[track])
+    rng = np.random.default_rng(1)
+    starts = np.column_stack(
+        [rng.uniform(0, 20, 200), np.full(200, 0.5), rng.uniform(0.01, 1, 200)]
+    )
+    ways = np.column_stack([rng.uniform(-0.3, 0.3, 200), np.ones(200), rng.uniform(-0.1, 0.1, 200)])
+    hits = terrain.cast(starts, ways)
+    ways /= np.linalg.norm(ways, axis=1)[:, None]
+    until = np.minimum(hits.distance, 11.0)
+    assert (hits.distance < 11.0).sum() > 50
+    places = (
+        starts[:, None] + ways[:, None] * (until[:, None] * np.linspace(0, 0.999, 500))[..., None]
+    )
+    x, y, z = (places[..., axis].ravel() for axis in range(3))
+    assert not (z < terrain.height(x, y) - 1e-9).any()
+
+
+def test_the_normal_of_a_wall_is_of_the_wall_whatever_was_passed_before() -> None:
+    """Past a hill, whose cell's east side goes through the point of the box that is met."""
+    hill = {"type": "ball", "cellX": 5, "cellY": 1, "span": [3, 2], "vScale": 1}
+    box = {"type": "box", "cellX": 0, "cellY": 7, "span": [10, 3], "vScale": 2}
+    hit = with_floor(hill, box).cast([9, 1, 0.8], [-1, 2, -0.02])
+    assert hit.wall and hit.normal.tolist() == [0, -1, 0] and hit.element == 2
+
+
+@pytest.mark.parametrize("extent", [[5, 1e-7], [1e-7, 5], [5, 1e-6]])
+@pytest.mark.parametrize("origin", [[0, 0], [500000, 4649776]])
+def test_strips_a_little_wider_than_rounding_are_met(
+    origin: list[float], extent: list[float]
+) -> None:
+    """Ramps upon ramps, of a tenth of a micrometre; coordinates there tell a nanometre."""
+    strip = {"x": [0.5, 1], "y": [0.5, 1], "combine": "sum"}
+    found = {"type": "strip", "at": [10.3, 5.7], "extent": extent, "vScale": 2}
+    terrain = with_floor(found, origin=origin, elemTypes={**FLOOR, "strip": strip})
+    across = 0 if extent[0] < extent[1] else 1
+    starts = np.tile([origin[0] + 10.3, origin[1] + 5.7, 0.8], (20, 1))
+    starts[:, across] -= 4.0
+    starts[:, 1 - across] += np.linspace(-2, 2, 20)
+    hits = terrain.cast(starts, np.eye(3)[across])
+    assert hits.wall.all() and np.allclose(hits.distance, 4.0, rtol=0, atol=1e-5)
+
+
+@pytest.mark.parametrize("degrees", [90, 180, 270])
+def test_in_the_plane_of_a_turned_step_what_begins_there_decides(degrees: int) -> None:
+    """The double nearest to a step, and those beside it: the ground is that of the points there."""
+    knots = [[0, 0], *([k / 10, (k + one) % 2] for k in range(1, 10) for one in (1, 0)), [1, 1]]
+    for size in ([20, 12], [0.7, 0.3], [37.3, 29.9]):
+        block = {"type": "block", "cellX": 1, "cellY": 1, "turnDeg": degrees, "vScale": 1}
+        terrain = terrain_of(
+            {
+                "size": size,
+                "elemTypes": {**FLOOR, "block": {"x": knots}},
+                "elemTree": {"type": "floor", "cells": 3, "children": [block]},
+            }
+        )
+        axis = degrees // 90 % 2
+        middle, side = np.array(size) / 2, size[0] / 3
+        for k in range(1, 10):
+            plane = middle[axis] + side * (k / 10 - 0.5)
+            for at in (plane, np.nextafter(plane, -math.inf), np.nextafter(plane, math.inf)):
+                start = np.array([*middle, 2.0])
+                start[axis] = at
+                height = terrain.height(*start[:2])
+                hit = terrain.cast(start, np.eye(3)[1 - axis] * 1e-3 * min(size) - [0, 0, 1])
+                assert abs(hit.point[2] - height) <= 1e-9, (k, at)
+
+
+def test_the_closed_edges_of_a_small_turned_box_far_from_zero_are_met() -> None:
+    """A ray in the plane of any of its sides, which are the box's by the format."""
+    box = {"type": "box", "at": [10, 6], "extent": [0.03, 0.03], "vScale": 2, "turnDeg": 180}
+    origin = [500000, 4649776]
+    terrain = with_floor(box, origin=origin)
+    for axis in (0, 1):
+        for side in (-0.015, 0.015):
+            start = np.array([origin[0] + 10, origin[1] + 6, 1.0])
+            start[axis] += side
+            assert terrain.height(*start[:2]) == 2.0
+            start[1 - axis] -= 3.0
+            assert terrain.cast(start, np.eye(3)[1 - axis]).wall, (axis, side)
+
+
+def test_from_far_away_hits_are_as_good_as_the_numbers() -> None:
+    """A steep rise met from 9,000 km away; a number there has steps of 2 nm."""
+    steep = {"x": [[0, 0], [0.3, 0], [0.3001, 1], [1, 1]]}
+    rise = {"type": "steep", "at": [7.5, 6], "extent": [5, 5], "vScale": 1}
+    terrain = with_floor(rise, elemTypes={**FLOOR, "steep": steep})
+    z = np.linspace(0.05, 0.95, 40)
+    target = np.column_stack([6.5 + 5e-4 * z, np.linspace(4, 8, 40), z])
+    way = np.array([0.92, -0.31, -0.23])
+    hits = terrain.cast(target - 9e6 * way, way)
+    assert (hits.element == 1).all()
+    assert np.abs(hits.point - target).max() <= 1e-6
+    height = terrain.height(hits.point[:, 0], hits.point[:, 1])
+    assert np.abs(hits.point[:, 2] - height).max() <= 2e-5
+
+
+def test_behind_a_sliver_the_normal_is_of_the_edge() -> None:
+    """Through the crossing of an edge and of a mere border of the tree."""
+    steep = {"x": [[0, 0], [0.3, 0], [0.3001, 1], [0.7, 1], [0.70001, 0], [1, 0]]}
+    block = {"type": "steep", "vScale": 2.027}
+    block |= {"at": [35.880345544584664, 7.860012103669112], "extent": [0.3333, 0.03333]}
+    terrain = terrain_of(
+        {
+            "size": [39.68, 33.33],
+            "elemTypes": {"steep": steep, "saddle": SHAPES["saddle"]},
+            "elemTree": {"type": "saddle", "vScale": 1, "cells": 4, "children": [block]},
+        }
+    )
+    hit = terrain.cast(
+        [2.4457803807215663, 1.1126100670763812, 10.084971956607934],
+        [0.033434565163863096, 0.006730737036592731, -0.009605427105160862],
+    )
+    assert hit.wall and hit.normal.tolist() == [0, -1, 0]
+
+
 def test_directions_may_be_as_small_as_numbers_are() -> None:
     terrain = with_post([0, 0])
     for tiny in (0.0, 1e-290, 1e-310, 5e-324):
@@ -740,6 +935,23 @@ def test_rays_pass_the_void() -> None:
     assert np.allclose(up.point, [10, 5, 0]) and up.normal.tolist() == [0, 0, -1]
     begins = terrain.cast([7, 5, 0.5], [1, 0, 0])
     assert begins.wall and abs(begins.distance - 6.5) <= 1e-12
+
+
+@pytest.mark.parametrize("aside", [0.0, 0.01])
+def test_what_stands_beside_a_void_has_no_wall_there(aside: float) -> None:
+    """A ray comes into a box out of a hole, and meets the wall behind, from within."""
+    box = {"type": "box", "at": [9.5, 5], "extent": [1, 2], "vScale": 2}
+    way = [1.0, aside, 0.0]
+    for surface, x in (("grass", 9.0), ("hole", 10.0)):
+        flat = {**BOX, "vScale": 1e-3, "surface": surface}
+        hit = with_floor(flat, box).cast([1, 4.95, 1], way)
+        assert hit.wall and abs(hit.point[0] - x) <= 1e-12, surface
+        assert hit.normal.tolist() == [-1, 0, 0] and hit.element == 2
+    # the same from below the floor: into the hole, and out of the ground behind it
+    hole = with_floor({**BOX, "surface": "hole"})
+    assert hole.cast([1, 4.95, -1], [*way[:2], 0.05]).distance == math.inf
+    up = hole.cast([6, 4.95, -0.5], [*way[:2], 0.1])
+    assert np.allclose(up.point[::2], [11, 0]) and not up.wall
 
 
 def test_the_range_has_its_end() -> None:
