@@ -148,6 +148,21 @@ def test_a_signal(tmp_path: Path, saved: Callable[..., Path], number: signal.Sig
     assert finished(folder) >= 2 and not list(folder.glob(".*"))
 
 
+def test_what_is_killed_leaves_no_word_of_its_processes() -> None:
+    """As where a command takes too long to end after a signal."""
+    code = """
+import os
+from terratool.raster.dask import local_cluster
+if __name__ == "__main__":
+    kept = local_cluster(2)
+    os._exit(3)
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", code], env=ENVIRONMENT, stderr=subprocess.PIPE, text=True, timeout=60
+    )
+    assert (done.returncode, done.stderr) == (3, "")
+
+
 class TestSent:
     """What travels to the workers."""
 
