@@ -31,6 +31,11 @@ INLINE Range combined(u8 how, Range x, Range y) {
     return {max(x.low, y.low), max(x.high, y.high)};
 }
 
+// Whether one of two values may be the least, or the largest, that decides.
+INLINE bool may_decide(u8 how, Range own, Range other) {
+    return how == MIN ? own.low <= other.high : own.high >= other.low;
+}
+
 struct CurveRange {
     Range value, slope;  // the slope along t
 };
@@ -95,7 +100,7 @@ public:
     INLINE CurvePoint at(double t, PieceRange pieces) const {
         if (is_constant) return {value, 0.0};
         i64 i = find(t, pieces);
-        double s = at_.knotted ? t - knot(i) : t * at_.count - double(i);
+        double s = place_in(i, t);
         double slope = piece_slope(curves_.pieces, row(i), s);
         return {piece_value(curves_.pieces, row(i), s), at_.knotted ? slope : slope * at_.count};
     }
@@ -140,16 +145,16 @@ private:
     // Bounds of a piece between two places in it.
     INLINE CurveRange within(i64 i, double s0, double s1) const {
         const double* c = &curves_.pieces[row(i)];
-        double g0 = c[1] + s0 * (2.0 * c[2] + s0 * (3.0 * c[3]));
-        double g1 = c[1] + s1 * (2.0 * c[2] + s1 * (3.0 * c[3]));
+        double g0 = piece_slope(curves_.pieces, row(i), s0);
+        double g1 = piece_slope(curves_.pieces, row(i), s1);
         Range slope{min(g0, g1), max(g0, g1)};
         // its bend changes sign where the slope has a peak
         if ((c[2] + 3.0 * c[3] * s0) * (c[2] + 3.0 * c[3] * s1) < 0.0) {
             double peak = c[1] - c[2] * c[2] / (3.0 * c[3]);
             slope = {min(slope.low, peak), max(slope.high, peak)};
         }
-        double f0 = c[0] + s0 * (c[1] + s0 * (c[2] + s0 * c[3]));
-        double f1 = c[0] + s1 * (c[1] + s1 * (c[2] + s1 * c[3]));
+        double f0 = piece_value(curves_.pieces, row(i), s0);
+        double f1 = piece_value(curves_.pieces, row(i), s1);
         Range value{min(f0, f1), max(f0, f1)};
         if (slope.low < 0.0 && slope.high > 0.0) {  // it turns inside
             double span = s1 - s0;

@@ -34,9 +34,12 @@ struct Placed {
 };
 
 // Whether it is not turned at all.
-INLINE bool is_straight(const Placed& placed) {
+INLINE bool is_unturned(const Placed& placed) {
     return !placed.skew && placed.frame.u_x > 0.0 && placed.frame.v_y > 0.0;
 }
+
+// How far before its t a step of its curves stands.
+INLINE double step_ahead(const Placed& placed) { return is_unturned(placed) ? 0.0 : STEP; }
 
 // A line of the plan across an axis. What is on it is on its far side.
 struct Line {
@@ -61,6 +64,7 @@ struct Part {
 
 constexpr double ROUNDING = 4.5e-16;  // of a number, by a few operations
 
+// All elements of a field, and their curves.
 class Elements {
 public:
     const Field& field;
@@ -79,11 +83,12 @@ public:
     // Where a step of a curve of an element that is not skew stands.
     INLINE Line step_line(const Placed& placed, int curve, double t) const {
         const auto& [cell, f, skew, trims] = placed;
-        if (is_straight(placed))
+        if (is_unturned(placed))
             return curve == X ? Line{X, cell.west + t * cell.wide()}
                               : Line{Y, cell.south + t * cell.tall()};
         double by_x = curve == X ? f.u_x : f.v_x, by_y = curve == X ? f.u_y : f.v_y;
-        double per = by_x + by_y, at = (t - STEP - (curve == X ? f.u_0 : f.v_0)) / per;
+        double per = by_x + by_y,
+               at = (t - step_ahead(placed) - (curve == X ? f.u_0 : f.v_0)) / per;
         // on the line it is what begins at the step: to the west of it, where t grows that way
         return {by_x != 0.0 ? X : Y, per > 0.0 ? at : std::nextafter(at, INF)};
     }
@@ -301,8 +306,8 @@ private:
                 }
                 part.straight += across;
                 if (!across) {  // but along its sides
-                    double ahead = is_straight(places[index]) ? 0.0 : STEP;
-                    pieces = own.stretch(clamp(0.5 * (whole.low + whole.high) + ahead, 0.0, 1.0));
+                    double middle = 0.5 * (whole.low + whole.high) + step_ahead(places[index]);
+                    pieces = own.stretch(clamp(middle, 0.0, 1.0));
                 }
             }
             part.lines += across, part.cuts |= !steps.empty();
@@ -329,10 +334,8 @@ private:
         if (how == SUM) return {a.slope, b.slope};
         // where the other curve may decide, it does not matter how steep this one is
         constexpr Range level{0.0, 0.0};
-        bool may_x = how == MIN ? a.value.low <= b.value.high : a.value.high >= b.value.low;
-        bool may_y = how == MIN ? b.value.low <= a.value.high : b.value.high >= a.value.low;
-        if (!may_x) return {level, b.slope};
-        if (!may_y) return {a.slope, level};
+        if (!may_decide(how, a.value, b.value)) return {level, b.slope};
+        if (!may_decide(how, b.value, a.value)) return {a.slope, level};
         return {around(a.slope, level), around(b.slope, level)};
     }
 };

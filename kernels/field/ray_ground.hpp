@@ -233,7 +233,7 @@ protected:
         }
         if (skew && is_beyond(at)) return false;
         // in the plane of a step it is that which begins there, as at any point of it
-        double ahead = is_straight(*a.placed) ? 0.0 : STEP;
+        double ahead = step_ahead(*a.placed);
         double more_u = a.du == 0.0 ? ahead + 1e-15 * (1.0 + abs(f.u_0)) : 0.0;
         double more_v = a.dv == 0.0 ? ahead + 1e-15 * (1.0 + abs(f.v_0)) : 0.0;
         a.x_pieces = a.x->stretch(at.u + more_u), a.y_pieces = a.y->stretch(at.v + more_v);
@@ -280,11 +280,8 @@ protected:
             case PRODUCT: return (along * y.value + across * x.value) * scale;
             case SUM: return (along + across) * scale;
             default: {
-                bool least = a.combine == MIN;
-                if (least ? x.value.high < y.value.low : x.value.low > y.value.high)
-                    return along * scale;
-                if (least ? y.value.high < x.value.low : y.value.low > x.value.high)
-                    return across * scale;
+                if (!may_decide(a.combine, y.value, x.value)) return along * scale;
+                if (!may_decide(a.combine, x.value, y.value)) return across * scale;
                 return around(along, across) * scale;
             }
         }

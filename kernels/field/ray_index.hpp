@@ -8,13 +8,15 @@
 
 namespace terratool::rays {
 
+constexpr int DEEPEST = 22;  // level of quarters in quarters
+
 // Of what is next in a quarter: no quarters, but a leaf; and that there may be a void in it.
 constexpr u32 LEAF = u32(1) << 31, VOIDS = u32(1) << 30, PLACE = VOIDS - 1;
 
 constexpr float BEYOND = std::numeric_limits<float>::infinity();
 
-INLINE float above(double x) { return std::nextafter(float(x), BEYOND); }
-INLINE float below(double x) { return std::nextafter(float(x), -BEYOND); }
+INLINE float float_above(double x) { return std::nextafter(float(x), BEYOND); }
+INLINE float float_below(double x) { return std::nextafter(float(x), -BEYOND); }
 
 // Quarters of a node: south-west, south-east, north-west, north-east; a line of the cache.
 struct alignas(64) Quarters {
@@ -23,7 +25,7 @@ struct alignas(64) Quarters {
     double x, y;                     // where they part
 
     void put(int quarter, Range height) {
-        low[quarter] = below(height.low), high[quarter] = above(height.high);
+        low[quarter] = float_below(height.low), high[quarter] = float_above(height.high);
     }
 };
 
@@ -161,10 +163,10 @@ private:
     // where heights are far from a plane.
     bool is_crowded(const Pending& pending, int depth) const {
         constexpr i64 few = 4;
-        constexpr int deepest = 22, bent_until = 7;
+        constexpr int bent_until = 7;
         constexpr double bent = 0.02;  // heights from a plane beside the shorter side
         constexpr double large = 1.5, crowded = 0.2;  // that side beside that of what cuts it …
-        if (depth >= deepest) return false;
+        if (depth >= DEEPEST) return false;
         if (pending.straight) return true;
         double side = min(pending.plan.wide(), pending.plan.tall());
         if (side < least_) return false;
@@ -255,13 +257,13 @@ private:
         slab.slope_x = float(0.5 * (slope_x.low + slope_x.high));
         slab.slope_y = float(0.5 * (slope_y.low + slope_y.high));
         slab.z = z - slab.slope_x * x - slab.slope_y * y;
-        slab.off_x = above(max(slope_x.high - slab.slope_x, slab.slope_x - slope_x.low));
-        slab.off_y = above(max(slope_y.high - slab.slope_y, slab.slope_y - slope_y.low));
+        slab.off_x = float_above(max(slope_x.high - slab.slope_x, slab.slope_x - slope_x.low));
+        slab.off_y = float_above(max(slope_y.high - slab.slope_y, slab.slope_y - slope_y.low));
         double leaning = 0.5 * (slab.off_x * plan.wide() + slab.off_y * plan.tall());
         double most = leaning + 1e-12 * size
             + 1e-14 * (abs(slab.z) + abs(slab.slope_x * x) + abs(slab.slope_y * y));
-        slab.low = below(off.low - most);
-        slab.high = above(off.high + most);
+        slab.low = float_below(off.low - most);
+        slab.high = float_above(off.high + most);
         return slab;
     }
 

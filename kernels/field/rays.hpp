@@ -132,7 +132,7 @@ private:
     // Through the tree from front to back, until something is hit. `parallel` where the ray may be
     // parallel to an axis, `looks` where all voids are looked for.
     template <bool parallel, bool looks> void walk(double begin, double end) {
-        constexpr std::size_t most = 2 * 22 + 2;  // two are left to wait at each level
+        constexpr std::size_t most = 2 * DEEPEST + 2;  // two are left to wait at each level
         std::array<Visit, most> waiting;
         std::size_t pending = 0;
         const Ray ray = *ray_;
