@@ -757,10 +757,10 @@ def test_the_relief_of_a_track_on_smooth_ground_is_met() -> None:
 
 
 def test_the_normal_of_a_wall_is_of_the_wall_whatever_was_passed_before() -> None:
-    """Past a hill, whose cell's east side goes through the point of the box that is met."""
+    """Past a hill, the line of whose west side goes through the point of the box that is met."""
     hill = {"type": "ball", "cellX": 5, "cellY": 1, "span": [3, 2], "vScale": 1}
     box = {"type": "box", "cellX": 0, "cellY": 7, "span": [10, 3], "vScale": 2}
-    hit = with_floor(hill, box).cast([9, 1, 0.8], [-1, 2, -0.02])
+    hit = with_floor(hill, box).cast([8, 1, 0.8], [-1, 2, -0.02])
     assert hit.wall and hit.normal.tolist() == [0, -1, 0] and hit.element == 2
 
 
@@ -823,16 +823,27 @@ def test_the_closed_edges_of_a_small_turned_box_far_from_zero_are_met() -> None:
 def test_from_far_away_hits_are_as_good_as_the_numbers() -> None:
     """A steep rise met from 9,000 km away; a number there has steps of 2 nm."""
     steep = {"x": [[0, 0], [0.3, 0], [0.3001, 1], [1, 1]]}
-    rise = {"type": "steep", "at": [7.5, 6], "extent": [5, 5], "vScale": 1}
-    terrain = with_floor(rise, elemTypes={**FLOOR, "steep": steep})
+    rise = {"type": "steep", "cellX": 1, "cellY": 1, "vScale": 1}
+    terrain = terrain_of(
+        {
+            "size": [20, 20],
+            "elemTypes": {**FLOOR, "steep": steep},
+            "elemTree": {"type": "floor", "cells": 4, "children": [rise]},
+        }
+    )
     z = np.linspace(0.05, 0.95, 40)
-    target = np.column_stack([6.5 + 5e-4 * z, np.linspace(4, 8, 40), z])
+    target = np.column_stack([6.5 + 5e-4 * z, np.linspace(5.5, 9.5, 40), z])
     way = np.array([0.92, -0.31, -0.23])
     hits = terrain.cast(target - 9e6 * way, way)
     assert (hits.element == 1).all()
     assert np.abs(hits.point - target).max() <= 1e-6
     height = terrain.height(hits.point[:, 0], hits.point[:, 1])
     assert np.abs(hits.point[:, 2] - height).max() <= 2e-5
+    above = terrain.cast(
+        [-9236568.321071876, 3082919.529173709, 2276253.039288377],
+        [0.9236574768950039, -0.3082914043008569, -0.2276252960682557],
+    )
+    assert abs(above.point[2] - terrain.height(*above.point[:2])) <= 2e-5
 
 
 def test_behind_a_sliver_the_normal_is_of_the_edge() -> None:
@@ -852,6 +863,34 @@ def test_behind_a_sliver_the_normal_is_of_the_edge() -> None:
         [0.033434565163863096, 0.006730737036592731, -0.009605427105160862],
     )
     assert hit.wall and hit.normal.tolist() == [0, -1, 0]
+
+
+def test_behind_a_sliver_no_wall_stands_on_level_ground() -> None:
+    """Up from below the floor, which begins behind two lines that lie 1.8e-15 from each other."""
+    shapes = {kind: SHAPES[kind] for kind in ("column", "saddle")}
+    disc = {"type": "column", "cellX": 2, "cellY": 3, "span": [2, 1], "vScale": 2.85}
+    box = {"type": "box", "at": [19.99, 13.992999999999999], "extent": [5.997, 1.9989999999999999]}
+    saddle = {"type": "saddle", "cellX": 1, "cellY": 2, "vScale": -0.295}
+    rough: Json = {"surface": "gravel"}
+    children = [
+        {**disc, **rough, "vOffset": -0.479, "turnDeg": 90},
+        {**box, "vScale": 2.205},
+        {**saddle, **rough, "turnDeg": 45},
+    ]
+    root = {"type": "floor", "surface": "grass", "vScale": 1, "cells": 4, "children": children}
+    terrain = terrain_of(
+        {
+            "size": [27.67, 19.99],
+            "surfTypes": SURFACES,
+            "elemTypes": {**FLOOR, **shapes},
+            "elemTree": root,
+        }
+    )
+    hit = terrain.cast(
+        [26.739790238181968, 14.51273130407896, -0.1299494828553136],
+        [0, 4.797686959210399, 1.299494828553136],
+    )
+    assert not hit.wall and hit.normal.tolist() == [0, 0, -1] and hit.element == 0
 
 
 def test_directions_may_be_as_small_as_numbers_are() -> None:
