@@ -150,11 +150,12 @@ def _sent(client: Client, tiler: TileMaker) -> Future:
 def _result(future: Future, tile: RasterTile) -> tuple[FinishedTile, bool]:
     """What a worker says of a tile, or its complaint in a sentence."""
     from distributed import KilledWorker
+    from distributed.comm import CommClosedError
 
     where = f"tile {tile.row}, {tile.column}"
     try:
         result: tuple[FinishedTile, bool] = future.result()
-    except TerratoolError:
+    except (TerratoolError, CommClosedError):  # that is our own connection to the scheduler
         raise
     except KilledWorker as error:
         raise WriteError(

@@ -275,6 +275,19 @@ class TestWrong:
         ]
         assert finished(folder) >= 2 and not list(folder.glob(".*"))
 
+    def test_the_scheduler_is_lost_while_a_result_travels(
+        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        """That is no failure of the worker's."""
+
+        def gone(future: Any) -> Any:
+            raise distributed.comm.CommClosedError("reset by peer")
+
+        with ours.local_cluster(1) as cluster:
+            monkeypatch.setattr(distributed.Future, "result", gone)
+            with pytest.raises(WriteError, match="the Dask scheduler, or each of its workers"):
+                mosaic(tmp_path / "a", grid_at(0.01), dask=cluster.scheduler_address)
+
     def test_no_workers(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(ours, "_PATIENCE", 0.2)
         with ours.local_cluster(0) as cluster, pytest.raises(WriteError, match="has had no worker"):
