@@ -51,9 +51,10 @@ inline GridAxis axis_within(const GridAxis& above, double cell, double span, dou
     return {corner, rest, 0.0, count, 0.0, pitch, pitch_rest};
 }
 
-inline GridAxis whole_axis(double origin, double extent) {
+// The axis of a grid of one cell.
+inline GridAxis whole_axis(double corner, double rest, double extent, double extent_rest) {
     double high = split(extent);
-    return {origin, 0.0, 0.0, 1.0, 0.0, high, extent - high};
+    return {corner, rest, 0.0, 1.0, 0.0, high, (extent - high) + extent_rest};
 }
 
 // Lay a grid of `count` cells in a block of cells of another grid.
@@ -73,31 +74,25 @@ inline void lay_within(
 
 constexpr std::array<Block, 2> ONE_CELL{{{0.0, 1.0}, {0.0, 1.0}}};
 
-// The sum of two doubles, exactly.
-inline DoubleSum exact_sum(double a, double b) {
-    double sum = a + b, back = sum - a;
-    return {sum, (a - (sum - back)) + (b - back)};
-}
-
 // Distances from the middle of a free place are off by no more than this, in parts of what they are
 // computed from.
 constexpr double FREE_NOISE = 4.0 * std::numeric_limits<double>::epsilon();
 
 // The grid of one cell that a free place is in its parent's cell; slopes count in its sides even
 // where it is finer than doubles.
-inline Grid free_frame(const Grid& parent, const Place& place) {
+inline Grid free_frame(const Grid& parent, const ExactPlace& place) {
     Grid frame{};
     frame.standing = FREE, frame.local = parent.local;
     for (int axis : {X, Y}) {
-        double extent = place.extent[axis];
-        auto [middle, lost] = exact_sum(parent.corner[axis][0], place.at[axis]);
+        double at = place.near.at[axis], extent = place.near.extent[axis];
+        double more = place.rest.extent[axis];
+        auto [middle, lost] = exact_sum(parent.corner[axis][0], at);
         auto [low, lost_too] = exact_sum(middle, -0.5 * extent);
-        auto [corner, rest] = exact_sum(low, (lost + lost_too) + parent.corner[axis][1]);
-        GridAxis own = whole_axis(corner, extent);
-        own.rest = rest;
-        frame.local |= set_axis(frame, axis, own);
+        double rests = (lost + lost_too) + parent.corner[axis][1];
+        auto [corner, rest] = exact_sum(low, rests + (place.rest.at[axis] - 0.5 * more));
+        frame.local |= set_axis(frame, axis, whole_axis(corner, rest, extent, more));
         frame.per[axis] = 1.0 / extent;
-        double noise = FREE_NOISE * max(abs(place.at[axis]) + extent, abs(corner));
+        double noise = FREE_NOISE * max(abs(at) + extent, abs(corner));
         frame.near[axis] = max(EDGE, noise * frame.per[axis]);
         frame.clear[axis] = 0.5 - frame.near[axis];
     }

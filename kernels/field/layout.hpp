@@ -11,7 +11,7 @@ namespace terratool {
 struct Placed {
     Matrix<const i64> cell, span, cells;
     Span<const bool> free;
-    Span<const Place> places;
+    Span<const Place> places, rests;
     Matrix<const double> reach;
 
     Block block(i64 e, int axis) const {
@@ -27,7 +27,8 @@ struct Placed {
 
 template <class Visit> void visit_arguments(Placed& p, Visit visit) {
     visit("cell[e,2]", p.cell), visit("span[e,2]", p.span), visit("cells[e,2]", p.cells);
-    visit("free[e]", p.free), visit("places[f]", p.places), visit("reach[f,2]", p.reach);
+    visit("free[e]", p.free), visit("places[f]", p.places), visit("rests[f]", p.rests);
+    visit("reach[f,2]", p.reach);
 }
 
 // Where the elements of each grid stand.
@@ -39,20 +40,21 @@ template <class Visit> void visit_arguments(Ranges& r, Visit visit) {
     visit("first[g]", r.first), visit("last[g]", r.last);
 }
 
-// Corners and pitches of all grids, parents first.
+// Corners and pitches of all grids, parents first; those of the first are known.
 // `sides` gets the sides of their cells, `aspects` height ÷ width of these, which keeps its meaning
 // where the sides have become too small for doubles. Grid g + 1 belongs to element owners[g], which
 // is in grid home[owners[g]].
 inline void lay_grids(
     Span<Grid> grids, Matrix<double> sides, Out aspects, Span<const i64> owners,
-    Span<const u32> home, const Placed& placed, In origin, In extent
+    Span<const u32> home, const Placed& placed
 ) {
     for (i64 g = 0; g < count_of(grids); ++g) {
         Grid& grid = grids[g];
         if (g == 0) {
-            aspects[0] = extent[1] / extent[0];
-            for (int axis : {X, Y})
-                grid.local |= set_axis(grid, axis, whole_axis(origin[axis], extent[axis]));
+            for (int axis : {X, Y}) {
+                grid.count[axis] = 1.0;
+                grid.local |= set_axis(grid, axis, axis_of(grid, axis));
+            }
             for (int axis : {X, Y})
                 if (grid.local) grid.clear[axis] = -1.0;
         } else {
@@ -63,8 +65,9 @@ inline void lay_grids(
                 if (in_cells) count[axis] = double(placed.cells(owner, axis));
             const Grid& parent = grids[home[owner]];
             if (placed.free[owner]) {
-                const Place& place = placed.places[placed.cell(owner, 0)];
-                lay_within(grid, free_frame(parent, place), ONE_CELL, count);
+                i64 place = placed.cell(owner, 0);
+                ExactPlace exact{placed.places[place], placed.rests[place]};
+                lay_within(grid, free_frame(parent, exact), ONE_CELL, count);
                 aspects[g] = placed.aspect(owner) * (count[0] / count[1]);
             } else {
                 std::array<Block, 2> block{placed.block(owner, X), placed.block(owner, Y)};
@@ -73,6 +76,7 @@ inline void lay_grids(
             }
         }
         for (int axis : {X, Y}) sides(g, axis) = grid.pitch[axis][0] + grid.pitch[axis][1];
+        if (g == 0) aspects[0] = sides(0, Y) / sides(0, X);
     }
 }
 
@@ -265,7 +269,7 @@ inline void cell_rectangles(const Field& field, Span<const i32> parents, Matrix<
         // all grids of one element have the same corner, and those in cells the same cells
         while (!pose.free && field.grids[g].standing != IN_CELLS) ++g;
         Grid own = field.grids[g];
-        if (pose.free) own = free_frame(own, field.places[place_of(element)]);
+        if (pose.free) own = free_frame(own, exact_place(field, place_of(element)));
         for (int axis : {X, Y}) {
             Block block = block_of(element, pose, axis);
             out(axis, e) = edge_double(axis_of(own, axis), block.cell);

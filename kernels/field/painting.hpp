@@ -193,7 +193,7 @@ inline BinRange held_by_cell(In x, const GridAxis& cell, double terrain_end) {
 struct FreePainted {
     i64 index;
     const Element& element;
-    const Place& place;
+    ExactPlace exact;
     const Grid& grid;
 };
 
@@ -203,9 +203,10 @@ Rectangle paint_free_element(
     const Field& field, Canvas<Id>& canvas, const FreePainted& one, In x, In y, double resolution,
     const Rectangle& part
 ) {
-    const auto& [index, element, place, grid] = one;
+    const auto& [index, element, exact, grid] = one;
+    const Place& place = exact.near;
     const Pose& square = field.poses[element.pose];
-    Grid frame = free_frame(grid, place);
+    Grid frame = free_frame(grid, exact);
     Pose pose = free_pose(square, place);
     Painted painted{index, element, field.kinds[element.kind], pose, frame};
     In own_x = x.subspan(part.west, part.east - part.west);
@@ -269,7 +270,7 @@ void paint_free(
     find_free(field, grid, across, along, canvas.found);
     for (u32 index : canvas.found) {
         const Element& element = field.elements[index];
-        FreePainted one{index, element, field.places[place_of(element)], grid};
+        FreePainted one{index, element, exact_place(field, place_of(element)), grid};
         below(index, paint_free_element(field, canvas, one, x, y, resolution, part));
     }
 }
@@ -579,14 +580,16 @@ private:
             list(canvas_.copies_x, x_, X, part.west, part.east);
             list(canvas_.copies_y, y_, Y, part.south, part.north);
             visit_listed(copies, [&](i64 a, i64 b) {
-                Place place = place_of_copy(frame, mirror, first, copies, a, b);
+                KeptPlace place = place_of_copy(
+                    frame, mirror, exact_place(field_, place_of(element)), copies, a, b
+                );
                 Instance one = copy_of<false>(field_, frame, index, 0);
-                scale_at_place(field_, frame, place, one);
-                FreePainted painted{index, one.element, place, grid};
+                scale_at_place(field_, frame, place.near, one);
+                FreePainted painted{index, one.element, place.exact(), grid};
                 Rectangle held =
                     paint_free_element(field_, canvas_, painted, x_, y_, resolution_, part);
                 if (one.element.grid && !held.is_empty())
-                    canvas_.frames_below.push_back({frame_at(frame, grid, place, one), held});
+                    canvas_.frames_below.push_back({frame_at(frame, grid, place.exact(), one), held});
             });
         }
     }

@@ -45,10 +45,6 @@ struct Block {
     double cell, width;
 };
 
-struct DoubleSum {  // unevaluated: high + low
-    double high, low;
-};
-
 struct CurvePoint {
     double value, slope;
 };
@@ -127,21 +123,13 @@ inline CellPlace locate_cell(double x, const GridAxis& a, bool local, double fro
     return {i64(cell), clamp(s - cell, 0.0, 1.0)};
 }
 
-// Whether `x` has reached the double nearest to `t` of a block.
-inline bool is_past_step(double x, const GridAxis& a, Block block, double t) {
+// Whether `x` has reached the double nearest to `t` of a block; `rest` is what `t` lacks.
+inline bool is_past_step(double x, const GridAxis& a, Block block, double t, double rest) {
     auto [high, low] = edge_position(a, block.cell);
     double side = block.width * a.pitch;
-    double product = t * side;
-    // the rounding error of the product, by Dekker's splitting
-    constexpr double big = 134217729.0;
-    double t_high = t * big - (t * big - t);
-    double side_high = side * big - (side * big - side);
-    double t_low = t - t_high, side_low = side - side_high;
-    double error = t_low * side_low
-        - (((product - t_high * side_high) - t_low * side_high) - t_high * side_low);
-    double total = high + product;
-    double back = total - high;
-    low += ((high - (total - back)) + (product - back)) + error + t * (block.width * a.pitch_rest);
+    auto [product, error] = exact_product(t, side);
+    auto [total, lost] = exact_sum(high, product);
+    low += lost + error + (t * (block.width * a.pitch_rest) + rest * side);
     return x >= nearest_double(total, low);
 }
 
@@ -210,7 +198,7 @@ inline i64 placed_piece(
 ) {
     auto knots = curves.knots;
     i64 begin = at.knot, here = begin + find_piece(curves, at, t);
-    auto is_past = [&](i64 n) { return is_past_step(x, axis, block, knots[n]); };
+    auto is_past = [&](i64 n) { return is_past_step(x, axis, block, knots[n], curves.rests[n]); };
     while (knots[here + 1] - t < axis.near && is_past(here + 1)) ++here;
     while (here > begin && t - knots[here] < axis.near && !is_past(here)) --here;
     return here - begin;

@@ -77,11 +77,11 @@ struct FreeSum {
 
 // Whether a cell of a free grid holds a point, by the doubles that its edges stand at.
 inline bool free_cell_holds(
-    const Field& field, const Grid& grid, const Place& place, const DescentPoint& p
+    const Field& field, const Grid& grid, const ExactPlace& place, const DescentPoint& p
 ) {
     if (grid.local) {  // finer than doubles
-        double u = free_position(place, X, from_parent(grid, X, p.x, p.from_x));
-        double v = free_position(place, Y, from_parent(grid, Y, p.y, p.from_y));
+        double u = free_position(place.near, X, from_parent(grid, X, p.x, p.from_x));
+        double v = free_position(place.near, Y, from_parent(grid, Y, p.y, p.from_y));
         return 0.0 <= u && (u < 1.0 || p.from_x == 1.0) && 0.0 <= v && (v < 1.0 || p.from_y == 1.0);
     }
     Grid frame = free_frame(grid, place);
@@ -91,12 +91,12 @@ inline bool free_cell_holds(
 
 // Whether the footprint of a free leaf with nothing special holds a point, as exactly as can be.
 inline bool free_leaf_holds(
-    const Field& field, const Grid& grid, const Place& place, const Pose& square, UV from,
+    const Field& field, const Grid& grid, const ExactPlace& place, const Pose& square, UV from,
     const DescentPoint& p
 ) {
     if (!square.turned) return free_cell_holds(field, grid, place, p);
-    UV at{free_position(place, X, from.u), free_position(place, Y, from.v)};
-    return !is_beyond(turned(free_pose(square, place), at.u, at.v));
+    UV at{free_position(place.near, X, from.u), free_position(place.near, Y, from.v)};
+    return !is_beyond(turned(free_pose(square, place.near), at.u, at.v));
 }
 
 // How far inside the footprint of a free element a point is, from its parent's corner; below 0
@@ -135,7 +135,8 @@ INLINE i64 keep_free_leaves(
         bool holds = depth > 0.0;
         if (abs(depth) <= slack) [[unlikely]] {
             const Pose& own = field.poses[field.elements[index].pose];
-            holds = free_leaf_holds(field, grid, place, own, from, p);
+            ExactPlace exact = exact_place(field, i64(index) + bins.places);
+            holds = free_leaf_holds(field, grid, exact, own, from, p);
         }
         kept[count] = {index, point};
         count += holds;
@@ -193,20 +194,21 @@ LeafSum add_free_leaves(
 
 // Whether the cell of a free element holds a point; `slack` is that of its bins.
 INLINE bool free_cell_is_met(
-    const Field& field, const Grid& grid, const Place& place, UV from, const DescentPoint& p,
+    const Field& field, const Grid& grid, const ExactPlace& place, UV from, const DescentPoint& p,
     double slack
 ) {
-    double depth = free_depth<false>(place, field.poses[0], from);
+    double depth = free_depth<false>(place.near, field.poses[0], from);
     return abs(depth) > slack ? depth > 0.0 : free_cell_holds(field, grid, place, p);
 }
 
 // Whether the footprint of a free element of any kind holds a point, in its cell unless it is
 // turned, and value and slopes there, these along the sides of the cell.
 INLINE Footprint free_shape(
-    const Field& field, const Grid& grid, const Element& element, const Place& place, UV from,
+    const Field& field, const Grid& grid, const Element& element, const ExactPlace& exact, UV from,
     const DescentPoint& p, double slack
 ) {
     constexpr Footprint none{false, {0.0, 0.0, 0.0}};
+    const Place& place = exact.near;
     const Pose& square = field.poses[element.pose];
     const Kind& kind = field.kinds[element.kind];
     if (square.turned && free_depth<true>(place, square, from) < -slack) return none;
@@ -218,12 +220,12 @@ INLINE Footprint free_shape(
         if (square.turned)
             at = turned(pose, free_position(place, X, from.u), free_position(place, Y, from.v));
         else if (kind.knotted[X] == STEPPED || kind.knotted[Y] == STEPPED)
-            frame = free_frame(grid, place);
+            frame = free_frame(grid, exact);
         auto [holds, shape] = special_shape(field.curves, kind, element, pose, frame, at, p.x, p.y);
         if (!holds) return none;
         f = shape;
     } else {
-        if (square.turned && !free_leaf_holds(field, grid, place, square, from, p)) return none;
+        if (square.turned && !free_leaf_holds(field, grid, exact, square, from, p)) return none;
         CurvePoint fx = even_curve(field.curves.pieces, kind, X, at.u);
         CurvePoint fy = even_curve(field.curves.pieces, kind, Y, at.v);
         f = {fx.value * fy.value, fx.slope * fy.value, fx.value * fy.slope};
@@ -242,18 +244,19 @@ INLINE void add_free_element(
     Stack& stack, std::size_t& pending
 ) {
     const Element& element = field.elements[index];
-    const Place& place = field.places[place_of(element)];
+    ExactPlace exact = exact_place(field, place_of(element));
+    const Place& place = exact.near;
     bool is_turned = field.poses[element.pose].turned;
     double slack = field.free_bins[grid.free].slack;
     if (!is_turned || element.grid) {
-        bool held = free_cell_is_met(field, grid, place, from, p, slack);
+        bool held = free_cell_is_met(field, grid, exact, from, p, slack);
         if (!held && !is_turned) return;
         if (held && element.grid) {
             UV at{free_position(place, X, from.u), free_position(place, Y, from.v)};
             stack[pending++] = {element.grid, clamp(at.u, 0.0, 1.0), clamp(at.v, 0.0, 1.0)};
         }
     }
-    auto [holds, f] = free_shape(field, grid, element, place, from, p, slack);
+    auto [holds, f] = free_shape(field, grid, element, exact, from, p, slack);
     if (!holds) return;
     sum.z += element.scale * f.value + element.offset;
     sum.top = max(sum.top, index);

@@ -50,7 +50,7 @@ struct Frame {
 inline Frame terrain_frame(const Field& field) {
     Frame frame{};
     for (int axis : {X, Y}) {
-        GridAxis whole = whole_axis(field.bounds[axis], field.shared.extent[axis]);
+        GridAxis whole = axis_of(field.grids[0], axis);
         frame.corner[axis] = whole.corner, frame.rest[axis] = whole.rest;
         frame.pitch[axis][0] = whole.pitch, frame.pitch[axis][1] = whole.pitch_rest;
         frame.span[axis] = 1.0, frame.length[axis] = field.shared.extent[axis];
@@ -184,7 +184,7 @@ inline Frame frame_within(
 
 // The same of a free element.
 inline Frame frame_at(
-    const Frame& above, const Grid& grid, const Place& place, const Instance& one
+    const Frame& above, const Grid& grid, const ExactPlace& place, const Instance& one
 ) {
     Grid own = free_frame(grid, place);
     Frame frame;
@@ -194,9 +194,9 @@ inline Frame frame_at(
         frame.corner[axis] = corner, frame.rest[axis] = rest;
         frame.pitch[axis][0] = own.pitch[axis][0], frame.pitch[axis][1] = own.pitch[axis][1];
         frame.span[axis] = 1.0;
-        frame.length[axis] = place.extent[axis];
+        frame.length[axis] = place.near.extent[axis];
     }
-    frame.aspect = place.extent[Y] / place.extent[X];
+    frame.aspect = place.near.extent[Y] / place.near.extent[X];
     frame.factor = one.factor;
     frame.number = one.number + Number{1, 0};
     frame.depth = above.depth + 1;
@@ -283,15 +283,36 @@ INLINE Instance copy_of(const Field& field, const Frame& frame, u64 index, i64 w
     return one;
 }
 
+// A place that was computed, and what its doubles lack.
+struct KeptPlace {
+    Place near, rest;
+
+    ExactPlace exact() const { return {near, rest}; }
+};
+
 // The place of a copy of a free element, mirrored where a quarter turn mirrors what is around it.
-INLINE Place place_of_copy(
-    const Frame& frame, u8 mirror, const Place& first, const Copies& copies, i64 k_x, i64 k_y
+INLINE KeptPlace place_of_copy(
+    const Frame& frame, u8 mirror, const ExactPlace& first, const Copies& copies, i64 k_x, i64 k_y
 ) {
-    Place place = first;
+    KeptPlace place{first.near, first.rest};
     for (int axis : {X, Y}) {
-        i64 k = axis == X ? k_x : k_y;
-        if (k) place.at[axis] = first.at[axis] + double(k) * copies.step[axis];
-        if (mirror >> axis & 1) place.at[axis] = frame.length[axis] - place.at[axis];
+        double &at = place.near.at[axis], &rest = place.rest.at[axis];
+        auto put = [&](double near, double low) {
+            auto [sum, lost] = exact_sum(near, low);
+            at = sum, rest = lost;
+        };
+        double k = double(axis == X ? k_x : k_y);
+        if (k != 0.0) {
+            auto [sum, lost] = exact_sum(at, k * copies.pitch[axis][0]);
+            put(sum, lost + (rest + k * copies.pitch[axis][1]));
+        }
+        if (mirror >> axis & 1) {
+            auto [length, more] = exact_sum(
+                frame.span[axis] * frame.pitch[axis][0], frame.span[axis] * frame.pitch[axis][1]
+            );
+            auto [sum, lost] = exact_sum(length, -at);
+            put(sum, lost + (more - rest));
+        }
     }
     return place;
 }
@@ -452,34 +473,39 @@ private:
             CopyRange along =
                 copies_near(bin_y, first.at[Y], tall + bins.slack, copies.step[Y], copies.count[Y]);
             visit_copies(copies, across, along, [&](i64 a, i64 b, i64 which) {
-                Place place = place_of_copy(frame, mirror, first, copies, a, b);
-                add_free_copy(frame, grid, bins.slack, place, {from_x, from_y}, index, which);
+                KeptPlace place = place_of_copy(
+                    frame, mirror, exact_place(field_, i64(index) + bins.places), copies, a, b
+                );
+                add_free_copy(
+                    frame, grid, bins.slack, place.exact(), {from_x, from_y}, index, which
+                );
             });
         }
     }
 
     // As add_free of a field that is written out, of one element.
     INLINE void add_free_copy(
-        const Frame& frame, const Grid& grid, double slack, const Place& place, UV from, u64 index,
-        i64 which
+        const Frame& frame, const Grid& grid, double slack, const ExactPlace& exact, UV from,
+        u64 index, i64 which
     ) {
+        const Place& place = exact.near;
         bool is_turned = field_.poses[field_.elements[index].pose].turned;
         u32 own_grid = field_.elements[index].grid;
         DescentPoint p{x_, y_, frame.from[X], frame.from[Y]};
         bool held = false;
         if (!is_turned || own_grid) {
-            held = free_cell_is_met(field_, grid, place, from, p, slack);
+            held = free_cell_is_met(field_, grid, exact, from, p, slack);
             if (!held && !is_turned) return;
         }
         Instance one = copy_of<sloped>(field_, frame, index, which);
         scale_at_place(field_, frame, place, one);
         const Element& element = one.element;
         if (held && own_grid) {
-            stack_.frames.push_back(frame_at(frame, grid, place, one));
+            stack_.frames.push_back(frame_at(frame, grid, exact, one));
             stack_.frames.back().from[X] = clamp(free_position(place, X, from.u), 0.0, 1.0);
             stack_.frames.back().from[Y] = clamp(free_position(place, Y, from.v), 0.0, 1.0);
         }
-        auto [holds, f] = free_shape(field_, grid, element, place, from, p, slack);
+        auto [holds, f] = free_shape(field_, grid, element, exact, from, p, slack);
         if (!holds) return;
         z += element.scale * f.value + element.offset;
         see(frame, one);

@@ -1,7 +1,7 @@
 // The arrays of a compiled field. terratool/field/records.py says what their members mean.
 #pragma once
 
-#include "../core.hpp"
+#include "../exact.hpp"
 
 namespace terratool {
 
@@ -31,6 +31,12 @@ struct Pose {
 
 struct Place {
     double at[2], extent[2];
+};
+
+// A place, and what its doubles lack to the numbers that they stand for.
+struct ExactPlace {
+    const Place& near;
+    const Place& rest;
 };
 
 struct FreeBins {
@@ -67,7 +73,7 @@ struct Member {
 };
 
 struct Copies {
-    double step[2];
+    double step[2], pitch[2][2];
     u32 count[2];
     u8 across;
 };
@@ -117,7 +123,8 @@ template <class Visit> void visit_members(Member& m, Visit visit) {
 }
 
 template <class Visit> void visit_members(Copies& c, Visit visit) {
-    visit("step", c.step), visit("count", c.count), visit("across", c.across);
+    visit("step", c.step), visit("pitch", c.pitch), visit("count", c.count);
+    visit("across", c.across);
 }
 
 template <class Visit> void visit_members(Segment& s, Visit visit) {
@@ -131,12 +138,13 @@ template <class Visit> void visit_members(Relief& r, Visit visit) {
 }
 
 struct Curves {
-    In pieces, knots;
+    In pieces, knots, rests;
     Span<const u32> bins;
 };
 
 template <class Visit> void visit_arguments(Curves& c, Visit visit) {
-    visit("pieces", c.pieces), visit("knots", c.knots), visit("bins", c.bins);
+    visit("pieces", c.pieces), visit("knots[k]", c.knots), visit("rests[k]", c.rests);
+    visit("bins", c.bins);
 }
 
 struct Tracks {
@@ -178,7 +186,7 @@ struct Field {
     Span<const Grid> grids;
     Span<const u32> offsets, entries;
     Span<const Pose> poses;
-    Span<const Place> places;
+    Span<const Place> places, rests;
     Span<const FreeBins> free_bins;
     Span<const Kind> kinds;
     Curves curves;
@@ -193,7 +201,7 @@ struct Field {
 template <class Visit> void visit_arguments(Field& f, Visit visit) {
     visit("elements", f.elements), visit("grids", f.grids);
     visit("offsets", f.offsets), visit("entries", f.entries);
-    visit("poses", f.poses), visit("places", f.places);
+    visit("poses", f.poses), visit("places[f]", f.places), visit("rests[f]", f.rests);
     visit("free_bins", f.free_bins), visit("kinds", f.kinds);
     visit("curves", f.curves), visit("bounds[4]", f.bounds);
     visit("pending", f.pending), visit("voids", f.voids), visit("tracks", f.tracks);
@@ -208,6 +216,8 @@ INLINE i64 bin_of(const Grid& g, i64 i, i64 j) {
 
 // Index of the place of a free element, for which it has no cell.
 INLINE u32 place_of(const Element& e) { return e.cell[X] | u32(e.cell[Y]) << 16; }
+
+INLINE ExactPlace exact_place(const Field& f, i64 index) { return {f.places[index], f.rests[index]}; }
 
 // The element that a place between the offsets of a grid stands for.
 INLINE u64 listed_element(const Field& f, const Grid& g, u64 k) {

@@ -8,15 +8,12 @@
 
 #include <tuple>
 
-#include "../core.hpp"
+#include "../definition/decimals.hpp"
 
 namespace terratool::importing {
 
-constexpr i64 MAX_EXPONENT = 60;  // larger exponents are for Python
-
 constexpr u64 MANY = 1'000'000'000'000'000'000;  // a mantissa from here on takes no further digit
 constexpr u64 WHOLE = u64(1) << 53;
-constexpr double SPLIT = double((1 << 27) + 1);
 constexpr double DOUBT = 0x1p-100;
 
 enum ByteClass : u8 { GAP = 1, DIGIT = 2, END = 4, HASH = 8 };  // END: ends a number, too
@@ -30,13 +27,6 @@ constexpr std::array<u8, 256> BYTE_CLASSES = [] {
     return classes;
 }();
 
-// Powers of ten from -MAX_EXPONENT to MAX_EXPONENT, as sums of two doubles.
-struct Powers {
-    Matrix<const double> sums;
-    INLINE double high(i64 exponent) const { return sums(exponent + MAX_EXPONENT, 0); }
-    INLINE double rest(i64 exponent) const { return sums(exponent + MAX_EXPONENT, 1); }
-};
-
 struct Scaled {
     double number;
     bool certain;  // whether its rounding is
@@ -44,19 +34,12 @@ struct Scaled {
 
 // A number m × 10ᵉ of |e| ≤ MAX_EXPONENT.
 INLINE Scaled scale(u64 mantissa, i64 exponent, Powers powers) {
-    double high = double(mantissa), power = powers.high(exponent);
-    if (mantissa <= WHOLE && -22 <= exponent && exponent <= 22)
-        return {exponent < 0 ? high / powers.high(-exponent) : high * power, true};
-    double low = double(i64(mantissa - u64(high)));
-    double product = high * power;
-    double wide = high * SPLIT;
-    double a = wide - (wide - high), b = high - a;
-    wide = power * SPLIT;
-    double c = wide - (wide - power), d = power - c;
-    double rest = ((a * c - product) + a * d + b * c) + b * d;
-    rest += high * powers.rest(exponent) + low * power;
-    double number = product + rest;
-    rest -= number - product;
+    double high = double(mantissa);
+    if (mantissa <= WHOLE && -22 <= exponent && exponent <= 22) {
+        double power = powers.high(abs(exponent));
+        return {exponent < 0 ? high / power : high * power, true};
+    }
+    auto [number, rest] = decimal_number(mantissa, exponent, powers);
     double doubt = number * DOUBT;
     return {number, number + (rest - doubt) == number && number + (rest + doubt) == number};
 }

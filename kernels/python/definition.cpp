@@ -1,6 +1,8 @@
 // What Python sees of kernels/definition.
 #include "../definition/curves.hpp"
+#include "../definition/decimals.hpp"
 #include "../definition/keys.hpp"
+#include "../definition/scattering.hpp"
 
 #include "bind.hpp"
 #include "modules.hpp"
@@ -8,9 +10,28 @@
 namespace terratool::python {
 
 void bind_definition(nb::module_ m) {
+    m.attr("MAX_EXPONENT") = MAX_EXPONENT;
+    def<&definition::decimal_rests>(
+        m, "decimal_rests",
+        "What doubles lack to their shortest decimals, which stand in a JSON array of numbers.",
+        {"text[_]", "powers[121,2]", "numbers[n]", "rests[n]"}
+    );
     def<&definition::may_repeat_keys>(
         m, "may_repeat_keys",
         "Whether a key stands twice in an object of a JSON text, or has an escape.", {"text[_]"}
+    );
+    m.attr("TRIES") = definition::TRIES;
+    def<&definition::scatter>(
+        m, "scatter",
+        "Sides, middles and turns of scattered copies; how many were looked at, and tries left.",
+        {"asked", "tries", "sides[n]", "x[n]", "y[n]", "turns[n]"}
+    );
+    def<&definition::share>(
+        m, "share", "A number from 0 to below 1 that follows from three.",
+        {"seed", "number", "draw"}
+    );
+    def<&definition::draw_sides>(
+        m, "draw_sides", "Sides of scattered copies, the largest first.", {"asked", "sides[n]"}
     );
     def<&definition::survey>(
         m, "survey",

@@ -157,8 +157,7 @@ void bind_field(nb::module_ m) {
 
     def<&lay_grids>(
         m, "lay_grids", "Corners and pitches of all grids, parents first.",
-        {"grids[g+1]", "sides[g+1,2]", "aspects[g+1]", "owners[g]", "home[e]", "placed",
-         "origin[2]", "extent[2]"}
+        {"grids[g+1]", "sides[g+1,2]", "aspects[g+1]", "owners[g]", "home[e]", "placed"}
     );
     def<&size_bins>(
         m, "size_bins", "Choose the bins of each grid.",

@@ -96,7 +96,6 @@ void bind_importing(nb::module_ m) {
         {"mixed[_,_]", "down", "across", "block"}
     );
 
-    m.attr("MAX_EXPONENT") = MAX_EXPONENT;
     def<&read_numbers>(
         m, "read_numbers",
         "Numbers of a text; which of them are hard, and where they begin; where they end.",

@@ -8,7 +8,6 @@ from typing import Any, NamedTuple
 from msgspec import UNSET, UnsetType
 
 from terratool.definition.libraries import Document, path_between
-from terratool.definition.scattering import Strewn
 from terratool.definition.uses import Root, Uses, quarter_turns
 from terratool.text.display import escape
 
@@ -16,24 +15,26 @@ from terratool.text.display import escape
 class Chain(NamedTuple):
     """An element of a primitive, and what the elements that stand for it add, inner ones first.
 
+    Of many copies of a scattered element numbers may be arrays, with one number for each copy.
+
     Attributes:
         root: where the element of the primitive stands.
-        scale: its factor on the curves, where that is given.
-        turn: its turn, likewise.
-        factor: on every height of the part.
-        offset: of the element, with those of the others and under their factors.
-        quarters: turns of the whole part.
-        surface: what it wears.
-        descr: what it is.
-        name: the end of its name.
+        scale: factor of the element on its curves, where that is given.
+        turn: turn of the element, degrees, where that is given.
+        factor: factor on every height of the part, or of the scattered copy.
+        offset: sum of the offsets of all these elements, each under the factors around it.
+        quarters: quarter turns of the whole part.
+        surface: name of the surface that the element wears, where one is given.
+        descr: what the element is said to be.
+        name: end of the element's name.
     """
 
     root: Root
-    scale: float | UnsetType
-    turn: float | UnsetType
-    factor: float
-    offset: float | UnsetType
-    quarters: int
+    scale: Any
+    turn: Any
+    factor: Any
+    offset: Any
+    quarters: Any
     surface: Any
     descr: Any
     name: str
@@ -60,11 +61,17 @@ class Chains:
             self._known[key] = self._follow(root)
         return self._known[key]
 
-    def strewn(self, root: Root, copy: Strewn) -> Chain:
-        """What one copy of a scattered element stands for: its heights grow with its side."""
-        return self._follow(root, copy)
+    def strewn(self, root: Root, side: Any, turn: Any) -> Chain:
+        """What one copy of a scattered element stands for, or many copies at once.
 
-    def _follow(self, root: Root, copy: Strewn | None = None) -> Chain:
+        Args:
+            root: the element.
+            side: side of the copy, by which all its heights are multiplied; or an array of sides.
+            turn: turn of the copy, degrees; or an array of turns.
+        """
+        return self._follow(root, side, turn)
+
+    def _follow(self, root: Root, side: Any = None, turn: Any = None) -> Chain:
         places = []
         names = []
         inner = root
@@ -72,23 +79,25 @@ class Chains:
             places.append(inner)
             outer, inner = inner, self._uses.part(name)
             names.append(self._name(name, outer.home, inner.home))
-        scales = [place.tree.value("v_scale", place.element) for place in (*places, inner)]
-        turns = [place.tree.value("turn_deg", place.element) for place in (*places, inner)]
-        if copy is not None:
-            scales[0] = copy.side if scales[0] is UNSET else copy.side * scales[0]
-            if copy.turn:
-                turn = 0.0 if turns[0] is UNSET else math.fmod(turns[0], 360.0)
-                turns[0] = turn + copy.turn
-        factor = 1.0
-        for scale in scales[:-1]:
-            factor *= 1.0 if scale is UNSET else scale
-        offset, surface, descr = (
-            inner.tree.value(key, inner.element) for key in ("v_offset", "surface", "descr")
+        scales, turns, offsets, surfaces, descrs = (
+            [place.tree.value(key, place.element) for place in (*places, inner)]
+            for key in ("v_scale", "turn_deg", "v_offset", "surface", "descr")
         )
-        for place, scale in zip(reversed(places), reversed(scales[:-1]), strict=True):
-            own_offset, own_surface, own_descr = (
-                place.tree.value(key, place.element) for key in ("v_offset", "surface", "descr")
-            )
+        factor = 1.0
+        if side is not None:
+            scales[0] = 1.0 if scales[0] is UNSET else scales[0]
+            if places:
+                scales[0] = side * scales[0]
+            else:
+                factor = side
+            offsets[0] = UNSET if offsets[0] is UNSET else side * offsets[0]
+            turns[0] = turn if turns[0] is UNSET else math.fmod(turns[0], 360.0) + turn
+        for scale in scales[:-1]:
+            factor = factor * (1.0 if scale is UNSET else scale)
+        offset, surface, descr = offsets[-1], surfaces[-1], descrs[-1]
+        for scale, own_offset, own_surface, own_descr in reversed(
+            list(zip(scales[:-1], offsets, surfaces, descrs, strict=False))
+        ):
             if offset is not UNSET and scale is not UNSET:
                 offset = scale * offset
             if own_offset is not UNSET:

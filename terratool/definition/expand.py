@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Sequence
 from functools import cached_property
 from typing import Any, NamedTuple
 
 from msgspec import UNSET, Struct, structs
 
 from terratool.definition.chains import Chain, Chains, with_quarters
+from terratool.definition.exact import Exact, Sides, rest_of, side, sides
 from terratool.definition.model import Definition, Element, Pair, pair_of
-from terratool.definition.scattering import Strewn, strewn
-from terratool.definition.sides import Side, side
+from terratool.definition.scattering import Strewn, strewing, strewn, wanted
 from terratool.definition.tree import ROOT, Tree
 from terratool.definition.uses import Root, Uses, track_surfaces
 from terratool.errors import RequestError
@@ -29,7 +29,8 @@ class Expansion(NamedTuple):
     tree: Tree
 
 
-_ONCE = (1, 1), (0.0, 0.0)
+_Rests = tuple[float, float, float, float]
+"""What the doubles of a place and of its sides lack, along x and y each."""
 
 
 class _Node(NamedTuple):
@@ -40,7 +41,8 @@ class _Node(NamedTuple):
         factor: on the heights of all that is around it.
         quarters: turns of what is around it.
         place: its cell, or its free place: attributes of the model.
-        cell: a cell of the grid that it is in, or its own where that is free, along x and y.
+        rests: what the doubles of its free place lack; None where a text has them, or in a cell.
+        around: sides of a cell of the grid that it is in; None at a free place.
         span: how many of these it takes.
         step: the end of its name.
     """
@@ -49,14 +51,26 @@ class _Node(NamedTuple):
     factor: float
     quarters: int
     place: dict[str, Any]
-    cell: tuple[Side, Side]
+    rests: _Rests | None
+    around: Sides | None
     span: tuple[int, int]
     step: str
 
     @property
     def lengths(self) -> Pair:
-        """The sides of its cell."""
-        return self.cell[0].length * self.span[0], self.cell[1].length * self.span[1]
+        """Sides of its cell, units of the terrain."""
+        if self.around is None:
+            return pair_of(self.place["extent"], math.nan)
+        x, y = self.around.lengths
+        return x * self.span[0], y * self.span[1]
+
+    @property
+    def cell(self) -> Sides:
+        """Sides of the cells of which its own has `span`."""
+        if self.around is not None:
+            return self.around
+        own, rests = self.lengths, self.rests or (None,) * 4
+        return Sides(side(own[0], rests[2]), side(own[1], rests[3]))
 
 
 def with_names(uses: Uses) -> Definition:
@@ -138,11 +152,10 @@ class _Writer(Struct, frozen=True, dict=True):
         """All elements."""
         size = self.definition.extent
         first = self.chains.of(self.uses.root)
-        level = [
-            _Node(first, 1.0, 0, {}, (side(size[0]), side(size[1])), (1, 1), ROOT + first.name)
-        ]
+        level = [_Node(first, 1.0, 0, {}, None, sides(size), (1, 1), ROOT + first.name)]
         columns: dict[str, list[Any]] = {name: [] for name in _NAMES}
         steps: list[str] = []
+        rests: list[_Rests | None] = []
         levels = [0]
         families: list[tuple[int, int, int]] = []
         while level:
@@ -152,13 +165,14 @@ class _Writer(Struct, frozen=True, dict=True):
             for index, node in enumerate(level, start):
                 self._write(node, columns)
                 steps.append(node.step)
+                rests.append(node.rests)
                 begin = after + len(below)
                 below += self._children(node)
                 if after + len(below) > begin:
                     families.append((index, begin, after + len(below)))
             levels.append(after)
             level = below
-        return Tree([], families, levels, columns, steps=steps)
+        return Tree([], families, levels, columns, steps=steps, rests=rests)
 
     def _write(self, node: _Node, columns: dict[str, list[Any]]) -> None:
         chain, tree, index = node.chain, node.chain.root.tree, node.chain.root.element
@@ -196,79 +210,145 @@ class _Writer(Struct, frozen=True, dict=True):
         factor = node.factor * chain.factor
         grid = tree.grid(root.element)
         turned = grid[::-1] if quarters % 2 else grid
-        cell = (
-            node.cell[0].share(node.span[0], turned[0]),
-            node.cell[1].share(node.span[1], turned[1]),
-        )
-        lengths = node.lengths
+        cell, span = node.cell, node.span
+        lengths, around = cell.times(span), cell.block(span, turned)
         found = []
         for index in range(begin, end):
             step = f"/children/{index - begin}"
+            own = Root(tree, index, root.home)
             if tree.value("scatter", index) is not UNSET:
-                found += self._strewn(node, Root(tree, index, root.home), step)
+                area = area_of(own, around.turned(quarters))
+                copies = zip(*strewn_over(own, area)[:4], strict=True)
+                for number, (length, x, y, turn) in enumerate(copies):
+                    if x != x:  # it has found no place
+                        continue
+                    middle = area.x + Exact(x, 0.0), area.y + Exact(y, 0.0)
+                    at = _turned_place(middle[:1], middle[1:], lengths, quarters)[0][0]
+                    inner = self.chains.strewn(own, length, turn)
+                    name = f"{step}[{number}]{inner.name}"
+                    found.append(_free(inner, factor, quarters, at, length, (0.0, 0.0), name))
                 continue
-            inner = self.chains.of(Root(tree, index, root.home))
-            repeat, at = tree.value("repeat", index), tree.value("at", index)
-            count, (dx, dy) = _ONCE if repeat is UNSET else (repeat.count, repeat.step)
-            for j in range(count[1]):
-                for i in range(count[0]):
-                    copy = f"{step}{'' if repeat is UNSET else f'[{i},{j}]'}{inner.name}"
-                    if at is UNSET:
-                        x, y, w, h = tree.block(index)
-                        x, y = x + i * int(dx), y + j * int(dy)
-                        span, place = turned_block((x, y, w, h), grid, quarters)
-                        found.append(_Node(inner, factor, quarters, place, cell, span, copy))
-                    else:
-                        extent = pair_of(tree.value("extent", index), math.nan)
-                        middle = at if repeat is UNSET else (at[0] + i * dx, at[1] + j * dy)
-                        place = {
-                            "at": _turned_place(middle, lengths, quarters),
-                            "extent": tree.value("extent", index),
-                        }
-                        own = side(extent[0]), side(extent[1])
-                        found.append(_Node(inner, factor, quarters, place, own, (1, 1), copy))
-        return found
-
-    def _strewn(self, node: _Node, root: Root, step: str) -> list[_Node]:
-        """The copies of a scattered element in the cell of its parent."""
-        tree, index, parent = root.tree, root.element, node.chain.root
-        quarters = (node.quarters + node.chain.quarters) % 4
-        factor = node.factor * node.chain.factor
-        around = node.lengths[::-1] if quarters % 2 else node.lengths
-        if tree.value("at", index) is UNSET:
-            grid, block = tree.grid(parent.element), tree.block(index)
-            pitches = (around[0] / grid[0], around[1] / grid[1])
-            area = pitches[0] * block[2], pitches[1] * block[3]
-            copies = _strewn_over(root, (pitches[0] * block[0], pitches[1] * block[1]), area)
-        else:
-            copies = strewn_at_place(root)
-        found = []
-        for number, (middle, copy) in enumerate(copies):
-            inner = self.chains.strewn(root, copy)
-            place = {"at": _turned_place(middle, node.lengths, quarters), "extent": copy.side}
-            own, name = side(copy.side), f"{step}[{number}]{inner.name}"
-            found.append(_Node(inner, factor, quarters, place, (own, own), (1, 1), name))
+            inner = self.chains.of(own)
+            repeat = tree.value("repeat", index)
+            counts = (1, 1) if repeat is UNSET else repeat.count
+            names = [
+                f"{step}{'' if repeat is UNSET else f'[{i},{j}]'}{inner.name}"
+                for j in range(counts[1])
+                for i in range(counts[0])
+            ]
+            if (extent := tree.value("extent", index)) is not UNSET:
+                if repeat is UNSET and quarters == 0:
+                    place = {"at": tree.value("at", index), "extent": extent}
+                    found.append(_Node(inner, factor, 0, place, None, None, (1, 1), names[0]))
+                    continue
+                more = rest_of(pair_of(extent, 0.0)[0]), rest_of(pair_of(extent, 0.0)[1])
+                columns, rows = _places(tree, index)
+                places = _turned_place(columns, rows, lengths, quarters)
+                for at, name in zip((at for row in places for at in row), names, strict=True):
+                    found.append(_free(inner, factor, quarters, at, extent, more, name))
+                continue
+            dx, dy = (0, 0) if repeat is UNSET else map(int, repeat.step)
+            x, y, w, h = tree.block(index)
+            blocks = (
+                (x + i * dx, y + j * dy, w, h) for j in range(counts[1]) for i in range(counts[0])
+            )
+            for block, name in zip(blocks, names, strict=True):
+                own_span, place = turned_block(block, grid, quarters)
+                found.append(_Node(inner, factor, quarters, place, None, around, own_span, name))
         return found
 
 
-def strewn_at_place(root: Root) -> Iterator[tuple[Pair, Strewn]]:
-    """The copies of an element that is scattered over a free cell, and their middles."""
-    tree, index = root.tree, root.element
-    at, area = tree.value("at", index), pair_of(tree.value("extent", index), math.nan)
-    return _strewn_over(root, (at[0] - area[0] / 2, at[1] - area[1] / 2), area)
+def _free(
+    chain: Chain, factor: float, quarters: int, at: tuple[Exact, Exact], extent: float | Pair,
+    more: Pair, name: str,
+) -> _Node:  # fmt: skip
+    """An element at a free place, which its doubles and what these lack say."""
+    place = {"at": (at[0].near, at[1].near), "extent": extent}
+    rests = at[0].rest, at[1].rest, *more
+    return _Node(chain, factor, quarters, place, rests, None, (1, 1), name)
 
 
-def _strewn_over(root: Root, corner: Pair, area: Pair) -> Iterator[tuple[Pair, Strewn]]:
+def _places(tree: Tree, index: int) -> tuple[list[Exact], list[Exact]]:
+    """The columns and the rows in which the copies of an element at a free place stand."""
+    at, repeat = tree.value("at", index), tree.value("repeat", index)
+    found = []
+    for axis in (0, 1):
+        first = Exact.typed(at[axis])
+        places = [first]
+        if repeat is not UNSET:
+            step = side(repeat.step[axis])
+            copies = range(1, repeat.count[axis])
+            places += [first + Exact(k * step.high, k * step.rest) for k in copies]
+        found.append(places)
+    return found[0], found[1]
+
+
+def _turned_place(
+    x: Sequence[Exact], y: Sequence[Exact], lengths: tuple[Exact, Exact], quarters: int
+) -> list[list[tuple[Exact, Exact]]]:
+    """Places in columns x and rows y of a cell, row by row, after quarter turns.
+
+    Args:
+        x: where the columns stand, from the west side of the cell before it is turned.
+        y: where the rows stand, from its south side.
+        lengths: sides of the cell after the turns.
+        quarters: quarter turns.
+    """
+    if quarters in (1, 2):
+        x = [lengths[quarters % 2] + -at for at in x]
+    if quarters in (2, 3):
+        y = [lengths[3 - quarters] + -at for at in y]
+    return [[(row, column) if quarters % 2 else (column, row) for column in x] for row in y]
+
+
+class Area(NamedTuple):
+    """The cell over which copies of an element are scattered.
+
+    Attributes:
+        x: west side, from the corner of the cell of the element's parent.
+        y: south side, likewise.
+        lengths: sides, units of the terrain.
+    """
+
+    x: Exact
+    y: Exact
+    lengths: Pair
+
+
+def area_of(root: Root, around: Sides | None) -> Area:
+    """The area of a scattered element.
+
+    Args:
+        root: the element.
+        around: sides of the cells of its parent's grid, before quarter turns of what is around;
+            it needs none at a free place.
+    """
     tree, index = root.tree, root.element
-    angle = tree.value("turn_deg", index)
-    copies = strewn(
-        tree.value("scatter", index),
-        area,
+    at, extent = tree.value("at", index), tree.value("extent", index)
+    if at is UNSET:
+        assert around is not None
+        x, y, w, h = tree.block(index)
+        lengths = around.x.times(w).near, around.y.times(h).near
+        return Area(around.x.times(x), around.y.times(y), lengths)
+    lengths = pair_of(extent, math.nan)
+    west, south = (
+        Exact.typed(middle) + Exact(-0.5 * length, -0.5 * rest_of(length))
+        for middle, length in zip(at, lengths, strict=True)
+    )
+    return Area(west, south, lengths)
+
+
+def strewn_over(root: Root, area: Area) -> Strewn:
+    """The copies of a scattered element in its area."""
+    tree, index = root.tree, root.element
+    angle, scatter = tree.value("turn_deg", index), tree.value("scatter", index)
+    asked = strewing(
+        scatter,
+        area.lengths,
         by_quarters=tree.value("part", index) is not UNSET,
         tilted=angle is not UNSET and angle % 90 != 0,
     )
-    for copy in copies:
-        yield (corner[0] + copy.middle[0], corner[1] + copy.middle[1]), copy
+    return strewn(asked, wanted(scatter, area.lengths))
 
 
 def turned_block(
@@ -284,15 +364,3 @@ def turned_block(
         x, y, w, h = grid[1] - y - h, x, h, w
     span = UNSET if (w, h) == (1, 1) else (w, h)
     return (w, h), {"cell_x": x, "cell_y": y, "span": span}
-
-
-def _turned_place(at: Pair, lengths: Pair, quarters: int) -> Pair:
-    """A place in a cell after quarter turns, of which the cell has these sides then."""
-    x, y = at
-    if quarters == 1:
-        return y, lengths[1] - x
-    if quarters == 2:
-        return lengths[0] - x, lengths[1] - y
-    if quarters == 3:
-        return lengths[0] - y, x
-    return at

@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 from msgspec import UNSET
 
+from terratool.definition.exact import Sides, sides
 from terratool.definition.model import Definition, Pair, pair_of
-from terratool.definition.sides import Sides, sides
 from terratool.definition.tree import Tree
 from terratool.definition.uses import Root, Uses, places_of, quarter_turns
 

@@ -1,29 +1,32 @@
 """A definition as templates: each part once, however often and wherever it stands.
 
-A template is what stands in the cell of an element of the text: of the root, or of that of a part,
-once for each of its quarter turns and for each surface that it takes from around.
+A template is what stands in the cell of an element of the text: of the root, of a scattered one, or
+of that of a part, once for each of its quarter turns, for each surface that it takes from around,
+and, where copies are scattered over cells of it, for each size of its cell.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from typing import Any, NamedTuple
 
-from msgspec import UNSET, UnsetType
+import numpy as np
+from msgspec import UNSET
+from numpy.typing import NDArray
 
 from terratool.definition.chains import Chain, Chains, with_quarters
+from terratool.definition.exact import Exact, Sides, side, sides
 from terratool.definition.expand import (
     MAX_ELEMENTS,
-    strewn_at_place,
+    area_of,
+    strewn_over,
     turned_block,
     with_names,
     with_names_in_use,
 )
 from terratool.definition.model import Definition, Pair, pair_of
-from terratool.definition.sides import Sides, sides
 from terratool.definition.tree import ROOT
-from terratool.definition.uses import Root, Uses, copies
+from terratool.definition.uses import Root, Uses, copies, elements_of
 from terratool.errors import RequestError
 from terratool.text.display import counted
 
@@ -42,38 +45,49 @@ class Copies(NamedTuple):
 
 
 class Node(NamedTuple):
-    """An element of a template.
+    """An element of a template, or all copies of a scattered one.
+
+    Of a scattered element `turn`, `cells`, `at`, `rests`, `extent`, `inner`, and the numbers of the
+    chain may be arrays with a row for each copy that has found a place.
 
     Attributes:
         chain: what it stands for.
-        surface: what it wears, its own or one from around.
-        turn: of its primitive, degrees.
-        cells: the grid that it has.
-        cell: its first cell and how many it takes, of its first copy; (0, 0), (1, 1) where it has
-            a place.
-        span: how many cells it takes.
+        surface: name of the surface that it wears, its own or one from around.
+        turn: turn of its primitive, degrees.
+        cells: columns and rows of the grid that it has.
+        cell: first cell of its first copy; (0, 0) at a free place.
+        span: cells that it takes; (1, 1) at a free place.
         at: its place before a quarter turn mirrors it; None in a cell.
-        extent: the sides of its free cell.
-        copies: of it.
-        inner: the template of what is in it; -1 where that is in this one, or nothing.
-        step: the end of its name, before and after the place among the copies.
+        rests: what the doubles of its place and its sides lack, (4,); None where a text has them.
+        extent: sides of its free cell.
+        copies: rows of copies of it.
+        numbers: places of scattered copies in their list by size; None for all else.
+        inner: number of the template of what is in it; -1 where that is in this one, or nothing.
+        step: end of its name, before and after the place among the copies.
     """
 
     chain: Chain
-    surface: str | UnsetType
-    turn: float
-    cells: tuple[int, int]
+    surface: Any
+    turn: Any
+    cells: Any
     cell: tuple[int, int]
     span: tuple[int, int]
-    at: Pair | None
-    extent: Pair | None
+    at: Any
+    rests: Any
+    extent: Any
     copies: Copies | None
-    inner: int
+    numbers: NDArray[np.int64] | None
+    inner: Any
     step: tuple[str, str]
 
     @property
+    def rows(self) -> int:
+        """How many rows it has in a table of elements: one, or one for each scattered copy."""
+        return 1 if self.numbers is None else len(self.numbers)
+
+    @property
     def many(self) -> int:
-        """How many copies there are."""
+        """How many elements each of its rows stands for."""
         return 1 if self.copies is None else self.copies.counts[0] * self.copies.counts[1]
 
 
@@ -81,8 +95,8 @@ class Template(NamedTuple):
     """What stands in the cell of an element.
 
     Attributes:
-        cells: the grid of that.
-        quarters: turns of it.
+        cells: columns and rows of the grid of that element.
+        quarters: quarter turns of the template.
         nodes: elements, breadth first.
         families: parent, first and last but one of the nodes that are siblings; -1 for the root.
         levels: where each level begins, and the number of nodes.
@@ -109,34 +123,91 @@ class Blueprint(NamedTuple):
     templates: list[Template]
 
 
-_Key = tuple[int, int, int, Any]
+class _Cell(NamedTuple):
+    """The cell of an element, before quarter turns of the part that it is in.
+
+    Attributes:
+        sides: of cells of which it takes `span`.
+        span: so many of these.
+    """
+
+    sides: Sides
+    span: tuple[int, int]
+
+    def turned(self, quarters: int) -> _Cell:
+        """The cell after quarter turns."""
+        return _Cell(self.sides.turned(quarters), self.span[::-1] if quarters % 2 else self.span)
+
+
+class _Key(NamedTuple):
+    """What makes a template: where its text stands, and what it takes from around.
+
+    Attributes:
+        tree: identity of the tree of the element whose cell it fills.
+        element: index of that element in the tree.
+        quarters: its quarter turns.
+        surface: the surface around it.
+        cell: the cell that it fills, where the template depends on its size.
+    """
+
+    tree: int
+    element: int
+    quarters: int
+    surface: Any
+    cell: _Cell | None
+
+
+class _Inner(NamedTuple):
+    """The templates of what is in an element: of all its copies, or of each by its index."""
+
+    keys: list[_Key]
+    which: NDArray[np.int64] | None = None
 
 
 class _Sketch(NamedTuple):
     """A template whose nodes name what is in them by the keys of templates."""
 
     template: Template
-    inner: list[_Key | None]
+    inner: list[_Inner]
 
 
-def is_shareable(uses: Uses) -> bool:
-    """Whether what stands in a part is the same wherever that stands.
+class _Site(NamedTuple):
+    """Where an element of the text stands in a template.
 
-    Copies that are scattered over a cell of a grid depend on its sides.
+    Attributes:
+        root: the element.
+        step: end of its name.
+        surface: the surface around it.
+        quarters: quarter turns of the template.
+        around: the cell of its parent, before these; None where nothing depends on it.
     """
-    if not uses.composed:
-        return False
-    trees = {id(root.tree): root.tree for root in (uses.root, *map(uses.part, uses.reached))}
-    return not any(
-        scatter is not UNSET and tree.value("at", index) is UNSET
-        for tree in trees.values()
-        if tree.distinct("scatter") != {UNSET}
-        for index, scatter in enumerate(tree.column("scatter"))
-    )
+
+    root: Root
+    step: str
+    surface: Any
+    quarters: int
+    around: _Cell | None
+
+    @property
+    def pitches(self) -> Sides | None:
+        """Sides of the cells of its parent's grid."""
+        tree = self.root.tree
+        if self.around is None:
+            return None
+        return self.around.sides.block(self.around.span, tree.grid(tree.parents[self.root.element]))
+
+    @property
+    def cell(self) -> _Cell | None:
+        """The cell of the element; None where nothing depends on it."""
+        tree, index = self.root.tree, self.root.element
+        extent = tree.value("extent", index)
+        if extent is not UNSET:
+            return _Cell(sides(pair_of(extent, math.nan)), ONE).turned(self.quarters)
+        return None if self.pitches is None else _Cell(self.pitches, tree.block(index)[2:])
 
 
 def blueprint(uses: Uses) -> Blueprint:
-    """The templates of a valid definition, which is shareable.
+    """The templates of a valid definition.
 
     Raises:
         RequestError: they come to too many elements.
@@ -151,25 +222,28 @@ class _Drafter:
         self.sketches: dict[_Key, _Sketch] = {}
         self.roots: dict[_Key, Root] = {}
         self.total = 0
+        self._sized = uses.leading_to(_has_scattered_cells)
+        self._depending: dict[tuple[int, int], bool] = {}
 
     def draw(self) -> Blueprint:
         chain = self.chains.of(self.uses.root)
         tree, element = chain.root.tree, chain.root.element
-        first = self._key(chain.root, chain.quarters, chain.surface)
+        whole = _Cell(sides(with_names(self.uses).extent), ONE)
+        first = self._key(chain.root, chain.quarters, chain.surface, whole)
         order = self._sketch_all(first)
         number = {key: index for index, key in enumerate(order)}
         templates = []
         for key in order:
             template, inner = self.sketches[key]
             nodes = [
-                node if name is None else node._replace(inner=number[name])
-                for node, name in zip(template.nodes, inner, strict=True)
+                node._replace(inner=_numbers(one, number))
+                for node, one in zip(template.nodes, inner, strict=True)
             ]
             templates.append(template._replace(nodes=nodes))
         root = Node(
             chain, chain.surface, _turn(chain, chain.quarters), templates[0].cells, (0, 0), ONE,
-            None, None, None, 0 if tree.brood(element)[0] < tree.brood(element)[1] else -1,
-            (ROOT, chain.name),
+            None, None, None, None, None,
+            0 if tree.brood(element)[0] < tree.brood(element)[1] else -1, (ROOT, chain.name),
         )  # fmt: skip
         nodes = [root, *(node for template in templates for node in template.nodes)]
         definition = with_names_in_use(
@@ -180,10 +254,26 @@ class _Drafter:
         )
         return Blueprint(definition, root, templates)
 
-    def _key(self, root: Root, quarters: int, surface: Any) -> _Key:
-        key = id(root.tree), root.element, quarters, surface
+    def _key(self, root: Root, quarters: int, surface: Any, cell: _Cell | None) -> _Key:
+        """The key of the template of what is in the cell of an element."""
+        cell = cell if self._depends_on_size(root) else None
+        key = _Key(id(root.tree), root.element, quarters, surface, cell)
         self.roots[key] = root
         return key
+
+    def _depends_on_size(self, root: Root) -> bool:
+        """Whether copies are scattered over cells whose sides follow from those of an element."""
+        tree, place = root.tree, (id(root.tree), root.element)
+        if place not in self._depending:
+            pending, found = [root.element], False
+            while pending and not found:
+                for child in range(*tree.brood(pending.pop())):
+                    if tree.value("extent", child) is UNSET:
+                        scattered = tree.value("scatter", child) is not UNSET
+                        found |= scattered or tree.value("part", child) in self._sized
+                        pending.append(child)
+            self._depending[place] = found
+        return self._depending[place]
 
     def _sketch_all(self, first: _Key) -> list[_Key]:
         """All templates that one leads to, users before what they use."""
@@ -196,43 +286,38 @@ class _Drafter:
             elif key not in self.sketches:
                 self.sketches[key] = self._sketch(key)
                 pending.append((key, True))
-                pending += [(name, False) for name in self.sketches[key].inner if name is not None]
+                inner = self.sketches[key].inner
+                pending += [(name, False) for one in inner for name in one.keys]
         return done[::-1]
 
     def _sketch(self, key: _Key) -> _Sketch:
         root = self.roots[key]
-        *_, quarters, surface = key
-        tree = root.tree
+        tree, quarters = root.tree, key.quarters
         nodes: list[Node] = []
-        inner: list[_Key | None] = []
+        inner: list[_Inner] = []
         families: list[tuple[int, int, int]] = []
         levels = [0]
-        level = [(-1, root.element, surface)]
+        level = [(-1, root.element, key.surface, key.cell)]
         while level:
             below = []
-            for parent, element, around in level:
+            for parent, element, around, cell in level:
                 begin, end = tree.brood(element)
                 if begin == end:
                     continue
-                families.append((parent, len(nodes), len(nodes)))
+                families.append((parent, len(nodes), len(nodes) + end - begin))
                 for index in range(begin, end):
-                    step = f"/children/{index - begin}"
-                    for node in self._nodes(Root(tree, index, root.home), around, quarters, step):
-                        chain, name = node.chain, None
-                        if chain.root.tree is not tree or chain.root.element != index:
-                            first, last = chain.root.tree.brood(chain.root.element)
-                            if first < last:
-                                turns = (quarters + chain.quarters) % 4
-                                name = self._key(chain.root, turns, node.surface)
-                        else:
-                            below.append((len(nodes), index, node.surface))
-                        nodes.append(node)
-                        inner.append(name)
-                families[-1] = parent, families[-1][1], len(nodes)
+                    own = Root(tree, index, root.home)
+                    site = _Site(own, f"/children/{index - begin}", around, quarters, cell)
+                    scattered = tree.value("scatter", index) is not UNSET
+                    node, found = self._scattered(site) if scattered else self._single(site)
+                    if node.chain.root == own and not scattered and _has_children(own):
+                        below.append((len(nodes), index, node.surface, site.cell))
+                    nodes.append(node)
+                    inner.append(found)
             if len(nodes) > levels[-1]:
                 levels.append(len(nodes))
             level = below
-        self.total += len(nodes)
+        self.total += sum(node.numbers is None for node in nodes)
         if self.total > MAX_ELEMENTS:
             raise RequestError(
                 f"{self.uses.document.source.name}: its parts, in all their turns and surfaces, "
@@ -242,27 +327,88 @@ class _Drafter:
         cells = _turned_cells(root, quarters)
         return _Sketch(Template(cells, quarters, nodes, families, levels), inner)
 
-    def _nodes(self, root: Root, around: Any, quarters: int, step: str) -> Iterator[Node]:
-        """An element of the text, or the copies of a scattered one."""
-        scatter = root.tree.value("scatter", root.element)
-        if scatter is UNSET:
-            chain = self.chains.of(root)
-            worn = around if chain.surface is UNSET else chain.surface
-            yield _node(root, chain, worn, quarters, step)
-            return
-        for number, (middle, copy) in enumerate(strewn_at_place(root)):
-            chain = self.chains.strewn(root, copy)
-            worn = around if chain.surface is UNSET else chain.surface
-            inner = (quarters + chain.quarters) % 4
-            yield Node(
-                chain, worn, _turn(chain, inner), _turned_cells(chain.root, inner), (0, 0), ONE,
-                middle[::-1] if quarters % 2 else middle, (copy.side, copy.side), None, -1,
-                (f"{step}[{number}]", chain.name),
-            )  # fmt: skip
+    def _single(self, site: _Site) -> tuple[Node, _Inner]:
+        """An element that is not scattered, and what is in it where that is another template."""
+        chain = self.chains.of(site.root)
+        worn = site.surface if chain.surface is UNSET else chain.surface
+        node = _node(site, chain, worn)
+        if chain.root == site.root or not _has_children(chain.root):
+            return node, _Inner([])
+        cell = None
+        if self._depends_on_size(chain.root) and site.cell is not None:
+            cell = site.cell.turned(chain.quarters)
+        turns = (site.quarters + chain.quarters) % 4
+        return node, _Inner([self._key(chain.root, turns, worn, cell)])
+
+    def _scattered(self, site: _Site) -> tuple[Node, _Inner]:
+        """The copies of a scattered element that have found a place, and what is in them."""
+        root, odd = site.root, site.quarters % 2 == 1
+        area = area_of(root, site.pitches)
+        found = strewn_over(root, area)
+        lengths, x, y, turns = map(np.frombuffer, found[:4])
+        numbers = np.flatnonzero(~np.isnan(x))
+        lengths, x, y, turns = (column[numbers] for column in (lengths, x, y, turns))
+        at = area.x + Exact(x, np.zeros(len(x))), area.y + Exact(y, np.zeros(len(y)))
+        at = at[::-1] if odd else at
+        is_part = root.tree.value("part", root.element) is not UNSET
+        chain = self.chains.strewn(root, lengths, 0.0 if is_part else turns)
+        worn = site.surface if chain.surface is UNSET else chain.surface
+        quarters = np.full(len(x), site.quarters + chain.quarters)
+        if is_part:
+            quarters += (turns // 90).astype(np.int64)
+        quarters %= 4
+        by_quarters = range(4)
+        cells = np.array([_turned_cells(chain.root, turned) for turned in by_quarters])[quarters]
+        turn = _turn(chain, site.quarters)
+        if is_part:
+            turn = np.array([_turn(chain, turned) for turned in by_quarters])[quarters]
+        rests = np.column_stack([at[0].rest, at[1].rest, np.zeros((len(x), 2))])
+        node = Node(
+            chain, worn, turn, cells, (0, 0), ONE, np.column_stack([at[0].near, at[1].near]),
+            rests, np.column_stack([lengths, lengths]), None, numbers, -1, (site.step, chain.name),
+        )  # fmt: skip
+        if not _has_children(chain.root):
+            return node, _Inner([])
+        sized = self._depends_on_size(chain.root)
+        kinds = np.column_stack([quarters, lengths if sized else np.zeros(len(x))])
+        kinds, which = np.unique(kinds, axis=0, return_inverse=True)
+        keys = []
+        for turned, length in kinds.tolist():
+            cell = _Cell(Sides(side(length, 0.0), side(length, 0.0)), ONE) if sized else None
+            keys.append(self._key(chain.root, int(turned), worn, cell))
+        return node, _Inner(keys, which.reshape(-1))
 
 
-def _turn(chain: Chain, quarters: int) -> float:
-    turn = with_quarters(chain.turn, quarters)
+def _has_scattered_cells(root: Root) -> bool:
+    """Whether copies are scattered over a cell of a grid below a root."""
+    tree = root.tree
+    if tree.distinct("scatter") == {UNSET}:
+        return False
+    scatters, extents = tree.column("scatter"), tree.column("extent")
+    return any(
+        scatters[index] is not UNSET and extents[index] is UNSET for index in elements_of(root)
+    )
+
+
+def _has_children(root: Root) -> bool:
+    begin, end = root.tree.brood(root.element)
+    return begin < end
+
+
+def _numbers(inner: _Inner, number: dict[_Key, int]) -> Any:
+    """The numbers of the templates of what is in an element, or in each of its copies."""
+    if not inner.keys:
+        return -1
+    numbers = [number[key] for key in inner.keys]
+    return numbers[0] if inner.which is None else np.array(numbers)[inner.which]
+
+
+def _turn(chain: Chain, quarters: int) -> Any:
+    """The turn of an element in a template of so many quarter turns, degrees."""
+    turn = chain.turn
+    if isinstance(turn, np.ndarray):
+        return turn if quarters == 0 else np.mod(np.fmod(turn, 360.0) + 90.0 * quarters, 360.0)
+    turn = with_quarters(turn, quarters)
     return 0.0 if turn is UNSET else turn
 
 
@@ -271,12 +417,12 @@ def _turned_cells(root: Root, quarters: int) -> tuple[int, int]:
     return cells[::-1] if quarters % 2 else cells
 
 
-def _node(root: Root, chain: Chain, surface: Any, quarters: int, name: str) -> Node:
-    """An element that stands in a template of so many quarter turns."""
-    tree, index = root.tree, root.element
+def _node(site: _Site, chain: Chain, surface: Any) -> Node:
+    """An element that stands in a template, with its copies in rows."""
+    tree, index, quarters = site.root.tree, site.root.element, site.quarters
     repeat, at = tree.value("repeat", index), tree.value("at", index)
     inner_quarters = (quarters + chain.quarters) % 4
-    step = name, chain.name
+    step = site.step, chain.name
     cell, span, place, extent = (0, 0), ONE, None, None
     odd = quarters % 2 == 1
     if at is UNSET:
@@ -300,12 +446,12 @@ def _node(root: Root, chain: Chain, surface: Any, quarters: int, name: str) -> N
         step = f"{step[0]}[0,0]", step[1]
     return Node(
         chain, surface, _turn(chain, inner_quarters), _turned_cells(chain.root, inner_quarters),
-        cell, span, place, extent, of, -1, step,
+        cell, span, place, None, extent, of, None, -1, step,
     )  # fmt: skip
 
 
 def smallest_cell(plan: Blueprint) -> float:
-    """The shortest side of any element's cell.
+    """The shortest side of any element's cell, units of the terrain.
 
     Exact, as the field has it, unless parts stand in very many sizes; then of those looked at.
     """
@@ -323,21 +469,39 @@ def smallest_cell(plan: Blueprint) -> float:
             known: dict[Any, Sides] = {}
             for index in range(begin, end):
                 node = template.nodes[index]
-                key = node.extent or node.span
-                if key not in known:
-                    own = sides(node.extent) if node.extent else around.block(node.span, grid)
-                    known[key] = own
-                    smallest = min(smallest, *_lengths(around, node, grid))
-                cells[index] = known[key]
-                below = node.inner, known[key]
-                if node.inner >= 0 and below not in seen and len(seen) < MANY_SIZES:
-                    seen.add(below)
-                    pending.append(below)
+                for inner, key in _smallest_of(node):
+                    if key not in known:
+                        known[key] = (
+                            key if isinstance(key, Sides) else around.block(node.span, grid)
+                        )
+                        smallest = min(smallest, *_lengths(around, node.span, key, grid))
+                    cells[index] = known[key]
+                    below = inner, known[key]
+                    if inner >= 0 and below not in seen and len(seen) < MANY_SIZES:
+                        seen.add(below)
+                        pending.append(below)
     return smallest
 
 
-def _lengths(around: Sides, node: Node, grid: tuple[int, int]) -> Pair:
-    if node.extent:
-        return node.extent
+def _smallest_of(node: Node) -> list[tuple[int, Sides | tuple[int, int]]]:
+    """The template of what is in an element, and its free sides, or the span of its cell.
+
+    Of scattered copies with one template the smallest counts: what is in it is no larger.
+    """
+    if node.numbers is None:
+        return [(node.inner, sides(node.extent) if node.extent else node.span)]
+    found: dict[int, Sides] = {}
+    inner = np.broadcast_to(node.inner, len(node.extent))
+    for number in np.unique(inner).tolist():
+        own = side(float(node.extent[inner == number].min()), 0.0)
+        found[number] = Sides(own, own)
+    return list(found.items())
+
+
+def _lengths(
+    around: Sides, span: tuple[int, int], own: Sides | tuple[int, int], grid: tuple[int, int]
+) -> Pair:
+    if isinstance(own, Sides):
+        return own.lengths
     cell = around.block(ONE, grid).lengths
-    return cell[0] * node.span[0], cell[1] * node.span[1]
+    return cell[0] * span[0], cell[1] * span[1]

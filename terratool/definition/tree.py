@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from bisect import bisect_left, insort
 from collections.abc import Container, Iterator, Sequence
+from fractions import Fraction
 from functools import cached_property
 from heapq import heappop, heappush
 from itertools import chain, pairwise, repeat
@@ -12,6 +13,7 @@ from typing import Any
 
 from msgspec import UNSET, Struct, field, structs
 
+from terratool.definition.exact import exact
 from terratool.definition.findings import Bounds
 from terratool.definition.model import DEFAULT_CELLS, Definition, Element, Library, pair_of
 from terratool.text.display import escape
@@ -102,6 +104,8 @@ class Tree(Struct, frozen=True, dict=True):
         roots: pointers of the elements of the first level: the root, and those of parts.
         steps: of each element the end of its name, behind that of its parent, where it was written
             out from parts or copies; None where the place among its siblings tells it.
+        rests: of each element at a free place what the doubles of `at` and `extent` lack, along x
+            and y each; None where these are decimals that a text has.
         notes: what others found out about the tree.
     """
 
@@ -111,6 +115,7 @@ class Tree(Struct, frozen=True, dict=True):
     columns: dict[str, list[Any]] = field(default_factory=dict)
     roots: tuple[str, ...] = (ROOT,)
     steps: list[str] | None = None
+    rests: list[tuple[float, float, float, float] | None] | None = None
     notes: dict[str, Any] = field(default_factory=dict)
     _distinct: dict[str, set[Any]] = field(default_factory=dict)
     _above: dict[int, str] = field(default_factory=dict)
@@ -295,8 +300,6 @@ class Tree(Struct, frozen=True, dict=True):
 
         Of a turned element at a free place it is the rectangle before the turn.
         """
-        from fractions import Fraction
-
         path = []
         while index >= 0:
             path.append(index)
@@ -307,15 +310,15 @@ class Tree(Struct, frozen=True, dict=True):
         # exact, so that neither depth nor large coordinates blur it; whole numbers over a common
         # denominator, as reducing fractions takes long where the tree is deep
         low, side, whole = [0, 0], [1, 1], [1, 1]
-        corners, extents = [*map(Fraction, corner)], [*map(Fraction, extent)]
+        corners, extents = [*map(exact, corner)], [*map(exact, extent)]
         free = self.distinct("at") != {UNSET}
         for parent, element in zip(reversed(path), reversed(path[:-1]), strict=False):
             if free and (place := self.place(element)):
                 # begin anew: the place says where, from the corner of the parent's cell
                 for axis, (at, length) in enumerate(place):
                     corners[axis] += extents[axis] * Fraction(low[axis], whole[axis])
-                    corners[axis] += Fraction(at) - Fraction(length) / 2
-                    extents[axis] = Fraction(length)
+                    corners[axis] += exact(at) - exact(length) / 2
+                    extents[axis] = exact(length)
                 low, side, whole = [0, 0], [1, 1], [1, 1]
                 continue
             grid, block = self.grid(parent), self.block(element)

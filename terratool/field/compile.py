@@ -9,6 +9,7 @@ import numpy as np
 from msgspec import UNSET
 from numpy.typing import NDArray
 
+from terratool.definition.exact import rests_of
 from terratool.definition.model import DEFAULT_CELLS, Definition, pair_of
 from terratool.definition.tree import ROOT, Tree
 from terratool.field.records import ELEMENT, PLACE, FieldArrays
@@ -20,6 +21,7 @@ from terratool.field.tables import (
     kinds_of,
     mark_plain,
     order_of,
+    place_terrain,
     placed_of,
     poses_of,
     runs_of,
@@ -71,12 +73,12 @@ def compile_definition(definition: Definition, tree: Tree, *, roughness: bool = 
 
     runs = runs_of(columns)
     grids, grid_of = runs.grids, runs.grid_of
-    placed = placed_of(columns, _places(tree), grid_of > 0)
+    placed = placed_of(columns, *_places(tree), grid_of > 0)
     numbers = np.arange(len(grids), dtype=np.uint32)
     home = np.repeat(numbers, np.diff(runs.first, append=len(parents)))
     sides, aspects = np.empty((len(grids), 2)), np.empty(len(grids))
-    corner, extent = np.array(definition.corner, float), np.array(definition.extent, float)
-    kernels.lay_grids(grids, sides, aspects, runs.owners, home, placed, corner, extent)
+    place_terrain(grids, definition)
+    kernels.lay_grids(grids, sides, aspects, runs.owners, home, placed)
     bins = bins_of(runs, runs.ranges, grid_of, placed, dense)
 
     elements = np.zeros(len(parents), ELEMENT)
@@ -84,7 +86,7 @@ def compile_definition(definition: Definition, tree: Tree, *, roughness: bool = 
     own_sides = sides[home] * columns.span
     elements["cell"][free] = placed.cell[free, :1] >> (0, 16) & 0xFFFF
     own_sides[free] = placed.places["extent"]
-    shares = (own_sides / extent).min(axis=1)
+    shares = (own_sides / np.array(definition.extent, float)).min(axis=1)
     elements["scale"] = np.where(np.isnan(columns.scale), shares, columns.scale)
     elements["offset"] = columns.offset
     elements["grid"] = grid_of
@@ -98,6 +100,7 @@ def compile_definition(definition: Definition, tree: Tree, *, roughness: bool = 
         grids=grids,
         poses=poses,
         places=placed.places,
+        rests=placed.rests,
         kinds=found.kinds,
         curves=found.curves,
         voids=bool(found.kinds["is_void"].any()),
@@ -165,16 +168,23 @@ def _columns(tree: Tree, definition: Definition) -> Columns:
     )
 
 
-def _places(tree: Tree) -> NDArray[Any]:
-    """The places of the free elements of a tree, PLACE."""
+def _places(tree: Tree) -> tuple[NDArray[Any], NDArray[Any]]:
+    """The places of the free elements of a tree, PLACE, and what their doubles lack, PLACE."""
     if tree.distinct("at") == {UNSET}:
-        return np.zeros(0, PLACE)
-    at = [value for value in tree.column("at") if value is not UNSET]
-    places = np.zeros(len(at), PLACE)
-    places["at"] = at
-    extents = [pair_of(value, 1.0) for value in tree.column("extent") if value is not UNSET]
-    places["extent"] = extents
-    return places
+        return np.zeros(0, PLACE), np.zeros(0, PLACE)
+    free = [index for index, at in enumerate(tree.column("at")) if at is not UNSET]
+    at, extent = tree.column("at"), tree.column("extent")
+    places, rests = np.zeros(len(free), PLACE), np.zeros(len(free), PLACE)
+    places["at"] = [at[index] for index in free]
+    places["extent"] = [pair_of(extent[index], 1.0) for index in free]
+    known = [None] * len(tree) if tree.rests is None else tree.rests
+    typed = [place for place, index in enumerate(free) if known[index] is None]
+    for name in ("at", "extent"):
+        rests[name][typed] = rests_of(places[name][typed])
+    for place, index in enumerate(free):
+        if (own := known[index]) is not None:
+            rests[place] = own[:2], own[2:]
+    return places, rests
 
 
 def _first_sibling(parent: Ints) -> Ints:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from terratool.definition.accuracy import MAX_PIECES, survey
 from terratool.definition.curves import Curve, KnotCurve, SampledCurve
+from terratool.definition.exact import rests_of
 from terratool.definition.expression import CHECK_POINTS, MAX_VALUE, Expression, evaluate
 from terratool.field.records import STEPPED, CurveArrays
 
@@ -42,6 +43,7 @@ class CurvePieces:
     Attributes:
         starts: (n,) t where each piece begins; the first is 0, two are equal where a piece has no
             length (a step at t = 1).
+        rests: (n,) what the doubles of `starts` lack to the decimals that they mean.
         coefficients: (n, 4); the value at t is c0 + s·(c1 + s·(c2 + s·c3)), with s = t − start for
             knotted curves and s = n·t − i for evenly spaced ones.
         end: value at t = 1.
@@ -50,6 +52,7 @@ class CurvePieces:
     """
 
     starts: Floats
+    rests: Floats
     coefficients: Floats
     end: float
     even: bool
@@ -72,7 +75,7 @@ def _samples(values: Floats) -> CurvePieces:
     coefficients = np.zeros((count, 4))
     coefficients[:, 0] = values[:-1]
     coefficients[:, 1] = np.diff(values)
-    return CurvePieces(np.arange(count) / count, coefficients, values[-1], True)
+    return CurvePieces(np.arange(count) / count, np.zeros(count), coefficients, values[-1], True)
 
 
 def _knots(points: Floats) -> CurvePieces:
@@ -91,7 +94,8 @@ def _knots(points: Floats) -> CurvePieces:
     coefficients = np.zeros((len(starts), 4))
     coefficients[:, 0] = firsts
     coefficients[:, 1] = slopes
-    return CurvePieces(starts, coefficients, z[-1], False, stepped=not keep.all())
+    stepped = not keep.all()
+    return CurvePieces(starts, rests_of(starts), coefficients, z[-1], False, stepped)
 
 
 def values_of(expression: Expression, t: Floats) -> Floats:
@@ -115,10 +119,10 @@ def _formula(expression: Expression) -> CurvePieces:
             _error_between(expression, starts, coefficients) <= tolerance
             and _error_at(expression, places, starts, coefficients) <= tolerance
         ):
-            return CurvePieces(starts, coefficients, values[-1], True)
+            return CurvePieces(starts, np.zeros(len(starts)), coefficients, values[-1], True)
     starts, lengths, coefficients = _halve(expression, tolerance, places)
     coefficients = coefficients / lengths[:, None] ** np.arange(4)
-    return CurvePieces(starts, coefficients, values[-1], False)
+    return CurvePieces(starts, np.zeros(len(starts)), coefficients, values[-1], False)
 
 
 def _cubics(expression: Expression, starts: Floats, lengths: Floats) -> Floats:
@@ -224,6 +228,7 @@ class CurveStore:
         self._known: dict[Curve, dict[str, Any]] = {}
         self._pieces: list[NDArray[np.float64]] = []
         self._knots: list[NDArray[np.float64]] = [np.zeros(1)]
+        self._rests: list[NDArray[np.float64]] = [np.zeros(1)]
         self._bins: list[NDArray[np.uint32]] = [np.zeros(1, np.uint32)]
         self._counts = [0, 1, 1]
 
@@ -246,6 +251,7 @@ class CurveStore:
             count = len(bins)
             self._bins.append(bins)
             self._knots.append(np.append(curve.starts, np.inf))
+            self._rests.append(np.append(curve.rests, 0.0))
             self._counts[1] += len(self._knots[-1])
             self._counts[2] += count
         return {
@@ -258,5 +264,8 @@ class CurveStore:
     def curves(self) -> CurveArrays:
         """All pieces, knots and bins."""
         return CurveArrays(
-            np.concatenate(self._pieces), np.concatenate(self._knots), np.concatenate(self._bins)
+            np.concatenate(self._pieces),
+            np.concatenate(self._knots),
+            np.concatenate(self._rests),
+            np.concatenate(self._bins),
         )

@@ -52,7 +52,10 @@ POSE = np.dtype(
 )
 
 PLACE = np.dtype([("at", np.float64, 2), ("extent", np.float64, 2)])
-"""Middle and sides of the cell of a free element, from the corner of its parent's cell."""
+"""Middle and sides of the cell of a free element, from the corner of its parent's cell.
+
+Another one beside it has what its doubles lack to the numbers that they stand for.
+"""
 
 FREE_BINS = np.dtype(
     [
@@ -124,6 +127,8 @@ MEMBER = np.dtype(
 COPIES = np.dtype(
     [
         ("step", np.float64, 2),  # whole cells, or units of the terrain for a free element
+        # the step in few enough bits that k · pitch is exact, and the rest of it
+        ("pitch", np.float64, (2, 2)),
         ("count", np.uint32, 2),
         ("across", np.uint8),  # the rows stand along y
     ],
@@ -194,11 +199,13 @@ class CurveArrays(NamedTuple):
         pieces: (4n,) float64, the four coefficients of a cubic per piece; behind the pieces of
             each evenly spaced curve stands one more, its value and slope at t = 1.
         knots: (n,) float64, t where each piece of a knotted curve begins, then infinity.
+        rests: (n,) float64, what the doubles of the knots lack to the decimals that they mean.
         bins: (n,) uint32, for evenly spaced t the piece of a knotted curve to begin the search at.
     """
 
     pieces: NDArray[np.float64]
     knots: NDArray[np.float64]
+    rests: NDArray[np.float64]
     bins: NDArray[np.uint32]
 
 
@@ -275,6 +282,7 @@ class FieldArrays(NamedTuple):
         entries: (n,) uint32, element indices of the grids that list them, as those of free ones do.
         poses: POSE.
         places: PLACE, of the free elements in their order.
+        rests: PLACE, what the doubles of `places` lack to the numbers that they stand for.
         free_bins: FREE_BINS, of the grids of free elements.
         kinds: KIND.
         curves: the pieces of the curves.
@@ -292,6 +300,7 @@ class FieldArrays(NamedTuple):
     entries: NDArray[np.uint32]
     poses: NDArray[Any]
     places: NDArray[Any]
+    rests: NDArray[Any]
     free_bins: NDArray[Any]
     kinds: NDArray[Any]
     curves: CurveArrays

@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_right
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from itertools import accumulate
 from typing import Any, NamedTuple
 
 import numpy as np
 from msgspec import UNSET
 from numpy.typing import NDArray
 
+from terratool.definition.exact import rests_of, side
 from terratool.definition.expand import MAX_ELEMENTS
 from terratool.definition.sharing import Blueprint, Node, smallest_cell
 from terratool.errors import RequestError
 from terratool.field.compile import Compiled
+from terratool.field.pieces import Floats
 from terratool.field.records import (
     COPIES,
     ELEMENT,
@@ -34,6 +37,7 @@ from terratool.field.tables import (
     kinds_of,
     mark_plain,
     order_of,
+    place_terrain,
     placed_of,
     poses_of,
     rank_of,
@@ -53,23 +57,52 @@ _SLACK = 8.0
 
 
 class Member(NamedTuple):
-    """An element of a template, and which number it has.
+    """An element of a template, with its copies, and which numbers they have.
 
     Attributes:
-        element: its index in the field.
-        first: the number of its first copy, among its siblings and what is in them.
-        each: how many elements each copy comes to.
+        element: index in the field of its first row.
+        firsts: numbers among its siblings and what is in them: where its first copy begins, or
+            each of the copies that are scattered.
+        each: how many elements each copy in rows comes to.
         row: copies in a row; 0 without `repeat`.
-        step: the end of its name, before and after the place among the copies.
-        family: the elements in it; -1 for none.
+        places: places of scattered copies in their list by size; None for all else.
+        step: end of its name, before and after the place among the copies.
+        families: what is in each of its copies, or in each of the scattered ones; -1 for nothing.
     """
 
     element: int
-    first: int
+    firsts: Sequence[int]
     each: int
     row: int
+    places: Ints | None
     step: tuple[str, str]
-    family: int
+    families: Ints
+
+    def copy_at(self, number: int) -> tuple[int, int]:
+        """The copy that a number among the siblings falls into, and what is left of the number."""
+        if self.places is None:
+            copy, left = divmod(number - self.firsts[0], self.each)
+            return copy, left
+        copy = bisect_right(self.firsts, number) - 1
+        return copy, number - self.firsts[copy]
+
+    def row_of(self, copy: int) -> int:
+        """The index in the field of a copy."""
+        return self.element if self.places is None else self.element + copy
+
+    def family_of(self, copy: int) -> int:
+        """What is in a copy; -1 for nothing."""
+        return int(self.families[0 if self.places is None else copy])
+
+    def name_of(self, copy: int) -> str:
+        """The end of the name of a copy."""
+        before, after = self.step
+        place = ""
+        if self.places is not None:
+            place = f"[{self.places[copy]}]"
+        elif self.row:
+            place = f"[{copy % self.row},{copy // self.row}]"
+        return f"{before}{place}{after}"
 
 
 class Tally(NamedTuple):
@@ -79,7 +112,7 @@ class Tally(NamedTuple):
         elements: all elements.
         by_kind: of each kind.
         levels: of nesting.
-        families: the elements in each element of the text, by `Member.family`.
+        families: the elements in each element of the text, by `Member.family_of`.
         root: the element of the terrain.
     """
 
@@ -90,34 +123,57 @@ class Tally(NamedTuple):
     root: Member
 
     def way(self, number: int) -> list[tuple[Member, int]]:
-        """The members that lead to an element by its number, each with the place of its copy."""
+        """The members that lead to an element by its number, each with its copy."""
         way = [(self.root, 0)]
         while number:
-            number -= 1
-            members = self.families[way[-1][0].family]
-            member = members[bisect_right(members, number, key=lambda one: one.first) - 1]
-            copy, number = divmod(number - member.first, member.each)
-            way.append((member, copy))
+            member, copy = way[-1]
+            members = self.families[member.family_of(copy)]
+            before = bisect_right(members, number - 1, key=lambda one: one.firsts[0])
+            copy, number = members[before - 1].copy_at(number - 1)
+            way.append((members[before - 1], copy))
         return way
 
     def name(self, number: int) -> str:
         """The name of an element by its number."""
-        steps = []
-        for member, copy in self.way(number):
-            before, after = member.step
-            place = f"[{copy % member.row},{copy // member.row}]" if member.row else ""
-            steps.append(f"{before}{place}{after}")
-        return "".join(steps)
+        return "".join(member.name_of(copy) for member, copy in self.way(number))
 
 
 class _Draft(NamedTuple):
-    """The elements of all templates, one after the other behind their roots."""
+    """The elements of all templates, one after the other behind their roots.
+
+    Attributes:
+        nodes: roots of the templates, and then their elements.
+        parents: index of the node in which each stands; -1 for a root.
+        levels: the node with which each level begins, and the number of nodes.
+        quarters: quarter turns of the template that each is in.
+        first: (nodes + 1,) int64, the first row of each node, and the number of rows.
+        below: (rows,) int64, the row whose children stand in each; -1 for none.
+        often: how often what each node stands in does: whole numbers of any size.
+    """
 
     nodes: list[Node]
     parents: list[int]
     levels: list[int]
-    below: list[int]  # the element or root whose children stand in each; -1 for none
-    quarters: list[int]  # of the template that each is in
+    quarters: list[int]
+    first: Ints
+    below: Ints
+    often: list[int]
+
+    @property
+    def node_of(self) -> Ints:
+        """(rows,) int64, the node of each row."""
+        return np.repeat(np.arange(len(self.nodes)), np.diff(self.first))
+
+    def spread(self, values: Sequence[Any], dtype: Any) -> NDArray[Any]:
+        """Values of nodes, or arrays of those of their copies, as a column of all rows."""
+        arrays = [index for index, value in enumerate(values) if isinstance(value, np.ndarray)]
+        plain = list(values)
+        for index in arrays:
+            plain[index] = values[index][0] if len(values[index]) else plain[0]
+        column = np.repeat(np.array(plain, dtype), np.diff(self.first), axis=0)
+        for index in arrays:
+            column[self.first[index] : self.first[index + 1]] = values[index]
+        return column
 
 
 def compile_shared(plan: Blueprint, *, roughness: bool = True) -> tuple[Compiled, Tally]:
@@ -127,15 +183,12 @@ def compile_shared(plan: Blueprint, *, roughness: bool = True) -> tuple[Compiled
         RequestError: it comes to more elements than can be numbered.
     """
     draft = _draft(plan)
-    many = _multiplicities(draft, len(plan.templates))
     definition = plan.definition
-    columns, bounding = _columns(draft, plan)
-    order, dense = order_of(bounding, draft.levels)
+    columns, bounding, factors = _columns(draft, plan)
+    order, dense = order_of(bounding, draft.first[draft.levels].tolist())
     columns, bounding, dense = in_order(columns, order), in_order(bounding, order), dense[order]
-    parents, free = columns.parent, columns.free
-    nodes = [draft.nodes[index] for index in order.tolist()]
-    many = [many[index] for index in order.tolist()]
-    below = np.array(draft.below)[order]
+    node_of, free = draft.node_of[order], columns.free
+    below = draft.below[order]
     below = np.where(below >= 0, rank_of(order)[below], -1)
 
     runs = runs_of(columns)
@@ -149,9 +202,10 @@ def compile_shared(plan: Blueprint, *, roughness: bool = True) -> tuple[Compiled
     grids["corner"][:, :, 0] = _SLACK * np.maximum(np.abs(corner), np.abs(corner + extent))
     grids["pitch"][:, :, 0] = _SLACK * extent
 
-    places = _free_places(nodes, free)
-    placed = placed_of(bounding._replace(place=np.cumsum(free) - 1), places, grid_of > 0)
-    copies, copies_of = _copies(nodes)
+    places, rests = _free_places(draft)
+    placed = placed_of(bounding, places, rests, grid_of > 0)
+    places, rests = placed.places, placed.rests
+    copies, copies_of = _copies(draft, node_of)
     middles = places.copy()
     own_copies = copies[copies_of[free]]
     far = own_copies["step"] * (own_copies["count"] - 1.0)
@@ -162,27 +216,30 @@ def compile_shared(plan: Blueprint, *, roughness: bool = True) -> tuple[Compiled
     ranges.last[0] = 1  # the other roots are none
     bins = bins_of(runs, ranges, grid_of, placed, dense)
     grids["corner"] = grids["pitch"] = 0.0
+    place_terrain(grids, definition)
 
-    elements = np.zeros(len(parents), ELEMENT)
+    elements = np.zeros(len(order), ELEMENT)
     elements["cell"] = columns.cell
     elements["cell"][free] = placed.cell[free, :1] >> (0, 16) & 0xFFFF
     elements["scale"] = columns.scale
     elements["offset"] = columns.offset
     elements["grid"] = grid_of
-    elements["pose"], poses = poses_of(columns, np.ones(len(parents)))
+    elements["pose"], poses = poses_of(columns, np.ones(len(order)))
     found = kinds_of(definition, columns.type, columns.surface)
     elements["kind"] = found.of
     plain = mark_plain(runs, elements, found.kinds, columns.turn)
-    grids["leaves"] = _leaves(runs, columns, nodes, many, plain)
+    grids["leaves"] = _leaves(runs, columns, draft, node_of, plain)
 
-    members, tally = _number(nodes, below, parents, plan)
+    members, tally = _number(draft, order, plan)
     members["copies"] = copies_of
-    mirrors = np.array([MIRRORS[quarters] for quarters in draft.quarters], np.uint8)[order]
+    members["factor"] = factors[order]
+    mirrors = np.array([MIRRORS[quarters] for quarters in draft.quarters], np.uint8)[node_of]
     arrays = FieldArrays(
         elements=elements,
         grids=grids,
         poses=poses,
         places=places,
+        rests=rests,
         kinds=found.kinds,
         curves=found.curves,
         voids=bool(found.kinds["is_void"].any()),
@@ -191,12 +248,14 @@ def compile_shared(plan: Blueprint, *, roughness: bool = True) -> tuple[Compiled
         **surroundings(definition, roughness=roughness),
     )
     by_kind = [0] * len(found.kinds)
-    for kind, count in zip(found.of.tolist(), many, strict=True):
-        by_kind[kind] += count
+    kinds = found.of[rank_of(order)[draft.first[:-1]].clip(0, len(order) - 1)].tolist()
+    rows = np.diff(draft.first).tolist()
+    for node, kind, often, many in zip(draft.nodes, kinds, draft.often, rows, strict=True):
+        by_kind[kind] += often * node.many * many
     compiled = Compiled(
         arrays,
         np.zeros(0, np.uint32),
-        parents.astype(np.int32),
+        columns.parent.astype(np.int32),
         smallest_cell(plan),
         tuple(definition.surfaces),
         tally.levels,
@@ -227,146 +286,229 @@ def _draft(plan: Blueprint) -> _Draft:
         for template in plan.templates
     ]
     quarters = [template.quarters for template in plan.templates]
-    draft = _Draft(nodes, [-1] * count, [0, count], list(range(count)), quarters)
+    parents, levels = [-1] * count, [0, count]
     for number, template in enumerate(plan.templates):
         start = len(nodes)
         nodes += template.nodes
-        draft.levels.extend(start + end for end in template.levels[1:])
-        draft.quarters.extend([template.quarters] * len(template.nodes))
-        below = [node.inner for node in template.nodes]
+        levels += [start + end for end in template.levels[1:]]
+        quarters += [template.quarters] * len(template.nodes)
         for parent, begin, end in template.families:
-            above = number if parent < 0 else start + parent
-            draft.parents.extend([above] * (end - begin))
-            if parent >= 0:
-                below[parent] = start + parent
-        draft.below.extend(below)
-    return draft
+            parents += [number if parent < 0 else start + parent] * (end - begin)
+    first = np.cumsum([0, *(node.rows for node in nodes)])
+    below = [*range(count), *(node.inner for node in nodes[count:])]
+    for parent in set(parents[count:]):
+        if parent >= count:
+            below[parent] = int(first[parent])
+    draft = _Draft(nodes, parents, levels, quarters, first, np.zeros(0, np.int64), [])
+    return draft._replace(below=draft.spread(below, np.int64), often=_often(draft, count))
 
 
-def _multiplicities(draft: _Draft, roots: int) -> list[int]:
-    """How often each element stands in the terrain; 0 for the roots of other templates."""
-    within = [1] + [0] * (len(draft.nodes) - 1)  # how often what is in an element or root stands
-    many = [1] + [0] * (len(draft.nodes) - 1)
+def _often(draft: _Draft, roots: int) -> list[int]:
+    """How often what each node stands in does; 0 for the roots of other templates."""
+    within = [1] + [0] * (len(draft.nodes) - 1)  # how often what is in a node stands
+    often = [1] + [0] * (len(draft.nodes) - 1)
     for index in range(roots, len(draft.nodes)):
-        many[index] = within[draft.parents[index]] * draft.nodes[index].many
-        if draft.below[index] >= 0:
-            within[draft.below[index]] += many[index]
-    return many
+        node = draft.nodes[index]
+        often[index] = within[draft.parents[index]]
+        within[index] += often[index] * node.many
+        if isinstance(node.inner, np.ndarray):
+            for number, count in zip(*np.unique(node.inner, return_counts=True), strict=True):
+                within[int(number)] += often[index] * int(count)
+        elif node.inner >= 0:
+            within[node.inner] += often[index] * node.many * node.rows
+    return often
 
 
-def _columns(draft: _Draft, plan: Blueprint) -> tuple[Columns, Columns]:
-    """The elements column by column, of their first copies and of all their copies together."""
+def _columns(draft: _Draft, plan: Blueprint) -> tuple[Columns, Columns, Floats]:
+    """The elements column by column: first copies, all copies in rows together, and factors."""
     nodes, definition = draft.nodes, plan.definition
     types = {name: i for i, name in enumerate(definition.primitives)}
     surfaces: dict[Any, int] = {name: i for i, name in enumerate(definition.surfaces)}
     surfaces[UNSET] = -1
+    chains = [node.chain for node in nodes]
 
-    scales = [node.chain.scale for node in nodes]
-    named = [node.chain.root.tree.value("type", node.chain.root.element) for node in nodes]
-    free = np.array([node.at is not None for node in nodes], np.bool_)
-    cell = np.array([node.cell for node in nodes], np.int64)
-    span = np.array([node.span for node in nodes], np.int64)
+    def floats(values: list[Any], default: float) -> Floats:
+        return draft.spread([default if v is UNSET else v for v in values], np.float64)
+
+    named = [chain.root.tree.value("type", chain.root.element) for chain in chains]
+    free = draft.spread([node.at is not None for node in nodes], np.bool_)
+    cell, span = (
+        draft.spread([getattr(node, key) for node in nodes], np.int64) for key in ("cell", "span")
+    )
+    above = [-1 if parent < 0 else int(draft.first[parent]) for parent in draft.parents]
     columns = Columns(
-        parent=np.array(draft.parents, np.int64),
+        parent=draft.spread(above, np.int64),
         cell=cell,
         span=span,
-        cells=np.array([node.cells for node in nodes], np.int64),
-        scale=np.array([math.nan if scale is UNSET else scale for scale in scales]),
-        offset=np.array(
-            [0.0 if n.chain.offset is UNSET else n.chain.offset for n in nodes], np.float64
-        ),
-        turn=np.fmod(np.array([node.turn for node in nodes], np.float64), 360.0),
-        type=np.array([types[name] for name in named], np.int64),
-        surface=np.array([surfaces[node.surface] for node in nodes], np.int64),
+        cells=draft.spread([node.cells for node in nodes], np.int64),
+        scale=floats([chain.scale for chain in chains], math.nan),
+        offset=floats([chain.offset for chain in chains], 0.0),
+        turn=np.fmod(floats([node.turn for node in nodes], 0.0), 360.0),
+        type=draft.spread([types[name] for name in named], np.int64),
+        surface=draft.spread([surfaces[node.surface] for node in nodes], np.int64),
         free=free,
         place=np.cumsum(free) - 1,
     )
     cell, span = cell.copy(), span.copy()
     for index, node in enumerate(nodes):
         if node.copies is not None and node.at is None:
+            row = draft.first[index]
             for axis in (0, 1):
                 far = int(node.copies.step[axis]) * (node.copies.counts[axis] - 1)
-                cell[index, axis] += min(far, 0)
-                span[index, axis] += abs(far)
-    return columns, columns._replace(cell=cell, span=span)
+                cell[row, axis] += min(far, 0)
+                span[row, axis] += abs(far)
+    factors = floats([chain.factor for chain in chains], 1.0)
+    return columns, columns._replace(cell=cell, span=span), factors
 
 
-def _free_places(nodes: list[Node], free: NDArray[np.bool_]) -> NDArray[Any]:
-    places = np.zeros(np.count_nonzero(free), PLACE)
-    if len(places):
-        places["at"] = [node.at for node in nodes if node.at is not None]
-        places["extent"] = [node.extent for node in nodes if node.extent is not None]
-    return places
+def _free_places(draft: _Draft) -> tuple[NDArray[Any], NDArray[Any]]:
+    """The places of free elements in the order of rows, PLACE, and what their doubles lack."""
+    free = [node for node in draft.nodes if node.at is not None]
+    counts = [node.rows for node in free]
+    places, rests = np.zeros(sum(counts), PLACE), np.zeros(sum(counts), PLACE)
+    typed = np.zeros(len(places), np.bool_)
+    for node, end in zip(free, np.cumsum(counts, dtype=np.int64).tolist(), strict=True):
+        rows = slice(end - node.rows, end)
+        places["at"][rows], places["extent"][rows] = node.at, node.extent
+        if node.rests is None:
+            typed[rows] = True
+        else:
+            rests["at"][rows], rests["extent"][rows] = node.rests[:, :2], node.rests[:, 2:]
+    for name in ("at", "extent"):
+        rests[name][typed] = rests_of(places[name][typed])
+    return places, rests
 
 
-def _copies(nodes: list[Node]) -> tuple[NDArray[Any], Ints]:
+def _copies(draft: _Draft, node_of: Ints) -> tuple[NDArray[Any], Ints]:
     """COPIES, and for each element which of these; the first is one copy."""
     known: dict[Any, int] = {None: 0}
-    of = np.array([known.setdefault(node.copies, len(known)) for node in nodes], np.int64)
+    of = np.array([known.setdefault(node.copies, len(known)) for node in draft.nodes], np.int64)
     copies = np.zeros(len(known), COPIES)
     copies["count"] = 1
     for copy, index in known.items():
         if copy is not None:
-            copies[index] = copy.step, copy.counts, copy.across
-    return copies, of
+            pitch = [side(step) for step in copy.step]
+            copies[index] = copy.step, pitch, copy.counts, copy.across
+    return copies, of[node_of]
 
 
 def _leaves(
-    runs: Runs, columns: Columns, nodes: list[Node], many: list[int], plain: NDArray[np.bool_]
+    runs: Runs, columns: Columns, draft: _Draft, node_of: Ints, plain: NDArray[np.bool_]
 ) -> NDArray[np.bool_]:
     """Which grids are of leaves where the terrain is written out: it rounds slopes otherwise."""
     first = runs.first
-    own = np.array([node.many for node in nodes], np.int64)
+    own = np.array([node.many for node in draft.nodes], np.int64)[node_of]
     others = slice(1, first[1] if len(first) > 1 else None)  # roots of other templates
     own[others] = 0
     plain = plain.copy()
     plain[others] = True
     leaves = np.logical_and.reduceat(plain, first)
-    often = [many[index] // nodes[index].many for index in first.tolist()]
+    often = [draft.often[node] for node in node_of[first].tolist()]
     return leaves & dense_runs(columns, first, np.add.reduceat(own, first), often)
 
 
-def _number(
-    nodes: list[Node], below: Ints, parents: Ints, plan: Blueprint
-) -> tuple[NDArray[Any], Tally]:
-    """Number all elements, each before what is in it, siblings in the order of the text."""
-    count = len(nodes)
-    children: list[list[int]] = [[] for _ in range(count)]
-    for index in range(len(plan.templates), count):
-        children[parents[index]].append(index)
-    first, inside, depth = [0] * count, [0] * count, [0] * count
-    for index in _inner_first(plan):
-        children[index].sort(key=lambda child: _document(nodes[child]))
-        for child in children[index]:
-            first[child] = inside[index]
-            within = int(below[child])
-            each = 1 + (inside[within] if within >= 0 else 0)
-            inside[index] += each * nodes[child].many
-            depth[index] = max(depth[index], 1 + (depth[within] if within >= 0 else 0))
-    total = 1 + inside[0]
+class _Numbers(NamedTuple):
+    """How the elements of templates are numbered, by their nodes.
+
+    Attributes:
+        firsts: numbers among the siblings and what is in them at which the first copy of a node
+            begins, or each of its scattered copies.
+        each: how many elements each of these comes to.
+        inside: how many elements are in the cell of each node.
+        depth: levels in the cell of each node.
+    """
+
+    firsts: list[Sequence[int]]
+    each: list[int]
+    inside: list[int]
+    depth: list[int]
+
+
+def _number(draft: _Draft, order: Ints, plan: Blueprint) -> tuple[NDArray[Any], Tally]:
+    """Number all elements, each before what is in it, siblings in the order of the text.
+
+    Args:
+        draft: the elements.
+        order: (rows,) the row of each element of the field.
+        plan: the templates.
+    """
+    nodes, roots = draft.nodes, len(plan.templates)
+    children: list[list[int]] = [[] for _ in nodes]
+    for index in range(roots, len(nodes)):
+        if nodes[index].rows:
+            children[draft.parents[index]].append(index)
+    for siblings in children:
+        siblings.sort(key=lambda child: _document(nodes[child]))
+    within = [index if children[index] else node.inner for index, node in enumerate(nodes)]
+    found = _numbers(draft, children, within, plan)
+    total = 1 + found.inside[0]
     if total > LARGEST_NUMBER:
         raise RequestError(
             f"Parts and copies come to more than {LARGEST_NUMBER:.3g} elements, "
             "and so many are not numbered.",
             "Lower the counts, or leave out the smallest parts.",
         )
-    members = np.zeros(count, MEMBER)
-    listed: list[list[Member]] = [[] for _ in range(count)]
-    root = Member(0, 0, total, 0, plan.root.step, 0)
+    rows = np.zeros(len(order), MEMBER)
+    place = rank_of(order)
+    members = []
     for index, node in enumerate(nodes):
-        within = int(below[index])
-        each = 1 + (inside[within] if within >= 0 else 0)
-        members["factor"][index] = node.chain.factor
-        members["first"][index] = first[index] & 0xFFFFFFFFFFFFFFFF, first[index] >> 64
-        members["each"][index] = each & 0xFFFFFFFFFFFFFFFF, each >> 64
-    for index in range(count):
+        own = slice(int(draft.first[index]), int(draft.first[index + 1]))
+        rows["first"][own] = _halves(found.firsts[index])
+        rows["each"][own] = _halves([found.each[index]])
+        row = 0 if node.copies is None else node.copies.counts[node.copies.across]
+        families = np.broadcast_to(within[index], node.rows)
+        members.append(
+            Member(
+                int(place[own.start]) if node.rows else -1, found.firsts[index],
+                found.each[index], row, node.numbers, node.step, families,
+            )
+        )  # fmt: skip
+    root = Member(0, (0,), total, 0, None, plan.root.step, np.zeros(1, np.int64))
+    listed = tuple(tuple(members[child] for child in siblings) for siblings in children)
+    return rows[order], Tally(total, (), 1 + found.depth[0], listed, root)
+
+
+def _numbers(
+    draft: _Draft, children: list[list[int]], within: list[Any], plan: Blueprint
+) -> _Numbers:
+    """Number the elements in the cell of each node, inner ones first.
+
+    Args:
+        draft: the elements.
+        children: of each node the nodes in it, in the order of the text.
+        within: the nodes whose children stand in each node, or in each of its scattered copies.
+        plan: the templates.
+    """
+    nodes, count = draft.nodes, len(draft.nodes)
+    inside, depth, each = [0] * count, [0] * count, [1] * count
+    firsts: list[Sequence[int]] = [(0,)] * count
+    for index in _inner_first(plan):
         for child in children[index]:
-            node, within = nodes[child], int(below[child])
-            each = 1 + (inside[within] if within >= 0 else 0)
-            row = 0 if node.copies is None else node.copies.counts[node.copies.across]
-            listed[index].append(Member(child, first[child], each, row, node.step, within))
-    families = tuple(map(tuple, listed))
-    return members, Tally(total, (), 1 + depth[0], families, root)
+            node, start = nodes[child], inside[index]
+            below = np.unique(within[child]).tolist()
+            sizes = {number: 1 + (inside[number] if number >= 0 else 0) for number in below}
+            each[child] = max(sizes.values())
+            if len(set(sizes.values())) > 1:  # of scattered copies
+                own = [sizes[number] for number in within[child].tolist()]
+                firsts[child] = list(accumulate(own[:-1], initial=start))
+                inside[index] += sum(own)
+            else:
+                many = node.many * node.rows
+                scattered = range(start, start + many * each[child], each[child])
+                firsts[child] = (start,) if node.numbers is None else scattered
+                inside[index] += many * each[child]
+            deepest = max(depth[number] if number >= 0 else 0 for number in below)
+            depth[index] = max(depth[index], 1 + deepest)
+    return _Numbers(firsts, each, inside, depth)
+
+
+def _halves(numbers: Sequence[int]) -> NDArray[np.uint64]:
+    """Whole numbers of 128 bits as (n, 2), the lower half first."""
+    if isinstance(numbers, range) and numbers.stop <= 1 << 63:
+        low = np.arange(numbers.start, numbers.stop, numbers.step).astype(np.uint64)
+        return np.column_stack([low, np.zeros_like(low)])
+    halves = [(number & 0xFFFFFFFFFFFFFFFF, number >> 64) for number in numbers]
+    return np.array(halves, np.uint64).reshape(-1, 2)
 
 
 def _inner_first(plan: Blueprint) -> Iterator[int]:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terratool.definition.curves import shape_of
+from terratool.definition.exact import Exact, exact, side
 from terratool.definition.model import Definition
 from terratool.field.pieces import CurveStore, Floats
 from terratool.field.records import (
@@ -63,6 +64,7 @@ class Placed(NamedTuple):
         cells: (n, 2) cells of the grid that it has.
         free: (n,) whether it has a place in place of a cell.
         places: (f,) PLACE, in the order of the free elements.
+        rests: (f,) PLACE, what the doubles of these lack.
         reach: (f, 2) float64, half the sides of the rectangle around its cell and its footprint.
     """
 
@@ -71,6 +73,7 @@ class Placed(NamedTuple):
     cells: Ints
     free: NDArray[np.bool_]
     places: NDArray[Any]
+    rests: NDArray[Any]
     reach: Floats
 
 
@@ -81,7 +84,9 @@ class Ranges(NamedTuple):
     last: Ints
 
 
-def placed_of(columns: Columns, places: NDArray[Any], parental: NDArray[np.bool_]) -> Placed:
+def placed_of(
+    columns: Columns, places: NDArray[Any], rests: NDArray[Any], parental: NDArray[np.bool_]
+) -> Placed:
     """Where the elements of the field stand; `parental` says which have children."""
     free = columns.free
     cell = columns.cell.copy()
@@ -99,6 +104,7 @@ def placed_of(columns: Columns, places: NDArray[Any], parental: NDArray[np.bool_
         cells=np.ascontiguousarray(columns.cells),
         free=np.ascontiguousarray(free),
         places=own,
+        rests=rests[columns.place[free]],
         reach=np.ascontiguousarray(reach * _WIDER),
     )
 
@@ -348,11 +354,18 @@ def kinds_of(definition: Definition, types: Ints, surface: Ints) -> Kinds:
     return Kinds(index.reshape(-1), kinds, pairs[:, 0], store.curves())
 
 
+def place_terrain(grids: NDArray[Any], definition: Definition) -> None:
+    """Put corner and sides of a terrain into the first of its grids, GRID, which holds the root."""
+    for axis in (0, 1):
+        grids["corner"][0, axis] = Exact.typed(definition.corner[axis])
+        grids["pitch"][0, axis] = side(definition.extent[axis])
+
+
 def surroundings(definition: Definition, *, roughness: bool) -> dict[str, Any]:
     """Bounds, tracks and reliefs of a field, by their names in `FieldArrays`."""
-    west, south = definition.corner
-    wide, deep = definition.extent
-    bounds = np.array([west, south, west + wide, south + deep])
+    corner, extent = (list(map(exact, pair)) for pair in (definition.corner, definition.extent))
+    ends = [float(low + length) for low, length in zip(corner, extent, strict=True)]
+    bounds = np.array([*definition.corner, *ends], np.float64)
     return {
         "bounds": bounds,
         "tracks": compile_tracks(definition, bounds),

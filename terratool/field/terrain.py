@@ -16,7 +16,7 @@ from terratool.definition.expand import Expansion, expand
 from terratool.definition.findings import Bounds
 from terratool.definition.model import Definition
 from terratool.definition.reader import Checked, load_checked, refusal, uses_of
-from terratool.definition.sharing import blueprint, is_shareable
+from terratool.definition.sharing import blueprint
 from terratool.definition.uses import Uses
 from terratool.errors import RequestError
 from terratool.field.compile import Compiled, compile_definition
@@ -172,7 +172,7 @@ class Terrain:
         self._source: Definition | Checked | None = None
         self._roughness = roughness
         self._far: dict[int, int] = {}
-        if is_shareable(uses) and uses.elements > share_above:
+        if uses.composed and uses.elements > share_above:
             self._source = definition
             plan = blueprint(uses)
             if isinstance(definition, Checked):
@@ -487,7 +487,8 @@ class Terrain:
         if self._is_track(element):
             return element - self._first_track + len(self.arrays.elements)
         assert self._tally is not None
-        return self._tally.way(self._number(element))[-1][0].element
+        member, copy = self._tally.way(self._number(element))[-1]
+        return member.row_of(copy)
 
     def primitive_of(self) -> NDArray[np.int64]:
         """Index into `primitives` of each element, (n,) int64."""

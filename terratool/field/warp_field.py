@@ -288,7 +288,10 @@ def _add_elements(make: _Maker, field: Any, arrays: FieldArrays) -> None:
     field.poses = make.structs(
         Pose, poses, "size cos sin_v sin_u turned", cells_x=sides[:, 0], cells_y=sides[:, 1]
     )
-    field.places = make.structs(Place, places, "at extent")
+    rests = arrays.rests
+    field.places = make.structs(
+        Place, places, "at extent", at_rest=rests["at"], extent_rest=rests["extent"]
+    )
 
 
 def _add_grids(make: _Maker, field: Any, arrays: FieldArrays) -> None:
@@ -343,6 +346,7 @@ def _add_primitives(make: _Maker, field: Any, arrays: FieldArrays) -> None:
     )
     field.pieces = make.array(curves.pieces.reshape(-1, 4), wp.vec4d)
     field.knots = make.array(curves.knots, wp.float64)
+    field.rests = make.array(curves.rests, wp.float64)
     field.curve_bins = make.array(curves.bins, wp.int32)
 
 

@@ -112,10 +112,12 @@ class Pose:
 
 @wp.struct
 class Place:
-    """Where a free element stands."""
+    """Where a free element stands, and what its doubles lack to the numbers that they mean."""
 
     at: wp.vec2d
     extent: wp.vec2d
+    at_rest: wp.vec2d
+    extent_rest: wp.vec2d
 
 
 @wp.struct
@@ -189,6 +191,7 @@ class Field:
     curves: wp.array(dtype=Curve)
     pieces: wp.array(dtype=wp.vec4d)
     knots: wp.array(dtype=wp.float64)
+    rests: wp.array(dtype=wp.float64)
     curve_bins: wp.array(dtype=wp.int32)
     tracks: wp.array(dtype=Track)
     segments: wp.array(dtype=Segment)
@@ -338,21 +341,41 @@ def locate_cell(x: wp.float64, axis: Axis, local: wp.int32, above: wp.float64):
 
 
 @wp.func
-def is_past_step(x: wp.float64, axis: Axis, cell: wp.float64, width: wp.float64, t: wp.float64):
-    """Whether `x` has reached the double nearest to `t` of a block of cells."""
+def exact_sum(a: wp.float64, b: wp.float64):
+    """The sum of two doubles, exactly."""
+    total = a + b
+    back = total - a
+    return total, (a - (total - back)) + (b - back)
+
+
+@wp.func
+def exact_product(a: wp.float64, b: wp.float64):
+    """The product of two doubles, exactly."""
+    product = a * b
+    wide = a * SPLITTER
+    a_high = wide - (wide - a)
+    a_low = a - a_high
+    wide = b * SPLITTER
+    b_high = wide - (wide - b)
+    b_low = b - b_high
+    return product, ((a_high * b_high - product) + a_high * b_low + a_low * b_high) + a_low * b_low
+
+
+@wp.func
+def is_past_step(
+    x: wp.float64,
+    axis: Axis,
+    cell: wp.float64,
+    width: wp.float64,
+    t: wp.float64,
+    rest: wp.float64,
+):
+    """Whether `x` has reached the double nearest to `t` of a block of cells; `t` lacks `rest`."""
     high, low = edge_position(axis, cell)
     side = width * axis.pitch
-    product = t * side
-    t_high = t * SPLITTER - (t * SPLITTER - t)
-    side_high = side * SPLITTER - (side * SPLITTER - side)
-    t_low = t - t_high
-    side_low = side - side_high
-    error = t_low * side_low - (
-        ((product - t_high * side_high) - t_low * side_high) - t_high * side_low
-    )
-    total = high + product
-    back = total - high
-    low += ((high - (total - back)) + (product - back)) + error + t * (width * axis.pitch_rest)
+    product, error = exact_product(t, side)
+    total, lost = exact_sum(high, product)
+    low += lost + error + (t * (width * axis.pitch_rest) + rest * side)
     return x >= nearest_double(total, low)
 
 
@@ -423,11 +446,13 @@ def placed_curve(
     begin = curve.knot
     here = begin + find_piece(field, curve, t)
     while field[0].knots[here + 1] - t < axis.near:
-        if not is_past_step(x, axis, cell, width, field[0].knots[here + 1]):
+        next_t = field[0].knots[here + 1]
+        if not is_past_step(x, axis, cell, width, next_t, field[0].rests[here + 1]):
             break
         here += 1
     while here > begin and t - field[0].knots[here] < axis.near:
-        if is_past_step(x, axis, cell, width, field[0].knots[here]):
+        own_t = field[0].knots[here]
+        if is_past_step(x, axis, cell, width, own_t, field[0].rests[here]):
             break
         here -= 1
     knot = field[0].knots[here]
@@ -514,23 +539,19 @@ def from_parent(axis: Axis, local: wp.int32, x: wp.float64, above: wp.float64):
 
 
 @wp.func
-def exact_sum(a: wp.float64, b: wp.float64):
-    """The sum of two doubles, exactly."""
-    total = a + b
-    back = total - a
-    return total, (a - (total - back)) + (b - back)
-
-
-@wp.func
-def free_axis(parent: Axis, at: wp.float64, extent: wp.float64):
+def free_axis(parent: Axis, place: Place, which: wp.int32):
     """An axis of the grid of one cell that a free place is in its parent's cell."""
+    at = place.at[which]
+    extent = place.extent[which]
+    more = place.extent_rest[which]
     middle, lost = exact_sum(parent.corner, at)
     low, lost_too = exact_sum(middle, -HALF * extent)
-    corner, rest = exact_sum(low, (lost + lost_too) + parent.rest)
+    rests = (lost + lost_too) + parent.rest
+    corner, rest = exact_sum(low, rests + (place.at_rest[which] - HALF * more))
     per = ONE / extent
     noise = FREE_NOISE * wp.max(wp.abs(at) + extent, wp.abs(corner))
     near = wp.max(EDGE, noise * per)
-    return Axis(corner, rest, per, HALF - near, ONE, near, extent, ZERO)
+    return Axis(corner, rest, per, HALF - near, ONE, near, extent, more)
 
 
 @wp.func
@@ -567,8 +588,8 @@ def free_cell_holds(
     field: wp.array(dtype=Field), place: Place, axis_x: Axis, axis_y: Axis, point: wp.vec2d
 ):
     """Whether a cell of a free grid holds a point, by the doubles that its edges stand at."""
-    along_x = free_axis(axis_x, place.at[0], place.extent[0])
-    along_y = free_axis(axis_y, place.at[1], place.extent[1])
+    along_x = free_axis(axis_x, place, 0)
+    along_y = free_axis(axis_y, place, 1)
     end = field[0].bounds
     return holds_along(along_x, point[0], end[2]) and holds_along(along_y, point[1], end[3])
 
@@ -637,8 +658,8 @@ def spot_at_place(
         spot.sin_u = pose.sin_u * (place.extent[0] * spot.per[1])
     else:
         spot.uv = spot.above
-        spot.axis_x = free_axis(axis_x, place.at[0], place.extent[0])
-        spot.axis_y = free_axis(axis_y, place.at[1], place.extent[1])
+        spot.axis_x = free_axis(axis_x, place, 0)
+        spot.axis_y = free_axis(axis_y, place, 1)
         spot.width = wp.vec2d(ONE, ONE)
     return spot
 

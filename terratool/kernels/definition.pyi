@@ -5,13 +5,53 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+MAX_EXPONENT: int = 60
+
 SPECS: dict[str, list[dict[str, Any]]]
+
+def decimal_rests(
+    text: NDArray[np.uint8],
+    powers: NDArray[np.float64],
+    numbers: NDArray[np.float64],
+    rests: NDArray[np.float64],
+) -> None:
+    """
+    What doubles lack to their shortest decimals, which stand in a JSON array of numbers.
+
+    Shapes: text[_], powers[121,2], numbers[n], rests[n].
+    """
 
 def may_repeat_keys(text: NDArray[np.uint8]) -> bool:
     """
     Whether a key stands twice in an object of a JSON text, or has an escape.
 
     Shapes: text[_].
+    """
+
+TRIES: int = 50
+
+def scatter(
+    asked: Any,
+    tries: int,
+    sides: NDArray[np.float64],
+    x: NDArray[np.float64],
+    y: NDArray[np.float64],
+    turns: NDArray[np.float64],
+) -> tuple[int, int]:
+    """
+    Sides, middles and turns of scattered copies; how many were looked at, and tries left.
+
+    Shapes: sides[n], x[n], y[n], turns[n].
+    """
+
+def share(seed: int, number: int, draw: int) -> float:
+    """A number from 0 to below 1 that follows from three."""
+
+def draw_sides(asked: Any, sides: NDArray[np.float64]) -> None:
+    """
+    Sides of scattered copies, the largest first.
+
+    Shapes: sides[n].
     """
 
 def survey(

@@ -90,13 +90,11 @@ def lay_grids(
     owners: NDArray[np.int64],
     home: NDArray[np.uint32],
     placed: Any,
-    origin: NDArray[np.float64],
-    extent: NDArray[np.float64],
 ) -> None:
     """
     Corners and pitches of all grids, parents first.
 
-    Shapes: grids[g+1], sides[g+1,2], aspects[g+1], owners[g], home[e], origin[2], extent[2].
+    Shapes: grids[g+1], sides[g+1,2], aspects[g+1], owners[g], home[e].
     """
 
 def size_bins(

@@ -210,8 +210,6 @@ def find_strongest(
     Shapes: mixed[_,_].
     """
 
-MAX_EXPONENT: int = 60
-
 def read_numbers(
     text: NDArray[np.uint8], at: int, powers: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], list[tuple[int, int]], int]:

@@ -12,7 +12,7 @@ from terratool.definition.findings import Remark
 from terratool.definition.model import MAX_SCATTERED, Pair, Scatter, pair_of
 from terratool.definition.part_sizes import Alike, PartSize
 from terratool.definition.rules.base import Subject, rule
-from terratool.definition.scattering import sown, wanted
+from terratool.definition.scattering import strewing, strewn, wanted
 from terratool.definition.tree import Tree
 from terratool.definition.turning import CLOSE, turned
 from terratool.definition.uses import Root, copies
@@ -463,8 +463,8 @@ def _contradictions(tree: Tree, index: int, asked: Scatter) -> Iterator[tuple[st
         )
 
 
-_TRIES = 100_000
-"""So many places are tried in one file."""
+_TRIES = 1_000_000
+"""Most places that are tried in one file."""
 
 
 @rule("TT721", "crowded-scatter", "warning")
@@ -472,8 +472,8 @@ def crowded_scatter(subject: Subject) -> Iterator[Remark]:
     """Not all copies of a scattered element find a place, or there is none.
 
     The largest come first; what does not fit into the area, or finds no place that is far enough
-    from those before, is left out. Looked at are elements with up to 100,000 copies, one after the
-    other until 100,000 places were tried. A density may come to no copy in its area.
+    from those before, is left out. Elements are looked at one after the other until 1,000,000
+    places were tried. A density may come to no copy in its area.
 
     Fails:
 
@@ -512,18 +512,16 @@ def crowded_scatter(subject: Subject) -> Iterator[Remark]:
             message = f"the density comes to no copy on {shown(area[0] * area[1])} square units."
             hint = "Raise it, make the area larger, or write a count."
             yield Remark("/scatter/density", message, hint, element=index)
-        if count > left or (asked.distance is UNSET and asked.sizes[1] * math.sqrt(2) < min(area)):
+        if asked.distance is UNSET and asked.sizes[1] * math.sqrt(2) < min(area):
             continue  # the largest fits in, however it is turned
         turn = tree.value("turn_deg", index)
-        found = sown(
+        wish = strewing(
             asked, area, by_quarters=tree.value("part", index) is not UNSET,
             tilted=turn is not UNSET and turn % 90 != 0,
         )  # fmt: skip
-        placed = looked = 0
-        for copy, tries in found:
-            placed, looked, left = placed + (copy is not None), looked + 1, left - max(1, tries)
-            if left <= 0:
-                break
+        found = strewn(wish, count, left)
+        looked, left = found.looked, found.left
+        placed = sum(x == x for x in found.x)
         if placed < looked:
             largest = "" if looked == count else f"the {looked:,} largest of "
             yield Remark(

@@ -11,12 +11,12 @@ from typing import NamedTuple
 from msgspec import UNSET
 
 from terratool.definition.curves import problems, shape_of
+from terratool.definition.exact import Sides, sides
 from terratool.definition.findings import Remark
 from terratool.definition.libraries import path_between
 from terratool.definition.model import Primitive, pair_of
 from terratool.definition.part_sizes import Cells, Limits, PartSize, PartSizes, is_free
 from terratool.definition.rules.base import Subject, rule
-from terratool.definition.sides import Sides, sides
 from terratool.definition.summaries import combine_values, curve_values
 from terratool.definition.tree import ROOT, Tree
 from terratool.definition.turning import CLOSE, THINNEST, Point, Turned, is_slanted, turned

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 import re
-from fractions import Fraction
 
 import numpy as np
 from numpy.typing import NDArray
 
+from terratool.definition.exact import powers_of_ten
 from terratool.errors import ReadError
 from terratool.kernels import importing as kernels
 from terratool.text.locate import positions_of
@@ -19,10 +19,6 @@ _string = re.compile(rb'"(?:[^"\\]++|\\.)*+"', re.DOTALL).match
 _numbers = re.compile(rb"#[^\r\n]*+|[^\t-\r ,#]++").finditer
 NUMERIC = frozenset(b"+-.0123456789")
 """First bytes of numbers."""
-
-_EXACT = [Fraction(10) ** n for n in range(-kernels.MAX_EXPONENT, kernels.MAX_EXPONENT + 1)]
-_POWERS = np.array([(float(power), float(power - Fraction(float(power)))) for power in _EXACT])
-"""Powers of ten as sums of two doubles."""
 
 _GAPS = frozenset(b"\t\n\v\f\r ,#")
 _SHOWN = 40
@@ -134,7 +130,7 @@ class VrmlText(PlacedText):
         Raises:
             ReadError: one is none, or too large.
         """
-        numbers, hard, end = kernels.read_numbers(self._bytes, self.at, _POWERS)
+        numbers, hard, end = kernels.read_numbers(self._bytes, self.at, powers_of_ten())
         for index, begin in hard:
             self.at = begin
             numbers[index] = self._hard()
