@@ -23,7 +23,9 @@ INLINE DoubleSum exact_product(double a, double b) {
     double a_high = wide - (wide - a), a_low = a - a_high;
     wide = b * split;
     double b_high = wide - (wide - b), b_low = b - b_high;
-    return {product, ((a_high * b_high - product) + a_high * b_low + a_low * b_high) + a_low * b_low};
+    return {
+        product, ((a_high * b_high - product) + a_high * b_low + a_low * b_high) + a_low * b_low
+    };
 }
 
 }  // namespace terratool

@@ -13,6 +13,8 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import Any
 
+from tests.decimals import meant
+
 Json = dict[str, Any]
 Texts = dict[str, str]
 """JSON texts by the paths of their files, with forward slashes, relative to one folder."""
@@ -24,7 +26,8 @@ class Plain:
     """What files mean.
 
     Attributes:
-        definition: with elements of primitives alone; what depends on the place is written out.
+        definition: with elements of primitives alone; what depends on the place is written out,
+            and places are fractions.
         names: what a query calls each element, by its pointer in the definition.
     """
 
@@ -90,7 +93,7 @@ class Reading:
         text = self.files[self.main]
         self.parts = self.known("parts")
         x, y = both(text["size"])
-        self.size = Fraction(float(x)), Fraction(float(y))
+        self.size = meant(x), meant(y)
         found = {key: value for key, value in text.items() if key not in (*DICTIONARIES, "use")}
         for dictionary in ("surfTypes", "elemTypes"):
             found[dictionary] = {name: v for name, (v, _) in self.known(dictionary).items()}
@@ -154,7 +157,7 @@ class Reading:
         repeat = node.get("repeat", {"count": [1, 1], "step": [0, 0]})
         for j in range(repeat["count"][1]):
             for i in range(repeat["count"][0]):
-                shift = [Fraction(repeat["step"][0]) * i, Fraction(repeat["step"][1]) * j]
+                shift = [meant(repeat["step"][0]) * i, meant(repeat["step"][1]) * j]
                 name = f"{parent.name}/children/{index}" + f"[{i},{j}]" * ("repeat" in node)
                 if "at" in node:
                     place, sides = self.free_place(node, shift, parent)
@@ -175,12 +178,12 @@ class Reading:
         w, h = parent.sides
         if parent.quarters % 2:  # in the part the cell lay the other way
             w, h = h, w
-        x = Fraction(node["at"][0]) + shift[0] - w / 2
-        y = Fraction(node["at"][1]) + shift[1] - h / 2
+        x = meant(node["at"][0]) + shift[0] - w / 2
+        y = meant(node["at"][1]) + shift[1] - h / 2
         for _ in range(parent.quarters):
             x, y = y, -x
-        at = [float(parent.sides[0] / 2 + x), float(parent.sides[1] / 2 + y)]
-        sides = [Fraction(side) for side in both(node["extent"])]
+        at = [parent.sides[0] / 2 + x, parent.sides[1] / 2 + y]
+        sides = [meant(side) for side in both(node["extent"])]
         return {"at": at, "extent": node["extent"]}, (sides[0], sides[1])
 
     def block(

@@ -16,6 +16,8 @@ from typing import Any
 
 import numpy as np
 
+from tests.decimals import meant
+
 WORD = 1 << 64
 FOOTPRINT_TOLERANCE = 1e-9  # turned rectangles and discs are closed sets, a little generous
 STEP_TOLERANCE = 1e-12  # a step of a turned element or a disc holds from this far before it
@@ -170,7 +172,7 @@ class Side:
 
     def at(self, t: float) -> float:
         """The world coordinate of a fraction of the way along."""
-        return float(self.low + Fraction(t) * self.length)
+        return float(self.low + meant(t) * self.length)
 
     def part(self, first: int, count: int, n: int) -> Side:
         """Of n equal parts, `count` parts from `first` on."""
@@ -179,8 +181,8 @@ class Side:
 
     def free(self, at: float, extent: float, ground: Side) -> Side:
         """A free place: its middle is at `at` from the low end, its sides are `extent`."""
-        length = Fraction(float(extent))
-        side = Side(self.low + Fraction(float(at)) - length / 2, length)
+        length = meant(extent)
+        side = Side(self.low + meant(at) - length / 2, length)
         return Side(side.low, side.length, side.at(1) >= ground.at(1))
 
     def holds(self, p: float, ground: Side) -> bool:
@@ -343,7 +345,7 @@ class Oracle:
         self.surfaces: dict[str, dict[str, Any]] = definition.get("surfTypes", {})
         size, origin = definition["size"], definition.get("origin", [0, 0])
         sides = size if isinstance(size, list) else [size, size]
-        west, south, w, h = (Fraction(float(n)) for n in [*origin, *sides])
+        west, south, w, h = map(meant, [*origin, *sides])
         self.ground = Side(west, w), Side(south, h)
         self.tracks = [Track(node, self.surfaces) for node in definition.get("tracks", [])]
         self.root = Element(self.types, definition["elemTree"], self.ground, None, 0)

@@ -11,6 +11,8 @@ from typing import Any
 
 from hypothesis import strategies as st
 
+from tests.decimals import meant
+
 Json = dict[str, Any]
 Draw = st.DrawFn
 Point = tuple[float, float]
@@ -294,7 +296,7 @@ def jumps(curve: Any) -> list[Fraction]:
     """Where knots come together."""
     if not isinstance(curve, list) or not curve or not isinstance(curve[0], list):
         return []
-    places = [Fraction(float(t)) for t, _ in curve]
+    places = [meant(t) for t, _ in curve]
     return sorted({t for t in places if places.count(t) > 1})
 
 
@@ -302,9 +304,7 @@ def box(definition: Json) -> tuple[Side, Side]:
     """The terrain along x and along y."""
     size, origin = definition["size"], definition.get("origin", [0, 0])
     sides = size if isinstance(size, list) else [size, size]
-    x, y = [
-        (Fraction(float(low)), Fraction(float(n))) for low, n in zip(origin, sides, strict=True)
-    ]
+    x, y = [(meant(low), meant(n)) for low, n in zip(origin, sides, strict=True)]
     return x, y
 
 
@@ -336,7 +336,7 @@ def marks(definition: Json, limit: int = 40) -> list[Marks]:
                 extent = child["extent"]
                 lengths = extent if isinstance(extent, list) else [extent, extent]
                 x, y = [
-                    (low + Fraction(at) - Fraction(length) / 2, Fraction(length))
+                    (low + meant(at) - meant(length) / 2, meant(length))
                     for (low, _), at, length in zip(sides, child["at"], lengths, strict=True)
                 ]
                 waiting.append((child, (x, y)))

@@ -58,8 +58,8 @@ inline void draw_sides(const Strewing& asked, Out sides) {
 
 INLINE double radius_of(double side) { return side * sqrt(0.5); }
 
-// Small cells of the area in which no middle of a copy can lie any more, however small that is: they
-// lie wholly within its least distance from one that stands already.
+// Small cells of the area in which no middle of a copy can lie any more, however small that is:
+// they lie wholly within its least distance from one that stands already.
 class ClosedCells {
 public:
     ClosedCells(const Strewing& asked, double least, i64 count) : nearest_(least + asked.distance) {
@@ -165,8 +165,9 @@ private:
 // degrees. x is NaN for what is left out: it is too large, or has found no place that is far enough
 // from the copies before. Returns how many copies were looked at until `tries` places were tried,
 // and how many tries are left; x is NaN for copies behind.
-inline std::tuple<i64, i64>
-scatter(const Strewing& asked, i64 tries, Out sides, Out x, Out y, Out turns) {
+inline std::tuple<i64, i64> scatter(
+    const Strewing& asked, i64 tries, Out sides, Out x, Out y, Out turns
+) {
     constexpr double whole_diagonal = 1.0 + 1e-12;
     double half_diagonal = sqrt(0.5) * whole_diagonal;
     draw_sides(asked, sides);

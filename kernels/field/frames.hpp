@@ -40,7 +40,7 @@ INLINE bool put_axis(Grid& g, int which, double corner, double rest, double side
 inline bool set_axis(Grid& g, int which, const GridAxis& axis) {
     double side = axis.pitch + axis.pitch_rest;
     g.pitch[which][0] = axis.pitch, g.pitch[which][1] = axis.pitch_rest;
-    g.count[which] = axis.count;
+    g.count[which] = axis.count, g.zero[which] = axis.zero;
     return put_axis(g, which, axis.corner, axis.rest, side, 1.0 / side);
 }
 
@@ -48,13 +48,7 @@ inline bool set_axis(Grid& g, int which, const GridAxis& axis) {
 inline GridAxis axis_within(const GridAxis& above, double cell, double span, double count) {
     auto [corner, rest] = edge_position(above, cell);
     auto [pitch, pitch_rest] = divide(above.pitch, above.pitch_rest, span, count);
-    return {corner, rest, 0.0, count, 0.0, pitch, pitch_rest};
-}
-
-// The axis of a grid of one cell.
-inline GridAxis whole_axis(double corner, double rest, double extent, double extent_rest) {
-    double high = split(extent);
-    return {corner, rest, 0.0, 1.0, 0.0, high, (extent - high) + extent_rest};
+    return {corner, rest, 0.0, count, 0.0, pitch, pitch_rest, above.zero};
 }
 
 // Lay a grid of `count` cells in a block of cells of another grid.
@@ -85,12 +79,13 @@ inline Grid free_frame(const Grid& parent, const ExactPlace& place) {
     frame.standing = FREE, frame.local = parent.local;
     for (int axis : {X, Y}) {
         double at = place.near.at[axis], extent = place.near.extent[axis];
-        double more = place.rest.extent[axis];
+        double more = place.rest.extent[axis], pitch = split(extent), zero = parent.zero[axis];
         auto [middle, lost] = exact_sum(parent.corner[axis][0], at);
         auto [low, lost_too] = exact_sum(middle, -0.5 * extent);
         double rests = (lost + lost_too) + parent.corner[axis][1];
-        auto [corner, rest] = exact_sum(low, rests + (place.rest.at[axis] - 0.5 * more));
-        frame.local |= set_axis(frame, axis, whole_axis(corner, rest, extent, more));
+        auto [corner, rest] = position(low, rests + (place.rest.at[axis] - 0.5 * more), zero);
+        GridAxis own{corner, rest, 0.0, 1.0, 0.0, pitch, (extent - pitch) + more, zero};
+        frame.local |= set_axis(frame, axis, own);
         frame.per[axis] = 1.0 / extent;
         double noise = FREE_NOISE * max(abs(at) + extent, abs(corner));
         frame.near[axis] = max(EDGE, noise * frame.per[axis]);

@@ -589,7 +589,9 @@ private:
                 Rectangle held =
                     paint_free_element(field_, canvas_, painted, x_, y_, resolution_, part);
                 if (one.element.grid && !held.is_empty())
-                    canvas_.frames_below.push_back({frame_at(frame, grid, place.exact(), one), held});
+                    canvas_.frames_below.push_back(
+                        {frame_at(frame, grid, place.exact(), one), held}
+                    );
             });
         }
     }

@@ -20,12 +20,13 @@ constexpr double STEP = 1e-12;
 
 // One axis of a grid.
 struct GridAxis {
-    double corner, rest, per, count, near, pitch, pitch_rest;
+    double corner, rest, per, count, near, pitch, pitch_rest, zero;
 };
 
 INLINE GridAxis axis_of(const Grid& g, int axis) {
     const auto &corner = g.corner[axis], &pitch = g.pitch[axis];
-    return {corner[0], corner[1], g.per[axis], g.count[axis], g.near[axis], pitch[0], pitch[1]};
+    return {corner[0],    corner[1], g.per[axis], g.count[axis],
+            g.near[axis], pitch[0],  pitch[1],    g.zero[axis]};
 }
 
 // Where the curve of a kind is.
@@ -76,14 +77,19 @@ inline double nearest_double(double high, double low) {
     return std::bit_cast<u64>(total) & 1 ? other : total;
 }
 
+// A position as the sum of two doubles; 0 where no more than `zero` is left of numbers that cancel.
+INLINE DoubleSum position(double high, double low, double zero) {
+    double total = high + low;
+    bool nothing = abs(total) <= zero;
+    return {nothing ? 0.0 : total, nothing ? 0.0 : low - (total - high)};
+}
+
 // World position of edge `k` of a grid.
 INLINE DoubleSum edge_position(const GridAxis& a, double k) {
     double step = k * a.pitch;  // exact: pitch has 36 bits, k at most 17
-    double high = a.corner + step;
-    double back = high - a.corner;
-    double low = ((a.corner - (high - back)) + (step - back)) + a.rest + k * a.pitch_rest;
-    double total = high + low;
-    return {total, low - (total - high)};
+    auto [high, lost] = exact_sum(a.corner, step);
+    double low = lost + a.rest + k * a.pitch_rest;
+    return position(high, low, a.corner == 0.0 ? 0.0 : a.zero);  // nothing is lost from 0
 }
 
 // The double at which edge `k` of a grid stands.
@@ -130,7 +136,8 @@ inline bool is_past_step(double x, const GridAxis& a, Block block, double t, dou
     auto [product, error] = exact_product(t, side);
     auto [total, lost] = exact_sum(high, product);
     low += lost + error + (t * (block.width * a.pitch_rest) + rest * side);
-    return x >= nearest_double(total, low);
+    auto [nearly, more] = position(total, low, high == 0.0 ? 0.0 : a.zero);
+    return x >= nearest_double(nearly, more);
 }
 
 // Value of the piece whose coefficients begin at `row`, at `s` in it.

@@ -882,8 +882,9 @@ private:
         for (int axis : {X, Y}) {
             auto &corner = corner_[axis], &rest = rest_[axis], &first = first_[axis];
             double pitch = grid.pitch[axis][0], pitch_rest = grid.pitch[axis][1];
+            double zero = grid.zero[axis];
             for (i64 n = begin; n < end; ++n) {  // vectorised
-                GridAxis above{corner[n], rest[n], 0.0, 0.0, 0.0, pitch, pitch_rest};
+                GridAxis above{corner[n], rest[n], 0.0, 0.0, 0.0, pitch, pitch_rest, zero};
                 auto [high, low] = edge_position(above, first[n]);
                 corner[n] = high, rest[n] = low;
             }

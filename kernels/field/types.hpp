@@ -57,7 +57,7 @@ struct Grid {
     i64 table;
     u32 row, free;
     u8 shift[2], listed, local, leaves, standing, more;
-    double count[2], near[2], pitch[2][2];
+    double count[2], near[2], pitch[2][2], zero[2];
 };
 
 struct Segment {
@@ -115,6 +115,7 @@ template <class Visit> void visit_members(Grid& g, Visit visit) {
     visit("listed", g.listed), visit("local", g.local), visit("leaves", g.leaves);
     visit("standing", g.standing), visit("more", g.more);
     visit("count", g.count), visit("near", g.near), visit("pitch", g.pitch);
+    visit("zero", g.zero);
 }
 
 template <class Visit> void visit_members(Member& m, Visit visit) {
@@ -217,7 +218,9 @@ INLINE i64 bin_of(const Grid& g, i64 i, i64 j) {
 // Index of the place of a free element, for which it has no cell.
 INLINE u32 place_of(const Element& e) { return e.cell[X] | u32(e.cell[Y]) << 16; }
 
-INLINE ExactPlace exact_place(const Field& f, i64 index) { return {f.places[index], f.rests[index]}; }
+INLINE ExactPlace exact_place(const Field& f, i64 index) {
+    return {f.places[index], f.rests[index]};
+}
 
 // The element that a place between the offsets of a grid stands for.
 INLINE u64 listed_element(const Field& f, const Grid& g, u64 k) {

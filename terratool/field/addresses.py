@@ -174,6 +174,8 @@ def _edge(grid: Any, axis: int, number: int) -> float:
     """
     low, side = _exact(grid, axis)
     exact = low + number * side
+    if grid["corner"][axis, 0] != 0.0 and abs(exact) <= grid["zero"][axis]:
+        return 0.0  # nothing but rounding is left
     total = float(exact)
     rest = exact - Fraction(total)
     other = math.nextafter(total, math.inf if rest > 0 else -math.inf)

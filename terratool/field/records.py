@@ -102,6 +102,7 @@ GRID = np.dtype(
         ("near", np.float64, 2),  # this near to an edge, in cells, the edge's double decides
         # side of a cell in few enough bits that k · pitch is exact, and the rest of it
         ("pitch", np.float64, (2, 2)),
+        ("zero", np.float64, 2),  # a position is 0 if no more than this is left of what cancels
     ],
     align=True,
 )

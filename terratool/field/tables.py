@@ -354,11 +354,16 @@ def kinds_of(definition: Definition, types: Ints, surface: Ints) -> Kinds:
     return Kinds(index.reshape(-1), kinds, pairs[:, 0], store.curves())
 
 
+_CANCELLED = 2.0**-80
+"""Positions are known to some 2^-87 of the coordinates of the terrain."""
+
+
 def place_terrain(grids: NDArray[Any], definition: Definition) -> None:
     """Put corner and sides of a terrain into the first of its grids, GRID, which holds the root."""
-    for axis in (0, 1):
-        grids["corner"][0, axis] = Exact.typed(definition.corner[axis])
-        grids["pitch"][0, axis] = side(definition.extent[axis])
+    for axis, (corner, extent) in enumerate(zip(definition.corner, definition.extent, strict=True)):
+        grids["corner"][0, axis] = Exact.typed(corner)
+        grids["pitch"][0, axis] = side(extent)
+        grids["zero"][:, axis] = _CANCELLED * max(abs(corner), abs(corner + extent))
 
 
 def surroundings(definition: Definition, *, roughness: bool) -> dict[str, Any]:

@@ -312,6 +312,7 @@ def _add_grids(make: _Maker, field: Any, arrays: FieldArrays) -> None:
         rest=grids["corner"][..., 1].ravel(),
         pitch=grids["pitch"][..., 0].ravel(),
         pitch_rest=grids["pitch"][..., 1].ravel(),
+        zero=grids["zero"].ravel(),
     )
     field.grids = make.structs(
         Grid,

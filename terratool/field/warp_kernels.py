@@ -53,6 +53,7 @@ class Axis:
     near: wp.float64
     pitch: wp.float64
     pitch_rest: wp.float64
+    zero: wp.float64
 
 
 @wp.struct
@@ -297,14 +298,32 @@ def nearest_double(high: wp.float64, low: wp.float64):
 
 
 @wp.func
+def exact_sum(a: wp.float64, b: wp.float64):
+    """The sum of two doubles, exactly."""
+    total = a + b
+    back = total - a
+    return total, (a - (total - back)) + (b - back)
+
+
+@wp.func
+def position(high: wp.float64, low: wp.float64, zero: wp.float64):
+    """A position as a sum of two doubles; 0 where no more than `zero` is left of what cancels."""
+    total = high + low
+    if wp.abs(total) <= zero:
+        return ZERO, ZERO
+    return total, low - (total - high)
+
+
+@wp.func
 def edge_position(axis: Axis, k: wp.float64):
     """World position of edge `k` of a grid, as a sum of two doubles."""
-    step = k * axis.pitch
-    high = axis.corner + step
-    back = high - axis.corner
-    low = ((axis.corner - (high - back)) + (step - back)) + axis.rest + k * axis.pitch_rest
-    total = high + low
-    return total, low - (total - high)
+    high, lost = exact_sum(axis.corner, k * axis.pitch)
+    low = lost + axis.rest + k * axis.pitch_rest
+    zero = axis.zero
+    if axis.corner == ZERO:
+        zero = ZERO
+    total, rest = position(high, low, zero)
+    return total, rest
 
 
 @wp.func
@@ -341,14 +360,6 @@ def locate_cell(x: wp.float64, axis: Axis, local: wp.int32, above: wp.float64):
 
 
 @wp.func
-def exact_sum(a: wp.float64, b: wp.float64):
-    """The sum of two doubles, exactly."""
-    total = a + b
-    back = total - a
-    return total, (a - (total - back)) + (b - back)
-
-
-@wp.func
 def exact_product(a: wp.float64, b: wp.float64):
     """The product of two doubles, exactly."""
     product = a * b
@@ -376,7 +387,11 @@ def is_past_step(
     product, error = exact_product(t, side)
     total, lost = exact_sum(high, product)
     low += lost + error + (t * (width * axis.pitch_rest) + rest * side)
-    return x >= nearest_double(total, low)
+    zero = axis.zero
+    if high == ZERO:
+        zero = ZERO
+    nearly, more = position(total, low, zero)
+    return x >= nearest_double(nearly, more)
 
 
 # Curves
@@ -547,11 +562,11 @@ def free_axis(parent: Axis, place: Place, which: wp.int32):
     middle, lost = exact_sum(parent.corner, at)
     low, lost_too = exact_sum(middle, -HALF * extent)
     rests = (lost + lost_too) + parent.rest
-    corner, rest = exact_sum(low, rests + (place.at_rest[which] - HALF * more))
+    corner, rest = position(low, rests + (place.at_rest[which] - HALF * more), parent.zero)
     per = ONE / extent
     noise = FREE_NOISE * wp.max(wp.abs(at) + extent, wp.abs(corner))
     near = wp.max(EDGE, noise * per)
-    return Axis(corner, rest, per, HALF - near, ONE, near, extent, more)
+    return Axis(corner, rest, per, HALF - near, ONE, near, extent, more, parent.zero)
 
 
 @wp.func
