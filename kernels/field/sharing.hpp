@@ -619,7 +619,7 @@ public:
         Frame frame = terrain_frame(field_);
         for (int axis : {X, Y}) {
             std::fill_n(corner_[axis].begin(), count, frame.corner[axis]);
-            std::fill_n(rest_[axis].begin(), count, 0.0);
+            std::fill_n(rest_[axis].begin(), count, frame.rest[axis]);
         }
         descend(frame, 0, count);
     }

@@ -27,6 +27,9 @@ def command(file: str, output: str, expanded: bool, overwrite: bool) -> None:
 
     What is not needed is left out: surfaces, primitives and parts that nothing names. The terrain
     is the same to the last bit. OUT is gzipped if its name ends with .gz; - is standard output.
+
+    With --expand, what is scattered or turned may stand where no decimal is that a float tells. It
+    is written at the nearest one, so that its edges may be one float off, and counted.
     """
     from terratool.definition.bundle import bundle
     from terratool.definition.reader import load_checked
@@ -44,10 +47,13 @@ def command(file: str, output: str, expanded: bool, overwrite: bool) -> None:
             if is_same_file(output, library.name):
                 raise WriteError(f"{output}: is a library of {file}.", "Choose another name.")
         status.say("writing out" if expanded else "bundling")
-        text = bundle(checked, expanded=expanded)
+        text, rounded = bundle(checked, expanded=expanded)
         packed = output.lower().endswith(".gz")
         if not shown:
             write_source(Source(file, text.encode(), packed), output, overwrite)
+    if rounded:
+        elements = counted(rounded, "element")
+        say(f"terratool: {elements} at the nearest decimals; edges may be one float off", err=True)
     if shown:
         click.echo(text.encode(), nl=False)  # JSON is UTF-8, whatever the terminal speaks
         return

@@ -5,26 +5,42 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterable, Iterator
-from typing import Any
+from typing import Any, NamedTuple
 
 import msgspec
 from msgspec import UNSET, Raw
 
+from terratool.definition.exact import rest_of
 from terratool.definition.expand import expand
 from terratool.definition.keys import KEYS, SLOTS
 from terratool.definition.layout import canonical
 from terratool.definition.libraries import DICTIONARIES, Dictionary, known_names
-from terratool.definition.model import Element
+from terratool.definition.model import Element, pair_of
 from terratool.definition.reader import Checked, refusal
 from terratool.definition.tree import Tree
 from terratool.definition.uses import Uses, track_surfaces
 from terratool.text.scan import first_value, members, value_end
 
 _EXACT = 1e15
+_TOLD = 2.0**-84
+"""A place that is off by so little, in sides of the terrain, has the same edges."""
 
 
-def bundle(checked: Checked, *, expanded: bool = False) -> str:
-    """The text of a terrain with all it needs of its libraries, and nothing that it does not need.
+class Bundle(NamedTuple):
+    """One file in place of a terrain and its libraries.
+
+    Attributes:
+        text: JSON in the canonical layout.
+        rounded: how many elements stand at the decimals nearest to their places, as no number that
+            reads back as a double is their place: edges of these may be one float off.
+    """
+
+    text: str
+    rounded: int = 0
+
+
+def bundle(checked: Checked, *, expanded: bool = False) -> Bundle:
+    """A terrain with all it needs of its libraries, and nothing that it does not need.
 
     Values stand as they are spelled, in the canonical layout.
 
@@ -42,7 +58,7 @@ def bundle(checked: Checked, *, expanded: bool = False) -> str:
     uses = Uses(document, known_names(document)[0])
     members = _members(document.source.data)
     members.pop("use", None)
-    needed = uses.needed
+    needed, rounded = uses.needed, 0
     if expanded:
         tree = expand(uses).tree
         # what parts wear themselves is not worn beside them
@@ -53,6 +69,7 @@ def bundle(checked: Checked, *, expanded: bool = False) -> str:
             "parts": {},
         }
         members["elemTree"] = Raw("".join(_element(tree)).encode())
+        rounded = _rounded(tree, max(checked.terrain.extent))
     for dictionary in DICTIONARIES:
         entries = _needed(uses, dictionary, needed[dictionary])
         if entries:
@@ -61,7 +78,25 @@ def bundle(checked: Checked, *, expanded: bool = False) -> str:
             members[dictionary] = Raw(b"{}")
         else:
             members.pop(dictionary, None)
-    return canonical(_object(members.items()).decode())
+    return Bundle(canonical(_object(members.items()).decode()), rounded)
+
+
+def _rounded(tree: Tree, longest: float) -> int:
+    """How many elements of an expansion stand at places that no decimal tells."""
+    places = (
+        (*at, *pair_of(extent, 0.0), *rests)
+        for at, extent, rests in zip(
+            tree.column("at"), tree.column("extent"), tree.rests or (), strict=False
+        )
+        if rests is not None
+    )
+    return sum(
+        any(
+            abs(rest - rest_of(near)) > _TOLD * longest
+            for near, rest in zip(p[:4], p[4:], strict=True)
+        )
+        for p in places
+    )
 
 
 def _object(members: Iterable[tuple[str, Raw]]) -> bytes:

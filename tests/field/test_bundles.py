@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import gzip
 import json
 import math
@@ -33,7 +34,11 @@ EXAMPLES = int(os.environ.get("TERRATOOL_FUZZ", "60"))
 
 
 class Three:
-    """The terrain of files, of their bundle and of their expansion; and with parts shared."""
+    """The terrain of files, of their bundle and of their expansion; and with parts shared.
+
+    Where a part is turned, a place may need more digits than a number has. In the text of the
+    expansion it is rounded then, so that `exact` lacks that terrain, which `rounded` has.
+    """
 
     def __init__(self, files: FileSet) -> None:
         quiet = CheckOptions(warnings=False)
@@ -42,12 +47,17 @@ class Three:
             roots = CheckOptions(warnings=False, library_roots=(folder,))
             checked = check(read_source(path), roots)
             assert checked.findings == ()
-            self.texts = [bundle(checked), bundle(checked, expanded=True)]
-            assert self.texts == [bundle(checked), bundle(checked, expanded=True)]
+            (plain, none), (expanded, rounded) = bundle(checked), bundle(checked, expanded=True)
+            assert none == 0
+            self.texts = [plain, expanded]
+            assert self.texts == [bundle(checked).text, bundle(checked, expanded=True).text]
         others = [check(Source("bundle.json", text.encode()), quiet) for text in self.texts]
         assert [other.findings for other in others] == [(), ()]
-        self.terrains = [Terrain(one) for one in (checked, *others)]
-        self.terrains += [Terrain(one, share_above=0) for one in (checked, others[0])]
+        self.exact = [Terrain(one) for one in (checked, others[0])]
+        self.exact += [Terrain(one, share_above=0) for one in (checked, others[0])]
+        self.rounded = Terrain(others[1])
+        if not rounded:
+            self.exact.append(self.rounded)
 
 
 def bits(array: Any) -> bytes:
@@ -94,13 +104,20 @@ def test_file_bundle_and_expansion_are_one_terrain(data: st.DataObject) -> None:
     points = landmarks(definition)[:150] + rims(definition)
     points += [data.draw(scattered(definition)) for _ in range(8)]
     x, y = np.array(points).T
-    first, *others = [answers(terrain, x, y) for terrain in three.terrains]
+    first, *others = [answers(terrain, x, y) for terrain in three.exact]
     for other in others:
         assert other == first
-    first_picture, *pictures = map(painted, three.terrains)
+    oracle = Oracle(definition)
+    beside = np.array([oracle.margin(*point) > 1e-9 for point in points])
+    x, y = x[beside], y[beside]
+    other, own = three.rounded, three.exact[0]
+    assert other.surface(x, y).tolist() == own.surface(x, y).tolist()
+    size = max(map(abs, own.bounds)) * 1e-12
+    np.testing.assert_allclose(other.height(x, y), own.height(x, y), rtol=1e-9, atol=size)
+    first_picture, *pictures = map(painted, three.exact)
     for picture in pictures:
         assert picture == first_picture
-    first_mesh, *meshes = map(meshed, three.terrains)
+    first_mesh, *meshes = map(meshed, three.exact)
     for mesh in meshes:
         assert mesh == first_mesh
 
@@ -259,6 +276,33 @@ def test_an_expansion_has_neither_parts_nor_copies(site: Path, tmp_path: Path) -
     one, other = load(out), load(site, library_roots=(str(tmp_path),))
     x, y = np.meshgrid(np.linspace(0, 40, 81), np.linspace(0, 20, 41))
     assert bits(one.height(x, y)) == bits(other.height(x, y))
+
+
+def test_places_that_no_decimal_tells_are_counted(site: Path, tmp_path: Path) -> None:
+    """Scattered ones, and those in cells of a third; copies of short decimals are told."""
+    value = copy.deepcopy(SITE)
+    own = {"type": "floor", "at": [0.1, 0.2], "extent": [0.1, 0.3]}
+    value["elemTree"]["children"] = [
+        {**own, "repeat": {"count": [9, 9], "step": [0.1, 0.7]}},
+        {"at": [3.3, 4.1], "extent": 0.7, "part": "turned", "turnDeg": 90},
+    ]
+    value["parts"] = {"turned": {"type": "floor", "children": [own]}}
+    del value["use"]
+    site.write_text(json.dumps(value), encoding="utf-8")
+    ran = call("bundle", "--expand", site, "-")
+    assert (ran.code, ran.err) == (0, "")
+    places = [tuple(child["at"]) for child in json.loads(ran.out)["elemTree"]["children"][:81]]
+    assert places[:12] == [(k / 10, 0.2) for k in range(1, 10)] + [(k / 10, 0.9) for k in (1, 2, 3)]
+    value["elemTree"]["children"] += [
+        {"cellX": 0, "cellY": 0, "type": "floor", "scatter": {"count": 5, "sizes": [0.1, 1]}},
+        {"cellX": 1, "cellY": 0, "type": "floor", "cells": 3, "children": [
+            {"cellX": 1, "cellY": 1, "part": "turned", "turnDeg": 180}
+        ]},
+    ]  # fmt: skip
+    site.write_text(json.dumps(value), encoding="utf-8")
+    ran = call("bundle", "--expand", site, "-")
+    said = "terratool: 6 elements at the nearest decimals; edges may be one float off\n"
+    assert (ran.code, ran.err) == (0, said)
 
 
 def test_a_bundle_replaces_nothing_that_it_needs(site: Path, tmp_path: Path) -> None:

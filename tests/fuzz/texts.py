@@ -341,7 +341,7 @@ def try_composition(case: Case, folder: Path) -> str:
         return "invalid"
     count = Uses(checked.document, known_names(checked.document)[0]).elements
     if count > _WRITTEN:
-        text = bundle(checked)
+        text = bundle(checked).text
         if check(Source("bundle.json", text.encode())).terrain is None:
             raise WrongError("a bundle is invalid")
         return "large"
@@ -353,10 +353,11 @@ def try_composition(case: Case, folder: Path) -> str:
     x, y = np.meshgrid(west + shares * (east - west), south + shares * (north - south))
     heights = terrain.height(x, y).tobytes()
     for expanded in (False, True):
-        other = check(Source("bundle.json", bundle(checked, expanded=expanded).encode()))
+        text, rounded = bundle(checked, expanded=expanded)
+        other = check(Source("bundle.json", text.encode()))
         if other.terrain is None:
             raise WrongError(f"expanded: {expanded}: {other.findings[0].message}")
-        if Terrain(other).height(x, y).tobytes() != heights:
+        if not rounded and Terrain(other).height(x, y).tobytes() != heights:
             raise WrongError(f"expanded: {expanded}: heights differ")
     return "valid"
 
