@@ -4,35 +4,132 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator
 from itertools import combinations
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
 
-from terratool.definition import scattering
 from terratool.definition.model import Scatter
-from terratool.definition.reader import CheckOptions, check
-from terratool.definition.scattering import Strewn, strewn
+from terratool.definition.reader import Checked, CheckOptions, check
+from terratool.definition.scattering import share, strewing, strewn
 from terratool.field.terrain import Terrain
 from terratool.text.source import Source
 
 AREA = (30.0, 12.0)
+TRIES = 50
 
 
-def copies(area: tuple[float, float] = AREA, **asked: Any) -> list[Strewn]:
-    asked = {"count": 400, "sizes": (0.2, 1.6), "seed": 5} | asked
-    return list(strewn(Scatter(**asked), area))
+class Copy(NamedTuple):
+    """A copy that has found a place: its place in the list by size, and where it stands."""
+
+    number: int
+    side: float
+    middle: tuple[float, float]
+    turn: float
+
+
+def copies(
+    area: tuple[float, float] = AREA, *, by_quarters: bool = False, tilted: bool = False,
+    **asked: Any,
+) -> list[Copy]:  # fmt: skip
+    scatter = Scatter(**({"count": 400, "sizes": (0.2, 1.6), "seed": 5} | asked))
+    asked_for = strewing(scatter, area, by_quarters=by_quarters, tilted=tilted)
+    assert isinstance(scatter.count, int)
+    sides, x, y, turns, looked, _ = strewn(asked_for, scatter.count)
+    assert looked == scatter.count
+    listed = enumerate(zip(sides, x, y, turns, strict=True))
+    return [Copy(n, d, (x, y), turn) for n, (d, x, y, turn) in listed if not math.isnan(x)]
+
+
+GOLDEN = 0x9E3779B97F4A7C15
+
+
+def mixed(word: int) -> int:
+    word = (word ^ word >> 30) * 0xBF58476D1CE4E5B9 % 2**64
+    word = (word ^ word >> 27) * 0x94D049BB133111EB % 2**64
+    return word ^ word >> 31
+
+
+def drawn(seed: int, number: int, draw: int) -> float:
+    """A number from 0 to 1, as docs/format.md has it."""
+    for more in (number, draw):
+        seed = mixed((seed + GOLDEN * (more + 1)) % 2**64)
+    return (seed >> 11) / 2**53
+
+
+def slowly(
+    scatter: Scatter, area: tuple[float, float], *, by_quarters: bool, tilted: bool
+) -> list[Copy]:
+    """The same by the words of docs/format.md: each copy is held against all before it."""
+    least, most = scatter.sizes
+    low, high = 1 / (least * least), 1 / (most * most)
+    seed, count = scatter.seed, scatter.count
+    assert isinstance(seed, int) and isinstance(count, int)
+    sides = [1 / math.sqrt(low + (high - low) * drawn(seed, n, 0)) for n in range(count)]
+    found: list[Copy] = []
+    for n, side in enumerate(sorted((min(max(d, least), most) for d in sides), reverse=True)):
+        turn = drawn(seed, n, 1) if scatter.turned is True else 0.0
+        turn = 90 * math.floor(4 * turn) if by_quarters else 360 * turn
+        by_any_angle = tilted or (scatter.turned is True and not by_quarters)
+        keep = math.sqrt(0.5) * (1 + 1e-12) * side if by_any_angle else side / 2
+        room = area[0] - 2 * keep, area[1] - 2 * keep
+        for attempt in range(TRIES if isinstance(scatter.distance, float) else 1):
+            if min(room) < 0:
+                break
+            x = keep + room[0] * drawn(seed, n, 2 + 2 * attempt)
+            y = keep + room[1] * drawn(seed, n, 3 + 2 * attempt)
+            root = math.sqrt(0.5)
+            if isinstance(scatter.distance, float) and any(
+                (x - one.middle[0]) ** 2 + (y - one.middle[1]) ** 2
+                < (side * root + one.side * root + scatter.distance) ** 2
+                for one in found
+            ):
+                continue
+            found.append(Copy(n, side, (x, y), turn))
+            break
+    return found
 
 
 def test_the_mixer_is_that_of_splitmix64() -> None:
-    """The published stream for the seed 1234567."""
-    golden, state, found = 0x9E3779B97F4A7C15, 1234567, []
-    for _ in range(3):
-        state = (state + golden) & (2**64 - 1)
-        found.append(scattering._mixed(state))
-    assert found == [6457827717110365317, 3203168211198807973, 9817491932198370423]
+    """The published stream for the seed 1234567; a share goes on from one of its numbers."""
+    published = [6457827717110365317, 3203168211198807973, 9817491932198370423]
+    assert [mixed(1234567 + GOLDEN * k & 2**64 - 1) for k in (1, 2, 3)] == published
+    for number in (0, 1, 2, 999_999):
+        for draw in (0, 1, 101):
+            assert share(1234567, number, draw) == drawn(1234567, number, draw)
+            assert share(2**53, number, draw) == drawn(2**53, number, draw)
+
+
+@pytest.mark.parametrize("distance", [None, 0.0, 0.05, 1.0])
+@pytest.mark.parametrize("sizes", [(0.2, 1.6), (1e-6, 9.0), (0.7, 0.7), (3.0, 20.0)], ids=str)
+@pytest.mark.parametrize("turned", [None, "any", "quarters", "tilted"])
+def test_copies_are_those_of_the_slow_reading(
+    distance: float | None, sizes: tuple[float, float], turned: str | None
+) -> None:
+    """To the last bit, where they are crowded, too, and where hardly any finds a place."""
+    more: dict[str, Any] = {} if distance is None else {"distance": distance}
+    more |= {} if turned in (None, "tilted") else {"turned": True}
+    how = {"by_quarters": turned == "quarters", "tilted": turned == "tilted"}
+    for seed, area in ((5, AREA), (77, (3.5, 40.0))):
+        scatter = Scatter(count=300, sizes=sizes, seed=seed, **more)
+        asked = {"count": 300, "sizes": sizes, "seed": seed, **more}
+        assert copies(area, **how, **asked) == slowly(scatter, area, **how)
+
+
+def test_as_many_are_looked_at_as_there_are_tries() -> None:
+    """Those behind are left out; without a distance each copy is tried once."""
+    scatter = Scatter(count=400, sizes=(0.2, 1.6), seed=5)
+    asked = strewing(scatter, AREA, by_quarters=False, tilted=False)
+    whole, part = strewn(asked, 400), strewn(asked, 400, 150)
+    assert (whole.looked, part.looked, part.left) == (400, 150, 0)
+    assert part.x[:150] == whole.x[:150] and all(map(math.isnan, part.x[150:]))
+    crowded = strewing(
+        Scatter(count=400, sizes=(5.0, 5.0), seed=5, distance=9.0), AREA,
+        by_quarters=False, tilted=False,
+    )  # fmt: skip
+    assert strewn(crowded, 400, 10**6).left < 10**6 - 390 * TRIES
+    assert strewn(crowded, 400, 500).looked < 20
 
 
 @pytest.mark.parametrize("asked", [{}, {"turned": True}, {"distance": 0.0}, {"distance": 0.3}])
@@ -99,35 +196,67 @@ def definition(**element: Any) -> dict[str, Any]:
     }  # fmt: skip
 
 
+def checked(value: dict[str, Any]) -> Checked:
+    found = check(Source("t.json", json.dumps(value).encode()), CheckOptions(warnings=False))
+    assert found.findings == ()
+    return found
+
+
 def terrain(value: dict[str, Any]) -> Terrain:
-    checked = check(Source("t.json", json.dumps(value).encode()), CheckOptions(warnings=False))
-    assert checked.findings == ()
-    return Terrain(checked)
+    return Terrain(checked(value))
 
 
-def inside() -> Iterator[tuple[float, float, float]]:
-    """World place of the middle of each copy, and its side."""
-    scatter = Scatter(count=30, sizes=(0.4, 2.0), seed=9, distance=0.0)
-    for copy in strewn(scatter, (20.0, 8.0)):
-        yield 3 + copy.middle[0], 1 + copy.middle[1], copy.side
+def inside() -> list[tuple[int, float, float, float]]:
+    """Number, world place of the middle, and side of each copy that has found a place."""
+    found = copies((20.0, 8.0), count=30, sizes=(0.4, 2.0), seed=9, distance=0.0)
+    return [(one.number, 3 + one.middle[0], 1 + one.middle[1], one.side) for one in found]
 
 
 def test_heights_grow_with_the_size() -> None:
-    """A primitive of height 1 becomes as high as it is wide, times vScale; vOffset is added."""
+    """All of them: a primitive of height 1 becomes as high as it is wide, times vScale.
+
+    A rock half sunk stays half sunk, as its vOffset grows likewise.
+    """
     box = terrain(definition(type="box"))
     tall = terrain(definition(type="box", vScale=-3, vOffset=0.5))
-    for number, (x, y, side) in enumerate(inside()):
+    for number, x, y, side in inside():
         assert box.height(x, y) == side
-        assert tall.height(x, y) == -3 * side + 0.5
+        assert tall.height(x, y) == side * -3 + side * 0.5
         assert box.element(x, y) == f"/elemTree/children/0[{number}]"
 
 
+def test_what_stands_on_a_copy_grows_with_it() -> None:
+    """A copy is the element with its children, whose default is multiplied, too."""
+    children = [
+        {"cellX": 0, "cellY": 0, "type": "box", "vScale": 2, "vOffset": 1},
+        {"cellX": 1, "cellY": 0, "type": "box"},
+    ]
+    yard = terrain(definition(type="box", vScale=0.5, cells=[2, 1], children=children))
+    for _, x, y, side in inside():
+        west, east = yard.height([x - side / 4, x + side / 4], [y, y]).tolist()
+        assert west == pytest.approx(side * (0.5 + 2 + 1), rel=1e-14)
+        assert east == pytest.approx(side * (0.5 + min(side / 2 / 40, side / 20)), rel=1e-14)
+
+
+def test_copies_are_numbered_by_their_place_in_the_list() -> None:
+    """Whether those before have found a place or not."""
+    asked = {"count": 60, "sizes": [0.4, 2], "seed": 9, "distance": 0.6}
+    value = definition(type="box", scatter=asked, at=[9, 5], extent=[6, 8])
+    found = copies((6.0, 8.0), count=60, sizes=(0.4, 2.0), seed=9, distance=0.6)
+    numbers = [one.number for one in found]
+    assert 5 < len(numbers) < 60 and numbers != list(range(len(numbers)))
+    for share_above in (0, math.inf):
+        yard = Terrain(checked(value), share_above=share_above)
+        names = [yard.element(6 + one.middle[0], 1 + one.middle[1]) for one in found]
+        assert names == [f"/elemTree/children/0[{number}]" for number in numbers]
+
+
 def test_parts_are_scattered_as_a_whole() -> None:
-    """All heights of a part grow with the size of its copy; its vOffset is added to the root."""
+    """All heights of a part grow with the size of its copy, and so does the vOffset beside it."""
     pairs = terrain(definition(part="pair", vOffset=7))
-    for x, y, side in inside():
+    for _, x, y, side in inside():
         low, high = pairs.height([x - side / 4, x + side / 4], [y, y]).tolist()
-        assert low == pytest.approx(side * (2 + 1) + 7, rel=1e-15)
+        assert low == pytest.approx(side * (2 + 1 + 7), rel=1e-15)
         assert high == pytest.approx(low + side * 3, rel=1e-15)
 
 
@@ -172,7 +301,6 @@ def test_a_crowd_without_end_is_looked_at_in_part() -> None:
     """The largest of 50,000 copies tell that there is no room for all."""
     ((_, said),) = remarks(20.0, count=50_000, distance=0.25)
     assert " largest of 50,000 copies find a place" in said
-    assert remarks(20.0, count=1_000_000, distance=0.25) == []
 
 
 def test_a_density_that_comes_to_nothing_is_told_of() -> None:
