@@ -1,19 +1,24 @@
 """A slow, plain reading of libraries, parts and copies, for the tests to compare with.
 
-Texts of several files become one definition without `use`, `parts`, `part` and `repeat`: what they
-mean (docs/format.md). No code is shared with the package. The files are taken to be valid.
+Texts of several files become one definition without `use`, `parts`, `part`, `repeat` and `scatter`:
+what they mean (docs/format.md). No code is shared with the package. Files are taken to be valid.
 """
 
 from __future__ import annotations
 
 import json
+import math
 import posixpath
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import Any
 
+from msgspec import UNSET
+
+from terratool.definition.model import Scatter
 from tests.decimals import meant
+from tests.scattering import slowly
 
 Json = dict[str, Any]
 Texts = dict[str, str]
@@ -54,6 +59,15 @@ class Around:
     sides: tuple[Fraction, Fraction]
     name: str
     pointer: str
+
+
+def scatter_of(value: Json) -> Scatter:
+    """What a text asks for."""
+    return Scatter(
+        sizes=(float(value["sizes"][0]), float(value["sizes"][1])), count=value["count"],
+        seed=value.get("seed", 0), turned=value.get("turned", False),
+        distance=float(value["distance"]) if "distance" in value else UNSET,
+    )  # fmt: skip
 
 
 def both(value: Any) -> list[Any]:
@@ -154,6 +168,9 @@ class Reading:
         self, node: Json, index: int, grid: list[int], parent: Around
     ) -> Iterator[tuple[Json, Json, Around]]:
         """A child as often as it is repeated: its text, its place and what is around it."""
+        if "scatter" in node:
+            yield from self.scattered(node, index, grid, parent)
+            return
         repeat = node.get("repeat", {"count": [1, 1], "step": [0, 0]})
         for j in range(repeat["count"][1]):
             for i in range(repeat["count"][0]):
@@ -167,6 +184,32 @@ class Reading:
                     node, place,
                     Around(parent.home, parent.factor, parent.quarters, sides, name, ""),
                 )  # fmt: skip
+
+    def scattered(
+        self, node: Json, index: int, grid: list[int], parent: Around
+    ) -> Iterator[tuple[Json, Json, Around]]:
+        """The copies of a scattered child: all heights of each are multiplied by its size."""
+        if "at" in node:
+            sides = [meant(side) for side in both(node["extent"])]
+            corner = [meant(at) - side / 2 for at, side in zip(node["at"], sides, strict=True)]
+        else:
+            whole = parent.sides[::-1] if parent.quarters % 2 else parent.sides
+            pitch = [side / n for side, n in zip(whole, grid, strict=True)]
+            sides = [one * n for one, n in zip(pitch, node.get("span", [1, 1]), strict=True)]
+            corner = [pitch[0] * node["cellX"], pitch[1] * node["cellY"]]
+        turn = node.get("turnDeg", 0)
+        found = slowly(
+            scatter_of(node["scatter"]), (float(sides[0]), float(sides[1])),
+            by_quarters="part" in node, tilted=turn % 90 != 0,
+        )  # fmt: skip
+        for copy in found:
+            own = {"vScale": 1, **node, "turnDeg": math.fmod(turn, 360) + copy.turn}
+            at = [corner[axis] + Fraction(copy.middle[axis]) for axis in (0, 1)]
+            free = {"at": at, "extent": Fraction(copy.side)}
+            place, its = self.free_place(free, [Fraction(0), Fraction(0)], parent)
+            factor = parent.factor * Fraction(copy.side)
+            name = f"{parent.name}/children/{index}[{copy.number}]"
+            yield own, place, Around(parent.home, factor, parent.quarters, its, name, "")
 
     def free_place(
         self, node: Json, shift: list[Fraction], parent: Around
@@ -220,7 +263,7 @@ def count(texts: Texts, main: str) -> int:
         total = 1
         for child in node.get("children", []):
             nx, ny = child.get("repeat", {}).get("count", [1, 1])
-            total += nx * ny * of(child)
+            total += child.get("scatter", {}).get("count", nx * ny) * of(child)
         return total
 
     return of(reading.files[main]["elemTree"])

@@ -12,6 +12,7 @@ from typing import Any
 from hypothesis import strategies as st
 
 from tests import composition
+from tests.scattering import drawn_sizes
 from tests.strategies import (
     SURFACES,
     Draw,
@@ -146,6 +147,17 @@ def repeats_at_places(draw: Draw, place: Json, sides: Sides) -> Json:
 
 
 @st.composite
+def scatters(draw: Draw, side: float) -> Json:
+    """A few copies strewn over an area that is at least so wide; some may find no place."""
+    least = side * draw(st.sampled_from([0.01, 0.1, 0.3]) | thousandths(0.01, 0.5))
+    found: Json = {"count": draw(st.integers(1, 5)), "sizes": [least, least * draw(numbers(1, 3))]}
+    optionally(draw, found, "seed", st.integers(0, 2**53))
+    optionally(draw, found, "turned", st.booleans())
+    optionally(draw, found, "distance", st.sampled_from([0, side / 10, side / 3]))
+    return found
+
+
+@st.composite
 def upright(draw: Draw, sides: Sides) -> tuple[Json, Sides]:
     """A free place, in which there is room for what is turned by quarters."""
     place, own = draw(free_places(sides))
@@ -170,7 +182,7 @@ def nodes(
     optionally(draw, found, "vScale", st.sampled_from([0, 1, -1, 0.5, 2]) | numbers(-3, 3))
     optionally(draw, found, "vOffset", numbers(-5, 5))
     quarters = st.sampled_from([0, 90, 90.0, -90, 180, 270, 450, -630])
-    free = "at" in place
+    free = "at" in place or "scatter" in place
     quarter = math.fmod(found.get("turnDeg", 0), 90) == 0
     parts = [name for name in names.parts if not ((free or level) and name in names.tilted)]
     if parts and quarter and draw(st.integers(0, 3)) != 0:
@@ -191,17 +203,24 @@ def nodes(
     grid = composition.both(found.get("cells", 10))
     children: list[Json] = []
     for _ in range(draw(st.integers(0, 3 if levels else 0))):
+        kind, deeper = draw(st.integers(0, 5)), levels - 1
         if min(frame.sides) > 1e-3 and draw(st.booleans()):
             below, own = draw(upright(frame.sides))
             inner = frame.free(own)
-            if draw(st.integers(0, 2)) == 2:
+            if kind in (4, 5):
                 below["repeat"] = draw(repeats_at_places(below, frame.sides))
         else:
             below = draw(places(grid, [child for child in children if "cellX" in child]))
             inner = frame.share(below.get("span", [1, 1]), grid)
-            if draw(st.integers(0, 2)) == 2:
+            if kind in (4, 5):
                 below["repeat"] = draw(repeats_in_cells(below, grid))
-        children.append(draw(nodes(names, below, inner, levels - 1)))
+        if kind == 3 and min(inner.sides) > 1e-3:
+            below["scatter"] = draw(scatters(min(inner.sides)))
+            # the smallest copy counts that is drawn, whatever the least size is
+            smallest = drawn_sizes(composition.scatter_of(below["scatter"]))[-1]
+            inner = Frame((smallest, smallest), odd=True, even=True)
+            deeper = 0 if below["scatter"].get("turned") else deeper
+        children.append(draw(nodes(names, below, inner, deeper)))
     if children:
         found["children"] = children
     return found
@@ -290,7 +309,8 @@ def _finished(draw: Draw, files: dict[str, Json]) -> FileSet:
 def _once(value: Any) -> Any:
     """The same without copies."""
     if isinstance(value, dict):
-        return {key: _once(item) for key, item in value.items() if key != "repeat"}
+        kept = {key: _once(item) for key, item in value.items() if key != "repeat"}
+        return kept | ({"scatter": kept["scatter"] | {"count": 1}} if "scatter" in kept else {})
     return [_once(item) for item in value] if isinstance(value, list) else value
 
 

@@ -12,6 +12,7 @@ from msgspec import UNSET
 
 from terratool.definition.exact import Sides, sides
 from terratool.definition.model import Definition, Pair, pair_of
+from terratool.definition.scattering import least_drawn
 from terratool.definition.tree import Tree
 from terratool.definition.uses import Root, Uses, places_of, quarter_turns
 
@@ -83,10 +84,11 @@ class Cells:
     def _step(self, index: int, around: int) -> _Step:
         tree = self.root.tree
         if self._free(index):
-            scatter = tree.value("scatter", index)
-            if scatter is not UNSET:  # of scattered copies the least counts
-                return -1, (scatter.sizes[0], scatter.sizes[0]), (1, 1)
-            return -1, pair_of(tree.value("extent", index), math.nan), (1, 1)
+            scatter, extent = tree.value("scatter", index), tree.value("extent", index)
+            if scatter is not UNSET:  # of scattered copies the smallest counts
+                smallest = least_drawn(scatter, pair_of(extent, math.nan))
+                return -1, (smallest, smallest), (1, 1)
+            return -1, pair_of(extent, math.nan), (1, 1)
         return around, tree.block(index)[2:], self._grid(tree.parents[index])
 
     def sides(self, size: PartSize) -> list[Sides]:

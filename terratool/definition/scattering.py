@@ -104,12 +104,17 @@ def strewn(asked: Strewing, count: int, tries: int = ALL_TRIES) -> Strewn:
     return Strewn(sides, x, y, turns, looked, left)
 
 
-def drawn_sides(asked: Strewing, count: int) -> array[float]:
-    """Sides of so many copies, the largest first, whether they find a place or not."""
+def least_drawn(scatter: Scatter, area: Pair) -> float:
+    """The side of the smallest copy, whether it finds a place or not; the largest if there is none.
+
+    Args:
+        scatter: what the text says.
+        area: sides of the cell over which copies are strewn.
+    """
+    count = min(wanted(scatter, area), MAX_SCATTERED)
     sides = _doubles(count)
-    kernels.draw_sides(asked, sides)
-    drawn: array[float] = sides
-    return drawn
+    kernels.draw_sides(strewing(scatter, area, by_quarters=False, tilted=False), sides)
+    return float(sides[-1]) if count else scatter.sizes[1]
 
 
 def _doubles(count: int) -> Any:
