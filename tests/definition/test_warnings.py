@@ -24,6 +24,7 @@ from terratool.definition.findings import Finding
 from terratool.definition.reader import CheckOptions, check
 from terratool.text.source import Source
 from tests.conftest import terrain_of, text_of
+from tests.decimals import meant
 from tests.oracle import COMBINES, cos_sin, curve_value
 from tests.oracle import steps as steps_of
 from tests.strategies import EXPRESSIONS, NAMED_CURVES, Json, knots, numbers, vectors
@@ -779,10 +780,7 @@ def test_bounds_are_those_of_exact_fractions(root: Json, size: Any, origin: list
     assert {finding.pointer for finding in found} == set(elements)
     for finding in found:
         cell = elements[finding.pointer].cell
-        expected = [
-            float(Fraction(float(origin[k % 2])) + cell[k] * Fraction(float(sides[k % 2])))
-            for k in range(4)
-        ]
+        expected = [float(meant(origin[k % 2]) + cell[k] * meant(sides[k % 2])) for k in range(4)]
         assert list(finding.bounds or ()) == expected
         value: Any = definition
         for token in finding.pointer.split("/")[1:]:

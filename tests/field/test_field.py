@@ -14,6 +14,7 @@ import pytest
 from terratool.field import terrain as batches
 from terratool.field.bounds import finest_details
 from tests.conftest import terrain_of
+from tests.decimals import meant
 
 BOX = {"x": [1]}
 RAMP = {"x": [0, 1]}
@@ -72,18 +73,17 @@ class TestEdges:
         assert t.height([edge, math.nextafter(edge, 0)], y).tolist() == [1, 0]
 
     @pytest.mark.parametrize("stepped", [False, True])
-    def test_of_two_doubles_as_near_the_even_one(self, stepped: bool) -> None:
+    @pytest.mark.parametrize("power", [52, 40, 30, 3])
+    def test_of_two_doubles_as_near_the_even_one(self, power: int, stepped: bool) -> None:
         """Where the exact position of an edge or a step is in the middle between two doubles."""
-        tested = 0
-        for west in (-k / 100 for k in range(1, 100)):
-            for cell in (40, 45, 50, 55, 60, 65):
-                exact = Fraction(west) + 8 * Fraction(cell, 80)
+        gap = 2.0 ** (power - 52)
+        for west in (2.0**power, -1.5 * 2.0**power):
+            for cell in range(1, 40):  # of 12.5 gaps: every second edge is in the middle
+                exact = Fraction(west) + cell * Fraction(25, 2) * Fraction(gap)
                 edge = float(exact)
-                other = float(2 * exact - Fraction(edge))
-                if other == edge or Fraction(edge) + Fraction(other) != 2 * exact:
-                    continue
-                tested += 1
-                assert not np.float64(edge).view(np.uint64) % 2
+                middle = cell % 2 == 1
+                assert (Fraction(edge) != exact) == middle
+                assert not middle or not np.float64(edge).view(np.uint64) % 2
                 if stepped:
                     step = {"x": [[0, 0], [0.5, 0], [0.5, 1], [1, 1]]}
                     types = {"flat": {"x": [0]}, "step": step}
@@ -92,11 +92,66 @@ class TestEdges:
                     types, element = {"flat": {"x": [0]}, "box": BOX}, child(cell, 0, vScale=1)
                 root = {"type": "flat", "cells": [80, 1], "children": [element]}
                 t = terrain_of(
-                    {"size": [8, 1], "origin": [west, 0], "elemTypes": types, "elemTree": root}
-                )
+                    {
+                        "size": [1000 * gap, 1], "origin": [west, 0],
+                        "elemTypes": types, "elemTree": root,
+                    }
+                )  # fmt: skip
                 assert t.height(edge, 0.5) == 1
-                assert t.height(math.nextafter(edge, -9), 0.5) == 0
-        assert tested > 20
+                assert t.height(math.nextafter(edge, -math.inf), 0.5) == 0
+
+    def test_copies_that_meet_leave_no_seam(self) -> None:
+        """A wall of 100 copies of 0.1 m in steps of 0.1 m is 1 m high everywhere.
+
+        So is one of elements that are typed one by one.
+        """
+        own = free(1, 0.55, [1, 0.1], vScale=1)
+        copies = {**own, "repeat": {"count": [1, 100], "step": [0, 0.1]}}
+        rows = [{**own, "at": [3, round(0.55 + k / 10, 2)]} for k in range(100)]
+        t = terrain({"type": "flat", "children": [copies, *rows]}, size=[10, 12])
+
+        def beside(y: float) -> list[float]:
+            return [math.nextafter(y, -1), y, math.nextafter(y, 99)]
+
+        for x in (1, 3):
+            assert t.height(x, beside(0.5)).tolist() == [0, 1, 1]
+            for k in range(1, 100):
+                assert t.height(x, beside(round(0.5 + k / 10, 1))).tolist() == [1, 1, 1], k
+            assert t.height(x, beside(10.5)).tolist() == [1, 0, 0]
+
+    def test_the_rim_is_the_sum_of_decimals(self) -> None:
+        """-133.8 + 36.11 is -97.69; the terrain ends there, and that point is inside."""
+        t = terrain({"type": "box", "vScale": 1}, origin=[-133.8, 0.1], size=[36.11, 0.2])
+        assert t.bounds == (-133.8, 0.1, -97.69, 0.3)
+        assert t.height([-97.69, -97.68999999999998], 0.2)[0] == 1
+        assert math.isnan(t.height(-97.68999999999998, 0.2))
+        assert t.height(-100, [0.3, 0.30000000000000004])[0] == 1
+        assert math.isnan(t.height(-100, 0.30000000000000004))
+
+    def test_an_edge_at_zero_is_at_zero(self) -> None:
+        """Whatever cancels to give it: cells, free places, steps and copies, some levels down."""
+        children = [
+            child(12, 0, vScale=1),
+            free(1.5, 0.5, [0.6, 0.2], vScale=2, cells=[3, 1], children=[child(1, 0, vScale=4)]),
+            free(1.2, 0.85, [0.7, 0.1], "step", vScale=8),
+            free(0.2, 0.25, [0.1, 0.1], vScale=16, repeat={"count": [20, 1], "step": [0.1, 0]}),
+        ]
+        t = terrain_of(
+            {
+                "size": [2.5, 1], "origin": [-1.2, -0.3],
+                "elemTypes": {
+                    "flat": {"x": [0]}, "box": BOX,
+                    "step": {"x": [[0, 0], [0.5, 0], [0.5, 1], [1, 1]]},
+                },
+                "elemTree": {"type": "flat", "cells": [25, 1], "children": children},
+            }
+        )  # fmt: skip
+        x = [-5e-324, 0.0, 5e-324]
+        assert t.height(x, 0.65).tolist() == [0, 1, 1]
+        assert t.height(x, 0.2).tolist() == [0, 3, 3]
+        assert t.height(x, 0.55).tolist() == [0, 9, 9]
+        assert t.height(x, -0.05).tolist() == [16, 17, 17]
+        assert t.height(0.05, [-0.1, -5e-324, 0.0, 5e-324]).tolist() == [17, 17, 1, 1]
 
     def test_steps_stand_where_the_decimal_says(self) -> None:
         t = terrain({"type": "flat", "children": [child(1, 0, "kerb", vScale=2)]}, size=30)
@@ -291,7 +346,7 @@ class TestFreePlaces:
             tree = {"type": "flat", "children": [free(x, y, [w, h], vScale=1)]}
             t = terrain(tree, size=[4, 3], origin=list(origin))
             edges = [
-                float(Fraction(low) + Fraction(at) + sign * Fraction(side) / 2)
+                float(meant(low) + meant(at) + sign * meant(side) / 2)
                 for low, at, side in zip(origin, (x, y), (w, h), strict=True)
                 for sign in (-1, 1)
             ]
@@ -366,12 +421,12 @@ class TestFreePlaces:
 
     def test_a_step_stands_where_its_decimal_says(self) -> None:
         t = terrain({"type": "flat", "children": [free(2.5, 1, [3, 2], "kerb", vScale=2)]}, size=9)
-        edge = float(Fraction(1) + 3 * Fraction(0.3))
+        edge = float(Fraction(1) + 3 * Fraction(3, 10))
         assert t.height([edge, math.nextafter(edge, 0)], 1).tolist() == [2, 0]
 
     @pytest.mark.parametrize("largest", [0.01, 0.1, 1.0])
     def test_memory_for_each_element(self, largest: float) -> None:
-        """At most 64 bytes more than on a lattice, however much they overlap."""
+        """At most 96 bytes more than on a lattice, however much they overlap."""
         rng = np.random.default_rng(4)
         count, size = 10000, 1000.0
         sides = size * rng.uniform(largest / 100, largest, (count, 2))
@@ -380,7 +435,7 @@ class TestFreePlaces:
         t = terrain({"type": "flat", "children": placed}, size=size)
         lattice = [child(k % 100, k // 100) for k in range(count)]
         other = terrain({"type": "flat", "cells": 100, "children": lattice}, size=size)
-        assert t.nbytes - other.nbytes <= 64 * count
+        assert t.nbytes - other.nbytes <= 96 * count
         x, y = rng.uniform(0, size, (2, 50))
         for px, py, height in zip(x, y, t.height(x, y), strict=True):
             over = ((at - sides / 2 <= (px, py)) & ((px, py) < at + sides / 2)).all(axis=1)
