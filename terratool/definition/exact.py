@@ -102,6 +102,11 @@ class Side(NamedTuple):
         """The double nearest to it."""
         return self.high + self.rest
 
+    @property
+    def value(self) -> Fraction:
+        """The sum of the two doubles."""
+        return Fraction(self.high) + Fraction(self.rest)
+
     def times(self, count: int) -> Exact:
         """A whole number of up to 17 bits of such lengths."""
         return Exact(*_exact_sum(count * self.high, count * self.rest))

@@ -58,7 +58,7 @@ class Node(NamedTuple):
         cell: first cell of its first copy; (0, 0) at a free place.
         span: cells that it takes; (1, 1) at a free place.
         at: its place before a quarter turn mirrors it; None in a cell.
-        rests: what the doubles of its place and its sides lack, (4,); None where a text has them.
+        rests: what the doubles of the places of scattered copies lack; None for all else.
         extent: sides of its free cell.
         copies: rows of copies of it.
         numbers: places of scattered copies in their list by size; None for all else.
@@ -357,15 +357,16 @@ class _Drafter:
         if is_part:
             quarters += (turns // 90).astype(np.int64)
         quarters %= 4
-        by_quarters = range(4)
-        cells = np.array([_turned_cells(chain.root, turned) for turned in by_quarters])[quarters]
-        turn = _turn(chain, site.quarters)
+        turn, cells = _turn(chain, site.quarters), _turned_cells(chain.root, site.quarters)
         if is_part:
-            turn = np.array([_turn(chain, turned) for turned in by_quarters])[quarters]
-        rests = np.column_stack([at[0].rest, at[1].rest, np.zeros((len(x), 2))])
+            each = range(4)
+            turn = np.array([_turn(chain, turned) for turned in each])[quarters]
+            cells = np.array([_turned_cells(chain.root, turned) for turned in each])[quarters]
         node = Node(
             chain, worn, turn, cells, (0, 0), ONE, np.column_stack([at[0].near, at[1].near]),
-            rests, np.column_stack([lengths, lengths]), None, numbers, -1, (site.step, chain.name),
+            np.column_stack([at[0].rest, at[1].rest]),
+            np.broadcast_to(lengths[:, None], (len(x), 2)), None, numbers, -1,
+            (site.step, chain.name),
         )  # fmt: skip
         if not _has_children(chain.root):
             return node, _Inner([])

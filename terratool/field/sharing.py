@@ -349,14 +349,18 @@ def _columns(draft: _Draft, plan: Blueprint) -> tuple[Columns, Columns, Floats]:
         free=free,
         place=np.cumsum(free) - 1,
     )
-    cell, span = cell.copy(), span.copy()
-    for index, node in enumerate(nodes):
-        if node.copies is not None and node.at is None:
-            row = draft.first[index]
-            for axis in (0, 1):
-                far = int(node.copies.step[axis]) * (node.copies.counts[axis] - 1)
-                cell[row, axis] += min(far, 0)
-                span[row, axis] += abs(far)
+    copied = [
+        (int(row), node.copies)
+        for row, node in zip(draft.first.tolist(), nodes, strict=False)
+        if node.copies is not None and node.at is None
+    ]
+    if copied:
+        cell, span = cell.copy(), span.copy()
+    for row, own in copied:
+        for axis in (0, 1):
+            far = int(own.step[axis]) * (own.counts[axis] - 1)
+            cell[row, axis] += min(far, 0)
+            span[row, axis] += abs(far)
     factors = floats([chain.factor for chain in chains], 1.0)
     return columns, columns._replace(cell=cell, span=span), factors
 
@@ -373,7 +377,7 @@ def _free_places(draft: _Draft) -> tuple[NDArray[Any], NDArray[Any]]:
         if node.rests is None:
             typed[rows] = True
         else:
-            rests["at"][rows], rests["extent"][rows] = node.rests[:, :2], node.rests[:, 2:]
+            rests["at"][rows] = node.rests  # sizes are drawn as they are
     for name in ("at", "extent"):
         rests[name][typed] = rests_of(places[name][typed])
     return places, rests

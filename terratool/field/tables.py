@@ -92,8 +92,10 @@ def placed_of(
     cell = columns.cell.copy()
     cell[free] = 0
     cell[free, 0] = np.arange(np.count_nonzero(free))
-    own = places[columns.place[free]]
-    half = 0.5 * own["extent"]
+    order = columns.place[free]
+    if (order != np.arange(len(order))).any():
+        places, rests = places[order], rests[order]
+    half = 0.5 * places["extent"]
     cosine, sine = np.abs(_cos_sin(columns.turn[free]))
     reach = cosine[:, None] * half + sine[:, None] * half[:, ::-1]
     with_cell = parental[free]
@@ -103,8 +105,8 @@ def placed_of(
         span=np.ascontiguousarray(columns.span),
         cells=np.ascontiguousarray(columns.cells),
         free=np.ascontiguousarray(free),
-        places=own,
-        rests=rests[columns.place[free]],
+        places=places,
+        rests=rests,
         reach=np.ascontiguousarray(reach * _WIDER),
     )
 
@@ -175,6 +177,8 @@ def rank_of(order: Ints) -> Ints:
 
 def in_order(columns: Columns, order: Ints) -> Columns:
     """The elements in another order."""
+    if (order == np.arange(len(order))).all():
+        return columns
     parent = np.where(columns.parent >= 0, rank_of(order)[columns.parent], -1)
     return Columns._make(column[order] for column in columns._replace(parent=parent))
 
@@ -291,18 +295,15 @@ def poses_of(columns: Columns, aspect: Floats) -> tuple[NDArray[np.uint32], NDAr
         columns: the elements.
         aspect: (n,) width by depth of the cells, or blocks of cells, that they fill.
     """
-    plain = (columns.turn == 0) & (columns.span == 1).all(axis=1) & ~columns.free
     aspect = np.where((columns.turn == 0) | columns.free, 1.0, aspect)
-    keys = np.column_stack([columns.span, columns.turn, aspect, columns.free])
-    keys[plain] = (1, 1, 0, 1, 0)
-    unique, index = np.unique(
-        np.vstack([[(1.0, 1.0, 0.0, 1.0, 0.0)], keys]), axis=0, return_inverse=True
-    )
-    index = index.reshape(-1)
-    # pose 0 is the plain one
-    swap = index[0]
-    unique[[0, swap]] = unique[[swap, 0]]
-    index = np.where(index == swap, 0, np.where(index == 0, swap, index))
+    own = [columns.span[:, 0], columns.span[:, 1], columns.turn, aspect, columns.free]
+    first, index = _distinct(own)
+    unique: Floats = np.column_stack([column[first].astype(np.float64) for column in own])
+    # pose 0 is that of what is neither turned nor spanned nor free
+    plain = (unique == (1, 1, 0, 1, 0)).all(axis=1)
+    rank = np.argsort(~plain, kind="stable")
+    unique = np.vstack([[(1.0, 1.0, 0.0, 1.0, 0.0)], unique[~plain]])
+    pose = (rank_of(rank) + (not plain.any())).astype(np.uint32)[index]
     cosine, sine = _cos_sin(unique[:, 2])
     poses = np.zeros(len(unique), POSE)
     poses["size"] = poses["cells"] = unique[:, :2]
@@ -311,7 +312,22 @@ def poses_of(columns: Columns, aspect: Floats) -> tuple[NDArray[np.uint32], NDAr
     poses["sin_u"] = sine / unique[:, 3]
     poses["turned"] = unique[:, 2] != 0
     poses["free"] = unique[:, 4]
-    return index[1:].astype(np.uint32), poses
+    return pose, poses
+
+
+def _distinct(columns: Sequence[NDArray[Any]]) -> tuple[Ints, Ints]:
+    """Where each of the different rows of a table first stands, (k,), and which each row is, (n,).
+
+    They are in the order of the first column, then of the second, and so on.
+    """
+    index = np.zeros(len(columns[0]), np.int64)
+    for column in columns:
+        if (column != column[0]).any():
+            values, codes = np.unique(column, return_inverse=True)
+            _, index = np.unique(index * len(values) + codes, return_inverse=True)
+    first = np.full(index.max() + 1, len(index))
+    np.minimum.at(first, index, np.arange(len(index)))
+    return first, index
 
 
 def _cos_sin(degrees: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -338,7 +354,8 @@ def kinds_of(definition: Definition, types: Ints, surface: Ints) -> Kinds:
         types: (n,) the primitive of each element, by its place in the definition.
         surface: (n,) the surface of each, likewise.
     """
-    pairs, index = np.unique(np.column_stack([types, surface]), axis=0, return_inverse=True)
+    first, index = _distinct([types, surface])
+    pairs = np.column_stack([types[first], surface[first]])
     primitives = list(definition.primitives.values())
     void = [surface.void is True for surface in definition.surfaces.values()] + [False]
     store = CurveStore()
@@ -351,7 +368,7 @@ def kinds_of(definition: Definition, types: Ints, surface: Ints) -> Kinds:
         for axis, curve in enumerate((shape.x, shape.y or shape.x)):
             store.put(kind, axis, curve)
         kind["special"] = kind["combine"] != COMBINE["product"] or kind["knotted"].any()
-    return Kinds(index.reshape(-1), kinds, pairs[:, 0], store.curves())
+    return Kinds(index, kinds, pairs[:, 0], store.curves())
 
 
 _CANCELLED = 2.0**-80

@@ -319,7 +319,7 @@ def _hint(tree: Tree, index: int, shape: Turned, around: Sides) -> str:
     parent = around.lengths
     block, grid = tree.block(index), tree.grid(tree.parents[index])
     middle = [
-        Fraction(parent[axis]) * Fraction(2 * block[axis] + block[axis + 2], 2 * grid[axis])
+        around[axis].value * Fraction(2 * block[axis] + block[axis + 2], 2 * grid[axis])
         for axis in (0, 1)
     ]
     place = f'"at": {_pair(*map(float, middle))}, "extent": {_pair(*shape.lengths)}'
@@ -327,8 +327,7 @@ def _hint(tree: Tree, index: int, shape: Turned, around: Sides) -> str:
     ends = [(0.0, 0.0)]
     if repeat is not UNSET:
         step = [
-            float(Fraction(parent[axis]) * Fraction(repeat.step[axis]) / grid[axis])
-            for axis in (0, 1)
+            float(around[axis].value * Fraction(repeat.step[axis]) / grid[axis]) for axis in (0, 1)
         ]
         place += f' and "step": {_pair(*step)}'
         ends.append(((repeat.count[0] - 1) * step[0], (repeat.count[1] - 1) * step[1]))
