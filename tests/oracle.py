@@ -390,8 +390,12 @@ class Oracle:
         """Distance to the nearest edge that could decide anything, in sides of the cell it is of.
 
         What the coordinates cannot resolve counts as no distance. `cells=False` leaves out the
-        edges that have an exact place: those of cells, and steps of unturned elements.
+        edges that have an exact place: those of cells, and steps of unturned elements; but for
+        those that are nearly 0 and not quite, as a difference of long decimals may be.
         """
+        for side, p in zip(self.ground, (x, y), strict=True):
+            if 0 < abs(p) < 1e-12 * max(abs(side.low), abs(side.low + side.length)):
+                return 0.0
         found = [math.inf]
 
         def note(distance: float | Fraction, *sides: Side) -> None:

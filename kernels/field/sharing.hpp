@@ -317,6 +317,18 @@ INLINE KeptPlace place_of_copy(
     return place;
 }
 
+// The elements of a grid of a template, from the first one on.
+inline std::pair<u64, u64> elements_of(const Field& field, const Grid& grid) {
+    i64 rows = ((i64(grid.count[Y]) - 1) >> grid.shift[Y]) + 1;
+    if (grid.standing != IN_CELLS) rows = field.free_bins[grid.free].shape[Y];
+    u64 begin = field.offsets[grid.table], end = field.offsets[grid.table + rows * i64(grid.row)];
+    if (!grid.listed) return {begin, end};
+    auto entries = field.entries.subspan(begin, end - begin);
+    if (entries.empty()) return {0, 0};
+    auto [first, last] = std::minmax_element(entries.begin(), entries.end());
+    return {*first, u64(*last) + 1};
+}
+
 // The element that decides the surface at a point.
 struct SharedTop {
     i64 element = NO_ELEMENT;
@@ -515,6 +527,58 @@ private:
         }
     }
 };
+
+// World rectangles of the cells of all elements of a shared field into `out`, (4, n): west, south,
+// east, north. They come in no order that means anything.
+inline void shared_rectangles(const Field& field, Matrix<double> out) {
+    LaidGrids grids;
+    std::vector<Frame> waiting{terrain_frame(field)};
+    i64 next = 0;
+    auto put = [&](const Grid& grid, const std::array<Block, 2>& block) {
+        HARD_CHECK(next < out.columns());
+        for (int axis : {X, Y}) {
+            auto [cell, width] = block[axis];
+            out(axis, next) = edge_double(axis_of(grid, axis), cell);
+            out(axis + 2, next) = edge_double(axis_of(grid, axis), cell + width);
+        }
+        ++next;
+    };
+    while (!waiting.empty() && next < out.columns()) {
+        Frame frame = waiting.back();
+        waiting.pop_back();
+        for (u64 g = frame.grid;; ++g) {
+            LaidGrid laid = grids.lay(field, frame, g);
+            const Grid& grid = laid.grid;
+            auto [first, last] = elements_of(field, grid);
+            for (u64 index = first; index < last; ++index) {
+                const Pose& square = field.poses[field.elements[index].pose];
+                const Copies& copies = field.shared.copies[field.shared.elements[index].copies];
+                CopyRange across{0, i64(copies.count[X]) - 1}, along{0, i64(copies.count[Y]) - 1};
+                visit_copies(copies, across, along, [&](i64 a, i64 b, i64 which) {
+                    if (next == out.columns()) return;
+                    Instance one = copy_of(field, frame, index, which);
+                    if (square.free) {
+                        KeptPlace place = place_of_copy(
+                            frame, field.shared.mirrors[g],
+                            exact_place(field, place_of(one.element)), copies, a, b
+                        );
+                        put(free_frame(grid, place.exact()), ONE_CELL);
+                        if (one.element.grid)
+                            waiting.push_back(frame_at(frame, grid, place.exact(), one));
+                        return;
+                    }
+                    one.element.cell[X] = u16(one.element.cell[X] + a * i64(copies.step[X]));
+                    one.element.cell[Y] = u16(one.element.cell[Y] + b * i64(copies.step[Y]));
+                    put(grid, {block_of(one.element, square, X), block_of(one.element, square, Y)});
+                    double aspect = frame.aspect * laid.aspect;
+                    if (one.element.grid)
+                        waiting.push_back(frame_within(frame, laid, aspect, square, one));
+                });
+            }
+            if (!grid.more) break;
+        }
+    }
+}
 
 // Low and high ends of what an element and all its copies take along an axis, in its grid.
 inline std::array<double, 2> taken_along(const Field& field, u64 index, int axis) {

@@ -150,6 +150,10 @@ void bind_field(nb::module_ m) {
         m, "shared_samples", "The same where parts are shared, and the number of the top element.",
         {"field", "x[n]", "y[n]", "height[n]", "top[n]", "number[n,2]", "gradient[n,2]"}
     );
+    def<&shared_rectangles>(
+        m, "shared_rectangles", "World rectangles of the cells of all elements of a shared field.",
+        {"field", "out[4,_]"}
+    );
     def<&sort_by_place>(
         m, "sort_by_place", "Sort points by place.",
         {"x[n]", "y[n]", "bounds[4]", "order[n]", "sorted_x[n]", "sorted_y[n]"}

@@ -229,6 +229,7 @@ class _Drafter:
         chain = self.chains.of(self.uses.root)
         tree, element = chain.root.tree, chain.root.element
         whole = _Cell(sides(with_names(self.uses).extent), ONE)
+        whole = whole.turned(chain.quarters)
         first = self._key(chain.root, chain.quarters, chain.surface, whole)
         order = self._sketch_all(first)
         number = {key: index for index, key in enumerate(order)}

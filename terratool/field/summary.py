@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -13,9 +14,18 @@ from terratool.definition.findings import Bounds
 from terratool.definition.model import Roughness, ranges_of
 from terratool.field.terrain import Terrain, clip_bounds
 from terratool.field.tracks import track_lengths
+from terratool.kernels import field as kernels
 
 _ALONG = 512
 """Points of the grid along the longer side at which the heights are looked at."""
+_WORK = 50_000_000
+"""Elements that are added up at most to look at heights: where many overlap, points are fewer."""
+_INSET = 64
+"""In steps from a float to the next: what is narrower than that beside an edge sets no extreme."""
+_THINNEST = 1e-3
+"""Of a cell's side: points beside its edges are no further inside."""
+_AGREES = 1e-3
+"""Of the relief: heights on an edge and beside it that differ by less are of one surface."""
 
 _PLASTIC = 1.32471795724474602596
 """The plastic number spreads points over a square as the golden section does over a line."""
@@ -28,7 +38,7 @@ def summarise(terrain: Terrain) -> dict[str, Any]:
 
     The range of heights is that of the points looked at: an even grid, nine points in the cell of
     each element, corners and edges included, and the ends and the middle of each segment of tracks.
-    Where there are too many elements for that, they are left out.
+    Where elements are too many for that, or too many overlap, fewer points are looked at.
     """
     low, high, points = height_range(terrain)
     bounds = terrain.bounds
@@ -78,53 +88,77 @@ def height_range(
         bounds: the part of it to look at, which must hold something; all of it if None.
     """
     part = clip_bounds(terrain, bounds)
-    low, high, count = np.inf, -np.inf, 0
-    for x, y in (
-        _grid_points(part),
-        _element_points(terrain, part),
+    cells, room = _cells_in(terrain, part)
+    points = [
+        _grid_points(part, room // 2),
+        _element_points(cells[:, :: max(1, -(-9 * cells.shape[1] // max(room // 2, 9)))]),
         _track_points(terrain, part),
-    ):
-        heights = terrain.height(x, y)
-        low, high = (
-            float(np.fmin.reduce(heights, initial=low)),
-            float(np.fmax.reduce(heights, initial=high)),
-        )
-        count += heights.size
-    return (low, high, count) if low <= high else (None, None, count)
+    ]
+    x, y, inner_x, inner_y = (np.concatenate(columns) for columns in zip(*points, strict=True))
+    heights, beside = terrain.height(x, y), terrain.height(inner_x, inner_y)
+    # a strip of a few floats, as edges leave that were computed in floats, is no height to tell
+    low, high = np.fmin.reduce(beside, initial=np.inf), np.fmax.reduce(beside, initial=-np.inf)
+    agrees = np.abs(heights - beside) <= _AGREES * max(high - low, 0.0)
+    told = np.where(agrees, heights, beside)
+    low, high = np.fmin.reduce(told, initial=np.inf), np.fmax.reduce(told, initial=-np.inf)
+    return (float(low), float(high), len(x)) if low <= high else (None, None, len(x))
 
 
-def _grid_points(part: Bounds) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    west, south, east, north = part
-    sides = east - west, north - south
-    counts = [max(2, round(_ALONG * side / max(sides))) + 1 for side in sides]
-    x, y = np.meshgrid(np.linspace(west, east, counts[0]), np.linspace(south, north, counts[1]))
-    return x.ravel(), y.ravel()
+def _cells_in(terrain: Terrain, part: Bounds) -> tuple[NDArray[np.float64], int]:
+    """What lies of each element's cell in a part, (4, n), and how many points are looked at.
 
-
-def _element_points(
-    terrain: Terrain, part: Bounds
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Corners, edges and middle of what lies of each element's cell in the part.
-
-    They are just inside of its east and north edges.
+    No cell where there are too many elements.
     """
-    by_elements = terrain.by_elements
-    if by_elements is None:
-        return np.empty(0), np.empty(0)
-    cells = by_elements.cells()
+    cells = terrain.all_cells()
+    if cells is None:
+        over_one_point = kernels.most_over_point(terrain.field)
+        return np.empty((4, 0)), int(_WORK / (2 * max(1.0, over_one_point)))
     west, south = (np.maximum(cells[n], part[n]) for n in (0, 1))
     east, north = (np.minimum(cells[n], part[n]) for n in (2, 3))
     there = (west < east) & (south < north)
-    west, south, east, north = (side[there] for side in (west, south, east, north))
-    x = np.stack([west, (west + east) / 2, np.nextafter(east, west)])
-    y = np.stack([south, (south + north) / 2, np.nextafter(north, south)])
-    x, y = np.broadcast_arrays(x[:, None, :], y[None, :, :])
-    return x.ravel(), y.ravel()
+    inside = np.stack([west, south, east, north])[:, there]
+    sides = inside[2:] - inside[:2]
+    over_one_point = (sides[0] / (part[2] - part[0]) * (sides[1] / (part[3] - part[1]))).sum()
+    return inside, int(_WORK / (2 * max(1.0, over_one_point)))
 
 
-def _track_points(
-    terrain: Terrain, part: Bounds
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+_Points = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
+"""x and y of points, and of points beside them, on the same side of all edges."""
+
+
+def _inset(part: Bounds) -> float:
+    return float(_INSET * np.spacing(max(map(abs, part))))
+
+
+def _grid_points(part: Bounds, most: int) -> _Points:
+    """An even grid over a part, of so many points at most."""
+    west, south, east, north = part
+    sides = east - west, north - south
+    along = min(_ALONG, math.isqrt(int(most * max(sides) / min(sides))))
+    counts = [max(2, round(along * side / max(sides))) + 1 for side in sides]
+    x, y = np.meshgrid(np.linspace(west, east, counts[0]), np.linspace(south, north, counts[1]))
+    inset = _inset(part)
+    inner = np.minimum(x + inset, east).ravel(), np.minimum(y + inset, north).ravel()
+    return x.ravel(), y.ravel(), *inner
+
+
+def _element_points(cells: NDArray[np.float64]) -> _Points:
+    """Corners, edges and middles of cells, (4, n), just inside of their east and north edges."""
+    west, south, east, north = cells
+    inset = _INSET * np.spacing(np.abs(cells).max(axis=0, initial=0.0))
+
+    def along(low: NDArray[np.float64], high: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+        middle, inside = (low + high) / 2, np.minimum(inset, _THINNEST * (high - low))
+        on_edges = np.stack([low, middle, np.nextafter(high, low)])
+        return [on_edges, np.stack([low + inside, middle, high - inside])]
+
+    shape = (3, 3, cells.shape[1])
+    x, inner_x = (np.broadcast_to(row[:, None, :], shape).ravel() for row in along(west, east))
+    y, inner_y = (np.broadcast_to(row, shape).ravel() for row in along(south, north))
+    return x, y, inner_x, inner_y
+
+
+def _track_points(terrain: Terrain, part: Bounds) -> _Points:
     """Ends and middles of the segments of tracks that lie in the part."""
     west, south, east, north = part
     segments = terrain.arrays.tracks.segments
@@ -133,7 +167,7 @@ def _track_points(
         for at, end in (("x", "end_x"), ("y", "end_y"))
     )
     there = (west <= x) & (x <= east) & (south <= y) & (y <= north)
-    return x[there], y[there]
+    return x[there], y[there], x[there], y[there]
 
 
 def spread_points(part: Bounds, count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

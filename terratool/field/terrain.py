@@ -12,7 +12,7 @@ import numpy as np
 from msgspec import UNSET
 from numpy.typing import ArrayLike, NDArray
 
-from terratool.definition.expand import Expansion, expand
+from terratool.definition.expand import MAX_ELEMENTS, Expansion, expand
 from terratool.definition.findings import Bounds
 from terratool.definition.model import Definition
 from terratool.definition.reader import Checked, load_checked, refusal, uses_of
@@ -523,6 +523,20 @@ class Terrain:
         """World rectangles of the elements' cells: (4, n) float64 west, south, east, north."""
         out = np.empty((4, len(self.arrays.elements)))
         kernels.cell_rectangles(self.field, self._compiled.parents, out)
+        return out
+
+    def all_cells(self) -> NDArray[np.float64] | None:
+        """World rectangles of the cells of all elements, also where parts are shared.
+
+        (4, n) float64 west, south, east, north, in no order that means anything; None where there
+        are more than `MAX_ELEMENTS`.
+        """
+        if self._tally is None:
+            return self.cells()
+        if self.elements > MAX_ELEMENTS:
+            return None
+        out = np.empty((4, self.elements))
+        kernels.shared_rectangles(self.field, out)
         return out
 
     def footprints(self) -> NDArray[np.float64]:

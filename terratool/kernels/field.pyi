@@ -69,6 +69,13 @@ def shared_samples(
     Shapes: x[n], y[n], height[n], top[n], number[n,2], gradient[n,2].
     """
 
+def shared_rectangles(field: Field, out: NDArray[np.float64]) -> None:
+    """
+    World rectangles of the cells of all elements of a shared field.
+
+    Shapes: out[4,_].
+    """
+
 def sort_by_place(
     x: NDArray[np.float64],
     y: NDArray[np.float64],

@@ -89,6 +89,9 @@ def compare(shared: Terrain, plain: Terrain, seed: int = 0) -> None:
     assert shared.smallest_cell == plain.smallest_cell
     assert shared.count_by_primitive() == plain.count_by_primitive()
     assert shared.count_by_surface() == plain.count_by_surface()
+    cells = shared.all_cells()
+    assert cells is not None
+    assert sorted(cells.T.tolist()) == sorted(plain.cells().T.tolist())
 
 
 def compare_pixels(shared: Terrain, plain: Terrain, seed: int = 0) -> None:
