@@ -15,6 +15,9 @@ from msgspec import UNSET, Meta, Struct, UnsetType
 
 MAX_CELLS = 65536
 MAX_SCATTERED = 1_000_000
+"""Most scattered copies of an element."""
+MAX_SCATTERED_IN_ALL = 10_000_000
+"""Most scattered copies of a terrain."""
 MAX_SEED = 2**53
 """Whole numbers up to here are the same in every reader of JSON."""
 

@@ -230,6 +230,14 @@ class Uses(Struct, frozen=True, dict=True):
         """How many elements the terrain comes to."""
         return _count(self.root, self.counts)
 
+    @property
+    def scattered(self) -> int:
+        """How many scattered copies the terrain comes to."""
+        counts: dict[str, int] = {}
+        for name in self._inner_first:
+            counts[name] = _count(self.part(name), counts, scattered=True)
+        return _count(self.root, counts, scattered=True)
+
     def leading_to(self, wanted: Callable[[Root], bool]) -> set[str]:
         """Parts for which something holds, and those in which they stand; not in circles."""
         found: set[str] = set()
@@ -319,19 +327,22 @@ def places_of(root: Root) -> list[int]:
     return known.get(root.element, [])
 
 
-def _count(root: Root, counts: dict[str, int]) -> int:
+def _count(root: Root, counts: dict[str, int], *, scattered: bool = False) -> int:
+    """How many elements what stands below a root comes to, or how many scattered copies."""
     tree = root.tree
     members = elements_of(root)
     if all(tree.distinct(key) == {UNSET} for key in ("part", "repeat", "scatter")):
-        return len(members)
+        return 0 if scattered else len(members)
     parts, repeats, scatters = (tree.column(key) for key in ("part", "repeat", "scatter"))
     below = dict.fromkeys(members, 0)
     for index in reversed(members):
-        below[index] += 1 if parts[index] is UNSET else counts.get(parts[index], 0)
+        own = not scattered if parts[index] is UNSET else counts.get(parts[index], 0)
+        below[index] += own
         if index == root.element:
             break
         times = copies(repeats[index])
         if scatters[index] is not UNSET:
             times = wanted(scatters[index], pair_of(tree.value("extent", index), math.nan))
+            below[index] += scattered
         below[tree.parents[index]] += below[index] * times
     return below[root.element]

@@ -101,6 +101,7 @@ NAMES = {
     "TT719": "overlapping-copies",
     "TT720": "scatter",
     "TT721": "crowded-scatter",
+    "TT722": "many-scattered",
     "TT801": "training-tiles",
     "TT901": "no-single-sensor",
     "TT902": "reversed-sensor-range",

@@ -24,6 +24,7 @@ from terratool.definition.rules import (  # noqa: F401, importing them registers
     presence,
     reading,
     scales,
+    scatter,
     sensors,
     shapes,
     steps,
