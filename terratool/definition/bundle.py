@@ -55,7 +55,7 @@ def bundle(checked: Checked, *, expanded: bool = False) -> Bundle:
     document = checked.document
     if checked.terrain is None or document is None:
         raise refusal(checked)
-    uses = Uses(document, known_names(document)[0])
+    uses = Uses(document, known_names(document))
     members = _members(document.source.data)
     members.pop("use", None)
     needed, rounded = uses.needed, 0

@@ -30,6 +30,11 @@ def exact(number: float) -> Fraction:
     return Fraction(repr(float(number)))
 
 
+def decimal_sum(*numbers: float) -> float:
+    """The double nearest to the sum of the decimals that numbers of a text mean."""
+    return float(sum(map(exact, numbers)))
+
+
 def rest_of(number: float) -> float:
     """What a double lacks to the decimal that it means."""
     number = float(number)

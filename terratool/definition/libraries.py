@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 import stat
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, Literal, TypeVar
@@ -61,6 +61,15 @@ class Document(Struct, eq=False, dict=True):
     broken: JsonSyntaxError | None = None
     kind: Kind = "library"
     linked: bool = False
+    _catalogue: Catalogue | None = None
+
+    @property
+    def catalogue(self) -> Catalogue:
+        """Where the names of its libraries stand."""
+        if self._catalogue is None:
+            Catalogue((self, *self.reached))
+        assert self._catalogue is not None
+        return self._catalogue
 
     @property
     def model(self) -> Library:
@@ -111,13 +120,13 @@ class Named(Struct, Generic[_Value], frozen=True):
 class Names(Struct, frozen=True):
     """All names that a file knows: its own, and those of the libraries that it uses."""
 
-    surfaces: dict[str, Named[Surface]] = field(default_factory=dict)
-    primitives: dict[str, Named[Primitive]] = field(default_factory=dict)
-    parts: dict[str, Named[Element]] = field(default_factory=dict)
+    surfaces: Mapping[str, Named[Surface]] = {}
+    primitives: Mapping[str, Named[Primitive]] = {}
+    parts: Mapping[str, Named[Element]] = {}
 
-    def of(self, dictionary: Dictionary) -> dict[str, Named[Any]]:
+    def of(self, dictionary: Dictionary) -> Mapping[str, Named[Any]]:
         """The names of one dictionary."""
-        known: dict[Dictionary, dict[str, Any]] = {
+        known: dict[Dictionary, Mapping[str, Any]] = {
             "surfTypes": self.surfaces, "elemTypes": self.primitives, "parts": self.parts,
         }  # fmt: skip
         return known[dictionary]
@@ -135,22 +144,139 @@ class Clash(Struct, frozen=True):
 DICTIONARIES: tuple[Dictionary, ...] = ("surfTypes", "elemTypes", "parts")
 
 
-def known_names(document: Document) -> tuple[Names, list[Clash]]:
-    """What a file knows, and what it cannot know as two libraries have it."""
-    names, clashes = Names(), []
-    for dictionary in DICTIONARIES:
-        known = names.of(dictionary)
-        known |= {
-            name: Named(value, document) for name, value in document.entries[dictionary].items()
+class Catalogue:
+    """Files that use one another: which of them each reaches, and where names stand.
+
+    Many libraries may each reach nearly all others, so that nothing here is listed for each file:
+    sets of files are whole numbers, with a bit for each.
+    """
+
+    def __init__(self, documents: Sequence[Document]) -> None:
+        """Take stock of files, which include all that they use, and tell them of it."""
+        self._documents = tuple(documents)
+        self._numbers = {id(document): n for n, document in enumerate(documents)}
+        used = [
+            [self._numbers[id(library)] for library in document.uses if library is not None]
+            for document in documents
+        ]
+        self._reach = [0] * len(documents)
+        changed = True
+        while changed:  # more than once only where libraries use themselves
+            changed = False
+            for n in range(len(documents) - 1, -1, -1):
+                reach = self._reach[n]
+                for other in used[n]:
+                    reach |= 1 << other | self._reach[other]
+                changed |= reach != self._reach[n]
+                self._reach[n] = reach
+        self._kept: dict[Callable[[Document], bool], int] = {}
+        for document in documents:
+            document._catalogue = self
+
+    @cached_property
+    def _homes(self) -> dict[Dictionary, dict[str, list[int]]]:
+        """The files in which each name stands."""
+        homes: dict[Dictionary, dict[str, list[int]]] = {key: {} for key in DICTIONARIES}
+        for n, document in enumerate(self._documents):
+            for dictionary in DICTIONARIES:
+                for name in document.entries[dictionary]:
+                    homes[dictionary].setdefault(name, []).append(n)
+        return homes
+
+    @cached_property
+    def _repeated(self) -> dict[Dictionary, list[str]]:
+        """The names that stand in several files."""
+        return {
+            dictionary: [name for name, homes in known.items() if len(homes) > 1]
+            for dictionary, known in self._homes.items()
         }
-        own = set(known)
-        for library in document.reached:
-            for name, value in library.entries[dictionary].items():
-                if name not in known:
-                    known[name] = Named(value, library)
-                elif name not in own:
-                    clashes.append(Clash(dictionary, name, known[name].home, library))
-    return names, clashes
+
+    def reaches(self, document: Document, library: Document) -> bool:
+        """Whether a file uses a library, directly or through others."""
+        return bool(self._reach[self._number(document)] >> self._number(library) & 1)
+
+    def reached_of(self, document: Document, wanted: Callable[[Document], bool]) -> list[Document]:
+        """The libraries that a file reaches and for which something holds, asked once for each."""
+        if wanted not in self._kept:
+            those = (1 << n for n, one in enumerate(self._documents) if wanted(one))
+            self._kept[wanted] = sum(those)
+        found = self._kept[wanted] & self._others(document)
+        return [one for n, one in enumerate(self._documents) if found >> n & 1] if found else []
+
+    def homes(self, document: Document, dictionary: Dictionary, name: str) -> list[Document]:
+        """The libraries that a file reaches and where a name stands, in the order of `reached`."""
+        reach = self._others(document)
+        found = [
+            self._documents[n] for n in self._homes[dictionary].get(name, ()) if reach >> n & 1
+        ]
+        if len(found) < 2:
+            return found
+        order = {id(library): place for place, library in enumerate(document.reached)}
+        return sorted(found, key=lambda library: order[id(library)])
+
+    def repeated(self, document: Document, dictionary: Dictionary) -> list[str]:
+        """The names that may stand in several of a file and the libraries that it reaches."""
+        return self._repeated[dictionary] if document.uses else []
+
+    def _number(self, document: Document) -> int:
+        return self._numbers[id(document)]
+
+    def _others(self, document: Document) -> int:
+        """The files that a file reaches, but for itself."""
+        number = self._number(document)
+        return self._reach[number] & ~(1 << number)
+
+
+class _Known(Mapping[str, Named[Any]]):
+    """The names of one dictionary that a file knows: its own, then those of its libraries."""
+
+    def __init__(self, document: Document, dictionary: Dictionary) -> None:
+        self._document, self._dictionary = document, dictionary
+        self._own = document.entries[dictionary]
+        self._found: dict[str, Named[Any]] = {}
+
+    def __getitem__(self, name: str) -> Named[Any]:
+        if name not in self._found:
+            home = self._document
+            if name not in self._own:
+                homes = home.catalogue.homes(home, self._dictionary, name)
+                if not homes:
+                    raise KeyError(name)
+                home = homes[0]
+            self._found[name] = Named(home.entries[self._dictionary][name], home)
+        return self._found[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._names)
+
+    def __len__(self) -> int:
+        return len(self._names)
+
+    @cached_property
+    def _names(self) -> dict[str, None]:
+        names = dict.fromkeys(self._own)
+        for library in self._document.reached:
+            names |= dict.fromkeys(library.entries[self._dictionary])
+        return names
+
+
+def known_names(document: Document) -> Names:
+    """What a file knows; of a name in two libraries the first one has it."""
+    return Names(*(_Known(document, dictionary) for dictionary in DICTIONARIES))
+
+
+def clashes_of(document: Document) -> list[Clash]:
+    """The names that a file cannot know, as two of its libraries have them."""
+    catalogue, found = document.catalogue, []
+    for dictionary in DICTIONARIES:
+        for name in catalogue.repeated(document, dictionary):
+            if name not in document.entries[dictionary]:
+                first, *others = catalogue.homes(document, dictionary, name) or [document]
+                found += [Clash(dictionary, name, first, other) for other in others]
+    if not found:
+        return []
+    order = {id(library): place for place, library in enumerate(document.reached)}
+    return sorted(found, key=lambda c: (DICTIONARIES.index(c.dictionary), order[id(c.second)]))
 
 
 class Shelf:
@@ -208,6 +334,7 @@ class Shelf:
                     code, message, hint = found
                     user.problems.append((code, Remark(f"/use/{index}", message, hint)))
                     user.uses.append(None)
+        Catalogue((document, *document.reached))
 
     def _open(self, user: Document, path: str, base: str) -> Document | tuple[str, str, str]:
         """A library, or what is wrong with its path."""

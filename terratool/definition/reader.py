@@ -216,7 +216,7 @@ class Checked(Struct, frozen=True, dict=True):
         """The parts of the terrain and their uses; None if there is no terrain."""
         if self.terrain is None or self.document is None:
             return None
-        return Uses(self.document, known_names(self.document)[0])
+        return Uses(self.document, known_names(self.document))
 
     def with_tracks(self, definition: Definition) -> Definition:
         """A definition with the tracks of `terrain`, which callers replace."""
@@ -278,7 +278,7 @@ def uses_of(definition: Definition) -> Uses:
     """The parts of a valid definition without libraries, and their uses."""
     source = Source("the definition", b"")
     document = Document(source, Decoded(definition, tree=flatten(definition)), RemarkLog(0))
-    return Uses(document, known_names(document)[0])
+    return Uses(document, known_names(document))
 
 
 def refusal(checked: Checked) -> DefinitionError:
@@ -321,6 +321,8 @@ def check(
         if document.model.used and source.name != "<stdin>":
             document.real = real_path(source.name)
         (shelf or new_shelf(options)).link(document)
+        for library in document.reached:
+            _looked_at(library, options)
         libraries = tuple(_checked(library, options) for library in document.reached)
         return structs.replace(_checked(document, options), libraries=libraries)
 
@@ -354,17 +356,20 @@ def read_document(source: Source, kind: Kind, limit: int = 1000) -> Document:
 def _checked(document: Document, options: CheckOptions) -> Checked:
     """What is found in a text, errors of the libraries that it uses included."""
     own = _looked_at(document, options)
-    broken = {
-        id(library): looked.checked
-        for library in document.reached
-        if not (looked := _looked_at(library, options)).is_good
-    }
-    if not broken or document.broken is not None:
+    bad = document.catalogue.reached_of(document, _is_bad)
+    if not bad or document.broken is not None:
         return own.checked
+    broken = {id(library): _looked_at(library, options).checked for library in bad}
     found = own.found.copied()
     found.take("TT706", _broken_libraries(document, broken))
     findings = _placed(document.source, found, document.decoded, options)
     return Checked(findings, found.counts, name=document.source.name)
+
+
+def _is_bad(document: Document) -> bool:
+    """Whether rules have found an error in a text."""
+    known: _LookedAt | None = document.__dict__.get("_looked_at")
+    return known is not None and not known.is_good
 
 
 class _LookedAt(Struct, frozen=True):

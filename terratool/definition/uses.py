@@ -81,12 +81,19 @@ class Uses(Struct, frozen=True, dict=True):
 
     @cached_property
     def known(self) -> set[str]:
-        """Names of all parts that are known, and that could be read."""
-        return {
-            name
-            for name, part in self.names.parts.items()
-            if part_pointer(name) in part.home.decoded.tree.root_at
-        }
+        """Names of the parts that could be read of those that stand in the file or in its parts."""
+        found: set[str] = set()
+        pending = [*self.document.entries["parts"], *self.document.decoded.tree.distinct("part")]
+        while pending:
+            name = pending.pop()
+            if name in found or name is UNSET or name not in self.names.parts:
+                continue
+            home = self.names.parts[name].home
+            root = home.decoded.tree.root_at.get(part_pointer(name))
+            if root is not None:
+                found.add(name)
+                pending += (use.part for use in _part_uses(home.decoded.tree).get(root, ()))
+        return found
 
     @cached_property
     def _inner(self) -> dict[str, set[str]]:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terratool.definition.curves import shape_of
-from terratool.definition.exact import Exact, exact, side
+from terratool.definition.exact import Exact, decimal_sum, side
 from terratool.definition.model import Definition
 from terratool.field.pieces import CurveStore, Floats
 from terratool.field.records import (
@@ -385,8 +385,7 @@ def place_terrain(grids: NDArray[Any], definition: Definition) -> None:
 
 def surroundings(definition: Definition, *, roughness: bool) -> dict[str, Any]:
     """Bounds, tracks and reliefs of a field, by their names in `FieldArrays`."""
-    corner, extent = (list(map(exact, pair)) for pair in (definition.corner, definition.extent))
-    ends = [float(low + length) for low, length in zip(corner, extent, strict=True)]
+    ends = map(decimal_sum, definition.corner, definition.extent)
     bounds = np.array([*definition.corner, *ends], np.float64)
     return {
         "bounds": bounds,

@@ -198,7 +198,7 @@ def deform(
     bare = msgspec.structs.replace(definition, tracks=UNSET)
     ground = Terrain(msgspec.structs.replace(checked, terrain=bare))
     surfaces = ground.surface_types  # those of libraries, too
-    known = () if checked.document is None else known_names(checked.document)[0].surfaces
+    known = () if checked.document is None else known_names(checked.document).surfaces
     if surface is not None and surface not in known:
         raise RequestError(
             f"There is no surface {shown(surface)} for the ruts.", "Name one of surfTypes."

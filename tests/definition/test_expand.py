@@ -112,7 +112,7 @@ def test_the_expansion_is_what_the_format_says(files: FileSet) -> None:
             assert_same(found[pointer], element, defaults[pointer], largest)
         assert names(expansion.tree) == files.plain.names
         assert checked.document is not None
-        uses = Uses(checked.document, known_names(checked.document)[0])
+        uses = Uses(checked.document, known_names(checked.document))
         assert uses.elements == composition.count(files.texts, MAIN) >= len(expansion.tree)
         if not any("scatter" in text for text in files.texts.values()):
             assert uses.elements == len(expansion.tree)
@@ -369,7 +369,7 @@ def test_what_is_too_much_is_counted_and_not_written_out() -> None:
     }  # fmt: skip
     checked = check(Source("many.json", json.dumps(text).encode()))
     assert checked.findings == () and checked.document is not None
-    uses = Uses(checked.document, known_names(checked.document)[0])
+    uses = Uses(checked.document, known_names(checked.document))
     assert uses.elements == (10**31 - 1) // 9
     with pytest.raises(RequestError, match=r"many.json: parts and copies come to about 10\^30 "):
         _ = checked.expansion

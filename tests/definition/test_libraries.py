@@ -582,7 +582,7 @@ def test_what_is_made_to_explode(name: str) -> None:
         assert_told(finding)
     if count is not None:
         assert checked.document is not None
-        uses = Uses(checked.document, known_names(checked.document)[0])
+        uses = Uses(checked.document, known_names(checked.document))
         assert float(uses.elements) == pytest.approx(count, rel=0.01)
 
 

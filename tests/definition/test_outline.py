@@ -25,7 +25,7 @@ def test_names_are_those_that_the_reader_knows(path: Path) -> None:
     """Its own, and those of all libraries."""
     document = load_checked(path).document
     assert document is not None
-    names, _ = known_names(document)
+    names = known_names(document)
     assert names_in(path) == {which: sorted(names.of(which)) for which in DICTIONARIES}
 
 

@@ -339,7 +339,7 @@ def try_composition(case: Case, folder: Path) -> str:
             raise WrongError("a finding of a library without words or a place")
     if checked.terrain is None or checked.document is None:
         return "invalid"
-    count = Uses(checked.document, known_names(checked.document)[0]).elements
+    count = Uses(checked.document, known_names(checked.document)).elements
     if count > _WRITTEN:
         text = bundle(checked).text
         if check(Source("bundle.json", text.encode())).terrain is None:

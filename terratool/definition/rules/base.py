@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Container, Iterator, Mapping
 from functools import cached_property
 from inspect import cleandoc
-from typing import Any
+from typing import Any, TypeVar
 
 from msgspec import UNSET, Struct, UnsetType
 
 from terratool.definition.curves import CurveError, problems
 from terratool.definition.findings import Owner, Remark, Severity
 from terratool.definition.keys import SLOTS, Kind
-from terratool.definition.libraries import Clash, Document, Names, known_names
+from terratool.definition.libraries import Clash, Document, Named, clashes_of, known_names
 from terratool.definition.model import Definition, Primitive, Surface
 from terratool.definition.part_sizes import PartSizes, sizes_of_places
 from terratool.definition.sensor import SensorText
@@ -66,13 +66,13 @@ class Subject(_Subject, frozen=True, kw_only=True):
         """Whether a library, and so names that it may have, cannot be had."""
         if self.left_out("", "use"):
             return True
-        documents = (self.document, *self.document.reached)
-        return any(None in document.uses or document.broken for document in documents)
+        document = self.document
+        return _lacks(document) or bool(document.catalogue.reached_of(document, _lacks))
 
     @cached_property
     def uses(self) -> Uses:
         """The parts that it knows, and their uses."""
-        return Uses(self.document, self._known[0])
+        return Uses(self.document, known_names(self.document))
 
     @cached_property
     def place_sizes(self) -> PartSizes | None:
@@ -82,21 +82,17 @@ class Subject(_Subject, frozen=True, kw_only=True):
     @property
     def clashes(self) -> list[Clash]:
         """Names that two libraries have."""
-        return self._known[1]
+        return clashes_of(self.document)
 
     @cached_property
-    def _known(self) -> tuple[Names, list[Clash]]:
-        return known_names(self.document)
-
-    @cached_property
-    def surfaces(self) -> dict[str, Surface]:
+    def surfaces(self) -> Mapping[str, Surface]:
         """All surfaces that it knows, by name, those of libraries, too."""
-        return {name: named.value for name, named in self.uses.names.surfaces.items()}
+        return _Values(self.uses.names.surfaces)
 
     @cached_property
-    def primitives(self) -> dict[str, Primitive]:
+    def primitives(self) -> Mapping[str, Primitive]:
         """All primitives that it knows, by name, those of libraries, too."""
-        return {name: named.value for name, named in self.uses.names.primitives.items()}
+        return _Values(self.uses.names.primitives)
 
     @cached_property
     def curve_errors(self) -> dict[str, tuple[CurveError, ...]]:
@@ -106,19 +102,48 @@ class Subject(_Subject, frozen=True, kw_only=True):
 
     @cached_property
     def summaries(self) -> dict[str, ShapeSummary]:
-        """What the curves of primitives are like, by name; none of those that mean nothing."""
+        """Summaries of the primitives that elements name; none of those that mean nothing."""
         others = {
-            name: p
-            for name, p in self.primitives.items()
-            if name not in self.definition.primitives and not problems(p)
+            name: self.primitives[name]
+            for name in self.tree.distinct("type") - {UNSET}
+            if name not in self.definition.primitives and name in self.primitives
         }
-        return self.own_summaries | {name: summarise_shape(p) for name, p in others.items()}
+        theirs = {name: summarise_shape(p) for name, p in others.items() if not problems(p)}
+        return self.own_summaries | theirs
 
     @cached_property
     def own_summaries(self) -> dict[str, ShapeSummary]:
-        """The same of those that stand in the file itself."""
+        """Summaries of the primitives that stand in the file itself."""
         primitives = self.definition.primitives.items()
         return {name: summarise_shape(p) for name, p in primitives if name not in self.curve_errors}
+
+
+def _lacks(document: Document) -> bool:
+    """Whether a file is broken, or a library that it names cannot be had."""
+    return None in document.uses or document.broken is not None
+
+
+_Value = TypeVar("_Value")
+
+
+class _Values(Mapping[str, _Value]):
+    """What names stand for."""
+
+    def __init__(self, names: Mapping[str, Named[Any]]) -> None:
+        self._names = names
+
+    def __getitem__(self, name: str) -> _Value:
+        value: _Value = self._names[name].value
+        return value
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._names
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._names)
+
+    def __len__(self) -> int:
+        return len(self._names)
 
 
 WHEEL_KEYS = tuple(key for key in SLOTS[WheelsText] if key in SLOTS[AxleText])

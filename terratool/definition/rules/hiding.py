@@ -126,8 +126,9 @@ class _Filling:
         self._tree = tree = subject.tree
         self._square = {
             name
-            for name, primitive in subject.primitives.items()
-            if primitive.combine != "radial"
+            for name in tree.distinct("type") - {UNSET}
+            if name in subject.primitives
+            and subject.primitives[name].combine != "radial"
             and not subject.left_out(f"/elemTypes/{escape(name)}", "combine")
         }
         self.tiled: set[int] = set()

@@ -187,7 +187,7 @@ def library_circle(subject: Subject) -> Iterator[Remark]:
             continue
         if document is library:
             yield Remark(f"/use/{index}", "the library uses itself.", "Remove this path.")
-        elif document in library.reached:
+        elif document.catalogue.reaches(library, document):
             yield Remark(
                 f"/use/{index}",
                 f"the library {shown(library.source.name)} uses this file, which uses it.",
@@ -264,15 +264,22 @@ def hiding_name(subject: Subject) -> Iterator[Remark]:
     To mend: rename it, or remove it if the library's is meant. Where hiding is meant, silence TT718
     by x-ignore.
     """
+    document = subject.document
     for dictionary in DICTIONARIES:
-        for library in subject.document.reached:
-            theirs = library.entries[dictionary]
-            for name in subject.document.entries[dictionary]:
-                if name in theirs:
-                    yield Remark(
-                        f"/{dictionary}/{escape(name)}",
-                        f"the {_NOUNS[dictionary]} {shown(name)} hides that of the library "
-                        f"{shown(library.source.name)}.",
-                        "Rename it, or remove it if the library's is meant.",
-                        on_key=True,
-                    )
+        own = document.entries[dictionary]
+        repeated = [
+            name for name in document.catalogue.repeated(document, dictionary) if name in own
+        ]
+        hidden = [
+            (library, name)
+            for name in repeated
+            for library in document.catalogue.homes(document, dictionary, name)
+        ]
+        for library, name in sorted(hidden, key=lambda one: one[0].source.name):
+            yield Remark(
+                f"/{dictionary}/{escape(name)}",
+                f"the {_NOUNS[dictionary]} {shown(name)} hides that of the library "
+                f"{shown(library.source.name)}.",
+                "Rename it, or remove it if the library's is meant.",
+                on_key=True,
+            )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator
+from functools import cached_property
 
 from msgspec import UNSET
 
@@ -123,11 +124,22 @@ class NameHints(dict[str, tuple[str, str]]):
     """
 
     def __init__(self, known: Collection[str], dictionary: str) -> None:
+        self._known = known
         self._dictionary = dictionary
-        self._alike: dict[str, list[str]] = {}
-        for name in known:
-            self._alike.setdefault(name.lower(), []).append(name)
-        self._close = [name for name in known if len(name) <= _LONG] if len(known) <= _MANY else []
+
+    @cached_property
+    def _alike(self) -> dict[str, list[str]]:
+        """The names that are known, by themselves without capitals."""
+        alike: dict[str, list[str]] = {}
+        for name in self._known:
+            alike.setdefault(name.lower(), []).append(name)
+        return alike
+
+    @cached_property
+    def _close(self) -> list[str]:
+        """The names that others are compared with; none where there are many."""
+        known = self._known
+        return [name for name in known if len(name) <= _LONG] if len(known) <= _MANY else []
 
     def __missing__(self, name: str) -> tuple[str, str]:
         close = self._alike.get(name.lower(), [])

@@ -7,6 +7,7 @@ from itertools import chain, pairwise
 
 from msgspec import UNSET
 
+from terratool.definition.exact import decimal_sum
 from terratool.definition.findings import Remark
 from terratool.definition.model import Track
 from terratool.definition.rules.base import Subject, rule
@@ -140,7 +141,7 @@ def track_outside(subject: Subject) -> Iterator[Remark]:
     (west, south), (wide, tall) = subject.definition.corner, subject.definition.extent
     if not wide > 0 or not tall > 0:
         return  # another rule has said so
-    east, north = west + wide, south + tall
+    east, north = decimal_sum(west, wide), decimal_sum(south, tall)
     for here, track in _tracks(subject):
         reach = 0.0 if track.width is UNSET else track.width / 2
         if track.points and not any(
@@ -185,14 +186,14 @@ def track_without_sinkage(subject: Subject) -> Iterator[Remark]:
 
     To mend: add the sinkage, 0 for rigid ground, or give the track a depth on that surface.
     """
-    surfaces = subject.surfaces
+    if not subject.definition.ruts:
+        return
+    surfaces, worn = subject.surfaces, subject.tree.distinct("surface")
     lacking = [
         name
         for name in surfaces
-        if surfaces[name].sinkage is UNSET and surfaces[name].void is not True
+        if name in worn and surfaces[name].sinkage is UNSET and surfaces[name].void is not True
     ]
-    worn = subject.tree.distinct("surface") if lacking and subject.definition.ruts else set()
-    lacking = [name for name in lacking if name in worn]
     for here, track in _tracks(subject):
         given = track.depth if isinstance(track.depth, dict) else ()
         missing = [name for name in lacking if name not in given] if track.by_load else []

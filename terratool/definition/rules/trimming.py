@@ -76,7 +76,8 @@ def _in_sight(subject: Subject) -> Iterator[Remark]:
     cells = _Cells(subject)
     elsewhere = [tree.column(key) for key in ("part", "at", "extent", "scatter")]
     types, scales, parents = tree.column("type"), tree.column("v_scale"), tree.parents
-    cornered = {name for name, p in subject.primitives.items() if p.combine != "radial"}
+    named = [name for name in tree.distinct("type") if name in subject.primitives]
+    cornered = {name for name in named if subject.primitives[name].combine != "radial"}
     for index, turn in enumerate(tree.column("turn_deg")):
         if turn is UNSET or turn % 180 == 0:
             continue
