@@ -149,6 +149,9 @@ class Catalogue:
 
     Many libraries may each reach nearly all others, so that nothing here is listed for each file:
     sets of files are whole numbers, with a bit for each.
+
+    Attributes:
+        notes: what others found out about all of the files.
     """
 
     def __init__(self, documents: Sequence[Document]) -> None:
@@ -170,6 +173,7 @@ class Catalogue:
                 changed |= reach != self._reach[n]
                 self._reach[n] = reach
         self._kept: dict[Callable[[Document], bool], int] = {}
+        self.notes: dict[str, Any] = {}
         for document in documents:
             document._catalogue = self
 
@@ -184,7 +188,7 @@ class Catalogue:
         return homes
 
     @cached_property
-    def _repeated(self) -> dict[Dictionary, list[str]]:
+    def repeated(self) -> dict[Dictionary, list[str]]:
         """The names that stand in several files."""
         return {
             dictionary: [name for name, homes in known.items() if len(homes) > 1]
@@ -214,9 +218,12 @@ class Catalogue:
         order = {id(library): place for place, library in enumerate(document.reached)}
         return sorted(found, key=lambda library: order[id(library)])
 
-    def repeated(self, document: Document, dictionary: Dictionary) -> list[str]:
-        """The names that may stand in several of a file and the libraries that it reaches."""
-        return self._repeated[dictionary] if document.uses else []
+    def named(self, dictionary: Dictionary) -> dict[str, Named[Any]]:
+        """All names of a dictionary, each with the first file in which it stands."""
+        return {
+            name: Named(self._documents[first].entries[dictionary][name], self._documents[first])
+            for name, (first, *_) in self._homes[dictionary].items()
+        }
 
     def _number(self, document: Document) -> int:
         return self._numbers[id(document)]
@@ -269,7 +276,7 @@ def clashes_of(document: Document) -> list[Clash]:
     """The names that a file cannot know, as two of its libraries have them."""
     catalogue, found = document.catalogue, []
     for dictionary in DICTIONARIES:
-        for name in catalogue.repeated(document, dictionary):
+        for name in catalogue.repeated[dictionary]:
             if name not in document.entries[dictionary]:
                 first, *others = catalogue.homes(document, dictionary, name) or [document]
                 found += [Clash(dictionary, name, first, other) for other in others]

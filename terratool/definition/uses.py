@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cached_property
 from typing import Any, NamedTuple
 
 from msgspec import UNSET, Struct
 
-from terratool.definition.libraries import Dictionary, Document, Names
-from terratool.definition.model import Definition, Library, pair_of
+from terratool.definition.libraries import Dictionary, Document, Named, Names
+from terratool.definition.model import Definition, Element, Library, pair_of
 from terratool.definition.scattering import wanted
 from terratool.definition.tree import ROOT, Tree, part_pointer
 
@@ -40,6 +40,130 @@ class End(NamedTuple):
     turn: float
 
 
+class PartGraph(Struct, frozen=True, dict=True):
+    """Parts that contain one another.
+
+    Attributes:
+        named: the parts by name.
+    """
+
+    named: Mapping[str, Named[Element]]
+
+    def root(self, name: str) -> Root:
+        """Where a part begins."""
+        home = self.named[name].home
+        tree = home.decoded.tree
+        return Root(tree, tree.root_at[part_pointer(name)], home)
+
+    @cached_property
+    def known(self) -> set[str]:
+        """Names of all parts that could be read."""
+        return {
+            name
+            for name, part in self.named.items()
+            if part_pointer(name) in part.home.decoded.tree.root_at
+        }
+
+    @cached_property
+    def inner(self) -> dict[str, set[str]]:
+        """The parts that stand in each part, directly."""
+        return {
+            name: {use.part for use in uses_below(self.root(name)) if use.part in self.known}
+            for name in self.known
+        }
+
+    @cached_property
+    def inner_first(self) -> list[str]:
+        """All parts that do not lead into a circle, each behind those that stand in it."""
+        users: dict[str, list[str]] = {name: [] for name in self.known}
+        for name, used in self.inner.items():
+            for other in used:
+                users[other].append(name)
+        open_uses = {name: len(used) for name, used in self.inner.items()}
+        order = [name for name, count in open_uses.items() if count == 0]
+        for name in order:
+            for user in users[name]:
+                open_uses[user] -= 1
+                if open_uses[user] == 0:
+                    order.append(user)
+        return order
+
+    @cached_property
+    def circles(self) -> set[str]:
+        """Parts that contain themselves, or parts that do."""
+        return self.known.difference(self.inner_first)
+
+    @cached_property
+    def circle_of(self) -> dict[str, int]:
+        """For each part of `circles` a number; those that contain one another have the same."""
+        found: dict[str, int] = {}
+        lowest: dict[str, int] = {}
+        path: list[str] = []
+        for start in self.circles:
+            pending = [] if start in lowest else [(start, iter(self.inner[start]), len(path))]
+            while pending:
+                name, inner, place = pending[-1]
+                if name not in lowest:
+                    lowest[name] = place
+                    path.append(name)
+                below = next((part for part in inner if part in self.circles), None)
+                if below is None:
+                    pending.pop()
+                    if pending:
+                        outer = pending[-1][0]
+                        lowest[outer] = min(lowest[outer], lowest[name])
+                    if lowest[name] == place:
+                        found |= dict.fromkeys(path[place:], len(found))
+                        del path[place:]
+                elif below not in lowest:
+                    pending.append((below, iter(self.inner[below]), len(path)))
+                elif below not in found:
+                    lowest[name] = min(lowest[name], lowest[below])
+        return found
+
+    @cached_property
+    def depths(self) -> dict[str, int]:
+        """How many parts stand in one another in each part, itself included; not in circles."""
+        depths: dict[str, int] = {}
+        for name in self.inner_first:
+            depths[name] = 1 + max((depths[inner] for inner in self.inner[name]), default=0)
+        return depths
+
+    @cached_property
+    def ends(self) -> dict[str, End]:
+        """What each part stands for, through all parts; not in circles."""
+        ends: dict[str, End] = {}
+        for name in self.inner_first:
+            ends[name] = _end(self.root(name), ends)
+        return ends
+
+    @cached_property
+    def counts(self) -> dict[str, int]:
+        """How many elements each part comes to; without those in circles."""
+        counts: dict[str, int] = {}
+        for name in self.inner_first:
+            counts[name] = _count(self.root(name), counts)
+        return counts
+
+    @cached_property
+    def scattered(self) -> dict[str, int]:
+        """How many scattered copies each part comes to; without those in circles."""
+        counts: dict[str, int] = {}
+        for name in self.inner_first:
+            counts[name] = _count(self.root(name), counts, scattered=True)
+        return counts
+
+    @cached_property
+    def heights(self) -> dict[str, _Heights]:
+        """The largest of the factors and offsets of heights in each part; not in circles."""
+        known: dict[str, _Heights] = {}
+        for name in self.inner_first:
+            root = self.root(name)
+            top, *below = (_heights(root.tree, index, known) for index in elements_of(root))
+            known[name] = _Heights(max([top.below, *(one.largest for one in below)]), top.offset)
+        return known
+
+
 class Uses(Struct, frozen=True, dict=True):
     """The parts that a file knows, and their uses.
 
@@ -50,6 +174,21 @@ class Uses(Struct, frozen=True, dict=True):
 
     document: Document
     names: Names
+
+    @cached_property
+    def graph(self) -> PartGraph:
+        """The parts that contain one another, of all files that are read with this one.
+
+        Where no name stands twice, they are the same for each of these files. What a file defines
+        itself wins, so that otherwise each has a graph of its own.
+        """
+        catalogue = self.document.catalogue
+        if catalogue.repeated["parts"]:
+            return PartGraph(self.names.parts)
+        if "parts" not in catalogue.notes:
+            catalogue.notes["parts"] = PartGraph(catalogue.named("parts"))
+        graph: PartGraph = catalogue.notes["parts"]
+        return graph
 
     @cached_property
     def composed(self) -> bool:
@@ -69,113 +208,43 @@ class Uses(Struct, frozen=True, dict=True):
 
     def part(self, name: str) -> Root:
         """Where a part begins."""
-        home = self.names.parts[name].home
-        tree = home.decoded.tree
-        return Root(tree, tree.root_at[part_pointer(name)], home)
+        return self.graph.root(name)
+
+    def is_known(self, name: Any) -> bool:
+        """Whether the file knows a part, and it could be read."""
+        return name in self.graph.known and name in self.names.parts
 
     def within(self, root: Root) -> list[PartUse]:
         """The elements below a root, or that itself, that stand for parts which are known."""
-        return [
-            use for use in _part_uses(root.tree).get(root.element, ()) if use.part in self.known
-        ]
+        return [use for use in uses_below(root) if self.is_known(use.part)]
 
     @cached_property
     def known(self) -> set[str]:
-        """Names of the parts that could be read of those that stand in the file or in its parts."""
-        found: set[str] = set()
-        pending = [*self.document.entries["parts"], *self.document.decoded.tree.distinct("part")]
-        while pending:
-            name = pending.pop()
-            if name in found or name is UNSET or name not in self.names.parts:
-                continue
-            home = self.names.parts[name].home
-            root = home.decoded.tree.root_at.get(part_pointer(name))
-            if root is not None:
-                found.add(name)
-                pending += (use.part for use in _part_uses(home.decoded.tree).get(root, ()))
-        return found
-
-    @cached_property
-    def _inner(self) -> dict[str, set[str]]:
-        """The parts that stand in each part, directly."""
-        return {name: {use.part for use in self.within(self.part(name))} for name in self.known}
-
-    @cached_property
-    def _inner_first(self) -> list[str]:
-        """All parts that do not lead into a circle, each behind those that stand in it."""
-        users: dict[str, list[str]] = {name: [] for name in self.known}
-        for name, used in self._inner.items():
-            for other in used:
-                users[other].append(name)
-        open_uses = {name: len(used) for name, used in self._inner.items()}
-        order = [name for name, count in open_uses.items() if count == 0]
-        for name in order:
-            for user in users[name]:
-                open_uses[user] -= 1
-                if open_uses[user] == 0:
-                    order.append(user)
-        return order
+        """Names of the parts for which elements of the file stand, and that are known."""
+        return set(filter(self.is_known, self.document.decoded.tree.distinct("part")))
 
     @cached_property
     def circles(self) -> set[str]:
-        """Parts that contain themselves, or parts that do."""
-        return self.known.difference(self._inner_first)
+        """Parts that the file has, or names, and that contain themselves, or parts that do."""
+        own = self.known.union(self.document.entries["parts"])
+        return self.graph.circles.intersection(own)
 
-    @cached_property
+    @property
     def circle_of(self) -> dict[str, int]:
         """For each part of `circles` a number; those that contain one another have the same."""
-        found: dict[str, int] = {}
-        lowest: dict[str, int] = {}
-        path: list[str] = []
-        for start in self.circles:
-            pending = [] if start in lowest else [(start, iter(self._inner[start]), len(path))]
-            while pending:
-                name, inner, place = pending[-1]
-                if name not in lowest:
-                    lowest[name] = place
-                    path.append(name)
-                below = next((part for part in inner if part in self.circles), None)
-                if below is None:
-                    pending.pop()
-                    if pending:
-                        outer = pending[-1][0]
-                        lowest[outer] = min(lowest[outer], lowest[name])
-                    if lowest[name] == place:
-                        found |= dict.fromkeys(path[place:], len(found))
-                        del path[place:]
-                elif below not in lowest:
-                    pending.append((below, iter(self._inner[below]), len(path)))
-                elif below not in found:
-                    lowest[name] = min(lowest[name], lowest[below])
-        return found
+        return self.graph.circle_of
 
-    @cached_property
+    @property
     def depths(self) -> dict[str, int]:
         """How many parts stand in one another in each part, itself included; not in circles."""
-        depths: dict[str, int] = {}
-        for name in self._inner_first:
-            depths[name] = 1 + max((depths[inner] for inner in self._inner[name]), default=0)
-        return depths
-
-    @cached_property
-    def _ends(self) -> dict[str, End]:
-        ends: dict[str, End] = {}
-        for name in self._inner_first:
-            ends[name] = self._end(self.part(name), ends)
-        return ends
+        return self.graph.depths
 
     def end(self, root: Root) -> End | None:
         """What an element stands for, through all parts; None if these are not all known."""
-        name = root.tree.value("part", root.element)
-        return self._end(root, self._ends) if name is UNSET or name in self._ends else None
-
-    def _end(self, root: Root, ends: dict[str, End]) -> End:
-        own = root.tree.value("turn_deg", root.element)
-        turn = 0.0 if own is UNSET else math.fmod(own, 360.0)
-        name = root.tree.value("part", root.element)
-        if name not in ends:
-            return End(root, turn)
-        return End(ends[name].root, ends[name].turn + turn)
+        ends, name = self.graph.ends, root.tree.value("part", root.element)
+        if name is UNSET or (name in ends and self.is_known(name)):
+            return _end(root, ends)
+        return None
 
     @cached_property
     def reached(self) -> dict[str, None]:
@@ -214,42 +283,26 @@ class Uses(Struct, frozen=True, dict=True):
 
         That is of the factors and offsets of heights as they are when the part is written out.
         """
-        known: dict[str, _Heights] = {}
-        for name in self._inner_first:
-            root = self.part(name)
-            top, *below = (_heights(root.tree, index, known) for index in elements_of(root))
-            known[name] = _Heights(max([top.below, *(one.largest for one in below)]), top.offset)
         if self.has_root:
             for use in self.within(self.root):
-                if use.part in known:
-                    yield use, _heights(self.root.tree, use.element, known).largest
-
-    @cached_property
-    def counts(self) -> dict[str, int]:
-        """How many elements each part comes to; without those in circles."""
-        counts: dict[str, int] = {}
-        for name in self._inner_first:
-            counts[name] = _count(self.part(name), counts)
-        return counts
+                if use.part in self.graph.heights:
+                    yield use, _heights(self.root.tree, use.element, self.graph.heights).largest
 
     @property
     def elements(self) -> int:
         """How many elements the terrain comes to."""
-        return _count(self.root, self.counts)
+        return _count(self.root, self.graph.counts)
 
     @property
     def scattered(self) -> int:
         """How many scattered copies the terrain comes to."""
-        counts: dict[str, int] = {}
-        for name in self._inner_first:
-            counts[name] = _count(self.part(name), counts, scattered=True)
-        return _count(self.root, counts, scattered=True)
+        return _count(self.root, self.graph.scattered, scattered=True)
 
     def leading_to(self, wanted: Callable[[Root], bool]) -> set[str]:
         """Parts for which something holds, and those in which they stand; not in circles."""
         found: set[str] = set()
-        for name in self._inner_first:
-            if not found.isdisjoint(self._inner[name]) or wanted(self.part(name)):
+        for name in self.graph.inner_first:
+            if not found.isdisjoint(self.graph.inner[name]) or wanted(self.part(name)):
                 found.add(name)
         return found
 
@@ -295,8 +348,9 @@ def copies(repeat: Any) -> int:
     return 1 if repeat is UNSET else repeat.count[0] * repeat.count[1]
 
 
-def _part_uses(tree: Tree) -> dict[int, list[PartUse]]:
-    """The elements that stand for parts, by the root that they are below."""
+def uses_below(root: Root) -> list[PartUse]:
+    """The elements below a root, or that itself, that stand for parts, known or not."""
+    tree = root.tree
     known: dict[int, list[PartUse]] | None = tree.notes.get("part uses")
     if known is None:
         known = {}
@@ -304,7 +358,16 @@ def _part_uses(tree: Tree) -> dict[int, list[PartUse]]:
             if name is not UNSET:
                 known.setdefault(tree.root_of[index], []).append(PartUse(index, name))
         tree.notes["part uses"] = known
-    return known
+    return known.get(root.element, [])
+
+
+def _end(root: Root, ends: dict[str, End]) -> End:
+    own = root.tree.value("turn_deg", root.element)
+    turn = 0.0 if own is UNSET else math.fmod(own, 360.0)
+    name = root.tree.value("part", root.element)
+    if name not in ends:
+        return End(root, turn)
+    return End(ends[name].root, ends[name].turn + turn)
 
 
 def elements_of(root: Root) -> Sequence[int]:

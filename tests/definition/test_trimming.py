@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
@@ -133,10 +132,10 @@ def test_the_place_is_the_middle_of_its_cell(
                "turnDeg": turn, "vScale": 1}  # fmt: skip
     (finding,) = found(definition(element, size, cells))
     hint = finding.hint
-    middle = [Fraction(size[k]) * (2 * place[k] + span[k]) / (2 * cells[k]) for k in (0, 1)]
-    sides = [Fraction(size[k]) * span[k] / cells[k] for k in (0, 1)]
+    middle = [meant(size[k]) * (2 * place[k] + span[k]) / (2 * cells[k]) for k in (0, 1)]
+    sides = [meant(size[k]) * span[k] / cells[k] for k in (0, 1)]
     reach = turned((float(sides[0]), float(sides[1])), turn, False).reach
-    inside = [reach[k] <= min(middle[k], Fraction(size[k]) - middle[k]) for k in (0, 1)]
+    inside = [reach[k] <= min(middle[k], meant(size[k]) - middle[k]) for k in (0, 1)]
     if not all(inside):
         assert "does not have there" in hint
         return

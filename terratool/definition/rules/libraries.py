@@ -267,9 +267,7 @@ def hiding_name(subject: Subject) -> Iterator[Remark]:
     document = subject.document
     for dictionary in DICTIONARIES:
         own = document.entries[dictionary]
-        repeated = [
-            name for name in document.catalogue.repeated(document, dictionary) if name in own
-        ]
+        repeated = [name for name in document.catalogue.repeated[dictionary] if name in own]
         hidden = [
             (library, name)
             for name in repeated
