@@ -18,6 +18,7 @@ from terratool.definition.reader import check
 from terratool.definition.turning import is_slanted, turned
 from terratool.field.terrain import Terrain
 from terratool.text.source import Source, read_source
+from tests.decimals import meant
 
 TYPES: dict[str, Any] = {
     "flat": {"x": [1]},
