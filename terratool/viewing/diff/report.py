@@ -177,8 +177,7 @@ def _ground(ground: GroundChange) -> Iterator[str]:
         return
     about = ""
     if ground.error > 1e-9 * (ground.cut + ground.fill):
-        each = "each " * (ground.cut > 0.0 and ground.fill > 0.0)
-        about = f" ({each}± {ground.error:.2g})"
+        about = f" ({ground.error:.2g} apart from pixels twice as wide)"
     yield f"ground: cut {ground.cut:.6g} m³, fill {ground.fill:.6g} m³{about}"
     if ground.changed:
         assert ground.around is not None

@@ -161,7 +161,8 @@ class GroundChange(Struct, frozen=True):
         common: area of the rectangle that both terrains, and the bounds asked for, have in common.
         cut: volume of old ground over new.
         fill: volume of new ground over old.
-        error: estimate of how far off either volume may be.
+        error: how far the volumes are from those of pixels twice as wide, m³; no bound, as where
+            heights jump along round edges they may be off by more.
         changed: area where heights differ by more than the tolerance.
         around: the rectangle around that, None where there is none.
         largest: where they differ most; None where they do nowhere.
