@@ -13,6 +13,7 @@ from terratool.cli.options import (
     library_roots,
     roughness_option,
 )
+from terratool.cli.saying import say, say_block
 from terratool.cli.terminal import Status
 
 if TYPE_CHECKING:
@@ -144,7 +145,7 @@ def command(
         if not git:
             raise
         # git ends with a fault of its own where a diff does
-        click.echo(f"{called}: cannot be compared. {error}")
+        say(f"{called}: cannot be compared. {error}")
         return 0
     _write(found, form, outputs, max_changes, overwrite)
     return 0 if git else _code(found, exit_code)
@@ -274,7 +275,7 @@ def _write(
     for other, out in outputs:
         with whole_file(out, overwrite) as part:
             part.write_text(REPORTERS[other](found, most) + "\n", encoding="utf-8", newline="\n")
-    click.echo(REPORTERS[form](found, most))
+    say_block(REPORTERS[form](found, most), machine=form in ("json", "github"))
 
 
 def _code(found: Comparison, exit_code: bool) -> int:

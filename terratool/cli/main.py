@@ -10,6 +10,7 @@ from typing import Any
 
 import click
 
+from terratool.cli.saying import flush, say_block, say_error
 from terratool.errors import TerratoolError, interruption, reason
 
 _COMMANDS = {
@@ -157,11 +158,10 @@ def main() -> None:
 
     with end_on_signals():
         code = _run()
-        if sys.stdout is not None:  # as it is where it was closed
-            try:
-                sys.stdout.flush()
-            except OSError as error:
-                code = max(code, _cannot_write(error))
+        try:
+            flush()
+        except OSError as error:
+            code = max(code, _cannot_write(error))
     sys.exit(code)
 
 
@@ -170,21 +170,21 @@ def _run() -> int:
         code = cli(standalone_mode=False, complete_var=COMPLETE)
         return code if isinstance(code, int) else 0
     except click.exceptions.NoArgsIsHelpError as error:
-        click.echo(error.ctx.get_help() if error.ctx else "", err=True)
+        say_block(error.ctx.get_help() if error.ctx else "", err=True)
         return 2
     except click.ClickException as error:
         message = error.format_message()
         ctx = getattr(error, "ctx", None)  # click knows none of an option without its value
         of = ctx.command_path if ctx else "terratool"
-        _say(message, "" if "--help" in message else f"See {of} --help.")
+        say_error(message, "" if "--help" in message else f"See {of} --help.")
         return error.exit_code
     except click.Abort:
         return _stopped()
     except TerratoolError as error:
-        _say(error.message, error.hint)
+        say_error(error.message, error.hint)
         return error.exit_code
     except MemoryError:
-        _say(
+        say_error(
             "There is not enough memory for this.",
             "Give a coarser resolution or a larger error, smaller bounds or a smaller file.",
         )
@@ -205,16 +205,8 @@ def _stopped() -> int:
     from terratool.cli.stopping import said
 
     said.set()
-    click.echo("terratool: stopped.", err=True)
+    say_error("stopped.")
     return 130
-
-
-def _say(message: str, hint: str) -> None:
-    from terratool.text.display import printable
-
-    click.echo(f"terratool: {printable(message)}", err=True)
-    if hint:
-        click.echo(f"  {printable(hint)}", err=True)
 
 
 def _cannot_write(error: OSError) -> int:
@@ -224,7 +216,7 @@ def _cannot_write(error: OSError) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     if isinstance(error, BrokenPipeError):
         return 0
-    _say(
+    say_error(
         f"Standard output cannot be written ({reason(error)}).",
         "Check the space on the disk that it goes to.",
     )

@@ -15,7 +15,15 @@ from terratool.cli.baseline import digest, fingerprint
 from terratool.definition.findings import Finding
 from terratool.definition.rules import RULES
 from terratool.definition.rules.base import Rule
-from terratool.text.display import Excerpt, columns_of, counted, printable, xml_text
+from terratool.text.display import (
+    Excerpt,
+    columns_of,
+    counted,
+    inert_xml,
+    json_text,
+    printable,
+    xml_text,
+)
 from terratool.text.workflow import annotation
 
 FORMAT_VERSION = 2
@@ -105,10 +113,10 @@ def as_text(report: ValidationReport) -> str:
         file = printable(finding.file)
         place = click.style(f"{file}:{finding.line}:{finding.column}:", bold=True)
         label = click.style(f"{finding.severity} {finding.code}:", fg=color, bold=True)
-        lines.append(f"{place} {label} {finding.message}")
+        lines.append(f"{place} {label} {printable(finding.message)}")
         if finding.excerpt is not None and finding.excerpt.text:
             lines += _shown(finding.line, finding.excerpt, color)
-        lines += [f"  {text}" for text in (finding.hint, group.rest()) if text]
+        lines += [f"  {printable(text)}" for text in (finding.hint, group.rest()) if text]
         lines.append("")
     statistics = report.statistics or {}
     for code, count in sorted(statistics.items(), key=lambda item: (-item[1], item[0])):
@@ -147,8 +155,6 @@ def _count(number: int, noun: str) -> str:
 
 def as_json(report: ValidationReport) -> str:
     """For scripts: versioned, with everything that is known of a finding."""
-    import json
-
     findings = []
     for group in report.groups():
         finding: dict[str, Any] = {name: getattr(group.first, name) for name in _FIELDS}
@@ -162,7 +168,7 @@ def as_json(report: ValidationReport) -> str:
     }
     if report.statistics is not None:
         whole["statistics"] = report.statistics
-    return json.dumps(whole, indent=2, ensure_ascii=False)
+    return json_text(whole)
 
 
 def as_github(report: ValidationReport) -> str:
@@ -181,8 +187,6 @@ def as_github(report: ValidationReport) -> str:
 
 def as_sarif(report: ValidationReport) -> str:
     """SARIF 2.1.0, which code scanning services take."""
-    import json
-
     places = {code: index for index, code in enumerate(RULES)}
     driver = {
         "name": "terratool",
@@ -212,7 +216,7 @@ def as_sarif(report: ValidationReport) -> str:
         ],
     }
     log = {"$schema": SARIF_SCHEMA, "version": "2.1.0", "runs": [run]}
-    return json.dumps(log, indent=2, ensure_ascii=False)
+    return json_text(log)
 
 
 def fingerprints(report: ValidationReport) -> list[str]:
@@ -306,7 +310,7 @@ def as_junit(report: ValidationReport) -> str:
         error = Xml.SubElement(case, "error", message=xml_text(unread.message))
         error.text = xml_text(unread.hint)
     Xml.indent(top)
-    return '<?xml version="1.0" encoding="UTF-8"?>\n' + Xml.tostring(top, "unicode")
+    return f'<?xml version="1.0" encoding="UTF-8"?>\n{inert_xml(Xml.tostring(top, "unicode"))}'
 
 
 def _relative(file: str) -> str:
@@ -316,8 +320,6 @@ def _relative(file: str) -> str:
 
 def as_gitlab(report: ValidationReport) -> str:
     """GitLab's code quality report, which merge requests show."""
-    import json
-
     issues = [
         {
             "description": " ".join(
@@ -340,7 +342,7 @@ def as_gitlab(report: ValidationReport) -> str:
         }
         for file in report.unreadable
     ]
-    return json.dumps(issues, indent=2, ensure_ascii=False)
+    return json_text(issues)
 
 
 REPORTERS: dict[str, Callable[[ValidationReport], str]] = {

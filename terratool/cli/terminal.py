@@ -136,13 +136,6 @@ class Status:
             self._stream.flush()
 
 
-def say(line: str, err: bool = False) -> None:
-    """Print a line, with what cannot be printed of the names in it as escapes."""
-    import click
-
-    click.echo(printable(line), err=err)
-
-
 def load(file: str) -> Terrain:
     """Read, check and compile a definition, as the options that commands share say.
 

@@ -20,13 +20,14 @@ from terratool.cli.baseline import Known, read_baseline, write_baseline
 from terratool.cli.config import Config, find_config, read_config
 from terratool.cli.options import library_root_option, library_roots
 from terratool.cli.report import REPORTERS, Unreadable, ValidationReport, ValidationSummary
-from terratool.cli.terminal import Status, called, say
+from terratool.cli.saying import say, say_block, say_error
+from terratool.cli.terminal import Status, called
 from terratool.definition.findings import Finding
 from terratool.definition.reader import Checked, CheckOptions, check, new_shelf
 from terratool.definition.rules import RULES
 from terratool.errors import ReadError, RequestError, WriteError
 from terratool.output import is_same_file, refuse_existing, refuse_missing_folder, whole_file
-from terratool.text.display import counted, printable, shown
+from terratool.text.display import counted, shown
 from terratool.text.edit import apply_edits
 from terratool.text.source import is_folder, read_source, real_path, sources, write_source
 
@@ -269,11 +270,11 @@ def _mend(name: str, options: CheckOptions, status: Status) -> None:
         data, checked, count = mended, after, count + len(edits)
     else:
         status.clear()
-        click.echo(f"terratool: {printable(name)}: run --fix again for more.", err=True)
+        say_error(f"{name}: run --fix again for more.")
     if count:
         write_source(structs.replace(source, data=data), name, overwrite=True)
         status.clear()
-        click.echo(f"terratool: {printable(name)}: mended in {counted(count, 'place')}.", err=True)
+        say_error(f"{name}: mended in {counted(count, 'place')}.")
 
 
 def _is_definition(name: str) -> bool:
@@ -417,10 +418,10 @@ class _Job:
             _write(found.report(self.plan.limit, statistics), self.plan)
             if not watched:
                 files = counted(len(found.files) + len(found.unreadable), "file")
-                say(f"terratool: watching {files}; Ctrl-C ends it.", err=True)
+                say_error(f"watching {files}; Ctrl-C ends it.")
                 watched = True
             for name, became in watch.wait().items():
-                say(f"terratool: {name}: {became}.", err=True)
+                say_error(f"{name}: {became}.")
 
 
 def _refuse_watching(names: tuple[str, ...], fix: bool, update_baseline: bool) -> None:
@@ -434,7 +435,7 @@ def _refuse_watching(names: tuple[str, ...], fix: bool, update_baseline: bool) -
 def _say_unreadable(found: _Found) -> None:
     """Say which files could not be read."""
     for file in found.unreadable:
-        click.echo(f"terratool: {printable(file.message)}\n  {printable(file.hint)}", err=True)
+        say_error(file.message, file.hint)
 
 
 def _write(report: ValidationReport, plan: _Plan) -> None:
@@ -447,8 +448,7 @@ def _write(report: ValidationReport, plan: _Plan) -> None:
         with whole_file(out, overwrite=True) as part:
             text = click.unstyle(REPORTERS[form](report))
             part.write_text(text + "\n", encoding="utf-8", newline="\n")
-    color = False if os.environ.get("NO_COLOR") else None
-    click.echo(REPORTERS[plan.form](report), color=color)
+    say_block(REPORTERS[plan.form](report), machine=plan.form != "text")
 
 
 @click.command(

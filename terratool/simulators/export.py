@@ -28,7 +28,7 @@ from terratool.simulators.judge import Judge
 from terratool.simulators.options import SceneOptions
 from terratool.simulators.scene import Material, Scene
 from terratool.simulators.targets import Target, Written, chosen, refuse_uninstalled
-from terratool.text.display import plain, printable
+from terratool.text.display import json_text, plain, printable
 
 MANIFEST = "manifest.json"
 README = "README.md"
@@ -83,7 +83,7 @@ class ExportPlan:
                     manifest = _manifest(scene, key, written, source)
                     manifest["files"] = _hashes(part)
                     (part / README).write_text(_readme(scene, target, written), "utf-8")
-                    text = json.dumps(manifest, indent=2, ensure_ascii=False, default=plain)
+                    text = json_text(msgspec.to_builtins(manifest, enc_hook=plain))
                     (part / MANIFEST).write_text(text + "\n", "utf-8")
                     _put(part, self.folder / key)
                 reports.append(SimulatorReport(self.folder / key, manifest))
