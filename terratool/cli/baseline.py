@@ -99,5 +99,6 @@ class Known:
 
 
 def _name(path: str, finding: Finding) -> str:
-    """A file as a baseline names it."""
-    return Path(os.path.relpath(finding.file, Path(path).parent)).as_posix()
+    """A file as a baseline names it; bytes that are no UTF-8 are escapes there."""
+    name = Path(os.path.relpath(finding.file, Path(path).parent)).as_posix()
+    return name.encode("utf-8", "backslashreplace").decode()
