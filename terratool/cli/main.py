@@ -10,6 +10,7 @@ from typing import Any
 
 import click
 
+from terratool.cli.options import refuse_ambiguous
 from terratool.cli.saying import flush, say_block, say_error
 from terratool.errors import TerratoolError, interruption, reason
 
@@ -84,7 +85,10 @@ class _Lazy(click.Group):
             close = get_close_matches(args[0], _COMMANDS, 1)
             hint = f"Did you mean {close[0]}?" if close else "Run terratool --help for the list."
             ctx.fail(f"There is no command {args[0]!r}. {hint}")
-        return super().resolve_command(ctx, args)
+        name, command, words = super().resolve_command(ctx, args)
+        if name != "diff":  # which knows the words of git, and asks about the others itself
+            refuse_ambiguous(words)
+        return name, command, words
 
     def shell_complete(self, ctx: click.Context, incomplete: str) -> Any:
         """Commands by their names, without importing them, and options."""
