@@ -49,7 +49,7 @@ def refuse_ambiguous(words: list[str]) -> None:
     for place, word in enumerate(words):
         if word[:1] != "-" or (place >= end and word != "-") or not os.path.lexists(word):
             continue
-        if word[1:2] in tuple(".0123456789"):  # a number is no option
+        if word[1:].lstrip(".")[:1].isdecimal():  # a number is no option
             continue
         what = "stands for standard input" if word == "-" else "is an option"
         raise RequestError(
