@@ -82,10 +82,11 @@ def _handed(words: list[str]) -> _Handed | None:
     if not behind:
         return None
     if words[flag] == "--difftool":
-        path = [] if len(behind) == 2 else words[-3:-2]
-        return (
-            _Handed(words[: -2 - len(path)], *path, files=tuple(words[-2:])) if behind[1:] else None
-        )
+        if len(behind) == 2:
+            return _Handed(words[:-2], files=(words[-2], words[-1]))
+        if len(behind) > 2:
+            return _Handed(words[:-3], words[-3], (words[-2], words[-1]))
+        return None
     count = next((n for n in (9, 7) if _is_of_git(behind[-n:], n)), 1)
     own, theirs = words[:-count], words[-count:]
     if count == 1:

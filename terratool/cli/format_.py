@@ -16,7 +16,7 @@ from terratool.definition.reader import CheckOptions, check
 from terratool.errors import ReadError, WriteError
 from terratool.output import whole_file
 from terratool.text.display import counted
-from terratool.text.source import PLAIN, Source, read_source, sources
+from terratool.text.source import PLAIN, Source, leads_out, read_source, sources
 
 _NOT_ONE = ("TT105", "")
 """Code and place of what is found in a text that is no object."""
@@ -79,7 +79,12 @@ def command(ctx: click.Context, files: tuple[str, ...], only_check: bool) -> Non
 
 def _names(given: str, failed: list[ReadError | WriteError], status: Status) -> Iterator[str]:
     try:
-        yield from sources(given, PLAIN)
+        for name in sources(given, PLAIN):
+            if name != given and leads_out(name, (given,)):
+                error = ReadError(f"{name}: is a link out of {given}.", "Name what it leads to.")
+                failed.append(_said(error, status))
+            else:
+                yield name
     except ReadError as error:
         failed.append(_said(error, status))
 

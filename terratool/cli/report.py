@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import re
 from collections import Counter
 from collections.abc import Callable, Iterable
 from typing import Any
@@ -270,7 +272,6 @@ def _location(finding: Finding) -> dict[str, Any]:
 
 
 def _artifact(file: str) -> dict[str, str]:
-    import os
     from pathlib import Path
     from urllib.parse import quote
 
@@ -353,3 +354,40 @@ REPORTERS: dict[str, Callable[[ValidationReport], str]] = {
     "junit": as_junit,
     "gitlab": as_gitlab,
 }
+
+
+_HEAD = re.compile(
+    b"|".join(
+        (
+            rb'\{\n  "format_version": \d+,\n  "findings": \[',
+            rb'\{\n  "\$schema": "[^"\n]*",\n  "version": "2\.1\.0",\n  "runs": \[\n    \{\n'
+            rb'      "tool": \{\n        "driver": \{\n          "name": "terratool",',
+            rb'<\?xml version="1\.0" encoding="UTF-8"\?>\n<testsuites name="terratool validate"',
+            rb"\[\]\n\Z",
+            rb'\[\n  \{\n    "description": "[^\n]*",\n    "check_name": "(?:TT\d+|unreadable)",\n',
+        )
+    )
+).match
+"""How reports in JSON, SARIF, JUnit's XML and GitLab's JSON begin."""
+_LINE = re.compile(
+    rb"(?:[^\n]+:\d+:\d+: (?:error|warning) TT\d+: [^\n]*|::(?:error|warning) [^\n]*|  [^\n]*)?"
+).fullmatch
+_LAST = re.compile(
+    rb"(?:no files|[\d,]+ files?) checked, (?:[\d,]+ (?:invalid|unreadable), )*"
+    rb"(?:no|[\d,]+) errors?, (?:no|[\d,]+) warnings?[^\n]*\."
+).fullmatch
+"""The lines of a text, and of annotations, and the last one of both."""
+_LOOKED_AT = 1 << 16
+
+
+def is_report(name: str) -> bool:
+    """Whether a file is a report of `validate` in any format, as far as its two ends show."""
+    with open(name, "rb") as file:
+        head = file.read(_LOOKED_AT)
+        if _HEAD(head):
+            return True
+        file.seek(max(len(head), file.seek(0, os.SEEK_END) - _LOOKED_AT))
+        tail = file.read()
+    whole = head if not tail else head.rpartition(b"\n")[0] + b"\n" + tail.partition(b"\n")[2]
+    *lines, last, end = [b"", b"", *whole.split(b"\n")]
+    return not end and bool(_LAST(last)) and all(map(_LINE, lines))
