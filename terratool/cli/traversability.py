@@ -336,6 +336,7 @@ def _refuse_outputs(
     from terratool.traversability.map_files import map_paths
 
     outputs: dict[str, str] = {}
+    named = {*map(Path, reports), *(map(Path, maps) if len(maps) == 1 else ())}
     names: list[tuple[str, tuple[str, ...]]] = [(path, ()) for path in reports]
     names += [(str(path), COMPANIONS) for map_ in maps for path in map_paths(map_)]
     for name, companions in names:
@@ -349,5 +350,7 @@ def _refuse_outputs(
         for source in sources:
             if is_same_file(name, source):
                 raise WriteError(f"{name}: is read, too, as {source}.", "Choose another name.")
+        if Path(name).is_symlink() and Path(name) not in named:
+            raise WriteError(f"{name}: is a link.", "Choose another name, or remove it.")
         refuse_existing(Path(name), overwrite, companions)
         refuse_missing_folder(Path(name))
