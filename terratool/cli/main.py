@@ -10,6 +10,7 @@ from typing import Any
 
 import click
 
+from terratool.apart import keep_apart
 from terratool.cli.options import refuse_ambiguous
 from terratool.cli.saying import flush, say_block, say_error
 from terratool.errors import TerratoolError, interruption, reason
@@ -150,6 +151,7 @@ def main() -> None:
         if isinstance(stream, TextIOWrapper):
             encoding = None if stream is sys.stderr or stream.isatty() else "utf-8"
             stream.reconfigure(encoding=encoding, errors="backslashreplace")
+    keep_apart()
     os.environ["PROJ_NETWORK"] = "OFF"  # no grids are fetched, whatever proj.ini says
     os.environ.setdefault("PROJ_DEBUG", "0")  # it would print what GDAL says again
     if "--allow-remote" not in sys.argv:
