@@ -368,7 +368,9 @@ def test_yaml_of_the_page(text: str) -> None:
             assert "paths" in found["with"]
         for hook in found.get("hooks", []):
             assert hook["id"] in HOOKS
-            options = {word for word in hook.get("args", []) if word.startswith("-")}
+            args = hook.get("args", [])
+            assert not args or args[-1] == "--" or hook.get("pass_filenames") is False
+            options = {word for word in args if word.startswith("-") and word != "--"}
             assert options <= options_of(hook["id"].removeprefix("terratool-"))
     for place in re.findall(r"\S*/terratool\b\S*", text.replace("OWNER/terratool", "")):
         pytest.fail(f"{place} is another place-holder")
