@@ -22,6 +22,11 @@ _style = re.compile(r"(\x1b\[[0-9;]*m)")
 _command = re.compile(r"^((?:\x1b\[[0-9;]*m|\s)*):(?=:)")
 
 
+def shown_line(text: str) -> str:
+    """A text on one line, as it is printed for people."""
+    return _unheard(printable(text))
+
+
 def say(line: str, err: bool = False) -> None:
     """Print a line, with what cannot be printed of the names in it as escapes.
 
@@ -29,7 +34,7 @@ def say(line: str, err: bool = False) -> None:
         line: of text, be there line feeds in it or not.
         err: whether it goes to standard error.
     """
-    click.echo(_unheard(printable(line)), err=err)
+    click.echo(shown_line(line), err=err)
 
 
 def say_block(text: str, *, err: bool = False, machine: bool = False) -> None:
@@ -43,9 +48,10 @@ def say_block(text: str, *, err: bool = False, machine: bool = False) -> None:
     """
     lines = []
     for line in text.split("\n"):
-        # every other piece is a style
-        pieces = [p if n % 2 else printable(p) for n, p in enumerate(_style.split(line))]
-        lines.append("".join(pieces) if machine else _unheard("".join(pieces)))
+        if not line.isprintable():  # then every other piece is a style
+            pieces = _style.split(line)
+            line = "".join(p if n % 2 else printable(p) for n, p in enumerate(pieces))
+        lines.append(line if machine else _unheard(line))
     color = False if os.environ.get("NO_COLOR") else None
     click.echo("\n".join(lines), err=err, color=color)
 
@@ -94,7 +100,7 @@ class _Rows:
 
     def write(self, line: str) -> None:
         if sys.stdout is not None:
-            sys.stdout.write(f"{_unheard(printable(line[:-1]))}\n")
+            sys.stdout.write(f"{shown_line(line[:-1])}\n")
 
 
 def _unheard(line: str) -> str:
@@ -102,4 +108,6 @@ def _unheard(line: str) -> str:
 
     A command begins with two colons, or anywhere with two hashes and a bracket.
     """
-    return _command.sub(r"\1\\x3a", line).replace("##[", r"\x23#[")
+    if "::" in line:
+        line = _command.sub(r"\1\\x3a", line)
+    return line.replace("##[", r"\x23#[")

@@ -180,7 +180,7 @@ def _plan(formats: tuple[str, ...], settings: Config, given: dict[str, Any]) -> 
         raise click.UsageError("Two formats go to one file. Give each a file of its own.")
     limit = settings.max_findings if given["max_findings"] is None else given["max_findings"]
     limit = _MOST_FINDINGS if limit is None else limit
-    baseline = None if settings.baseline is None else settings.written(settings.baseline)
+    baseline = None if settings.baseline is None else settings.located(settings.baseline)
     plan = _Plan(
         form or "text",
         outputs,
@@ -591,6 +591,8 @@ def command(
     if update_baseline:
         if plan.baseline is None:
             raise click.UsageError("--update-baseline needs the name of one. Add --baseline FILE.")
+        if given["baseline"] is None:
+            settings.refuse_output(plan.baseline)
         if Path(plan.baseline).exists():
             read_baseline(plan.baseline)  # no other file is written over
     folders = (name if is_folder(name) else str(Path(name).parent) for name in names)
