@@ -9,10 +9,12 @@ from __future__ import annotations
 
 import contextlib
 import os
-import subprocess
 import sys
 from collections.abc import Iterator
-from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import subprocess
 
 _OWN = ("MATPLOTLIBRC", "MPLCONFIGDIR", "EZDXF_CONFIG_FILE")
 """Variables by which the user names settings of these libraries, perhaps as seen from here."""
@@ -27,10 +29,11 @@ def keep_apart() -> None:
     os.environ[_ON] = "1"
     os.environ["PYTHONSAFEPATH"] = "1"  # of processes that Dask starts
     os.environ["NCRCENV_IGNORE"] = "1"
-    for name in _OWN:
+    for name in filter(os.environ.get, _OWN):
+        from pathlib import Path
+
         with contextlib.suppress(OSError):  # the current folder may be gone
-            if os.environ.get(name):
-                os.environ[name] = str(Path(os.environ[name]).absolute())
+            os.environ[name] = str(Path(os.environ[name]).absolute())
 
 
 @contextlib.contextmanager
@@ -39,6 +42,8 @@ def apart() -> Iterator[None]:
     if _ON not in os.environ:
         yield
         return
+    from pathlib import Path
+
     here = None
     with contextlib.suppress(OSError):  # it may be gone, or not to be opened
         here = os.open(".", getattr(os, "O_PATH", os.O_RDONLY))
@@ -63,6 +68,9 @@ def run_python(
     Raises:
         subprocess.TimeoutExpired: it takes longer than so many s.
     """
+    import subprocess
+    from pathlib import Path
+
     folders = [*filter(None, sys.path), str(Path(__file__).parents[1])]
     return subprocess.run(
         [sys.executable, "-P", "-c", f"from {module} import main; main()", *words],

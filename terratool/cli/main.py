@@ -11,8 +11,6 @@ from typing import Any
 import click
 
 from terratool.apart import keep_apart
-from terratool.cli.options import refuse_ambiguous
-from terratool.cli.saying import flush, say_block, say_error
 from terratool.errors import TerratoolError, interruption, reason
 
 _COMMANDS = {
@@ -86,6 +84,8 @@ class _Lazy(click.Group):
             close = get_close_matches(args[0], _COMMANDS, 1)
             hint = f"Did you mean {close[0]}?" if close else "Run terratool --help for the list."
             ctx.fail(f"There is no command {args[0]!r}. {hint}")
+        from terratool.cli.options import refuse_ambiguous
+
         name, command, words = super().resolve_command(ctx, args)
         if name != "diff":  # which knows the words of git, and asks about the others itself
             refuse_ambiguous(words)
@@ -164,11 +164,19 @@ def main() -> None:
 
     with end_on_signals():
         code = _run()
-        try:
-            flush()
-        except OSError as error:
-            code = max(code, _cannot_write(error))
+        if sys.stdout is not None:  # as it is where it was closed
+            try:
+                sys.stdout.flush()
+            except OSError as error:
+                code = max(code, _cannot_write(error))
     sys.exit(code)
+
+
+def _say(message: str, hint: str = "") -> None:
+    """Say what is wrong, by a module that --help does without, to be quick."""
+    from terratool.cli.saying import say_error
+
+    say_error(message, hint)
 
 
 def _run() -> int:
@@ -176,21 +184,23 @@ def _run() -> int:
         code = cli(standalone_mode=False, complete_var=COMPLETE)
         return code if isinstance(code, int) else 0
     except click.exceptions.NoArgsIsHelpError as error:
+        from terratool.cli.saying import say_block
+
         say_block(error.ctx.get_help() if error.ctx else "", err=True)
         return 2
     except click.ClickException as error:
         message = error.format_message()
         ctx = getattr(error, "ctx", None)  # click knows none of an option without its value
         of = ctx.command_path if ctx else "terratool"
-        say_error(message, "" if "--help" in message else f"See {of} --help.")
+        _say(message, "" if "--help" in message else f"See {of} --help.")
         return error.exit_code
     except click.Abort:
         return _stopped()
     except TerratoolError as error:
-        say_error(error.message, error.hint)
+        _say(error.message, error.hint)
         return error.exit_code
     except MemoryError:
-        say_error(
+        _say(
             "There is not enough memory for this.",
             "Give a coarser resolution or a larger error, smaller bounds or a smaller file.",
         )
@@ -211,7 +221,7 @@ def _stopped() -> int:
     from terratool.cli.stopping import said
 
     said.set()
-    say_error("stopped.")
+    _say("stopped.")
     return 130
 
 
@@ -222,7 +232,7 @@ def _cannot_write(error: OSError) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     if isinstance(error, BrokenPipeError):
         return 0
-    say_error(
+    _say(
         f"Standard output cannot be written ({reason(error)}).",
         "Check the space on the disk that it goes to.",
     )
