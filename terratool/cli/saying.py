@@ -7,7 +7,6 @@ a workflow on GitHub lines that begin with two colons. A test holds the rest of 
 
 from __future__ import annotations
 
-import csv
 import os
 import re
 import sys
@@ -75,6 +74,8 @@ def write_json(text: str) -> None:
 
 def write_rows(rows: Iterable[Iterable[Any]]) -> None:
     """Print rows of CSV."""
+    import csv
+
     csv.writer(_Rows(), lineterminator="\n").writerows(rows)
 
 
