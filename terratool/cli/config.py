@@ -23,7 +23,7 @@ _OWN_FIELDS = ("file", "folder", "named")
 OWN, SHARED = ".terratool.toml", "pyproject.toml"
 _MOST_BYTES = 1 << 20
 _PART = r"""(?:[\w-]+|"[^"\n]*"|'[^'\n]*')"""
-_long_key = re.compile(rf"(?<![\w-]){_PART}(?:[ \t]*\.[ \t]*{_PART}){{100}}").search
+_long_key = re.compile(rf"(?<![\w-]){_PART}(?:[ \t]*\.[ \t]*{_PART}){{30}}").search
 """Keys like a.a.a.a, which take a time that grows as the square of their parts."""
 REPORTS = (".json", ".log", ".md", ".sarif", ".txt", ".xml")
 """What the names of reports end in that settings ask for: no program runs or obeys such a file."""

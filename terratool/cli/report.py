@@ -382,12 +382,15 @@ _LOOKED_AT = 1 << 16
 
 def is_report(name: str) -> bool:
     """Whether a file is a report of `validate` in any format, as far as its two ends show."""
-    with open(name, "rb") as file:
-        head = file.read(_LOOKED_AT)
-        if _HEAD(head):
-            return True
-        file.seek(max(len(head), file.seek(0, os.SEEK_END) - _LOOKED_AT))
-        tail = file.read()
+    try:
+        with open(name, "rb") as file:
+            head = file.read(_LOOKED_AT)
+            file.seek(max(len(head), file.seek(0, os.SEEK_END) - _LOOKED_AT))
+            tail = file.read()
+    except OSError:  # who cannot look at it does not know
+        return False
+    if _HEAD(head):
+        return True
     whole = head if not tail else head.rpartition(b"\n")[0] + b"\n" + tail.partition(b"\n")[2]
     *lines, last, end = [b"", b"", *whole.split(b"\n")]
     return not end and bool(_LAST(last)) and all(map(_LINE, lines))

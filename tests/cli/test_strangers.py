@@ -310,6 +310,7 @@ HARD = {
     "dotted quotes": KEY + f" . {KEY}" * 10**5 + " = 1",
     "dotted header": "[a" + ".b" * 10**5 + "]",
     "dotted often": "\n".join(f"k{n}{'.a' * 28} = 1" for n in range(10**4)),
+    "dotted a little": "\n".join(f"k{n}{'.a' * 40} = 1" for n in range(10**4)),
     "huge": "#" * (1 << 20) + "\nstrict = true",
     "dates": "max-step = 9999-99-99T99:99:99",
     "not utf-8": "strict = true # \udcff",
