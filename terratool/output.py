@@ -11,7 +11,7 @@ import shutil
 import signal
 import threading
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from types import FrameType
 from uuid import uuid4
@@ -32,6 +32,8 @@ def whole_file(
     overwrite: bool = False,
     companions: tuple[str, ...] = (),
     within: Path | None = None,
+    *,
+    named: bool = True,
 ) -> Iterator[Path]:
     """A temporary path, which takes the place of `path` when the block ends well.
 
@@ -45,12 +47,14 @@ def whole_file(
         companions: suffixes of files that belong to it: instead of its own, or after its name
             where they begin with a star; older ones are removed.
         within: a folder on the same disk for the temporary; that of `path`, if not said.
+        named: whether the user named this very file: behind a link then stands what is meant. Any
+            other link is replaced, and never what it leads to.
 
     Raises:
         WriteError: `path` exists and is not to be overwritten, or its folder cannot be written.
     """
-    path = Path(os.path.realpath(path))  # behind a link stands what is meant
-    refuse_existing(path, overwrite, companions)
+    path = target_of(path, named)
+    refuse_existing(path, overwrite, companions, named=named)
     refuse_missing_folder(path)
     with os_errors(path), stop_on_signals(), part_folder(within or path.parent) as folder:
         yield folder / path.name
@@ -60,12 +64,53 @@ def whole_file(
             with open(part, "rb+") as file:
                 os.fsync(file.fileno())
         for part in parts:
-            refuse_existing(path.with_name(part.name), overwrite)
+            refuse_existing(path.with_name(part.name), overwrite, named=False)
         with hold_signals():
             for old in _beside(path, companions):
                 old.unlink(missing_ok=True)
             for part in parts:
                 part.replace(path.with_name(part.name))
+        _sync_folder(path.parent)
+
+
+def target_of(path: str | Path, named: bool = True) -> Path:
+    """Where a file is written, without links: behind one at `path` itself only if it was named."""
+    path = Path(path)
+    return Path(os.path.realpath(path)) if named else Path(os.path.realpath(path.parent), path.name)
+
+
+@contextlib.contextmanager
+def whole_folder(path: Path, overwrite: bool, own: Iterable[str]) -> Iterator[Path]:
+    """A temporary folder, which takes the place of `path` when the block ends well.
+
+    Args:
+        path: the folder that is to be.
+        overwrite: whether one of this kind may be there already.
+        own: names of files that such a folder has, and no others.
+
+    Raises:
+        WriteError: `path` exists and is not to be overwritten, holds something else, or cannot be
+            written.
+    """
+    path = Path(os.path.realpath(path))
+    refuse_folder(path, overwrite, own)
+    with os_errors(path), stop_on_signals(), part_folder(path.parent) as folder:
+        yield folder / path.name
+        for part in (folder / path.name).iterdir():
+            with open(part, "rb+") as file:
+                os.fsync(file.fileno())
+        old = folder / "old"
+        with hold_signals():
+            if os.path.lexists(path):
+                path.replace(old)
+            try:
+                if os.path.lexists(old):  # as something may have come since
+                    refuse_folder(old, overwrite, own, called=path)
+                (folder / path.name).replace(path)
+            except BaseException:
+                if os.path.lexists(old):
+                    old.replace(path)
+                raise
         _sync_folder(path.parent)
 
 
@@ -192,8 +237,16 @@ def is_same_file(one: str | Path, other: str | Path) -> bool:
         return False
 
 
-def refuse_existing(path: Path, overwrite: bool, companions: tuple[str, ...] = ()) -> None:
+def refuse_existing(
+    path: Path, overwrite: bool, companions: tuple[str, ...] = (), *, named: bool = True
+) -> None:
     """Refuse a path that is there already, or whose companions are, or that cannot be.
+
+    Args:
+        path: the file that is to be.
+        overwrite: whether it may be there already.
+        companions: suffixes of files that belong to it, as `whole_file` has them.
+        named: whether a link may stand there that leads to nothing yet.
 
     Raises:
         WriteError: it is, and `overwrite` is not set; or it is a folder.
@@ -211,13 +264,43 @@ def refuse_existing(path: Path, overwrite: bool, companions: tuple[str, ...] = (
     except OSError as error:
         raise WriteError.of(path, error, "Choose another name or folder.") from error
     for companion in _beside(path, companions) if path.name else []:
-        refuse_existing(companion, overwrite)
+        refuse_existing(companion, overwrite, named=False)
     if path.is_dir():
         raise WriteError(f"{path}: is a folder.", "Give the name of a file.")
     if path.exists() and not path.is_file():
         raise WriteError(f"{path}: is no regular file.", "Give the name of a file.")
-    if path.exists() and not overwrite:
+    if (path.exists() or (path.is_symlink() and not named)) and not overwrite:
         raise WriteError(f"{path}: exists already.", "Choose another name, or add --overwrite.")
+
+
+def refuse_folder(
+    path: Path, overwrite: bool, own: Iterable[str], called: Path | None = None
+) -> None:
+    """Refuse a folder that is there already, if it is to be kept or holds anything of others.
+
+    Args:
+        path: the folder.
+        overwrite: whether one of this kind may be replaced.
+        own: names of files that such a folder has, and no others.
+        called: what it is called; `path`, if not said.
+
+    Raises:
+        WriteError: it is; or it is no folder.
+    """
+    own, called = set(own), called or path
+    if not path.is_dir():
+        refuse_existing(path, overwrite=False)
+        return
+    if not overwrite:
+        raise WriteError(f"{called}: exists already.", "Choose another name, or add --overwrite.")
+    hint = "Choose another name, or move it elsewhere."
+    with os_errors(path), os.scandir(path) as entries:
+        found = {entry.name: entry.is_file(follow_symlinks=False) for entry in entries}
+    for name in sorted(found):
+        if name not in own or not found[name]:
+            raise WriteError(f"{called}: holds {name}, which terratool did not write.", hint)
+    if found.keys() != own:
+        raise WriteError(f"{called}: was not written by terratool.", hint)
 
 
 def refuse_missing_folder(path: Path) -> None:

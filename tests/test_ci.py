@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 import yaml
 
-from tests.commands import ENVIRONMENT, ROOT, SAMPLE, run
+from tests.commands import COMMAND, ENVIRONMENT, ROOT, SAMPLE, run
 
 INVALID = ROOT / "samples" / "invalid" / "TT103-unknown-key.json"
 DOUBTFUL = ROOT / "samples" / "invalid" / "TT401-missing-soil.json"  # a warning, no error
@@ -128,6 +128,47 @@ def test_the_hooks_pass_and_fail(tmp_path: Path) -> None:
     assert run(*layout, "--check", path).code == 0
 
 
+def as_pre_commit(
+    name: str, folder: Path, files: list[str], args: list[str] | None = None
+) -> subprocess.CompletedProcess[str]:
+    """Run a hook as pre-commit does: its entry, args of the user or else its own, and names."""
+    hook = HOOKS[name]
+    words = [*hook["entry"].split()[1:], *(hook["args"] if args is None else args), *files]
+    return subprocess.run(
+        [*COMMAND, *words], cwd=folder, env=ENVIRONMENT, stdin=subprocess.DEVNULL,
+        capture_output=True, text=True, check=False, timeout=120,
+    )  # fmt: skip
+
+
+ODD = ["--config=lax.terrain.json", "--fix.terrain.json", "-h.terrain.json", "-.terrain.json",
+       "--format=text=victim.terrain.json", "a b'\"$(touch hit)\n.terrain.json"]  # fmt: skip
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows has no such names")
+@pytest.mark.parametrize("name", HOOKS)
+def test_a_hook_takes_names_for_names(name: str, tmp_path: Path) -> None:
+    """Whatever they look like: behind args that are the user's own they are refused, or read."""
+    text = json.dumps(json.loads(INVALID.read_text()), indent=7)  # no layout of ours
+    lax = 'per-file-ignores = {"*" = ["TT"]}\n'
+    (tmp_path / "lax.terrain.json").write_text(lax)
+    before = {*ODD, "lax.terrain.json"}
+    for args in (None, ["--check", "--"] if "format" in name else ["--strict", "--"]):
+        for file in ODD:
+            (tmp_path / file).write_text(text)
+        done = as_pre_commit(name, tmp_path, ODD, args)
+        told = done.stdout + done.stderr
+        assert done.returncode == (1 if args or "validate" in name else 0), told
+        assert f"{len(ODD)} files {'read' if 'format' in name else 'checked'}" in told
+    args = ["--check"] if "format" in name else ["--strict"]
+    for file in ODD[:-1]:
+        done = as_pre_commit(name, tmp_path, [file, ODD[-1]], args)
+        assert (done.returncode, done.stdout) == (2, "")
+        assert f'"{file}" is an option, and a file here has that name, too.' in done.stderr
+    assert as_pre_commit(name, tmp_path, [ODD[-1]], args).returncode == 1
+    assert {path.name for path in tmp_path.iterdir()} == before
+    assert (tmp_path / "lax.terrain.json").read_text() == lax
+
+
 # The action
 
 
@@ -180,6 +221,11 @@ def test_the_action_installs_itself(workspace: Path) -> None:
         ({"paths": "terrains", "ignore": "TT1; touch hit"}, 2, 0),
         ({"paths": "terrains", "max_step": "-1"}, 2, 0),
         ({"paths": "terrains", "format": "github --strict"}, 2, 0),
+        ({"paths": "terrains", "format": "text=hit"}, 2, 0),
+        ({"paths": "terrains", "format": "json\n::error::x"}, 2, 0),
+        ({"paths": "-dash*"}, 0, 1),
+        ({"paths": "-*"}, 0, 1),
+        ({"paths": "--fix\n-"}, 3, 2),
     ],
     ids=str,
 )  # fmt: skip
@@ -245,6 +291,42 @@ def test_the_action_fails_if_sarif_cannot_be_written(workspace: Path) -> None:
     assert "doubtful.json" in done.stderr
 
 
+@needs_bash
+@pytest.mark.parametrize("link", ["report.sarif", "new", "new/dir"])
+def test_the_action_writes_no_sarif_through_a_link(workspace: Path, link: str) -> None:
+    """A link in a checkout may lead to any file of the runner."""
+    victim = workspace.parent / "victim"
+    path = workspace / link
+    path.parent.mkdir(exist_ok=True)
+    if link == "report.sarif":
+        victim.write_text("mine")
+    else:
+        victim.mkdir()
+    path.symlink_to(victim)
+    name = link if link == "report.sarif" else f"{link}/made/report.sarif"
+    done = step("Validate", workspace, paths="terrains", sarif_file=name)
+    assert done.returncode == 2
+    assert "::error title=terratool::The input sarif-file is a link" in done.stdout
+    assert (victim.read_text() == "mine") if victim.is_file() else not [*victim.iterdir()]
+
+
+@needs_bash
+def test_names_say_nothing_to_the_runner(workspace: Path) -> None:
+    """Lines that begin with two colons are ours alone; what else is printed is no command."""
+    (workspace / "terrains" / "::error::x##[warning]y.json").write_text(INVALID.read_text())
+    (workspace / "terrains" / "no \n::warning::z.json").symlink_to("absent.json")
+    done = step("Validate", workspace, paths="terrains", format="text")
+    assert done.returncode == 3
+    first, *lines, last = done.stdout.splitlines()
+    assert re.fullmatch(r"::stop-commands::(\d{8,})", first)
+    assert last == f"::{first.rpartition(':')[2]}::"
+    for line in [*lines, *done.stderr.splitlines()]:
+        assert not re.match(r"\s*::", line) and "##[" not in line
+    done = step("Validate", workspace, paths="terrains")
+    for line in [*done.stdout.splitlines(), *done.stderr.splitlines()]:
+        assert re.match(r"::(error|warning) file=[^:]*::", line) or not re.match(r"\s*::", line)
+
+
 # docs/ci.md
 
 
@@ -286,7 +368,9 @@ def test_yaml_of_the_page(text: str) -> None:
             assert "paths" in found["with"]
         for hook in found.get("hooks", []):
             assert hook["id"] in HOOKS
-            options = {word for word in hook.get("args", []) if word.startswith("-")}
+            args = hook.get("args", [])
+            assert not args or args[-1] == "--" or hook.get("pass_filenames") is False
+            options = {word for word in args if word.startswith("-") and word != "--"}
             assert options <= options_of(hook["id"].removeprefix("terratool-"))
     for place in re.findall(r"\S*/terratool\b\S*", text.replace("OWNER/terratool", "")):
         pytest.fail(f"{place} is another place-holder")

@@ -1,14 +1,18 @@
 """A stranger's file has nothing read but itself, and the files beside it that the docs name.
 
-Two watchers: inotify sees whether a file elsewhere is opened, by GDAL and PROJ, too; an audit hook
-sees all that Python opens.
+Three watchers: inotify sees whether a file elsewhere is opened, by GDAL and PROJ, too; an audit
+hook sees all that Python opens; strace sees every name that is looked for. In the folder of a
+stranger, where one works, nothing is read but what was named: no settings of libraries, no modules.
 """
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
 import json
 import os
+import re
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -182,3 +186,183 @@ def test_what_python_opens(tmp_path: Path) -> None:
     assert {"site.json"} <= names
     others = [path for path in others if path not in inside and not path.endswith(".toml")]
     assert set(others) <= {str(here)}  # folders are synced
+
+
+# --- the current folder --------------------------------------------------------------------------
+
+SCRIPT = "import sys; del sys.path[0]; from terratool.cli.main import main; main()"
+"""As the installed command begins: the folder of a program is first on its path, not this one."""
+HUSKY, LIDAR, CAMERA = (
+    str(ROOT / "samples" / name)
+    for name in ("vehicles/husky-a200.json", "sensors/velodyne-vlp-16.json",
+                 "sensors/realsense-d435.json")
+)  # fmt: skip
+POSE = ["--pose", "10", "8", "2", "0", "40", "0"]
+DXF = """0\nSECTION\n2\nENTITIES\n0\n3DFACE\n8\n0\n10\n0\n20\n0\n30\n0\n11\n4\n21\n0\n31\n0\n12\n4
+22\n4\n32\n1\n13\n0\n23\n4\n33\n1\n0\nENDSEC\n0\nEOF\n"""
+COMMANDS = {
+    "validate": "validate s.json",
+    "tif": "export-dem s.json o.tif --resolution 1",
+    "cog": "export-dem s.json c.tif --resolution 1 --cog",
+    "another process": "export-dem s.json o.img --resolution 1",
+    "netcdf": "export-dem s.json o.nc --resolution 1",
+    "tiles": "export-dem s.json --tiles t --resolution 1",
+    "dask": "export-dem s.json --tiles d --resolution 1 --dask local",
+    "import tif": "import-terrain dem.tif i.json --max-error 1",
+    "import netcdf": "import-terrain in.nc n.json --max-error 1",
+    "import dxf": "import-terrain in.dxf x.json --max-error 1 --resolution 1",
+    "import obj": "import-terrain in.obj y.json --max-error 1 --resolution 1",
+    "glb": "export-mesh s.json m.glb --max-error 1",
+    "usd": "export-mesh s.json m.usda --max-error 1",
+    "simulators": "export-sim s.json sim --target all",
+    "png": "render s.json r.png --size 500",
+    "pdf": "render s.json r.pdf --size 500",
+    "page": "view s.json --no-open --output v.html",
+    "scan": f"scan s.json c.npz --sensor {LIDAR} {' '.join(POSE)}",
+    "laz": f"scan s.json c.laz --sensor {LIDAR} {' '.join(POSE)}",
+    "bag": f"scan s.json c.rosbag2 --sensor {LIDAR} {' '.join(POSE)}",
+    "image": f"scan s.json e.tif --sensor {CAMERA} {' '.join(POSE)}",
+    "map": "map in.npz --cell 1 --output k.tif --bag kbag",
+    "compare": "compare in.map.tif s.json --picture p.png",
+    "verdicts": f"traversability s.json --vehicle {HUSKY} --headings 4 --resolution 1 --map w.tif "
+    "--report w.html",
+    "diff": "diff s.json u.json --picture q.png --map q.tif",
+}
+SETTINGS = [
+    "matplotlibrc", "ezdxf.ini", ".ncrc", ".daprc", ".dodsrc", "NZTM2000", "MapML_APSTILE",
+    "MapML_CBMTILE", "LINZAntarticaMapTileGrid", "GoogleMapsCompatible", "proj.ini", "proj.db",
+    "gdalrc", "gdal.ini", "epsg.wkt", "cubewerx_extra.wkt", "pcs.override.csv", "dask.yaml",
+    "distributed.yaml", ".numba_config.yaml", ".netrc", "pyvenv.cfg", "setup.cfg", "plugInfo.json",
+    "fonts.conf", "fontlist.json", "stylelib", ".pdbrc", "trimesh.json", ".env", "site.cfg",
+]  # fmt: skip
+MODULES = [
+    "numpy", "rasterio", "json", "os", "multiprocessing", "signal", "struct", "terratool", "click",
+    "trimesh", "matplotlib", "distributed", "dask", "tornado", "cloudpickle", "sitecustomize",
+    "usercustomize", "encodings", "site", "runpy", "warnings", "resource", "msgspec", "psutil",
+    "yaml", "logging", "types", "re", "io", "pickle", "importlib", "threading",
+]  # fmt: skip
+
+
+@pytest.fixture(scope="session")
+def inputs(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What the commands read."""
+    here = tmp_path_factory.mktemp("inputs")
+    ground = {"cohesion": 1, "fricAngle": 30, "sinkage": 0.01, "shearModulus": 0.01}
+    site = {"size": [20, 16], "surfTypes": {"a": ground}, "elemTypes": {"k": {"x": [0, 0.1]}},
+            "elemTree": {"type": "k", "surface": "a"}}  # fmt: skip
+    (here / "s.json").write_text(json.dumps(site))
+    (here / "u.json").write_text(json.dumps({**site, "elemTypes": {"k": {"x": [0, 0.2]}}}))
+    dem(here / "dem.tif")
+    (here / "in.dxf").write_text(DXF)
+    (here / "in.obj").write_text("v 0 0 0\nv 4 0 1\nv 0 4 1\nv 4 4 1\nf 1 2 4 3\n")
+    for words in (
+        "export-dem s.json in.nc --resolution 1",
+        f"scan s.json in.npz --sensor {LIDAR} {' '.join(POSE)}",
+        "map in.npz --cell 1 --output in.map.tif",
+    ):
+        done = command(here, words)
+        assert done.returncode == 0, done.stderr
+    return here
+
+
+def command(
+    here: Path, words: str, *before: str, **environment: str
+) -> subprocess.CompletedProcess[str]:
+    """Run the command as it is installed."""
+    return subprocess.run(
+        [*before, sys.executable, "-c", SCRIPT, *words.split()],
+        cwd=here, env={**ENVIRONMENT, "PYTHONPATH": str(ROOT), **environment},
+        capture_output=True, text=True, check=False, timeout=120, stdin=subprocess.DEVNULL,
+    )  # fmt: skip
+
+
+@pytest.fixture
+def stranger(inputs: Path, tmp_path: Path) -> Path:
+    """The folder of a stranger with the inputs, settings of everything, and modules that tell."""
+    here = tmp_path / "here"
+    shutil.copytree(inputs, here)
+    for name in SETTINGS:
+        (here / name).write_text("no settings at all {[(\n")
+    for name in MODULES:
+        (here / f"{name}.py").write_text(f"open({str(tmp_path / 'hit')!r}, 'a').write('{name} ')\n")
+    return here
+
+
+@contextlib.contextmanager
+def opened_in(folder: Path) -> Iterator[set[str]]:
+    """The names of files in a folder that are opened in the block."""
+    c = ctypes.CDLL(None, use_errno=True)
+    number = c.inotify_init1(os.O_NONBLOCK)
+    assert c.inotify_add_watch(number, os.fsencode(folder), _OPENED | _READ) >= 0
+    found: set[str] = set()
+    yield found
+    with contextlib.suppress(BlockingIOError):
+        while events := os.read(number, 1 << 16):
+            found |= {name.decode("utf-8", "replace") for name in events.split(b"\0") if name}
+    os.close(number)
+
+
+@pytest.mark.parametrize("key", COMMANDS)
+def test_nothing_of_the_current_folder_is_obeyed(key: str, stranger: Path, tmp_path: Path) -> None:
+    """Neither opened, nor run, in the command and in processes that it starts."""
+    with opened_in(stranger) as names:
+        done = command(stranger, COMMANDS[key])
+    assert done.returncode in (0, 1), done.stderr
+    assert "s.json" in names or "import" in key or key == "map"
+    assert names.isdisjoint({*SETTINGS, *(f"{name}.py" for name in MODULES)})
+    assert not (tmp_path / "hit").exists()
+
+
+def test_settings_of_the_user_count(stranger: Path, tmp_path: Path) -> None:
+    """Where the user names them, also as seen from the current folder; and nothing waits."""
+    (stranger / "mine").mkdir()
+    (stranger / "mine/matplotlibrc").write_text("no settings at all\n")
+    (stranger / "matplotlibrc").unlink()
+    os.mkfifo(stranger / "matplotlibrc")
+    assert command(stranger, COMMANDS["png"]).returncode == 0
+    with opened_in(stranger / "mine") as names:
+        assert command(stranger, COMMANDS["pdf"], MATPLOTLIBRC="mine").returncode == 0
+    assert "matplotlibrc" in names
+    assert command(stranger, COMMANDS["validate"]).returncode == 0
+
+
+LOOKED = re.compile(r'\d+ +(\w+)\((?:AT_FDCWD, )?(?:"([^"]*)")?').match
+
+
+def looked_for(log: str, here: Path) -> set[str]:
+    """Names in a folder that processes looked for, as seen from it."""
+    found, stands = set(), here
+    for line in log.splitlines():
+        call, name = ((match := LOOKED(line)) and match.groups()) or ("", None)
+        if call == "fchdir":
+            stands = here
+        elif name is not None:
+            path = os.path.relpath(stands / name, here)
+            if call == "chdir":
+                stands = stands / name
+            elif not path.startswith(("..", ".terratool-")) and path != ".":
+                found.add(path)
+    return found
+
+
+@pytest.mark.skipif(shutil.which("strace") is None, reason="strace is not installed")
+@pytest.mark.parametrize(
+    "key", ["cog", "netcdf", "import netcdf", "import dxf", "png", "usd", "verdicts", "simulators"]
+)
+def test_no_other_name_is_looked_for(key: str, inputs: Path, tmp_path: Path) -> None:
+    """In the current folder: names that were given, what belongs to them, and settings of ours."""
+    here = tmp_path / "here"
+    shutil.copytree(inputs, here)
+    log = tmp_path / "log"
+    done = command(here, COMMANDS[key], "strace", "-f", "-o", str(log), "-e", "trace=file,fchdir")
+    assert done.returncode in (0, 1), done.stderr
+    words = COMMANDS[key].split()
+    named = {re.split(r"[./]", word)[0] for word in words if not word.startswith("/")}
+    found = looked_for(log.read_text(errors="replace"), here)
+    others = {
+        path
+        for path in found
+        if re.split(r"[./-]", path.lstrip("."))[0] not in named and path not in words
+    }
+    assert others == set()
+    assert found

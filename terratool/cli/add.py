@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from terratool.cli.options import library_root_option, library_roots
-from terratool.cli.terminal import say
+from terratool.cli.saying import say
 
 _ALL = 10**9
 

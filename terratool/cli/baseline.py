@@ -42,6 +42,8 @@ def digest(*texts: str) -> str:
 
 def read_baseline(path: str) -> Baseline:
     """Raises ReadError if a baseline cannot be read, or is none."""
+    if Path(path).exists() and not Path(path).is_file():  # a pipe would keep us waiting
+        raise ReadError(f"{path}: is no regular file.", "Name another file.")
     try:
         found = msgspec.json.decode(Path(path).read_bytes(), type=Baseline)
     except OSError as error:
@@ -99,5 +101,6 @@ class Known:
 
 
 def _name(path: str, finding: Finding) -> str:
-    """A file as a baseline names it."""
-    return Path(os.path.relpath(finding.file, Path(path).parent)).as_posix()
+    """A file as a baseline names it; bytes that are no UTF-8 are escapes there."""
+    name = Path(os.path.relpath(finding.file, Path(path).parent)).as_posix()
+    return name.encode("utf-8", "backslashreplace").decode()

@@ -7,7 +7,8 @@ from pathlib import Path
 import click
 
 from terratool.cli.options import library_root_option, library_roots
-from terratool.cli.terminal import Status, called, say
+from terratool.cli.saying import say, write_definition
+from terratool.cli.terminal import Status, called
 from terratool.text.display import counted
 
 
@@ -55,7 +56,7 @@ def command(file: str, output: str, expanded: bool, overwrite: bool) -> None:
         elements = counted(rounded, "element")
         say(f"terratool: {elements} at the nearest decimals; edges may be one float off", err=True)
     if shown:
-        click.echo(text.encode(), nl=False)  # JSON is UTF-8, whatever the terminal speaks
+        write_definition(text)
         return
     count = len(checked.libraries)
     used = f", {counted(count, 'library')} taken in" if count else ""

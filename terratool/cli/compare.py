@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
@@ -10,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from terratool.cli.options import finite, library_root_option, roughness_option
-from terratool.cli.terminal import Status, load, say
+from terratool.cli.saying import say, say_json
+from terratool.cli.terminal import Status, load
 from terratool.text.display import counted, shown
 
 if TYPE_CHECKING:
@@ -82,7 +82,7 @@ def command(
             status.say("drawing")
             write_picture(comparison, terrain, picture, overwrite=overwrite)
     if form == "json":
-        click.echo(json.dumps(as_dict(comparison), indent=2, ensure_ascii=False))
+        say_json(as_dict(comparison))
     else:
         for line in as_text(comparison):
             say(line)

@@ -145,7 +145,8 @@ def _items_for(name: str, ctx: click.Context, incomplete: str) -> Items:
         return []
     # of a list only the last word is completed
     before, comma, last = incomplete.rpartition(",") if name in _LISTS else ("", "", incomplete)
-    found = [value for value in values if value.lower().startswith(last.lower())]
+    # what cannot be printed cannot be typed, and a line feed would begin another item
+    found = [v for v in values if v.isprintable() and v.lower().startswith(last.lower())]
     return [CompletionItem(f"{before}{comma}{value}") for value in found]
 
 

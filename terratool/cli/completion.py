@@ -5,6 +5,7 @@ from __future__ import annotations
 import click
 
 from terratool.cli.options import Names
+from terratool.cli.saying import say_block
 
 _SHELLS = ("bash", "zsh", "fish")
 
@@ -24,4 +25,4 @@ def command(ctx: click.Context, shell: str) -> None:
     from terratool.cli.completing import script
     from terratool.cli.main import COMPLETE
 
-    click.echo(script(ctx.find_root().command, shell, COMPLETE))
+    say_block(script(ctx.find_root().command, shell, COMPLETE), machine=True)

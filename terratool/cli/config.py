@@ -1,9 +1,14 @@
-"""What a project sets for `validate`, in `.terratool.toml` or in its pyproject.toml."""
+"""What a project sets for `validate`, in `.terratool.toml` or in its pyproject.toml.
+
+The project may be a stranger's: its settings name nothing outside of the folder that they stand in,
+and have nothing written that could do harm there.
+"""
 
 from __future__ import annotations
 
 import contextlib
 import os
+import re
 from fnmatch import fnmatch
 from pathlib import Path
 from typing import Annotated, Any
@@ -12,9 +17,18 @@ import msgspec
 from msgspec import Meta, Struct
 
 from terratool.errors import ReadError, RequestError
+from terratool.text.display import shown
 
-_OWN_FIELDS = ("file", "folder")
+_OWN_FIELDS = ("file", "folder", "named")
 OWN, SHARED = ".terratool.toml", "pyproject.toml"
+_MOST_BYTES = 1 << 20
+_PART = r"""(?:[\w-]+|"[^"\n]*"|'[^'\n]*')"""
+_long_key = re.compile(rf"(?<![\w-]){_PART}(?:[ \t]*\.[ \t]*{_PART}){{30}}").search
+"""Keys like a.a.a.a, which take a time that grows as the square of their parts."""
+REPORTS = (".json", ".log", ".md", ".sarif", ".txt", ".xml")
+"""What the names of reports end in that settings ask for: no program runs or obeys such a file."""
+_VERSIONS = (".git", ".hg", ".svn", ".jj", ".bzr")
+"""Folders of systems that keep versions: what is in them is run, and no stranger's."""
 
 
 class Config(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab", kw_only=True):
@@ -23,6 +37,7 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab", kw
     Attributes:
         file: where they stand.
         folder: what `paths` and the patterns of `per_file_ignores` are relative to.
+        named: whether the user named the file, which may lie beside what it is about.
         paths: files and directories to check where the command line names none.
         per_file_ignores: codes by a pattern of file names.
         formats: as `--format`, once or several times.
@@ -30,6 +45,7 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab", kw
 
     file: str = ""
     folder: str = "."
+    named: bool = False
     paths: tuple[str, ...] = ()
     strict: bool = False
     select: tuple[str, ...] = ()
@@ -41,27 +57,70 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab", kw
     baseline: str | None = None
 
     def files(self) -> tuple[str, ...]:
-        """The paths as the working directory has them."""
-        return tuple(self.located(path) for path in self.paths)
+        """The paths as the working directory has them.
+
+        Raises:
+            RequestError: one of them lies outside.
+        """
+        # what can be no name is said where it is read
+        return tuple(path if "\0" in path else self.located(path) for path in self.paths)
 
     def located(self, path: str) -> str:
-        """A path of the settings as the working directory has it."""
-        return os.path.relpath(Path(self.folder, path))
+        """A path of the settings as the working directory has it.
+
+        Raises:
+            RequestError: it lies outside, links followed.
+        """
+        if "\0" not in path:
+            found = os.path.relpath(Path(self.folder, path))
+            if self.holds(found):
+                return f"./{found}" if found == "-" else found  # never standard input
+        where = "outside of its folder"
+        if self.named:
+            where = "neither in its folder nor in the current one"
+        raise RequestError(
+            f"{self.file}: names {shown(path)}, which lies {where}.", "Name it on the command line."
+        )
+
+    def holds(self, name: str) -> bool:
+        """Whether a file, links followed, lies in the folder, or where the user named them both."""
+        return bool(self._below(name))
+
+    def _below(self, name: str) -> list[Path]:
+        """A file, links followed, as seen from each of the folders that it may lie in."""
+        real = Path(os.path.realpath(name))
+        roots = map(os.path.realpath, (self.folder, ".") if self.named else (self.folder,))
+        return [real.relative_to(root) for root in roots if real.is_relative_to(root)]
 
     def written(self, path: str) -> str:
         """The same of a file that is to be written.
 
         Raises:
-            RequestError: it lies outside of the folder of the settings, which may be a stranger's.
+            RequestError: it lies outside, or where something else than a report belongs.
         """
-        if "\0" in path or not Path(self.folder, path).resolve().is_relative_to(
-            Path(self.folder).resolve()
-        ):
+        found = self.located(path)
+        self.refuse_output(found)
+        return found
+
+    def refuse_output(self, name: str) -> None:
+        """Refuse a file that settings may not have written, by the name that it has here.
+
+        Raises:
+            RequestError: it lies outside, or where something else than a report belongs.
+        """
+        below = self._below(name)
+        why = ""
+        if not below:
+            why = "leads out of its folder"
+        elif any(_keeps_versions(part) for path in below for part in path.parts):
+            why = "belongs to a system that keeps versions"
+        elif not {Path(name).suffix.lower(), below[0].suffix.lower()} <= {*REPORTS}:
+            why = f"ends in none of {', '.join(REPORTS)}"
+        if why:
             raise RequestError(
-                f"{self.file}: names {path!r}, which lies outside of its folder.",
+                f"{self.file}: has {shown(name)} written, which {why}.",
                 "Name it on the command line.",
             )
-        return self.located(path)
 
     def ignored(self, file: str) -> tuple[str, ...]:
         """The codes that are ignored in a file; a pattern without a slash is of names alone."""
@@ -74,6 +133,12 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab", kw
             if fnmatch(path if "/" in pattern else path.rpartition("/")[2], pattern)
             for code in codes
         )
+
+
+def _keeps_versions(part: str) -> bool:
+    """Whether a name of a folder is that of one with versions, as any file system may take it."""
+    name = "".join(c for c in part if c.isprintable()).partition(":")[0].rstrip(". ").casefold()
+    return name in _VERSIONS or re.fullmatch(r"git~\d", name) is not None
 
 
 def find_config(start: Path) -> Config:
@@ -89,31 +154,46 @@ def find_config(start: Path) -> Config:
             # a folder that may not be looked into has no settings for us
             with contextlib.suppress(PermissionError):
                 if path.is_file() and (found := read_config(path)) is not None:
+                    if not found.holds(str(path)):
+                        raise RequestError(
+                            f"{path}: is a link out of its folder.",
+                            "Put the settings themselves there, or name them by --config.",
+                        )
                     return found
     return Config()
 
 
-def read_config(path: Path) -> Config | None:
+def read_config(path: Path, named: bool = False) -> Config | None:
     """The settings in a file; None if it is a pyproject.toml without any.
+
+    Args:
+        path: of the file.
+        named: whether the user named it.
 
     Raises:
         ReadError: the file cannot be read.
         RequestError: it is no TOML, or has a setting that there is not.
     """
     try:
-        text = path.read_text("utf-8")
+        with open(path, "rb") as file:
+            data = file.read(_MOST_BYTES + 1)
+        text = data.decode("utf-8")
     except OSError as error:
         raise ReadError.of(path, error) from error
     except UnicodeDecodeError as error:
         raise ReadError(f"{path}: is no UTF-8 text.", "Save it as UTF-8.") from error
+    if len(data) > _MOST_BYTES:
+        raise ReadError(f"{path}: holds more than 1 MiB.", "Name settings by --config.")
     shared = path.name == SHARED
     if shared and "terratool" not in text:
         return None
     import tomllib
 
     try:
+        if _long_key(text):
+            raise ValueError("a key has more than 30 parts")
         table: Any = tomllib.loads(text)
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
+    except (ValueError, RecursionError) as error:  # a number may have too many digits
         raise RequestError(f"{path}: is no TOML ({error}).", "Correct the file there.") from error
     if shared:
         tool = table.get("tool")
@@ -130,4 +210,4 @@ def read_config(path: Path) -> Config | None:
         raise RequestError(
             f"{path}: has a setting that is not taken ({error}).", f"There are {settings}."
         ) from error
-    return msgspec.structs.replace(config, file=str(path), folder=str(path.parent))
+    return msgspec.structs.replace(config, file=str(path), folder=str(path.parent), named=named)

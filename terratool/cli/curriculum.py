@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from terratool.cli.terminal import Status, called, say
+from terratool.cli.saying import say, say_json
+from terratool.cli.terminal import Status, called
 from terratool.text.display import counted, listed, shown
 
 if TYPE_CHECKING:
@@ -75,7 +75,7 @@ def command(
         status.say(f"writing {called(output)}")
         origins = write_curriculum(made, output, overwrite)
     if as_json:
-        click.echo(json.dumps(as_dict(made, output, str(origins)), indent=2, ensure_ascii=False))
+        say_json(as_dict(made, output, str(origins)))
         return
     for line in lacking(made):
         say(line, err=True)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
@@ -15,7 +14,8 @@ from terratool.cli.options import (
     vehicle_from,
     vehicle_options,
 )
-from terratool.cli.terminal import Status, called, say
+from terratool.cli.saying import say, say_json
+from terratool.cli.terminal import Status, called
 from terratool.text.display import counted, listed, shown
 
 if TYPE_CHECKING:
@@ -115,7 +115,7 @@ def command(
         status.say(f"writing {Path(output).name}")
         written = write_deformed(file, output, deformed, overwrite, library_roots())
     if as_json:
-        click.echo(json.dumps(as_dict(deformed, output, written), indent=2, ensure_ascii=False))
+        say_json(as_dict(deformed, output, written))
     else:
         for line in as_text(deformed, output, written):
             say(line)

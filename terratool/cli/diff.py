@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+import re
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
@@ -11,9 +12,12 @@ from terratool.cli.options import (
     has_roughness,
     library_root_option,
     library_roots,
+    refuse_ambiguous,
     roughness_option,
 )
+from terratool.cli.saying import say, say_block
 from terratool.cli.terminal import Status
+from terratool.text.display import shown
 
 if TYPE_CHECKING:
     from terratool.viewing.diff.compare import DiffOptions
@@ -25,12 +29,96 @@ if TYPE_CHECKING:
 FORMATS = ("text", "json", "markdown", "github")
 MOST = 20
 """Lines that a list in a report has, if nothing else is asked for."""
-_GIT_ARGUMENTS = (7, 9)
-"""What git hands to an external diff; more where a file was renamed."""
+_id = re.compile(r"[0-9a-f]{40}|[0-9a-f]{64}|\.").fullmatch
+_mode = re.compile(r"[0-7]{6}|\.").fullmatch
+"""How git writes the number and the mode of a file; one that is not there has dots."""
+
+
+class _Handed(NamedTuple):
+    """What git hands over.
+
+    Attributes:
+        own: the words before it, which are the user's.
+        path: of the file in the repository, if that is said; behind a rename the new one.
+        files: where the old and the new version are; none of a file that is unmerged.
+    """
+
+    own: list[str]
+    path: str = ""
+    files: tuple[str, ...] = ()
+
+
+class _Command(click.Command):
+    """Tells words of the user from those of git, which may look like anything."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        handed = _handed(args)
+        if handed is not None:
+            rest = super().parse_args(ctx, [*handed.own])
+            if ctx.params["git"] or ctx.params["difftool"]:
+                _take(ctx, handed)
+                return rest
+            ctx.params.clear()  # the word was the value of another option
+        refuse_ambiguous(args)
+        rest = super().parse_args(ctx, args)
+        if (ctx.params["git"] or ctx.params["difftool"]) and not ctx.resilient_parsing:
+            raise click.UsageError(
+                "git hands over 7 or 9 words behind --git, and 2 or 3 behind --difftool. Let it be "
+                "the command of a diff driver or of a difftool."
+            )
+        return rest
+
+
+def _handed(words: list[str]) -> _Handed | None:
+    """What git hands over, behind the words of the user; None where nobody says that it does.
+
+    A diff driver gets 7 words of git, 9 behind a rename, and 1 of a file that is unmerged; which it
+    is shows in the last ones, where only git writes. A difftool gets the 3 that its command names,
+    or the 2 of git difftool --extcmd.
+    """
+    # the first is the user's; git may hand over a file of that name
+    flag = next((n for n, word in enumerate(words) if word in ("--git", "--difftool")), len(words))
+    behind = words[flag + 1 :]
+    if not behind:
+        return None
+    if words[flag] == "--difftool":
+        if len(behind) == 2:
+            return _Handed(words[:-2], files=(words[-2], words[-1]))
+        if len(behind) > 2:
+            return _Handed(words[:-3], words[-3], (words[-2], words[-1]))
+        return None
+    count = next((n for n in (9, 7) if _is_of_git(behind[-n:], n)), 1)
+    own, theirs = words[:-count], words[-count:]
+    if count == 1:
+        return _Handed(own, theirs[0])
+    return _Handed(own, theirs[7] if count == 9 else theirs[0], (theirs[1], theirs[4]))
+
+
+def _is_of_git(words: list[str], count: int) -> bool:
+    """Whether these are the path, file, number, mode, file, number and mode of an external diff.
+
+    Behind a rename there are another path and the lines of the head, which no file can forge.
+    """
+    if len(words) != count or (count == 9 and not words[8].endswith("\n")):
+        return False
+    return bool(_id(words[2]) and _mode(words[3]) and _id(words[5]) and _mode(words[6]))
+
+
+def _take(ctx: click.Context, handed: _Handed) -> None:
+    """Have the command compare what git hands over."""
+    if ctx.params["files"] and not ctx.resilient_parsing:
+        raise click.UsageError(
+            f"git hands over the files, and there is {shown(ctx.params['files'][0])}, too. Let the "
+            'command be "terratool diff --git", or "terratool diff --difftool" with three names.'
+        )
+    # standard input is never meant
+    ctx.params["files"] = tuple(f"./{name}" if name == "-" else name for name in handed.files)
+    ctx.params["called"] = ctx.params["called"] or handed.path or None
 
 
 @click.command(
     "diff",
+    cls=_Command,
     epilog="Example: terratool diff old/site.json site.json --vehicle rover.json",
 )
 @click.argument("files", nargs=-1, metavar="OLD NEW")
@@ -88,7 +176,12 @@ _GIT_ARGUMENTS = (7, 9)
 @click.option(
     "--git",
     is_flag=True,
-    help="Take the arguments that git hands to an external diff.",
+    help="Take the words that git hands to an external diff: all behind options of your own.",
+)
+@click.option(
+    "--difftool",
+    is_flag=True,
+    help="Take the last three words, whatever they look like: the path, the old and the new file.",
 )
 @click.option("--overwrite", is_flag=True, help="Replace files that exist.")
 @roughness_option
@@ -102,6 +195,7 @@ def command(
     exit_code: bool,
     called: str | None,
     git: bool,
+    difftool: bool,
     overwrite: bool,
     **values: Any,
 ) -> int:
@@ -119,8 +213,9 @@ def command(
     from terratool.viewing.diff.files import Reading, are_folders
 
     form, outputs = _plan(formats)
-    if git:
-        files, called = _from_git(files, called)
+    if git and not files:
+        say(f"{called}: is unmerged, so that there are no two versions to compare.")
+        return 0
     if len(files) != 2:
         raise click.UsageError(
             f"There {'is 1 file' if len(files) == 1 else f'are {len(files)} files'}. "
@@ -129,7 +224,7 @@ def command(
     old, new = files
     if old == new == "-":
         raise click.UsageError("Standard input is read once. Name a file for one of the two.")
-    folders = are_folders(old, new)
+    folders = not git and are_folders(old, new)
     if folders and (map_ or picture or called):
         option = "--map" if map_ else "--picture" if picture else "--as"
         raise click.UsageError(f"{option} is for two files, and these are folders.")
@@ -144,20 +239,10 @@ def command(
         if not git:
             raise
         # git ends with a fault of its own where a diff does
-        click.echo(f"{called}: cannot be compared. {error}")
+        say(f"{called}: cannot be compared. {error}")
         return 0
     _write(found, form, outputs, max_changes, overwrite)
     return 0 if git else _code(found, exit_code)
-
-
-def _from_git(files: tuple[str, ...], called: str | None) -> tuple[tuple[str, ...], str]:
-    """The files among the arguments of an external diff: path, old file, hex, mode, new file."""
-    if len(files) not in _GIT_ARGUMENTS:
-        raise click.UsageError(
-            f"git hands over 7 arguments or 9, and these are {len(files)}. Set diff.NAME.command "
-            'to "terratool diff --git".'
-        )
-    return (files[1], files[4]), called or (files[7] if len(files) > 7 else files[0])
 
 
 def _options(values: dict[str, Any]) -> DiffOptions:
@@ -274,7 +359,7 @@ def _write(
     for other, out in outputs:
         with whole_file(out, overwrite) as part:
             part.write_text(REPORTERS[other](found, most) + "\n", encoding="utf-8", newline="\n")
-    click.echo(REPORTERS[form](found, most))
+    say_block(REPORTERS[form](found, most), machine=form in ("json", "github"))
 
 
 def _code(found: Comparison, exit_code: bool) -> int:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -10,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from terratool.cli.options import Names, library_root_option, roughness_option
-from terratool.cli.terminal import Status, load, say
+from terratool.cli.saying import say, say_json
+from terratool.cli.terminal import Status, load
 
 if TYPE_CHECKING:
     from terratool.raster.export import RasterReport, WrittenFile
@@ -161,7 +161,7 @@ def command(
             )  # fmt: skip
     choice = GridChoice(why, overhang(grid, bounds or terrain.bounds))
     if as_json:
-        click.echo(json.dumps(as_dict(report, choice), indent=2, ensure_ascii=False))
+        say_json(as_dict(report, choice))
     else:
         for line in as_text(report, choice):
             say(line)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,7 +10,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from terratool.cli.options import library_root_option, roughness_option
-from terratool.cli.terminal import Status, load, say
+from terratool.cli.saying import say, say_json
+from terratool.cli.terminal import Status, load
 
 if TYPE_CHECKING:
     from terratool.mesh.elevation import ElevationGridReport
@@ -234,7 +234,7 @@ def _export(request: _Request) -> None:
     else:
         report, lines = _export_mesh(request)
     if request.as_json:
-        click.echo(json.dumps(report.to_json(), indent=2, ensure_ascii=False))
+        say_json(report.to_json())
         return
     place = " ".join(f"{number:.12g}" for number in report.origin)
     for line in (lines[0], f"{lines[1]}: zero is at {place}", *lines[2:]):

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from terratool.cli.options import library_root_option, roughness_option
-from terratool.cli.terminal import Status, load, say
+from terratool.cli.saying import say, say_json
+from terratool.cli.terminal import Status, load
 from terratool.simulators.options import (
     ASSUMED_FRICTION,
     DEFAULT_ERROR,
@@ -148,7 +148,7 @@ def command(
             "format_version": 1,
             "targets": {one.manifest["target"]: _told(one) for one in reports},
         }
-        click.echo(json.dumps(told, indent=2, ensure_ascii=False))
+        say_json(told)
         return
     for report in reports:
         manifest = report.manifest

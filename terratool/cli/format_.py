@@ -9,13 +9,14 @@ from itertools import chain
 import click
 
 from terratool.cli.report import ValidationReport, ValidationSummary, as_text
+from terratool.cli.saying import say, say_block, say_error, write_definition
 from terratool.cli.terminal import Status, called
 from terratool.definition.layout import canonical
 from terratool.definition.reader import CheckOptions, check
 from terratool.errors import ReadError, WriteError
 from terratool.output import whole_file
-from terratool.text.display import counted, printable
-from terratool.text.source import PLAIN, Source, read_source, sources
+from terratool.text.display import counted
+from terratool.text.source import PLAIN, Source, leads_out, read_source, sources
 
 _NOT_ONE = ("TT105", "")
 """Code and place of what is found in a text that is no object."""
@@ -54,7 +55,7 @@ def command(ctx: click.Context, files: tuple[str, ...], only_check: bool) -> Non
             differs = text.encode() != source.data
             status.clear()
             if name == "-" and not only_check:
-                click.echo(text.encode(), nl=False)  # JSON is UTF-8, whatever the terminal speaks
+                write_definition(text)
             elif differs:
                 what = "would be laid out anew" if only_check else "laid out anew"
                 try:
@@ -68,24 +69,29 @@ def command(ctx: click.Context, files: tuple[str, ...], only_check: bool) -> Non
                 except WriteError as error:
                     failed.append(_said(error, status))
                     continue
-                click.echo(f"{printable(source.name)}: {what}")
+                say(f"{source.name}: {what}")
             changed += differs
     if "-" not in files or only_check:
         what = "would change" if only_check else "changed"
-        click.echo(f"{counted(count, 'file')} read, {changed:,} {what}.")
+        say(f"{counted(count, 'file')} read, {changed:,} {what}.")
     ctx.exit(3 if failed else int(broken > 0 or (only_check and changed > 0)))
 
 
 def _names(given: str, failed: list[ReadError | WriteError], status: Status) -> Iterator[str]:
     try:
-        yield from sources(given, PLAIN)
+        for name in sources(given, PLAIN):
+            if name != given and leads_out(name, (given,)):
+                error = ReadError(f"{name}: is a link out of {given}.", "Name what it leads to.")
+                failed.append(_said(error, status))
+            else:
+                yield name
     except ReadError as error:
         failed.append(_said(error, status))
 
 
 def _said(error: ReadError | WriteError, status: Status) -> ReadError | WriteError:
     status.clear()
-    click.echo(f"terratool: {printable(error.message)}\n  {printable(error.hint)}", err=True)
+    say_error(error.message, error.hint)
     return error
 
 
@@ -97,7 +103,7 @@ def _is_definition(source: Source, status: Status) -> bool:
         return True
     summary = ValidationSummary(files=1, invalid=1, errors=1)
     status.clear()
-    click.echo(as_text(ValidationReport(tuple(wrong[:1]), (), summary)), err=True)
+    say_block(as_text(ValidationReport(tuple(wrong[:1]), (), summary)), err=True)
     return False
 
 

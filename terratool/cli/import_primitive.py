@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from terratool.cli.options import library_root_option, library_roots, options_of, source_options
-from terratool.cli.terminal import Status, called, say
+from terratool.cli.saying import say, say_json, write_definition
+from terratool.cli.terminal import Status, called
 
 if TYPE_CHECKING:
     from terratool.importing.primitive.build import ImportedPrimitive, PrimitiveRequest
@@ -105,7 +106,7 @@ def command(source: str, name: str, overwrite: bool, as_json: bool, **values: An
     largest = imported.error.largest
     if wanted.tolerance is not None and largest > wanted.tolerance:
         for line in sentences(imported):
-            click.echo(line, err=True)
+            say(line, err=True)
         raise MissedError(
             f"The error is {largest:.4g} {imported.unit}, and {wanted.tolerance:g} is allowed; "
             "nothing was written.",
@@ -179,10 +180,10 @@ def _deliver(
     if as_json:
         report = {"file": written, **imported.to_json()}
         report["notes"] += notes
-        click.echo(json.dumps(report, indent=2, ensure_ascii=False))
+        say_json(report)
         return
     if written is None:
-        click.echo(primitives_text(imported.primitives()), nl=False)
+        write_definition(primitives_text(imported.primitives()))
     else:
         say(f"{written}: has {' and '.join(imported.names)} now")
     lines = [*sentences(imported), *notes]

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import contextlib
-import json
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from terratool.cli.options import Names, options_of, source_options
-from terratool.cli.terminal import Status, called, say
+from terratool.cli.saying import say, say_json
+from terratool.cli.terminal import Status, called
 from terratool.definition.presets import PRESETS
 from terratool.text.display import counted
 
@@ -127,7 +127,7 @@ def command(source: str, output: str, overwrite: bool, as_json: bool, **values: 
         with Status("reading and writing", 2 * pixels) as progress:
             report = import_terrain(heights, output, options, overwrite, progress)
     if as_json:
-        click.echo(json.dumps(as_dict(report, output), indent=2, ensure_ascii=False))
+        say_json(as_dict(report, output))
         return
     for note in report.notes:
         say(note, err=True)

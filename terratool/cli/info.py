@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from terratool.cli.options import library_root_option, roughness_option
+from terratool.cli.saying import say, say_json, write_json
 from terratool.cli.terminal import Status, load
 from terratool.text.display import printable
 
@@ -38,7 +39,10 @@ def command(file: str, as_json: bool, geojson: bool) -> None:
         return
     with Status("looking at heights"):
         summary = summarise(terrain)
-    click.echo(json.dumps(summary, indent=2, ensure_ascii=False) if as_json else _text(summary))
+    if as_json:
+        say_json(summary)
+    for line in [] if as_json else _lines(summary):
+        say(line)
 
 
 def _write_geojson(terrain: Terrain) -> None:
@@ -48,12 +52,12 @@ def _write_geojson(terrain: Terrain) -> None:
     head = json.dumps(geojson_head(terrain), ensure_ascii=False)
     separator = f'{head[:-1]}, "features": ['
     for feature in features(terrain):
-        click.echo(f"{separator}\n{json.dumps(feature, ensure_ascii=False)}", nl=False)
+        write_json(f"{separator}\n{json.dumps(feature, ensure_ascii=False)}")
         separator = ","
-    click.echo("\n]}")
+    write_json("\n]}\n")
 
 
-def _text(s: dict[str, Any]) -> str:
+def _lines(s: dict[str, Any]) -> list[str]:
     size, origin, height, tracks = s["size"], s["origin"], s["height"], s["tracks"]
     lines = [printable(s["descr"])] if s["descr"] else []
     lines += [
@@ -91,7 +95,7 @@ def _text(s: dict[str, Any]) -> str:
     if s["ranges"]:
         lines.append(f"{'':15}where one number is wanted, the middle counts")
     lines.append(f"memory         {s['bytes']:,} bytes compiled")
-    return "\n".join(lines)
+    return lines
 
 
 def _crs(crs: Any) -> str:

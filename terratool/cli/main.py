@@ -10,6 +10,7 @@ from typing import Any
 
 import click
 
+from terratool.apart import keep_apart
 from terratool.errors import TerratoolError, interruption, reason
 
 _COMMANDS = {
@@ -83,7 +84,12 @@ class _Lazy(click.Group):
             close = get_close_matches(args[0], _COMMANDS, 1)
             hint = f"Did you mean {close[0]}?" if close else "Run terratool --help for the list."
             ctx.fail(f"There is no command {args[0]!r}. {hint}")
-        return super().resolve_command(ctx, args)
+        from terratool.cli.options import refuse_ambiguous
+
+        name, command, words = super().resolve_command(ctx, args)
+        if name != "diff":  # which knows the words of git, and asks about the others itself
+            refuse_ambiguous(words)
+        return name, command, words
 
     def shell_complete(self, ctx: click.Context, incomplete: str) -> Any:
         """Commands by their names, without importing them, and options."""
@@ -145,6 +151,7 @@ def main() -> None:
         if isinstance(stream, TextIOWrapper):
             encoding = None if stream is sys.stderr or stream.isatty() else "utf-8"
             stream.reconfigure(encoding=encoding, errors="backslashreplace")
+    keep_apart()
     os.environ["PROJ_NETWORK"] = "OFF"  # no grids are fetched, whatever proj.ini says
     os.environ.setdefault("PROJ_DEBUG", "0")  # it would print what GDAL says again
     if "--allow-remote" not in sys.argv:
@@ -165,12 +172,21 @@ def main() -> None:
     sys.exit(code)
 
 
+def _say(message: str, hint: str = "") -> None:
+    """Say what is wrong, by a module that --help does without, to be quick."""
+    from terratool.cli.saying import say_error
+
+    say_error(message, hint)
+
+
 def _run() -> int:
     try:
         code = cli(standalone_mode=False, complete_var=COMPLETE)
         return code if isinstance(code, int) else 0
     except click.exceptions.NoArgsIsHelpError as error:
-        click.echo(error.ctx.get_help() if error.ctx else "", err=True)
+        from terratool.cli.saying import say_block
+
+        say_block(error.ctx.get_help() if error.ctx else "", err=True)
         return 2
     except click.ClickException as error:
         message = error.format_message()
@@ -205,16 +221,8 @@ def _stopped() -> int:
     from terratool.cli.stopping import said
 
     said.set()
-    click.echo("terratool: stopped.", err=True)
+    _say("stopped.")
     return 130
-
-
-def _say(message: str, hint: str) -> None:
-    from terratool.text.display import printable
-
-    click.echo(f"terratool: {printable(message)}", err=True)
-    if hint:
-        click.echo(f"  {printable(hint)}", err=True)
 
 
 def _cannot_write(error: OSError) -> int:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from terratool.cli.options import finite
-from terratool.cli.terminal import Status, say
+from terratool.cli.saying import say, say_json
+from terratool.cli.terminal import Status
 from terratool.text.display import counted, listed, shown
 
 if TYPE_CHECKING:
@@ -115,7 +115,7 @@ def command(
         robot_map = map_scans(scans, options, values["bounds"], values["origin"], status.say)
         files = write_map(robot_map, wanted, status.say)
     if as_json:
-        click.echo(json.dumps(as_dict(robot_map, files), indent=2, ensure_ascii=False))
+        say_json(as_dict(robot_map, files))
     else:
         for line in as_text(robot_map, files):
             say(line)

@@ -8,7 +8,8 @@ from typing import Any
 
 import click
 
-from terratool.cli.terminal import Status, called, say
+from terratool.cli.saying import say, say_json, write_definition
+from terratool.cli.terminal import Status, called
 from terratool.starters.build import KINDS, hint_for
 from terratool.starters.options import Option
 from terratool.text.display import listed
@@ -144,11 +145,11 @@ def _make(kind: str, output: str, overwrite: bool, as_json: bool, values: dict[s
             status.say(f"writing {called(output)}")
             write_source(Source("", text.encode(), output.endswith(".gz")), output, overwrite)
     if shown:
-        click.echo(text.encode(), nl=False)  # JSON is UTF-8, whatever the terminal speaks
+        write_definition(text)
         return
     descr, size = json.loads(text)["descr"], Path(output).stat().st_size
     if as_json:
         report = {"format_version": 1, "file": output, "kind": kind, "descr": descr, "bytes": size}
-        click.echo(json.dumps(report, indent=2, ensure_ascii=False))
+        say_json(report)
         return
     say(f"{output}: {descr}; {size:,} bytes")

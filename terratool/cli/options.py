@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
+from terratool.text.display import shown
+
 if TYPE_CHECKING:
     from terratool.importing.sources import SourceOptions
     from terratool.traversability.vehicle import Vehicle
@@ -29,6 +31,31 @@ class Names(click.Choice[str]):
         message = super().get_invalid_choice_message(value, ctx)
         close = get_close_matches(str(value).lower(), self.choices, 1)
         return f"{message} Did you mean {close[0]}?" if close else message
+
+
+def refuse_ambiguous(words: list[str]) -> None:
+    """Refuse words that would be options, or standard input, and are names of files here.
+
+    Others may have handed them over: git, pre-commit, find, or the shell for a star.
+
+    Raises:
+        RequestError: there is one.
+    """
+    import os
+
+    from terratool.errors import RequestError
+
+    end = words.index("--") if "--" in words else len(words)
+    for place, word in enumerate(words):
+        if word[:1] != "-" or (place >= end and word != "-") or not os.path.lexists(word):
+            continue
+        if word[1:].lstrip(".")[:1].isdecimal():  # a number is no option
+            continue
+        what = "stands for standard input" if word == "-" else "is an option"
+        raise RequestError(
+            f"{shown(word)} {what}, and a file here has that name, too.",
+            f"Write {shown(f'./{word}')} for the file; else give it another name first.",
+        )
 
 
 _ROOTS = "terratool.library_roots"

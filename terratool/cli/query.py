@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, TextIO
 import click
 
 from terratool.cli.options import library_root_option, roughness_option
+from terratool.cli.saying import is_terminal, write_json, write_rows
 from terratool.cli.terminal import Status, load
 from terratool.errors import ReadError
 from terratool.text.display import inert_cell, shown
@@ -66,7 +67,7 @@ def command(file: str, coordinates: tuple[str, ...], points: str | None, form: s
     if form == "csv":
         write, names = _write_csv, list(map(inert_cell, names))
     rows = _rows(terrain, names, source)
-    if sys.stdout is not None and sys.stdout.isatty():
+    if is_terminal():
         write(rows)
     else:
         with Status("answering"):
@@ -196,9 +197,7 @@ def _or_none(values: list[float]) -> list[float | None]:
 
 def _write_csv(rows: Iterator[tuple[Any, ...]]) -> None:
     first = list(islice(rows, 1))  # before the header: if there are no points, there is no output
-    writer = csv.writer(sys.stdout, lineterminator="\n")
-    writer.writerow(COLUMNS)
-    writer.writerows(chain(first, rows))
+    write_rows(chain([COLUMNS], first, rows))
 
 
 def _write_json(rows: Iterator[tuple[Any, ...]]) -> None:
@@ -206,6 +205,6 @@ def _write_json(rows: Iterator[tuple[Any, ...]]) -> None:
     separator = f'{{"format_version": {FORMAT_VERSION}, "points": ['
     for row in chain(first, rows):
         point = json.dumps(dict(zip(COLUMNS, row, strict=True)), ensure_ascii=False)
-        click.echo(f"{separator}\n  {point}", nl=False)
+        write_json(f"{separator}\n  {point}")
         separator = ","
-    click.echo("\n]}" if first else separator + "]}")
+    write_json("\n]}\n" if first else separator + "]}\n")

@@ -9,7 +9,8 @@ from typing import Any
 import click
 
 from terratool.cli.options import Names, library_root_option, roughness_option
-from terratool.cli.terminal import Status, load, say
+from terratool.cli.saying import say
+from terratool.cli.terminal import Status, load
 
 # as terratool.viewing.layers has them, which is not imported for --help; a test holds them equal
 LAYERS = ("height", "slope", "surface", "friction", "traversability")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import re
 from collections import Counter
 from collections.abc import Callable, Iterable
 from typing import Any
@@ -15,7 +17,15 @@ from terratool.cli.baseline import digest, fingerprint
 from terratool.definition.findings import Finding
 from terratool.definition.rules import RULES
 from terratool.definition.rules.base import Rule
-from terratool.text.display import Excerpt, columns_of, counted, printable, xml_text
+from terratool.text.display import (
+    Excerpt,
+    columns_of,
+    counted,
+    inert_xml,
+    json_text,
+    printable,
+    xml_text,
+)
 from terratool.text.workflow import annotation
 
 FORMAT_VERSION = 2
@@ -105,10 +115,10 @@ def as_text(report: ValidationReport) -> str:
         file = printable(finding.file)
         place = click.style(f"{file}:{finding.line}:{finding.column}:", bold=True)
         label = click.style(f"{finding.severity} {finding.code}:", fg=color, bold=True)
-        lines.append(f"{place} {label} {finding.message}")
+        lines.append(f"{place} {label} {printable(finding.message)}")
         if finding.excerpt is not None and finding.excerpt.text:
             lines += _shown(finding.line, finding.excerpt, color)
-        lines += [f"  {text}" for text in (finding.hint, group.rest()) if text]
+        lines += [f"  {printable(text)}" for text in (finding.hint, group.rest()) if text]
         lines.append("")
     statistics = report.statistics or {}
     for code, count in sorted(statistics.items(), key=lambda item: (-item[1], item[0])):
@@ -147,8 +157,6 @@ def _count(number: int, noun: str) -> str:
 
 def as_json(report: ValidationReport) -> str:
     """For scripts: versioned, with everything that is known of a finding."""
-    import json
-
     findings = []
     for group in report.groups():
         finding: dict[str, Any] = {name: getattr(group.first, name) for name in _FIELDS}
@@ -162,7 +170,7 @@ def as_json(report: ValidationReport) -> str:
     }
     if report.statistics is not None:
         whole["statistics"] = report.statistics
-    return json.dumps(whole, indent=2, ensure_ascii=False)
+    return json_text(whole)
 
 
 def as_github(report: ValidationReport) -> str:
@@ -181,8 +189,6 @@ def as_github(report: ValidationReport) -> str:
 
 def as_sarif(report: ValidationReport) -> str:
     """SARIF 2.1.0, which code scanning services take."""
-    import json
-
     places = {code: index for index, code in enumerate(RULES)}
     driver = {
         "name": "terratool",
@@ -212,7 +218,7 @@ def as_sarif(report: ValidationReport) -> str:
         ],
     }
     log = {"$schema": SARIF_SCHEMA, "version": "2.1.0", "runs": [run]}
-    return json.dumps(log, indent=2, ensure_ascii=False)
+    return json_text(log)
 
 
 def fingerprints(report: ValidationReport) -> list[str]:
@@ -266,7 +272,6 @@ def _location(finding: Finding) -> dict[str, Any]:
 
 
 def _artifact(file: str) -> dict[str, str]:
-    import os
     from pathlib import Path
     from urllib.parse import quote
 
@@ -306,7 +311,7 @@ def as_junit(report: ValidationReport) -> str:
         error = Xml.SubElement(case, "error", message=xml_text(unread.message))
         error.text = xml_text(unread.hint)
     Xml.indent(top)
-    return '<?xml version="1.0" encoding="UTF-8"?>\n' + Xml.tostring(top, "unicode")
+    return f'<?xml version="1.0" encoding="UTF-8"?>\n{inert_xml(Xml.tostring(top, "unicode"))}'
 
 
 def _relative(file: str) -> str:
@@ -316,8 +321,6 @@ def _relative(file: str) -> str:
 
 def as_gitlab(report: ValidationReport) -> str:
     """GitLab's code quality report, which merge requests show."""
-    import json
-
     issues = [
         {
             "description": " ".join(
@@ -340,7 +343,7 @@ def as_gitlab(report: ValidationReport) -> str:
         }
         for file in report.unreadable
     ]
-    return json.dumps(issues, indent=2, ensure_ascii=False)
+    return json_text(issues)
 
 
 REPORTERS: dict[str, Callable[[ValidationReport], str]] = {
@@ -351,3 +354,43 @@ REPORTERS: dict[str, Callable[[ValidationReport], str]] = {
     "junit": as_junit,
     "gitlab": as_gitlab,
 }
+
+
+_HEAD = re.compile(
+    b"|".join(
+        (
+            rb'\{\n  "format_version": \d+,\n  "findings": \[',
+            rb'\{\n  "\$schema": "[^"\n]*",\n  "version": "2\.1\.0",\n  "runs": \[\n    \{\n'
+            rb'      "tool": \{\n        "driver": \{\n          "name": "terratool",',
+            rb'<\?xml version="1\.0" encoding="UTF-8"\?>\n<testsuites name="terratool validate"',
+            rb"\[\]\n\Z",
+            rb'\[\n  \{\n    "description": "[^\n]*",\n    "check_name": "(?:TT\d+|unreadable)",\n',
+        )
+    )
+).match
+"""How reports in JSON, SARIF, JUnit's XML and GitLab's JSON begin."""
+_LINE = re.compile(
+    rb"(?:[^\n]+:\d+:\d+: (?:error|warning) TT\d+: [^\n]*|::(?:error|warning) [^\n]*|  [^\n]*)?"
+).fullmatch
+_LAST = re.compile(
+    rb"(?:no files|[\d,]+ files?) checked, (?:[\d,]+ (?:invalid|unreadable), )*"
+    rb"(?:no|[\d,]+) errors?, (?:no|[\d,]+) warnings?[^\n]*\."
+).fullmatch
+"""The lines of a text, and of annotations, and the last one of both."""
+_LOOKED_AT = 1 << 16
+
+
+def is_report(name: str) -> bool:
+    """Whether a file is a report of `validate` in any format, as far as its two ends show."""
+    try:
+        with open(name, "rb") as file:
+            head = file.read(_LOOKED_AT)
+            file.seek(max(len(head), file.seek(0, os.SEEK_END) - _LOOKED_AT))
+            tail = file.read()
+    except OSError:  # who cannot look at it does not know
+        return False
+    if _HEAD(head):
+        return True
+    whole = head if not tail else head.rpartition(b"\n")[0] + b"\n" + tail.partition(b"\n")[2]
+    *lines, last, end = [b"", b"", *whole.split(b"\n")]
+    return not end and bool(_LAST(last)) and all(map(_LINE, lines))

@@ -6,6 +6,7 @@ import re
 
 import click
 
+from terratool.cli.saying import say_block
 from terratool.definition.rules import RULES
 from terratool.definition.rules.base import Rule
 
@@ -33,13 +34,13 @@ def command(code: str | None, markdown: bool) -> None:
         raise click.UsageError(f"No rule has the code {code}. Run terratool rules for the list.")
     if markdown:
         head = [] if code else [_HEAD, _table()]
-        click.echo("\n".join([*head, *map(_section, wanted)]))
+        say_block("\n".join([*head, *map(_section, wanted)]))
     elif len(wanted) == 1:
         rule = wanted[0]
-        click.echo(f"{rule.code} {rule.name} ({rule.severity})\n\n{rule.manual}")
+        say_block(f"{rule.code} {rule.name} ({rule.severity})\n\n{rule.manual}")
     else:
         for rule in wanted:
-            click.echo(f"{rule.code}  {rule.severity:7}  {rule.name}")
+            say_block(f"{rule.code}  {rule.severity:7}  {rule.name}")
 
 
 def _table() -> str:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from terratool.cli.options import library_root_option, roughness_option
-from terratool.cli.terminal import Status, load, say
+from terratool.cli.saying import say, say_json
+from terratool.cli.terminal import Status, load
 from terratool.text.display import counted, listed, shown
 
 if TYPE_CHECKING:
@@ -122,7 +122,7 @@ def command(
     with Status("scanning", scan.rays, then="writing", unit="rays") as status:
         report = export_scan(terrain, scan, wanted, status)
     if as_json:
-        click.echo(json.dumps(as_dict(report), indent=2, ensure_ascii=False))
+        say_json(as_dict(report))
     else:
         for line in as_text(report):
             say(line)

@@ -11,7 +11,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, ClassVar, TextIO
 
-from terratool.text.display import printable
+from terratool.cli.saying import shown_line
 
 if TYPE_CHECKING:
     from terratool.field.terrain import Terrain
@@ -46,7 +46,7 @@ class Status:
     def __init__(
         self, what: str, total: int | None = None, then: str = "finishing", unit: str = "px"
     ) -> None:
-        self._what, self._total, self._then = printable(what), total, then
+        self._what, self._total, self._then = shown_line(what), total, then
         self._unit = unit
         self._of = ""
         self._done = 0.0
@@ -62,7 +62,7 @@ class Status:
 
     def say(self, what: str, total: int | None = None) -> None:
         """Something else is being done now, of which there is so much, if that is known."""
-        self._what, self._total, self._done = printable(f"{self._of}{what}"), total, 0.0
+        self._what, self._total, self._done = shown_line(f"{self._of}{what}"), total, 0.0
         self._since = time.monotonic()
 
     def about(self, name: str) -> None:
@@ -134,13 +134,6 @@ class Status:
         if text and self._stream is not None:
             self._stream.write(text)
             self._stream.flush()
-
-
-def say(line: str, err: bool = False) -> None:
-    """Print a line, with what cannot be printed of the names in it as escapes."""
-    import click
-
-    click.echo(printable(line), err=err)
 
 
 def load(file: str) -> Terrain:

@@ -14,7 +14,8 @@ from terratool.cli.options import (
     vehicles_from,
     vehicles_options,
 )
-from terratool.cli.terminal import Status, load, say
+from terratool.cli.saying import say, say_block, say_error
+from terratool.cli.terminal import Status, load
 
 if TYPE_CHECKING:
     from terratool.traversability.assess import PreparedRequest
@@ -235,7 +236,6 @@ def _assessed(
 
     Takes the requests out of their list, one by one, as each keeps much in memory.
     """
-    from terratool.text.display import printable
     from terratool.traversability.assess import assess, first_look
     from terratool.traversability.compare import map_path_of
 
@@ -244,7 +244,7 @@ def _assessed(
         whose = f"{one.vehicle.name}: " * several
         for line in first_look(one):
             progress.clear()
-            click.echo(f"terratool: {printable(whose + line)}", err=True)
+            say_error(whose + line)
     while planned:
         one, path = planned.pop(0), map_
         if several:
@@ -263,7 +263,6 @@ def _told(
     reports: tuple[TraversabilityReport, ...], result: Any, checks: list[Condition], as_json: bool
 ) -> int:
     """Print the result, and say what makes it a "no"; the exit code."""
-    from terratool.text.display import printable
     from terratool.traversability.report import comparison, document, tables
 
     several = len(reports) > 1
@@ -280,7 +279,7 @@ def _told(
     lines = comparison.as_lines if several else tables.as_lines
     try:
         if as_json:
-            click.echo(form.as_json(result), nl=False)
+            say_block(form.as_json(result).removesuffix("\n"), machine=True)
         else:
             for line in lines(result):
                 say(line)
@@ -288,7 +287,7 @@ def _told(
         if not code:  # a "no" is one, whether somebody reads on or not
             raise
     for text, why in held:
-        click.echo(f"terratool: --fail-on {printable(text)}: {printable(why)}.", err=True)
+        say_error(f"--fail-on {text}: {why}.")
     return code
 
 
@@ -337,6 +336,7 @@ def _refuse_outputs(
     from terratool.traversability.map_files import map_paths
 
     outputs: dict[str, str] = {}
+    named = {*map(Path, reports), *(map(Path, maps) if len(maps) == 1 else ())}
     names: list[tuple[str, tuple[str, ...]]] = [(path, ()) for path in reports]
     names += [(str(path), COMPANIONS) for map_ in maps for path in map_paths(map_)]
     for name, companions in names:
@@ -350,5 +350,7 @@ def _refuse_outputs(
         for source in sources:
             if is_same_file(name, source):
                 raise WriteError(f"{name}: is read, too, as {source}.", "Choose another name.")
+        if Path(name).is_symlink() and Path(name) not in named:
+            raise WriteError(f"{name}: is a link.", "Choose another name, or remove it.")
         refuse_existing(Path(name), overwrite, companions)
         refuse_missing_folder(Path(name))

@@ -19,16 +19,30 @@ from msgspec import structs
 from terratool.cli.baseline import Known, read_baseline, write_baseline
 from terratool.cli.config import Config, find_config, read_config
 from terratool.cli.options import library_root_option, library_roots
-from terratool.cli.report import REPORTERS, Unreadable, ValidationReport, ValidationSummary
-from terratool.cli.terminal import Status, called, say
+from terratool.cli.report import (
+    REPORTERS,
+    Unreadable,
+    ValidationReport,
+    ValidationSummary,
+    is_report,
+)
+from terratool.cli.saying import say, say_block, say_error
+from terratool.cli.terminal import Status, called
 from terratool.definition.findings import Finding
 from terratool.definition.reader import Checked, CheckOptions, check, new_shelf
 from terratool.definition.rules import RULES
 from terratool.errors import ReadError, RequestError, WriteError
 from terratool.output import is_same_file, refuse_existing, refuse_missing_folder, whole_file
-from terratool.text.display import counted, printable, shown
+from terratool.text.display import counted, shown
 from terratool.text.edit import apply_edits
-from terratool.text.source import is_folder, read_source, real_path, sources, write_source
+from terratool.text.source import (
+    is_folder,
+    leads_out,
+    read_source,
+    real_path,
+    sources,
+    write_source,
+)
 
 _ALL = 10**9
 _MOST_FINDINGS = 1000
@@ -73,6 +87,7 @@ class _Plan:
         form: of standard output.
         outputs: forms and the files that they go to.
         limit: how many findings are listed.
+        settings: those that name the files of `outputs`; None where the user does.
     """
 
     form: str
@@ -83,6 +98,24 @@ class _Plan:
     max_step: float | None
     limit: int
     baseline: str | None
+    settings: Config | None
+
+    def refuse_outputs(self) -> None:
+        """Refuse to write what settings, which may be a stranger's, may not have written.
+
+        Raises:
+            RequestError: they name a file that is no report, or lies elsewhere.
+        """
+        if self.settings is None:
+            return
+        for _, out in self.outputs:
+            self.settings.refuse_output(out)
+            if Path(out).exists() and not is_report(out):
+                raise RequestError(
+                    f"{out}: is there, and is no report of terratool, as {self.settings.file} has "
+                    "it.",
+                    "Remove it, or name it on the command line.",
+                )
 
     def writes(self, name: str) -> bool:
         """Whether a file is the baseline, or gets findings."""
@@ -100,7 +133,7 @@ def _settings(config_file: str | None) -> Config:
     if config_file is None:
         settings: Config | None = find_config(Path.cwd())
     else:
-        settings = read_config(Path(config_file))
+        settings = read_config(Path(config_file), named=True)
     if settings is None:
         raise RequestError(f"{config_file}: has no [tool.terratool].", "Add that table.")
     for codes in (settings.select, settings.ignore, *settings.per_file_ignores.values()):
@@ -147,7 +180,7 @@ def _plan(formats: tuple[str, ...], settings: Config, given: dict[str, Any]) -> 
         raise click.UsageError("Two formats go to one file. Give each a file of its own.")
     limit = settings.max_findings if given["max_findings"] is None else given["max_findings"]
     limit = _MOST_FINDINGS if limit is None else limit
-    baseline = None if settings.baseline is None else settings.written(settings.baseline)
+    baseline = None if settings.baseline is None else settings.located(settings.baseline)
     plan = _Plan(
         form or "text",
         outputs,
@@ -157,7 +190,9 @@ def _plan(formats: tuple[str, ...], settings: Config, given: dict[str, Any]) -> 
         settings.max_step if given["max_step"] is None else given["max_step"],
         min(limit or _ALL, _ALL),
         given["baseline"] or baseline,
+        None if formats else settings,
     )
+    plan.refuse_outputs()
     if not any(map(CheckOptions(select=plan.select, ignore=plan.ignore).shows, RULES)):
         raise click.UsageError("--select and --ignore leave no rule. Drop one of them.")
     return plan
@@ -269,11 +304,11 @@ def _mend(name: str, options: CheckOptions, status: Status) -> None:
         data, checked, count = mended, after, count + len(edits)
     else:
         status.clear()
-        click.echo(f"terratool: {printable(name)}: run --fix again for more.", err=True)
+        say_error(f"{name}: run --fix again for more.")
     if count:
         write_source(structs.replace(source, data=data), name, overwrite=True)
         status.clear()
-        click.echo(f"terratool: {printable(name)}: mended in {counted(count, 'place')}.", err=True)
+        say_error(f"{name}: mended in {counted(count, 'place')}.")
 
 
 def _is_definition(name: str) -> bool:
@@ -306,14 +341,6 @@ def _by_severity(counts: Counter[str]) -> Counter[str]:
     return by_severity
 
 
-def _names(given: tuple[str, ...], unreadable: list[Unreadable]) -> Iterator[str]:
-    for name in given:
-        try:
-            yield from sources(name)
-        except ReadError as error:
-            unreadable.append(Unreadable(name, error.message, error.hint))
-
-
 @dataclass(frozen=True, slots=True)
 class _Job:
     """Files to check, and how.
@@ -321,6 +348,7 @@ class _Job:
     Attributes:
         names: of files and folders, as they are given.
         roots: folders under which libraries may lie.
+        reached: folders that links in folders may lead to.
         compared: what the baseline knows is left out.
     """
 
@@ -328,6 +356,7 @@ class _Job:
     plan: _Plan
     settings: Config
     roots: tuple[str, ...] = ()
+    reached: tuple[str, ...] = ()
     compared: bool = True
 
     @property
@@ -353,14 +382,39 @@ class _Job:
             RequestError: one of them is standard input.
             WriteError: one cannot be written.
         """
-        for name in self.listed():
-            status.say(f"mending {called(name)}")
-            with contextlib.suppress(ReadError):  # which is said when it is checked
-                _mend(name, self.options(_ALL), status)
+        for given in self.names:
+            for name in self._found(given, []):
+                if self.plan.writes(name):
+                    continue
+                if name != given and leads_out(name, (given,)):
+                    status.clear()
+                    say_error(f"{name}: is a link out of {given}, and stays as it is.")
+                    continue
+                status.say(f"mending {called(name)}")
+                with contextlib.suppress(ReadError):  # which is said when it is checked
+                    _mend(name, self.options(_ALL), status)
 
     def listed(self) -> list[str]:
         """The files that are there now and are to be checked."""
-        return [name for name in _names(self.names, []) if not self.plan.writes(name)]
+        return [
+            name
+            for given in self.names
+            for name in self._found(given, [])
+            if not self.plan.writes(name)
+        ]
+
+    def _found(self, given: str, unreadable: list[Unreadable]) -> Iterator[str]:
+        """The file of a name, or those of a folder, but for links to what lies elsewhere."""
+        try:
+            for name in sources(given):
+                if name != given and leads_out(name, self.reached):
+                    message = f"{name}: is a link out of the folders that may be read."
+                    hint = "Put the file itself there, or name its folder by --library-root."
+                    unreadable.append(Unreadable(name, message, hint))
+                else:
+                    yield name
+        except ReadError as error:
+            unreadable.append(Unreadable(given, error.message, error.hint))
 
     def done(self, look: Callable[[str, CheckOptions], Checked], status: Status) -> _Found:
         """Check all files, one after the other.
@@ -375,7 +429,7 @@ class _Job:
         """
         plan, found = self.plan, _Found()
         known = Known(plan.baseline) if plan.baseline is not None and self.compared else None
-        for name in _names(self.names, found.unreadable):
+        for name in chain.from_iterable(self._found(one, found.unreadable) for one in self.names):
             status.say(f"checking {called(name)}")
             if plan.writes(name):
                 if name in self.names or _is_definition(name):
@@ -417,10 +471,10 @@ class _Job:
             _write(found.report(self.plan.limit, statistics), self.plan)
             if not watched:
                 files = counted(len(found.files) + len(found.unreadable), "file")
-                say(f"terratool: watching {files}; Ctrl-C ends it.", err=True)
+                say_error(f"watching {files}; Ctrl-C ends it.")
                 watched = True
             for name, became in watch.wait().items():
-                say(f"terratool: {name}: {became}.", err=True)
+                say_error(f"{name}: {became}.")
 
 
 def _refuse_watching(names: tuple[str, ...], fix: bool, update_baseline: bool) -> None:
@@ -434,7 +488,7 @@ def _refuse_watching(names: tuple[str, ...], fix: bool, update_baseline: bool) -
 def _say_unreadable(found: _Found) -> None:
     """Say which files could not be read."""
     for file in found.unreadable:
-        click.echo(f"terratool: {printable(file.message)}\n  {printable(file.hint)}", err=True)
+        say_error(file.message, file.hint)
 
 
 def _write(report: ValidationReport, plan: _Plan) -> None:
@@ -443,12 +497,12 @@ def _write(report: ValidationReport, plan: _Plan) -> None:
     Raises:
         WriteError: a file cannot be written.
     """
+    plan.refuse_outputs()  # a link may have come since
     for form, out in plan.outputs:
         with whole_file(out, overwrite=True) as part:
             text = click.unstyle(REPORTERS[form](report))
             part.write_text(text + "\n", encoding="utf-8", newline="\n")
-    color = False if os.environ.get("NO_COLOR") else None
-    click.echo(REPORTERS[plan.form](report), color=color)
+    say_block(REPORTERS[plan.form](report), machine=plan.form != "text")
 
 
 @click.command(
@@ -537,11 +591,14 @@ def command(
     if update_baseline:
         if plan.baseline is None:
             raise click.UsageError("--update-baseline needs the name of one. Add --baseline FILE.")
+        if given["baseline"] is None:
+            settings.refuse_output(plan.baseline)
         if Path(plan.baseline).exists():
             read_baseline(plan.baseline)  # no other file is written over
     folders = (name if is_folder(name) else str(Path(name).parent) for name in names)
     roots = library_roots() + tuple(folders)
-    job = _Job(names, plan, settings, roots, compared=not update_baseline)
+    reached = (".", *roots, *(() if files else (settings.folder,)))
+    job = _Job(names, plan, settings, roots, reached, compared=not update_baseline)
     if watch:
         _refuse_watching(names, fix, update_baseline)
         job.watch(statistics)

@@ -10,6 +10,7 @@ from importlib import metadata
 import click
 
 from terratool import __version__
+from terratool.cli.saying import say_block
 from terratool.errors import TerratoolError
 
 _WORKING = ("test", "dev", "bench", "docs")
@@ -24,7 +25,7 @@ def say_version(ctx: click.Context, param: click.Parameter, value: bool) -> None
         return
     lines = [f"terratool, version {__version__}"]
     lines += [f"{name:14} {version}" for name, version in _versions()]
-    click.echo("\n".join(lines))
+    say_block("\n".join(lines))
     ctx.exit()
 
 

@@ -17,7 +17,8 @@ from terratool.cli.options import (
     vehicle_from,
     vehicle_options,
 )
-from terratool.cli.terminal import Status, called, say
+from terratool.cli.saying import flush, say, say_error
+from terratool.cli.terminal import Status, called
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -169,7 +170,7 @@ def _write(
         say("No browser can be opened here. Open the page in yours.", err=True)
     lost = [route["note"] for route in told["routes"] if not route["found"]]
     for note in lost:
-        say(f"terratool: There is no such route. {note}", err=True)
+        say_error(f"There is no such route. {note}")
     return int(bool(lost))
 
 
@@ -240,7 +241,7 @@ def _follow(
 
     with PageServer(page_of(called(file), live=True), state, port) as server:
         say(f"{server.url} shows {file}; Ctrl-C ends it.")
-        sys.stdout.flush()
+        flush()
         if opens and not _open(server.url):
             say("No browser can be opened here. Open this address in yours.", err=True)
         follow(state, Followed(file, library_roots(), has_roughness()), scene, told)
@@ -251,9 +252,9 @@ def _teller(file: str) -> Callable[[TerratoolError | None], object]:
 
     def told(problem: TerratoolError | None) -> None:
         if problem is None:
-            say(f"terratool: {file}: drawn.", err=True)
+            say_error(f"{file}: drawn.")
         else:
-            say(f"terratool: {problem.message}", err=True)
+            say_error(problem.message)
 
     return told
 

@@ -13,6 +13,7 @@ from typing import Any
 import rasterio
 from affine import Affine
 
+from terratool.apart import run_python
 from terratool.errors import ReadError
 
 HARMLESS = 1 << 22
@@ -171,11 +172,7 @@ def probe(name: str) -> None:
         ReadError: that process did not come to its end.
     """
     try:
-        done = subprocess.run(
-            [sys.executable, "-c", f"from {__name__} import main; main()", name],
-            env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
-            stdin=subprocess.DEVNULL, capture_output=True, check=False, timeout=_PROBE_SECONDS,
-        )  # fmt: skip
+        done = run_python(__name__, name, timeout=_PROBE_SECONDS)
     except subprocess.TimeoutExpired:
         raise ReadError(f"{name}: takes too long to be opened.", _HINT) from None
     if done.returncode:

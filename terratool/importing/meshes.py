@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from terratool.apart import apart
 from terratool.errors import ReadError, RequestError, TerratoolError
 from terratool.extras import install_command
 from terratool.importing.sources import (
@@ -138,7 +139,8 @@ def _reader_of(path: Path) -> Reader:
         raise ReadError(f"{path}: is empty.", "Export the mesh again.")
     for package in reader.needs:
         try:
-            import_module(package)
+            with apart():
+                import_module(package)
         except ImportError as error:
             raise ReadError(
                 f"{path}: {reader.name} needs {package}, which is not installed.",

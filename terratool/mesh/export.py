@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
@@ -27,7 +26,7 @@ from terratool.mesh.formats.table import MeshFormat, mesh_format
 from terratool.mesh.loss import MeshLoss, omitted_elements, wall_summary
 from terratool.mesh.normals import with_normals
 from terratool.mesh.types import BuiltMesh, Mesh
-from terratool.output import refuse_existing, refuse_missing_folder, whole_file
+from terratool.output import refuse_existing, refuse_missing_folder, target_of, whole_file
 from terratool.text.display import counted, length, plain
 
 DEFAULT_ERROR = 5e-3
@@ -350,6 +349,8 @@ def write_mesh(
     overwrite: bool = False,
     descr: str = "",
     world: bool = False,
+    *,
+    named: bool = True,
 ) -> tuple[Path, ...]:
     """Write a mesh in the format that the suffix of `path` names; returns the files, it first.
 
@@ -362,13 +363,14 @@ def write_mesh(
         overwrite: whether it may be there already.
         descr: what the terrain is, in words.
         world: whether coordinates are those of the world, in float64.
+        named: whether the user named this very file, as `whole_file` has it.
 
     Raises:
         RequestError: no format has that suffix, or it cannot hold this mesh.
         WriteError: `path` exists and is not to be overwritten, or its folder cannot be written.
     """
-    path = Path(os.path.realpath(path))
-    form = check_request(path, overwrite, world)
+    path = target_of(path, named)
+    form = check_request(path, overwrite, world, named=named)
     if not len(mesh.faces):
         raise RequestError(f"{path.name}: there is no ground to be written.")
     with np.errstate(over="ignore"):
@@ -376,25 +378,28 @@ def write_mesh(
     if not finite:
         raise RequestError(f"{path.name}: some coordinates are no numbers, or beyond float32.")
     write = form.write_world if world and form.write_world else form.write
-    with whole_file(path, overwrite, form.companions) as part:
+    with whole_file(path, overwrite, form.companions, named=named) as part:
         write(mesh, part, descr)
     return path, *(path.with_suffix(suffix) for suffix in form.companions)
 
 
-def check_request(path: str | Path, overwrite: bool = False, world: bool = False) -> MeshFormat:
+def check_request(
+    path: str | Path, overwrite: bool = False, world: bool = False, *, named: bool = True
+) -> MeshFormat:
     """Refuse what can be known to fail before there is a mesh; returns the format.
 
     Args:
         path: the file that is to be.
         overwrite: whether it may be there already.
         world: whether coordinates are those of the world.
+        named: whether the user named this very file, as `whole_file` has it.
 
     Raises:
         RequestError: no format has that suffix, it cannot hold coordinates of the world, what it
             needs is not installed, or it cannot name the files beside it.
         WriteError: `path` exists and is not to be overwritten, or its folder does not exist.
     """
-    path = Path(os.path.realpath(path))
+    path = target_of(path, named)
     form = mesh_format(path, world)
     if form.companions and not path.name.isprintable():
         raise RequestError(

@@ -296,7 +296,9 @@ def export_tiles(
                 path = folder / f"mesh_{row:02}_{column:02}{suffix}"
                 if form.normals and options.normals:
                     mesh = with_normals(built)
-                written = write_mesh(mesh, path, overwrite, terrain.descr, options.world)
+                written = write_mesh(
+                    mesh, path, overwrite, terrain.descr, options.world, named=False
+                )
             limits = tuple(layout.bounds(row, column).tolist())
             names = tuple(path.name for path in written)
             tiles.append(MeshTile(row, column, names, limits, len(mesh.faces)))
@@ -330,7 +332,7 @@ def export_tiles(
             ),
             tiles=tuple(tiles),
         )
-        with whole_file(report.index, overwrite) as part:
+        with whole_file(report.index, overwrite, named=False) as part:
             part.write_text(_index_of(report), encoding="utf-8")
     return report
 
@@ -340,10 +342,8 @@ def _refuse(folder: Path, overwrite: bool) -> None:
     if folder.exists() and not folder.is_dir():
         raise WriteError(f"{folder}: is no folder.", "Give the name of one for the tiles.")
     refuse_missing_folder(folder)
-    refuse_existing(folder / INDEX, overwrite)
-    if not overwrite:
-        for path in _owned(folder):
-            refuse_existing(path, overwrite)
+    for path in (folder / INDEX, *_owned(folder)):
+        refuse_existing(path, overwrite, named=False)
 
 
 def _prepare(folder: Path) -> None:
@@ -356,10 +356,10 @@ def _prepare(folder: Path) -> None:
 
 
 def _owned(folder: Path) -> list[Path]:
-    """Files in a folder that have the names of tiles."""
+    """Files in a folder that have the names of tiles, and links."""
     files = folder.iterdir() if folder.is_dir() else ()
     named = (path for path in files if _TILE.fullmatch(path.stem) and path.suffix in _SUFFIXES)
-    return sorted(path for path in named if path.is_file() and not path.is_symlink())
+    return sorted(path for path in named if path.is_file() or path.is_symlink())
 
 
 def _index_of(report: MeshTilesReport) -> str:

@@ -250,7 +250,8 @@ def export_dem(
     with contextlib.ExitStack() as stack:
         # every file is complete before the first one takes its place
         parts = [
-            stack.enter_context(whole_file(name, request.overwrite, companions)) for name in paths
+            stack.enter_context(whole_file(name, request.overwrite, companions, named=name == path))
+            for name in paths
         ]
         maker = WindowMaker(terrain, grid, files, request.losses)
         filled = fill_files(parts, maker, storage, codings, progress=progress)

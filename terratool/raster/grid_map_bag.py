@@ -9,6 +9,7 @@ its middle; `grid_map_ros/include/grid_map_ros/GridMapMsgHelpers.hpp` names the 
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -57,6 +58,11 @@ class GridMap:
     middle: tuple[float, float]
     layers: Layers
     topic: str = TOPIC
+
+
+def files_of_bag(path: Path) -> tuple[str, str]:
+    """The names of all files in a bag that was written under this path."""
+    return "metadata.yaml", f"{Path(os.path.realpath(path)).name}.mcap"
 
 
 def write_grid_maps(path: Path, maps: Sequence[GridMap]) -> None:

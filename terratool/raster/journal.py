@@ -16,6 +16,7 @@ import zlib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, BinaryIO
+from xml.sax.saxutils import escape
 
 import msgspec
 import numpy as np
@@ -122,7 +123,8 @@ class Journal:
     def _clear(self) -> None:
         for name, known in self.indexes.items():
             path = self._folder / name
-            if path.is_file() and checksum(path) == known:
+            own = not path.is_symlink() and path.is_file() and checksum(path) == known
+            if own and _is_index_of(path, self._folder):  # anyone may have written the journal
                 path.unlink()
         for path in owned(self._folder):
             path.unlink()
@@ -175,7 +177,9 @@ def journal_of(folder: Path, request: dict[str, Any], overwrite: bool) -> Iterat
     refuse_missing_folder(folder)
     with _sentences(folder):
         path = folder / NAME
-        file = open(path, "r+b") if path.exists() else None  # noqa: SIM115 # closed below
+        file = None
+        if path.is_symlink() or path.exists():
+            file = open(path, "r+b", opener=_no_link)  # noqa: SIM115 # closed below
     try:
         if file is not None:
             _lock(file, folder)
@@ -206,12 +210,24 @@ def _refuse_another(journal: Journal, folder: Path, request: dict[str, Any]) -> 
 
 
 def owned(folder: Path) -> Iterator[Path]:
-    """Files in a folder that have the names of tiles or indexes, or belong to such."""
+    """Files in a folder, and links, that have the names of tiles or indexes, or belong to such."""
     if folder.is_dir():
         with os.scandir(folder) as entries:
             for entry in entries:
-                if OWNED.fullmatch(entry.name) and entry.is_file(follow_symlinks=False):
+                is_file = entry.is_file(follow_symlinks=False) or entry.is_symlink()
+                if OWNED.fullmatch(entry.name) and is_file:
                     yield folder / entry.name
+
+
+def _no_link(path: str, flags: int) -> int:
+    """Open a file, but not what a link leads to."""
+    return os.open(path, flags | getattr(os, "O_NOFOLLOW", 0))
+
+
+def _is_index_of(path: Path, folder: Path) -> bool:
+    """Whether a file is an index of a mosaic whose tiles are in a folder."""
+    tiles = Path(os.path.relpath(folder.resolve(), path.resolve().parent)) / "tile-"
+    return f'relativeToVRT="1">{escape(tiles.as_posix())}'.encode() in path.read_bytes()
 
 
 def _line_of(entry: dict[str, Any]) -> bytes:
@@ -287,7 +303,7 @@ def _lock(file: BinaryIO, folder: Path) -> None:
 def _refuse_replaced(file: BinaryIO, folder: Path) -> None:
     """Refuse a journal in whose place another one has come before it was locked."""
     with _sentences(folder):
-        if not os.path.samestat(os.fstat(file.fileno()), os.stat(folder / NAME)):  # noqa: PTH116
+        if not os.path.samestat(os.fstat(file.fileno()), os.lstat(folder / NAME)):
             raise FileExistsError(errno.EEXIST, "exists", str(folder))
 
 

@@ -294,8 +294,9 @@ def _write_indexes(
         journal.add_index(
             _relative(path, tiling.folder), hashlib.blake2b(text, digest_size=16).hexdigest()
         )
-        within = tiler.scratch if path.absolute().parent == tiling.folder else None
-        with whole_file(path, True, COMPANIONS, within) as part:
+        inside = path.absolute().parent == tiling.folder
+        within, named = tiler.scratch if inside else None, not inside and not file
+        with whole_file(path, True, COMPANIONS, within, named=named) as part:
             part.write_bytes(text)
 
 

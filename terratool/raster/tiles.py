@@ -192,7 +192,7 @@ class TileMaker:
         storage = Storage(RasterFormat("GTiff"), tiling.compression)
         with contextlib.ExitStack() as stack:
             parts = [
-                stack.enter_context(whole_file(path, True, COMPANIONS, self.scratch))
+                stack.enter_context(whole_file(path, True, COMPANIONS, self.scratch, named=False))
                 for path in paths
             ]
             filled = fill_files(parts, self.maker, storage, window=tile.window, progress=progress)

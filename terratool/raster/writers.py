@@ -6,11 +6,11 @@ import contextlib
 import json
 import math
 import os
-import subprocess
 import sys
 import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -19,7 +19,9 @@ import rasterio
 import rasterio.shutil
 from numpy.typing import NDArray
 from rasterio.errors import NotGeoreferencedWarning
+from rasterio.io import MemoryFile
 
+from terratool.apart import apart, run_python
 from terratool.errors import WriteError
 from terratool.field.terrain import Terrain
 from terratool.raster.formats import Coding, RasterFormat
@@ -63,15 +65,10 @@ def copied(source: Path, path: Path, driver: str, options: dict[str, Any], threa
         if tiff:
             check_blocks(path)
         return
-    done = subprocess.run(
-        [sys.executable, "-c", f"from {__name__} import main; main()",
-         str(source), str(path), driver, json.dumps(options)],
-        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
-        stdin=subprocess.DEVNULL, capture_output=True, text=True, errors="replace", check=False,
-    )  # fmt: skip
+    done = run_python(__name__, str(source), str(path), driver, json.dumps(options))
     if done.returncode:
         message = (
-            done.stdout.strip()
+            done.stdout.decode("utf-8", "replace").strip()
             or f"{path.name}: cannot be written (GDAL's driver {driver} crashed)."
         )
         raise WriteError(message, _HINT)
@@ -89,8 +86,21 @@ def main() -> None:
 
 
 def _copy(source: Path, path: Path, driver: str, options: dict[str, Any]) -> None:
+    if driver == "COG":
+        _read_tilings()
     with complaints(path, _HINT), rasterio.Env(GDAL_CACHEMAX=CACHE_BYTES):
         rasterio.shutil.copy(source, path, driver=driver, strict=True, **options)
+
+
+@cache
+def _read_tilings() -> None:
+    """Have GDAL read once what tilings a COG may have: it looks for files of their names."""
+    with apart(), rasterio.Env(), MemoryFile() as memory, warnings.catch_warnings():
+        warnings.simplefilter("ignore", NotGeoreferencedWarning)
+        with memory.open(driver="GTiff", width=1, height=1, count=1, dtype="uint8"):
+            pass
+        with memory.open() as pixel, MemoryFile(ext=".tif") as out:
+            rasterio.shutil.copy(pixel, out.name, driver="COG")
 
 
 def difference(one: Path, other: Path, bands: Bands, nodata: float) -> float:

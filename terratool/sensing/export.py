@@ -2,31 +2,26 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from terratool.errors import RequestError, WriteError
+from terratool.errors import RequestError
 from terratool.field.terrain import Terrain
 from terratool.output import (
-    hold_signals,
-    os_errors,
-    part_folder,
     refuse_existing,
+    refuse_folder,
     refuse_missing_folder,
-    stop_on_signals,
     whole_file,
+    whole_folder,
 )
+from terratool.raster.grid_map_bag import files_of_bag
 from terratool.sensing.formats.common import Record
 from terratool.sensing.formats.images import image_path
 from terratool.sensing.formats.table import ScanFormat, format_of
-from terratool.sensing.readings import Frame, Status
+from terratool.sensing.readings import Status
 from terratool.sensing.scan import Scan, Tally
 from terratool.sensing.sensor import Camera
-
-_MARK = "metadata.yaml"
-"""What a folder has in it that is a bag."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,10 +68,8 @@ class ScanOutput:
             refuse_existing(self.path, self.overwrite, form.companions)
             for number in range(scan.frames if form.images else 0):
                 refuse_existing(image_path(self.path, number, scan.frames), self.overwrite)
-        elif self.path.is_dir():
-            refuse_strange(self.path, self.overwrite)
         else:
-            refuse_existing(self.path, overwrite=False)
+            refuse_folder(self.path, self.overwrite, files_of_bag(self.path))
         refuse_missing_folder(self.path)
         return form
 
@@ -144,38 +137,12 @@ def export_scan(
     tally = Tally.of(terrain)
     frames = tally.counting(scan.read(terrain, progress))
     if form.folder:
-        files = _write_folder(output, form, frames, record)
+        own = files_of_bag(output.path)
+        with whole_folder(output.path, output.overwrite, own) as part:
+            form.write(part, frames, record)
+            files = tuple(sorted(own))
     else:
         with whole_file(output.path, output.overwrite, form.companions) as part:
             form.write(part, frames, record)
             files = tuple(sorted(one.name for one in part.parent.iterdir()))
     return ScanReport(output.path, files, tally, scan, terrain.surfaces)
-
-
-def _write_folder(
-    output: ScanOutput, form: ScanFormat, frames: Iterator[Frame], record: Record
-) -> tuple[str, ...]:
-    path = Path(os.path.realpath(output.path))
-    with os_errors(path), stop_on_signals(), part_folder(path.parent) as folder:
-        part = folder / path.name
-        form.write(part, frames, record)
-        files = tuple(sorted(one.name for one in part.iterdir()))
-        if path.is_dir():
-            refuse_strange(path, output.overwrite)
-        with hold_signals():
-            if path.is_dir():
-                path.replace(folder / "old")
-            part.replace(path)
-    return files
-
-
-def refuse_strange(path: Path, overwrite: bool) -> None:
-    """Refuse a folder that is no bag, or is one that is to be kept.
-
-    Raises:
-        WriteError: it is.
-    """
-    if not overwrite:
-        raise WriteError(f"{path}: exists already.", "Choose another name, or add --overwrite.")
-    if not (path / _MARK).is_file():
-        raise WriteError(f"{path}: is a folder that is no bag.", "Choose another name.")

@@ -22,13 +22,11 @@ from terratool.extras import install_command
 from terratool.importing.guards import is_placed
 from terratool.importing.opening import gdal_errors, open_local
 from terratool.output import (
-    hold_signals,
-    os_errors,
-    part_folder,
     refuse_existing,
+    refuse_folder,
     refuse_missing_folder,
-    stop_on_signals,
     whole_file,
+    whole_folder,
 )
 from terratool.raster.geotiff import (
     CACHE_BYTES,
@@ -40,9 +38,8 @@ from terratool.raster.geotiff import (
     transform_of,
 )
 from terratool.raster.grid import Grid
-from terratool.raster.grid_map_bag import MOST_BYTES, TOPIC, GridMap, write_grid_maps
+from terratool.raster.grid_map_bag import MOST_BYTES, TOPIC, GridMap, files_of_bag, write_grid_maps
 from terratool.raster.layers import Bands, Layer
-from terratool.sensing.export import refuse_strange
 from terratool.sensing.robot_map import MOST_LEVELS, MapLevel, RobotMap
 
 BANDS = Bands(
@@ -119,10 +116,7 @@ class MapOutput:
             )
         if os.path.realpath(self.bag) in map(os.path.realpath, self.files):
             raise RequestError(f"{self.bag}: is to be the map, too.", "Choose another name.")
-        if self.bag.is_dir():
-            refuse_strange(self.bag, self.overwrite)
-        else:
-            refuse_existing(self.bag, overwrite=False)
+        refuse_folder(self.bag, self.overwrite, files_of_bag(self.bag))
         refuse_missing_folder(self.bag)
 
 
@@ -200,7 +194,6 @@ def _refuse_large(grid: Grid) -> None:
 def _write_bag(output: MapOutput, levels: Sequence[MapLevel]) -> None:
     """Messages /grid_map, /grid_map/level_1, …; times are before the last reading."""
     assert output.bag is not None
-    path = Path(os.path.realpath(output.bag))
     times = [float(level.time[np.isfinite(level.time)].max(initial=-math.inf)) for level in levels]
     last = max(times)
     maps = []
@@ -213,15 +206,8 @@ def _write_bag(output: MapOutput, levels: Sequence[MapLevel]) -> None:
         topic = TOPIC if not level.level else f"{TOPIC}/level_{level.level}"
         middle = 0.5 * (west + east), 0.5 * (south + north)
         maps.append(GridMap(level.grid, middle, layers, topic))
-    with os_errors(path), stop_on_signals(), part_folder(path.parent) as folder:
-        part = folder / path.name
+    with whole_folder(output.bag, output.overwrite, files_of_bag(output.bag)) as part:
         write_grid_maps(part, maps)
-        if path.is_dir():
-            refuse_strange(path, output.overwrite)
-        with hold_signals():
-            if path.is_dir():
-                path.replace(folder / "old")
-            part.replace(path)
 
 
 @dataclass(frozen=True, slots=True)

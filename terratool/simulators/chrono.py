@@ -8,7 +8,6 @@ data/vehicle/terrain/scm_soil_parameters/*.json and of `SetSoilParameters` in SC
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -20,7 +19,7 @@ from terratool.definition.presets import preset_of, property_of
 from terratool.simulators.pieces import write_pieces
 from terratool.simulators.scene import Material, Scene
 from terratool.simulators.targets import Written
-from terratool.text.display import counted
+from terratool.text.display import counted, json_text
 
 _FILE = "terrain.json"
 _SOILS = "scm.json"
@@ -149,4 +148,4 @@ def _lacking(soils: dict[str, dict[str, float | None]]) -> Iterator[str]:
 
 
 def _write_json(path: Path, value: dict[str, Any]) -> None:
-    path.write_text(json.dumps(value, indent=2, ensure_ascii=False) + "\n", "utf-8")
+    path.write_text(json_text(value) + "\n", "utf-8")

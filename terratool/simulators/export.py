@@ -28,7 +28,7 @@ from terratool.simulators.judge import Judge
 from terratool.simulators.options import SceneOptions
 from terratool.simulators.scene import Material, Scene
 from terratool.simulators.targets import Target, Written, chosen, refuse_uninstalled
-from terratool.text.display import plain, printable
+from terratool.text.display import json_text, plain, printable
 
 MANIFEST = "manifest.json"
 README = "README.md"
@@ -83,7 +83,7 @@ class ExportPlan:
                     manifest = _manifest(scene, key, written, source)
                     manifest["files"] = _hashes(part)
                     (part / README).write_text(_readme(scene, target, written), "utf-8")
-                    text = json.dumps(manifest, indent=2, ensure_ascii=False, default=plain)
+                    text = json_text(msgspec.to_builtins(manifest, enc_hook=plain))
                     (part / MANIFEST).write_text(text + "\n", "utf-8")
                     _put(part, self.folder / key)
                 reports.append(SimulatorReport(self.folder / key, manifest))
@@ -173,7 +173,7 @@ def _check_folders(folder: Path, targets: tuple[str, ...], overwrite: bool) -> N
         place = folder / name
         if not place.exists() and not place.is_symlink():
             continue
-        if not place.is_dir() or not _earlier(place):
+        if place.is_symlink() or not place.is_dir() or not _earlier(place):
             raise WriteError(
                 f"{place}: was not written by terratool, as no {MANIFEST} in it says so.",
                 "Choose another folder, or remove it.",
@@ -184,6 +184,8 @@ def _check_folders(folder: Path, targets: tuple[str, ...], overwrite: bool) -> N
 
 def _earlier(place: Path) -> list[str]:
     """Names of the files that an earlier run has written; none where it has not."""
+    if (place / MANIFEST).is_symlink():
+        return []
     try:
         manifest = json.loads((place / MANIFEST).read_bytes())
         files = [*manifest["files"], README, MANIFEST]
@@ -199,14 +201,29 @@ def _is_own(place: Path, name: str) -> bool:
 
 
 def _put(part: Path, place: Path) -> None:
-    """Give what is written its place; of an earlier run what it had written goes, and no more."""
+    """Give what is written its place; of an earlier run what it had written goes, and no more.
+
+    Raises:
+        WriteError: something of others is in the way, or a link out of the folder.
+    """
     if not place.exists():
         part.replace(place)
         part.mkdir()  # as it is removed
         return
     new = sorted(_files(part), key=lambda name: name == MANIFEST)
+    old = _earlier(place)
+    for name in new:
+        for path in (place / name, *(place / name).parents):
+            if path == place:
+                break
+            taken = path.is_symlink() or (path == place / name and path.exists())
+            if taken and (path.is_dir() or name not in old):
+                raise WriteError(
+                    f"{path}: is in the way, and was not written by terratool.",
+                    "Choose another folder, or move it elsewhere.",
+                )
     with hold_signals():
-        for name in _earlier(place):
+        for name in old:
             if name not in new:
                 (place / name).unlink()
         for name in new:

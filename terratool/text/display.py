@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Sequence
 from pathlib import Path
@@ -42,12 +43,37 @@ def unescape(token: str) -> str:
 
 def printable(text: str) -> str:
     """A text on one line, with what cannot be printed as escapes."""
+    if text.isprintable():
+        return text
     return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
+
+
+def inert_json(text: str) -> str:
+    """A text of JSON that means the same, with what cannot be printed as escapes of JSON.
+
+    Line feeds stay: they stand between values, never within one.
+    """
+    return "\n".join(
+        line
+        if line.isprintable()
+        else "".join(c if c.isprintable() else json.dumps(c)[1:-1] for c in line)
+        for line in text.split("\n")
+    )
+
+
+def json_text(value: Any, indent: int | None = 2) -> str:
+    """A plain value as JSON that a terminal, a log and UTF-8 can have, whatever it says."""
+    return inert_json(json.dumps(value, indent=indent, ensure_ascii=False))
 
 
 def xml_text(text: str) -> str:
     """A text without the control characters that JSON may hold and XML may not."""
     return _control.sub("\ufffd", text)
+
+
+def inert_xml(text: str) -> str:
+    """A text of XML that means the same, with what cannot be printed as references."""
+    return "".join(c if c.isprintable() or c == "\n" else f"&#{ord(c)};" for c in text)
 
 
 def columns_of(char: str) -> int:
@@ -75,7 +101,6 @@ def only_answer(name: str, close: Sequence[str]) -> str:
         name: as it is written.
         close: the two names that are nearest, or those that differ in their case alone.
     """
-    import json
     from difflib import get_close_matches
 
     near = [other for other in close if other.lower() == name.lower()]

@@ -7,7 +7,7 @@ import os
 import shutil
 import sys
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from msgspec import Struct
@@ -127,6 +127,14 @@ def sources(name: str, endings: tuple[str, ...] = ALL) -> Iterator[str]:
             f"{name}: has no {' and no '.join('*' + ending for ending in endings)}.",
             "Name a file, or another directory.",
         )
+
+
+def leads_out(name: str, folders: Iterable[str]) -> bool:
+    """Whether a file is a link to what lies in none of some folders."""
+    if not os.path.islink(name):  # noqa: PTH114, that of Path raises
+        return False
+    real = Path(real_path(name))
+    return not any(real.is_relative_to(real_path(folder)) for folder in folders)
 
 
 def _within_limit(name: str, data: bytes, most: int, hint: str) -> bytes:

@@ -133,7 +133,8 @@ class MapFiles:
         refuse_map(terrain, grid, sampled, path, overwrite)
         extent = RasterExtent(terrain, grid)
         parts = [
-            stack.enter_context(whole_file(name, overwrite, COMPANIONS)) for name in map_paths(path)
+            stack.enter_context(whole_file(name, overwrite, COMPANIONS, named=name == path))
+            for name in map_paths(path)
         ]
         self._files = [
             stack.enter_context(_cog(part, extent, bands, threads))

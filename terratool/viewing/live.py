@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import http.server
 import json
 import math
+import socket
 import threading
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -24,6 +27,11 @@ from terratool.viewing.scene import Scene
 HOST = "127.0.0.1"
 WAIT = 20.0
 """s after which a page that waits for news is told that there are none."""
+MOST_CLIENTS = 32
+"""Connections that are answered at a time; a page has up to six."""
+PATIENCE = 2.0
+"""s that a connection may keep us waiting, for a request or to take an answer, when others want its
+place."""
 _MOST_FINDINGS = 50
 
 
@@ -121,6 +129,75 @@ class LiveState(Struct, dict=True, eq=False):
         }
 
 
+class _Connections:
+    """Connections that are open, of which there are at most so many.
+
+    Args:
+        most: how many.
+        patience: s after which one that keeps us waiting gives way to another.
+    """
+
+    def __init__(self, most: int, patience: float) -> None:
+        self._most, self._patience = most, patience
+        self._since: dict[socket.socket, float | None] = {}
+        """When each began to keep us waiting; None where we keep it waiting."""
+        self._lock = threading.Lock()
+
+    def __contains__(self, connection: object) -> bool:
+        return connection in self._since
+
+    def add(self, connection: socket.socket) -> bool:
+        """Take one in, if there is room, or one that gives way; whether it was."""
+        with self._lock:
+            if len(self._since) >= self._most:
+                waits = [(since, one) for one, since in self._since.items() if since is not None]
+                since, slowest = min(waits, key=lambda pair: pair[0], default=(math.inf, None))
+                if slowest is None or time.monotonic() - since < self._patience:
+                    return False
+                del self._since[slowest]
+                with contextlib.suppress(OSError):
+                    slowest.shutdown(socket.SHUT_RDWR)  # which ends its thread
+            self._since[connection] = time.monotonic()
+            return True
+
+    def keeps_waiting(self, connection: socket.socket, waits: bool) -> None:
+        """Note whether one keeps us waiting from now on, or we keep it."""
+        with self._lock:
+            if connection in self._since:
+                self._since[connection] = time.monotonic() if waits else None
+
+    def remove(self, connection: socket.socket) -> None:
+        """Forget one that is closed."""
+        with self._lock:
+            self._since.pop(connection, None)
+
+
+class _Server(http.server.ThreadingHTTPServer):
+    """Answers so many clients at a time, and tells some more of them to come again."""
+
+    daemon_threads = True
+    request_queue_size = 128  # with more at once, clients of Linux wait for seconds
+
+    def __init__(
+        self, address: tuple[str, int], handler: type[http.server.BaseHTTPRequestHandler],
+        most: int, patience: float,
+    ) -> None:  # fmt: skip
+        super().__init__(address, handler)
+        self.clients, self.refused = _Connections(most, patience), _Connections(most, 0.0)
+
+    def process_request(self, request: Any, client_address: Any) -> None:
+        """Have a thread answer, or refuse."""
+        if not self.clients.add(request):
+            self.refused.add(request)  # in place of the one that waits longest, if need be
+        super().process_request(request, client_address)
+
+    def shutdown_request(self, request: Any) -> None:
+        """Close a connection."""
+        self.clients.remove(request)
+        self.refused.remove(request)
+        super().shutdown_request(request)
+
+
 class PageServer:
     """Serves one page and what it asks for, to this machine alone.
 
@@ -128,22 +205,26 @@ class PageServer:
         page: its text.
         state: what it shows.
         port: 0 for any that is free.
+        most: connections that are answered at a time; others get a 503.
+        patience: s that one may keep us waiting when there are so many.
 
     Raises:
         WriteError: the port cannot be had.
     """
 
-    def __init__(self, page: str, state: LiveState, port: int = 0) -> None:
+    def __init__(
+        self, page: str, state: LiveState, port: int = 0, *, most: int = MOST_CLIENTS,
+        patience: float = PATIENCE,
+    ) -> None:  # fmt: skip
         handler = _handler(page.encode(), state)
         try:
-            self._server = http.server.ThreadingHTTPServer((HOST, port), handler)
+            self._server = _Server((HOST, port), handler, most, patience)
         except (OSError, OverflowError) as error:
             why = reason(error) if isinstance(error, OSError) else "there is none of that number"
             raise WriteError(
                 f"Port {port} cannot be used ({why}).",
                 "Choose another one with --port, or leave that out.",
             ) from error
-        self._server.daemon_threads = True
         self._thread = threading.Thread(target=self._server.serve_forever, daemon=True)
 
     @property
@@ -167,9 +248,18 @@ def _handler(page: bytes, state: LiveState) -> type[http.server.BaseHTTPRequestH
         protocol_version = "HTTP/1.1"
         server_version, sys_version = "terratool", ""
         timeout = 60.0
+        server: _Server
+
+        def handle_one_request(self) -> None:
+            self.server.clients.keeps_waiting(self.connection, True)
+            super().handle_one_request()
 
         def do_GET(self) -> None:
-            assert isinstance(self.server, http.server.HTTPServer)
+            if self.connection in self.server.refused:
+                self.close_connection = True
+                self._answer(503, b"There are too many pages. Close some of them.", "text/plain")
+                return
+            self.server.clients.keeps_waiting(self.connection, False)
             port = self.server.server_port
             # another name may lead here from a page of somebody else (DNS rebinding)
             if self.headers.get("Host") not in (f"{HOST}:{port}", f"localhost:{port}"):
@@ -215,7 +305,11 @@ def _handler(page: bytes, state: LiveState) -> type[http.server.BaseHTTPRequestH
             self._answer(200, json.dumps(value).encode(), "application/json")
 
         def _answer(self, code: int, body: bytes, kind: str) -> None:
+            self.server.clients.keeps_waiting(self.connection, True)
             self.send_response(code)
+            if code == 503:
+                self.send_header("Retry-After", "1")
+                self.send_header("Connection", "close")
             for name, text in (
                 ("Content-Type", kind), ("Content-Length", str(len(body))),
                 ("Cache-Control", "no-store"), ("X-Content-Type-Options", "nosniff"),

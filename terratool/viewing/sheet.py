@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from terratool.apart import apart
 from terratool.errors import RequestError
 from terratool.extras import install_command
 from terratool.raster.shading import ticks
@@ -121,7 +122,7 @@ def require_matplotlib() -> None:
         RequestError: it is not installed.
     """
     try:
-        with _without_its_warnings():
+        with _without_its_warnings(), apart():
             import matplotlib  # noqa: F401, only whether it is there
     except ImportError as error:
         raise RequestError(
@@ -435,6 +436,7 @@ def key_width(key: Key) -> float:
 @contextlib.contextmanager
 def settings() -> Iterator[None]:
     """Have Matplotlib draw by its own defaults and by what is fixed here, and by nothing else."""
+    require_matplotlib()
     import matplotlib as mpl
 
     wanted: dict[Any, Any] = dict(mpl.rcParamsDefault)

@@ -63,6 +63,14 @@ def test_names_of_the_file_in_the_line(words: tuple[str, ...], values: list[str]
     assert completed(*words) == values
 
 
+def test_names_that_cannot_be_typed_are_left_out(tmp_path: Path) -> None:
+    """A line feed in a name would begin another item, and the terminal would obey the rest."""
+    names = ["a\nplain,$(reboot)", "a\x1b[2J", "a\u202eb", "ab"]
+    path = tmp_path / "site.json"
+    path.write_text(json.dumps(YARD | {"surfTypes": {name: {} for name in names}}), "utf-8")
+    assert completed("add", str(path), "--surface", "a") == ["ab"]
+
+
 def test_words_of_the_tool() -> None:
     assert completed("export-dem", PAPER, "o.tif", "--layer", "") == [*LAYERS]
     assert completed("export-sim", PAPER, "out", "--target", "") == [*TARGETS, "all"]

@@ -22,12 +22,12 @@ from terratool.mesh.formats.common import (
     ascii_word,
     color_text,
     plain_names,
-    quoted,
     write_faces,
     write_points,
 )
 from terratool.mesh.formats.table import FORMATS
 from terratool.mesh.types import BuiltMesh, Mesh, PlanLoss
+from terratool.text.display import json_text
 from tests.viewers import (
     NASTY,
     READERS,
@@ -432,7 +432,7 @@ def test_names() -> None:
         "a", "a_2", "a_2_2", "a_3", "b_c", "b_c_2", "surface", "surface_2", "surface_3", "x__y",
         "surface_4",
     ]  # fmt: skip
-    assert quoted("a\u2028\ud800\x7f") == '"a\\u2028\\ud800\\u007f"'
+    assert json_text("a\u2028\ud800\x7f") == '"a\\u2028\\ud800\\u007f"'
 
 
 def test_obj_and_materials_appear_together(tmp_path: Path) -> None:

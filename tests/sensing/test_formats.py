@@ -557,7 +557,7 @@ def test_a_folder_that_is_no_bag_is_kept(tmp_path: Path) -> None:
     folder.mkdir()
     (folder / "mine.txt").write_text("mine")
     scan = Scan(LIDAR, one_pose(TWO[0]))
-    with pytest.raises(WriteError, match="no bag"):
+    with pytest.raises(WriteError, match=r"holds mine\.txt, which terratool did not write"):
         export_scan(TERRAIN, scan, ScanOutput(folder, overwrite=True))
     assert (folder / "mine.txt").read_text() == "mine"
 

@@ -162,7 +162,7 @@ def test_a_bag_takes_no_place_of_a_file(tmp_path: Path) -> None:
         with pytest.raises(RequestError, match="is to be the map, too"):
             MapOutput(tmp_path / "m.tif", 2, tmp_path / name).check()
     (tmp_path / "kept").mkdir()
-    with pytest.raises(WriteError, match="no bag"):
+    with pytest.raises(WriteError, match="was not written by terratool"):
         MapOutput(tmp_path / "m.tif", 2, tmp_path / "kept", overwrite=True).check()
 
 

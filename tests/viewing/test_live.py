@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import http.client
 import json
 import socket
@@ -12,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from terratool.errors import DefinitionError, TerratoolError, WriteError
-from terratool.viewing.live import Followed, LiveState, PageServer, follow
+from terratool.viewing.live import MOST_CLIENTS, Followed, LiveState, PageServer, follow
 from terratool.viewing.places import Site, read_site
 from terratool.viewing.scene import Scene, scene_of
 from tests.commands import YARD
@@ -35,6 +36,27 @@ def served(yard: Path) -> Iterator[tuple[PageServer, LiveState]]:
     state.publish(site, scene_of(site))
     with PageServer("<p>the page</p>", state) as server:
         yield server, state
+
+
+@pytest.fixture
+def crowded(yard: Path) -> Iterator[tuple[PageServer, LiveState]]:
+    """With room for four clients, and patience with none."""
+    state = LiveState()
+    site = read_site(str(yard))
+    state.publish(site, scene_of(site))
+    with PageServer("<p>the page</p>", state, most=4, patience=0.0) as server:
+        yield server, state
+
+
+def port_of(server: PageServer) -> int:
+    return int(server.url.rstrip("/").rpartition(":")[2])
+
+
+def connected(server: PageServer, text: str = "") -> socket.socket:
+    """A client that has sent so much of a request."""
+    client = socket.create_connection(("127.0.0.1", port_of(server)), timeout=10)
+    client.sendall(text.replace("HOST", f"Host: 127.0.0.1:{port_of(server)}").encode())
+    return client
 
 
 def ask(server: PageServer, path: str, method: str = "GET", host: str = "") -> Answer:
@@ -123,6 +145,96 @@ def test_news_are_told_at_once_and_findings_keep_the_picture(
     assert news["findings"][0]["code"] == "TT201"
     assert ask(server, "/scene")[0] == 200
     assert json.loads(ask(server, "/state?after=nonsense")[1])["version"] == 2
+
+
+def waiting(server: PageServer, state: LiveState, count: int) -> list[socket.socket]:
+    """Clients that wait for news, once all of them do."""
+    entered = threading.Semaphore(0)
+    after = LiveState.after
+
+    def entering(self: LiveState, version: int, wait: float = 20.0) -> dict[str, object]:
+        entered.release()
+        return after(self, version, wait)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(LiveState, "after", entering)
+        text = f"GET /state?after={state.version} HTTP/1.1\r\nHOST\r\n\r\n"
+        clients = [connected(server, text) for _ in range(count)]
+        for _ in clients:
+            assert entered.acquire(timeout=10)
+    return clients
+
+
+def test_more_clients_than_there_is_room_for_come_again(
+    crowded: tuple[PageServer, LiveState],
+) -> None:
+    """Those that wait for news keep their places; all others are told at once, however many."""
+    server, state = crowded
+    clients = waiting(server, state, 4)
+    for path in ("/", "/state?after=0", "/scene", "/values?x=0&y=0", "/nothing") * 10:
+        status, body, headers = ask(server, path)
+        assert status == 503
+        assert (headers["Retry-After"], headers["Connection"]) == ("1", "close")
+        assert body.startswith(b"There are too many pages.")
+    assert threading.active_count() < 40
+    state.complain(DefinitionError("It is broken."))
+    for client in clients:
+        assert client.recv(1 << 16).startswith(b"HTTP/1.1 200 OK")
+        client.close()
+    while ask(server, "/")[0] == 503:  # until the places are free
+        pass
+    assert ask(server, "/scene")[0] == 200
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["", "GE", "GET / HTTP/1.1\r\nHOST\r\n", "GET / HTTP/1.1\r\nHOST\r\n\r\n",
+     "GET /scene HTTP/1.1\r\nHOST\r\n\r\n" * 3, "NONSENSE\r\n"],
+)  # fmt: skip
+def test_clients_that_keep_us_waiting_give_way(
+    text: str, crowded: tuple[PageServer, LiveState]
+) -> None:
+    """Who sends no request, half of one, or takes no answer, starves nobody."""
+    server, state = crowded
+    assert state.shown is not None
+    state.shown = state.shown._replace(scene=bytes(8 << 20))  # more than any buffer holds
+    slow = [connected(server, text) for _ in range(40)]
+    for _ in range(20):
+        status, body, _ = ask(server, "/")
+        assert (status, body) == (200, b"<p>the page</p>")
+    for client in slow:
+        client.close()
+
+
+def test_patience(yard: Path) -> None:
+    """A client that has just come keeps its place, and those who wait are told to come again."""
+    with PageServer("<p>the page</p>", LiveState(), most=2, patience=1e9) as server:
+        slow = [connected(server) for _ in range(2)]
+        assert ask(server, "/")[0] == 503
+        slow[0].sendall(f"GET / HTTP/1.1\r\nHost: 127.0.0.1:{port_of(server)}\r\n\r\n".encode())
+        assert slow[0].recv(1 << 16).startswith(b"HTTP/1.1 200 OK")
+        assert ask(server, "/")[0] == 503  # the connection stays for another request
+        for client in slow:
+            client.close()
+        while ask(server, "/")[0] == 503:
+            pass
+
+
+def test_as_many_as_come_at_once_may_wait_at_the_door() -> None:
+    """Whom the system turns away knocks again after a second, and then after two."""
+    with PageServer("<p>the page</p>", LiveState()) as server:
+        port, address = port_of(server), ("127.0.0.1", port_of(server))
+    server = PageServer("<p>the page</p>", LiveState(), port)  # nobody opens yet
+    clients = [socket.create_connection(address, timeout=2) for _ in range(100)]
+    with server:
+        answers = []
+        for client in clients:
+            with contextlib.suppress(OSError):  # of those that were refused some gave way
+                client.sendall(f"GET / HTTP/1.0\r\nHost: 127.0.0.1:{port}\r\n\r\n".encode())
+                answers.append(client.recv(1 << 16)[9:12])
+            client.close()
+    assert answers.count(b"200") >= MOST_CLIENTS
+    assert set(answers) <= {b"200", b"503", b""}
 
 
 def test_a_port_that_is_taken_is_said() -> None:

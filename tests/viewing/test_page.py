@@ -541,6 +541,17 @@ def test_watching_a_file_through_save_break_and_mend(browser: Any, boxes: Path) 
             mended = extent(reddish(shown.picture()))
             assert mended[3] - mended[1] == pytest.approx((tall[3] - tall[1]) * 0.75, abs=2)
 
+            # where too many pages are open, this one says so and asks again
+            browser.execute_script(
+                "window.kept = window.fetch;"
+                "window.fetch = async () => new Response('', { status: 503 })"
+            )
+            boxes.write_text(json.dumps(changed, indent=2), "utf-8")
+            shown.until(lambda: "There are too many pages." in shown.text("#busy"))
+            browser.execute_script("window.fetch = window.kept")
+            shown.follow(6)
+            assert shown.text("#busy") == ""
+
             shown.press("t")
             box = shown.view.size
             scale = min(box["width"] / 12, box["height"] / 8) / 1.1

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import unicodedata
 from collections.abc import Callable, Iterable, Iterator
@@ -195,14 +194,6 @@ def _plain(name: str, allowed: Callable[[str], bool]) -> str:
             letters.append(bare if known else "_")
         replaced = not known
     return "".join(letters)
-
-
-def quoted(text: str) -> str:
-    """A text as a JSON string on one line, readable, of characters that can be seen and encoded."""
-    return "".join(
-        letter if letter.isprintable() else json.dumps(letter)[1:-1]
-        for letter in json.dumps(text, ensure_ascii=False)
-    )
 
 
 def lines_of(descr: str) -> Iterator[str]:

@@ -9,13 +9,13 @@ from terratool.mesh.formats.common import (
     lines_of,
     origin_of,
     points_of,
-    quoted,
     surface_parts,
     world_points_of,
     write_faces,
     write_points,
 )
 from terratool.mesh.types import Mesh
+from terratool.text.display import json_text
 
 
 def write_obj(mesh: Mesh, path: Path, descr: str, world: bool = False) -> None:
@@ -36,13 +36,13 @@ def write_obj(mesh: Mesh, path: Path, descr: str, world: bool = False) -> None:
             write_points(file, mesh.normals.directions, b"vn ")
         for part in parts:
             if part.surface >= 0:
-                file.write(f"# surface {quoted(part.name)}\n".encode())
+                file.write(f"# surface {json_text(part.name)}\n".encode())
             file.write(f"g {part.word}\nusemtl {part.word}\n".encode())
             write_faces(file, part.faces, 1, b"f ", normals=part.normals)
     with open(materials, "wb") as file:
         for part in parts:
             if part.surface >= 0:
-                file.write(f"# surface {quoted(part.name)}\n".encode())
+                file.write(f"# surface {json_text(part.name)}\n".encode())
             color = color_text(part.color)
             file.write(f"newmtl {part.word}\nKa {color}\nKd {color}\nKs 0 0 0\nillum 1\n".encode())
 

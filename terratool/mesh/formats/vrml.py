@@ -16,13 +16,13 @@ from terratool.mesh.formats.common import (
     origin_of,
     overview,
     points_of,
-    quoted,
     shape_of,
     surface_parts,
     write_faces,
     write_points,
 )
 from terratool.mesh.types import HeightGrid, Mesh
+from terratool.text.display import json_text
 
 
 def write_vrml(mesh: Mesh, path: Path, descr: str) -> None:
@@ -39,7 +39,7 @@ def write_vrml(mesh: Mesh, path: Path, descr: str) -> None:
             word = part.word
             own, faces = shape_of(points, part)
             if part.surface >= 0:
-                file.write(f"    # surface {quoted(part.name)}\n".encode())
+                file.write(f"    # surface {json_text(part.name)}\n".encode())
             file.write(
                 f"    DEF Shape_{word} Shape {{\n"
                 f"      appearance DEF Appearance_{word} Appearance {{\n"
@@ -78,7 +78,7 @@ def write_elevation_grid(grid: HeightGrid, path: Path, descr: str) -> None:
         _begin(file, grid, corners, descr)
         for surface in found:
             if surface >= 0:
-                name = quoted(grid.names[surface])
+                name = json_text(grid.names[surface])
                 file.write(f"# surface {name}, color {table[surface]}\n".encode())
         file.write(
             "# rows of heights run from west to east, the first one is the northernmost\n"

@@ -11,13 +11,13 @@ from terratool.mesh.formats.common import (
     origin_of,
     overview,
     points_of,
-    quoted,
     shape_of,
     surface_parts,
     write_faces,
     write_points,
 )
 from terratool.mesh.types import Mesh
+from terratool.text.display import json_text
 
 _HEAD = """<?xml version="1.0" encoding="UTF-8"?>
 <!DOCTYPE X3D PUBLIC "ISO//Web3D//DTD X3D 3.3//EN" "http://www.web3d.org/specifications/x3d-3.3.dtd">
@@ -69,4 +69,4 @@ def write_x3d(mesh: Mesh, path: Path, descr: str) -> None:
 
 def _comment(text: str) -> str:
     """A text as a JSON string for a comment, which must not hold two hyphens in a row."""
-    return quoted(text).replace("--", "-\\u002d")
+    return json_text(text).replace("--", "-\\u002d")

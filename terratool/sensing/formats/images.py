@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import warnings
 from collections.abc import Iterator
 from pathlib import Path
@@ -15,6 +14,7 @@ from terratool.sensing.camera import intrinsics
 from terratool.sensing.formats.common import Record
 from terratool.sensing.readings import Frame, Status
 from terratool.sensing.sensor import Camera
+from terratool.text.display import json_text
 
 BESIDE = ".camera.json"
 """Suffix of the intrinsics, in place of that of the image."""
@@ -104,7 +104,7 @@ class _Beside:
 
     def write(self) -> None:
         """Write the file."""
-        text = json.dumps({**self._told, "images": self._images}, indent=2, ensure_ascii=False)
+        text = json_text({**self._told, "images": self._images})
         self._path.with_suffix(BESIDE).write_text(text + "\n", "utf-8", newline="\n")
 
 

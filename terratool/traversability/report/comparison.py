@@ -399,7 +399,7 @@ def _map(
 
 def as_json(comparison: Comparison) -> str:
     """A comparison as the text of a JSON file."""
-    return document.json_text(as_dict(comparison))
+    return document.file_text(as_dict(comparison))
 
 
 def as_geojson(comparison: Comparison) -> str:

@@ -13,7 +13,7 @@ import numpy as np
 
 from terratool import __version__
 from terratool.errors import RequestError
-from terratool.text.display import shown
+from terratool.text.display import inert_json, json_text, shown
 from terratool.traversability.report import wording
 from terratool.traversability.report.curves import as_svg
 from terratool.traversability.report.page import as_markdown, as_page
@@ -135,12 +135,13 @@ def as_dict(report: TraversabilityReport) -> dict[str, Any]:
 
 def as_json(report: TraversabilityReport) -> str:
     """A report as the text of a JSON file."""
-    return json_text(as_dict(report))
+    return file_text(as_dict(report))
 
 
-def json_text(value: Any) -> str:
+def file_text(value: Any) -> str:
     """A plain value as the text of a JSON file."""
-    return json.dumps(value, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    text = json.dumps(value, indent=2, ensure_ascii=False, allow_nan=False)
+    return inert_json(text) + "\n"
 
 
 def _plain(value: Any, factor: float = 1.0) -> Any:
@@ -248,8 +249,8 @@ def as_geojson(report: TraversabilityReport) -> str:
 def geojson_text(report: TraversabilityReport, features: Iterable[dict[str, Any]]) -> str:
     """Features as the text of a GeoJSON file, with the head that a report has for it."""
     head = {**report.geojson, "terratool": __version__}
-    lines = ",\n".join(json.dumps(one, ensure_ascii=False) for one in features)
-    return f'{json.dumps(head, ensure_ascii=False)[:-1]}, "features": [\n{lines}\n]}}\n'
+    lines = ",\n".join(json_text(one, None) for one in features)
+    return f'{json_text(head, None)[:-1]}, "features": [\n{lines}\n]}}\n'
 
 
 FORMATS: dict[str, Callable[[TraversabilityReport], str]] = {

@@ -10,7 +10,7 @@ from pathlib import Path
 from terratool.definition.keys import document_kind
 from terratool.errors import DefinitionError, ReadError, RequestError, TerratoolError
 from terratool.text.display import counted, many
-from terratool.text.source import is_folder, read_source, sources
+from terratool.text.source import is_folder, leads_out, read_source, sources
 from terratool.traversability.route.headings import Progress
 from terratool.viewing.diff.compare import Compared, DiffOptions, diff
 from terratool.viewing.diff.results import Comparison, FileDifference
@@ -30,14 +30,29 @@ class Reading:
             for their own.
         roots: further folders under which libraries may lie.
         roughness: whether rough surfaces have their relief.
+        confined: whether files that are links may lead no further than libraries.
     """
 
     called: str | None = None
     roots: tuple[str, ...] = ()
     roughness: bool = True
+    confined: bool = False
+
+    def refuse_link(self, name: str) -> None:
+        """Refuse a file that was met in a folder, and is a link to what lies elsewhere.
+
+        Raises:
+            ReadError: it is.
+        """
+        if self.confined and leads_out(name, (".", *self.roots)):
+            raise ReadError(
+                f"{name}: is a link out of the folders that may be read.",
+                "Put the file itself there, or name its folder by --library-root.",
+            )
 
     def side(self, name: str) -> Side:
-        """Read a definition; raises what `read_side` raises."""
+        """Read a definition; raises what `read_side` and `refuse_link` raise."""
+        self.refuse_link(name)
         return read_side(name, called=self.called, roots=self.roots, roughness=self.roughness)
 
 
@@ -109,8 +124,8 @@ def compare_folders(
         ReadError: neither folder has a terrain.
         RequestError: as of `diff`.
     """
-    reading = replace(reading, roots=(*reading.roots, old, new))
-    before, after = _terrains(old), _terrains(new)
+    reading = replace(reading, roots=(*reading.roots, old, new), confined=True)
+    before, after = _terrains(old, reading), _terrains(new, reading)
     if not before and not after:
         raise ReadError(
             f"{old}: has no terrain, nor has {new}.", "Name two files, or folders with terrains."
@@ -143,7 +158,7 @@ def _of(error: RequestError, name: str) -> TerratoolError:
     return RequestError(f"{name}: {error.message}", error.hint)
 
 
-def _terrains(folder: str) -> dict[str, str]:
+def _terrains(folder: str, reading: Reading) -> dict[str, str]:
     """The terrains below a folder, by their names there; what is no JSON counts, too."""
     found = {}
     try:
@@ -152,6 +167,7 @@ def _terrains(folder: str) -> dict[str, str]:
         return {}
     for name in names:
         try:
+            reading.refuse_link(name)
             kind = document_kind(read_source(name).data)
         except ReadError:
             kind = None  # which is said when it is compared

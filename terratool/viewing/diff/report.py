@@ -7,7 +7,7 @@ from typing import Any
 
 import msgspec
 
-from terratool.text.display import counted, length, printable, shown
+from terratool.text.display import counted, json_text, length, printable, shown
 from terratool.text.workflow import annotation
 from terratool.viewing.diff.results import (
     FORMAT_VERSION,
@@ -242,7 +242,7 @@ def as_json(comparison: Comparison, most: int) -> str:  # noqa: ARG001, as other
         "summary": {status: comparison.count(status) for status in statuses},  # type: ignore[arg-type]
         "files": comparison.files,
     }
-    return msgspec.json.format(msgspec.json.encode(document), indent=2).decode()
+    return json_text(msgspec.to_builtins(document))
 
 
 def as_markdown(comparison: Comparison, most: int) -> str:

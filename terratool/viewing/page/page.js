@@ -991,11 +991,13 @@
   async function follow() {
     let version = 0;
     for (;;) {
-      const state = await fetch(`state?after=${version}`).then((one) => one.json()).catch(() => null);
+      let crowded = false;
+      const taken = (one) => (crowded ||= one.status === 503, one.ok);
+      const state = await fetch(`state?after=${version}`).then((one) => taken(one) && one.json()).catch(() => null);
       const fresh = state && state.picture && state.picture !== picture;
-      const scene = fresh ? await fetch("scene").then((one) => one.arrayBuffer()).catch(() => null) : null;
+      const scene = fresh ? await fetch("scene").then((one) => taken(one) && one.arrayBuffer()).catch(() => null) : null;
       if (!state || (fresh && !scene)) {
-        busy("terratool has ended. The picture stays as it is.");
+        busy(crowded ? "There are too many pages. Close some of them." : "terratool has ended. The picture stays as it is.");
         await new Promise((go) => setTimeout(go, 1000));
         continue;
       }
