@@ -13,6 +13,7 @@ from msgspec import Struct
 from terratool.definition.findings import Finding
 from terratool.errors import ReadError
 from terratool.output import whole_file
+from terratool.text.files import open_file
 
 FORMAT_VERSION = 1
 
@@ -43,7 +44,8 @@ def digest(*texts: str) -> str:
 def read_baseline(path: str) -> Baseline:
     """Raises ReadError if a baseline cannot be read, or is none."""
     try:
-        found = msgspec.json.decode(Path(path).read_bytes(), type=Baseline)
+        with open_file(path) as file:
+            found = msgspec.json.decode(file.read(), type=Baseline)
     except OSError as error:
         raise ReadError.of(path, error, "Write it first, with --update-baseline.") from error
     except (msgspec.MsgspecError, RecursionError, ValueError) as error:

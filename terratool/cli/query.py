@@ -18,6 +18,7 @@ from terratool.cli.options import library_root_option, roughness_option
 from terratool.cli.terminal import Status, load
 from terratool.errors import ReadError
 from terratool.text.display import inert_cell, shown
+from terratool.text.files import open_file
 
 if TYPE_CHECKING:
     from terratool.field.terrain import PointSamples, Terrain
@@ -89,7 +90,8 @@ def _from_csv(name: str) -> Iterator[Point]:
         yield from _parse("<stdin>", TextIOWrapper(sys.stdin.buffer, "utf-8-sig", newline=""))
         return
     try:
-        with open(name, encoding="utf-8-sig", newline="") as file:
+        opened = open_file(name, named=True)
+        with TextIOWrapper(opened, "utf-8-sig", newline="") as file:
             yield from _parse(name, file)
     except OSError as error:
         raise ReadError.of(name, error) from error

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import os
 import re
@@ -14,6 +15,7 @@ import rasterio
 from affine import Affine
 
 from terratool.errors import ReadError
+from terratool.text.files import open_file
 
 HARMLESS = 1 << 22
 """So many pixels are believed of any file."""
@@ -66,7 +68,7 @@ def refuse_claims(name: str, file: Any) -> None:
         raise ReadError(f"{name}: its pixels have no size, or lie nowhere.", _HINT)
     if not all(map(math.isfinite, (*file.scales, *file.offsets))):
         raise ReadError(f"{name}: its values have a scale or an offset that is no number.", _HINT)
-    parts = set(filter(None, map(_on_disk, file.files)))
+    parts = set(filter(None, map(on_disk, file.files)))
     if not parts:  # on the net
         return
     size = sum(part.stat().st_size for part in parts)
@@ -108,13 +110,14 @@ def _is_there(name: str) -> bool:
         return "does not exist" not in str(error)
 
 
-def _on_disk(name: str) -> Path | None:
+def on_disk(name: str) -> Path | None:
     """The file in which something lies that GDAL names: itself, or the outermost archive."""
     found = _systems(name)
-    if found is None:
-        return Path(name) if Path(name).is_file() else None
-    inner = Path(name[found.end() :].replace("}", ""))
-    return next((path for path in (inner, *inner.parents) if path.is_file()), None)
+    whole = Path(name if found is None else name[found.end() :].replace("}", ""))
+    places = (whole,) if found is None else (whole, *whole.parents)
+    with contextlib.suppress(OSError):  # a name that is too long
+        return next((path for path in places if path.exists() and not path.is_dir()), None)
+    return None
 
 
 def _most_pixels(file: Any, size: int, archived: bool) -> tuple[int, str]:
@@ -128,7 +131,7 @@ def _most_pixels(file: Any, size: int, archived: bool) -> tuple[int, str]:
         return size * (_TEXT_PACKED if archived else 1), _CUT_SHORT
     most = max(HARMLESS, size * (RAW if raw else PACKED))
     if file.driver == "netCDF" and not archived:
-        with open(file.files[0], "rb") as begin:
+        with open_file(file.files[0]) as begin:
             if begin.read(8).startswith(_CLASSIC):
                 return size, _CUT_SHORT  # it has all of its numbers
     if file.driver == "GTiff":

@@ -26,6 +26,7 @@ from terratool.importing.opening import gdal_errors, open_local
 from terratool.importing.sources import PixelGrid, SourceOptions, sample_range
 from terratool.raster.geotiff import read_crs
 from terratool.raster.layers import LAYERS
+from terratool.text.files import open_file
 
 HIGHEST = 1e9
 """A definition's heights stay below this in size."""
@@ -482,7 +483,8 @@ def _table(path: Path) -> dict[int, SurfaceEntry]:
     if not path.is_file():
         return {}
     try:
-        band = tree_of(path.read_bytes()).find("PAMRasterBand")
+        with open_file(path) as file:
+            band = tree_of(file.read()).find("PAMRasterBand")
     except (ExpatError, EntityError) as error:
         raise ReadError(
             f"{path}: cannot be read as XML ({error}).",

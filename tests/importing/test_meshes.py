@@ -20,10 +20,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from terratool.errors import ReadError, RequestError, TerratoolError
-from terratool.importing import meshes, sources, threemf
+from terratool.importing import meshes, sources
 from terratool.importing.meshes import READERS, read_triangles
 from terratool.importing.sources import SampledHeights, SourceOptions, Triangles, open_source
 from terratool.mesh.export import write_mesh
+from terratool.text import packing
 from tests.conftest import terrain_of
 from tests.meshes import exported
 from tests.viewers import oblong, program
@@ -805,8 +806,10 @@ def test_an_archive_that_would_fill_the_memory_is_refused(
     path = tmp_path / "bomb.3mf"
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("3D/3dmodel.model", bytes(300_000))
-    monkeypatch.setattr(threemf, "MAX_UNPACKED", 200_000)
-    assert "would unpack to 300,000 bytes" in refused(path).message
+    monkeypatch.setattr(packing, "PLENTY", 300_000)
+    assert "comes to more" not in refused(path).message
+    monkeypatch.setattr(packing, "PLENTY", 299_999)
+    assert "comes to more than 100 times its size" in refused(path).message
 
 
 def test_instances_that_multiply_are_refused(

@@ -13,7 +13,9 @@ from numpy.typing import NDArray
 
 from terratool.errors import ReadError
 from terratool.text.display import shown
+from terratool.text.source import read_source
 
+_MOST_BYTES = 1 << 26
 _LINE = "Write one point a line, as 12.5,7.25."
 
 
@@ -29,11 +31,10 @@ def read_waypoints(path: str | Path) -> NDArray[np.float64]:
         ReadError: the file cannot be read, a line holds no two numbers, or there are fewer than two
             points.
     """
-    name = str(path)
+    source = read_source(path, _MOST_BYTES, "Give a path of fewer points.")
+    name = source.name
     try:
-        text = Path(path).read_text("utf-8-sig")
-    except OSError as error:
-        raise ReadError.of(name, error) from error
+        text = source.data.decode()
     except UnicodeDecodeError as error:
         raise ReadError(f"{name}: is no UTF-8 text.", "Save it as UTF-8 CSV or GeoJSON.") from error
     points = _geojson(name, text) if text.lstrip().startswith("{") else _csv(name, text)

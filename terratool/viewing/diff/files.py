@@ -30,15 +30,19 @@ class Reading:
             for their own.
         roots: further folders under which libraries may lie.
         roughness: whether rough surfaces have their relief.
+        named: whether a user named them; what is met in folders has to be regular files.
     """
 
     called: str | None = None
     roots: tuple[str, ...] = ()
     roughness: bool = True
+    named: bool = True
 
     def side(self, name: str) -> Side:
         """Read a definition; raises what `read_side` raises."""
-        return read_side(name, called=self.called, roots=self.roots, roughness=self.roughness)
+        return read_side(
+            name, called=self.called, roots=self.roots, roughness=self.roughness, named=self.named
+        )
 
 
 Taken = Callable[[Compared], None]
@@ -109,7 +113,7 @@ def compare_folders(
         ReadError: neither folder has a terrain.
         RequestError: as of `diff`.
     """
-    reading = replace(reading, roots=(*reading.roots, old, new))
+    reading = replace(reading, roots=(*reading.roots, old, new), named=False)
     before, after = _terrains(old), _terrains(new)
     if not before and not after:
         raise ReadError(
@@ -136,7 +140,9 @@ def compare_folders(
 
 def _is_one_text(old: str, new: str) -> bool:
     """Whether two files have the same text."""
-    return NOTHING not in (old, new) and read_source(old).data == read_source(new).data
+    if NOTHING in (old, new):
+        return False
+    return read_source(old, named=False).data == read_source(new, named=False).data
 
 
 def _of(error: RequestError, name: str) -> TerratoolError:
@@ -152,7 +158,7 @@ def _terrains(folder: str) -> dict[str, str]:
         return {}
     for name in names:
         try:
-            kind = document_kind(read_source(name).data)
+            kind = document_kind(read_source(name, named=False).data)
         except ReadError:
             kind = None  # which is said when it is compared
         if kind in ("terrain", None):
