@@ -551,7 +551,6 @@ def command(
             job.mend(status)
         shelf = new_shelf(job.options(job.limit))
 
-
         def look(name: str, options: CheckOptions) -> Checked:
             # what the settings name, a stranger may have put there
             source = read_source(name, named=name in files)

@@ -266,16 +266,17 @@ def _buffers_beside(path: Path) -> Any:
     """What gives trimesh the buffers of a glTF: regular files in its folder, and nothing else."""
     from trimesh.resolvers import FilePathResolver
 
-    class Beside(FilePathResolver):
-        def get(self, name: str) -> bytes:
-            folder = path.parent.resolve()
-            buffer = (folder / name.strip()).resolve()
-            if not buffer.is_relative_to(folder):
-                raise ValueError(f"it names {name[:60]!r}, which lies out of its folder")
-            with open_file(buffer) as file:
-                return file.read()
+    def get(name: str) -> bytes:
+        folder = path.parent.resolve()
+        buffer = (folder / name.strip()).resolve()
+        if not buffer.is_relative_to(folder):
+            raise ValueError(f"it names {name[:60]!r}, which lies out of its folder")
+        with open_file(buffer) as file:
+            return file.read()
 
-    return Beside(str(path))
+    resolver = FilePathResolver(str(path))
+    resolver.get = get
+    return resolver
 
 
 def _moved(vertices: Any, matrix: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -5,15 +5,15 @@ from __future__ import annotations
 import errno
 import os
 import stat
+from io import BufferedReader
 from pathlib import Path
-from typing import BinaryIO
 
 _AT_ONCE = getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_NOCTTY", 0)
 _STEP = 1 << 20
 _KINDS = {stat.S_IFIFO: "a pipe", stat.S_IFSOCK: "a socket"}
 
 
-def open_file(path: str | Path, *, named: bool = False) -> BinaryIO:
+def open_file(path: str | Path, *, named: bool = False) -> BufferedReader:
     """Open a file for reading, and nothing that is none.
 
     A pipe never begins where nobody writes into it, and some devices never end. What a command
@@ -29,9 +29,9 @@ def open_file(path: str | Path, *, named: bool = False) -> BinaryIO:
         OSError: it cannot be opened, or is a pipe, a socket or a device.
         ValueError: it is no name of a file.
     """
-    _refuse(os.stat(path), named)  # as opening alone makes some devices act
+    _refuse(Path(path).stat(), named)  # as opening alone makes some devices act
     flags = 0 if named else _AT_ONCE
-    file = open(path, "rb", opener=lambda name, mode: os.open(name, mode | flags))
+    file = open(path, "rb", opener=lambda name, mode: os.open(name, mode | flags))  # noqa: SIM115
     try:
         found = os.fstat(file.fileno())
         _refuse(found, named)
@@ -43,7 +43,7 @@ def open_file(path: str | Path, *, named: bool = False) -> BinaryIO:
     return file
 
 
-def read_up_to(file: BinaryIO, most: int) -> bytes:
+def read_up_to(file: BufferedReader, most: int) -> bytes:
     """The bytes of an open file, of which no more memory is asked for than they take.
 
     Args:
@@ -69,7 +69,7 @@ def read_up_to(file: BinaryIO, most: int) -> bytes:
 def is_regular(path: str | Path) -> bool:
     """Whether a path leads to a regular file; it is not opened."""
     try:
-        return stat.S_ISREG(os.stat(path).st_mode)
+        return stat.S_ISREG(Path(path).stat().st_mode)
     except (OSError, ValueError):
         return False
 
@@ -89,4 +89,4 @@ def _no_file(what: str) -> OSError:
 
 
 def _is_null(found: os.stat_result) -> bool:
-    return found.st_rdev == os.stat(os.devnull).st_rdev
+    return found.st_rdev == Path(os.devnull).stat().st_rdev

@@ -142,4 +142,3 @@ def _within_limit(name: str, data: bytes, most: int, hint: str) -> bytes:
         size = f"{most >> 20:,} MiB" if most % 1024**3 else f"{most >> 30} GiB"
         raise ReadError(f"{name}: holds more than {size} of text.", hint)
     return data
-

@@ -1,4 +1,4 @@
-"""What is no regular file holds nobody up, unless a user named it; `tests.cli.test_pipes` asks commands."""
+"""What is no regular file holds nobody up, unless a user named it."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ from pathlib import Path
 import pytest
 
 from terratool.errors import ReadError
-from terratool.text import files
 from terratool.text.files import is_regular, open_file
 from terratool.text.source import read_source
 
@@ -86,14 +85,14 @@ def test_a_file_that_becomes_a_pipe_meanwhile(
     """Between the look at it and the opening there is a moment."""
     place = special["folder"] / "a.json"
     place.write_text("{}")
-    look = os.stat(place)
+    look = place.stat()
 
-    def swapped(path: object) -> os.stat_result:
+    def swapped(path: Path) -> os.stat_result:
         place.unlink()
         os.mkfifo(place)
         return look
 
-    monkeypatch.setattr(files.os, "stat", swapped)
+    monkeypatch.setattr(Path, "stat", swapped)
     with pytest.raises(OSError, match="it is a pipe"):
         open_file(place)
 
