@@ -15,6 +15,7 @@ import rasterio
 from affine import Affine
 
 from terratool.errors import ReadError
+from terratool.importing.apart import call_apart, limit_memory
 from terratool.text.files import open_file
 
 HARMLESS = 1 << 22
@@ -175,8 +176,7 @@ def probe(name: str) -> None:
     """
     try:
         done = subprocess.run(
-            [sys.executable, "-c", f"from {__name__} import main; main()", name],
-            env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
+            **call_apart(__name__, "main", name),
             stdin=subprocess.DEVNULL, capture_output=True, check=False, timeout=_PROBE_SECONDS,
         )  # fmt: skip
     except subprocess.TimeoutExpired:
@@ -193,7 +193,7 @@ def main() -> None:
     from rasterio.io import DatasetReader
     from rasterio.windows import Window
 
-    _limit_memory()
+    limit_memory(_PROBE_BYTES)
     try:
         with rasterio.Env(), DatasetReader(_parse_path(sys.argv[1]), driver=["netCDF"]) as file:
             try:
@@ -210,16 +210,3 @@ def main() -> None:
         sys.stdout.write(short or str(error.__cause__ or error).rstrip("."))
         sys.stdout.flush()
         os._exit(1)
-
-
-def _limit_memory() -> None:
-    """Let this process have not much more memory than it has, where the system can."""
-    try:
-        import resource
-
-        pages = int(Path("/proc/self/statm").read_text("ascii").split()[0])
-        most = pages * resource.getpagesize() + _PROBE_BYTES
-        resource.setrlimit(resource.RLIMIT_AS, (most, most))
-        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    except (ImportError, OSError, ValueError):
-        return

@@ -26,7 +26,7 @@ from terratool.definition.findings import Bounds
 from terratool.errors import RequestError
 from terratool.field.terrain import refuse_empty
 from terratool.raster.grid import Grid
-from terratool.sensing.clouds import Cloud, checked_reader, read_clouds
+from terratool.sensing.clouds import MOST_SURFACES, Cloud, checked_reader, read_clouds
 from terratool.sensing.sensor import Noise
 
 Floats = NDArray[np.float64]
@@ -48,7 +48,6 @@ _ROUNDS = 4
 """In which the top surface of a cell is looked for in a batch."""
 _FAR = 1e9
 """m: no height, and no place of a sensor, is as far from 0."""
-_MOST_SURFACES = 1 << 16
 _SAME = 1e-3
 """m: what a range and the distance of a rounded point may differ by."""
 
@@ -308,9 +307,9 @@ class RobotMap:
         assert cloud.surface is not None
         for name in cloud.surfaces:
             self._numbers.setdefault(name, len(self._numbers))
-        if len(self._numbers) > _MOST_SURFACES:
+        if len(self._numbers) > MOST_SURFACES:
             raise RequestError(
-                f"The scans name more than {_MOST_SURFACES:,} surfaces.",
+                f"The scans name more than {MOST_SURFACES:,} surfaces.",
                 "Rename the column surface, if it holds something else.",
             )
         index = np.array([self._numbers[name] for name in cloud.surfaces], np.int64)

@@ -1,0 +1,34 @@
+"""Reading apart: in a process of its own, with little memory, where a library may crash or eat."""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+from typing import Any
+
+
+def call_apart(module: str, function: str, *arguments: str) -> dict[str, Any]:
+    """What `subprocess` is given to call a function, which finds its arguments in `sys.argv`."""
+    program = f"from {module} import {function}; {function}()"
+    return {
+        "args": [sys.executable, "-c", program, *arguments],
+        "env": {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
+    }
+
+
+def limit_memory(most: int) -> None:
+    """Let this process have not much more memory than it has, where the system can.
+
+    Args:
+        most: bytes more.
+    """
+    try:
+        import resource
+
+        pages = int(Path("/proc/self/statm").read_text("ascii").split()[0])
+        limit = pages * resource.getpagesize() + most
+        resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
+        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    except (ImportError, OSError, ValueError):
+        return
