@@ -19,6 +19,7 @@ from terratool.cli.terminal import Status, load
 from terratool.errors import ReadError
 from terratool.text.display import inert_cell, shown
 from terratool.text.files import open_file
+from terratool.text.numbers import parse_number
 
 if TYPE_CHECKING:
     from terratool.field.terrain import PointSamples, Terrain
@@ -149,11 +150,8 @@ def _cells(line: str, delimiter: str) -> list[str]:
 
 
 def _number(text: str) -> float | None:
-    try:
-        value = float(text)
-    except ValueError:
-        return None
-    return value if math.isfinite(value) and "_" not in text else None
+    value = parse_number(text)
+    return value if value is not None and math.isfinite(value) else None
 
 
 def _rows(

@@ -31,7 +31,7 @@ from terratool.sensing.formats.common import SENSOR_AXES
 from terratool.sensing.poses import Poses
 from terratool.text.display import listed, shown
 from terratool.text.files import open_file
-from terratool.text.numbers import number, whole_number
+from terratool.text.numbers import parse_number, parse_whole
 from terratool.text.packing import PackingError, refuse_members
 
 Floats = NDArray[np.float64]
@@ -390,7 +390,7 @@ def _numbers(path: Path, cells: list[str | None], name: str) -> Floats:
     Raises:
         ReadError: a cell is no number, or lacks.
     """
-    values = [number(cell or "nan") if cell is not None else None for cell in cells]
+    values = [parse_number(cell or "nan") if cell is not None else None for cell in cells]
     if None in values:
         cell = cells[values.index(None)] or ""
         raise ReadError(
@@ -436,7 +436,7 @@ def _read_ply(path: Path) -> Iterator[Batch]:
                     names += _quoted(line.split(None, 3)[3])
                 case ["element", element, claimed]:
                     if element == "vertex" and not fields and count < 0:
-                        found = whole_number(claimed)
+                        found = parse_whole(claimed)
                         count = -1 if found is None else found
                     elif count < 0:
                         raise ReadError(
@@ -598,7 +598,9 @@ def _pcd_header(said: dict[str, list[str]]) -> tuple[Fields, int, Floats]:
         if form is None:
             raise ValueError(f"{shown(name)} is of type {shown(letter)} and size {shown(size)}")
         fields.append((name if many == 1 else "", form, many))
-    pose = np.array([number(text) for text in said.get("VIEWPOINT", ())] or _NO_VIEWPOINT, float)
+    pose = np.array(
+        [parse_number(text) for text in said.get("VIEWPOINT", ())] or _NO_VIEWPOINT, float
+    )
     far = pose.shape != (7,) or not (np.abs(pose) < _MOST).all()
     if far or np.abs(pose[3:]).max() < _FLATTEST:
         raise ValueError("no viewpoint")
@@ -607,7 +609,7 @@ def _pcd_header(said: dict[str, list[str]]) -> tuple[Fields, int, Floats]:
 
 
 def _whole(text: str) -> int:
-    found = whole_number(text)
+    found = parse_whole(text)
     if found is None:
         raise ValueError(f"{shown(text)} is no count")
     return found

@@ -10,7 +10,7 @@ _MOST_DIGITS = 18
 """Whole numbers of so many fit into 64 bits."""
 
 
-def number(text: str) -> float | None:
+def parse_number(text: str) -> float | None:
     """The number that a text is, which may be NaN or infinite; None where it is none."""
     if not text.isascii() or "_" in text:
         return None
@@ -20,7 +20,7 @@ def number(text: str) -> float | None:
         return None
 
 
-def whole_number(text: str) -> int | None:
+def parse_whole(text: str) -> int | None:
     """The whole number from 0 on that a text is, of up to 18 digits; None where it is none."""
     digits = text.isascii() and text.isdigit() and len(text) <= _MOST_DIGITS
     return int(text) if digits else None

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from terratool.errors import ReadError
 from terratool.text.display import shown
+from terratool.text.numbers import parse_number
 from terratool.text.source import read_source
 
 _MOST_BYTES = 1 << 26
@@ -77,10 +78,10 @@ def _cells(line: str) -> list[str]:
 
 def _number(value: str | float) -> float | None:
     try:
-        number = float(value)
-    except (ValueError, OverflowError):
+        found = parse_number(value) if isinstance(value, str) else float(value)
+    except OverflowError:
         return None
-    return number if math.isfinite(number) and "_" not in str(value) else None
+    return found if found is not None and math.isfinite(found) else None
 
 
 def _geojson(name: str, text: str) -> list[tuple[float, float]]:
