@@ -13,11 +13,12 @@ import struct
 import warnings
 import zipfile
 import zlib
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from importlib.util import find_spec
 from itertools import islice
+from operator import itemgetter
 from pathlib import Path
 from typing import IO, Any, AnyStr, Generic
 
@@ -42,6 +43,7 @@ MOST_SURFACES = 1 << 16
 """Scans may name so many surfaces."""
 _LINES = 1 << 17
 """Lines of a text that are read at a time …"""
+_FEW = 64
 _BATCH_BYTES = 1 << 26
 """… if they have no more bytes than this, as rows of numbers have."""
 _MOST_LINE = 1 << 20
@@ -346,11 +348,9 @@ class _Lines(Generic[AnyStr]):
     def some(self, rows: Iterator[Any], most: int) -> list[Any]:
         """So many of the rows that are made of these lines, or fewer if they are long."""
         until = self.taken + _BATCH_BYTES
-        found = []
-        for row in islice(rows, most):
-            found.append(row)
-            if self.taken > until:
-                break
+        found: list[Any] = []
+        while self.taken < until and (more := list(islice(rows, min(_FEW, most - len(found))))):
+            found += more
         return found
 
 
@@ -365,14 +365,10 @@ def _read_csv(path: Path) -> Iterator[Batch]:
             header = [cell.strip().lower() for cell in next(rows, [])]
             names = [name for name in _WANTED if name in header and name != "origin"]
             places = [header.index(name) for name in names]
-            wanted = (
-                [row[place] if place < len(row) else None for place in places]
-                for row in rows
-                if row
-            )
-            while some := lines.some(wanted, _LINES):
+            while some := lines.some(_picked(rows, places), _LINES):
                 columns: Columns = {}
-                for name, *cells in zip(names, *some, strict=True):
+                for index, name in enumerate(names):
+                    cells = [row[index] for row in some]
                     if name == "surface":
                         columns[name] = _indices(cells, known)
                     else:
@@ -382,6 +378,17 @@ def _read_csv(path: Path) -> Iterator[Batch]:
             raise ReadError(f"{path}: is no UTF-8 text.", "Save it as UTF-8 CSV.") from error
         except csv.Error as error:
             raise ReadError(f"{path}:{rows.line_num}: is no CSV ({error}).", _DAMAGED) from error
+
+
+def _picked(rows: Iterator[list[str]], places: list[int]) -> Iterator[Sequence[str | None]]:
+    """The cells at some places of each row; None where a row ends before."""
+    pick = itemgetter(*places, -1)  # of one place alone it would give no tuple
+    longest = max(places, default=0)
+    for row in filter(None, rows):
+        if len(row) > longest:
+            yield pick(row)
+        else:
+            yield [row[place] if place < len(row) else None for place in places]
 
 
 def _numbers(path: Path, cells: list[str | None], name: str) -> Floats:

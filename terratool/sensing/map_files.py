@@ -42,6 +42,7 @@ from terratool.raster.geotiff import (
 from terratool.raster.grid import Grid
 from terratool.raster.grid_map_bag import MOST_BYTES, TOPIC, GridMap, write_grid_maps
 from terratool.raster.layers import Bands, Layer
+from terratool.raster.prefetch import TILE
 from terratool.sensing.export import refuse_strange
 from terratool.sensing.robot_map import MOST_LEVELS, MapLevel, RobotMap
 
@@ -69,6 +70,8 @@ _COMPANIONS = (
 """What belongs to a map; what is left of an older one would be taken for part of this one."""
 _MOST_READ = 1 << 26
 _SQUARE = 1e-9
+_BLOCK = 16
+"""Sides of the blocks of a TIFF are multiples of this."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -168,6 +171,9 @@ def _write_level(path: Path, level: MapLevel, output: MapOutput) -> None:
         "driver": "GTiff", "dtype": "float64", "count": BANDS.count, "nodata": math.nan,
         "width": grid.width, "height": grid.height, "crs": crs, "transform": transform_of(grid),
         **tiff_options(BANDS, Compression(), 1),
+        # what is narrow fills no blocks of full size
+        "blockxsize": min(TILE, -(-grid.width // _BLOCK) * _BLOCK),
+        "blockysize": min(TILE, -(-grid.height // _BLOCK) * _BLOCK),
     }  # fmt: skip
     tags = {
         "TIFFTAG_SOFTWARE": f"terratool {__version__}",

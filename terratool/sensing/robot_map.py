@@ -28,11 +28,15 @@ from terratool.field.terrain import refuse_empty
 from terratool.raster.grid import Grid
 from terratool.sensing.clouds import MOST_SURFACES, Cloud, checked_reader, read_clouds
 from terratool.sensing.sensor import Noise
+from terratool.text.files import is_regular
 
 Floats = NDArray[np.float64]
 
 MOST_CELLS = 1 << 24
 """Of the finest level: some 100 bytes each."""
+FREE_CELLS, CELLS_EACH = 1 << 20, 100
+"""Without bounds there are so many, or so many for each reading, whichever is more: two readings
+that are far apart are no reason for millions of cells."""
 MOST_LEVELS = 12
 GATE = 2.5
 """Standard deviations that two heights of one surface may be apart."""
@@ -456,18 +460,25 @@ def map_scans(
 
     Raises:
         RequestError: a suffix says no format, points are in the axes of a sensor, there are no
-            readings, or too many cells.
+            readings, too many cells, or without bounds a pipe or far more cells than readings.
         ReadError: a file cannot be read.
     """
     for path in paths:
         checked_reader(Path(path))
+        if bounds is None and Path(path).exists() and not is_regular(path):
+            raise RequestError(
+                f"{path}: is a pipe, and is read twice to find where its points are.",
+                "Say by bounds what the map holds, or save it as a file.",
+            )
     if origin is not None and not all(abs(value) < _FAR for value in origin):
         raise RequestError(
             f"The origin {' '.join(f'{value:g}' for value in origin)} is nowhere.",
             f"Give x, y and z below {_FAR:g} m.",
         )
     if bounds is None:
-        grid = map_grid(_around(paths, progress), options)
+        around, readings = _around(paths, progress)
+        grid = map_grid(around, options)
+        _refuse_empty_cells(grid, readings, around)
     else:
         refuse_empty(bounds)
         grid = map_grid(bounds, options, anchored=False)
@@ -504,14 +515,25 @@ def in_sensor_axes(cloud: Cloud) -> bool:
     return bool(known.any() and same.all()) and elsewhere
 
 
-def _around(paths: Sequence[str | Path], progress: Callable[[str], object]) -> Bounds:
-    """The rectangle that holds all readings."""
-    low, high = np.full(2, np.inf), np.full(2, -np.inf)
+def _refuse_empty_cells(grid: Grid, readings: int, bounds: Bounds) -> None:
+    cells = grid.width * grid.height
+    if cells > max(FREE_CELLS, CELLS_EACH * readings):
+        around = " ".join(f"{side:.9g}" for side in bounds)
+        raise RequestError(
+            f"{readings:,} readings are too few for {cells:,} cells of {grid.resolution:g} m.",
+            f"Give larger cells, or say what the map holds by bounds: {around} is all of it.",
+        )
+
+
+def _around(paths: Sequence[str | Path], progress: Callable[[str], object]) -> tuple[Bounds, int]:
+    """The rectangle that holds all readings, and how many there are."""
+    low, high, count = np.full(2, np.inf), np.full(2, -np.inf), 0
     for path in paths:
         progress(f"looking where the points of {Path(path).name} are")
         for cloud in read_clouds(path):
             low = np.minimum(low, cloud.points[:, :2].min(axis=0))
             high = np.maximum(high, cloud.points[:, :2].max(axis=0))
+            count += len(cloud.points)
     if not np.isfinite(low).all():
         raise RequestError("The scans hold no readings.", "Give scans that met something.")
-    return float(low[0]), float(low[1]), float(high[0]), float(high[1])
+    return (float(low[0]), float(low[1]), float(high[0]), float(high[1])), count
