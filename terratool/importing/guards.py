@@ -69,14 +69,19 @@ def refuse_claims(name: str, file: Any) -> None:
         raise ReadError(f"{name}: its pixels have no size, or lie nowhere.", _HINT)
     if not all(map(math.isfinite, (*file.scales, *file.offsets))):
         raise ReadError(f"{name}: its values have a scale or an offset that is no number.", _HINT)
-    parts = set(filter(None, map(on_disk, file.files)))
-    if not parts:  # on the net
+    size = size_on_disk(file)
+    if size is None:  # on the net
         return
-    size = sum(part.stat().st_size for part in parts)
     archived = not any(Path(part).is_file() for part in file.files)
     most, hint = _most_pixels(file, size, archived)
     if file.width * file.height > most:
         raise _claim(name, file.width, file.height, size, UNPACK if archived else hint)
+
+
+def size_on_disk(file: Any) -> int | None:
+    """Bytes of the files in which what rasterio opened lies; None where it lies on the net."""
+    parts = set(filter(None, map(on_disk, file.files)))
+    return sum(part.stat().st_size for part in parts) if parts else None
 
 
 def transform_of(file: Any) -> Affine:

@@ -146,9 +146,10 @@ def _cloud(path: Path, columns: Columns, surfaces: tuple[str, ...]) -> Cloud:
 
     surface = columns.get("surface")
     if surface is not None:
-        surface = surface[kept]
-        known = (surface >= 0) & (surface < len(surfaces))
-        surface = np.where(known, surface, -1).astype(np.int32)
+        given = surface[kept]
+        known = (given >= 0) & (given < len(surfaces))
+        surface = np.full(len(given), -1, np.int32)
+        surface[known] = given[known]
     return Cloud(
         points[kept],
         of("origin"),

@@ -145,12 +145,14 @@ def _header(path: Path, file: BufferedReader) -> Any:
     import laspy
 
     try:
-        return laspy.LasHeader.read_from(file)
+        header = laspy.LasHeader.read_from(file)
+        header.point_format.dtype()  # which points cannot have where it is broken
     except MemoryError:
         raise
     except Exception as error:  # of many kinds, as it looks at nothing before it takes it apart
         words = " ".join(str(error).split())[:100]
         raise ReadError(f"{path}: its header is no LAS's ({words}).", _HINT) from error
+    return header
 
 
 @contextlib.contextmanager

@@ -30,6 +30,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from terratool.errors import TerratoolError
+from tests.commands import call
 
 SECONDS = 2.0
 """A case takes no more than this of a processor …"""
@@ -66,6 +67,20 @@ class Target:
     count: int
     make: Callable[[random.Random], Case]
     attempt: Callable[[Case, Path], str]
+
+
+class WrongError(Exception):
+    """An answer that is not what it must be."""
+
+
+def ask(*arguments: object) -> str:
+    """Run a command, which ends in a code that is known; what it says on standard output."""
+    ran = call(*arguments)
+    if ran.code not in (0, 1, 2, 3):
+        raise WrongError(f"{arguments[0]} ends with {ran.code}")
+    if ran.code and not ran.out + ran.err:
+        raise WrongError(f"{arguments[0]} fails without a word")
+    return ran.out
 
 
 class Fault(NamedTuple):
