@@ -99,7 +99,7 @@ def test_a_lidar_turns_while_it_moves(clockwise: bool, time: float, tmp_path: Pa
     )
     scan = Scan(lidar, read_poses(path))
     (first,) = scan.read(TERRAIN)
-    east = int(np.argmin(np.abs(np.array(lidar.head.azimuths))))  # type: ignore[union-attr]
+    east = int(np.argmin(np.abs(lidar.head.azimuths)))  # type: ignore[union-attr]
     assert first.range[east] == pytest.approx(128 - 105 - 10 * time, rel=1e-9)
     assert first.time + first.offset[east] == pytest.approx(5 + time)
     np.testing.assert_allclose(first.points[east], [128, 207, 1.7], atol=1e-9)
