@@ -274,9 +274,10 @@ class _Member:
                 warnings.simplefilter("ignore")
                 self.shape, self._by_columns, self._type = _array_header(file)
         except Exception as error:  # of many kinds, as a header is an expression of Python
+            deep = isinstance(error, MemoryError)  # as its parser says, whatever memory there is
             raise ReadError(
                 f"{path}: has an array whose header is none ({_words(error)}).", _DAMAGED
-            ) from error
+            ) from (None if deep else error)
         if any(type(side) is not int or side < 0 for side in self.shape):
             raise ReadError(f"{path}: has an array without a length.", _DAMAGED)
         if math.prod(self.shape) * self._type.itemsize > size - file.tell():
