@@ -95,7 +95,7 @@ baseline = "known.json"
     '[project]\nname = "a"\n[tool.other]\nx = 1979-05-27T07:32:00Z\n[tool.terratool]\n'
     'paths = ["a.json"]\nmax-step = 1e-1\n[tool.terratool.per-file-ignores]\n"*" = ["TT4"]\n',
 ]
-_KNOWN = {"findings": {"a.json": {"0" * 32: 1, "f" * 32: 2}, "sub/b.json": {}}, "format_version": 1}
+_KNOWN = '{"findings": {"a.json": {"00ff": 1, "ff00": 2}, "sub/b.json": {}}, "format_version": 1}'
 _VALUES = [
     "9" * 5000, "1e999", "inf", "nan", "-1", "0x" + "f" * 2000, '""', "''", "[]", "{}", "[[]]",
     "[" * 2000, "{a={a={}}}", "1979-05-27", '"""', '"\\u0000"', '"\\ud800"', "²", "true", "0b2",
@@ -106,9 +106,9 @@ _VALUES = [
 def make_settings(rng: random.Random) -> Case:
     """Settings of a project, or a baseline, with one to a few mistakes."""
     if rng.random() < 0.2:
-        tree: Any = json.loads(json.dumps(_KNOWN))
+        tree: Any = json.loads(_KNOWN)
         for _ in range(rng.choice([1, 1, 2, 4])):
-            tree = mutate_tree(rng, tree, ["findings", "format_version"], _KNOWN)
+            tree = mutate_tree(rng, tree, ["findings", "format_version"], json.loads(_KNOWN))
         data = json.dumps(tree).encode("utf-8", "replace")
         return Case(".json", mutate_bytes(rng, data, data) if rng.random() < 0.2 else data)
     at = rng.randrange(2)
