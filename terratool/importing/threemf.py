@@ -77,7 +77,7 @@ def read_3mf(path: Path) -> Triangles:
     with open_file(path) as file, zipfile.ZipFile(file) as archive:
         names = [name for name in archive.namelist() if name.lower().endswith(".model")]
         try:
-            refuse_members(archive, names, path.stat().st_size)
+            refuse_members(archive, archive.namelist(), path.stat().st_size)
         except PackingError as error:
             raise ReadError(f"{path}: {error.message}", error.hint) from error
         first = min(names, key=lambda name: not name.lower().endswith("3d/3dmodel.model"))
