@@ -23,6 +23,7 @@ from rasterio.errors import (
     WarpOperationError,
 )
 from rasterio.io import DatasetReader
+from rasterio.windows import Window
 
 from terratool.definition.crs import names_file
 from terratool.errors import ReadError, interruption
@@ -45,6 +46,9 @@ DRIVERS = (
 )  # fmt: skip
 """Of GDAL: those that read a raster from its own files. A VRT is opened by itself, if it may be."""
 
+_LISTED = "AAIGrid"
+"""To find a row GDAL looks for all before it, for each of these that is missing once more for all
+before that: its rows are gone through in their order, in which the first one missing is told."""
 _PROBED = "netCDF"
 _PLAIN_DRIVERS = tuple(driver for driver in DRIVERS if driver != _PROBED)
 _NETCDFS = (".nc", ".nc4", ".cdf")
@@ -148,6 +152,8 @@ def open_local(name: str, *, allow_remote: bool, **environment: Any) -> Iterator
         _refuse_files(name, files)
         with gdal_errors(name):
             refuse_claims(name, file)
+            if file.driver == _LISTED:
+                file.read(1, window=Window(0, 0, 1, file.height))
         yield file
 
 
