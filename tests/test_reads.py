@@ -15,6 +15,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+import rasterio
 
 from tests.commands import ENVIRONMENT, ROOT, call
 from tests.importing.test_opening import dem
@@ -87,6 +88,16 @@ OBJECT = IMAGE\nLINES = 4\nLINE_SAMPLES = 6\nSAMPLE_TYPE = PC_REAL\nSAMPLE_BITS 
     put("system.prj", f'PROJCS["x",EXTENSION["PROJ4","+proj=longlat +nadgrids={path}"]]')
     put("system.tif.aux.xml", f"<PAMDataset><SRS>+proj=longlat +nadgrids={path}</SRS></PAMDataset>")
     yield here / "system.tif"
+    for within in (True, False):  # the tags of a TIFF, and those beside it
+        name = f"overviews-{within}.tif"
+        dem(here / name)
+        if within:
+            with rasterio.open(here / name, "r+") as file:
+                file.update_tags(ns="OVERVIEWS", OVERVIEW_FILE=path)
+        else:
+            item = f'<Metadata domain="OVERVIEWS"><MDI key="OVERVIEW_FILE">{path}</MDI></Metadata>'
+            put(f"{name}.aux.xml", f"<PAMDataset>{item}</PAMDataset>")
+        yield here / name
     yield put("mesh.obj", f"mtllib {path}\nv 0 0 0\nv 1 0 1\nv 0 1 0\nusemtl a\nf 1 2 3\n")
     yield put("scene.wrl", f'#VRML V2.0 utf8\nInline {{ url "{path}" }}\n'
               f'Shape {{ appearance Appearance {{ texture ImageTexture {{ url "{path}" }} }} }}\n')  # fmt: skip

@@ -7,7 +7,7 @@ import os
 import re
 import sys
 import warnings
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import Any
 from xml.parsers.expat import ExpatError
@@ -81,6 +81,7 @@ _pointers = re.compile(
 
 _HEAD = 1 << 14
 """Bytes that GDAL's drivers look at, and more, to see what a file is."""
+_PIECE = 1 << 24
 _MAX_VRT = 256 << 20
 _MAX_LABEL = 16 << 20
 
@@ -148,6 +149,12 @@ def open_local(name: str, *, allow_remote: bool, **environment: Any) -> Iterator
         with gdal_errors(name):
             # rasterio.open takes one driver, this several
             file = stack.enter_context(DatasetReader(_parse_path(place), driver=drivers))
+            # GDAL opens what this domain names, wherever it lies, as soon as it is asked for files
+            if not allow_remote and file.tags(ns="OVERVIEWS"):
+                raise ReadError(
+                    f"{name}: says that its overviews are another file.",
+                    "Make a GeoTIFF of it with gdal_translate, or add --allow-remote.",
+                )
             files = [] if allow_remote else file.files
         _refuse_files(name, files)
         with gdal_errors(name):
@@ -279,7 +286,7 @@ def _drivers_for(name: str, place: str) -> list[str]:
     try:
         if not path.is_file():
             return _drivers_within(place)
-        _refuse_pipes([path])
+        _refuse_pipes((path,))
         _refuse_sidecars(path)
         _refuse_grids(path)
         with open_file(path) as file:
@@ -343,8 +350,10 @@ def _refuse_special(path: Path) -> None:
         raise ReadError(f"{path}: is no regular file.", "Copy what it gives into a file.")
 
 
-def _refuse_pipes(rasters: Iterable[Path]) -> None:
+def _refuse_pipes(rasters: Collection[Path]) -> None:
     """Refuse pipes and devices in the folders of rasters that GDAL may take for parts of them.
+
+    Some formats say in the file what their parts are called.
 
     Raises:
         ReadError: there is one.
@@ -355,11 +364,31 @@ def _refuse_pipes(rasters: Iterable[Path]) -> None:
     for folder, known in stems.items():
         with os.scandir(folder) as entries:
             others = [entry for entry in entries if not (entry.is_file() or entry.is_dir())]
-        for entry in others:
-            name = entry.name.casefold()
-            told = name.endswith(_TOLD) or any(map(name.startswith, known))
-            if told and Path(entry.path).exists():  # and no link to nothing
-                _refuse_special(Path(entry.path))
+        special = [Path(entry.path) for entry in others if Path(entry.path).exists()]
+        for path in special:  # and no links to nothing
+            name = path.name.casefold()
+            if name.endswith(_TOLD) or any(map(name.startswith, known)):
+                _refuse_special(path)
+        if special:
+            for raster in (path for path in rasters if path.parent == folder):
+                _refuse_named(raster, special)
+
+
+def _refuse_named(raster: Path, special: list[Path]) -> None:
+    """Refuse pipes and devices whose names stand in a raster, in whatever case.
+
+    Raises:
+        ReadError: one does.
+    """
+    names = {os.fsencode(path.name).lower(): path for path in special}
+    longest, before = max(map(len, names)), b""
+    with open_file(raster) as file:
+        while piece := file.read(_PIECE):
+            text = before + piece.lower()
+            for name, path in names.items():
+                if name in text:
+                    _refuse_special(path)
+            before = text[-longest:]
 
 
 def _refuse_sidecars(path: Path) -> None:

@@ -226,6 +226,11 @@ def _reprojected(name: str, file: Any, crs: str, nodata: float | None) -> Warped
             f"{name}: does not say its reference system, so that it cannot be reprojected.",
             "Leave out --crs, or give the file one with gdal_edit.py -a_srs.",
         )
+    if not is_placed(file):
+        raise RequestError(
+            f"{name}: does not say where it lies, so that it cannot be reprojected.",
+            "Leave out --crs, or give the file a place with gdal_edit.py -a_ullr.",
+        )
     if nodata not in (None, file.nodata) and not math.isnan(file.nodata or math.nan):
         raise RequestError(
             f"{name}: its nodata is {file.nodata:g}, and only one number can be left out where "

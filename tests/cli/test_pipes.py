@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import rasterio
 
 from terratool.definition import watch
 from terratool.errors import TerratoolError
@@ -232,6 +233,27 @@ def test_what_lies_beside_a_raster_is_a_file(beside: str, tmp_path: Path) -> Non
     os.mkfifo(tmp_path / "debugger-pipe-12")  # of which there are many in temporary folders
     (tmp_path / "a.gone").symlink_to("nothing")
     assert run("import-terrain", tmp_path / "a.tif", tmp_path / "a.json", *told).code == 0
+
+
+def test_what_a_raster_names_is_a_file(tmp_path: Path) -> None:
+    """In its tags, or as a label does; in whatever case."""
+    told = ("--max-error", 1, "--overwrite")
+    os.mkfifo(tmp_path / "wide.dat")
+    dem(tmp_path / "a.tif")
+    with rasterio.open(tmp_path / "a.tif", "r+") as file:
+        file.update_tags(ns="OVERVIEWS", OVERVIEW_FILE=str(tmp_path / "wide.dat"))
+    ran = run("import-terrain", tmp_path / "a.tif", tmp_path / "a.json", *told)
+    assert (ran.code, "wide.dat: is no regular file" in ran.err) == (3, True)
+    label = """PDS_VERSION_ID = PDS3\nRECORD_TYPE = FIXED_LENGTH\nRECORD_BYTES = 24
+^IMAGE = ("WIDE.DAT", 1)\nOBJECT = IMAGE\nLINES = 4\nLINE_SAMPLES = 6\nSAMPLE_TYPE = PC_REAL
+SAMPLE_BITS = 32\nEND_OBJECT\nEND\n"""
+    (tmp_path / "b.lbl").write_text(label)
+    ran = run("import-terrain", tmp_path / "b.lbl", tmp_path / "a.json", *told)
+    assert (ran.code, "wide.dat: is no regular file" in ran.err) == (3, True)
+    (other := tmp_path / "other").mkdir()
+    (tmp_path / "a.tif").rename(other / "a.tif")
+    ran = run("import-terrain", other / "a.tif", tmp_path / "a.json", *told)
+    assert (ran.code, "its overviews are another file" in ran.err) == (3, True)
 
 
 def test_what_lies_beside_the_parts_of_a_mosaic_is_a_file(tmp_path: Path) -> None:
