@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import json
-import math
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +16,8 @@ from terratool.text.numbers import parse_number
 from terratool.text.source import read_source
 
 _MOST_BYTES = 1 << 26
+_FAR = 1e30
+"""No terrain reaches farther."""
 _LINE = "Write one point a line, as 12.5,7.25."
 
 
@@ -81,7 +82,7 @@ def _number(value: str | float) -> float | None:
         found = parse_number(value) if isinstance(value, str) else float(value)
     except OverflowError:
         return None
-    return found if found is not None and math.isfinite(found) else None
+    return found if found is not None and abs(found) <= _FAR else None  # nor NaN
 
 
 def _geojson(name: str, text: str) -> list[tuple[float, float]]:
