@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import tracemalloc
 from pathlib import Path
 
 import numpy as np
@@ -298,3 +299,12 @@ def test_a_seed_is_the_noise() -> None:
         np.testing.assert_array_equal(first.points, second.points)
     assert not np.array_equal(one[0].points, other[0].points, equal_nan=True)
     assert not np.array_equal(one[0].points, one[1].points, equal_nan=True)
+
+
+def test_a_sensor_takes_no_memory_for_its_rays() -> None:
+    """Sixty bytes may ask for ten million columns; they are made where they are read."""
+    tracemalloc.start()
+    lidar = sensor(lidar={"elevations": [0], "azimuthStep": 3.75e-5})
+    assert lidar.rays == 9_600_000
+    assert tracemalloc.get_traced_memory()[1] < 1 << 20
+    tracemalloc.stop()

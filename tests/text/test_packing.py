@@ -63,7 +63,7 @@ def test_empty_members_take_time_as_they_are_many() -> None:
     few, many = _EMPTY * 5_000 + _compress(b"{}"), _EMPTY * 60_000 + _compress(b"{}")
     begin = time.process_time()
     assert gunzip(few, _ALL) == gunzip(many, _ALL) == b"{}"
-    assert time.process_time() - begin < 2
+    assert time.process_time() - begin < 1
     with pytest.raises(PackingError, match=rf"more than {MOST_MEMBERS:,} members"):
         gunzip(_EMPTY * (MOST_MEMBERS + 1), _ALL)
 
