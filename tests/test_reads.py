@@ -16,6 +16,7 @@ from pathlib import Path
 
 import pytest
 import rasterio
+import rasterio.shutil
 
 from tests.commands import ENVIRONMENT, ROOT, call
 from tests.importing.test_opening import dem
@@ -145,6 +146,33 @@ def test_nothing_elsewhere_is_opened(
         if seen := opened():
             found[file.name] = seen
     assert found == {}
+
+
+@pytest.mark.parametrize("kind", ["laz", "nc", "img"])
+def test_no_module_of_a_strange_folder_is_run(kind: str, tmp_path: Path) -> None:
+    """By the process of its own that reads, or writes, what may crash a library."""
+    (here := tmp_path / "here").mkdir()
+    for name in ("terratool", "laspy", "numpy", "rasterio", "struct", "sitecustomize"):
+        (here / f"{name}.py").write_text("open('ran', 'w').close()\n")
+    if kind == "nc":
+        dem(tmp_path / "a.tif")
+        rasterio.shutil.copy(str(tmp_path / "a.tif"), str(here / "a.nc"), driver="netCDF")
+        words = ["import-terrain", "a.nc", "a.json", "--max-error", "1"]
+    elif kind == "img":
+        (here / "a.json").write_text(json.dumps(TERRAIN))
+        words = ["export-dem", "a.json", "a.img", "--resolution", "1"]
+    else:
+        laspy = pytest.importorskip("laspy")
+        header = laspy.LasHeader(version="1.4", point_format=6)
+        with laspy.open(here / "a.laz", "w", header=header) as file:
+            file.write_points(laspy.ScaleAwarePointRecord.zeros(3, header=header))
+        words = ["map", "a.laz", "--cell", "1", "--output", "a.tif"]
+    done = subprocess.run(
+        [sys.executable, "-P", "-m", "terratool", *words],
+        cwd=here, env=ENVIRONMENT, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert not (here / "ran").exists()
 
 
 WATCHED = """

@@ -14,8 +14,8 @@ from typing import Any
 import rasterio
 from affine import Affine
 
+from terratool.apart import call_apart, limit_memory
 from terratool.errors import ReadError
-from terratool.importing.apart import call_apart, limit_memory
 from terratool.text.files import open_file
 
 HARMLESS = 1 << 22

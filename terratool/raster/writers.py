@@ -20,6 +20,7 @@ import rasterio.shutil
 from numpy.typing import NDArray
 from rasterio.errors import NotGeoreferencedWarning
 
+from terratool.apart import call_apart
 from terratool.errors import WriteError
 from terratool.field.terrain import Terrain
 from terratool.raster.formats import Coding, RasterFormat
@@ -64,9 +65,7 @@ def copied(source: Path, path: Path, driver: str, options: dict[str, Any], threa
             check_blocks(path)
         return
     done = subprocess.run(
-        [sys.executable, "-c", f"from {__name__} import main; main()",
-         str(source), str(path), driver, json.dumps(options)],
-        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
+        **call_apart(__name__, "main", str(source), str(path), driver, json.dumps(options)),
         stdin=subprocess.DEVNULL, capture_output=True, text=True, errors="replace", check=False,
     )  # fmt: skip
     if done.returncode:

@@ -13,8 +13,8 @@ from io import BufferedReader
 from pathlib import Path
 from typing import IO, Any, NamedTuple
 
+from terratool.apart import call_apart, limit_memory
 from terratool.errors import ReadError
-from terratool.importing.apart import call_apart, limit_memory
 from terratool.text.files import open_file
 from terratool.text.packing import TIMES, most_unpacked
 

@@ -9,11 +9,14 @@ from typing import Any
 
 
 def call_apart(module: str, function: str, *arguments: str) -> dict[str, Any]:
-    """What `subprocess` is given to call a function, which finds its arguments in `sys.argv`."""
+    """What `subprocess` is given to call a function, which finds its arguments in `sys.argv`.
+
+    Modules are those of this process, and none of the current folder, which may be a stranger's.
+    """
     program = f"from {module} import {function}; {function}()"
     return {
-        "args": [sys.executable, "-c", program, *arguments],
-        "env": {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
+        "args": [sys.executable, "-P", "-c", program, *arguments],
+        "env": {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
     }
 
 
