@@ -356,14 +356,17 @@ def _refuse_pipes(rasters: Collection[Path]) -> None:
     Some formats say in the file what their parts are called.
 
     Raises:
-        ReadError: there is one.
+        ReadError: there is one, or a folder cannot be listed.
     """
     stems: dict[Path, set[str]] = {}
     for path in rasters:
         stems.setdefault(path.parent, set()).add(path.stem.casefold())
     for folder, known in stems.items():
-        with os.scandir(folder) as entries:
-            others = [entry for entry in entries if not (entry.is_file() or entry.is_dir())]
+        try:
+            with os.scandir(folder) as entries:
+                others = [entry for entry in entries if not (entry.is_file() or entry.is_dir())]
+        except OSError as error:
+            raise ReadError.of(folder, error) from error
         special = [Path(entry.path) for entry in others if Path(entry.path).exists()]
         for path in special:  # and no links to nothing
             name = path.name.casefold()

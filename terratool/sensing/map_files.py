@@ -294,10 +294,10 @@ def read_map(path: str | Path) -> MapFile:
 
 
 def _refuse_claims(name: str, file: Any, count: int) -> None:
-    """Refuse a raster of which so many bands are not to be had, or come to too much.
+    """Refuse bands that are no real numbers, or come to more than their file may be meant to hold.
 
     Raises:
-        ReadError: it is one.
+        ReadError: they are, or do.
     """
     if any(np.dtype(kind).kind not in "iuf" for kind in file.dtypes[:count]):
         raise ReadError(f"{name}: holds no real numbers.", "Name a raster of heights.")

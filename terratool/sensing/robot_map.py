@@ -28,15 +28,14 @@ from terratool.field.terrain import refuse_empty
 from terratool.raster.grid import Grid
 from terratool.sensing.clouds import MOST_SURFACES, Cloud, checked_reader, read_clouds
 from terratool.sensing.sensor import Noise
-from terratool.text.files import is_regular
 
 Floats = NDArray[np.float64]
 
 MOST_CELLS = 1 << 24
 """Of the finest level: some 100 bytes each."""
 FREE_CELLS, CELLS_EACH = 1 << 20, 100
-"""Without bounds there are so many, or so many for each reading, whichever is more: two readings
-that are far apart are no reason for millions of cells."""
+"""Cells that a map without bounds may have: as many as the first, or as the second for each reading
+if that is more. Two readings that are far apart are no reason for millions of cells."""
 MOST_LEVELS = 12
 GATE = 2.5
 """Standard deviations that two heights of one surface may be apart."""
@@ -465,7 +464,7 @@ def map_scans(
     """
     for path in paths:
         checked_reader(Path(path))
-        if bounds is None and Path(path).exists() and not is_regular(path):
+        if bounds is None and Path(path).is_fifo():
             raise RequestError(
                 f"{path}: is a pipe, and is read twice to find where its points are.",
                 "Say by bounds what the map holds, or save it as a file.",
@@ -516,6 +515,11 @@ def in_sensor_axes(cloud: Cloud) -> bool:
 
 
 def _refuse_empty_cells(grid: Grid, readings: int, bounds: Bounds) -> None:
+    """Refuse far more cells than readings.
+
+    Raises:
+        RequestError: there are.
+    """
     cells = grid.width * grid.height
     if cells > max(FREE_CELLS, CELLS_EACH * readings):
         around = " ".join(f"{side:.9g}" for side in bounds)
