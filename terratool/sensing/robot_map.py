@@ -28,6 +28,7 @@ from terratool.field.terrain import refuse_empty
 from terratool.raster.grid import Grid
 from terratool.sensing.clouds import MOST_SURFACES, Cloud, checked_reader, read_clouds
 from terratool.sensing.sensor import Noise
+from terratool.text.files import is_pipe
 
 Floats = NDArray[np.float64]
 
@@ -464,7 +465,7 @@ def map_scans(
     """
     for path in paths:
         checked_reader(Path(path))
-        if bounds is None and Path(path).is_fifo():
+        if bounds is None and is_pipe(path):
             raise RequestError(
                 f"{path}: is a pipe, and is read twice to find where its points are.",
                 "Say by bounds what the map holds, or save it as a file.",

@@ -68,10 +68,20 @@ def read_up_to(file: BufferedReader, most: int) -> bytes:
 
 def is_regular(path: str | Path) -> bool:
     """Whether a path leads to a regular file; it is not opened."""
+    return stat.S_ISREG(_mode(path))
+
+
+def is_pipe(path: str | Path) -> bool:
+    """Whether a path leads to a pipe; it is not opened."""
+    return stat.S_ISFIFO(_mode(path))
+
+
+def _mode(path: str | Path) -> int:
+    """What a path leads to, as `stat` has it; 0 where that is nothing."""
     try:
-        return stat.S_ISREG(Path(path).stat().st_mode)
+        return Path(path).stat().st_mode
     except (OSError, ValueError):
-        return False
+        return 0
 
 
 def _refuse(found: os.stat_result, named: bool) -> None:
