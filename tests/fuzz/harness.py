@@ -293,10 +293,12 @@ def alone(target: Target, case: Case) -> Fault | None:
         worker.tell(attempt(target, case, folder)[1])
 
     with _scratch() as folder:
-        worker = _Worker(work)
-        ready, _, _ = select.select([worker], [], [], _HANG)
-        told, _ = worker.hear() if ready else ([], True)
-        number = worker.wait() if told else worker.stop() if not ready else worker.wait()
+        worker, until = _Worker(work), time.monotonic() + _HANG
+        ready, told, ended = True, [], False
+        while ready and not told and not ended:  # a long case comes piece by piece
+            ready = bool(select.select([worker], [], [], max(0.0, until - time.monotonic()))[0])
+            told, ended = worker.hear() if ready else ([], True)
+        number = worker.wait() if ready else worker.stop()
     if not ready:
         return Fault("slow", "", f"more than {_HANG:g} s", case)
     if not told:
