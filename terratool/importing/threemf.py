@@ -22,6 +22,7 @@ from terratool.text.files import open_file
 from terratool.text.packing import PackingError, refuse_members
 
 _PART = 100
+_PIECE, _LARGEST = 1 << 16, 1 << 26
 _METRES = {
     "micron": ("micrometres", 1e-6),
     "millimeter": ("millimetres", 0.001),
@@ -164,7 +165,12 @@ def _parse(file: IO[bytes], name: str, model: _Model, main: bool) -> None:
 
     parser = hardened(" ")
     parser.StartElementHandler = begin
-    parser.ParseFile(file)
+    step = _PIECE
+    # a comment without end is gone through anew with each piece, so that there are few of these
+    while piece := file.read(step):
+        parser.Parse(piece, False)
+        step = min(2 * step, _LARGEST)
+    parser.Parse(b"", True)
 
 
 def _placed(words: dict[str, str], name: str) -> _Placed:
