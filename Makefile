@@ -99,7 +99,7 @@ site: $(VENV)/.installed-docs  ## Build the site of docs/ into out/site, without
 	@! grep -rlE '(src|data-src)="(https?:)?//|url\(.?https?:' out/site || { echo "These ask the net."; exit 1; }
 	@echo "Open out/site/index.html"
 
-fuzz: $(VENV)/.installed-test  ## Try 1,400,000 broken files; FUZZ="rasters --share 0.01" for less
+fuzz: $(VENV)/.installed-test  ## Try 2,300,000 broken files; FUZZ="rasters --share 0.01" for less
 	$(BIN)/python -m tests.fuzz $(FUZZ)
 
 kills: $(VENV)/.installed-test  ## End 1,000 commands that write at random moments, and have others go wrong; KILLS="--kills 50" for less

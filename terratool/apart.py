@@ -1,4 +1,4 @@
-"""What is kept apart from the current folder, which may be a stranger's: libraries, and Python.
+"""What is kept apart from the current folder, which may be a stranger's: libraries, and processes.
 
 Matplotlib reads a `matplotlibrc` there while it is imported, ezdxf an `ezdxf.ini`, netCDF an
 `.ncrc`, GDAL files that are called like its tilings, and Python takes modules from there for
@@ -9,12 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import os
-import sys
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    import subprocess
 
 _OWN = ("MATPLOTLIBRC", "MPLCONFIGDIR", "EZDXF_CONFIG_FILE")
 """Variables by which the user names settings of these libraries, perhaps as seen from here."""
@@ -58,22 +53,3 @@ def apart() -> Iterator[None]:
         else:
             os.fchdir(here)
             os.close(here)
-
-
-def run_python(
-    module: str, *words: str, timeout: float | None = None
-) -> subprocess.CompletedProcess[bytes]:
-    """Run the function `main` of a module in a Python of its own, on the modules that this one has.
-
-    Raises:
-        subprocess.TimeoutExpired: it takes longer than so many s.
-    """
-    import subprocess
-    from pathlib import Path
-
-    folders = [*filter(None, sys.path), str(Path(__file__).parents[1])]
-    return subprocess.run(
-        [sys.executable, "-P", "-c", f"from {module} import main; main()", *words],
-        env={**os.environ, "PYTHONPATH": os.pathsep.join(folders)},
-        stdin=subprocess.DEVNULL, capture_output=True, check=False, timeout=timeout,
-    )  # fmt: skip

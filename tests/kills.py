@@ -18,6 +18,7 @@ import sys
 import tempfile
 import threading
 import time
+import zipfile
 from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
@@ -130,7 +131,7 @@ def jobs() -> list[Job]:
     found.append(Job("simulators", ("export-sim", YARD, "@sim", *several), before=TRACKS))
     course = ("curriculum", "samples/curricula/rough.json", "@course.json", "--overwrite")
     found.append(Job("curriculum", course, before="samples/curricula/all-kinds.json"))
-    return found + _seen() + _sensed()
+    return found + _seen() + _sensed() + _packed()
 
 
 def _seen() -> list[Job]:
@@ -148,24 +149,47 @@ def _seen() -> list[Job]:
 
 
 def _sensed() -> list[Job]:
-    """Scans in all formats."""
+    """Scans in all formats, robots' maps of them, and how good these are."""
     hall, over = "samples/warehouse.json", ("--on-ground", "1.5", "--overwrite")
-    lidar = (
-        "--sensor",
-        "samples/sensors/velodyne-vlp-16.json",
-        "--pose",
-        *["8", "5", "0", "20", "0", "0"],
-    )
-    camera = ("--sensor", "samples/sensors/realsense-d435.json", *lidar[2:])
+    camera = ("--sensor", "samples/sensors/realsense-d435.json", *_LIDAR[2:])
     found = [
-        Job(f"scan {ending}", ("scan", hall, f"@a.{ending}", *lidar, *over), before=YARD)
-        for ending in ("ply", "pcd", "las", "npz", "csv", "rosbag2")
+        Job(f"scan {ending}", ("scan", hall, f"@a.{ending}", *_LIDAR, *over), before=YARD)
+        for ending in ("ply", "pcd", "las", "laz", "npz", "csv", "rosbag2")
     ]
     found += [
         Job(f"images {ending}", ("scan", hall, f"@a.{ending}", *camera, *over), before=YARD)
         for ending in ("png", "tif")
     ]
+    sonar = ("--sensor", "samples/sensors/senscomp-6500.json", "--path", "@poses.csv", *over)
+    found.append(Job("scan path", ("scan", YARD, "@a.npz", *sonar), (("poses.csv", "poses"),)))
+    told = ("--cell", "0.5", "--output", "@m.tif", "--overwrite")
+    for ending in ("npz", "csv", "ply", "pcd", "las", "laz"):
+        scans = ((f"scan.{ending}", hall), (f"other.{ending}", YARD))
+        words = ("map", f"@scan.{ending}", *told)
+        found.append(Job(f"robot map {ending}", words, scans, f"@other.{ending}"))
+    scans = (("scan.npz", hall), ("other.npz", YARD))
+    bag = ("map", "@scan.npz", *told, "--bag", "@map_bag")
+    found.append(Job("robot map bag", bag, scans, "@other.npz"))
+    shown = ("compare", "@map.tif", hall, "--picture", "@p.png", "--overwrite")
+    found.append(Job("compare", shown, (("map.tif", hall),)))
     return found
+
+
+def _packed() -> list[Job]:
+    """What comes out of archives, and what settings ask for."""
+    terrain = ("--max-error", "0.5", "--overwrite")
+    unpacked = ("import-terrain", "zip://@dem.zip!dem.tif", "@a.json", *terrain)
+    found = [Job("terrain of an archive", unpacked, (("dem.zip", SITE),))]
+    set_ = ((".terratool.toml", "settings"), ("a.json", "misspelt"))
+    found.append(Job("settings", ("validate",), set_))
+    new = ("new", "craters", "@a.json.gz", "--seed", "5", "--overwrite")
+    found.append(Job("new", new, before="rough"))
+    return found
+
+
+_LIDAR = (
+    "--sensor", "samples/sensors/velodyne-vlp-16.json", "--pose", "8", "5", "0", "20", "0", "0",
+)  # fmt: skip
 
 
 @dataclass
@@ -244,6 +268,11 @@ def source(name: str, folder: Path) -> bytes:
     """An input by its name."""
     if name == "path":
         return b"x,y\n5,6\n20,12\n34,17\n"
+    if name == "poses":
+        lines = "".join(f"{n},{3 + n},3,0,{20 * n}\n" for n in range(9))
+        return f"time,x,y,z,yaw\n{lines}".encode()
+    if name == "settings":
+        return b'paths = ["a.json"]\nformats = ["json=a.out", "sarif=b.out", "text"]\n'
     if name == "minified":
         return json.dumps(json.loads((ROOT / SITE).read_text())).encode()
     if name == "misspelt":
@@ -251,16 +280,36 @@ def source(name: str, folder: Path) -> bytes:
     return (ROOT / name).read_bytes()
 
 
+def made(name: str, origin: str, folder: Path) -> Contents:
+    """An input by its name, and what belongs to it: a DEM, a scan or a map of a terrain, …"""
+    stem, _, ending = name.partition(".")
+    ground = ("--on-ground", "1.5")
+    words = {
+        "dem": ("export-dem", origin, "@dem.tif", "--resolution", "1"),
+        "scan": ("scan", origin, f"@{name}", *_LIDAR, *ground),
+        "other": ("scan", origin, f"@{name}", *_LIDAR, *ground),
+        "map": ("scan", origin, "@scan.npz", *_LIDAR, *ground),
+    }.get(stem)
+    if words is None:
+        return {name: source(origin, folder)}
+    put(folder, {})
+    finish(words, folder)
+    if stem == "map":
+        finish(("map", "@scan.npz", "--cell", "0.5", "--output", "@map.tif"), folder)
+        (folder / "scan.npz").unlink()
+    if ending == "zip":
+        with zipfile.ZipFile(folder / name, "w") as archive:
+            archive.write(folder / "dem.tif", "dem.tif")
+        (folder / "dem.tif").unlink()
+    return contents(folder)
+
+
 def bench(job: Job, folder: Path) -> Bench:
     """Find out what a job does when nobody disturbs it."""
     inputs: Contents = {}
     folder.mkdir()
     for name, origin in job.inputs:
-        if name == "dem.tif":
-            finish(("export-dem", origin, "@dem.tif", "--resolution", "1"), folder)
-            inputs = contents(folder) | inputs
-        else:
-            inputs[name] = source(origin, folder)
+        inputs |= made(name, origin, folder)
     put(folder, inputs)
     if job.before:
         finish((job.words[0], job.before, *job.words[2:]), folder)

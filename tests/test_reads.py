@@ -19,6 +19,8 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+import rasterio
+import rasterio.shutil
 
 from tests.commands import ENVIRONMENT, ROOT, call
 from tests.importing.test_opening import dem
@@ -91,6 +93,16 @@ OBJECT = IMAGE\nLINES = 4\nLINE_SAMPLES = 6\nSAMPLE_TYPE = PC_REAL\nSAMPLE_BITS 
     put("system.prj", f'PROJCS["x",EXTENSION["PROJ4","+proj=longlat +nadgrids={path}"]]')
     put("system.tif.aux.xml", f"<PAMDataset><SRS>+proj=longlat +nadgrids={path}</SRS></PAMDataset>")
     yield here / "system.tif"
+    for within in (True, False):  # the tags of a TIFF, and those beside it
+        name = f"overviews-{within}.tif"
+        dem(here / name)
+        if within:
+            with rasterio.open(here / name, "r+") as file:
+                file.update_tags(ns="OVERVIEWS", OVERVIEW_FILE=path)
+        else:
+            item = f'<Metadata domain="OVERVIEWS"><MDI key="OVERVIEW_FILE">{path}</MDI></Metadata>'
+            put(f"{name}.aux.xml", f"<PAMDataset>{item}</PAMDataset>")
+        yield here / name
     yield put("mesh.obj", f"mtllib {path}\nv 0 0 0\nv 1 0 1\nv 0 1 0\nusemtl a\nf 1 2 3\n")
     yield put("scene.wrl", f'#VRML V2.0 utf8\nInline {{ url "{path}" }}\n'
               f'Shape {{ appearance Appearance {{ texture ImageTexture {{ url "{path}" }} }} }}\n')  # fmt: skip
@@ -138,6 +150,33 @@ def test_nothing_elsewhere_is_opened(
         if seen := opened():
             found[file.name] = seen
     assert found == {}
+
+
+@pytest.mark.parametrize("kind", ["laz", "nc", "img"])
+def test_no_module_of_a_strange_folder_is_run(kind: str, tmp_path: Path) -> None:
+    """By the process of its own that reads, or writes, what may crash a library."""
+    (here := tmp_path / "here").mkdir()
+    for name in ("terratool", "laspy", "numpy", "rasterio", "struct", "sitecustomize"):
+        (here / f"{name}.py").write_text("open('ran', 'w').close()\n")
+    if kind == "nc":
+        dem(tmp_path / "a.tif")
+        rasterio.shutil.copy(str(tmp_path / "a.tif"), str(here / "a.nc"), driver="netCDF")
+        words = ["import-terrain", "a.nc", "a.json", "--max-error", "1"]
+    elif kind == "img":
+        (here / "a.json").write_text(json.dumps(TERRAIN))
+        words = ["export-dem", "a.json", "a.img", "--resolution", "1"]
+    else:
+        laspy = pytest.importorskip("laspy")
+        header = laspy.LasHeader(version="1.4", point_format=6)
+        with laspy.open(here / "a.laz", "w", header=header) as file:
+            file.write_points(laspy.ScaleAwarePointRecord.zeros(3, header=header))
+        words = ["map", "a.laz", "--cell", "1", "--output", "a.tif"]
+    done = subprocess.run(
+        [sys.executable, "-P", "-m", "terratool", *words],
+        cwd=here, env=ENVIRONMENT, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert not (here / "ran").exists()
 
 
 WATCHED = """

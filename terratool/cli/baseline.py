@@ -13,6 +13,7 @@ from msgspec import Struct
 from terratool.definition.findings import Finding
 from terratool.errors import ReadError
 from terratool.output import whole_file
+from terratool.text.files import open_file
 
 FORMAT_VERSION = 1
 
@@ -45,7 +46,8 @@ def read_baseline(path: str) -> Baseline:
     if Path(path).exists() and not Path(path).is_file():  # a pipe would keep us waiting
         raise ReadError(f"{path}: is no regular file.", "Name another file.")
     try:
-        found = msgspec.json.decode(Path(path).read_bytes(), type=Baseline)
+        with open_file(path) as file:
+            found = msgspec.json.decode(file.read(), type=Baseline)
     except OSError as error:
         raise ReadError.of(path, error, "Write it first, with --update-baseline.") from error
     except (msgspec.MsgspecError, RecursionError, ValueError) as error:

@@ -44,7 +44,7 @@ def command(ctx: click.Context, files: tuple[str, ...], only_check: bool) -> Non
             count += 1
             status.say(f"laying out {called(name)}")
             try:
-                source = read_source(name)
+                source = read_source(name, named=name in files)
             except ReadError as error:
                 failed.append(_said(error, status))
                 continue

@@ -19,6 +19,8 @@ from terratool.cli.saying import is_terminal, write_json, write_rows
 from terratool.cli.terminal import Status, load
 from terratool.errors import ReadError
 from terratool.text.display import inert_cell, shown
+from terratool.text.files import open_file
+from terratool.text.numbers import parse_number
 
 if TYPE_CHECKING:
     from terratool.field.terrain import PointSamples, Terrain
@@ -90,7 +92,8 @@ def _from_csv(name: str) -> Iterator[Point]:
         yield from _parse("<stdin>", TextIOWrapper(sys.stdin.buffer, "utf-8-sig", newline=""))
         return
     try:
-        with open(name, encoding="utf-8-sig", newline="") as file:
+        opened = open_file(name, named=True)
+        with TextIOWrapper(opened, "utf-8-sig", newline="") as file:
             yield from _parse(name, file)
     except OSError as error:
         raise ReadError.of(name, error) from error
@@ -148,11 +151,8 @@ def _cells(line: str, delimiter: str) -> list[str]:
 
 
 def _number(text: str) -> float | None:
-    try:
-        value = float(text)
-    except ValueError:
-        return None
-    return value if math.isfinite(value) and "_" not in text else None
+    value = parse_number(text)
+    return value if value is not None and math.isfinite(value) else None
 
 
 def _rows(

@@ -288,7 +288,7 @@ def _mend(name: str, options: CheckOptions, status: Status) -> None:
         raise RequestError(
             "--fix writes files, and standard input is none.", "Give the name of a file."
         )
-    source, shelf = read_source(name), new_shelf(options)
+    source, shelf = read_source(name, named=False), new_shelf(options)
     data, count = source.data, 0
     checked = check(source, options, kind=None, shelf=shelf)
     # an error of syntax hides all others, so that there may be many rounds
@@ -314,7 +314,8 @@ def _mend(name: str, options: CheckOptions, status: Status) -> None:
 def _is_definition(name: str) -> bool:
     """Whether a file has keys of a text that is checked at its top."""
     try:
-        members = msgspec.json.decode(read_source(name).data, type=dict[str, msgspec.Raw])
+        data = read_source(name, named=False).data
+        members = msgspec.json.decode(data, type=dict[str, msgspec.Raw])
     except (msgspec.MsgspecError, RecursionError, UnicodeError, ReadError):
         return False
     return not members.keys().isdisjoint(
@@ -606,9 +607,13 @@ def command(
         if fix:
             job.mend(status)
         shelf = new_shelf(job.options(job.limit))
-        found = job.done(
-            lambda name, options: check(read_source(name), options, kind=None, shelf=shelf), status
-        )
+
+        def look(name: str, options: CheckOptions) -> Checked:
+            # what the settings name, a stranger may have put there
+            source = read_source(name, named=name in files)
+            return check(source, options, kind=None, shelf=shelf)
+
+        found = job.done(look, status)
     if plan.form != "sarif" or update_baseline:
         _say_unreadable(found)
     if update_baseline and found.unreadable:

@@ -231,7 +231,7 @@ def _follow(
     from terratool.viewing.live import Followed, LiveState, PageServer, follow
     from terratool.viewing.pages import page_of
 
-    read_source(file)  # what is not there is no file to follow
+    read_source(file, named=False)  # what is no file is none to follow
     state = LiveState()
     told = _teller(file)
 

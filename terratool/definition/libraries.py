@@ -369,7 +369,7 @@ class Shelf:
                 return "TT701", f"the library {said} is {what}.", "Name a JSON file."
             if status.st_size > self._room:
                 raise ReadError(f"{real}: holds more than 1 GiB, with those before.", _SMALLER)
-            source = read_source(real, self._room, _SMALLER)
+            source = read_source(real, self._room, _SMALLER, named=False)
             self._room -= source.size
         except FileNotFoundError:
             hint = "Check the path; it begins at the folder of this file."

@@ -11,6 +11,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from terratool.definition.libraries import DICTIONARIES, Dictionary, readable_library
+from terratool.text.files import open_file
+from terratool.text.packing import GZIP
 from terratool.text.source import real_path
 
 MOST = 4 << 20
@@ -95,11 +97,9 @@ def _reached(path: Path) -> Iterator[Outline]:
 def _beginning(path: Path, most: int) -> bytes:
     """The first bytes of a file's text, unpacked; none where it cannot be read."""
     try:
-        if not path.is_file():  # a pipe would be waited for
-            return b""
-        with open(path, "rb") as file:
+        with open_file(path) as file:
             data = file.read(most)
-        if data.startswith(b"\x1f\x8b"):
+        if data.startswith(GZIP):
             return zlib.decompressobj(wbits=31).decompress(data, most)
         return data
     except (OSError, ValueError, zlib.error):

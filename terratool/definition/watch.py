@@ -54,7 +54,7 @@ class Watch:
         """The findings in a file, which is read only if it has changed; then with what it says.
 
         Raises:
-            ReadError: the file cannot be read.
+            ReadError: it cannot be read, or is no regular file.
         """
         seen = self._seen.get(name)
         if seen and seen.checked and seen.options == options and not _differs(seen):
@@ -63,7 +63,8 @@ class Watch:
         states = _states([name, *(seen.states if seen else ())])
         seen = self._seen[name] = _Seen({name: states[name]}, options)
         shelf = new_shelf(options)
-        checked = check(read_source(name), options, kind=None, shelf=shelf)
+        # what was a file may be a pipe by now
+        checked = check(read_source(name, named=False), options, kind=None, shelf=shelf)
         for library in shelf.files:
             seen.states[library] = states[library] if library in states else _state(library)
         seen.checked = _without_model(checked)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import os
 import re
@@ -13,8 +14,9 @@ from typing import Any
 import rasterio
 from affine import Affine
 
-from terratool.apart import run_python
 from terratool.errors import ReadError
+from terratool.processes import limit_memory, python_calling
+from terratool.text.files import open_file
 
 HARMLESS = 1 << 22
 """So many pixels are believed of any file."""
@@ -67,14 +69,19 @@ def refuse_claims(name: str, file: Any) -> None:
         raise ReadError(f"{name}: its pixels have no size, or lie nowhere.", _HINT)
     if not all(map(math.isfinite, (*file.scales, *file.offsets))):
         raise ReadError(f"{name}: its values have a scale or an offset that is no number.", _HINT)
-    parts = set(filter(None, map(_on_disk, file.files)))
-    if not parts:  # on the net
+    size = size_on_disk(file)
+    if size is None:  # on the net
         return
-    size = sum(part.stat().st_size for part in parts)
     archived = not any(Path(part).is_file() for part in file.files)
     most, hint = _most_pixels(file, size, archived)
     if file.width * file.height > most:
         raise _claim(name, file.width, file.height, size, UNPACK if archived else hint)
+
+
+def size_on_disk(file: Any) -> int | None:
+    """Bytes of the files in which what rasterio opened lies; None where it lies on the net."""
+    parts = set(filter(None, map(on_disk, file.files)))
+    return sum(part.stat().st_size for part in parts) if parts else None
 
 
 def transform_of(file: Any) -> Affine:
@@ -109,13 +116,14 @@ def _is_there(name: str) -> bool:
         return "does not exist" not in str(error)
 
 
-def _on_disk(name: str) -> Path | None:
+def on_disk(name: str) -> Path | None:
     """The file in which something lies that GDAL names: itself, or the outermost archive."""
     found = _systems(name)
-    if found is None:
-        return Path(name) if Path(name).is_file() else None
-    inner = Path(name[found.end() :].replace("}", ""))
-    return next((path for path in (inner, *inner.parents) if path.is_file()), None)
+    whole = Path(name if found is None else name[found.end() :].replace("}", ""))
+    places = (whole,) if found is None else (whole, *whole.parents)
+    with contextlib.suppress(OSError):  # a name that is too long
+        return next((path for path in places if path.exists() and not path.is_dir()), None)
+    return None
 
 
 def _most_pixels(file: Any, size: int, archived: bool) -> tuple[int, str]:
@@ -129,7 +137,7 @@ def _most_pixels(file: Any, size: int, archived: bool) -> tuple[int, str]:
         return size * (_TEXT_PACKED if archived else 1), _CUT_SHORT
     most = max(HARMLESS, size * (RAW if raw else PACKED))
     if file.driver == "netCDF" and not archived:
-        with open(file.files[0], "rb") as begin:
+        with open_file(file.files[0]) as begin:
             if begin.read(8).startswith(_CLASSIC):
                 return size, _CUT_SHORT  # it has all of its numbers
     if file.driver == "GTiff":
@@ -172,7 +180,10 @@ def probe(name: str) -> None:
         ReadError: that process did not come to its end.
     """
     try:
-        done = run_python(__name__, name, timeout=_PROBE_SECONDS)
+        done = subprocess.run(
+            **python_calling(__name__, "main", name),
+            capture_output=True, check=False, timeout=_PROBE_SECONDS,
+        )  # fmt: skip
     except subprocess.TimeoutExpired:
         raise ReadError(f"{name}: takes too long to be opened.", _HINT) from None
     if done.returncode:
@@ -187,7 +198,7 @@ def main() -> None:
     from rasterio.io import DatasetReader
     from rasterio.windows import Window
 
-    _limit_memory()
+    limit_memory(_PROBE_BYTES)
     try:
         with rasterio.Env(), DatasetReader(_parse_path(sys.argv[1]), driver=["netCDF"]) as file:
             try:
@@ -204,16 +215,3 @@ def main() -> None:
         sys.stdout.write(short or str(error.__cause__ or error).rstrip("."))
         sys.stdout.flush()
         os._exit(1)
-
-
-def _limit_memory() -> None:
-    """Let this process have not much more memory than it has, where the system can."""
-    try:
-        import resource
-
-        pages = int(Path("/proc/self/statm").read_text("ascii").split()[0])
-        most = pages * resource.getpagesize() + _PROBE_BYTES
-        resource.setrlimit(resource.RLIMIT_AS, (most, most))
-        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    except (ImportError, OSError, ValueError):
-        return

@@ -32,6 +32,7 @@ from terratool.importing.sources import (
 )
 from terratool.importing.threemf import read_3mf
 from terratool.importing.vrml.scene import UP, read_vrml, stated_up
+from terratool.text.files import open_file
 
 MAX_VALUES = 2**28
 """Values of glTF that the file does not hold, and that would have to be made up."""
@@ -130,7 +131,7 @@ def _reader_of(path: Path) -> Reader:
             raise ReadError(f"{path}: is a folder.", "Give the name of a file.")
         if not path.exists():
             raise ReadError(f"{path}: does not exist.", "Check the name.")
-        with open(path, "rb") as file:
+        with open_file(path) as file:
             empty = not file.read(1)
     except (OSError, ValueError) as error:
         why = (getattr(error, "strerror", None) or str(error)).lower()
@@ -234,11 +235,11 @@ def _by_trimesh(path: Path, kind: str) -> Triangles:
 
     notes = check_gltf(path) if kind in ("glb", "gltf") else ()
     plain = {} if kind in ("stl", "off") else {"skip_materials": True}
-    with open(path, "rb") as file:
+    with open_file(path) as file:
         scene: Any = trimesh.load(
             _counted_up(_as_utf8(file.read())) if kind == "obj" else file,
             file_type=kind,
-            resolver=trimesh.resolvers.FilePathResolver(str(path)) if kind == "gltf" else None,
+            resolver=_buffers_beside(path) if kind == "gltf" else None,
             force="scene",
             process=False,
             **plain,
@@ -261,6 +262,23 @@ def _by_trimesh(path: Path, kind: str) -> Triangles:
             "Export it again.",
         )
     return replace(triangles, notes=notes)
+
+
+def _buffers_beside(path: Path) -> Any:
+    """What gives trimesh the buffers of a glTF: regular files in its folder, and nothing else."""
+    from trimesh.resolvers import FilePathResolver
+
+    def get(name: str) -> bytes:
+        folder = path.parent.resolve()
+        buffer = (folder / name.strip()).resolve()
+        if not buffer.is_relative_to(folder):
+            raise ValueError(f"it names {name[:60]!r}, which lies out of its folder")
+        with open_file(buffer) as file:
+            return file.read()
+
+    resolver = FilePathResolver(str(path))
+    resolver.get = get
+    return resolver
 
 
 def _moved(vertices: Any, matrix: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -355,7 +373,7 @@ def check_gltf(path: Path) -> tuple[str, ...]:
 def declared_faces(path: Path) -> int:
     """How many faces a PLY or OFF says that it has, or a text of STL begins; 0 for others."""
     kind = path.suffix.lower()
-    with open(path, "rb") as file:
+    with open_file(path) as file:
         if kind == ".stl":
             size = path.stat().st_size
             head = file.read(84)
@@ -373,7 +391,7 @@ def declared_faces(path: Path) -> int:
 
 
 def _gltf_header(path: Path) -> dict[str, Any]:
-    with open(path, "rb") as file:
+    with open_file(path) as file:
         if path.suffix.lower() == ".gltf":
             text = file.read()
         else:

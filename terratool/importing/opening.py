@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import re
 import sys
 import warnings
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import Any
 from xml.parsers.expat import ExpatError
@@ -22,6 +23,7 @@ from rasterio.errors import (
     WarpOperationError,
 )
 from rasterio.io import DatasetReader
+from rasterio.windows import Window
 
 from terratool.definition.crs import names_file
 from terratool.errors import ReadError, interruption
@@ -29,10 +31,12 @@ from terratool.importing.expat import EntityError, tree_of
 from terratool.importing.guards import (
     UNPACK,
     is_netcdf,
+    on_disk,
     probe,
     refuse_claims,
     refuse_surfer_claims,
 )
+from terratool.text.files import is_regular, open_file
 
 DRIVERS = (
     "AAIGrid", "BMP", "BT", "DTED", "EHdr", "ENVI", "GIF", "GPKG", "GS7BG", "GSAG", "GSBG",
@@ -42,6 +46,9 @@ DRIVERS = (
 )  # fmt: skip
 """Of GDAL: those that read a raster from its own files. A VRT is opened by itself, if it may be."""
 
+_LISTED = "AAIGrid"
+"""To find a row GDAL looks for all before it, for each of these that is missing once more for all
+before that: its rows are gone through in their order, in which the first one missing is told."""
 _PROBED = "netCDF"
 _PLAIN_DRIVERS = tuple(driver for driver in DRIVERS if driver != _PROBED)
 _NETCDFS = (".nc", ".nc4", ".cdf")
@@ -58,6 +65,8 @@ _address = re.compile(r"(?:https?|ftp|s3|gs|az|adls?|oss|swift|hdfs|dap):/", re.
 _virtual = re.compile(r"(?<=[/{])vsi[a-z0-9_]+[/?]", re.IGNORECASE).findall
 
 _ZIP, _GZIP, _TAR = b"PK\3\4", b"\x1f\x8b", b"ustar"
+_TOLD = (".att", ".eph", ".hdr", ".imd", ".prj", ".pvl", ".rpb", ".rpc", ".til", ".txt", ".xml")
+"""Endings of files beside a raster that GDAL reads under names that are not those of the raster."""
 _TIFF = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 _described = re.compile(rb"<\s*(?:VRTDataset|GDAL_|WM|WCS|Capabilities|OGR)", re.IGNORECASE).search
 
@@ -72,6 +81,7 @@ _pointers = re.compile(
 
 _HEAD = 1 << 14
 """Bytes that GDAL's drivers look at, and more, to see what a file is."""
+_PIECE = 1 << 24
 _MAX_VRT = 256 << 20
 _MAX_LABEL = 16 << 20
 
@@ -119,13 +129,16 @@ def open_local(name: str, *, allow_remote: bool, **environment: Any) -> Iterator
     """
     drivers = None
     place = _place(name)
+    whole = on_disk(place)
+    if whole is not None:
+        _refuse_special(whole)
     environment["CPL_VSIL_GZIP_WRITE_PROPERTIES"] = "NO"
     # by several threads GDAL prints that a tile of a JPEG 2000 is broken, and reads on
     environment["GDAL_NUM_THREADS"] = "1"
     if not allow_remote:
         drivers = _drivers_for(name, place)
         environment |= {"CPL_VSIL_CURL_ALLOWED_FILENAME": "-", "GDAL_VRT_ENABLE_PYTHON": "NO"}
-        if not Path(name).exists():  # in an archive, or not at all: its neighbours are not asked
+        if on_disk(name) is None:  # in an archive, or not at all: its neighbours are not asked
             environment["GDAL_DISABLE_READDIR_ON_OPEN"] = "EMPTY_DIR"
     with (
         warnings.catch_warnings(), _unreadable_complaints(), rasterio.Env(**environment),
@@ -136,10 +149,18 @@ def open_local(name: str, *, allow_remote: bool, **environment: Any) -> Iterator
         with gdal_errors(name):
             # rasterio.open takes one driver, this several
             file = stack.enter_context(DatasetReader(_parse_path(place), driver=drivers))
+            # GDAL opens what this domain names, wherever it lies, as soon as it is asked for files
+            if not allow_remote and file.tags(ns="OVERVIEWS"):
+                raise ReadError(
+                    f"{name}: says that its overviews are another file.",
+                    "Make a GeoTIFF of it with gdal_translate, or add --allow-remote.",
+                )
             files = [] if allow_remote else file.files
         _refuse_files(name, files)
         with gdal_errors(name):
             refuse_claims(name, file)
+            if file.driver == _LISTED:
+                file.read(1, window=Window(0, 0, 1, file.height))
         yield file
 
 
@@ -190,7 +211,7 @@ def _way_out(name: str, reason: str) -> str:
     scheme = _scheme(name)
     if name.startswith("/vsi") or (scheme and scheme[1].lower() in ("gzip", "tar", "zip")):
         return f"Check the name within the archive. {UNPACK}"
-    with contextlib.suppress(OSError, ValueError), open(name, "rb") as file:
+    with contextlib.suppress(OSError, ValueError), open_file(name) as file:
         head = file.read(_HEAD)
         if head.startswith(_ZIP):
             return f"Name the raster in the archive, as in zip://{name}!dem.tif."
@@ -265,9 +286,10 @@ def _drivers_for(name: str, place: str) -> list[str]:
     try:
         if not path.is_file():
             return _drivers_within(place)
+        _refuse_pipes((path,))
         _refuse_sidecars(path)
         _refuse_grids(path)
-        with open(path, "rb") as file:
+        with open_file(path) as file:
             head = file.read(_HEAD)
             if _label(head):
                 _refuse_pointers(path, head + file.read(_MAX_LABEL))
@@ -318,6 +340,60 @@ def _refuse_pointers(path: Path, label: bytes) -> None:
             )
 
 
+def _refuse_special(path: Path) -> None:
+    """Refuse a pipe or a device, for which GDAL would wait.
+
+    Raises:
+        ReadError: it is one.
+    """
+    if not is_regular(path):
+        raise ReadError(f"{path}: is no regular file.", "Copy what it gives into a file.")
+
+
+def _refuse_pipes(rasters: Collection[Path]) -> None:
+    """Refuse pipes and devices in the folders of rasters that GDAL may take for parts of them.
+
+    Some formats say in the file what their parts are called.
+
+    Raises:
+        ReadError: there is one, or a folder cannot be listed.
+    """
+    stems: dict[Path, set[str]] = {}
+    for path in rasters:
+        stems.setdefault(path.parent, set()).add(path.stem.casefold())
+    for folder, known in stems.items():
+        try:
+            with os.scandir(folder) as entries:
+                others = [entry for entry in entries if not (entry.is_file() or entry.is_dir())]
+        except OSError as error:
+            raise ReadError.of(folder, error) from error
+        special = [Path(entry.path) for entry in others if Path(entry.path).exists()]
+        for path in special:  # and no links to nothing
+            name = path.name.casefold()
+            if name.endswith(_TOLD) or any(map(name.startswith, known)):
+                _refuse_special(path)
+        if special:
+            for raster in (path for path in rasters if path.parent == folder):
+                _refuse_named(raster, special)
+
+
+def _refuse_named(raster: Path, special: list[Path]) -> None:
+    """Refuse pipes and devices whose names stand in a raster, in whatever case.
+
+    Raises:
+        ReadError: one does.
+    """
+    names = {os.fsencode(path.name).lower(): path for path in special}
+    longest, before = max(map(len, names)), b""
+    with open_file(raster) as file:
+        while piece := file.read(_PIECE):
+            text = before + piece.lower()
+            for name, path in names.items():
+                if name in text:
+                    _refuse_special(path)
+            before = text[-longest:]
+
+
 def _refuse_sidecars(path: Path) -> None:
     """Refuse masks and overviews beside a file that are no TIFF: GDAL opens them by any driver."""
     for suffix in _SIDECARS:
@@ -335,7 +411,11 @@ def _refuse_grids(path: Path) -> None:
         path.with_name(path.name + ".aux.xml"), path.with_suffix(".aux.xml"),
         path.with_suffix(".prj"), path.with_suffix(".PRJ"), path.with_suffix(".qpj"),
     ):  # fmt: skip
-        if beside.is_file() and names_file(beside.read_text("utf-8", "replace")):
+        if not beside.is_file():
+            continue
+        with open_file(beside) as file:
+            text = file.read().decode("utf-8", "replace")
+        if names_file(text):
             raise ReadError(
                 f"{beside}: has a reference system that names a file.",
                 "Take that out of it, or add --allow-remote.",
@@ -344,8 +424,11 @@ def _refuse_grids(path: Path) -> None:
 
 def _is_tiff(path: Path) -> bool:
     """Whether a file is a TIFF, and none that other drivers take for a description as well."""
-    with open(path, "rb") as file:
-        head = file.read(_HEAD)
+    try:
+        with open_file(path) as file:
+            head = file.read(_HEAD)
+    except OSError:
+        return False
     return head.startswith(_TIFF) and not _described(head)
 
 
@@ -385,6 +468,7 @@ def _refuse_sources(path: Path, text: bytes) -> None:
         if not source.is_file() or not _is_tiff(source):
             raise ReadError(f"{path}: names {name[:60]!r}, which is no TIFF.", hint)
         _refuse_sidecars(source)
+    _refuse_pipes(seen)
 
 
 def _refuse_files(name: str, files: list[str]) -> None:

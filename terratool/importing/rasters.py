@@ -26,6 +26,7 @@ from terratool.importing.opening import gdal_errors, open_local
 from terratool.importing.sources import PixelGrid, SourceOptions, sample_range
 from terratool.raster.geotiff import read_crs
 from terratool.raster.layers import LAYERS
+from terratool.text.files import open_file
 
 HIGHEST = 1e9
 """A definition's heights stay below this in size."""
@@ -224,6 +225,11 @@ def _reprojected(name: str, file: Any, crs: str, nodata: float | None) -> Warped
         raise RequestError(
             f"{name}: does not say its reference system, so that it cannot be reprojected.",
             "Leave out --crs, or give the file one with gdal_edit.py -a_srs.",
+        )
+    if not is_placed(file):
+        raise RequestError(
+            f"{name}: does not say where it lies, so that it cannot be reprojected.",
+            "Leave out --crs, or give the file a place with gdal_edit.py -a_ullr.",
         )
     if nodata not in (None, file.nodata) and not math.isnan(file.nodata or math.nan):
         raise RequestError(
@@ -482,7 +488,8 @@ def _table(path: Path) -> dict[int, SurfaceEntry]:
     if not path.is_file():
         return {}
     try:
-        band = tree_of(path.read_bytes()).find("PAMRasterBand")
+        with open_file(path) as file:
+            band = tree_of(file.read()).find("PAMRasterBand")
     except (ExpatError, EntityError) as error:
         raise ReadError(
             f"{path}: cannot be read as XML ({error}).",

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from terratool.definition.findings import Bounds
 from terratool.errors import ReadError, RequestError
 from terratool.field.terrain import refuse_empty
+from terratool.text.source import is_folder
 
 MESHES = (
     ".obj", ".stl", ".ply", ".glb", ".gltf", ".off", ".3mf", ".dxf", ".wrl", ".wrz", ".x3d",
@@ -278,5 +279,5 @@ def check_options(name: str, options: SourceOptions) -> None:
             f"{name}: is a definition already.",
             "Name a DEM or a mesh; export-dem makes a DEM of a definition.",
         )
-    if Path(name).is_dir():
+    if is_folder(name):
         raise ReadError(f"{name}: is a folder.", "Name a file in it.")

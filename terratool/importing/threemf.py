@@ -18,11 +18,11 @@ from numpy.typing import NDArray
 from terratool.errors import ReadError
 from terratool.importing.expat import hardened
 from terratool.importing.sources import Triangles, join_triangles, refuse_many_faces
-
-MAX_UNPACKED = 2**32
-"""An archive that unpacks to more bytes than these is refused."""
+from terratool.text.files import open_file
+from terratool.text.packing import PackingError, refuse_members
 
 _PART = 100
+_PIECE, _LARGEST = 1 << 16, 1 << 26
 _METRES = {
     "micron": ("micrometres", 1e-6),
     "millimeter": ("millimetres", 0.001),
@@ -71,25 +71,23 @@ def read_3mf(path: Path) -> Triangles:
     """The triangles of all items that are to be built, each in its place.
 
     Raises:
-        ReadError: the archive is too large, an object holds itself or is not there, or there are
-            too many faces.
+        ReadError: the archive comes to too much, an object holds itself or is not there, or there
+            are too many faces.
         Exception: whatever zipfile and expat raise where the file is no 3MF.
     """
-    with zipfile.ZipFile(path) as archive:
-        size = sum(info.file_size for info in archive.infolist())
-        if size > MAX_UNPACKED:  # it would fill the memory
-            raise ReadError(
-                f"{path}: would unpack to {size:,} bytes.",
-                f"At most {MAX_UNPACKED:,} are read; export a smaller part.",
-            )
+    with open_file(path) as file, zipfile.ZipFile(file) as archive:
         names = [name for name in archive.namelist() if name.lower().endswith(".model")]
+        try:
+            refuse_members(archive, archive.namelist(), path.stat().st_size)
+        except PackingError as error:
+            raise ReadError(f"{path}: {error.message}", error.hint) from error
         first = min(names, key=lambda name: not name.lower().endswith("3d/3dmodel.model"))
         model = _Model({}, [])
         pending, seen = [first], {first}
         while pending:
             name = pending.pop()
-            with archive.open(name) as file:
-                _parse(file, name, model, main=name == first)
+            with archive.open(name) as member:
+                _parse(member, name, model, main=name == first)
             for key in [part.key for item in model.objects.values() for part in item.components]:
                 if key[0] not in seen:
                     seen.add(key[0])
@@ -167,7 +165,12 @@ def _parse(file: IO[bytes], name: str, model: _Model, main: bool) -> None:
 
     parser = hardened(" ")
     parser.StartElementHandler = begin
-    parser.ParseFile(file)
+    step = _PIECE
+    # a comment without end is gone through anew with each piece, so that there are few of these
+    while piece := file.read(step):
+        parser.Parse(piece, False)
+        step = min(2 * step, _LARGEST)
+    parser.Parse(b"", True)
 
 
 def _placed(words: dict[str, str], name: str) -> _Placed:

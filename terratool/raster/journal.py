@@ -62,7 +62,9 @@ class Journal:
             if line.endswith(b"\n"):
                 self._end += len(line)
             # what is not whole, or says something else, is as good as not there
-            with contextlib.suppress(ValueError, TypeError, KeyError, msgspec.MsgspecError):
+            with contextlib.suppress(
+                ValueError, TypeError, KeyError, RecursionError, msgspec.MsgspecError
+            ):
                 self._take(_entry_of(line))
 
     def _take(self, entry: dict[str, Any]) -> None:

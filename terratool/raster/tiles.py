@@ -26,6 +26,7 @@ from terratool.raster.layers import Bands
 from terratool.raster.prefetch import TILE, WindowMaker
 from terratool.raster.statistics import RasterStatistics
 from terratool.raster.writers import Storage
+from terratool.text.files import open_file
 
 INDEX = "mosaic.vrt"
 """The index, if it is not given another name."""
@@ -241,5 +242,5 @@ def is_complete(path: Path, file: FileState) -> bool:
 
 def checksum(path: Path) -> str:
     """BLAKE2b of a file, 16 bytes in hexadecimal digits."""
-    with open(path, "rb") as file:
+    with open_file(path) as file:
         return hashlib.file_digest(file, lambda: hashlib.blake2b(digest_size=16)).hexdigest()

@@ -6,6 +6,7 @@ import contextlib
 import json
 import math
 import os
+import subprocess
 import sys
 import warnings
 from collections.abc import Iterator, Sequence
@@ -21,9 +22,10 @@ from numpy.typing import NDArray
 from rasterio.errors import NotGeoreferencedWarning
 from rasterio.io import MemoryFile
 
-from terratool.apart import apart, run_python
+from terratool.apart import apart
 from terratool.errors import WriteError
 from terratool.field.terrain import Terrain
+from terratool.processes import python_calling
 from terratool.raster.formats import Coding, RasterFormat
 from terratool.raster.geotiff import (
     CACHE_BYTES,
@@ -65,10 +67,13 @@ def copied(source: Path, path: Path, driver: str, options: dict[str, Any], threa
         if tiff:
             check_blocks(path)
         return
-    done = run_python(__name__, str(source), str(path), driver, json.dumps(options))
+    done = subprocess.run(
+        **python_calling(__name__, "main", str(source), str(path), driver, json.dumps(options)),
+        capture_output=True, text=True, errors="replace", check=False,
+    )  # fmt: skip
     if done.returncode:
         message = (
-            done.stdout.decode("utf-8", "replace").strip()
+            done.stdout.strip()
             or f"{path.name}: cannot be written (GDAL's driver {driver} crashed)."
         )
         raise WriteError(message, _HINT)

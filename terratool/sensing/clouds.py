@@ -1,18 +1,28 @@
-"""Clouds of points: what scans in files have of each point, in batches."""
+"""Clouds of points: what scans in files have of each point, in batches.
+
+What a header claims is held against the size of its file before anything is made of it.
+"""
 
 from __future__ import annotations
 
-import contextlib
 import csv
-import json
+import io
 import math
+import os
+import struct
+import warnings
 import zipfile
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+import zlib
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, field
 from importlib.util import find_spec
+from itertools import islice
+from operator import itemgetter
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import IO, Any, AnyStr, Generic
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -21,14 +31,26 @@ from terratool.extras import install_command
 from terratool.sensing.formats.common import SENSOR_AXES
 from terratool.sensing.poses import Poses
 from terratool.text.display import listed, shown
+from terratool.text.files import open_file
+from terratool.text.numbers import parse_number, parse_whole
+from terratool.text.packing import PackingError, refuse_members
 
 Floats = NDArray[np.float64]
 
 BATCH = 1 << 20
 """So many points are in memory at a time."""
+MOST_SURFACES = 1 << 16
+"""Scans may name so many surfaces."""
 _LINES = 1 << 17
-"""Lines of a text that are read at a time."""
+"""Lines of a text that are read at a time …"""
+_FEW = 64
+_BATCH_BYTES = 1 << 26
+"""… if they have no more bytes than this, as rows of numbers have."""
+_MOST_LINE = 1 << 20
 _MOST_HEADER = 1 << 20
+_MOST_NAMES = 1 << 20
+"""Characters of the names of all surfaces together."""
+_MOST_ROW = (1 << 31) - 1
 _MOST = 1e30
 """What is larger is taken for no number: squares of it and float32 have to hold it."""
 _DAMAGED = "It may be cut short: write it again, or fetch it again."
@@ -124,9 +146,10 @@ def _cloud(path: Path, columns: Columns, surfaces: tuple[str, ...]) -> Cloud:
 
     surface = columns.get("surface")
     if surface is not None:
-        surface = surface[kept]
-        known = (surface >= 0) & (surface < len(surfaces))
-        surface = np.where(known, surface, -1).astype(np.int32)
+        given = surface[kept]
+        known = (given >= 0) & (given < len(surfaces))
+        surface = np.full(len(given), -1, np.int32)
+        surface[known] = given[known]
     return Cloud(
         points[kept],
         of("origin"),
@@ -146,33 +169,68 @@ def _in_sensor_axes(path: Path) -> ReadError:
 
 def _numbers_of(column: NDArray[Any]) -> Floats:
     """A column as float64, NaN where it is no number or too large."""
-    values = column.astype(np.float64)
+    with np.errstate(invalid="ignore", over="ignore"):  # a signalling NaN is one all the same
+        values = column.astype(np.float64)
     return np.where(np.abs(values) < _MOST, values, np.nan)
+
+
+def _checked_names(path: Path, names: Iterable[str]) -> tuple[str, ...]:
+    """The names of surfaces, if they are not too many or too long.
+
+    Raises:
+        RequestError: they are.
+    """
+    checked, size = [], 0
+    for name in names:
+        checked.append(name)
+        size += len(name)
+        if len(checked) > MOST_SURFACES or size > _MOST_NAMES:
+            raise RequestError(
+                f"{path}: names more than {MOST_SURFACES:,} surfaces, or more than "
+                f"{_MOST_NAMES >> 20} MiB of them.",
+                "Rename the column surface, if it holds something else.",
+            )
+    return tuple(checked)
+
+
+def _words(error: BaseException) -> str:
+    """What an error of a library says, in short."""
+    return " ".join(str(error).split())[:100] or type(error).__name__
+
+
+def _size(file: io.BufferedReader) -> int:
+    return os.fstat(file.fileno()).st_size
 
 
 # --- NumPy ---------------------------------------------------------------------------------------
 
+_NO_ARCHIVE = (
+    zipfile.BadZipFile, zlib.error, struct.error, EOFError, NotImplementedError, OverflowError,
+    ValueError,
+)  # fmt: skip
+"""What zipfile and NumPy raise for a file that is broken."""
+
 
 def _read_npz(path: Path) -> Iterator[Batch]:
     """Arrays of an archive, each read on from where it was left."""
-    try:
-        with contextlib.ExitStack() as stack:
-            archive = stack.enter_context(zipfile.ZipFile(path))
-            names = {name.removesuffix(".npy") for name in archive.namelist()}
-            surfaces: tuple[str, ...] = ()
-            if "surfaces" in names:
-                with archive.open("surfaces.npy") as file:
-                    values = np.lib.format.read_array(file, allow_pickle=False)
-                    surfaces = tuple(map(str, values.ravel().tolist()))
-            members = {
-                name: _Member(path, stack.enter_context(archive.open(f"{name}.npy")))
-                for name in _WANTED
-                if name in names
+    with ExitStack() as stack:
+        file = stack.enter_context(open_file(path))
+        try:
+            archive = stack.enter_context(zipfile.ZipFile(file))
+            stored = {name.removesuffix(".npy"): name for name in archive.namelist()}
+            wanted = {
+                name: archive.getinfo(stored[name])
+                for name in (*_WANTED, "surfaces")
+                if name in stored
             }
-            if any(
-                member.shape[1:] != ((3,) if name == "origin" else ())
-                for name, member in members.items()
-            ):
+            refuse_members(archive, [one.filename for one in wanted.values()], _size(file))
+            members = {
+                name: _Member(path, stack.enter_context(archive.open(one)), one.file_size)
+                for name, one in wanted.items()
+            }
+            named = members.pop("surfaces", None)
+            surfaces = () if named is None else _checked_names(path, named.texts())
+            if any(not member.has_rows(3 * (name == "origin")) for name, member in members.items()):
                 raise ReadError(
                     f"{path}: has an array that is no column of numbers.",
                     "Save one of a dimension for each column; origin has three numbers a row.",
@@ -186,22 +244,49 @@ def _read_npz(path: Path) -> Iterator[Batch]:
                 yield {name: member.read(count) for name, member in members.items()}, surfaces
             if not counts:
                 yield {}, surfaces
-    except (zipfile.BadZipFile, ValueError, EOFError, NotImplementedError) as error:
-        raise ReadError(f"{path}: is no archive of NumPy ({error}).", _DAMAGED) from error
+        except PackingError as error:
+            raise ReadError(f"{path}: {error.message}", error.hint) from error
+        except _NO_ARCHIVE as error:
+            raise ReadError(
+                f"{path}: is no archive of NumPy ({_words(error)}).", _DAMAGED
+            ) from error
 
 
 class _Member:
-    """An array in an archive, of which rows are read one after the other."""
+    """An array in an archive, of which rows are read one after the other.
 
-    def __init__(self, path: Path, file: Any) -> None:
+    Args:
+        path: of the archive.
+        file: the member, open.
+        size: its bytes, as the archive says.
+
+    Attributes:
+        shape: of the array.
+
+    Raises:
+        ReadError: it has no header, or one that claims more than there is.
+    """
+
+    def __init__(self, path: Path, file: Any, size: int) -> None:
         self._path, self._file = path, file
-        version = np.lib.format.read_magic(file)
-        read = {(1, 0): np.lib.format.read_array_header_1_0}.get(
-            version, np.lib.format.read_array_header_2_0
-        )
-        self.shape, fortran, self._type = read(file)
-        if not self.shape or self._type.kind not in "fiub" or (fortran and len(self.shape) > 1):
-            raise ReadError(f"{path}: has an array that is no column of numbers.", _DAMAGED)
+        try:
+            with warnings.catch_warnings():  # of headers as Python 2 wrote them
+                warnings.simplefilter("ignore")
+                self.shape, self._by_columns, self._type = _array_header(file)
+        except Exception as error:  # of many kinds, as a header is an expression of Python
+            deep = isinstance(error, MemoryError)  # as its parser says, whatever memory there is
+            raise ReadError(
+                f"{path}: has an array whose header is none ({_words(error)}).", _DAMAGED
+            ) from (None if deep else error)
+        if any(type(side) is not int or side < 0 for side in self.shape):
+            raise ReadError(f"{path}: has an array without a length.", _DAMAGED)
+        if math.prod(self.shape) * self._type.itemsize > size - file.tell():
+            raise ReadError(f"{path}: ends before its arrays do.", _DAMAGED)
+
+    def has_rows(self, width: int) -> bool:
+        """Whether it has rows of so many numbers, or is a column if that is 0."""
+        plain = self._type.kind in "fiub" and not (self._by_columns and width)
+        return plain and self.shape[1:] == (width,) * bool(width) and len(self.shape) > 0
 
     def read(self, count: int) -> NDArray[Any]:
         """So many rows."""
@@ -212,54 +297,120 @@ class _Member:
             raise ReadError(f"{self._path}: ends before its arrays do.", _DAMAGED)
         return np.frombuffer(data, self._type).reshape(shape)
 
+    def texts(self) -> list[str]:
+        """All of it, as texts.
 
-# --- CSV -----------------------------------------------------------------------------------------
+        Raises:
+            ReadError: it holds none, or too many.
+        """
+        if self._type.kind != "U" or len(self.shape) != 1:
+            raise ReadError(f"{self._path}: its surfaces are no list of names.", _DAMAGED)
+        if self.shape[0] > MOST_SURFACES or not self._type.itemsize:
+            return [""] * self.shape[0]
+        found: list[str] = self.read(self.shape[0]).tolist()
+        return found
+
+
+def _array_header(file: Any) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
+    """Shape, whether it lies column by column, and type of an array, as NumPy reads them."""
+    version = np.lib.format.read_magic(file)
+    read = {(1, 0): np.lib.format.read_array_header_1_0}.get(
+        version, np.lib.format.read_array_header_2_0
+    )
+    found: tuple[tuple[int, ...], bool, np.dtype[Any]] = read(file)
+    return found
+
+
+# --- texts ---------------------------------------------------------------------------------------
+
+
+@dataclass
+class _Lines(Generic[AnyStr]):
+    """The lines of a text, none of which is without end.
+
+    Attributes:
+        path: of the file.
+        file: which is open.
+        taken: bytes, or characters, of lines so far.
+    """
+
+    path: Path
+    file: IO[AnyStr]
+    taken: int = field(default=0, init=False)
+
+    def __iter__(self) -> Iterator[AnyStr]:
+        while line := self.file.readline(_MOST_LINE):
+            if len(line) == _MOST_LINE:
+                raise ReadError(
+                    f"{self.path}: has a line of more than {_MOST_LINE >> 20} MiB.", _DAMAGED
+                )
+            self.taken += len(line)
+            yield line
+
+    def some(self, rows: Iterator[Any], most: int) -> list[Any]:
+        """So many of the rows that are made of these lines, or fewer if they are long."""
+        until = self.taken + _BATCH_BYTES
+        found: list[Any] = []
+        while self.taken < until and (more := list(islice(rows, min(_FEW, most - len(found))))):
+            found += more
+        return found
 
 
 def _read_csv(path: Path) -> Iterator[Batch]:
     """Lines behind a header; empty cells are no numbers, surfaces have names."""
     known: dict[str, int] = {}
-    with open(path, encoding="utf-8-sig", newline="") as file:
-        rows = csv.reader(file)
+    opened = open_file(path, named=True)
+    with io.TextIOWrapper(opened, encoding="utf-8-sig", newline="") as file:
+        lines = _Lines(path, file)
+        rows = csv.reader(iter(lines))
         try:
             header = [cell.strip().lower() for cell in next(rows, [])]
-            places = {name: header.index(name) for name in _WANTED if name in header}
-            places.pop("origin", None)
-            filled = filter(None, rows)
-            while lines := [line for _, line in zip(range(_LINES), filled, strict=False)]:
-                yield (
-                    {
-                        name: _names(lines, place, known)
-                        if name == "surface"
-                        else _numbers(path, lines, place, name)
-                        for name, place in places.items()
-                    },
-                    tuple(known),
-                )
+            names = [name for name in _WANTED if name in header and name != "origin"]
+            places = [header.index(name) for name in names]
+            while some := lines.some(_picked(rows, places), _LINES):
+                columns: Columns = {}
+                for index, name in enumerate(names):
+                    cells = [row[index] for row in some]
+                    if name == "surface":
+                        columns[name] = _indices(cells, known)
+                    else:
+                        columns[name] = _numbers(path, cells, name)
+                yield columns, _checked_names(path, known)
         except UnicodeDecodeError as error:
             raise ReadError(f"{path}: is no UTF-8 text.", "Save it as UTF-8 CSV.") from error
         except csv.Error as error:
             raise ReadError(f"{path}:{rows.line_num}: is no CSV ({error}).", _DAMAGED) from error
 
 
-def _numbers(path: Path, lines: list[list[str]], place: int, name: str) -> Floats:
-    try:
-        return np.array([float(line[place] or "nan") for line in lines])
-    except (ValueError, IndexError):
-        for line in lines:
-            cell = line[place] if place < len(line) else ""
-            with contextlib.suppress(ValueError):
-                float(cell or "nan")
-                continue
-            break
+def _picked(rows: Iterator[list[str]], places: list[int]) -> Iterator[Sequence[str | None]]:
+    """The cells at some places of each row; None where a row ends before."""
+    pick = itemgetter(*places, -1)  # of one place alone it would give no tuple
+    longest = max(places, default=0)
+    for row in filter(None, rows):
+        if len(row) > longest:
+            yield pick(row)
+        else:
+            yield [row[place] if place < len(row) else None for place in places]
+
+
+def _numbers(path: Path, cells: list[str | None], name: str) -> Floats:
+    """A column of numbers; NaN where there is nothing.
+
+    Raises:
+        ReadError: a cell is no number, or lacks.
+    """
+    values = [parse_number(cell or "nan") if cell is not None else None for cell in cells]
+    if None in values:
+        cell = cells[values.index(None)] or ""
         raise ReadError(
             f"{path}: {shown(cell)} is no number, in the column {name}.",
             "Write numbers with a point, and nothing where there is none.",
-        ) from None
+        )
+    return np.array(values, np.float64)
 
 
-def _names(lines: list[list[str]], place: int, known: dict[str, int]) -> NDArray[np.int32]:
-    cells = [line[place] if place < len(line) else "" for line in lines]
+def _indices(cells: list[str | None], known: dict[str, int]) -> NDArray[np.int64]:
+    """Indices of names, of which more become known."""
     return np.array([known.setdefault(cell, len(known)) if cell else -1 for cell in cells])
 
 
@@ -270,141 +421,214 @@ _PLY_TYPES = {
     "ushort": "u2", "uint16": "u2", "int": "i4", "int32": "i4", "uint": "u4", "uint32": "u4",
     "float": "f4", "float32": "f4", "double": "f8", "float64": "f8",
 }  # fmt: skip
+_ORDERS = {"binary_little_endian": "<", "binary_big_endian": ">", "ascii": ""}
+
+Fields = list[tuple[str, str, int]]
+"""Columns of rows: name, type, and how many of that there are side by side."""
 
 
 def _read_ply(path: Path) -> Iterator[Batch]:
     """The element vertex, which stands first."""
-    with open(path, "rb") as file:
+    with open_file(path) as file:
         if file.readline(8).strip() != b"ply":
             raise ReadError(f"{path}: is no PLY.", "Check the file; a PLY begins with ply.")
-        form, count, surfaces, fields = "", -1, list[str](), list[tuple[str, str]]()
-        element = ""
-        while (words := _header_line(path, file)) != ["end_header"]:
+        form, element, count = "", "", -1
+        names: list[str] = []
+        fields: Fields = []
+        while (words := (line := _header_line(path, file)).split()) != ["end_header"]:
             match words:
                 case ["format", form, *_]:
                     pass
                 case ["comment", *rest] if rest == SENSOR_AXES.split():
                     raise _in_sensor_axes(path)
-                case ["comment", "surface", _, *name]:
-                    with contextlib.suppress(ValueError):
-                        surfaces.append(str(json.loads(" ".join(name))))
-                case ["element", element, number]:
-                    if element == "vertex" and fields == [] and count < 0:
-                        count = int(number) if number.isdigit() else -1
+                case ["comment", "surface", _, _, *_]:
+                    names += _quoted(line.split(None, 3)[3])
+                case ["element", element, claimed]:
+                    if element == "vertex" and not fields and count < 0:
+                        found = parse_whole(claimed)
+                        count = -1 if found is None else found
                     elif count < 0:
                         raise ReadError(
                             f"{path}: other elements stand before its vertices.",
                             "Write the vertices first.",
                         )
                 case ["property", kind, name] if element == "vertex" and kind in _PLY_TYPES:
-                    fields.append((name, _PLY_TYPES[kind]))
+                    fields.append((name, _PLY_TYPES[kind], 1))
                 case ["property", *_] if element == "vertex":
                     raise ReadError(
                         f"{path}: its vertices have a property {shown(' '.join(words[1:]))}.",
                         "A cloud has numbers alone.",
                     )
-        order = {"binary_little_endian": "<", "binary_big_endian": ">", "ascii": ""}.get(form)
+        order = _ORDERS.get(form)
         if order is None or count < 0:
             raise ReadError(f"{path}: its header says no format, or no vertices.", _DAMAGED)
-        yield from _rows(path, file, fields, count, order, tuple(surfaces))
+        surfaces = _checked_names(path, names)
+        for columns in _rows(path, file, fields, count, order):
+            yield columns, surfaces
 
 
-def _header_line(path: Path, file: BinaryIO) -> list[str]:
+def _quoted(text: str) -> list[str]:
+    """The name of a surface in a comment, or none if that is about something else."""
+    try:
+        return [msgspec.json.decode(text, type=str)]
+    except (msgspec.MsgspecError, UnicodeError):
+        return []
+
+
+def _header_line(path: Path, file: io.BufferedReader) -> str:
     line = file.readline(4096)
     if not line or file.tell() > _MOST_HEADER:
         raise ReadError(f"{path}: its header does not end.", _DAMAGED)
-    return line.decode("utf-8", "replace").split()
+    return line.decode("utf-8", "replace")
 
 
 def _rows(
-    path: Path, file: BinaryIO, fields: list[tuple[str, str]], count: int, order: str,
-    surfaces: tuple[str, ...] = (),
-) -> Iterator[Batch]:  # fmt: skip
-    """Rows of numbers: binary in an order of bytes, or text where that is empty."""
-    names = [name for name, _ in fields]
+    path: Path, file: io.BufferedReader, fields: Fields, count: int, order: str
+) -> Iterator[Columns]:
+    """Rows of numbers: binary in an order of bytes, or text where that is empty.
+
+    Raises:
+        ReadError: there are two columns of one name, or fewer rows than `count`.
+    """
+    if not fields:
+        yield {}
+        return
+    names = [name for name, _, _ in fields if name in _WANTED and name != "origin"]
     if len(set(names)) < len(names):
         raise ReadError(f"{path}: has two columns of one name.", "Keep one of each.")
-    if not fields:
-        yield {}, surfaces
-        return
-    kind = np.dtype([(name, f"{order or '<'}{form}") for name, form in fields])
-    for begin in range(0, max(count, 1), BATCH):
-        some = min(BATCH, count - begin)
-        if order:
-            data = file.read(some * kind.itemsize)
-            if len(data) < some * kind.itemsize:
-                raise ReadError(f"{path}: ends before its points do.", _DAMAGED)
-            rows: Any = np.frombuffer(data, kind)
-        else:
-            rows = _text_rows(path, file, names, some)
-        yield {name: rows[name] for name in names if name in _WANTED and name != "origin"}, surfaces
+    size = sum(np.dtype(form).itemsize * many for _, form, many in fields)
+    width = sum(many for _, _, many in fields)
+    # a number of a text takes a digit and what separates it from the next one
+    least = count * (size if order else 2 * width) - (not order)
+    if least > _size(file) - file.tell() or (order and size > _MOST_ROW):
+        raise ReadError(f"{path}: ends before its points do.", _DAMAGED)
+    places, forms, offsets, column, offset = [], [], [], 0, 0
+    for name, form, many in fields:
+        if name in names:
+            places.append(column)
+            forms.append(f"{order}{form}")
+            offsets.append(offset)
+        column += many
+        offset += np.dtype(form).itemsize * many
+    if not names or not count:
+        yield {name: np.zeros(0) for name in names}
+    elif order:
+        kind = np.dtype({"names": names, "formats": forms, "offsets": offsets, "itemsize": size})
+        yield from _binary_rows(path, file, kind, count)
+    else:
+        for rows in _text_rows(path, file, places, count):
+            yield dict(zip(names, rows.T, strict=True))
 
 
-def _text_rows(path: Path, file: BinaryIO, names: list[str], count: int) -> dict[str, Floats]:
-    lines = [line.split() for _, line in zip(range(count), file, strict=False)]
-    try:
-        if len(lines) < count or any(len(line) < len(names) for line in lines):
+def _binary_rows(
+    path: Path, file: io.BufferedReader, kind: np.dtype[Any], count: int
+) -> Iterator[Columns]:
+    many = max(1, min(BATCH, _BATCH_BYTES // kind.itemsize))
+    for begin in range(0, count, many):
+        size = min(many, count - begin) * kind.itemsize
+        data = file.read(size)
+        if len(data) < size:
             raise ReadError(f"{path}: ends before its points do.", _DAMAGED)
-        columns = [np.array([float(line[k]) for line in lines]) for k in range(len(names))]
-    except ValueError as error:
-        raise ReadError(f"{path}: holds what is no number ({error}).", _DAMAGED) from error
-    return dict(zip(names, columns, strict=True))
+        rows = np.frombuffer(data, kind)
+        yield {name: rows[name] for name in kind.names or ()}
+
+
+def _text_rows(
+    path: Path, file: io.BufferedReader, places: list[int], count: int
+) -> Iterator[Floats]:
+    """(n, len(places)) the numbers that stand at these places of the next `count` lines."""
+    lines = _Lines(path, file)
+    each = iter(lines)
+    while count > 0:
+        some = lines.some(each, min(_LINES, count))
+        count -= len(some)
+        try:
+            if not all(map(bytes.strip, some)) or not some:
+                raise ReadError(f"{path}: ends before its points do.", _DAMAGED)
+            text = [line.decode("ascii") for line in some]
+            yield np.loadtxt(text, comments=None, usecols=places, ndmin=2)
+        except ValueError as error:
+            raise ReadError(
+                f"{path}: has a line that is no row of numbers ({_words(error)}).", _DAMAGED
+            ) from error
 
 
 # --- PCD -----------------------------------------------------------------------------------------
 
-
-_NO_VIEWPOINT = ("0", "0", "0", "1", "0", "0", "0")
+_NO_VIEWPOINT = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
+_PCD_TYPES = {
+    **{("I", str(size)): f"i{size}" for size in (1, 2, 4, 8)},
+    **{("U", str(size)): f"u{size}" for size in (1, 2, 4, 8)},
+    ("F", "4"): "f4", ("F", "8"): "f8",
+}  # fmt: skip
+_FLATTEST = 1e-100
+"""A quaternion that is shorter than this has no direction."""
 
 
 def _read_pcd(path: Path) -> Iterator[Batch]:
     """Rows as PCL writes them, plain or binary; points are taken from the viewpoint's axes."""
-    with open(path, "rb") as file:
+    with open_file(path) as file:
         said: dict[str, list[str]] = {}
         while "DATA" not in said:
-            words = _header_line(path, file)
+            words = _header_line(path, file).split()
             if words[:1] == ["#"] and words[1:] == SENSOR_AXES.split():
                 raise _in_sensor_axes(path)
             if words and not words[0].startswith("#"):
                 said[words[0].upper()] = words[1:]
         try:
-            names = said["FIELDS"]
-            counts = list(map(int, said.get("COUNT", ["1"] * len(names))))
-            forms = [
-                f"{letter.lower()}{int(size)}"
-                for letter, size in zip(said["TYPE"], said["SIZE"], strict=True)
-            ]
-            count = int(said["POINTS"][0])
-            pose = np.array(list(map(float, said.get("VIEWPOINT", _NO_VIEWPOINT))))
-            fields = []
-            for name, form, several in zip(names, forms, counts, strict=True):
-                many = range(several)
-                fields += [(name if several == 1 else f"{name} {k}", form) for k in many]
-            # PCL calls padding _, as often as it likes
-            fields = [(f"_{k}" if n == "_" else n, form) for k, (n, form) in enumerate(fields)]
-            np.dtype([(name, form) for name, form in fields])
-            if pose.shape != (7,) or not np.isfinite(pose).all() or not pose[3:].any():
-                raise ValueError("no viewpoint")
-        except (KeyError, ValueError, IndexError, TypeError) as error:
-            raise ReadError(f"{path}: its header is no PCD's ({error}).", _DAMAGED) from error
+            fields, count, pose = _pcd_header(said)
+        except (KeyError, ValueError) as error:
+            raise ReadError(
+                f"{path}: its header is no PCD's ({_words(error)}).", _DAMAGED
+            ) from error
         data = said["DATA"][:1]
         if data not in (["ascii"], ["binary"]):
             raise ReadError(
                 f"{path}: is packed.",
                 "Unpack it: pcl_convert_pcd_ascii_binary IN.pcd OUT.pcd 1",
             )
-        order = "<" if data == ["binary"] else ""
-        for columns, surfaces in _rows(path, file, fields, count, order):
+        for columns in _rows(path, file, fields, count, "<" if data == ["binary"] else ""):
             # PCD has no place for the names of surfaces
             columns.pop("surface", None)
-            yield (_placed(columns, pose) if set("xyz") <= {*columns} else columns), surfaces
+            yield (_placed(columns, pose) if set("xyz") <= {*columns} else columns), ()
+
+
+def _pcd_header(said: dict[str, list[str]]) -> tuple[Fields, int, Floats]:
+    """Columns, how many rows there are, and the viewpoint.
+
+    Raises:
+        KeyError, ValueError: the header does not say them.
+    """
+    names = said["FIELDS"]
+    counts = [_whole(text) for text in said.get("COUNT", ["1"] * len(names))]
+    fields: Fields = []
+    for name, letter, size, many in zip(names, said["TYPE"], said["SIZE"], counts, strict=True):
+        form = _PCD_TYPES.get((letter.upper(), size))
+        if form is None:
+            raise ValueError(f"{shown(name)} is of type {shown(letter)} and size {shown(size)}")
+        fields.append((name if many == 1 else "", form, many))
+    pose = np.array(
+        [parse_number(text) for text in said.get("VIEWPOINT", ())] or _NO_VIEWPOINT, float
+    )
+    far = pose.shape != (7,) or not (np.abs(pose) < _MOST).all()
+    if far or np.abs(pose[3:]).max() < _FLATTEST:
+        raise ValueError("no viewpoint")
+    [count] = said["POINTS"][:1]
+    return fields, _whole(count), pose
+
+
+def _whole(text: str) -> int:
+    found = parse_whole(text)
+    if found is None:
+        raise ValueError(f"{shown(text)} is no count")
+    return found
 
 
 def _placed(columns: Columns, pose: Floats) -> Columns:
-    if np.array_equal(pose, list(map(float, _NO_VIEWPOINT))):
+    if np.array_equal(pose, _NO_VIEWPOINT):
         return columns
     turn = pose[[4, 5, 6, 3]] / np.linalg.norm(pose[3:])
-    local = np.stack([columns[name].astype(np.float64) for name in "xyz"], axis=-1)
+    local = np.stack([_numbers_of(columns[name]) for name in "xyz"], axis=-1)
     matrix = Poses(np.zeros(1), pose[None, :3], turn[None]).matrices[0]
     points = local @ matrix.T + pose[:3]
     origin = np.broadcast_to(pose[:3], points.shape)
@@ -416,24 +640,24 @@ def _placed(columns: Columns, pose: Floats) -> Columns:
 
 def _read_las(path: Path) -> Iterator[Batch]:
     """Points of LAS and LAZ, and what terratool adds to them."""
-    import laspy
+    from terratool.sensing.las_points import open_las
 
-    try:
-        with laspy.open(path) as file:
-            surfaces: tuple[str, ...] = ()
-            for record in file.header.vlrs:
-                if record.user_id == "terratool" and record.record_id == 1:
-                    text = record.record_data_bytes().decode("utf-8", "replace")
-                    surfaces = tuple(text.split("\n"))
-            names = {*file.header.point_format.dimension_names}
-            for points in file.chunk_iterator(BATCH):
+    with open_las(path) as file:
+        surfaces: tuple[str, ...] = ()
+        for record in file.header.vlrs:
+            if record.user_id == "terratool" and record.record_id == 1:
+                text = record.record_data_bytes().decode("utf-8", "replace")
+                surfaces = _checked_names(path, text.split("\n"))
+        names = {*file.header.point_format.dimension_names}
+        for points in file.batches(BATCH):
+            with np.errstate(all="ignore"):  # what is no number is left out
                 columns: Columns = {name: np.asarray(getattr(points, name)) for name in "xyz"}
                 for name, of in (("time", "gps_time"), ("range", "range"), ("surface", "surface")):
                     if of in names:
                         columns[name] = np.asarray(points[of])
-                yield columns, surfaces
-    except (laspy.errors.LaspyException, ValueError, RuntimeError) as error:
-        raise ReadError(f"{path}: is no LAS ({error}).", _DAMAGED) from error
+            if any(column.ndim != 1 for column in columns.values()):
+                raise ReadError(f"{path}: has a column of several numbers a point.", _DAMAGED)
+            yield columns, surfaces
 
 
 _READERS: dict[str, Callable[[Path], Iterator[Batch]]] = {

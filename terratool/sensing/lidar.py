@@ -13,8 +13,8 @@ def lidar_rays(lidar: Lidar) -> Rays:
 
     A beam of elevation e in a column of azimuth a goes to (cos e · cos a, cos e · sin a, sin e).
     """
-    elevations, azimuths = np.array(lidar.elevations), np.array(lidar.azimuths)
-    columns, beams = len(azimuths), len(elevations)
+    elevations, azimuths = np.array(lidar.elevations), lidar.azimuths
+    columns, beams = lidar.columns, len(elevations)
     level = np.cos(elevations)
     directions = np.empty((columns, beams, 3))
     directions[..., 0] = np.cos(azimuths)[:, None] * level
@@ -25,6 +25,6 @@ def lidar_rays(lidar: Lidar) -> Rays:
         directions=directions.reshape(-1, 3),
         columns=np.repeat(np.arange(columns), beams),
         ring=np.tile(np.arange(beams, dtype=np.uint16), columns),
-        offset=(np.array(lidar.times)[:, None] + fired).ravel(),
+        offset=(lidar.times[:, None] + fired).ravel(),
         along=np.ones(columns * beams),
     )

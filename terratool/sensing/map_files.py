@@ -11,6 +11,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 import rasterio
 from numpy.typing import NDArray
@@ -19,7 +20,7 @@ from rasterio.crs import CRS
 from terratool import __version__
 from terratool.errors import ReadError, RequestError
 from terratool.extras import install_command
-from terratool.importing.guards import is_placed
+from terratool.importing.guards import is_placed, size_on_disk
 from terratool.importing.opening import gdal_errors, open_local
 from terratool.output import (
     refuse_existing,
@@ -40,7 +41,16 @@ from terratool.raster.geotiff import (
 from terratool.raster.grid import Grid
 from terratool.raster.grid_map_bag import MOST_BYTES, TOPIC, GridMap, files_of_bag, write_grid_maps
 from terratool.raster.layers import Bands, Layer
-from terratool.sensing.robot_map import MOST_LEVELS, MapLevel, RobotMap
+from terratool.raster.prefetch import TILE
+from terratool.sensing.robot_map import (
+    FREE_CELLS,
+    MOST_CELLS,
+    MOST_LEVELS,
+    MapLevel,
+    RobotMap,
+)
+from terratool.text.numbers import parse_whole
+from terratool.text.packing import TIMES, most_unpacked
 
 BANDS = Bands(
     (
@@ -66,6 +76,12 @@ _COMPANIONS = (
 """What belongs to a map; what is left of an older one would be taken for part of this one."""
 _MOST_READ = 1 << 26
 _SQUARE = 1e-9
+_MOST = 1e30
+"""What is larger is taken for no number: squares of it and float32 have to hold it."""
+_MOST_COUNT = 2.0**53
+"""Readings of a cell that float64 counts."""
+_BLOCK = 16
+"""Sides of the blocks of a TIFF are multiples of this."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,6 +178,9 @@ def _write_level(path: Path, level: MapLevel, output: MapOutput) -> None:
         "driver": "GTiff", "dtype": "float64", "count": BANDS.count, "nodata": math.nan,
         "width": grid.width, "height": grid.height, "crs": crs, "transform": transform_of(grid),
         **tiff_options(BANDS, Compression(), 1),
+        # what is narrow fills no blocks of full size
+        "blockxsize": min(TILE, -(-grid.width // _BLOCK) * _BLOCK),
+        "blockysize": min(TILE, -(-grid.height // _BLOCK) * _BLOCK),
     }  # fmt: skip
     tags = {
         "TIFFTAG_SOFTWARE": f"terratool {__version__}",
@@ -231,7 +250,8 @@ def read_map(path: str | Path) -> MapFile:
     """Read a level of a map, or the first band of another raster as heights.
 
     Raises:
-        ReadError: it cannot be read, or its pixels are not square, are turned or have no place.
+        ReadError: it cannot be read, its pixels are no real numbers, not square, turned or without
+            a place, or they are far more than the file may be meant to hold.
         RequestError: it has too many pixels.
     """
     name = str(path)
@@ -242,26 +262,54 @@ def read_map(path: str | Path) -> MapFile:
                 f"{name}: has {grid.width:,} × {grid.height:,} pixels.",
                 f"Compare a part of it, or a coarser one, of up to {_MOST_READ:,}.",
             )
-        tags = file.tags()
-        is_map = LEVEL in tags and file.descriptions == BANDS.names
         with gdal_errors(name):
+            tags = file.tags()
+            is_map = LEVEL in tags and file.descriptions == BANDS.names
             count = BANDS.count if is_map else 1
-            pixels = file.read(list(range(1, count + 1)), masked=True)
-            pixels = np.ma.filled(pixels.astype(np.float64), np.nan)
-        scale, offset = file.scales[0], file.offsets[0]
-        crs = file.crs
-    pixels[np.isinf(pixels)] = np.nan
-    pixels[0] = pixels[0] * scale + offset if (scale, offset) != (1.0, 0.0) else pixels[0]
-    try:
-        number = int(tags[LEVEL]) if is_map else 0
-        surfaces = tuple(map(str, json.loads(tags[SURFACES]))) if is_map else ()
-    except (KeyError, ValueError, TypeError) as error:
+            _refuse_claims(name, file, count)
+            read = file.read(list(range(1, count + 1)), masked=True)
+            scale, offset = file.scales[0], file.offsets[0]
+            crs = file.crs
+    with np.errstate(invalid="ignore", over="ignore"):  # what is as large as that is none
+        pixels = read.astype(np.float64).filled(np.nan)
+        if (scale, offset) != (1.0, 0.0):
+            pixels[0] = pixels[0] * scale + offset
+    pixels[~(np.abs(pixels) < _MOST)] = np.nan
+    level, surfaces = _tagged(name, tags, grid) if is_map else (0, ())
+    return MapFile(name, _level_of(pixels, grid, level, surfaces), is_map, crs)
+
+
+def _refuse_claims(name: str, file: Any, count: int) -> None:
+    """Refuse bands that are no real numbers, or come to more than their file may be meant to hold.
+
+    Raises:
+        ReadError: they are, or do.
+    """
+    if any(np.dtype(kind).kind not in "iuf" for kind in file.dtypes[:count]):
+        raise ReadError(f"{name}: holds no real numbers.", "Name a raster of heights.")
+    size = 8 * BANDS.count * FREE_CELLS
+    if 8 * count * file.width * file.height > max(size, most_unpacked(size_on_disk(file) or 0)):
         raise ReadError(
-            f"{name}: its tags are not those of a map.", "Make it anew: terratool map"
-        ) from error
-    if not 0 <= number < 64:
-        raise ReadError(f"{name}: is of level {number}.", "Make it anew: terratool map")
-    return MapFile(name, _level_of(pixels, grid, number, surfaces), is_map, crs)
+            f"{name}: comes to more than {TIMES} times its size.",
+            "Save it without compression: gdal_translate -co COMPRESS=NONE OLD.tif NEW.tif",
+        )
+
+
+def _tagged(name: str, tags: dict[str, str], grid: Grid) -> tuple[int, tuple[str, ...]]:
+    """The level of a map and the names of its surfaces.
+
+    Raises:
+        ReadError: the tags do not say them.
+    """
+    level = parse_whole(tags[LEVEL])
+    try:
+        surfaces = msgspec.json.decode(tags.get(SURFACES, ""), type=tuple[str, ...])
+    except (msgspec.MsgspecError, UnicodeError):
+        level = None
+    cells = grid.width * grid.height
+    if level is None or level >= MOST_LEVELS or cells << 2 * level > MOST_CELLS:
+        raise ReadError(f"{name}: its tags are not those of a map.", "Make it anew: terratool map")
+    return level, surfaces
 
 
 def _level_of(
@@ -279,7 +327,8 @@ def _level_of(
         for field in fields(MapLevel)
         if field.name in BANDS.names
     }
-    given["surface"], given["count"] = surface.astype(np.int32), count.astype(np.int64)
+    given["surface"] = surface.astype(np.int32)
+    given["count"] = np.clip(count, 0, _MOST_COUNT).astype(np.int64)
     return MapLevel(level=number, grid=grid, surfaces=surfaces, **given)
 
 

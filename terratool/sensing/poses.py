@@ -8,7 +8,6 @@ turns to the left, a positive pitch looks down, a positive roll lets the right s
 from __future__ import annotations
 
 import csv
-import math
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -18,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from terratool.errors import ReadError, RequestError
 from terratool.field.terrain import Terrain
 from terratool.text.display import listed, shown
+from terratool.text.numbers import parse_number
 from terratool.text.source import read_source
 
 Floats = NDArray[np.float64]
@@ -204,11 +204,8 @@ def _row(place: str, cells: list[str], places: dict[str, int]) -> list[float]:
             row.append(0.0)
             continue
         cell = cells[index] if index < len(cells) else ""
-        try:
-            value = float(cell)
-        except ValueError:
-            value = math.nan
-        if not abs(value) <= _FAR or "_" in cell:
+        value = parse_number(cell)
+        if value is None or not abs(value) <= _FAR:  # nor NaN
             raise RequestError(
                 f"{place}: {column} is {shown(cell)}, which is no number up to {_FAR:g} in size.",
                 "Write a number for each column of the header.",

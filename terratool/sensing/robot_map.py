@@ -26,13 +26,17 @@ from terratool.definition.findings import Bounds
 from terratool.errors import RequestError
 from terratool.field.terrain import refuse_empty
 from terratool.raster.grid import Grid
-from terratool.sensing.clouds import Cloud, checked_reader, read_clouds
+from terratool.sensing.clouds import MOST_SURFACES, Cloud, checked_reader, read_clouds
 from terratool.sensing.sensor import Noise
+from terratool.text.files import is_pipe
 
 Floats = NDArray[np.float64]
 
 MOST_CELLS = 1 << 24
 """Of the finest level: some 100 bytes each."""
+FREE_CELLS, CELLS_EACH = 1 << 20, 100
+"""Cells that a map without bounds may have: as many as the first, or as the second for each reading
+if that is more. Two readings that are far apart are no reason for millions of cells."""
 MOST_LEVELS = 12
 GATE = 2.5
 """Standard deviations that two heights of one surface may be apart."""
@@ -48,7 +52,6 @@ _ROUNDS = 4
 """In which the top surface of a cell is looked for in a batch."""
 _FAR = 1e9
 """m: no height, and no place of a sensor, is as far from 0."""
-_MOST_SURFACES = 1 << 16
 _SAME = 1e-3
 """m: what a range and the distance of a rounded point may differ by."""
 
@@ -308,9 +311,9 @@ class RobotMap:
         assert cloud.surface is not None
         for name in cloud.surfaces:
             self._numbers.setdefault(name, len(self._numbers))
-        if len(self._numbers) > _MOST_SURFACES:
+        if len(self._numbers) > MOST_SURFACES:
             raise RequestError(
-                f"The scans name more than {_MOST_SURFACES:,} surfaces.",
+                f"The scans name more than {MOST_SURFACES:,} surfaces.",
                 "Rename the column surface, if it holds something else.",
             )
         index = np.array([self._numbers[name] for name in cloud.surfaces], np.int64)
@@ -457,18 +460,25 @@ def map_scans(
 
     Raises:
         RequestError: a suffix says no format, points are in the axes of a sensor, there are no
-            readings, or too many cells.
+            readings, too many cells, or without bounds a pipe or far more cells than readings.
         ReadError: a file cannot be read.
     """
     for path in paths:
         checked_reader(Path(path))
+        if bounds is None and is_pipe(path):
+            raise RequestError(
+                f"{path}: is a pipe, and is read twice to find where its points are.",
+                "Say by bounds what the map holds, or save it as a file.",
+            )
     if origin is not None and not all(abs(value) < _FAR for value in origin):
         raise RequestError(
             f"The origin {' '.join(f'{value:g}' for value in origin)} is nowhere.",
             f"Give x, y and z below {_FAR:g} m.",
         )
     if bounds is None:
-        grid = map_grid(_around(paths, progress), options)
+        around, readings = _around(paths, progress)
+        grid = map_grid(around, options)
+        _refuse_empty_cells(grid, readings, around)
     else:
         refuse_empty(bounds)
         grid = map_grid(bounds, options, anchored=False)
@@ -505,14 +515,30 @@ def in_sensor_axes(cloud: Cloud) -> bool:
     return bool(known.any() and same.all()) and elsewhere
 
 
-def _around(paths: Sequence[str | Path], progress: Callable[[str], object]) -> Bounds:
-    """The rectangle that holds all readings."""
-    low, high = np.full(2, np.inf), np.full(2, -np.inf)
+def _refuse_empty_cells(grid: Grid, readings: int, bounds: Bounds) -> None:
+    """Refuse far more cells than readings.
+
+    Raises:
+        RequestError: there are.
+    """
+    cells = grid.width * grid.height
+    if cells > max(FREE_CELLS, CELLS_EACH * readings):
+        around = " ".join(f"{side:.9g}" for side in bounds)
+        raise RequestError(
+            f"{readings:,} readings are too few for {cells:,} cells of {grid.resolution:g} m.",
+            f"Give larger cells, or say what the map holds by bounds: {around} is all of it.",
+        )
+
+
+def _around(paths: Sequence[str | Path], progress: Callable[[str], object]) -> tuple[Bounds, int]:
+    """The rectangle that holds all readings, and how many there are."""
+    low, high, count = np.full(2, np.inf), np.full(2, -np.inf), 0
     for path in paths:
         progress(f"looking where the points of {Path(path).name} are")
         for cloud in read_clouds(path):
             low = np.minimum(low, cloud.points[:, :2].min(axis=0))
             high = np.maximum(high, cloud.points[:, :2].max(axis=0))
+            count += len(cloud.points)
     if not np.isfinite(low).all():
         raise RequestError("The scans hold no readings.", "Give scans that met something.")
-    return float(low[0]), float(low[1]), float(high[0]), float(high[1])
+    return (float(low[0]), float(low[1]), float(high[0]), float(high[1])), count

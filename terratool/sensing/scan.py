@@ -154,7 +154,7 @@ class Scan:
         """Times of a frame's poses from its beginning, s: one, or one for each column."""
         if self.moves:
             assert isinstance(self.sensor.head, Lidar)
-            return np.array(self.sensor.head.times)
+            return self.sensor.head.times
         return np.zeros(1)
 
     def _poses(self, number: int, terrain: Terrain) -> Poses:

@@ -51,15 +51,31 @@ class Lidar:
 
     Attributes:
         elevations: of each beam, rad.
-        azimuths: of each column, rad, anticlockwise from x, in the order in which they are read.
-        times: of each column from the beginning of the turn, s.
+        columns: how many of them are read one after the other.
+        first: azimuth of the first column, degrees, anticlockwise from x.
+        step: from a column to the next one, degrees; below 0 clockwise.
+        rate: turns in a second.
         firing_interval: between the beams of a column, s.
     """
 
     elevations: tuple[float, ...]
-    azimuths: tuple[float, ...]
-    times: tuple[float, ...]
+    columns: int
+    first: float
+    step: float
+    rate: float
     firing_interval: float = 0.0
+
+    @property
+    def azimuths(self) -> Floats:
+        """(columns,) rad, anticlockwise from x, in the order in which they are read."""
+        azimuths: Floats = np.radians(self.first + np.arange(self.columns) * self.step)
+        return azimuths
+
+    @property
+    def times(self) -> Floats:
+        """(columns,) s, from the beginning of the turn."""
+        times: Floats = np.arange(self.columns) * abs(self.step) / np.float64(360.0 * self.rate)
+        return times
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,7 +166,7 @@ class Sensor:
     def shape(self) -> tuple[int, ...]:
         """Of what it reads at once: columns and beams, rows and pixels, or one ping."""
         if isinstance(self.head, Lidar):
-            return len(self.head.azimuths), len(self.head.elevations)
+            return self.head.columns, len(self.head.elevations)
         if isinstance(self.head, Camera):
             return self.head.height, self.head.width
         return (1,)
@@ -206,13 +222,14 @@ def _lidar(text: LidarText, rate: float) -> Lidar:
     elevations = np.array(text.elevations)
     if text.beams is not UNSET:
         elevations = np.linspace(elevations[0], elevations[1], text.beams)
-    steps = np.arange(text.columns) * text.azimuth_step
     first, last = text.span
-    azimuths = last - steps if text.clockwise is True else first + steps
+    clockwise = text.clockwise is True
     return Lidar(
         elevations=tuple(np.radians(elevations).tolist()),
-        azimuths=tuple(np.radians(azimuths).tolist()),
-        times=tuple((steps / (360.0 * rate)).tolist()),
+        columns=text.columns,
+        first=last if clockwise else first,
+        step=-text.azimuth_step if clockwise else text.azimuth_step,
+        rate=rate,
         firing_interval=0.0 if text.firing_interval is UNSET else text.firing_interval,
     )
 

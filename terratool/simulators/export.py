@@ -29,6 +29,7 @@ from terratool.simulators.options import SceneOptions
 from terratool.simulators.scene import Material, Scene
 from terratool.simulators.targets import Target, Written, chosen, refuse_uninstalled
 from terratool.text.display import json_text, plain, printable
+from terratool.text.files import is_regular, open_file
 
 MANIFEST = "manifest.json"
 README = "README.md"
@@ -187,9 +188,10 @@ def _earlier(place: Path) -> list[str]:
     if (place / MANIFEST).is_symlink():
         return []
     try:
-        manifest = json.loads((place / MANIFEST).read_bytes())
+        with open_file(place / MANIFEST) as file:
+            manifest = json.loads(file.read())
         files = [*manifest["files"], README, MANIFEST]
-    except (OSError, ValueError, KeyError, TypeError):
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return []
     return [name for name in files if isinstance(name, str) and _is_own(place, name)]
 
@@ -258,7 +260,7 @@ def _manifest(scene: Scene, key: str, written: Written, source: Path | None) -> 
         "generator": f"terratool {__version__}",
         "target": key,
         "summary": written.summary,
-        "source": None if source is None else _source(source, scene.terrain.libraries),
+        "source": _source(source, scene.terrain.libraries),
         "descr": scene.terrain.descr,
         "origin": list(scene.zero),
         "bounds": [west - x, south - y, east - x, north - y],
@@ -291,15 +293,21 @@ def _refuse_missing(path: Path) -> None:
         raise ReadError.of(path, error) from error
 
 
-def _source(path: Path, libraries: Iterable[str]) -> dict[str, Any]:
-    """The definition, and the libraries that it uses, by their place beside it; with hashes."""
+def _source(path: Path | None, libraries: Iterable[str]) -> dict[str, Any] | None:
+    """The definition, and the libraries that it uses, by their place beside it; with hashes.
+
+    None where it came from no file.
+    """
+    if path is None or not is_regular(path):
+        return None
     used = {Path(os.path.relpath(one, path.parent)).as_posix(): _sha256(one) for one in libraries}
     return {"file": path.name, "sha256": _sha256(path), "libraries": used}
 
 
 def _sha256(path: str | Path) -> str:
     try:
-        return hashlib.sha256(Path(path).read_bytes()).hexdigest()
+        with open_file(path) as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
     except OSError as error:
         raise ReadError.of(path, error) from error
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from terratool.field.terrain import Terrain
 from terratool.raster.grid import Grid
+from terratool.text.files import open_file
 from terratool.traversability.results import GroundClass
 from terratool.traversability.vehicle import Vehicle, load_vehicle
 
@@ -78,7 +79,8 @@ class Judge:
         vehicle, path = load_vehicle(path), Path(path)
         file = {"file": path.name}
         if path.is_file():  # and not standard input
-            file["sha256"] = hashlib.sha256(path.read_bytes()).hexdigest()
+            with open_file(path) as opened:
+                file["sha256"] = hashlib.file_digest(opened, "sha256").hexdigest()
         return cls(vehicle, file)
 
     def surveyor(self, terrain: Terrain, grid: Grid) -> Surveyor:

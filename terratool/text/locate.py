@@ -13,6 +13,7 @@ import msgspec
 from msgspec import Raw
 
 from terratool.text.display import Excerpt, unescape
+from terratool.text.numbers import parse_whole
 from terratool.text.scan import first_value, members, value_end
 
 _ABOUT = 60
@@ -136,7 +137,8 @@ class _Value:
         """
         first = self._data[self.start : self.start + 1]
         if first == b"[":
-            return self._item(int(token)) if token.isdigit() else None
+            index = parse_whole(token)
+            return None if index is None else self._item(index)
         if first != b"{":
             return None
         key = unescape(token)

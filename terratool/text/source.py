@@ -6,18 +6,19 @@ import gzip
 import os
 import shutil
 import sys
-import zlib
 from collections.abc import Iterable, Iterator
+from functools import partial
 from pathlib import Path
 
 from msgspec import Struct
 
 from terratool.errors import ReadError
 from terratool.output import is_same_file, whole_file
+from terratool.text.files import open_file, read_up_to
+from terratool.text.packing import GZIP, PackingError, gunzip, pack
 
 MAX_BYTES = 2 * 1024**3
 _SPLIT = "Split the terrain, or describe it by primitives rather than by points."
-_GZIP = b"\x1f\x8b"
 _BOM = b"\xef\xbb\xbf"
 
 
@@ -42,16 +43,20 @@ class Source(Struct, frozen=True):
         return len(self.data)
 
 
-def read_source(path: str | Path, most: int = MAX_BYTES, hint: str = _SPLIT) -> Source:
+def read_source(
+    path: str | Path, most: int = MAX_BYTES, hint: str = _SPLIT, *, named: bool = True
+) -> Source:
     """Read a file, or standard input for ``-``.
 
     Args:
         path: the file.
         most: bytes of its text, unpacked.
         hint: what to do about a file that holds more.
+        named: whether a user named it, as of `open_file`; else it has to be a regular file.
 
     Raises:
-        ReadError: the file is missing, unreadable, too large or broken gzip.
+        ReadError: the file is missing, unreadable, too large, broken gzip or one that comes to far
+            more than its size.
     """
     name = str(path)
     try:
@@ -61,16 +66,19 @@ def read_source(path: str | Path, most: int = MAX_BYTES, hint: str = _SPLIT) -> 
             data = sys.stdin.buffer.read(most + 1)
             name = "<stdin>"
         else:
-            with open(path, "rb") as file:
-                data = file.read(most + 1)
+            with open_file(path, named=named) as file:
+                data = read_up_to(file, most + 1)
     except OSError as error:
         raise ReadError.of(name, error) from error
     except ValueError as error:
         raise ReadError(f"{name!r}: is no name of a file.", "Check the path.") from error
     data = _within_limit(name, data, most, hint)
-    packed = data.startswith(_GZIP)
+    packed = data.startswith(GZIP)
     if packed:
-        data = _within_limit(name, _gunzip(name, data, most), most, hint)
+        try:
+            data = _within_limit(name, gunzip(data, most), most, hint)
+        except PackingError as error:
+            raise ReadError(f"{name}: {error.message}", error.hint) from error
     return Source(name, data.removeprefix(_BOM), packed, data.startswith(_BOM))
 
 
@@ -82,7 +90,7 @@ def write_source(source: Source, path: str | Path, overwrite: bool) -> None:
     """
     data = _BOM + source.data if source.marked else source.data
     if source.packed:
-        data = gzip.compress(data, mtime=0)
+        data = pack(data, partial(gzip.compress, mtime=0))
     own = is_same_file(path, source.name)
     with whole_file(path, overwrite) as part:
         part.write_bytes(data)
@@ -142,25 +150,3 @@ def _within_limit(name: str, data: bytes, most: int, hint: str) -> bytes:
         size = f"{most >> 20:,} MiB" if most % 1024**3 else f"{most >> 30} GiB"
         raise ReadError(f"{name}: holds more than {size} of text.", hint)
     return data
-
-
-def _gunzip(name: str, data: bytes, most: int) -> bytes:
-    parts = []
-    size = 0
-    try:
-        while data:
-            stream = zlib.decompressobj(wbits=31)
-            part = stream.decompress(data, most + 1 - size)
-            parts.append(part)
-            size += len(part)
-            if size > most:
-                break
-            if not stream.eof:
-                raise zlib.error("the stream ends too early")
-            data = stream.unused_data.lstrip(b"\0")  # padding is allowed between members
-    except zlib.error as error:
-        reason = str(error).rsplit(": ", 1)[-1]  # without the number of the error
-        raise ReadError(
-            f"{name}: is broken gzip ({reason}).", "Write or fetch the file again."
-        ) from error
-    return b"".join(parts)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from terratool.text.display import escape, shown, unescape
+from terratool.text.numbers import parse_whole
 from terratool.text.scan import TEXT
 
 A_KEY = "a key in double quotes"
@@ -107,8 +108,10 @@ class JsonText:
             if isinstance(places, dict) and step in places:
                 key, offset = places[step]
                 offset = key if on_key else offset
-            elif isinstance(places, list) and step.isdigit() and int(step) < len(places):
-                step = int(step)
+            elif isinstance(places, list):
+                step = parse_whole(step)
+                if step is None or step >= len(places):
+                    break
                 offset = places[step]
             else:
                 break

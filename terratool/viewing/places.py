@@ -15,6 +15,7 @@ from terratool.definition.reader import Checked, load_checked
 from terratool.field.terrain import Terrain
 from terratool.text.display import unescape
 from terratool.text.locate import Address, offsets
+from terratool.text.numbers import parse_whole
 from terratool.text.values import read_values
 
 MOST_ITEMS = 16
@@ -128,7 +129,8 @@ class Places(Struct, frozen=True, dict=True):
         found = self._values[place.file]
         for token in place.pointer.split("/")[1:]:
             if isinstance(found, list):
-                found = found[int(token)] if token.isdigit() and int(token) < len(found) else None
+                index = parse_whole(token)
+                found = None if index is None or index >= len(found) else found[index]
             elif isinstance(found, dict):
                 found = found.get(unescape(token))
         return found

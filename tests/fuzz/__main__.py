@@ -14,10 +14,11 @@ import sys
 from importlib import import_module
 from pathlib import Path
 
-from tests.fuzz import files, texts
+from tests.fuzz import archives, clouds, files, lines, texts
 from tests.fuzz.harness import KINDS, Case, Fault, Tally, Target, alone, run
 
-TARGETS = {target.name: target for target in (*texts.TARGETS, *files.TARGETS)}
+_MODULES = (texts, files, clouds, lines, archives)
+TARGETS = {target.name: target for module in _MODULES for target in module.TARGETS}
 CORPUS = Path(__file__).parent / "corpus"
 
 

@@ -30,6 +30,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from terratool.errors import TerratoolError
+from tests.commands import call
 
 SECONDS = 2.0
 """A case takes no more than this of a processor …"""
@@ -66,6 +67,20 @@ class Target:
     count: int
     make: Callable[[random.Random], Case]
     attempt: Callable[[Case, Path], str]
+
+
+class WrongError(Exception):
+    """An answer that is not what it must be."""
+
+
+def ask(*arguments: object) -> str:
+    """Run a command, which ends in a code that is known; what it says on standard output."""
+    ran = call(*arguments)
+    if ran.code not in (0, 1, 2, 3):
+        raise WrongError(f"{arguments[0]} ends with {ran.code}")
+    if ran.code and not ran.out + ran.err:
+        raise WrongError(f"{arguments[0]} fails without a word")
+    return ran.out
 
 
 class Fault(NamedTuple):
@@ -278,10 +293,12 @@ def alone(target: Target, case: Case) -> Fault | None:
         worker.tell(attempt(target, case, folder)[1])
 
     with _scratch() as folder:
-        worker = _Worker(work)
-        ready, _, _ = select.select([worker], [], [], _HANG)
-        told, _ = worker.hear() if ready else ([], True)
-        number = worker.wait() if told else worker.stop() if not ready else worker.wait()
+        worker, until = _Worker(work), time.monotonic() + _HANG
+        ready, told, ended = True, [], False
+        while ready and not told and not ended:  # a long case comes piece by piece
+            ready = bool(select.select([worker], [], [], max(0.0, until - time.monotonic()))[0])
+            told, ended = worker.hear() if ready else ([], True)
+        number = worker.wait() if ready else worker.stop()
     if not ready:
         return Fault("slow", "", f"more than {_HANG:g} s", case)
     if not told:

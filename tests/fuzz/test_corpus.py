@@ -73,6 +73,13 @@ def test_every_fault_is_seen(first: int, kind: str | None) -> None:
     assert (fault and fault.kind) == kind
 
 
+def test_a_fault_of_a_long_case_is_told_whole() -> None:
+    """It is longer than what a pipe holds."""
+    case = Case(".txt", bytes([1]) * 3_000_000)
+    fault = alone(TOY, case)
+    assert fault is not None and (fault.kind, fault.case) == ("traceback", case)
+
+
 def test_a_run_goes_on_behind_a_fault() -> None:
     """Crashes included; each kind is told once and counted as often as there is one."""
 

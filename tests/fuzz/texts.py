@@ -17,24 +17,31 @@ import numpy as np
 from benchmarks.expressions import formula, heavy, mutated, noise, spelled
 from terratool.definition.accuracy import SLACK, TOLERANCE
 from terratool.definition.bundle import bundle
+from terratool.definition.curriculum.spec import check_spec, load_spec
 from terratool.definition.expression import NAMED
-from terratool.definition.keys import ALL_KEYS, COMBINES, Kind
+from terratool.definition.keys import ALL_KEYS, COMBINES, CURRICULUM_KEYS, Kind
 from terratool.definition.layout import canonical
 from terratool.definition.libraries import known_names
-from terratool.definition.reader import Checked, check
+from terratool.definition.reader import Checked, CheckOptions, check
 from terratool.definition.uses import Uses
 from terratool.field.terrain import Terrain
 from terratool.mesh.export import relief_of
 from terratool.raster.grid import grid_over
 from terratool.raster.painter import Painter
+from terratool.sensing.poses import one_pose
+from terratool.sensing.scan import Scan, ScanOptions
+from terratool.sensing.sensor import load_sensor
 from terratool.text.source import Source
 from terratool.traversability.vehicle import vehicle_of
-from tests.commands import ROOT, call
-from tests.fuzz.harness import Case, Target
+from tests.commands import ROOT
+from tests.fuzz.harness import Case, Target, WrongError, ask
 from tests.fuzz.mutation import mutate_bytes, mutate_tree
 from tests.oracle import Expression
+from tests.sensing.yard import HERE as PLACE
+from tests.sensing.yard import TERRAIN as YARD
 
-KEYS = sorted({*chain.from_iterable(ALL_KEYS.values()), "x-ignore", "x-note"})
+HERE = (*PLACE, 20.0, 0.0, 0.0)
+KEYS = sorted({*chain.from_iterable(ALL_KEYS.values()), *CURRICULUM_KEYS, "x-ignore", "x-note"})
 LONGEST = 200_000
 """Bytes of a definition, so that repeated repetition ends."""
 
@@ -48,15 +55,13 @@ _STEEP = 1e4
 """Elements that rise by so many errors, or more, make meshes without end."""
 
 
-class WrongError(Exception):
-    """An answer that is not what it must be."""
-
-
 @cache
 def _texts(kind: Kind) -> list[bytes]:
     folders = {
         "terrain": ["samples", "samples/invalid", "tests/example-files/valid"],
         "vehicle": ["samples/vehicles"],
+        "sensor": ["samples/sensors"],
+        "curriculum": ["samples/curricula"],
     }[kind]
     paths = chain.from_iterable(sorted((ROOT / folder).glob("*.json")) for folder in folders)
     return [path.read_bytes() for path in paths if path.stat().st_size < 20_000]
@@ -89,6 +94,20 @@ def make_vehicle(rng: random.Random) -> Case:
     """A vehicle that is nearly right, or quite."""
     tree = pickle.loads(rng.choice(_trees("vehicle")))
     return _with_mistakes(rng, tree, rng.choice([1, 1, 1, 2, 4]), "vehicle")
+
+
+def make_sensor(rng: random.Random) -> Case:
+    """A sensor that is nearly right, or quite."""
+    tree = pickle.loads(rng.choice(_trees("sensor")))
+    return _with_mistakes(rng, tree, rng.choice([0, 1, 1, 1, 2, 4]), "sensor")
+
+
+def make_curriculum(rng: random.Random) -> Case:
+    """A spec of training tiles that is nearly right, or quite; small, so that it can be made."""
+    tree = pickle.loads(rng.choice(_trees("curriculum")))
+    tree |= {"rows": rng.randint(1, 3), "columns": rng.randint(1, 4)}
+    tree["kinds"] = dict(rng.sample(sorted(tree["kinds"].items()), rng.randint(1, 3)))
+    return _with_mistakes(rng, tree, rng.choice([0, 1, 1, 1, 2, 4]), "curriculum")
 
 
 def _with_mistakes(rng: random.Random, tree: Any, mistakes: int, kind: Kind) -> Case:
@@ -300,8 +319,8 @@ def _say_findings(case: Case, folder: Path, draw: int) -> None:
     name = folder / "case.json"
     name.write_bytes(case.data)
     form = ("text", "json", "sarif", "github", "junit", "gitlab")[draw % 6]
-    _call("validate", name, "--format", form)
-    _call("format", name)
+    ask("validate", name, "--format", form)
+    ask("format", name)
     name.unlink()
 
 
@@ -310,25 +329,16 @@ def _write(case: Case, folder: Path, terrain: Terrain, draw: int) -> None:
     name.write_bytes(case.data)
     dem = ("dem.tif", "dem.asc", "dem.png", "dem.npy")[draw % 4]
     mesh = ("mesh.glb", "mesh.obj", "mesh.stl", "mesh.wrl", "mesh.x3d", "mesh.ply")[draw % 6]
-    _call("export-dem", name, folder / dem, "--resolution", repr(size / 12), "--overwrite")
+    ask("export-dem", name, folder / dem, "--resolution", repr(size / 12), "--overwrite")
     error = relief_of(terrain, None) / 20 or 1
     arrays = terrain.arrays
     largest = np.abs(arrays.curves.pieces).max(initial=0) * np.abs(arrays.elements["scale"]).max()
     # nor what is so much larger than the error that the digits of float64 do not tell it
     if largest < min(_STEEP * error, 1e30) and size < _FINE * error:
-        _call("export-mesh", name, folder / mesh, "--max-error", repr(error), "--overwrite")
-    _call("info", name, "--json")
+        ask("export-mesh", name, folder / mesh, "--max-error", repr(error), "--overwrite")
+    ask("info", name, "--json")
     for path in folder.iterdir():
         path.unlink()
-
-
-def _call(*arguments: object) -> None:
-    """Run a command, which ends in a code that is known."""
-    ran = call(*arguments)
-    if ran.code not in (0, 1, 2, 3):
-        raise WrongError(f"{arguments[0]} ends with {ran.code}")
-    if ran.code and not ran.out + ran.err:
-        raise WrongError(f"{arguments[0]} fails without a word")
 
 
 def try_composition(case: Case, folder: Path) -> str:
@@ -377,8 +387,65 @@ def try_vehicle(case: Case, folder: Path) -> str:
         name = folder / "case.json"
         name.write_bytes(case.data)
         terrain = ROOT / "tests" / "example-files" / "valid" / "every-key.json"
-        _call("traversability", terrain, "--vehicle", name, "--resolution", 1, "--headings", 4)
+        ask("traversability", terrain, "--vehicle", name, "--resolution", 1, "--headings", 4)
         name.unlink()
+    return "valid"
+
+
+def try_sensor(case: Case, folder: Path) -> str:
+    """Check it; what is valid reads a yard now and then, if it has few rays."""
+    checked = _checked(case, "sensor")
+    if checked.readable:
+        _lay_out(case.data)
+    if checked.sensor is None:
+        return "invalid"
+    name = folder / "case.json"
+    name.write_bytes(case.data)
+    sensor = load_sensor(name)
+    scan = Scan(sensor, one_pose(HERE), ScanOptions(seed=1))
+    if scan.rays > _FEW_RAYS:
+        return "many rays"
+    if zlib.crc32(case.data) % 4 == 0:
+        for frame in scan.placed(YARD).read(YARD):
+            if not np.isfinite(frame.points[frame.returns]).all():
+                raise WrongError("a reading is no number")
+    if zlib.crc32(case.data) % 64 == 1:
+        ask("validate", name)
+        yard = ROOT / "samples" / "stairs-and-kerbs.json"
+        pose = ("--pose", 3, 3, 0, 0, 0, 0, "--on-ground", 1)
+        ask("scan", yard, folder / "scan.npz", "--sensor", name, *pose)
+        if (folder / "scan.npz").exists():
+            told = ("--cell", 1, "--sensor", name, "--output", folder / "map.tif")
+            ask("map", folder / "scan.npz", *told)
+    for path in folder.iterdir():
+        path.unlink()
+    return "valid"
+
+
+_FEW_RAYS = 100_000
+
+
+def try_curriculum(case: Case, folder: Path) -> str:
+    """Check it; some of the small ones are made."""
+    source = Source("case.json", case.data.removeprefix(b"\xef\xbb\xbf"))
+    for finding in check_spec(source, CheckOptions()).findings:
+        if not (finding.message and finding.line >= 1 and finding.column >= 1):
+            raise WrongError(f"a finding of {finding.code} without words or a place")
+    name = folder / "case.json"
+    name.write_bytes(case.data)
+    try:
+        spec = load_spec(name)
+        pieces = sum(patch.count for patch in spec.patches) * spec.rows * spec.columns
+        if max(spec.rows * spec.columns, pieces) > 30 or max(spec.tile) > 20:
+            return "large"
+        if zlib.crc32(case.data) % 4 == 0:
+            ask("curriculum", name, folder / "made.json")
+        if zlib.crc32(case.data) % 64 == 1:
+            ask("validate", name)
+            ask("format", name, "--check")
+    finally:
+        for path in folder.iterdir():
+            path.unlink()
     return "valid"
 
 
@@ -412,4 +479,6 @@ TARGETS = (
     Target("compositions", 100_000, make_composition, try_composition),
     Target("vehicles", 100_000, make_vehicle, try_vehicle),
     Target("curves", 100_000, make_curve, try_curve),
+    Target("sensors", 100_000, make_sensor, try_sensor),
+    Target("curricula", 100_000, make_curriculum, try_curriculum),
 )

@@ -7,6 +7,7 @@ import json
 import struct
 import subprocess
 import sys
+import time
 import zipfile
 from collections.abc import Callable
 from functools import partial
@@ -20,10 +21,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from terratool.errors import ReadError, RequestError, TerratoolError
-from terratool.importing import meshes, sources, threemf
+from terratool.importing import meshes, sources
 from terratool.importing.meshes import READERS, read_triangles
 from terratool.importing.sources import SampledHeights, SourceOptions, Triangles, open_source
 from terratool.mesh.export import write_mesh
+from terratool.text import packing
 from tests.conftest import terrain_of
 from tests.meshes import exported
 from tests.viewers import oblong, program
@@ -804,9 +806,27 @@ def test_an_archive_that_would_fill_the_memory_is_refused(
 ) -> None:
     path = tmp_path / "bomb.3mf"
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
-        archive.writestr("3D/3dmodel.model", bytes(300_000))
-    monkeypatch.setattr(threemf, "MAX_UNPACKED", 200_000)
-    assert "would unpack to 300,000 bytes" in refused(path).message
+        archive.writestr("3D/3dmodel.model", bytes(299_000))
+        archive.writestr("3D/part.xml", bytes(1000))  # which the other one may name
+    monkeypatch.setattr(packing, "PLENTY", 300_000)
+    assert "comes to more" not in refused(path).message
+    monkeypatch.setattr(packing, "PLENTY", 299_999)
+    assert "comes to more than 100 times its size" in refused(path).message
+
+
+def test_a_long_comment_takes_time_as_it_is_long(tmp_path: Path) -> None:
+    """Read piece by piece, it would be gone through anew with each of them."""
+    put_3mf(tmp_path / "tent.3mf")
+    with zipfile.ZipFile(tmp_path / "tent.3mf") as archive:
+        members = {name: archive.read(name) for name in archive.namelist()}
+    with zipfile.ZipFile(tmp_path / "long.3mf", "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, data in members.items():
+            long = b"<!--" + b"x" * 4_000_000 + b"-->"
+            archive.writestr(name, data + long if name.endswith(".model") else data)
+    begin = time.process_time()
+    found = read_triangles(tmp_path / "long.3mf")
+    assert time.process_time() - begin < 1
+    assert len(found.faces) == len(read_triangles(tmp_path / "tent.3mf").faces)
 
 
 def test_instances_that_multiply_are_refused(

@@ -241,6 +241,20 @@ def test_compressed_files_hold_the_same_text_each_time(tmp_path):
     assert gzip.decompress(first) == (tmp_path / "a.json").read_bytes()
 
 
+def test_what_packs_too_well_is_read_all_the_same(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A gzip that came to far more than its size would be taken for a bomb."""
+    monkeypatch.setattr("terratool.text.packing.PLENTY", 1000)
+    monkeypatch.setattr("terratool.text.packing.TIMES", 8)
+    heights = np.tile(np.arange(40.0) % 8, (60, 5))
+    path = tmp_path / "a.json.gz"
+    import_terrain(samples(heights), path, ImportOptions(0.01, structures=False), True)
+    whole = gzip.decompress(path.read_bytes())
+    assert len(whole) > 1000 and len(gzip.compress(whole)) * 8 < len(whole)  # it would be
+    assert read_source(path).data == whole
+
+
 def test_the_report_says_the_largest_error_and_where(tmp_path):
     heights = rough(50, 40, seed=7)
     source = samples(heights)

@@ -458,7 +458,7 @@ def test_packed_files(name: str, data: bytes, tmp_path: Path) -> None:
 def test_packed_texts_are_bounded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A bomb is given up at the bound, before it fills the memory; long lists of zeros are not."""
     bound = 1 << 20
-    monkeypatch.setattr("terratool.importing.vrml.scene._UNPACKED", bound)
+    monkeypatch.setattr("terratool.text.packing.PLENTY", bound)
     whole = scene(SHAPE)
     for size in (bound, bound + 1):
         data = gzip.compress(whole.replace(b"</Scene>", b"</Scene>" + b" " * (size - len(whole))))
@@ -467,7 +467,7 @@ def test_packed_texts_are_bounded(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
             assert len(read(tmp_path, data, "t.x3dz")) == 1
         else:
             said = refusal(tmp_path, data, "t.x3dz")
-            assert "holds more than 1 MiB of text. Unpack the file" in said
+            assert "comes to more than 100 times its size. Unpack it" in said
     bomb = gzip.compress(b"\0" * (1 << 27))
     tracemalloc.start()
     refusal(tmp_path, bomb, "t.wrz")

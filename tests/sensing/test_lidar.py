@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import tracemalloc
 from pathlib import Path
 
 import numpy as np
@@ -99,7 +100,7 @@ def test_a_lidar_turns_while_it_moves(clockwise: bool, time: float, tmp_path: Pa
     )
     scan = Scan(lidar, read_poses(path))
     (first,) = scan.read(TERRAIN)
-    east = int(np.argmin(np.abs(np.array(lidar.head.azimuths))))  # type: ignore[union-attr]
+    east = int(np.argmin(np.abs(lidar.head.azimuths)))  # type: ignore[union-attr]
     assert first.range[east] == pytest.approx(128 - 105 - 10 * time, rel=1e-9)
     assert first.time + first.offset[east] == pytest.approx(5 + time)
     np.testing.assert_allclose(first.points[east], [128, 207, 1.7], atol=1e-9)
@@ -298,3 +299,12 @@ def test_a_seed_is_the_noise() -> None:
         np.testing.assert_array_equal(first.points, second.points)
     assert not np.array_equal(one[0].points, other[0].points, equal_nan=True)
     assert not np.array_equal(one[0].points, one[1].points, equal_nan=True)
+
+
+def test_a_sensor_takes_no_memory_for_its_rays() -> None:
+    """Sixty bytes may ask for ten million columns; they are made where they are read."""
+    tracemalloc.start()
+    lidar = sensor(lidar={"elevations": [0], "azimuthStep": 3.75e-5})
+    assert lidar.rays == 9_600_000
+    assert tracemalloc.get_traced_memory()[1] < 1 << 20
+    tracemalloc.stop()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 from rasterio.transform import Affine
 
 from terratool.cli.compare import _signed
-from terratool.errors import RequestError, WriteError
+from terratool.errors import ReadError, RequestError, WriteError
 from terratool.field.terrain import Terrain
 from terratool.raster.grid import Grid
 from terratool.sensing.clouds import Cloud
@@ -363,3 +364,78 @@ def test_commands_end_to_end(saved: Save, tmp_path: Path) -> None:
     assert ran.code == 2 and not (tmp_path / "n.tif").exists()
     ran = call("map", scan, "--cell", 1, "--sigma", 1, "--sensor", site, "--output", "x.tif")
     assert ran.code == 2
+
+
+@pytest.mark.parametrize(("columns", "rows", "block"), [(3000, 2, (16, 512)), (20, 900, (512, 32))])
+def test_narrow_maps_have_narrow_blocks(
+    columns: int, rows: int, block: tuple[int, int], tmp_path: Path
+) -> None:
+    """Blocks of full size would be hundreds of times as much as is in them."""
+    options = MapOptions(1.0, 1)
+    made = RobotMap(Grid(0.0, 0.0, 1.0, rows, columns), options)
+    heights = np.arange(float(columns * rows)).reshape(rows, columns) % 97
+    x, y = np.meshgrid(np.arange(columns) + 0.5, rows - np.arange(rows) - 0.5)
+    made.add(Cloud(np.stack([x, y, heights], axis=-1).reshape(-1, 3)))
+    write_map(made, MapOutput(tmp_path / "a.tif", 1))
+    with rasterio.open(tmp_path / "a.tif") as file:
+        assert set(file.block_shapes) == {block}
+        np.testing.assert_array_equal(file.read(1), heights)
+
+
+def _tagged(path: Path, **tags: str) -> Path:
+    """A map of the ramp with other tags."""
+    write_map(of_heights(truth()), MapOutput(path, 1))
+    with rasterio.open(path, "r+") as file:
+        file.update_tags(**tags)
+    return path
+
+
+@pytest.mark.parametrize(
+    "tags",
+    [
+        {"TERRATOOL_MAP_LEVEL": "²"},
+        {"TERRATOOL_MAP_LEVEL": "-1"},
+        {"TERRATOOL_MAP_LEVEL": "9" * 5000},
+        {"TERRATOOL_MAP_LEVEL": "11"},  # 72 cells of 2¹¹ × 2¹¹ are more than a map has
+        {"TERRATOOL_MAP_SURFACES": "[" * 5000},
+        {"TERRATOOL_MAP_SURFACES": '{"a": 1}'},
+        {"TERRATOOL_MAP_SURFACES": "[1, 2]"},
+    ],
+)
+def test_tags_that_are_no_map_s(tags: dict[str, str], tmp_path: Path) -> None:
+    with pytest.raises(ReadError, match="its tags are not those of a map"):
+        read_map(_tagged(tmp_path / "a.tif", **tags))
+    assert read_map(_tagged(tmp_path / "b.tif", TERRATOOL_MAP_LEVEL="8")).level.level == 8
+
+
+@pytest.mark.parametrize(("count", "side"), [(9, 1100), (1, 3200)])
+def test_a_map_claims_no_more_than_its_file_may_hold(count: int, side: int, tmp_path: Path) -> None:
+    """Cells never seen pack to nothing, so that few bytes would be hundreds of megabytes."""
+    path = tmp_path / "a.tif"
+    profile = {"width": side, "height": side, "count": count, "dtype": "float64", "nodata": np.nan,
+               "transform": Affine(1, 0, 0, 0, -1, side)}  # fmt: skip
+    with rasterio.open(path, "w", driver="GTiff", sparse_ok=True, **profile) as file:
+        file.descriptions = BANDS.names[:count]
+        if count > 1:
+            file.update_tags(TERRATOOL_MAP_LEVEL="0", TERRATOOL_MAP_SURFACES="[]")
+    with pytest.raises(ReadError, match="comes to more than 100 times its size"):
+        read_map(path)
+
+
+def test_numbers_that_no_map_has(tmp_path: Path) -> None:
+    """Counts and heights without end are none, and complex numbers are told."""
+    path = tmp_path / "a.tif"
+    write_map(of_heights(truth()), MapOutput(path, 1))
+    with rasterio.open(path, "r+") as file:
+        bands = file.read()
+        bands[0, 0, 0], bands[4, 1, 1], bands[0, 2, 2] = 1e300, 1e25, -np.inf
+        file.write(bands)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        level = read_map(path).level
+    assert np.isnan(level.elevation[[0, 2], [0, 2]]).all() and level.count[1, 1] == 2**53
+    with rasterio.open(path, "w", driver="GTiff", width=4, height=4, count=1, dtype="complex64",
+                       transform=Affine(1, 0, 0, 0, -1, 4)) as file:  # fmt: skip
+        file.write(np.ones((1, 4, 4), np.complex64))
+    with pytest.raises(ReadError, match="no real numbers"):
+        read_map(path)

@@ -389,3 +389,36 @@ def test_defaults_of_the_command_are_those_of_the_map() -> None:
     assert command.SIGMA == module.SIGMA
     assert command.MOST_LEVELS == module.MOST_LEVELS
     assert MapOptions(1.0).levels == command.LEVELS
+
+
+def test_a_reading_that_is_far_off_makes_no_large_map(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Without bounds cells are held against readings: two far apart would take gigabytes."""
+    path = tmp_path / "a.csv"
+    path.write_text("x,y,z\n0,0,0\n4000,4000,0\n")
+    with pytest.raises(RequestError, match="2 readings are too few for 16,008,001 cells") as caught:
+        map_scans([path], ONE)
+    assert "0 0 4000 4000" in caught.value.hint
+    monkeypatch.setattr(module, "FREE_CELLS", 16)
+    monkeypatch.setattr(module, "CELLS_EACH", 11)
+    path.write_text("x,y,z\n0.5,0.5,0\n10.5,1.5,0\n")
+    assert map_scans([path], ONE).grid.width == 11  # 22 cells
+    path.write_text("x,y,z\n0.5,0.5,0\n11.5,1.5,0\n")
+    with pytest.raises(RequestError, match="too few for 24 cells"):
+        map_scans([path], ONE)
+    assert map_scans([path], ONE, (0.0, 0.0, 12.0, 2.0)).points == 2
+    path.write_text("x,y,z\n0.5,0.5,0\n3.5,3.5,0\n")
+    assert map_scans([path], ONE).grid.width == 4  # 16 are free
+
+
+def test_names_of_several_scans_have_an_end(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(module, "MOST_SURFACES", 3)
+    paths = [tmp_path / f"{n}.csv" for n in range(2)]
+    for n, path in enumerate(paths):
+        path.write_text(f"x,y,z,surface\n1,2,3,a{n}\n1,2,3,b{n}\n")
+    with pytest.raises(RequestError, match="more than 3 surfaces"):
+        map_scans(paths, ONE)
+    assert map_scans(paths[:1], ONE).surfaces == ["a0", "b0"]

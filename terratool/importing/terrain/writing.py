@@ -22,6 +22,7 @@ from terratool.importing.sampling import paint_pixels
 from terratool.importing.sources import PixelGrid
 from terratool.kernels import importing as kernels
 from terratool.raster.grid import Window
+from terratool.text.packing import pack
 
 _PIECE = 1 << 22
 """Bytes of text that are compressed at a time."""
@@ -221,7 +222,9 @@ class _GzipSink:
         import deflate
 
         if self._text:
-            self._file.write(deflate.gzip_compress(bytes(self._text), self._level))
+            self._file.write(
+                pack(bytes(self._text), lambda text: deflate.gzip_compress(text, self._level))
+            )
         self._text = bytearray()
 
 

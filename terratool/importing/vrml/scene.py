@@ -32,7 +32,7 @@ from terratool.importing.vrml.shapes import (
 from terratool.importing.vrml.text import PlacedText, VrmlText, short
 from terratool.importing.vrml.xml import parse_xml
 from terratool.kernels import importing as kernels
-from terratool.text.source import MAX_BYTES, Source, read_source
+from terratool.text.source import Source, read_source
 
 REPEATED = 25_000_000
 """Steps that USE and PROTO may take beyond what was written, of some 20 ns each …"""
@@ -70,9 +70,6 @@ _READ_AS = {
 }
 _HEAD = 1 << 16
 """Bytes that have the head of an X3D file."""
-
-_UNPACKED, _TIMES = 1 << 22, 100
-"""A text may have so many bytes, or so many times as many as its file, whichever is more."""
 
 _WIDE = {
     b"\xff\xfe": "utf-16-le", b"\xfe\xff": "utf-16-be",
@@ -506,17 +503,12 @@ def read_vrml(path: str | Path) -> Triangles:
 
 
 def _unpacked(path: str | Path) -> Source:
-    """The text of a file, in UTF-8 where it is in UTF-16; of gzip no more than may be meant.
+    """The text of a file, in UTF-8 where it is in UTF-16.
 
     Raises:
         ReadError: it cannot be read, or is too large.
     """
-    try:
-        size = Path(path).stat().st_size
-    except (OSError, ValueError):
-        size = 0  # as it is said where the file is read
-    most = min(MAX_BYTES, max(_UNPACKED, _TIMES * size))
-    source = read_source(path, most, "Unpack the file, or export a smaller part.")
+    source = read_source(path, hint="Export a smaller part.", named=False)  # it is read twice
     encoding = next((name for begin, name in _WIDE.items() if source.data.startswith(begin)), "")
     if not encoding:
         return source

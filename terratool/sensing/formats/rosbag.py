@@ -150,7 +150,7 @@ class _Bag:
         self._send("/points", kind, frame.time, message)
 
     def _scan(self, frame: Frame, lidar: Lidar) -> None:
-        azimuths, times = lidar.azimuths, lidar.times
+        azimuths, times = lidar.azimuths.tolist(), lidar.times.tolist()
         step, wait = 0.0, 0.0
         if len(azimuths) > 1:
             step = (azimuths[-1] - azimuths[0]) / (len(azimuths) - 1)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import json
-import math
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +12,12 @@ from numpy.typing import NDArray
 
 from terratool.errors import ReadError
 from terratool.text.display import shown
+from terratool.text.numbers import parse_number
+from terratool.text.source import read_source
 
+_MOST_BYTES = 1 << 26
+_FAR = 1e30
+"""No terrain reaches farther."""
 _LINE = "Write one point a line, as 12.5,7.25."
 
 
@@ -29,11 +33,10 @@ def read_waypoints(path: str | Path) -> NDArray[np.float64]:
         ReadError: the file cannot be read, a line holds no two numbers, or there are fewer than two
             points.
     """
-    name = str(path)
+    source = read_source(path, _MOST_BYTES, "Give a path of fewer points.")
+    name = source.name
     try:
-        text = Path(path).read_text("utf-8-sig")
-    except OSError as error:
-        raise ReadError.of(name, error) from error
+        text = source.data.decode()
     except UnicodeDecodeError as error:
         raise ReadError(f"{name}: is no UTF-8 text.", "Save it as UTF-8 CSV or GeoJSON.") from error
     points = _geojson(name, text) if text.lstrip().startswith("{") else _csv(name, text)
@@ -76,10 +79,10 @@ def _cells(line: str) -> list[str]:
 
 def _number(value: str | float) -> float | None:
     try:
-        number = float(value)
-    except (ValueError, OverflowError):
+        found = parse_number(value) if isinstance(value, str) else float(value)
+    except OverflowError:
         return None
-    return number if math.isfinite(number) and "_" not in str(value) else None
+    return found if found is not None and abs(found) <= _FAR else None  # nor NaN
 
 
 def _geojson(name: str, text: str) -> list[tuple[float, float]]:

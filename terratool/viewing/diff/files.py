@@ -30,13 +30,14 @@ class Reading:
             for their own.
         roots: further folders under which libraries may lie.
         roughness: whether rough surfaces have their relief.
-        confined: whether files that are links may lead no further than libraries.
+        met: whether they were met in a folder: then they have to be regular files, and links lead
+            no further than libraries.
     """
 
     called: str | None = None
     roots: tuple[str, ...] = ()
     roughness: bool = True
-    confined: bool = False
+    met: bool = False
 
     def refuse_link(self, name: str) -> None:
         """Refuse a file that was met in a folder, and is a link to what lies elsewhere.
@@ -44,7 +45,7 @@ class Reading:
         Raises:
             ReadError: it is.
         """
-        if self.confined and leads_out(name, (".", *self.roots)):
+        if self.met and leads_out(name, (".", *self.roots)):
             raise ReadError(
                 f"{name}: is a link out of the folders that may be read.",
                 "Put the file itself there, or name its folder by --library-root.",
@@ -53,7 +54,13 @@ class Reading:
     def side(self, name: str) -> Side:
         """Read a definition; raises what `read_side` and `refuse_link` raise."""
         self.refuse_link(name)
-        return read_side(name, called=self.called, roots=self.roots, roughness=self.roughness)
+        return read_side(
+            name,
+            called=self.called,
+            roots=self.roots,
+            roughness=self.roughness,
+            named=not self.met,
+        )
 
 
 Taken = Callable[[Compared], None]
@@ -124,7 +131,7 @@ def compare_folders(
         ReadError: neither folder has a terrain.
         RequestError: as of `diff`.
     """
-    reading = replace(reading, roots=(*reading.roots, old, new), confined=True)
+    reading = replace(reading, roots=(*reading.roots, old, new), met=True)
     before, after = _terrains(old, reading), _terrains(new, reading)
     if not before and not after:
         raise ReadError(
@@ -151,7 +158,9 @@ def compare_folders(
 
 def _is_one_text(old: str, new: str) -> bool:
     """Whether two files have the same text."""
-    return NOTHING not in (old, new) and read_source(old).data == read_source(new).data
+    if NOTHING in (old, new):
+        return False
+    return read_source(old, named=False).data == read_source(new, named=False).data
 
 
 def _of(error: RequestError, name: str) -> TerratoolError:
@@ -168,7 +177,7 @@ def _terrains(folder: str, reading: Reading) -> dict[str, str]:
     for name in names:
         try:
             reading.refuse_link(name)
-            kind = document_kind(read_source(name).data)
+            kind = document_kind(read_source(name, named=False).data)
         except ReadError:
             kind = None  # which is said when it is compared
         if kind in ("terrain", None):

@@ -252,8 +252,8 @@ def compare_ground(
 
     Without a resolution the grid lies over what can differ. It begins with pixels that show the
     finest feature there, on whose edges elements that differ have theirs if possible. It is halved
-    until volumes stay the same, or there are too many pixels. What the last halving changed is told;
-    of a resolution that is given, how far pixels twice as wide are from it.
+    until volumes stay the same, or there are too many pixels. What the last halving changed is
+    told; of a resolution that is given, how far pixels twice as wide are from it.
 
     Args:
         both: the terrains.

@@ -88,7 +88,12 @@ class Side(Struct, frozen=True, dict=True):
 
 
 def read_side(
-    name: str, *, called: str | None = None, roots: tuple[str, ...] = (), roughness: bool = True
+    name: str,
+    *,
+    called: str | None = None,
+    roots: tuple[str, ...] = (),
+    roughness: bool = True,
+    named: bool = True,
 ) -> Side:
     """Read, check and compile one definition.
 
@@ -97,12 +102,13 @@ def read_side(
         called: the path that it is taken to have: its libraries are looked for from there on.
         roots: further folders under which libraries may lie.
         roughness: whether rough surfaces have their relief.
+        named: whether a user named the file; one that was met has to be a regular file.
 
     Raises:
         ReadError: the file cannot be read.
         DefinitionError: it is no valid terrain.
     """
-    source = read_source(name)
+    source = read_source(name, named=named)
     if called is not None:
         source = Source(called, source.data, source.packed, source.marked)
     return side_of(source, roots=roots, roughness=roughness)

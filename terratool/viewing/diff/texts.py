@@ -14,6 +14,7 @@ from terratool.definition.tree import Tree
 from terratool.definition.uses import Root
 from terratool.text.display import counted
 from terratool.text.locate import Address, locate
+from terratool.text.numbers import parse_whole
 from terratool.viewing.diff.elements import RawChange, TreeComparison, TreeDifference
 from terratool.viewing.diff.entries import (
     EntryDifference,
@@ -213,7 +214,8 @@ def _count(tree: Tree, index: int) -> int:
 
 
 def _order(pointer: str) -> tuple[int, ...]:
-    return tuple(int(token) for token in pointer.split("/") if token.isdigit())
+    numbers = map(parse_whole, pointer.split("/"))
+    return tuple(number for number in numbers if number is not None)
 
 
 # Tracks

@@ -1,0 +1,40 @@
+"""Calls in a Python of their own, with little memory: a library may crash there, or eat it."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+
+def python_calling(module: str, function: str, *arguments: str) -> dict[str, Any]:
+    """What `subprocess` is given to call a function, which finds its arguments in `sys.argv`.
+
+    Modules are those of this process, and none of the current folder, which may be a stranger's.
+    """
+    folders = [*filter(None, sys.path), str(Path(__file__).parents[1])]
+    program = f"from {module} import {function}; {function}()"
+    return {
+        "args": [sys.executable, "-P", "-c", program, *arguments],
+        "env": {**os.environ, "PYTHONPATH": os.pathsep.join(folders)},
+        "stdin": subprocess.DEVNULL,
+    }
+
+
+def limit_memory(most: int) -> None:
+    """Let this process have not much more memory than it has, where the system can.
+
+    Args:
+        most: bytes more.
+    """
+    try:
+        import resource
+
+        pages = int(Path("/proc/self/statm").read_text("ascii").split()[0])
+        limit = pages * resource.getpagesize() + most
+        resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
+        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    except (ImportError, OSError, ValueError):
+        return
