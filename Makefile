@@ -9,6 +9,8 @@ CONFIG ?=
 FUZZ ?=
 KILLS ?=
 TABLE = $(BIN)/python -c 'import tomllib; print(*tomllib.load(open("pyproject.toml", "rb"))$(1), sep="\n")'
+# CMake and Ninja, of PyPI where the machine has none
+TOOLS := 'from scikit_build_core.build import get_requires_for_build_editable as wanted; print(*wanted({}), sep="\n")'
 KERNEL_TESTS := tests/test_kernels.py tests/field/test_field.py tests/field/test_rays.py tests/raster/test_painter.py tests/field/test_tracks.py \
   tests/raster/test_loss.py tests/mesh/test_build.py tests/mesh/test_normals.py tests/mesh/test_solid.py \
   tests/mesh/test_tracks.py tests/simulators/test_solids.py \
@@ -34,6 +36,7 @@ $(VENV)/.installed-%: pyproject.toml $(KERNELS)
 	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
 	@echo "Installing terratool and what it needs into $(VENV), and building its kernels: a few minutes …"
 	@$(call TABLE,["build-system"]["requires"]) | $(BIN)/python $(PIP) --requirement /dev/stdin
+	@$(BIN)/python -c $(TOOLS) | $(BIN)/python $(PIP) --requirement /dev/stdin
 	@$(BIN)/python $(PIP) --no-build-isolation -Ceditable.rebuild=false $(CONFIG) --editable '.$(if $(filter-out none,$*),[$*])'
 	@touch $@
 

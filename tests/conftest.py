@@ -16,6 +16,7 @@ from hypothesis import HealthCheck, settings
 from terratool.definition.reader import check
 from terratool.field.terrain import Terrain
 from terratool.text.source import Source
+from tests.programs import how_to_get, lacked
 
 settings.register_profile(
     "terratool",
@@ -45,11 +46,32 @@ Report = TypeVar("Report", pytest.TestReport, pytest.CollectReport)
 
 def _unskipped(report: Report) -> Report:
     why = str(report.longrepr[2]) if isinstance(report.longrepr, tuple) else str(report.longrepr)
-    lacking = "is not installed" in why or "could not import" in why
-    if report.outcome == "skipped" and lacking and os.environ.get("TERRATOOL_NO_SKIPS") == "1":
+    if report.outcome == "skipped" and lacked(why) and os.environ.get("TERRATOOL_NO_SKIPS") == "1":
         report.outcome = "failed"
         report.longrepr = f"{why}, and TERRATOOL_NO_SKIPS=1 wants all tests to run"
     return report
+
+
+@pytest.hookimpl(wrapper=True, tryfirst=True)
+def pytest_sessionfinish(session: pytest.Session) -> Generator[None, object, object]:
+    """The last line of all says what was lacking; TERRATOOL_LACKING names a file for the tests."""
+    done = yield
+    reporter = session.config.pluginmanager.get_plugin("terminalreporter")
+    if reporter is None or hasattr(session.config, "workerinput"):
+        return done
+    skipped = {
+        report.nodeid: name
+        for report in reporter.stats.get("skipped", [])
+        if isinstance(report.longrepr, tuple) and (name := lacked(report.longrepr[2]))
+    }
+    if path := os.environ.get("TERRATOOL_LACKING"):
+        Path(path).write_text("".join(f"{test}\n" for test in skipped), "utf-8")
+    if skipped:
+        names = sorted(set(skipped.values()))
+        reporter.write_line(
+            f"{len(skipped)} skipped for want of {', '.join(names)}: {how_to_get(names)}"
+        )
+    return done
 
 
 def text_of(value: Any) -> str:

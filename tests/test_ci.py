@@ -8,6 +8,7 @@ import re
 import shutil
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ import pytest
 import yaml
 
 from tests.commands import COMMAND, ENVIRONMENT, ROOT, SAMPLE, run
+from tests.programs import needs
 
 INVALID = ROOT / "samples" / "invalid" / "TT103-unknown-key.json"
 DOUBTFUL = ROOT / "samples" / "invalid" / "TT401-missing-soil.json"  # a warning, no error
@@ -25,13 +27,6 @@ STEPS = {step["name"]: step for step in ACTION["runs"]["steps"]}
 PAGE = (ROOT / "docs" / "ci.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"^```(\w+)\n(.*?)^```", PAGE, re.MULTILINE | re.DOTALL)
 YAMLS = [body for language, body in BLOCKS if language == "yaml"]
-
-needs_bash = pytest.mark.skipif(
-    os.name == "nt" or shutil.which("bash") is None, reason="needs bash on a POSIX system"
-)
-needs_make = pytest.mark.skipif(
-    os.name == "nt" or shutil.which("make") is None, reason="needs make on a POSIX system"
-)
 
 
 @pytest.fixture
@@ -181,7 +176,7 @@ def test_the_action_passes_its_inputs_as_variables_only() -> None:
     assert [name for name, value in INPUTS.items() if "default" not in value] == ["paths"]
 
 
-@needs_bash
+@needs("bash")
 def test_the_action_installs_itself(workspace: Path) -> None:
     """Into an environment of its own, with no module of the workspace on the way."""
     calls = workspace.parent / "calls"
@@ -198,7 +193,7 @@ def test_the_action_installs_itself(workspace: Path) -> None:
     assert pip.endswith(f" {ROOT}")
 
 
-@needs_bash
+@needs("bash")
 @pytest.mark.parametrize(
     ("inputs", "code", "files"),
     [
@@ -244,14 +239,14 @@ def test_the_action_validates(
     assert not (workspace / "hit").exists()
 
 
-@needs_bash
+@needs("bash")
 @pytest.mark.skipif(sys.platform == "darwin", reason="the bash of macOS has no **")
 def test_the_action_knows_double_stars(workspace: Path) -> None:
     """A pattern may reach into directories."""
     assert "1 file checked" in step("Validate", workspace, paths="**/good one.json").stdout
 
 
-@needs_bash
+@needs("bash")
 @pytest.mark.parametrize(("root", "code"), [("", 1), ("absent\nout side\n", 2), ("out side", 0)])
 def test_the_action_knows_folders_of_libraries(workspace: Path, root: str, code: int) -> None:
     """Those outside of the checkout; each on a line of its own."""
@@ -266,7 +261,7 @@ def test_the_action_knows_folders_of_libraries(workspace: Path, root: str, code:
     assert ("title=TT702" in done.stdout) == (code == 1)
 
 
-@needs_bash
+@needs("bash")
 @pytest.mark.parametrize(
     ("paths", "code", "codes"),
     [("terrains", 0, set()), ("bad, one.json", 1, {"TT103"}), ("terrains\nabsent.json", 3, set())],
@@ -283,7 +278,7 @@ def test_the_action_writes_sarif(workspace: Path, paths: str, code: int, codes: 
     assert ("::error file=" in done.stdout) == (code != 0)
 
 
-@needs_bash
+@needs("bash")
 def test_the_action_fails_if_sarif_cannot_be_written(workspace: Path) -> None:
     """A report that is not there would be uploaded as none."""
     done = step("Validate", workspace, paths="terrains", sarif_file="doubtful.json/report.sarif")
@@ -291,7 +286,7 @@ def test_the_action_fails_if_sarif_cannot_be_written(workspace: Path) -> None:
     assert "doubtful.json" in done.stderr
 
 
-@needs_bash
+@needs("bash")
 @pytest.mark.parametrize("link", ["report.sarif", "new", "new/dir"])
 def test_the_action_writes_no_sarif_through_a_link(workspace: Path, link: str) -> None:
     """A link in a checkout may lead to any file of the runner."""
@@ -310,7 +305,7 @@ def test_the_action_writes_no_sarif_through_a_link(workspace: Path, link: str) -
     assert (victim.read_text() == "mine") if victim.is_file() else not [*victim.iterdir()]
 
 
-@needs_bash
+@needs("bash")
 def test_names_say_nothing_to_the_runner(workspace: Path) -> None:
     """Lines that begin with two colons are ours alone; what else is printed is no command."""
     (workspace / "terrains" / "::error::x##[warning]y.json").write_text(INVALID.read_text())
@@ -382,7 +377,7 @@ def _mappings(value: Any) -> list[dict[str, Any]]:
     return [value, *below] if isinstance(value, dict) else below
 
 
-@needs_bash
+@needs("bash")
 @pytest.mark.parametrize(("bad", "code"), [(False, 0), (True, 1)])
 def test_plain_steps_for_github(workspace: Path, bad: bool, code: int) -> None:
     """The last step without the action, with the command on the path."""
@@ -393,7 +388,7 @@ def test_plain_steps_for_github(workspace: Path, bad: bool, code: int) -> None:
     assert ("::error file=terrains/bad.json,line=" in done.stdout) == bad
 
 
-@needs_bash
+@needs("bash")
 @pytest.mark.parametrize(("bad", "code"), [(False, 0), (True, 1)])
 def test_the_job_for_gitlab(workspace: Path, bad: bool, code: int) -> None:
     """The script fails as it should, and the report is as GitLab documents it."""
@@ -412,7 +407,7 @@ def test_the_job_for_gitlab(workspace: Path, bad: bool, code: int) -> None:
         assert item["location"]["lines"]["begin"] >= 1
 
 
-@needs_make
+@needs("make")
 @pytest.mark.parametrize(("bad", "code"), [(False, 0), (True, 2)])
 def test_the_example_for_make(workspace: Path, bad: bool, code: int) -> None:
     """Copied into a Makefile: it installs what is not there, and ends with 2 as make does."""
@@ -460,7 +455,10 @@ import pytest
 def test_program():
     pytest.skip("frob is not installed")
 
-@pytest.mark.skipif(True, reason="frob is not installed")
+def test_npm():
+    pytest.skip("gltf-validator is not installed")
+
+@pytest.mark.skipif(True, reason="fish is not installed")
 def test_mark():
     pass
 
@@ -473,26 +471,57 @@ def test_other():
 MODULE = "import pytest\npytest.importorskip('frobnicate', reason='frob is not installed')\n"
 
 
-@pytest.mark.parametrize(("value", "code"), [("1", 1), ("", 0)])
-def test_ci_fails_without_a_program(tmp_path: Path, value: str, code: int) -> None:
-    """A test that is skipped as something is not installed fails in CI; other skips are kept."""
+@pytest.fixture
+def skipping(tmp_path: Path) -> Callable[..., subprocess.CompletedProcess[str]]:
+    """Tests that lack things, run with settings of the environment."""
     (tmp_path / "test_skips.py").write_text(SKIPS)
     (tmp_path / "test_module.py").write_text(MODULE)
-    for name, skipped, words in (
-        ("test_skips.py", 4, "2 failed, 1 skipped, 1 error"), ("test_module.py", 1, "1 error"),
-    ):  # fmt: skip
-        done = subprocess.run(
-            [sys.executable, "-m", "pytest", "-q", "-p", "tests.conftest", "-p", "no:cacheprovider",
-             name],
-            env={**ENVIRONMENT, "TERRATOOL_NO_SKIPS": value}, cwd=tmp_path, text=True,
-            capture_output=True, check=False,
+
+    def ran(name: str, **environment: str) -> subprocess.CompletedProcess[str]:
+        return subprocess.run(
+            [sys.executable, "-m", "pytest", "-p", "tests.conftest", "-p", "no:cacheprovider",
+             *("-n", "2", name)],
+            env={**ENVIRONMENT, **environment}, cwd=tmp_path, text=True, capture_output=True,
+            check=False,
         )  # fmt: skip
+
+    return ran
+
+
+@pytest.mark.parametrize(("value", "code"), [("1", 1), ("", 0)])
+def test_ci_fails_without_a_program(
+    skipping: Callable[..., subprocess.CompletedProcess[str]], value: str, code: int
+) -> None:
+    """A test that is skipped as something is not installed fails in CI; other skips are kept."""
+    for name, skipped, words in (
+        ("test_skips.py", 5, "3 failed, 1 skipped, 1 error"), ("test_module.py", 1, "1 error"),
+    ):  # fmt: skip
+        done = skipping(name, TERRATOOL_NO_SKIPS=value)
         assert (words if code else f"{skipped} skipped") in done.stdout, done.stdout
         assert (done.returncode in (1, 2)) == bool(code)
-        assert ("frob is not installed, and TERRATOOL_NO_SKIPS=1" in done.stdout) == bool(code)
+        assert ("is not installed, and TERRATOOL_NO_SKIPS=1" in done.stdout) == bool(code)
+
+
+def test_the_last_line_says_what_was_lacking(
+    tmp_path: Path, skipping: Callable[..., subprocess.CompletedProcess[str]]
+) -> None:
+    """And how it is had; a file has the tests, so that they can be run again with it."""
+    done = skipping(".", TERRATOOL_LACKING=str(tmp_path / "lacking"))
+    assert done.stdout.splitlines()[-1] == (
+        "5 skipped for want of fish, frob, frobnicate, gltf-validator: apt install fish; "
+        "npm install --global gltf-validator; pip install frob frobnicate"
+    )
+    lacking = {f"test_skips.py::test_{name}" for name in ("program", "npm", "mark", "package")}
+    assert set((tmp_path / "lacking").read_text().split()) == {"test_module.py", *lacking}
+    again = skipping(f"@{tmp_path / 'lacking'}")
+    assert "5 skipped" in again.stdout
+    (tmp_path / "test_none.py").write_text("def test_it():\n    pass\n")
+    assert skipping("test_none.py").stdout.splitlines()[-1].endswith("=")
 
 
 def test_ci_wants_all_tests() -> None:
-    """It says so before it runs them."""
+    """First on a machine that has only what the README names, then those that lacked something."""
     script = (ROOT / ".ci" / "run").read_text()
-    assert script.index("export TERRATOOL_NO_SKIPS=1") < script.index("make test")
+    bare = script.index("PATH=$bare TERRATOOL_LACKING=$PWD/out/lacking make test\n")
+    assert bare < script.index("TERRATOOL_NO_SKIPS=1 make test TESTS=@out/lacking\n")
+    assert "PATH=$bare make demo\n" in script[:bare]

@@ -25,6 +25,7 @@ from terratool.mesh.plan import plan_of
 from terratool.mesh.types import COVERING_ELEMENT, Regions, Triangulation
 from terratool.traversability.survey import SoilSamples, soil_table, vehicle_params
 from tests.conftest import terrain_of
+from tests.programs import program
 from tests.surveys import ROVER, level_costs
 
 ROOT = Path(__file__).parents[1]
@@ -417,7 +418,7 @@ def test_no_product_and_sum_are_one_instruction() -> None:
     """Fused multiply-add rounds once; where it is used would be up to the compiler."""
     path = kernels._compiled.__file__
     text = subprocess.run(
-        ["objdump", "--disassemble", path], capture_output=True, text=True, check=True
+        [program("objdump"), "--disassemble", path], capture_output=True, text=True, check=True
     ).stdout
     names = set(INSTRUCTION.findall(text))
     assert {"mulsd", "vmulsd"} & names

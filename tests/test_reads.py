@@ -24,6 +24,7 @@ import rasterio.shutil
 
 from tests.commands import ENVIRONMENT, ROOT, call
 from tests.importing.test_opening import dem
+from tests.programs import needs
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="inotify is of Linux")
 
@@ -384,7 +385,7 @@ def looked_for(log: str, here: Path) -> set[str]:
     return found
 
 
-@pytest.mark.skipif(shutil.which("strace") is None, reason="strace is not installed")
+@needs("strace")
 @pytest.mark.parametrize(
     "key", ["cog", "netcdf", "import netcdf", "import dxf", "png", "usd", "verdicts", "simulators"]
 )

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import functools
 import json
-import shutil
 import subprocess
 import sys
 from collections.abc import Callable
@@ -18,6 +17,7 @@ import pytest
 from numpy.typing import NDArray
 
 from terratool.mesh.types import Mesh
+from tests.programs import lacking, program
 
 NASTY = 'Löß & "Kies" <nass> #1 -- \\ 砂\n\x07'
 
@@ -127,14 +127,6 @@ def _srgb(color: Any) -> Color:
 
 
 # --- programs -----------------------------------------------------------------------------------
-
-
-def program(name: str) -> str:
-    """Path of a program; skips the test without it."""
-    found = shutil.which(name)
-    if not found:
-        pytest.skip(f"{name} is not installed")
-    return found
 
 
 def output(*command: str | Path, **options: Any) -> str:
@@ -265,7 +257,7 @@ json.dump(found, sys.stdout)
 
 
 @functools.cache
-def python_with_coin() -> str | None:
+def python_with_coin() -> str:
     """A Python that has pivy, which Debian has for its own."""
     for python in (sys.executable, "/usr/bin/python3"):
         try:
@@ -273,15 +265,12 @@ def python_with_coin() -> str | None:
         except (OSError, subprocess.CalledProcessError):
             continue
         return python
-    return None
+    return lacking("pivy")
 
 
 def by_coin(path: Path) -> Read:
     """By Coin: VRML."""
-    python = python_with_coin()
-    if python is None:
-        pytest.skip("python3-pivy is not installed")
-    shapes = json.loads(output(python, "-c", COIN, path))
+    shapes = json.loads(output(python_with_coin(), "-c", COIN, path))
     return Read([(_bytes(shape["color"]), corners) for shape in shapes
                  for corners in shape["corners"]])  # fmt: skip
 

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-import pytest
 from numpy.typing import NDArray
 
 from terratool.importing.sources import Triangles
@@ -83,7 +82,4 @@ json.dump(found, sys.stdout)
 
 def by_coin(path: Path) -> NDArray[np.float64]:
     """The triangles that Coin finds, (m, 3, 3), in coordinates of the world."""
-    python = python_with_coin()
-    if python is None:
-        pytest.skip("python3-pivy is not installed")
-    return np.array(json.loads(output(python, "-c", COIN, path)))
+    return np.array(json.loads(output(python_with_coin(), "-c", COIN, path)))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -19,6 +18,7 @@ from terratool.raster.layers import LAYERS
 from terratool.simulators.targets import TARGETS
 from terratool.starters.build import KINDS
 from tests.commands import COMMAND, ENVIRONMENT, ROOT, YARD, call, run
+from tests.programs import needs
 
 WAREHOUSE = str(ROOT / "samples" / "warehouse.json")
 PAPER = str(ROOT / "samples" / "paper-example.json")
@@ -151,7 +151,6 @@ def folder(tmp_path: Path) -> Path:
 
 def shell(folder: Path, *command: str) -> list[str]:
     """The lines that a shell prints."""
-    assert shutil.which(command[0])
     done = subprocess.run(
         command, capture_output=True, text=True, encoding="utf-8", cwd=folder, timeout=120,
         stdin=subprocess.DEVNULL, check=False,
@@ -160,10 +159,6 @@ def shell(folder: Path, *command: str) -> list[str]:
     )  # fmt: skip
     assert (done.returncode, done.stderr) == (0, "")
     return done.stdout.splitlines()
-
-
-def needs(name: str) -> pytest.MarkDecorator:
-    return pytest.mark.skipif(shutil.which(name) is None, reason=f"{name} is not installed")
 
 
 BASH = r"""

@@ -12,7 +12,7 @@ from terratool.errors import RequestError
 from terratool.field import warp_field
 from tests.conftest import terrain_of
 
-torch = pytest.importorskip("torch", reason="PyTorch is not installed")
+torch = pytest.importorskip("torch", reason="torch is not installed")
 
 OBLONG: dict[str, Any] = {
     "size": [40, 10],

@@ -28,7 +28,8 @@ from terratool.mesh.export import write_mesh
 from terratool.text import packing
 from tests.conftest import terrain_of
 from tests.meshes import exported
-from tests.viewers import oblong, program
+from tests.programs import program
+from tests.viewers import oblong
 
 POINTS = [(0, 0, 1), (6, 0, 2), (6, 3, 4.25), (0, 3, 0.5), (2, 1, 5)]
 FACES = [(0, 1, 4), (1, 2, 4), (2, 3, 4), (3, 0, 4)]

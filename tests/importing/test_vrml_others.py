@@ -14,7 +14,8 @@ from terratool.mesh.export import write_mesh
 from terratool.mesh.formats.vrml import write_elevation_grid
 from terratool.mesh.types import HeightGrid
 from tests.commands import ROOT, SAMPLE, run
-from tests.viewers import by_trimesh, oblong, output, program
+from tests.programs import program
+from tests.viewers import by_trimesh, oblong, output
 from tests.vrml import TRIANGLE, by_coin, corners, measures, read, saved
 
 

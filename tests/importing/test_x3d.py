@@ -18,7 +18,8 @@ from terratool.importing.sources import SourceOptions, open_source
 from terratool.importing.vrml.scene import read_vrml, stated_up
 from terratool.mesh.export import write_mesh
 from tests.commands import ROOT, SAMPLE, run
-from tests.viewers import oblong, output, program
+from tests.programs import program
+from tests.viewers import oblong, output
 from tests.vrml import TRIANGLE, corners, saved
 
 PROLOGUE = (

@@ -17,7 +17,8 @@ from terratool.mesh.elevation import _off, export_elevation_grid
 from terratool.mesh.types import HeightGrid
 from tests.conftest import terrain_of
 from tests.meshes import HILL, box, exported, flat
-from tests.viewers import COIN, output, program, python_with_coin
+from tests.programs import program
+from tests.viewers import COIN, output, python_with_coin
 
 
 def grid_by_castle(path: Path) -> np.ndarray:
@@ -43,9 +44,6 @@ def grid_by_castle(path: Path) -> np.ndarray:
 
 def grid_by_coin(path: Path) -> np.ndarray:
     """Corners of the triangles that Coin makes of an ElevationGrid, in the world of the file."""
-    python = python_with_coin()
-    if python is None:
-        pytest.skip("python3-pivy is not installed")
     code = COIN[: COIN.index("search =")] + (
         "found = []\n"
         "def triangle(_, action, *vertices):\n"
@@ -56,7 +54,7 @@ def grid_by_coin(path: Path) -> np.ndarray:
         "action.apply(root)\n"
         "json.dump(found, sys.stdout)\n"
     )
-    return np.array(json.loads(output(python, "-c", code, path)))
+    return np.array(json.loads(output(python_with_coin(), "-c", code, path)))
 
 
 @pytest.mark.parametrize("reader", [grid_by_castle, grid_by_coin])

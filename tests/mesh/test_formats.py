@@ -28,6 +28,7 @@ from terratool.mesh.formats.common import (
 from terratool.mesh.formats.table import FORMATS
 from terratool.mesh.types import BuiltMesh, Mesh, PlanLoss
 from terratool.text.display import json_text
+from tests.programs import lacking, program
 from tests.viewers import (
     NASTY,
     READERS,
@@ -37,7 +38,6 @@ from tests.viewers import (
     mirrored,
     oblong,
     output,
-    program,
     turned_inside_out,
 )
 
@@ -144,13 +144,13 @@ def validated(path: Path) -> Any:
     """
     node = program("node")
     places = [os.environ.get("NODE_PATH", "")]
-    if shutil.which("npm"):
-        command = [program("npm"), "root", "--global"]
+    if npm := shutil.which("npm"):
+        command = [npm, "root", "--global"]
         places.append(subprocess.run(command, capture_output=True, text=True).stdout.strip())
     environment = {**os.environ, "NODE_PATH": os.pathsep.join(filter(None, places))}
     found = [node, "-e", "require.resolve('gltf-validator')"]
     if subprocess.run(found, env=environment, capture_output=True).returncode:
-        pytest.skip("npm's gltf-validator is not installed")
+        lacking("gltf-validator")
     return json.loads(output(node, "-e", _VALIDATE, path, env=environment))
 
 

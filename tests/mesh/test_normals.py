@@ -20,7 +20,8 @@ from terratool.mesh.types import BuiltMesh, Mesh, PlanLoss
 from tests.commands import call
 from tests.conftest import terrain_of
 from tests.meshes import exported, exported_tiles
-from tests.viewers import mirrored, oblong, output, program
+from tests.programs import program
+from tests.viewers import mirrored, oblong, output
 
 Floats = NDArray[np.float64]
 

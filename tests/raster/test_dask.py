@@ -32,7 +32,7 @@ from tests.commands import COMMAND, ENVIRONMENT
 from tests.conftest import terrain_of
 from tests.mosaics import ALL, SITE, contents, export_dem, export_mosaic, finished, wait_until
 
-distributed = pytest.importorskip("distributed", reason="Dask is an extra: terratool[dask]")
+distributed = pytest.importorskip("distributed", reason="distributed is not installed")
 
 
 def grid_at(resolution: float) -> Grid:

@@ -28,6 +28,7 @@ from terratool.raster.grid import Grid, Window, default_resolution, grid_over
 from tests.commands import call
 from tests.conftest import terrain_of
 from tests.mosaics import SITE, export_dem
+from tests.programs import needs
 
 
 def read(path: Path) -> tuple[np.ndarray, Any]:
@@ -80,7 +81,7 @@ def test_bytes_are_the_same_from_run_to_run(tmp_path: Path) -> None:
     assert (tmp_path / "a.tif").read_bytes() == (tmp_path / "b.tif").read_bytes()
 
 
-@pytest.mark.skipif(not shutil.which("gdalinfo"), reason="gdalinfo is not installed")
+@needs("gdalinfo")
 def test_gdalinfo_reads_it(tmp_path: Path) -> None:
     """Debian's GDAL is older than the one inside rasterio."""
     terrain = terrain_of(SITE)

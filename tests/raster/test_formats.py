@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import shutil
 import subprocess
 from pathlib import Path
 from typing import Any
@@ -19,11 +18,8 @@ from terratool.raster.geotiff import COMPRESSIONS, Compression
 from terratool.raster.grid import Grid, grid_over
 from tests.conftest import terrain_of
 from tests.mosaics import export_dem, export_mosaic
+from tests.programs import needs
 from tests.raster.test_layers import SITE
-
-needs_gdalinfo = pytest.mark.skipif(
-    not shutil.which("gdalinfo"), reason="gdalinfo is not installed"
-)
 
 
 def heights(folder: Path, resolution: float = 0.11) -> tuple[Any, Grid, np.ndarray]:
@@ -100,7 +96,7 @@ class TestGeoTiff:
         with rasterio.open(tmp_path / "b.tif") as file:
             assert (coarse == file.read(1)).mean() > 0.99
 
-    @needs_gdalinfo
+    @needs("gdalinfo")
     @pytest.mark.parametrize("cog", [False, True])
     @pytest.mark.parametrize("name", COMPRESSIONS)
     def test_gdalinfo_agrees(self, tmp_path: Path, name: str, cog: bool) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import shutil
 import subprocess
 from pathlib import Path
 from typing import Any
@@ -21,6 +20,7 @@ from terratool.raster.grid import Window, grid_over
 from terratool.raster.layers import LAYERS, NO_COLOR
 from tests.conftest import terrain_of
 from tests.mosaics import export_dem
+from tests.programs import needs
 
 SOIL = {
     "cohesion": "cohesion", "friction": "fricAngle", "sinkage": "sinkage", "sonar": "sonarRefl",
@@ -125,7 +125,7 @@ def test_double_precision_on_request(tmp_path: Path) -> None:
     assert np.allclose(pixels[1:], normal, rtol=1e-13, atol=1e-13, equal_nan=True)
 
 
-@pytest.mark.skipif(not shutil.which("gdaldem"), reason="gdaldem is not installed")
+@needs("gdaldem")
 def test_slope_and_aspect_mean_what_gdal_means(tmp_path: Path) -> None:
     """Of a leaning plane, where finite differences are exact, too."""
     plane = {"combine": "sum", "x": [0, 3], "y": [0, 1]}
@@ -187,7 +187,7 @@ class TestFiles:
         counts = np.bincount(ids.ravel(), minlength=5)[1:]
         assert report.surfaces == dict(zip(terrain.surfaces, counts.tolist(), strict=True))
 
-    @pytest.mark.skipif(not shutil.which("gdalinfo"), reason="gdalinfo is not installed")
+    @needs("gdalinfo")
     def test_gdal_knows_the_surfaces_by_name(self, tmp_path: Path) -> None:
         """Category names, and an attribute table with soils, as QGIS shows them."""
         terrain = terrain_of(SITE)

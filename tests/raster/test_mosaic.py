@@ -27,6 +27,7 @@ from terratool.raster.mosaic import fingerprint
 from tests.commands import COMMAND, ENVIRONMENT, ROOT, call
 from tests.conftest import terrain_of
 from tests.mosaics import ALL, SITE, contents, export_dem, export_mosaic, finished, wait_until
+from tests.programs import needs
 
 TILES = 6  # 1200 × 800 pixels in tiles of 512, which divides neither side
 
@@ -99,7 +100,7 @@ class TestOneRaster:
             other.nodata, other.surfaces, other.lacking,
         )  # fmt: skip
 
-    @pytest.mark.skipif(not shutil.which("gdalinfo"), reason="GDAL's programs are not installed")
+    @needs("gdalinfo")
     def test_another_gdal_agrees(self, tmp_path: Path, grid: Grid) -> None:
         """Also on the pixels, by its own checksums, and on the attribute table."""
         terrain = terrain_of(SITE)

@@ -22,6 +22,7 @@ from terratool.raster.overviews import OVERVIEWS_FROM
 from tests.commands import call
 from tests.conftest import terrain_of
 from tests.mosaics import ALL, export_dem
+from tests.programs import program
 
 Pixels = NDArray[np.float64]
 
@@ -241,7 +242,7 @@ def test_others_accept_them(numbers: dict[str, Path], name: str) -> None:
         assert cogeo.cog_validate(numbers[name], strict=True) == (True, [], [])
     plain = {key: value for key, value in os.environ.items() if key != "GDAL_SKIP"}
     told = subprocess.run(
-        ["gdalinfo", str(numbers[name])], capture_output=True, text=True, check=True, env=plain
+        [program("gdalinfo"), numbers[name]], capture_output=True, text=True, check=True, env=plain
     )
     assert told.stderr == ""
     assert told.stdout.count("Overviews: 1051x188, 526x94, 263x47") == 6

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import shutil
 import subprocess
 import xml.etree.ElementTree as ET
 from collections.abc import Callable
@@ -20,6 +19,7 @@ from terratool.errors import RequestError
 from terratool.field.terrain import Terrain
 from tests.conftest import terrain_of
 from tests.meshes import HILL, SITE
+from tests.programs import lacking, program
 from tests.simulators import checks
 from tests.simulators.checks import RADIUS, Ground, bytes_of, written
 
@@ -35,23 +35,21 @@ Drop = Callable[[Path, list[str]], list[float]]
 def drop(tmp_path_factory: pytest.TempPathFactory) -> Drop:
     """Let bodies move in a world for half a second; where they rest, or how far they slid."""
     plugins = list(Path("/usr/lib").glob("*/ign-physics-5/engine-plugins/*physics-dartsim*.so"))
-    found = shutil.which("pkg-config") and shutil.which("c++") and plugins
-    flags = ["--cflags", "--libs", *PACKAGES]
-    asked = (
-        subprocess.run(["pkg-config", *flags], capture_output=True, text=True) if found else None
-    )
-    if asked is None or asked.returncode:
-        pytest.skip("ign-physics is not installed")
-    program = tmp_path_factory.mktemp("drop") / "drop"
+    config, compiler = program("pkg-config"), program("c++")
+    flags = [config, "--cflags", "--libs", *PACKAGES]
+    asked = subprocess.run(flags, capture_output=True, text=True)
+    if asked.returncode or not plugins:
+        lacking("ignition-physics")
+    dropper = tmp_path_factory.mktemp("drop") / "drop"
     source = Path(__file__).with_name("drop.cpp")
     define = f'-DPLUGIN="{plugins[0]}"'
-    options = ["-std=c++17", "-w", define, "-o", program, source, *asked.stdout.split()]
-    subprocess.run(["c++", *options], check=True)
+    options = ["-std=c++17", "-w", define, "-o", dropper, source, *asked.stdout.split()]
+    subprocess.run([compiler, *options], check=True)
 
     def run(folder: Path, bodies: list[str]) -> list[float]:
         world = folder / "world.sdf"
         ran = subprocess.run(
-            [program, world, "0.5"], input="\n".join(bodies), capture_output=True, text=True
+            [dropper, world, "0.5"], input="\n".join(bodies), capture_output=True, text=True
         )
         assert ran.returncode == 0, ran.stderr
         lines = [line.split() for line in ran.stdout.splitlines()]
@@ -71,9 +69,7 @@ def worst_rest(drop: Drop, folder: Path, ground: Ground) -> float:
 
 def check_sdf(path: Path) -> None:
     """Valid for Gazebo's own checker."""
-    if shutil.which("ign") is None:
-        pytest.skip("ign (ignition-tools) is not installed")
-    ran = subprocess.run(["ign", "sdf", "--check", path], capture_output=True, text=True)
+    ran = subprocess.run([program("ign"), "sdf", "--check", path], capture_output=True, text=True)
     assert (ran.returncode, ran.stdout.strip()) == (0, "Valid."), ran.stdout + ran.stderr
 
 

@@ -109,8 +109,8 @@ def test_points_are_where_the_terrain_is(origin: Any, zero: Any, tmp_path: Path)
 
 def test_newton_takes_all_shapes(tmp_path: Path) -> None:
     """With their friction and place, where Newton is installed."""
-    newton = pytest.importorskip("newton", reason="there is no newton")
-    pytest.importorskip("newton_usd_schemas", reason="there is no newton-usd-schemas")
+    newton = pytest.importorskip("newton", reason="newton is not installed")
+    pytest.importorskip("newton_usd_schemas", reason="newton-usd-schemas is not installed")
     folder, _, manifest = written(slopes(0.0), tmp_path / "out", "usd", origin=(1.0, 2.0, 3.0))
     builder = newton.ModelBuilder()
     builder.add_usd(str(folder / "terrain.usdc"))

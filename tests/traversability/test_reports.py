@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 import re
-import shutil
 import subprocess
 import warnings
 from collections.abc import Iterator
@@ -46,6 +45,7 @@ from terratool.traversability.results import (
 )
 from terratool.traversability.vehicle import Vehicle, Wheel
 from tests import reports
+from tests.programs import program
 
 SCHEMA = terratool.schema("report")
 VALIDATOR = jsonschema.Draft202012Validator(SCHEMA)
@@ -362,10 +362,6 @@ class TestPicture:
 
     def test_agrees_with_gdal(self, tmp_path: Any) -> None:
         """gdaldem's hillshade of the same heights, where all neighbours are there."""
-        gdaldem = shutil.which("gdaldem")
-        if gdaldem is None:
-            pytest.skip("gdaldem is not installed")
-
         heights = reports.preview().heights[8:, :60]
         path = tmp_path / "dem.tif"
         with rasterio.open(
@@ -374,7 +370,9 @@ class TestPicture:
         ) as file:  # fmt: skip
             file.write(heights, 1)
         out = tmp_path / "shade.tif"
-        subprocess.run([gdaldem, "hillshade", "-q", path, out], check=True, capture_output=True)
+        subprocess.run(
+            [program("gdaldem"), "hillshade", "-q", path, out], check=True, capture_output=True
+        )
         with rasterio.open(out) as file:
             wanted = file.read(1).astype(float)
         shade = shading.hillshade(heights, 0.5)

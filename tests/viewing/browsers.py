@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import os
-import shutil
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import pytest
+
+from tests.programs import program
 
 
 @contextmanager
@@ -18,15 +19,13 @@ def chromium(
 ) -> Iterator[Any]:
     """A browser of its own, with a new profile; it draws without a graphics card."""
     further = options
-    program, driver = shutil.which("chromium"), shutil.which("chromedriver")
-    if program is None or driver is None:
-        pytest.skip("chromium is not installed")
+    browser, driver = program("chromium"), program("chromedriver")
     selenium = pytest.importorskip("selenium.webdriver")
     from selenium.webdriver.chrome.service import Service
 
     os.environ["SE_OFFLINE"] = "true"  # nothing is fetched
     options = selenium.ChromeOptions()
-    options.binary_location = program
+    options.binary_location = browser
     for argument in (
         "headless=new", "no-sandbox", "disable-gpu", "no-first-run", "use-angle=swiftshader",
         "enable-unsafe-swiftshader", "disable-background-networking", "disable-component-update",

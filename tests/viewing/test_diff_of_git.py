@@ -17,10 +17,12 @@ import pytest
 
 from terratool.text.display import printable
 from tests.commands import COMMAND, ENVIRONMENT, ROOT, call
+from tests.programs import needs
 
-pytestmark = pytest.mark.skipif(
-    os.name == "nt" or shutil.which("git") is None, reason="needs git, and names of POSIX"
-)
+pytestmark = [
+    pytest.mark.skipif(os.name == "nt", reason="Windows has no such names"),
+    needs("git"),
+]
 
 PROGRAM = " ".join(map(shlex.quote, COMMAND))
 TOOL = 'diff --difftool "$MERGED" "$LOCAL" "$REMOTE"'
