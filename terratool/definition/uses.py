@@ -179,16 +179,15 @@ class Uses(Struct, frozen=True, dict=True):
     def graph(self) -> PartGraph:
         """The parts that contain one another, of all files that are read with this one.
 
-        Where no name stands twice, they are the same for each of these files. What a file defines
-        itself wins, so that otherwise each has a graph of its own.
+        It is the same for files that mean the same by each name that stands in several files.
         """
-        catalogue = self.document.catalogue
-        if catalogue.repeated["parts"]:
-            return PartGraph(self.names.parts)
-        if "parts" not in catalogue.notes:
-            catalogue.notes["parts"] = PartGraph(catalogue.named("parts"))
-        graph: PartGraph = catalogue.notes["parts"]
-        return graph
+        catalogue, parts = self.document.catalogue, self.names.parts
+        meant = {name: parts[name] for name in catalogue.repeated["parts"] if name in parts}
+        graphs: dict[Any, PartGraph] = catalogue.notes.setdefault("part graphs", {})
+        key = tuple((name, id(part.home)) for name, part in meant.items())
+        if key not in graphs:
+            graphs[key] = PartGraph({**catalogue.named("parts"), **meant})
+        return graphs[key]
 
     @cached_property
     def composed(self) -> bool:

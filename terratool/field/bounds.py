@@ -236,7 +236,8 @@ def _curve_lines(starts: Floats, pieces: Floats) -> Floats:
     lengths = np.diff(np.append(starts, 1.0))
     per = np.divide(1.0, lengths, out=np.zeros(len(starts)), where=lengths > 0.0)
     low, _, _, high = curve_hulls(pieces)
-    begin, end = pieces[:, 1] * per, (pieces[:, 1:] @ (1.0, 2.0, 3.0)) * per
+    _, c1, c2, c3 = pieces.T
+    begin, end = c1 * per, (c1 + 2.0 * c2 + 3.0 * c3) * per
     level = _LEVEL * max(np.abs(low).max(), np.abs(high).max())
     t = np.append(starts, 1.0)
     drop = np.concatenate([[-begin[0]], end[:-1] - begin[1:], [end[-1]]])
