@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import subprocess
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -93,3 +96,19 @@ def plated_site(folder: Path) -> Path:
     path = folder / "site.json"
     path.write_text(canonical(json.dumps(PLATED)), encoding="utf-8")
     return path
+
+
+@contextmanager
+def not_for_ever(seconds: int = 60) -> Iterator[None]:
+    """What would go on for minutes, or wait for ever, ends in a TimeoutError."""
+
+    def give_up(*_: object) -> None:
+        raise TimeoutError(f"it was not done after {seconds} s")
+
+    before = signal.signal(signal.SIGALRM, give_up)
+    signal.alarm(seconds)
+    try:
+        yield
+    finally:
+        signal.alarm(0)
+        signal.signal(signal.SIGALRM, before)

@@ -22,13 +22,11 @@ from terratool.text.display import shown
 _OWN_FIELDS = ("file", "folder", "named")
 OWN, SHARED = ".terratool.toml", "pyproject.toml"
 _MOST_BYTES = 1 << 20
-_PART = r"""(?:[\w-]+|"[^"\n]*"|'[^'\n]*')"""
+_PART = r"""(?:[\w-]+|"(?:[^"\\\n]|\\.)*"|'[^'\n]*')"""
 _long_key = re.compile(rf"(?<![\w-]){_PART}(?:[ \t]*\.[ \t]*{_PART}){{30}}").search
 """Keys like a.a.a.a, which take a time that grows as the square of their parts."""
 REPORTS = (".json", ".log", ".md", ".sarif", ".txt", ".xml")
-"""What the names of reports end in that settings ask for: no program runs or obeys such a file."""
-_VERSIONS = (".git", ".hg", ".svn", ".jj", ".bzr")
-"""Folders of systems that keep versions: what is in them is run, and no stranger's."""
+"""What the names of reports end in that settings ask for: of such files programs run few."""
 
 
 class Config(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab", kw_only=True):
@@ -50,7 +48,7 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab", kw
     strict: bool = False
     select: tuple[str, ...] = ()
     ignore: tuple[str, ...] = ()
-    per_file_ignores: dict[str, tuple[str, ...]] = {}
+    per_file_ignores: Annotated[dict[str, tuple[str, ...]], Meta(max_length=1000)] = {}
     max_step: Annotated[float, Meta(ge=0)] | None = None
     max_findings: Annotated[int, Meta(ge=0)] | None = None
     formats: tuple[str, ...] = ()
@@ -112,8 +110,8 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab", kw
         why = ""
         if not below:
             why = "leads out of its folder"
-        elif any(_keeps_versions(part) for path in below for part in path.parts):
-            why = "belongs to a system that keeps versions"
+        elif any(_is_hidden(part) for path in below for part in path.parts):
+            why = "is hidden, or lies in a hidden folder"
         elif not {Path(name).suffix.lower(), below[0].suffix.lower()} <= {*REPORTS}:
             why = f"ends in none of {', '.join(REPORTS)}"
         if why:
@@ -135,10 +133,10 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab", kw
         )
 
 
-def _keeps_versions(part: str) -> bool:
-    """Whether a name of a folder is that of one with versions, as any file system may take it."""
-    name = "".join(c for c in part if c.isprintable()).partition(":")[0].rstrip(". ").casefold()
-    return name in _VERSIONS or re.fullmatch(r"git~\d", name) is not None
+def _is_hidden(part: str) -> bool:
+    """Whether a name of a file or a folder begins with a dot, as any file system may take it."""
+    name = "".join(c for c in part if c.isprintable())
+    return name.startswith(".") or re.fullmatch(r"git~\d", name.casefold()) is not None
 
 
 def find_config(start: Path) -> Config:

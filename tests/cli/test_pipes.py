@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import signal
 import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -19,7 +18,7 @@ from terratool.raster.journal import NAME as JOURNAL
 from terratool.simulators.export import MANIFEST
 from terratool.viewing.live import Followed, LiveState, follow
 from terratool.viewing.scene import scene_of
-from tests.commands import Ran, call, run
+from tests.commands import Ran, call, not_for_ever, run
 from tests.importing.test_opening import dem
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="there are no pipes with names")
@@ -31,15 +30,8 @@ YARD = "samples/stairs-and-kerbs.json"
 @pytest.fixture(autouse=True)
 def awake() -> Iterator[None]:
     """What waits for a pipe would wait for ever, and the tests with it."""
-
-    def give_up(*_: object) -> None:
-        raise TimeoutError("it waits for a pipe")
-
-    before = signal.signal(signal.SIGALRM, give_up)
-    signal.alarm(100)
-    yield
-    signal.alarm(0)
-    signal.signal(signal.SIGALRM, before)
+    with not_for_ever(100):
+        yield
 
 
 @pytest.fixture

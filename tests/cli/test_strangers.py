@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -12,7 +11,7 @@ import pytest
 
 from terratool.cli.config import REPORTS
 from terratool.cli.report import REPORTERS, is_report
-from tests.commands import call
+from tests.commands import call, not_for_ever
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="links are for administrators there")
 
@@ -62,9 +61,9 @@ def settings(text: str, name: str = ".terratool.toml") -> None:
 
 OUTSIDE = ["../victim/new.json", "/tmp/x.json", "sites/../../victim/new.json", "link/new.json",
            "file.json"]  # fmt: skip
-VERSIONS = [
+HIDDEN = [
     ".git/config", ".git/hooks/pre-commit", ".git/hooks/post-merge", ".git/x.json", ".GIT/x.json",
-    ".git", ".git./x.json", ".git /x.json", ".g\u200cit/x.json", "git~1/x.json", "sub/.git/x.json",
+    ".vscode/tasks.json", ".git", ".git./x.json", ".git /x.json", ".g\u200cit/x.json", "git~1/x.json", "sub/.git/x.json",
     ".hg/hgrc", ".svn/x.json", "inner/x.json", ".git::$INDEX_ALLOCATION/x.json", "worktree/.git",
 ]  # fmt: skip
 OTHERS = ["README.md", "sites/a.json", "foreign.sarif", "foreign.xml", "list.json", "empty.txt",
@@ -83,7 +82,7 @@ NO_REPORTS = [
 
 
 @pytest.mark.parametrize("name", [".terratool.toml", "pyproject.toml"])
-@pytest.mark.parametrize("target", [*OUTSIDE, *VERSIONS, *OTHERS, *NO_REPORTS])
+@pytest.mark.parametrize("target", [*OUTSIDE, *HIDDEN, *OTHERS, *NO_REPORTS])
 def test_settings_have_no_other_file_written(target: str, name: str, here: Path) -> None:
     """Outside, of git, of others, or of a kind that something obeys: all at once, before any."""
     (here / "link").symlink_to("../victim")
@@ -307,6 +306,7 @@ HARD = {
     "nested and closed": "paths = " + "[" * 10**4 + "]" * 10**4,
     "nested tables": "x = " + "{a=" * 10**4 + "1" + "}" * 10**4,
     "dotted": "a" + ".a" * 10**5 + " = 1",
+    "dotted escapes": r'"\"".' * 20000 + "a = 1",
     "dotted quotes": KEY + f" . {KEY}" * 10**5 + " = 1",
     "dotted header": "[a" + ".b" * 10**5 + "]",
     "dotted often": "\n".join(f"k{n}{'.a' * 28} = 1" for n in range(10**4)),
@@ -317,6 +317,7 @@ HARD = {
     "zero": "strict = true\0",
     "escapes": 'select = ["\\u001b[31m\\u202e"]',
     "pattern": '[per-file-ignores]\n"' + "*a" * 5000 + '" = ["TT1"]',
+    "patterns": "[per-file-ignores]\n" + "\n".join(f'"*{n}" = ["TT1"]' for n in range(60_000)),
     "brackets": '[per-file-ignores]\n"[[a]--&&[!]" = ["TT1"]',
 }
 
@@ -328,9 +329,8 @@ def test_settings_that_are_hard_to_read(kind: str, name: str, here: Path) -> Non
     head = "[tool.terratool]\n" if name == "pyproject.toml" else ""
     text = head + HARD[kind]
     Path(name).write_bytes(text.encode("utf-8", "surrogateescape"))
-    began = time.process_time()
-    ran = call("validate", "sites/a.json")
-    assert time.process_time() - began < 2
+    with not_for_ever():
+        ran = call("validate", "sites/a.json")
     assert ran.code == (0 if kind in ("pattern", "brackets") else ran.code)
     assert ran.code in (0, 2, 3)
     assert ran.code == 0 or (name in ran.err and ran.out == "")
