@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import shutil
@@ -186,6 +187,15 @@ def test_files_of_others_in_a_folder_of_a_simulator(target: str, here: Path) -> 
     assert run(target, "--overwrite").code == 0
     assert (out / "notes.txt").read_text() == "mine"
     manifest = json.loads((out / "manifest.json").read_text())
+    for claim in ("0" * 64, None, hashlib.sha256(b"theirs").hexdigest()):
+        claimed = {**manifest, "files": {**manifest["files"], "notes.txt": claim}}
+        (out / "manifest.json").write_text(json.dumps(claimed))
+        assert run(target, "--overwrite").code == 0
+        assert (out / "notes.txt").read_text() == "mine"
+    earlier = {**manifest["files"], "notes.txt": hashlib.sha256(b"mine").hexdigest()}
+    (out / "manifest.json").write_text(json.dumps({**manifest, "files": earlier}))
+    assert run(target, "--overwrite").code == 0
+    assert not (out / "notes.txt").exists()  # as if an earlier version had written it
     name = next(iter(manifest["files"]))
     del manifest["files"][name]  # as if an earlier version had not written it
     (out / "manifest.json").write_text(json.dumps(manifest))

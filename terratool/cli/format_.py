@@ -81,7 +81,9 @@ def _names(given: str, failed: list[ReadError | WriteError], status: Status) -> 
     try:
         for name in sources(given, PLAIN):
             if name != given and leads_out(name, (given,)):
-                error = ReadError(f"{name}: is a link out of {given}.", "Name what it leads to.")
+                error = ReadError(
+                    f"{name}: is a link out of the folder that was named.", "Name what it leads to."
+                )
                 failed.append(_said(error, status))
             else:
                 yield name

@@ -68,7 +68,7 @@ def _known_codes(values: tuple[str, ...]) -> tuple[str, ...]:
     )
     for code in codes:
         if not code or not any(known.startswith(code) for known in RULES):
-            what = f"no rule has the code {code}" if code else "there is an empty code"
+            what = f"no rule has the code {shown(code)}" if code else "there is an empty code"
             raise RequestError(f"{what}.", "Run terratool rules for the list.")
     return codes
 
@@ -389,7 +389,9 @@ class _Job:
                     continue
                 if name != given and leads_out(name, (given,)):
                     status.clear()
-                    say_error(f"{name}: is a link out of {given}, and stays as it is.")
+                    say_error(
+                        f"{name}: is a link out of the folder that was named, and stays as it is."
+                    )
                     continue
                 status.say(f"mending {called(name)}")
                 with contextlib.suppress(ReadError):  # which is said when it is checked

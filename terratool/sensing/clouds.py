@@ -247,9 +247,7 @@ def _read_npz(path: Path) -> Iterator[Batch]:
         except PackingError as error:
             raise ReadError(f"{path}: {error.message}", error.hint) from error
         except _NO_ARCHIVE as error:
-            raise ReadError(
-                f"{path}: is no archive of NumPy ({_words(error)}).", _DAMAGED
-            ) from error
+            raise ReadError(f"{path}: is no archive of NumPy, or damaged.", _DAMAGED) from error
 
 
 class _Member:
@@ -275,9 +273,9 @@ class _Member:
                 self.shape, self._by_columns, self._type = _array_header(file)
         except Exception as error:  # of many kinds, as a header is an expression of Python
             deep = isinstance(error, MemoryError)  # as its parser says, whatever memory there is
-            raise ReadError(
-                f"{path}: has an array whose header is none ({_words(error)}).", _DAMAGED
-            ) from (None if deep else error)
+            raise ReadError(f"{path}: has an array whose header is none.", _DAMAGED) from (
+                None if deep else error
+            )
         if any(type(side) is not int or side < 0 for side in self.shape):
             raise ReadError(f"{path}: has an array without a length.", _DAMAGED)
         if math.prod(self.shape) * self._type.itemsize > size - file.tell():
@@ -298,16 +296,14 @@ class _Member:
         return np.frombuffer(data, self._type).reshape(shape)
 
     def texts(self) -> list[str]:
-        """All of it, as texts.
+        """All of it as texts, but no more than one more than there may be surfaces.
 
         Raises:
-            ReadError: it holds none, or too many.
+            ReadError: it holds none.
         """
-        if self._type.kind != "U" or len(self.shape) != 1:
+        if self._type.kind != "U" or len(self.shape) != 1 or not self._type.itemsize:
             raise ReadError(f"{self._path}: its surfaces are no list of names.", _DAMAGED)
-        if self.shape[0] > MOST_SURFACES or not self._type.itemsize:
-            return [""] * self.shape[0]
-        found: list[str] = self.read(self.shape[0]).tolist()
+        found: list[str] = self.read(min(self.shape[0], MOST_SURFACES + 1)).tolist()
         return found
 
 
@@ -579,7 +575,8 @@ def _read_pcd(path: Path) -> Iterator[Batch]:
             fields, count, pose = _pcd_header(said)
         except (KeyError, ValueError) as error:
             raise ReadError(
-                f"{path}: its header is no PCD's ({_words(error)}).", _DAMAGED
+                f"{path}: its header is no PCD's ({_words(error)}).",
+                "Write it with PCL: numbers of type F, I or U, a count of points, a viewpoint.",
             ) from error
         data = said["DATA"][:1]
         if data not in (["ascii"], ["binary"]):

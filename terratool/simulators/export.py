@@ -183,17 +183,20 @@ def _check_folders(folder: Path, targets: tuple[str, ...], overwrite: bool) -> N
             raise WriteError(f"{place}: exists already.", "Choose another folder, or --overwrite.")
 
 
-def _earlier(place: Path) -> list[str]:
-    """Names of the files that an earlier run has written; none where it has not."""
+def _earlier(place: Path) -> dict[str, Any]:
+    """Names of the files that an earlier run has written, and their SHA-256; none where it has not.
+
+    Those of the README and of the manifest itself are not known.
+    """
     if (place / MANIFEST).is_symlink():
-        return []
+        return {}
     try:
         with open_file(place / MANIFEST) as file:
             manifest = json.loads(file.read())
-        files = [*manifest["files"], README, MANIFEST]
+        files = {**manifest["files"], README: None, MANIFEST: None}
     except (OSError, ValueError, KeyError, TypeError, RecursionError):
-        return []
-    return [name for name in files if isinstance(name, str) and _is_own(place, name)]
+        return {}
+    return {name: digest for name, digest in files.items() if _is_own(place, name)}
 
 
 def _is_own(place: Path, name: str) -> bool:
@@ -203,7 +206,7 @@ def _is_own(place: Path, name: str) -> bool:
 
 
 def _put(part: Path, place: Path) -> None:
-    """Give what is written its place; of an earlier run what it had written goes, and no more.
+    """Give what is written its place; what an earlier run had written goes, unless it was changed.
 
     Raises:
         WriteError: something of others is in the way, or a link out of the folder.
@@ -224,10 +227,10 @@ def _put(part: Path, place: Path) -> None:
                     f"{path}: is in the way, and was not written by terratool.",
                     "Choose another folder, or move it elsewhere.",
                 )
+    gone = [name for name in old if name not in new and _sha256(place / name) == old[name]]
     with hold_signals():
-        for name in old:
-            if name not in new:
-                (place / name).unlink()
+        for name in gone:
+            (place / name).unlink()
         for name in new:
             (place / name).parent.mkdir(parents=True, exist_ok=True)
             (part / name).replace(place / name)
@@ -247,8 +250,8 @@ def _hashes(folder: Path) -> dict[str, str]:
     found = {}
     for name in _files(folder):
         with open(folder / name, "rb+") as file:
-            found[name] = hashlib.file_digest(file, "sha256").hexdigest()
             os.fsync(file.fileno())
+        found[name] = _sha256(folder / name)
     return found
 
 

@@ -17,6 +17,7 @@ _FORMULAS = ("=", "+", "-", "@", "'")
 """What names begin with that get an apostrophe in CSV; one of their own included, so that it is
 known where to take it off."""
 _control = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+_command = re.compile(r"^(\s*):(?=:)", re.MULTILINE)
 
 
 class Excerpt(Struct, frozen=True):
@@ -51,13 +52,14 @@ def printable(text: str) -> str:
 def inert_json(text: str) -> str:
     """A text of JSON that means the same, with what cannot be printed as escapes of JSON.
 
-    Line feeds stay: they stand between values, never within one.
+    So are hashes that GitHub's log would take for a command. Line feeds stay: they stand between
+    values, never within one.
     """
     return "\n".join(
         line
         if line.isprintable()
         else "".join(c if c.isprintable() else json.dumps(c)[1:-1] for c in line)
-        for line in text.split("\n")
+        for line in text.replace("##[", r"\u0023#[").split("\n")
     )
 
 
@@ -72,7 +74,11 @@ def xml_text(text: str) -> str:
 
 
 def inert_xml(text: str) -> str:
-    """A text of XML that means the same, with what cannot be printed as references."""
+    """A text of XML that means the same, with what cannot be printed as references.
+
+    So is what GitHub's log would take for the beginning of a command.
+    """
+    text = _command.sub(r"\1&#58;", text).replace("##[", "&#35;#[")
     return "".join(c if c.isprintable() or c == "\n" else f"&#{ord(c)};" for c in text)
 
 

@@ -63,7 +63,8 @@ OUTSIDE = ["../victim/new.json", "/tmp/x.json", "sites/../../victim/new.json", "
            "file.json"]  # fmt: skip
 HIDDEN = [
     ".git/config", ".git/hooks/pre-commit", ".git/hooks/post-merge", ".git/x.json", ".GIT/x.json",
-    ".vscode/tasks.json", ".git", ".git./x.json", ".git /x.json", ".g\u200cit/x.json", "git~1/x.json", "sub/.git/x.json",
+    ".vscode/tasks.json",
+    ".git", ".git./x.json", ".git /x.json", ".g\u200cit/x.json", "git~1/x.json", "sub/.git/x.json",
     ".hg/hgrc", ".svn/x.json", "inner/x.json", ".git::$INDEX_ALLOCATION/x.json", "worktree/.git",
 ]  # fmt: skip
 OTHERS = ["README.md", "sites/a.json", "foreign.sarif", "foreign.xml", "list.json", "empty.txt",

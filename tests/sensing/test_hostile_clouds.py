@@ -131,6 +131,9 @@ REFUSED: dict[str, tuple[str, bytes, str]] = {
     "long names": (
         ".npz", npz(surfaces=member(header("'<U99999999'", "(9,)"))), "ends before its arrays",
     ),
+    "names of nothing": (
+        ".npz", npz(surfaces=member(header("'<U0'", f"({HUGE},)"), b"")), "no list of names",
+    ),
     "numbers as names": (".npz", npz(surfaces=PLAIN), "no list of names"),
     "objects": (".npz", npz(x=member(header("'|O'"))), "no column of numbers"),
     "complex columns": (".npz", npz(x=member(header("'<c8'"))), "no column of numbers"),
@@ -183,7 +186,7 @@ READ: dict[str, tuple[str, bytes]] = {
     "a signalling NaN": (".ply", ply("3", data=b"\x01\x00\xa0\x7f" * 3 + POINTS[12:])),
     "a header of Python 2": (".npz", npz(x=member(header(shape="(10L,)")))),
     "a header that warns": (".npz", npz(x=member(header("'\\<f8'")))),
-    "no surfaces": (".npz", npz(surfaces=member(header("'<U0'", "(0,)"), b""))),
+    "no surfaces": (".npz", npz(surfaces=member(header("'<U1'", "(0,)"), b""))),
     "long doubles": (".npz", npz(x=member(header("'<f16'"), b"\xff" * 160))),
 }  # fmt: skip
 
