@@ -46,14 +46,23 @@ inline double share(i64 seed, i64 number, i64 draw) {
     return double(state >> 11) * 0x1p-53;
 }
 
+// The side of a copy for a number from 0 to below 1, with which it grows.
+INLINE double side_at(const Strewing& asked, double drawn) {
+    double low = 1.0 / (asked.least * asked.least), high = 1.0 / (asked.most * asked.most);
+    return min(max(1.0 / sqrt(low + (high - low) * drawn), asked.least), asked.most);
+}
+
 // The sides of all copies, the largest first.
 inline void draw_sides(const Strewing& asked, Out sides) {
-    double low = 1.0 / (asked.least * asked.least), high = 1.0 / (asked.most * asked.most);
-    for (i64 n = 0; n < count_of(sides); ++n) {
-        double side = 1.0 / sqrt(low + (high - low) * share(asked.seed, n, 0));
-        sides[n] = min(max(side, asked.least), asked.most);
-    }
+    for (i64 n = 0; n < count_of(sides); ++n) sides[n] = side_at(asked, share(asked.seed, n, 0));
     std::sort(sides.begin(), sides.end(), std::greater<double>());
+}
+
+// The side of the smallest of so many copies; the largest that may be of none.
+inline double least_side(const Strewing& asked, i64 count) {
+    double least = 1.0;
+    for (i64 n = 0; n < count; ++n) least = min(least, share(asked.seed, n, 0));
+    return count > 0 ? side_at(asked, least) : asked.most;
 }
 
 INLINE double radius_of(double side) { return side * sqrt(0.5); }

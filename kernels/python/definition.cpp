@@ -30,8 +30,8 @@ void bind_definition(nb::module_ m) {
         m, "share", "A number from 0 to below 1 that follows from three.",
         {"seed", "number", "draw"}
     );
-    def<&definition::draw_sides>(
-        m, "draw_sides", "Sides of scattered copies, the largest first.", {"asked", "sides[n]"}
+    def<&definition::least_side>(
+        m, "least_side", "The side of the smallest of so many scattered copies.", {"asked", "count"}
     );
     def<&definition::survey>(
         m, "survey",

@@ -99,7 +99,9 @@ def strewn(asked: Strewing, count: int, tries: int = ALL_TRIES) -> Strewn:
     size. Middles are spread evenly over the places that keep the copy, however it is turned, in
     the cell, and as far from those before as is asked.
     """
-    sides, x, y, turns = (_doubles(count) for _ in range(4))
+    # validating does without NumPy
+    buffers: Any = [array("d", bytes(8 * count)) for _ in range(4)]
+    sides, x, y, turns = buffers
     looked, left = kernels.scatter(asked, tries, sides, x, y, turns)
     return Strewn(sides, x, y, turns, looked, left)
 
@@ -112,14 +114,7 @@ def least_drawn(scatter: Scatter, area: Pair) -> float:
         area: sides of the cell over which copies are strewn.
     """
     count = min(wanted(scatter, area), MAX_SCATTERED)
-    sides = _doubles(count)
-    kernels.draw_sides(strewing(scatter, area, by_quarters=False, tilted=False), sides)
-    return float(sides[-1]) if count else scatter.sizes[1]
-
-
-def _doubles(count: int) -> Any:
-    """A buffer of float64; it does without NumPy, as validating does."""
-    return array("d", bytes(8 * count))
+    return kernels.least_side(strewing(scatter, area, by_quarters=False, tilted=False), count)
 
 
 def share(seed: int, number: int, draw: int) -> float:

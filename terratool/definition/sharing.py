@@ -26,7 +26,7 @@ from terratool.definition.expand import (
 )
 from terratool.definition.model import Definition, Pair, pair_of
 from terratool.definition.tree import ROOT
-from terratool.definition.uses import Root, Uses, copies, elements_of
+from terratool.definition.uses import Root, Uses, copies, scatters_over_cells
 from terratool.errors import RequestError
 from terratool.text.display import counted
 
@@ -222,7 +222,7 @@ class _Drafter:
         self.sketches: dict[_Key, _Sketch] = {}
         self.roots: dict[_Key, Root] = {}
         self.total = 0
-        self._sized = uses.leading_to(_has_scattered_cells)
+        self._sized = uses.leading_to(scatters_over_cells)
         self._depending: dict[tuple[int, int], bool] = {}
 
     def draw(self) -> Blueprint:
@@ -379,17 +379,6 @@ class _Drafter:
             cell = _Cell(Sides(side(length, 0.0), side(length, 0.0)), ONE) if sized else None
             keys.append(self._key(chain.root, int(turned), worn, cell))
         return node, _Inner(keys, which.reshape(-1))
-
-
-def _has_scattered_cells(root: Root) -> bool:
-    """Whether copies are scattered over a cell of a grid below a root."""
-    tree = root.tree
-    if tree.distinct("scatter") == {UNSET}:
-        return False
-    scatters, extents = tree.column("scatter"), tree.column("extent")
-    return any(
-        scatters[index] is not UNSET and extents[index] is UNSET for index in elements_of(root)
-    )
 
 
 def _has_children(root: Root) -> bool:

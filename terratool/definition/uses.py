@@ -383,6 +383,17 @@ def elements_of(root: Root) -> Sequence[int]:
     return known[root.element]
 
 
+def scatters_over_cells(root: Root) -> bool:
+    """Whether copies are scattered over a cell of a grid below a root."""
+    tree = root.tree
+    if tree.distinct("scatter") == {UNSET}:
+        return False
+    scatters, extents = tree.column("scatter"), tree.column("extent")
+    return any(
+        scatters[index] is not UNSET and extents[index] is UNSET for index in elements_of(root)
+    )
+
+
 def places_of(root: Root) -> list[int]:
     """The elements below a root that stand at free places."""
     tree = root.tree

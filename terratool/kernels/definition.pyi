@@ -47,12 +47,8 @@ def scatter(
 def share(seed: int, number: int, draw: int) -> float:
     """A number from 0 to below 1 that follows from three."""
 
-def draw_sides(asked: Any, sides: NDArray[np.float64]) -> None:
-    """
-    Sides of scattered copies, the largest first.
-
-    Shapes: sides[n].
-    """
+def least_side(asked: Any, count: int) -> float:
+    """The side of the smallest of so many scattered copies."""
 
 def survey(
     operations: NDArray[np.uint8],

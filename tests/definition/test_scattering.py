@@ -10,9 +10,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from terratool.definition import sharing
+from terratool.definition.expand import Area, strewn_over
 from terratool.definition.model import Scatter
 from terratool.definition.reader import Checked, CheckOptions, check
-from terratool.definition.scattering import share, strewing, strewn
+from terratool.definition.rules import scatter
+from terratool.definition.scattering import Strewn, share, strewing, strewn
+from terratool.definition.uses import Root
 from terratool.field.terrain import Terrain
 from terratool.text.source import Source
 from tests.scattering import GOLDEN, TRIES, Copy, drawn, mixed, slowly
@@ -249,3 +253,52 @@ def test_a_density_that_comes_to_nothing_is_told_of() -> None:
     ((where, said),) = remarks(2.0, density=0.1)
     assert where == "density" and said == "the density comes to no copy on 4 square units."
     assert remarks(2.3, density=0.1) == []
+
+
+SCATTERED = {"type": "box", "scatter": {"count": 30, "sizes": [0.01, 0.02]}}
+OVER_A_CELL = {"cells": 2, "children": [{"cellX": 0, "cellY": 1, **SCATTERED}]}
+AT_A_PLACE = {"children": [{"at": [0.1, 0.1], "extent": [0.1, 0.05], **SCATTERED}]}
+STREWN = {"at": [50, 40], "extent": 60, "scatter": {"count": 50, "sizes": [1, 4], "seed": 3}}
+ROW = [{"at": [5 + 9 * n, 5], "extent": 4 + n, "part": "p"} for n in range(3)]
+
+
+@pytest.mark.parametrize(
+    ("inside", "children", "copies", "exactly"),
+    [
+        (AT_A_PLACE, [STREWN | {"part": "p"}], 50 + 30, True),
+        (OVER_A_CELL, [STREWN | {"part": "p"}], 50 + 50 * 30, True),
+        (OVER_A_CELL, ROW, 3 * 30, True),
+        (OVER_A_CELL, [ROW[0], ROW[0] | {"at": [50, 50]}], 2 * 30, False),  # of one size
+        (OVER_A_CELL, [STREWN | {"part": "q"}], 50 + 50 * 30, True),
+        (OVER_A_CELL, [{"at": [9 * n + 9, 50], "extent": 2 + n, "part": "q"} for n in range(2)],
+         2 * 30, True),
+    ],
+)  # fmt: skip
+def test_so_many_are_announced_as_are_placed(
+    inside: dict[str, Any], children: list[Any], copies: int, exactly: bool,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    """Over cells once for each of their sizes, else once for each part."""
+    monkeypatch.setattr(scatter, "_MANY", 0)
+    value = {
+        "size": 100, "elemTypes": {"box": {"x": [1]}},
+        "parts": {
+            "p": {"type": "box"} | inside,
+            "q": {"type": "box", "cells": 2, "children": [{"cellX": 1, "cellY": 0, "part": "p"}]},
+        },
+        "elemTree": {"type": "box", "children": children},
+    }  # fmt: skip
+    checked = check(Source("t.json", json.dumps(value).encode()))
+    ((said,),) = ([f.message for f in checked.findings if f.code == "TT722"],)
+    assert said.startswith(f"{copies:,} copies are scattered; ")
+    placed = []
+
+    def counted(root: Root, area: Area) -> Strewn:
+        found = strewn_over(root, area)
+        placed.append(len(found.sides))
+        return found
+
+    monkeypatch.setattr(sharing, "strewn_over", counted)
+    Terrain(checked, share_above=0)
+    assert 0 < sum(placed) <= copies
+    assert (sum(placed) == copies) == exactly

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from itertools import chain
 
 from msgspec import UNSET
 
@@ -17,7 +18,7 @@ from terratool.definition.model import (
 from terratool.definition.rules.base import Subject, rule
 from terratool.definition.scattering import strewing, strewn, wanted
 from terratool.definition.tree import ROOT, Tree
-from terratool.definition.uses import Root, elements_of
+from terratool.definition.uses import Root, Uses, elements_of, scatters_over_cells
 from terratool.text.display import many, shown
 
 
@@ -189,8 +190,9 @@ _BYTES = 700
 def many_scattered(subject: Subject) -> Iterator[Remark]:
     """So many copies are scattered that each command takes a while to place them.
 
-    The sentence says how long at most, on a processor of 2020, and how much memory it takes. What
-    stands in a part is placed once, however often the part stands.
+    The sentence says how long at most, on a processor of 2020, and how much memory that takes. What
+    stands in a part is placed once, however often the part stands; but if copies are scattered
+    over its cells, once for each size of these.
 
     Fails:
 
@@ -216,18 +218,18 @@ def many_scattered(subject: Subject) -> Iterator[Remark]:
     silence TT722 by x-ignore.
     """
     uses = subject.uses
-    if not uses.has_root or uses.circles:
+    if not uses.has_root or uses.circles or not _MANY < uses.scattered <= MAX_SCATTERED_IN_ALL:
         return
     copies, seconds = 0, 0.0
-    for root in (uses.root, *map(uses.part, uses.reached)):
+    for root, sizes in _sizes(uses):
         for count, scatter in _asked(root):
-            copies += count
-            seconds += count * (_EACH if scatter.distance is UNSET else _EACH_APART)
-    if copies > _MANY and uses.scattered <= MAX_SCATTERED_IN_ALL:
+            copies += count * sizes
+            seconds += count * sizes * (_EACH if scatter.distance is UNSET else _EACH_APART)
+    if copies > _MANY:
         yield Remark(
             ROOT,
-            f"{copies:,} copies are scattered, which takes up to {math.ceil(seconds)} s and "
-            f"{copies * _BYTES / 1e9:.1f} GB wherever the terrain is read.",
+            f"{copies:,} copies are scattered; to place them takes each command up to "
+            f"{math.ceil(seconds)} s and {copies * _BYTES / 1e9:.1f} GB.",
             "Lower the counts, or scatter fewer in a part that stands several times.",
         )
 
@@ -237,7 +239,24 @@ def _asked(root: Root) -> Iterator[tuple[int, Scatter]]:
     tree = root.tree
     if tree.distinct("scatter") == {UNSET}:
         return
-    scatters, extents = tree.column("scatter"), tree.column("extent")
     for index in elements_of(root):
-        if scatters[index] is not UNSET:
-            yield wanted(scatters[index], pair_of(extents[index], math.nan)), scatters[index]
+        scatter = tree.value("scatter", index)
+        if scatter is not UNSET:
+            yield wanted(scatter, pair_of(tree.value("extent", index), math.nan)), scatter
+
+
+def _sizes(uses: Uses) -> Iterator[tuple[Root, int]]:
+    """The terrain and its parts, and in how many sizes at most what is in each is placed."""
+    sized = uses.leading_to(scatters_over_cells)
+    sizes = {name: int(name not in sized) for name in uses.reached}
+    users_first = (name for name in reversed(uses.graph.inner_first) if name in sizes)
+    for name in chain([None], users_first):
+        root, own = (uses.root, 1) if name is None else (uses.part(name), sizes[name])
+        for element, part in uses.within(root):
+            if part in sized:
+                scatter, extent = (root.tree.value(key, element) for key in ("scatter", "extent"))
+                if scatter is not UNSET:
+                    sizes[part] += wanted(scatter, pair_of(extent, math.nan))
+                else:  # a cell has a size for each that it is part of
+                    sizes[part] += own if extent is UNSET else 1
+        yield root, own
