@@ -7,6 +7,9 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from terratool.definition.findings import Finding
 
+DAMAGED = "It may be cut short: write it again, or fetch it again."
+"""What to do about a file that ends too early, or whose parts do not fit together."""
+
 
 def reason(error: OSError) -> str:
     """What the system says of an error."""

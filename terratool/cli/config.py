@@ -91,7 +91,7 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab", kw
         return [real.relative_to(root) for root in roots if real.is_relative_to(root)]
 
     def written(self, path: str) -> str:
-        """The same of a file that is to be written.
+        """A path of the settings as the working directory has it, for a file that is to be written.
 
         Raises:
             RequestError: it lies outside, or where something else than a report belongs.

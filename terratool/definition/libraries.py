@@ -164,7 +164,7 @@ class Catalogue:
         ]
         self._reach = [0] * len(documents)
         changed = True
-        while changed:  # more than once only where libraries use themselves
+        while changed:  # a pass for each step against the order of the files, and one to see that
             changed = False
             for n in range(len(documents) - 1, -1, -1):
                 reach = self._reach[n]

@@ -23,9 +23,10 @@ _WORK = 50_000_000
 _INSET = 64
 """In steps from a float to the next: what is narrower than that beside an edge sets no extreme."""
 _THINNEST = 1e-3
-"""Of a cell's side: points beside its edges are no further inside."""
+"""Points beside the edges of a cell are inside by no more than this share of its side."""
 _AGREES = 1e-3
-"""Of the relief: heights on an edge and beside it that differ by less are of one surface."""
+"""Heights on an edge and beside it are of one surface if they differ by less than this share of the
+relief."""
 
 _PLASTIC = 1.32471795724474602596
 """The plastic number spreads points over a square as the golden section does over a line."""

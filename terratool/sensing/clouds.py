@@ -26,7 +26,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from terratool.errors import ReadError, RequestError
+from terratool.errors import DAMAGED, ReadError, RequestError
 from terratool.extras import install_command
 from terratool.sensing.formats.common import SENSOR_AXES
 from terratool.sensing.poses import Poses
@@ -42,18 +42,18 @@ BATCH = 1 << 20
 MOST_SURFACES = 1 << 16
 """Scans may name so many surfaces."""
 _LINES = 1 << 17
-"""Lines of a text that are read at a time …"""
+"""Most lines of a text that are read at a time."""
 _FEW = 64
+"""Lines between two looks at how long they are."""
 _BATCH_BYTES = 1 << 26
-"""… if they have no more bytes than this, as rows of numbers have."""
+"""Bytes of rows after which no more are read at a time."""
 _MOST_LINE = 1 << 20
 _MOST_HEADER = 1 << 20
 _MOST_NAMES = 1 << 20
 """Characters of the names of all surfaces together."""
 _MOST_ROW = (1 << 31) - 1
-_MOST = 1e30
+MOST = 1e30
 """What is larger is taken for no number: squares of it and float32 have to hold it."""
-_DAMAGED = "It may be cut short: write it again, or fetch it again."
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,7 +171,7 @@ def _numbers_of(column: NDArray[Any]) -> Floats:
     """A column as float64, NaN where it is no number or too large."""
     with np.errstate(invalid="ignore", over="ignore"):  # a signalling NaN is one all the same
         values = column.astype(np.float64)
-    return np.where(np.abs(values) < _MOST, values, np.nan)
+    return np.where(np.abs(values) < MOST, values, np.nan)
 
 
 def _checked_names(path: Path, names: Iterable[str]) -> tuple[str, ...]:
@@ -237,7 +237,7 @@ def _read_npz(path: Path) -> Iterator[Batch]:
                 )
             counts = {member.shape[0] for member in members.values()}
             if len(counts) > 1:
-                raise ReadError(f"{path}: its arrays are not of one length.", _DAMAGED)
+                raise ReadError(f"{path}: its arrays are not of one length.", DAMAGED)
             total = max(counts, default=0)
             for begin in range(0, total, BATCH):
                 count = min(BATCH, total - begin)
@@ -247,7 +247,7 @@ def _read_npz(path: Path) -> Iterator[Batch]:
         except PackingError as error:
             raise ReadError(f"{path}: {error.message}", error.hint) from error
         except _NO_ARCHIVE as error:
-            raise ReadError(f"{path}: is no archive of NumPy, or damaged.", _DAMAGED) from error
+            raise ReadError(f"{path}: is no archive of NumPy, or damaged.", DAMAGED) from error
 
 
 class _Member:
@@ -273,13 +273,13 @@ class _Member:
                 self.shape, self._by_columns, self._type = _array_header(file)
         except Exception as error:  # of many kinds, as a header is an expression of Python
             deep = isinstance(error, MemoryError)  # as its parser says, whatever memory there is
-            raise ReadError(f"{path}: has an array whose header is none.", _DAMAGED) from (
+            raise ReadError(f"{path}: has an array whose header is none.", DAMAGED) from (
                 None if deep else error
             )
         if any(type(side) is not int or side < 0 for side in self.shape):
-            raise ReadError(f"{path}: has an array without a length.", _DAMAGED)
+            raise ReadError(f"{path}: has an array without a length.", DAMAGED)
         if math.prod(self.shape) * self._type.itemsize > size - file.tell():
-            raise ReadError(f"{path}: ends before its arrays do.", _DAMAGED)
+            raise ReadError(f"{path}: ends before its arrays do.", DAMAGED)
 
     def has_rows(self, width: int) -> bool:
         """Whether it has rows of so many numbers, or is a column if that is 0."""
@@ -292,7 +292,7 @@ class _Member:
         size = math.prod(shape) * self._type.itemsize
         data = self._file.read(size)
         if len(data) < size:
-            raise ReadError(f"{self._path}: ends before its arrays do.", _DAMAGED)
+            raise ReadError(f"{self._path}: ends before its arrays do.", DAMAGED)
         return np.frombuffer(data, self._type).reshape(shape)
 
     def texts(self) -> list[str]:
@@ -302,7 +302,7 @@ class _Member:
             ReadError: it holds none.
         """
         if self._type.kind != "U" or len(self.shape) != 1 or not self._type.itemsize:
-            raise ReadError(f"{self._path}: its surfaces are no list of names.", _DAMAGED)
+            raise ReadError(f"{self._path}: its surfaces are no list of names.", DAMAGED)
         found: list[str] = self.read(min(self.shape[0], MOST_SURFACES + 1)).tolist()
         return found
 
@@ -338,7 +338,7 @@ class _Lines(Generic[AnyStr]):
         while line := self.file.readline(_MOST_LINE):
             if len(line) == _MOST_LINE:
                 raise ReadError(
-                    f"{self.path}: has a line of more than {_MOST_LINE >> 20} MiB.", _DAMAGED
+                    f"{self.path}: has a line of more than {_MOST_LINE >> 20} MiB.", DAMAGED
                 )
             self.taken += len(line)
             yield line
@@ -375,7 +375,7 @@ def _read_csv(path: Path) -> Iterator[Batch]:
         except UnicodeDecodeError as error:
             raise ReadError(f"{path}: is no UTF-8 text.", "Save it as UTF-8 CSV.") from error
         except csv.Error as error:
-            raise ReadError(f"{path}:{rows.line_num}: is no CSV ({error}).", _DAMAGED) from error
+            raise ReadError(f"{path}:{rows.line_num}: is no CSV ({error}).", DAMAGED) from error
 
 
 def _picked(rows: Iterator[list[str]], places: list[int]) -> Iterator[Sequence[str | None]]:
@@ -457,7 +457,7 @@ def _read_ply(path: Path) -> Iterator[Batch]:
                     )
         order = _ORDERS.get(form)
         if order is None or count < 0:
-            raise ReadError(f"{path}: its header says no format, or no vertices.", _DAMAGED)
+            raise ReadError(f"{path}: its header says no format, or no vertices.", DAMAGED)
         surfaces = _checked_names(path, names)
         for columns in _rows(path, file, fields, count, order):
             yield columns, surfaces
@@ -474,7 +474,7 @@ def _quoted(text: str) -> list[str]:
 def _header_line(path: Path, file: io.BufferedReader) -> str:
     line = file.readline(4096)
     if not line or file.tell() > _MOST_HEADER:
-        raise ReadError(f"{path}: its header does not end.", _DAMAGED)
+        raise ReadError(f"{path}: its header does not end.", DAMAGED)
     return line.decode("utf-8", "replace")
 
 
@@ -497,7 +497,7 @@ def _rows(
     # a number of a text takes a digit and what separates it from the next one
     least = count * (size if order else 2 * width) - (not order)
     if least > _size(file) - file.tell() or (order and size > _MOST_ROW):
-        raise ReadError(f"{path}: ends before its points do.", _DAMAGED)
+        raise ReadError(f"{path}: ends before its points do.", DAMAGED)
     places, forms, offsets, column, offset = [], [], [], 0, 0
     for name, form, many in fields:
         if name in names:
@@ -524,7 +524,7 @@ def _binary_rows(
         size = min(many, count - begin) * kind.itemsize
         data = file.read(size)
         if len(data) < size:
-            raise ReadError(f"{path}: ends before its points do.", _DAMAGED)
+            raise ReadError(f"{path}: ends before its points do.", DAMAGED)
         rows = np.frombuffer(data, kind)
         yield {name: rows[name] for name in kind.names or ()}
 
@@ -540,12 +540,13 @@ def _text_rows(
         count -= len(some)
         try:
             if not all(map(bytes.strip, some)) or not some:
-                raise ReadError(f"{path}: ends before its points do.", _DAMAGED)
+                raise ReadError(f"{path}: ends before its points do.", DAMAGED)
             text = [line.decode("ascii") for line in some]
             yield np.loadtxt(text, comments=None, usecols=places, ndmin=2)
         except ValueError as error:
+            what = _words(error).partition(" at row ")[0]  # of those that are read at a time
             raise ReadError(
-                f"{path}: has a line that is no row of numbers ({_words(error)}).", _DAMAGED
+                f"{path}: has a line that is no row of numbers ({what}).", DAMAGED
             ) from error
 
 
@@ -607,7 +608,7 @@ def _pcd_header(said: dict[str, list[str]]) -> tuple[Fields, int, Floats]:
     pose = np.array(
         [parse_number(text) for text in said.get("VIEWPOINT", ())] or _NO_VIEWPOINT, float
     )
-    far = pose.shape != (7,) or not (np.abs(pose) < _MOST).all()
+    far = pose.shape != (7,) or not (np.abs(pose) < MOST).all()
     if far or np.abs(pose[3:]).max() < _FLATTEST:
         raise ValueError("no viewpoint")
     [count] = said["POINTS"][:1]
@@ -653,7 +654,7 @@ def _read_las(path: Path) -> Iterator[Batch]:
                     if of in names:
                         columns[name] = np.asarray(points[of])
             if any(column.ndim != 1 for column in columns.values()):
-                raise ReadError(f"{path}: has a column of several numbers a point.", _DAMAGED)
+                raise ReadError(f"{path}: has a column of several numbers a point.", DAMAGED)
             yield columns, surfaces
 
 

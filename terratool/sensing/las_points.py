@@ -13,7 +13,7 @@ from io import BufferedReader
 from pathlib import Path
 from typing import IO, Any, NamedTuple
 
-from terratool.errors import ReadError
+from terratool.errors import DAMAGED, ReadError
 from terratool.processes import limit_memory, python_calling
 from terratool.text.files import open_file
 from terratool.text.packing import TIMES, most_unpacked
@@ -24,7 +24,6 @@ _APART_BYTES = 400 << 20
 _VLR_BYTES = 54
 _PACKED = 0xC0
 """Bits of a point format that say LAZ."""
-_HINT = "It may be cut short: write it again, or fetch it again."
 
 # ASPRS, LAS 1.4 R15, table 3: the sizes of the header, the place of the points, how many records of
 # variable length there are, the format and the size of points and, in two ways, their count
@@ -70,7 +69,7 @@ class LasPoints:
         while left > 0:
             data = self._source.read(min(many, left) * form.size)
             if len(data) < min(many, left) * form.size:
-                raise ReadError(f"{self._path}: its points are broken, or end too early.", _HINT)
+                raise ReadError(f"{self._path}: its points are broken, or end too early.", DAMAGED)
             record = laspy.PackedPointRecord.from_buffer(data, form)
             yield laspy.ScaleAwarePointRecord(
                 record.array, form, self.header.scales, self.header.offsets
@@ -118,13 +117,13 @@ def _checked(path: Path, file: BufferedReader) -> _Claims:
     """
     size, head = os.fstat(file.fileno()).st_size, file.read(_count.size)
     if len(head) < _fields.size or not head.startswith(b"LASF"):
-        raise ReadError(f"{path}: is no LAS.", _HINT)
+        raise ReadError(f"{path}: is no LAS.", DAMAGED)
     claims = _Claims(*_fields.unpack_from(head))
     if claims.minor >= 4 and len(head) == _count.size:
         claims = claims._replace(points=_count.unpack_from(head)[0])
     inside = _fields.size <= claims.header <= claims.offset <= size
     if not inside or claims.records * _VLR_BYTES > claims.offset - claims.header:
-        raise ReadError(f"{path}: its header claims more than the file has.", _HINT)
+        raise ReadError(f"{path}: its header claims more than the file has.", DAMAGED)
     unpacked = claims.points * claims.size
     if claims.form & _PACKED:
         if unpacked > most_unpacked(size):
@@ -132,7 +131,7 @@ def _checked(path: Path, file: BufferedReader) -> _Claims:
                 f"{path}: comes to more than {TIMES} times its size.", "Save it as plain LAS."
             )
     elif unpacked > size - claims.offset:
-        raise ReadError(f"{path}: ends before its points do.", _HINT)
+        raise ReadError(f"{path}: ends before its points do.", DAMAGED)
     return claims
 
 
@@ -151,7 +150,7 @@ def _header(path: Path, file: BufferedReader) -> Any:
         raise
     except Exception as error:  # of many kinds, as it looks at nothing before it takes it apart
         words = " ".join(str(error).split())[:100]
-        raise ReadError(f"{path}: its header is no LAS's ({words}).", _HINT) from error
+        raise ReadError(f"{path}: its header is no LAS's ({words}).", DAMAGED) from error
     return header
 
 

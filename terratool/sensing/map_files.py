@@ -42,6 +42,7 @@ from terratool.raster.grid import Grid
 from terratool.raster.grid_map_bag import MOST_BYTES, TOPIC, GridMap, files_of_bag, write_grid_maps
 from terratool.raster.layers import Bands, Layer
 from terratool.raster.prefetch import TILE
+from terratool.sensing.clouds import MOST
 from terratool.sensing.robot_map import (
     FREE_CELLS,
     MOST_CELLS,
@@ -76,8 +77,6 @@ _COMPANIONS = (
 """What belongs to a map; what is left of an older one would be taken for part of this one."""
 _MOST_READ = 1 << 26
 _SQUARE = 1e-9
-_MOST = 1e30
-"""What is larger is taken for no number: squares of it and float32 have to hold it."""
 _MOST_COUNT = 2.0**53
 """Readings of a cell that float64 counts."""
 _BLOCK = 16
@@ -274,7 +273,7 @@ def read_map(path: str | Path) -> MapFile:
         pixels = read.astype(np.float64).filled(np.nan)
         if (scale, offset) != (1.0, 0.0):
             pixels[0] = pixels[0] * scale + offset
-    pixels[~(np.abs(pixels) < _MOST)] = np.nan
+    pixels[~(np.abs(pixels) < MOST)] = np.nan
     level, surfaces = _tagged(name, tags, grid) if is_map else (0, ())
     return MapFile(name, _level_of(pixels, grid, level, surfaces), is_map, crs)
 

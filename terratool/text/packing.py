@@ -13,7 +13,7 @@ GZIP = b"\x1f\x8b"
 PLENTY, TIMES = 1 << 22, 100
 """What is packed may come to so many bytes, or to so many times its own, whichever is more."""
 MOST_MEMBERS = 1 << 16
-"""Of a gzip; those of BGZF have 64 KiB each, so that 2 GiB of text have half as many."""
+"""Most members of a gzip; BGZF has 64 KiB in each, so that 2 GiB of text are half as many."""
 
 _FIRST, _LARGEST = 1 << 6, 1 << 20
 _ENCRYPTED = 0x1
