@@ -1,7 +1,7 @@
 """Programs that tests call and that packages of Python do not bring, and how each is had.
 
 A test is skipped without those it asks for here; .ci/run installs them all and wants it to run.
-`python -m tests.programs` prints the packages of Debian that have them.
+`python -m tests.programs` prints packages of Debian that may be missing.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ DEBIAN = {
     "gdaldem": "gdal-bin",
     "gdalinfo": "gdal-bin",
     "git": "git",
-    "ign": "ignition-tools sdformat-sdf",
+    "ign": "ignition-tools",
     "ignition-physics": "libignition-physics-dev libignition-physics-heightmap-dev "
-    "libignition-physics5-dartsim-plugin5 libsdformat-dev",
+    "libignition-physics5-dartsim-plugin5 libsdformat-dev sdformat-sdf",
     "make": "make",
     "node": "nodejs",
     "npm": "npm",
@@ -75,4 +75,5 @@ def how_to_get(names: Iterable[str]) -> str:
 
 
 if __name__ == "__main__":
-    sys.stdout.write(" ".join(sorted({*" ".join(DEBIAN.values()).split()})) + "\n")
+    lacks = {of for name, of in DEBIAN.items() if shutil.which(name) is None}
+    sys.stdout.write(" ".join(sorted(lacks)) + "\n")
