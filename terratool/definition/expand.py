@@ -137,6 +137,10 @@ def with_names_in_use(
 _NAMES = tuple(name for name in Element.__struct_fields__ if name != "children")
 
 
+_FreePlaces = tuple[list[Exact], list[Exact], Pair]
+"""Columns and rows of the copies of an element, and what the doubles of its sides lack."""
+
+
 class _Writer(Struct, frozen=True, dict=True):
     """Writes elements level by level, column by column."""
 
@@ -241,8 +245,7 @@ class _Writer(Struct, frozen=True, dict=True):
                     place = {"at": tree.value("at", index), "extent": extent}
                     found.append(_Node(inner, factor, 0, place, None, None, (1, 1), names[0]))
                     continue
-                more = rest_of(pair_of(extent, 0.0)[0]), rest_of(pair_of(extent, 0.0)[1])
-                columns, rows = _places(tree, index)
+                columns, rows, more = self._free_places(tree, index)
                 places = _turned_place(columns, rows, lengths, quarters)
                 for at, name in zip((at for row in places for at in row), names, strict=True):
                     found.append(_free(inner, factor, quarters, at, extent, more, name))
@@ -256,6 +259,18 @@ class _Writer(Struct, frozen=True, dict=True):
                 own_span, place = turned_block(block, grid, quarters)
                 found.append(_Node(inner, factor, quarters, place, None, around, own_span, name))
         return found
+
+    @cached_property
+    def _known(self) -> dict[tuple[int, int], _FreePlaces]:
+        return {}
+
+    def _free_places(self, tree: Tree, index: int) -> _FreePlaces:
+        """Where the copies of an element at a free place stand, which a part has for each use."""
+        key = id(tree), index
+        if key not in self._known:
+            wide, tall = pair_of(tree.value("extent", index), math.nan)
+            self._known[key] = *_places(tree, index), (rest_of(wide), rest_of(tall))
+        return self._known[key]
 
 
 def _free(

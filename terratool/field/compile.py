@@ -178,12 +178,12 @@ def _places(tree: Tree) -> tuple[NDArray[Any], NDArray[Any]]:
     places["at"] = [at[index] for index in free]
     places["extent"] = [pair_of(extent[index], 1.0) for index in free]
     known = [None] * len(tree) if tree.rests is None else tree.rests
-    typed = [place for place, index in enumerate(free) if known[index] is None]
     for name in ("at", "extent"):
-        rests[name][typed] = rests_of(places[name][typed])
-    for place, index in enumerate(free):
-        if (own := known[index]) is not None:
-            rests[place] = own[:2], own[2:]
+        rests[name] = rests_of(places[name])
+    written = [place for place, index in enumerate(free) if known[index] is not None]
+    if written:
+        values = np.array([known[free[place]] for place in written], np.float64)
+        rests["at"][written], rests["extent"][written] = values[:, :2], values[:, 2:]
     return places, rests
 
 

@@ -134,8 +134,9 @@ def _cubics(expression: Expression, starts: Floats, lengths: Floats) -> Floats:
     t = np.minimum(starts[:, None] + lengths[:, None] * _THIRDS, 1.0)
     values = values_of(expression, t)
     # BLAS would add in an order that differs from processor to processor
-    first, second, third, last = (values[:, [n]] * _TO_CUBIC[:, n] for n in range(4))
-    coefficients: Floats = ((first + second) + third) + last
+    coefficients = np.zeros((len(starts), 4))
+    for column, weights in zip(values.T, _TO_CUBIC.T, strict=True):
+        coefficients += column[:, None] * weights
     # what is straight stays straight: a level floor has no slope of 1e-15
     straight = np.abs(coefficients[:, 2:]).max(axis=1) <= _ROUNDING * np.abs(values).max(axis=1)
     coefficients[straight, 1] = (values[:, 3] - values[:, 0])[straight]

@@ -270,6 +270,8 @@ def try_terrain(case: Case, folder: Path) -> str:
         _say_findings(case, folder, draw // 128)
     if checked.definition is None:
         return "invalid"
+    if any(finding.code == "TT722" for finding in checked.findings):
+        return "said to take long"
     terrain = Terrain(checked)
     west, south, east, north = terrain.bounds
     shares = np.array([-0.1, 0, 0.1, 1 / 3, 0.5, 0.9, 1])
