@@ -80,10 +80,8 @@ def test_those_that_settings_name_are_refused(
     assert (ran.code, "it is a pipe" in ran.err) == (3, True)
 
 
-def test_a_watched_file_becomes_a_pipe_and_comes_back(
-    folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    path = folder / "a.json"
+def there_and_back(path: Path) -> list[Callable[[], None]]:
+    """A file becomes a pipe, and then another file."""
 
     def piped() -> None:
         path.unlink()
@@ -93,7 +91,15 @@ def test_a_watched_file_becomes_a_pipe_and_comes_back(
         path.unlink()
         path.write_text(GOOD.replace("10", "20"))
 
-    ran = _watched(monkeypatch, [piped, back], lambda: call("validate", "--watch", path))
+    return [piped, back]
+
+
+def test_a_watched_file_becomes_a_pipe_and_comes_back(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = folder / "a.json"
+
+    ran = _watched(monkeypatch, there_and_back(path), lambda: call("validate", "--watch", path))
     assert ran.err.count("it is a pipe") == 1
     assert ran.out.count("no errors") == 3  # before, meanwhile and after
 
@@ -104,14 +110,6 @@ def test_a_shown_file_becomes_a_pipe_and_comes_back(
     path, state = folder / "a.json", LiveState()
     told: list[str] = []
 
-    def piped() -> None:
-        path.unlink()
-        os.mkfifo(path)
-
-    def back() -> None:
-        path.unlink()
-        path.write_text(GOOD.replace("10", "20"))
-
     def heard(problem: TerratoolError | None) -> None:
         told.append(problem.message if problem else "drawn")
 
@@ -119,7 +117,7 @@ def test_a_shown_file_becomes_a_pipe_and_comes_back(
         with pytest.raises(KeyboardInterrupt):
             follow(state, Followed(str(path)), scene_of, heard)
 
-    _watched(monkeypatch, [piped, back], followed)
+    _watched(monkeypatch, there_and_back(path), followed)
     assert [one.startswith(str(path)) for one in told] == [False, True, False]
     assert "it is a pipe" in told[1] and state.picture == 2
 
