@@ -272,7 +272,7 @@ def source(name: str, folder: Path) -> bytes:
         lines = "".join(f"{n},{3 + n},3,0,{20 * n}\n" for n in range(9))
         return f"time,x,y,z,yaw\n{lines}".encode()
     if name == "settings":
-        return b'paths = ["a.json"]\nformats = ["json=a.out", "sarif=b.out", "text"]\n'
+        return b'paths = ["a.json"]\nformats = ["json=a.log", "sarif=b.sarif", "text"]\n'
     if name == "minified":
         return json.dumps(json.loads((ROOT / SITE).read_text())).encode()
     if name == "misspelt":
