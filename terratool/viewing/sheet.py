@@ -7,6 +7,7 @@ clock has a say, and its global state is left as it was.
 from __future__ import annotations
 
 import contextlib
+import io
 import logging
 import math
 import warnings
@@ -462,4 +463,6 @@ def new_sheet(width: int, height: int, dpi: float) -> Sheet:
 def write(sheet: Sheet, path: Path) -> None:
     """Write a sheet as what the suffix of a path says, within `settings`."""
     suffix = path.suffix.lower()
-    sheet.figure.savefig(path, format=suffix[1:], dpi=sheet.dpi, metadata=_METADATA[suffix])
+    drawn = io.BytesIO()  # on a full disk the writer of PDF would end in an error of its own
+    sheet.figure.savefig(drawn, format=suffix[1:], dpi=sheet.dpi, metadata=_METADATA[suffix])
+    path.write_bytes(drawn.getvalue())
