@@ -42,14 +42,17 @@ NPM = ("gltf-validator",)
 
 def program(name: str) -> str:
     """Path of a program; the test is skipped without it."""
-    assert name in DEBIAN, f"{name} is not in the table of tests/programs.py"
-    return shutil.which(name) or lacking(name)
+    return _path(name) or lacking(name)
 
 
 def needs(name: str) -> pytest.MarkDecorator:
     """Mark of tests that are skipped without a program."""
+    return pytest.mark.skipif(_path(name) is None, reason=f"{name} is not installed")
+
+
+def _path(name: str) -> str | None:
     assert name in DEBIAN, f"{name} is not in the table of tests/programs.py"
-    return pytest.mark.skipif(shutil.which(name) is None, reason=f"{name} is not installed")
+    return shutil.which(name)
 
 
 def lacking(name: str) -> NoReturn:

@@ -26,7 +26,7 @@ _PART = r"""(?:[\w-]+|"(?:[^"\\\n]|\\.)*"|'[^'\n]*')"""
 _long_key = re.compile(rf"(?<![\w-]){_PART}(?:[ \t]*\.[ \t]*{_PART}){{30}}").search
 """Keys like a.a.a.a, which take a time that grows as the square of their parts."""
 REPORTS = (".json", ".log", ".md", ".sarif", ".txt", ".xml")
-"""What the names of reports end in that settings ask for: of such files programs run few."""
+"""Endings of the reports that settings may have written."""
 
 
 class Config(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab", kw_only=True):

@@ -15,10 +15,9 @@ from typing import Any
 
 import click
 
-from terratool.text.display import inert_json, json_text, printable
+from terratool.text.display import inert_json, json_text, printable, unheard
 
 _style = re.compile(r"(\x1b\[[0-9;]*m)")
-_command = re.compile(r"^((?:\x1b\[[0-9;]*m|\s)*):(?=:)")
 
 
 def shown_line(text: str) -> str:
@@ -105,10 +104,4 @@ class _Rows:
 
 
 def _unheard(line: str) -> str:
-    """A line that GitHub's log takes for no command of a workflow.
-
-    A command begins with two colons, or anywhere with two hashes and a bracket.
-    """
-    if "::" in line:
-        line = _command.sub(r"\1\\x3a", line)
-    return line.replace("##[", r"\x23#[")
+    return unheard(line, lambda sign: f"\\x{ord(sign):02x}")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +17,7 @@ _FORMULAS = ("=", "+", "-", "@", "'")
 """What names begin with that get an apostrophe in CSV; one of their own included, so that it is
 known where to take it off."""
 _control = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
-_command = re.compile(r"^(\s*):(?=:)", re.MULTILINE)
+_command = re.compile(r"^((?:\x1b\[[0-9;]*m|\s)*):(?=:)", re.MULTILINE)
 
 
 class Excerpt(Struct, frozen=True):
@@ -49,6 +49,21 @@ def printable(text: str) -> str:
     return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
 
 
+def unheard(text: str, escaped: Callable[[str], str]) -> str:
+    """A text in which GitHub's log hears no command of a workflow.
+
+    A command begins with two colons at the beginning of a line, or anywhere with two hashes and a
+    bracket.
+
+    Args:
+        text: one line or several, perhaps with styles of a terminal.
+        escaped: gives the escape that stands for the first colon or hash.
+    """
+    if "::" in text:
+        text = _command.sub(lambda found: f"{found[1]}{escaped(':')}", text)
+    return text.replace("##[", f"{escaped('#')}#[")
+
+
 def inert_json(text: str) -> str:
     """A text of JSON that means the same, with what cannot be printed as escapes of JSON.
 
@@ -59,7 +74,7 @@ def inert_json(text: str) -> str:
         line
         if line.isprintable()
         else "".join(c if c.isprintable() else json.dumps(c)[1:-1] for c in line)
-        for line in text.replace("##[", r"\u0023#[").split("\n")
+        for line in unheard(text, lambda sign: f"\\u{ord(sign):04x}").split("\n")
     )
 
 
@@ -78,7 +93,7 @@ def inert_xml(text: str) -> str:
 
     So is what GitHub's log would take for the beginning of a command.
     """
-    text = _command.sub(r"\1&#58;", text).replace("##[", "&#35;#[")
+    text = unheard(text, lambda sign: f"&#{ord(sign)};")
     return "".join(c if c.isprintable() or c == "\n" else f"&#{ord(c)};" for c in text)
 
 

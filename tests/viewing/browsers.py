@@ -19,13 +19,13 @@ def chromium(
 ) -> Iterator[Any]:
     """A browser of its own, with a new profile; it draws without a graphics card."""
     further = options
-    browser, driver = program("chromium"), program("chromedriver")
+    binary, driver = program("chromium"), program("chromedriver")
     selenium = pytest.importorskip("selenium.webdriver")
     from selenium.webdriver.chrome.service import Service
 
     os.environ["SE_OFFLINE"] = "true"  # nothing is fetched
     options = selenium.ChromeOptions()
-    options.binary_location = browser
+    options.binary_location = binary
     for argument in (
         "headless=new", "no-sandbox", "disable-gpu", "no-first-run", "use-angle=swiftshader",
         "enable-unsafe-swiftshader", "disable-background-networking", "disable-component-update",

@@ -5,6 +5,8 @@ from __future__ import annotations
 import builtins
 import copy
 import re
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -25,7 +27,7 @@ from terratool.viewing.options import RenderOptions
 from terratool.viewing.plan import draw_plan
 from terratool.viewing.render import render
 from terratool.viewing.sheet import chosen_exaggeration, settings
-from tests.commands import ROOT, call, run
+from tests.commands import ENVIRONMENT, ROOT, call, run
 from tests.conftest import terrain_of
 from tests.viewing.pictures import PLATE, RED, SAND, STONE, Ground, hue_of, texts_of
 
@@ -491,3 +493,20 @@ def test_round_lengths_of_the_scale_bar(tmp_path: Path) -> None:
         length = float(bar.removesuffix(" m"))
         assert 0.1 * side <= length <= 0.34 * side
         assert f"{length:e}"[0] in "125" and ticks(0.0, length, 1)[-1] == pytest.approx(length)
+
+
+@pytest.mark.parametrize("suffix", [".png", ".svg", ".pdf"])
+def test_a_disk_without_room_is_told_of(suffix: str, tmp_path: Path) -> None:
+    """Matplotlib's writer of PDF ended in an error of its own."""
+    pytest.importorskip("resource", reason="there are no limits on Windows")
+    code = (
+        "import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0));"
+        "from terratool.cli.main import main; main()"
+    )
+    words = ["render", str(ROOT / "samples" / "ramp-yard.json"), str(tmp_path / f"a{suffix}")]
+    done = subprocess.run(
+        [sys.executable, "-c", code, *words], env=ENVIRONMENT, capture_output=True, text=True
+    )
+    assert (done.returncode, "cannot be written (file too large)" in done.stderr) == (3, True)
+    assert "Traceback" not in done.stderr
+    assert list(tmp_path.iterdir()) == []
