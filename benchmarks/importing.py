@@ -24,8 +24,9 @@ from pydelatin import Delatin
 from rasterio.errors import NotGeoreferencedWarning
 from rasterio.io import MemoryFile
 
-from terratool.importing.sources import PixelGrid, SampledHeights, open_source
+from terratool.importing.sources import open_source
 from terratool.importing.terrain.build import ImportOptions, import_terrain
+from terratool.importing.types import PixelGrid, SampledHeights
 
 Floats = NDArray[np.float64]
 

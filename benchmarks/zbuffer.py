@@ -8,7 +8,7 @@ import numpy as np
 from measure import line, medians
 
 from terratool.importing.sampling import sample
-from terratool.importing.sources import Triangles
+from terratool.importing.types import Triangles
 from terratool.kernels import importing as kernels
 
 

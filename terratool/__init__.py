@@ -8,7 +8,11 @@
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from terratool._version import __version__ as __version__
+
 if TYPE_CHECKING:
+    from terratool.authoring.curriculum.build import curriculum
+    from terratool.authoring.starters.build import new
     from terratool.definition.reader import check, load_definition
     from terratool.definition.schemas import schema
     from terratool.errors import (
@@ -19,8 +23,6 @@ if TYPE_CHECKING:
         WriteError,
     )
     from terratool.field.terrain import Terrain, load
-    from terratool.simulators.curriculum.build import curriculum
-    from terratool.starters.build import new
     from terratool.traversability.vehicle import Vehicle, load_vehicle
 
 _HOMES = {
@@ -31,8 +33,8 @@ _HOMES = {
     "check": "terratool.definition.reader",
     "load_definition": "terratool.definition.reader",
     "schema": "terratool.definition.schemas",
-    "curriculum": "terratool.simulators.curriculum.build",
-    "new": "terratool.starters.build",
+    "curriculum": "terratool.authoring.curriculum.build",
+    "new": "terratool.authoring.starters.build",
     "TerratoolError": "terratool.errors",
     "DefinitionError": "terratool.errors",
     "ReadError": "terratool.errors",
@@ -56,7 +58,6 @@ __all__ = [
     "new",
     "schema",
 ]
-__version__ = "0.1.0"
 
 
 def __getattr__(name: str) -> Any:

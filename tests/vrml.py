@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from terratool.importing.sources import Triangles
+from terratool.importing.types import Triangles
 from terratool.importing.vrml.scene import read_vrml
 from tests.viewers import output, python_with_coin
 

@@ -12,7 +12,7 @@ from terratool.cli.terminal import Status, called
 from terratool.text.display import counted, listed, shown
 
 if TYPE_CHECKING:
-    from terratool.simulators.curriculum.build import Curriculum
+    from terratool.authoring.curriculum.build import Curriculum
 
 
 @click.command(
@@ -41,15 +41,15 @@ def command(
     """
     from pathlib import Path
 
-    from terratool.definition.curriculum.spec import load_spec
-    from terratool.errors import DefinitionError, RequestError
-    from terratool.output import is_same_file, refuse_existing, refuse_missing_folder
-    from terratool.simulators.curriculum.build import (
+    from terratool.authoring.curriculum.build import (
         ORIGINS,
         check_name,
         curriculum,
         write_curriculum,
     )
+    from terratool.definition.curriculum.spec import load_spec
+    from terratool.errors import DefinitionError, RequestError
+    from terratool.output import is_same_file, refuse_existing, refuse_missing_folder
 
     check_name(output)
     if is_same_file(spec, output):

@@ -14,7 +14,7 @@ from terratool.cli.terminal import Status, called
 if TYPE_CHECKING:
     from terratool.importing.primitive.build import ImportedPrimitive, PrimitiveRequest
     from terratool.importing.primitive.insert import CellPath, PrimitiveTarget
-    from terratool.importing.sources import SampledHeights, SourceOptions
+    from terratool.importing.types import SampledHeights, SourceOptions
 
 _MOST_STEPS = 64
 """A mesh with more walls all across is one of bars, which no curve of this kind is for."""

@@ -8,10 +8,10 @@ from typing import Any
 
 import click
 
+from terratool.authoring.starters.build import KINDS, hint_for
+from terratool.authoring.starters.options import Option
 from terratool.cli.saying import say, say_json, write_definition
 from terratool.cli.terminal import Status, called
-from terratool.starters.build import KINDS, hint_for
-from terratool.starters.options import Option
 from terratool.text.display import listed
 
 _EXAMPLES = {
@@ -126,9 +126,9 @@ def _option_of(option: Option) -> click.Option:
 
 
 def _make(kind: str, output: str, overwrite: bool, as_json: bool, values: dict[str, Any]) -> None:
+    from terratool.authoring.starters.build import new
     from terratool.errors import RequestError
     from terratool.output import refuse_existing, refuse_missing_folder
-    from terratool.starters.build import new
     from terratool.text.source import ALL, Source, write_source
 
     shown = output == "-"

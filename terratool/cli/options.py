@@ -11,7 +11,7 @@ import click
 from terratool.text.display import shown
 
 if TYPE_CHECKING:
-    from terratool.importing.sources import SourceOptions
+    from terratool.importing.types import SourceOptions
     from terratool.traversability.vehicle import Vehicle
 
 
@@ -161,7 +161,7 @@ def source_options(command: _Command) -> _Command:
 
 def options_of(values: dict[str, Any]) -> SourceOptions:
     """Take the values of these options out of all of a command's."""
-    from terratool.importing.sources import SourceOptions
+    from terratool.importing.types import SourceOptions
 
     return SourceOptions(**{name: values.pop(name) for name in _NAMES})
 

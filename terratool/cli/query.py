@@ -23,7 +23,8 @@ from terratool.text.files import open_file
 from terratool.text.numbers import parse_number
 
 if TYPE_CHECKING:
-    from terratool.field.terrain import PointSamples, Terrain
+    from terratool.field.terrain import Terrain
+    from terratool.field.types import PointSamples
 
 COLUMNS = ("x", "y", "z", "surface", "element", "nx", "ny", "nz", "note")
 FORMAT_VERSION = 1
@@ -184,7 +185,7 @@ def _notes(found: PointSamples) -> list[str | None]:
     """Why each point has no height, None where it has one."""
     import numpy as np
 
-    from terratool.field.terrain import OUTSIDE
+    from terratool.field.types import OUTSIDE
 
     notes = np.where(found.element == OUTSIDE, "outside", "void").astype(object)
     notes[~np.isnan(found.height)] = None

@@ -12,7 +12,7 @@ import click
 from msgspec import Struct
 from msgspec.structs import asdict
 
-from terratool import __version__
+from terratool._version import __version__
 from terratool.cli.baseline import digest, fingerprint
 from terratool.definition.findings import Finding
 from terratool.definition.rules import RULES

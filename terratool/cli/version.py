@@ -9,7 +9,7 @@ from importlib import metadata
 
 import click
 
-from terratool import __version__
+from terratool._version import __version__
 from terratool.cli.saying import say_block
 from terratool.errors import TerratoolError
 

@@ -20,7 +20,7 @@ from terratool.field.tracks import without_tracks
 from terratool.kernels import field as kernels
 
 if TYPE_CHECKING:
-    from terratool.field.terrain import Terrain
+    from terratool.field.types import TerrainField
 
 Ints = NDArray[np.int64]
 
@@ -40,7 +40,7 @@ class CellAddress:
     elements: Ints
 
 
-def addresses(terrain: Terrain, x: ArrayLike, y: ArrayLike) -> CellAddress:
+def addresses(terrain: TerrainField, x: ArrayLike, y: ArrayLike) -> CellAddress:
     """The cells that hold points.
 
     The way leads from the root to the deepest element whose footprint holds the point, and counts
@@ -75,7 +75,7 @@ def addresses(terrain: Terrain, x: ArrayLike, y: ArrayLike) -> CellAddress:
     return CellAddress(cells.reshape(*shape, levels, 2), elements.reshape(*shape, levels))
 
 
-def _tops(terrain: Terrain, x: NDArray[np.float64], y: NDArray[np.float64]) -> Ints:
+def _tops(terrain: TerrainField, x: NDArray[np.float64], y: NDArray[np.float64]) -> Ints:
     """The deepest elements that hold points, whatever ran over them; below 0 for none."""
     top = terrain.sample(x, y).element
     tracked = np.flatnonzero(top >= len(terrain.arrays.elements))
@@ -118,7 +118,11 @@ def _chains(parents: NDArray[np.int32], tops: Ints, levels: int) -> Ints:
 
 
 def _beside(
-    terrain: Terrain, grids: Ints, elements: Ints, x: NDArray[np.float64], y: NDArray[np.float64]
+    terrain: TerrainField,
+    grids: Ints,
+    elements: Ints,
+    x: NDArray[np.float64],
+    y: NDArray[np.float64],
 ) -> NDArray[np.bool_]:
     """Where a point lies in the footprint of a turned element, but beside its cell."""
     arrays = terrain.arrays

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from terratool.definition.presets import friction_of
 
 if TYPE_CHECKING:
-    from terratool.field.terrain import Terrain
+    from terratool.field.types import TerrainField
 
 
-def frictions_of(terrain: Terrain, default: float = math.nan) -> NDArray[np.float32]:
+def frictions_of(terrain: TerrainField, default: float = math.nan) -> NDArray[np.float32]:
     """The coefficient of friction of each surface: tan φ of its friction angle.
 
     Of a range the middle counts, and a preset stands in for what a surface does not say.

@@ -14,7 +14,7 @@ from terratool.errors import RequestError
 from terratool.kernels import field as kernels
 
 if TYPE_CHECKING:
-    from terratool.field.terrain import Terrain
+    from terratool.field.types import TerrainField
 
 _SHARE = 1 << 14
 """Rays that a thread takes at a time."""
@@ -42,7 +42,7 @@ class RayHits:
     wall: NDArray[np.bool_]
 
 
-def ray_index(terrain: Terrain) -> kernels.RayIndex:
+def ray_index(terrain: TerrainField) -> kernels.RayIndex:
     """The index of a terrain whose parts are written out: bounds of heights, and what varies where.
 
     A million elements take some five seconds of one processor, and 370 bytes for each.
@@ -77,7 +77,7 @@ def document_order(parents: NDArray[np.int32], document: NDArray[np.uint32]) -> 
 
 
 def cast(
-    terrain: Terrain,
+    terrain: TerrainField,
     origins: ArrayLike,
     directions: ArrayLike,
     max_range: ArrayLike = np.inf,

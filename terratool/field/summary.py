@@ -9,7 +9,7 @@ import numpy as np
 from msgspec import UNSET, to_builtins
 from numpy.typing import NDArray
 
-from terratool import __version__
+from terratool._version import __version__
 from terratool.definition.findings import Bounds
 from terratool.definition.model import Roughness, ranges_of
 from terratool.field.terrain import Terrain, clip_bounds

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -22,6 +21,7 @@ from terratool.errors import RequestError
 from terratool.field.compile import Compiled, compile_definition
 from terratool.field.records import FieldArrays, aligned
 from terratool.field.sharing import Tally, compile_shared, refuse_piled
+from terratool.field.types import PointSamples
 from terratool.kernels import field as kernels
 
 if TYPE_CHECKING:
@@ -31,9 +31,6 @@ if TYPE_CHECKING:
     from terratool.field.rays import RayHits
     from terratool.field.torch_field import TorchField
     from terratool.field.warp_field import WarpField
-
-OUTSIDE = -2
-"""In place of an element, at points outside of the terrain."""
 
 CHUNK = 1 << 21
 """So many points of a batch are sorted at a time."""
@@ -117,24 +114,6 @@ def batch_heights(
         kernels.heights(field, *by_place[1:], heights[:count])
         out[part][by_place[0]] = heights[:count]
     return out
-
-
-@dataclass(frozen=True, slots=True)
-class PointSamples:
-    """What lies at points, each array in the shape of the points.
-
-    Attributes:
-        height: float64, NaN outside the terrain and in the void.
-        element: int64, index of the element that decides the surface, or the number of elements
-            and the index of the track that does; -1 where no footprint lies, OUTSIDE outside.
-        surface: int32, index into `Terrain.surfaces`; -1 for none.
-        normal: (…, 3) float64, the upward unit normal; NaN where the height is.
-    """
-
-    height: NDArray[np.float64]
-    element: NDArray[np.int64]
-    surface: NDArray[np.int32]
-    normal: NDArray[np.float64]
 
 
 class Terrain:

@@ -16,7 +16,7 @@ from terratool.field.warp_field import WarpField, checked_origin, required
 if TYPE_CHECKING:
     import torch
 
-    from terratool.field.terrain import Terrain
+    from terratool.field.types import TerrainField
 
 
 class TorchSample(NamedTuple):
@@ -53,7 +53,7 @@ class TorchField:
 
     def __init__(
         self,
-        terrain: Terrain,
+        terrain: TerrainField,
         device: str | torch.device = "cpu",
         *,
         origin: ArrayLike = (0.0, 0.0, 0.0),

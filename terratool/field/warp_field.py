@@ -23,7 +23,7 @@ from terratool.field.records import IN_CELLS, FieldArrays, TrackArrays
 if TYPE_CHECKING:
     import warp as wp
 
-    from terratool.field.terrain import Terrain
+    from terratool.field.types import TerrainField
 
 _LARGEST = 2**31 - 1
 """Devices index by int32."""
@@ -65,7 +65,7 @@ class WarpField:
 
     def __init__(
         self,
-        terrain: Terrain,
+        terrain: TerrainField,
         device: str | None = None,
         *,
         origin: ArrayLike = (0.0, 0.0, 0.0),

@@ -24,13 +24,13 @@ from numpy.typing import NDArray
 from terratool.apart import apart
 from terratool.errors import ReadError, RequestError, TerratoolError
 from terratool.extras import install_command
-from terratool.importing.sources import (
+from terratool.importing.threemf import read_3mf
+from terratool.importing.types import (
     Triangles,
     join_triangles,
     refuse_many_faces,
     refuse_missing_vertices,
 )
-from terratool.importing.threemf import read_3mf
 from terratool.importing.vrml.scene import UP, read_vrml, stated_up
 from terratool.text.files import open_file
 

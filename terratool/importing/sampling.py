@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from terratool.definition.findings import Bounds
 from terratool.errors import ReadError, RequestError
 from terratool.field.terrain import check_overlap
-from terratool.importing.sources import PixelGrid, SampledHeights, Triangles
+from terratool.importing.types import PixelGrid, SampledHeights, Triangles
 from terratool.kernels import importing as kernels
 from terratool.raster.grid import count_pixels, refuse_resolution, resolution_within
 

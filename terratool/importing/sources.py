@@ -1,19 +1,14 @@
-"""What a definition is imported from: heights at pixels, triangles; and how a source is opened."""
+"""Rasters and meshes, opened as heights by their names."""
 
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
-from terratool.definition.findings import Bounds
 from terratool.errors import ReadError, RequestError
 from terratool.field.terrain import refuse_empty
+from terratool.importing.types import HeightSource, SourceOptions
 from terratool.text.source import is_folder
 
 MESHES = (
@@ -27,190 +22,7 @@ _OTHER_MESHES = (
     ".usda", ".usdc", ".usdz", ".x3db",
 )  # fmt: skip
 
-
-MAX_FACES = 2**26
-"""Instances of instances that come to more faces than these are refused."""
-
-
-@dataclass(frozen=True, slots=True)
-class PixelGrid:
-    """Pixels of equal size, which may be oblong, counted from the south-west.
-
-    Attributes:
-        west, south: world position of the south-west corner of the south-west pixel.
-        dx, dy: sides of a pixel along x and y, in units of the CRS.
-        columns, rows: how many there are.
-        crs: the reference system as a definition spells it ("EPSG:32633" or WKT), or None.
-        unit: what heights and sides are measured in, "m" if not known otherwise; "°" where x and y
-            are degrees.
-    """
-
-    west: float
-    south: float
-    dx: float
-    dy: float
-    columns: int
-    rows: int
-    crs: str | None = None
-    unit: str = "m"
-
-    @property
-    def size(self) -> tuple[float, float]:
-        """Sides along x and y."""
-        return self.columns * self.dx, self.rows * self.dy
-
-    @property
-    def bounds(self) -> Bounds:
-        """West, south, east, north of the outermost pixels' edges."""
-        width, depth = self.size
-        return self.west, self.south, self.west + width, self.south + depth
-
-    def centre(self, row: int, column: int) -> tuple[float, float]:
-        """The x and the y of a pixel's centre; rows count from the south."""
-        return self.west + (column + 0.5) * self.dx, self.south + (row + 0.5) * self.dy
-
-
-class HeightSource(Protocol):
-    """A source of heights that is read by rows, so that it need not fit into memory.
-
-    Attributes:
-        grid: where the heights lie.
-        notes: sentences about what a user should know (a unit that was guessed, what was lost).
-    """
-
-    @property
-    def grid(self) -> PixelGrid: ...  # noqa: D102
-
-    @property
-    def notes(self) -> tuple[str, ...]: ...  # noqa: D102
-
-    def read(self, first: int, count: int) -> NDArray[np.float64]:
-        """So many rows from `first`, (count, columns) float64; NaN for none."""
-        ...
-
-
-@dataclass(frozen=True, slots=True)
-class SampledHeights:
-    """Heights in memory; it is a `HeightSource`.
-
-    Attributes:
-        values: (rows, columns) float64 at the pixel centres, row 0 the southernmost, NaN for none.
-    """
-
-    grid: PixelGrid
-    values: NDArray[np.float64]
-    notes: tuple[str, ...] = ()
-
-    def read(self, first: int, count: int) -> NDArray[np.float64]:
-        """So many rows from `first`, (count, columns) float64; NaN for none."""
-        return self.values[first : first + count]
-
-
-class SampleRange(NamedTuple):
-    """What some heights are like.
-
-    Attributes:
-        low, high: lowest and highest height, infinities where there is none.
-        unknown: how many are NaN.
-        infinite: how many of these were infinite.
-    """
-
-    low: float
-    high: float
-    unknown: int
-    infinite: int = 0
-
-
-def sample_range(heights: NDArray[np.float64]) -> SampleRange:
-    """The range of (rows, columns) float64 heights; those that are infinite become NaN."""
-    low = float(np.fmin.reduce(heights, axis=None, initial=np.inf)) + 0.0  # which is never -0
-    high = float(np.fmax.reduce(heights, axis=None, initial=-np.inf)) + 0.0
-    if low == -np.inf or high == np.inf:
-        infinite = np.isinf(heights)
-        heights[infinite] = np.nan
-        return sample_range(heights)._replace(infinite=int(infinite.sum()))
-    return SampleRange(low, high, int(np.count_nonzero(np.isnan(heights))))
-
-
-@dataclass(frozen=True, slots=True)
-class Triangles:
-    """Any triangles: they need not be closed, nor wound one way, nor in one part.
-
-    Attributes:
-        vertices: (n, 3) float64, x east, y north, z up once the axis that points up is known.
-        faces: (m, 3) int32, indices of vertices.
-        notes: sentences about what was left out, in numbers.
-    """
-
-    vertices: NDArray[np.float64]
-    faces: NDArray[np.int32]
-    notes: tuple[str, ...] = ()
-
-
-def join_triangles(
-    parts: Iterable[tuple[NDArray[np.float64], NDArray[Any]]], path: Path
-) -> Triangles:
-    """Meshes, each its vertices (n, 3) and faces (m, 3), as one.
-
-    Raises:
-        ReadError: a face refers to a vertex that is not there.
-    """
-    vertices, faces, count = [np.empty((0, 3))], [np.empty((0, 3), np.int32)], 0
-    for points, corners in parts:
-        refuse_missing_vertices(path, corners, len(points))
-        vertices.append(points)
-        faces.append((corners + count).astype(np.int32))
-        count += len(points)
-    return Triangles(np.concatenate(vertices), np.concatenate(faces))
-
-
-def refuse_missing_vertices(path: Path, faces: NDArray[Any], count: int) -> None:
-    """Refuse faces that refer to other vertices than `count` many.
-
-    Raises:
-        ReadError: they do.
-    """
-    if len(faces) and (faces.min() < 0 or faces.max() >= count):
-        raise ReadError(f"{path}: a face refers to a vertex that is not there.", "Export it again.")
-
-
-def refuse_many_faces(path: Path, count: int) -> None:
-    """Refuse a mesh whose parts come to more than `MAX_FACES`.
-
-    Raises:
-        ReadError: they do.
-    """
-    if count > MAX_FACES:
-        raise ReadError(
-            f"{path}: its parts come to more than {MAX_FACES:,} faces.", "Export a smaller part."
-        )
-
-
-@dataclass(frozen=True, slots=True)
-class SourceOptions:
-    """What to take from a source, and how.
-
-    Attributes:
-        bounds: west, south, east, north in the source's coordinates (those of `crs`, if given).
-        window: column, row, width, height in pixels of a raster, from the north-west.
-        band: of a raster, from 1.
-        crs: reference system to reproject a raster to, bilinearly.
-        nodata: a number that stands for none, besides what a raster says.
-        resolution: side of a pixel, for a mesh.
-        up: the axis of a mesh that points up, "y" or "z"; as its format has it, if None.
-        scale: factor on the coordinates of a mesh.
-        allow_remote: whether a raster may lie on the net, or lead out of its folder.
-    """
-
-    bounds: Bounds | None = None
-    window: tuple[int, int, int, int] | None = None
-    band: int | None = None
-    crs: str | None = None
-    nodata: float | None = None
-    resolution: float | None = None
-    up: str | None = None
-    scale: float = 1.0
-    allow_remote: bool = False
+_ALL_OF_IT = SourceOptions()
 
 
 def is_mesh(name: str) -> bool:
@@ -219,7 +31,7 @@ def is_mesh(name: str) -> bool:
 
 
 @contextlib.contextmanager
-def open_source(name: str, options: SourceOptions = SourceOptions()) -> Iterator[HeightSource]:
+def open_source(name: str, options: SourceOptions = _ALL_OF_IT) -> Iterator[HeightSource]:
     """Open a raster or a mesh as heights at the centres of pixels.
 
     Raises:

@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terratool.errors import ReadError
-from terratool.importing.expat import hardened
-from terratool.importing.sources import Triangles, join_triangles, refuse_many_faces
+from terratool.importing.types import Triangles, join_triangles, refuse_many_faces
+from terratool.io.expat import hardened
 from terratool.text.files import open_file
 from terratool.text.packing import PackingError, refuse_members
 

@@ -20,7 +20,7 @@ from rasterio.errors import CRSError, RasterioError
 from rasterio.transform import Affine
 from rasterio.windows import Window as RasterioWindow
 
-from terratool import __version__
+from terratool._version import __version__
 from terratool.definition.crs import FORMS, CrsValue, authority_code, crs_problem, is_known
 from terratool.errors import DefinitionError, RequestError, WriteError, interruption
 from terratool.field.terrain import Terrain

@@ -14,7 +14,7 @@ from pathlib import Path
 from socket import gethostname
 from typing import Any
 
-from terratool import __version__
+from terratool._version import __version__
 from terratool.errors import RequestError, WriteError
 from terratool.field.terrain import Terrain
 from terratool.output import PART, part_name, whole_file

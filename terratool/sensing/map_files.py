@@ -17,11 +17,11 @@ import rasterio
 from numpy.typing import NDArray
 from rasterio.crs import CRS
 
-from terratool import __version__
+from terratool._version import __version__
 from terratool.errors import ReadError, RequestError
 from terratool.extras import install_command
-from terratool.importing.guards import is_placed, size_on_disk
-from terratool.importing.opening import gdal_errors, open_local
+from terratool.io.guards import is_placed, size_on_disk
+from terratool.io.opening import gdal_errors, open_local
 from terratool.output import (
     refuse_existing,
     refuse_folder,

@@ -13,7 +13,7 @@ from typing import Any
 
 import msgspec
 
-from terratool import __version__
+from terratool._version import __version__
 from terratool.errors import ReadError, WriteError
 from terratool.field.terrain import Terrain
 from terratool.mesh.formats.common import ascii_word, lines_of, plain_names
@@ -24,12 +24,12 @@ from terratool.output import (
     refuse_missing_folder,
     stop_on_signals,
 )
-from terratool.simulators.judge import Judge
 from terratool.simulators.options import SceneOptions
 from terratool.simulators.scene import Material, Scene
 from terratool.simulators.targets import Target, Written, chosen, refuse_uninstalled
 from terratool.text.display import json_text, plain, printable
 from terratool.text.files import is_regular, open_file
+from terratool.traversability.judge import Judge
 
 MANIFEST = "manifest.json"
 README = "README.md"

@@ -27,9 +27,9 @@ from terratool.mesh.normals import with_normals
 from terratool.mesh.types import BuiltMesh, Mesh
 from terratool.raster.grid import Grid
 from terratool.simulators.cells import cell_grid
-from terratool.simulators.judge import Judge, Verdict
 from terratool.simulators.options import SceneOptions
 from terratool.text.display import counted, length
+from terratool.traversability.judge import Judge, Verdict
 
 
 class Material(NamedTuple):

@@ -20,7 +20,8 @@ from terratool.definition.model import Surface, Track, middle_of
 from terratool.definition.presets import preset_of
 from terratool.definition.reader import Checked, CheckOptions, check, refusal
 from terratool.errors import DefinitionError, MissedError, RequestError
-from terratool.field.terrain import OUTSIDE, Terrain
+from terratool.field.terrain import Terrain
+from terratool.field.types import OUTSIDE
 from terratool.text.display import shown
 from terratool.text.edit import set_member
 from terratool.text.source import Source, read_source, write_source

@@ -13,7 +13,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import NamedTuple
 
-from terratool import __version__
+from terratool._version import __version__
 from terratool.errors import ReadError
 from terratool.text.display import printable
 

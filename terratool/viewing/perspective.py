@@ -24,8 +24,8 @@ from terratool.mesh.formats.common import NO_COLOR
 from terratool.mesh.types import BuiltMesh
 from terratool.raster.grid import grid_over
 from terratool.raster.shading import LIGHT
-from terratool.simulators.judge import Judge
 from terratool.text.display import counted, length
+from terratool.traversability.judge import Judge
 from terratool.viewing.layers import (
     NO_GROUND,
     LayerPicture,

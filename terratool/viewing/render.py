@@ -7,7 +7,7 @@ from pathlib import Path
 
 from terratool.field.terrain import Terrain
 from terratool.output import refuse_existing, refuse_missing_folder, whole_file
-from terratool.simulators.judge import Judge
+from terratool.traversability.judge import Judge
 from terratool.viewing.options import RenderOptions, RenderReport, checked_format
 from terratool.viewing.perspective import draw_perspective
 from terratool.viewing.plan import Drawn, draw_plan

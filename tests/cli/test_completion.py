@@ -10,13 +10,13 @@ from pathlib import Path
 
 import pytest
 
+from terratool.authoring.starters.build import KINDS
 from terratool.cli.completing import SHELLS
 from terratool.cli.main import COMPLETE, cli
 from terratool.definition.presets import PRESETS
 from terratool.definition.rules import RULES
 from terratool.raster.layers import LAYERS
 from terratool.simulators.targets import TARGETS
-from terratool.starters.build import KINDS
 from tests.commands import COMMAND, ENVIRONMENT, ROOT, YARD, call, run
 from tests.programs import needs
 

@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 
 from terratool.errors import RequestError
 from terratool.field.rays import RayHits
-from terratool.field.terrain import OUTSIDE, Terrain
+from terratool.field.terrain import Terrain
+from terratool.field.types import OUTSIDE
 from tests.conftest import terrain_of
 from tests.oracle import Oracle
 from tests.rays import ABOVE, RayOracle, Rays, Reading, Stretches

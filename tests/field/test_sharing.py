@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 
 from terratool.definition.reader import Checked, CheckOptions, check
 from terratool.errors import RequestError
-from terratool.field.terrain import OUTSIDE, Terrain
+from terratool.field.terrain import Terrain
+from terratool.field.types import OUTSIDE
 from terratool.raster.grid import Grid
 from terratool.raster.painter import Painter
 from terratool.text.source import Source, read_source

@@ -14,7 +14,8 @@ from pathlib import Path
 
 from terratool.definition.reader import check
 from terratool.importing.meshes import read_triangles
-from terratool.importing.sources import SourceOptions, open_source
+from terratool.importing.sources import open_source
+from terratool.importing.types import SourceOptions
 from terratool.sensing.clouds import read_clouds
 from terratool.text.source import read_source
 from tests.commands import ROOT

@@ -24,11 +24,12 @@ from rasterio.errors import RasterioError
 
 from terratool.importing import sources
 from terratool.importing.meshes import read_triangles
-from terratool.importing.opening import DRIVERS
 from terratool.importing.rasters import open_classes
 from terratool.importing.sampling import sample
-from terratool.importing.sources import SourceOptions, is_mesh, open_source
+from terratool.importing.sources import is_mesh, open_source
 from terratool.importing.terrain.build import ImportOptions, import_terrain
+from terratool.importing.types import SourceOptions
+from terratool.io.opening import DRIVERS
 from tests.commands import YARD
 from tests.conftest import terrain_of
 from tests.fuzz.harness import Case, Target

@@ -21,8 +21,9 @@ import rasterio.shutil
 from rasterio.transform import Affine
 
 from terratool.errors import ReadError
-from terratool.importing.guards import HARMLESS, PACKED
-from terratool.importing.sources import SourceOptions, open_source
+from terratool.importing.sources import open_source
+from terratool.importing.types import SourceOptions
+from terratool.io.guards import HARMLESS, PACKED
 from tests.commands import ENVIRONMENT, call, run
 from tests.rasters import geotiff
 

@@ -22,7 +22,8 @@ from hypothesis import strategies as st
 from terratool.errors import ReadError, RequestError, TerratoolError
 from terratool.importing import meshes, sources
 from terratool.importing.meshes import READERS, read_triangles
-from terratool.importing.sources import SampledHeights, SourceOptions, Triangles, open_source
+from terratool.importing.sources import open_source
+from terratool.importing.types import SampledHeights, SourceOptions, Triangles
 from terratool.mesh.export import write_mesh
 from terratool.text import packing
 from tests.conftest import terrain_of

@@ -28,7 +28,7 @@ from terratool.importing.primitive.build import (
 )
 from terratool.importing.primitive.entries import PrimitiveEntry, fit_error
 from terratool.importing.primitive.products import Patch, nodes
-from terratool.importing.sources import PixelGrid, SampledHeights
+from terratool.importing.types import PixelGrid, SampledHeights
 from terratool.kernels import importing as kernels
 from tests.conftest import terrain_of
 

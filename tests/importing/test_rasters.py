@@ -17,7 +17,8 @@ from rasterio.transform import Affine
 
 from terratool.errors import ReadError, RequestError
 from terratool.importing.rasters import open_classes
-from terratool.importing.sources import PixelGrid, SourceOptions, open_source
+from terratool.importing.sources import open_source
+from terratool.importing.types import PixelGrid, SourceOptions
 from tests import rasters
 
 ROWS, COLUMNS = 5, 7

@@ -18,11 +18,11 @@ from terratool.definition.reader import CheckOptions as CheckOptions
 from terratool.definition.reader import check
 from terratool.errors import ReadError, RequestError, WriteError
 from terratool.field.terrain import Terrain, load
-from terratool.importing.sources import PixelGrid, SampledHeights
 from terratool.importing.terrain import build, writing
 from terratool.importing.terrain.build import ImportOptions, filled, import_terrain
 from terratool.importing.terrain.methods import METHODS, methods_named, step_for
 from terratool.importing.terrain.writing import BoundError, Checker
+from terratool.importing.types import PixelGrid, SampledHeights
 from terratool.text.source import read_source
 from tests.conftest import terrain_of
 

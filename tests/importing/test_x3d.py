@@ -14,7 +14,8 @@ from hypothesis import strategies as st
 
 from terratool.errors import ReadError
 from terratool.importing.meshes import read_triangles
-from terratool.importing.sources import SourceOptions, open_source
+from terratool.importing.sources import open_source
+from terratool.importing.types import SourceOptions
 from terratool.importing.vrml.scene import read_vrml, stated_up
 from terratool.mesh.export import write_mesh
 from tests.commands import ROOT, SAMPLE, run

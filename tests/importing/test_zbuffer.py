@@ -15,7 +15,7 @@ from scipy.spatial import Delaunay
 
 from terratool.errors import ReadError, RequestError
 from terratool.importing.sampling import sample, steps
-from terratool.importing.sources import Triangles
+from terratool.importing.types import Triangles
 from terratool.kernels import importing as kernels
 
 UTM = (500_000.0, 6_000_000.0)

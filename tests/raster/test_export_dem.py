@@ -22,7 +22,7 @@ from hypothesis import strategies as st
 
 from terratool import output
 from terratool.errors import DefinitionError, RequestError, WriteError
-from terratool.importing.opening import gdal_errors
+from terratool.io.opening import gdal_errors
 from terratool.raster import export, geotiff
 from terratool.raster.grid import Grid, Window, default_resolution, grid_over
 from tests.commands import call

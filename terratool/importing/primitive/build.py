@@ -20,7 +20,7 @@ from terratool.importing.primitive.entries import (
 )
 from terratool.importing.primitive.fit import CurveForm
 from terratool.importing.primitive.products import Patch, ProductSum
-from terratool.importing.sources import HeightSource, SampledHeights
+from terratool.importing.types import HeightSource, SampledHeights
 
 MOST_TERMS = 16
 MOST_SAMPLES = 256

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from terratool.importing.sources import SampledHeights
+from terratool.importing.types import SampledHeights
 
 Floats = NDArray[np.float64]
 REACH = 4.0

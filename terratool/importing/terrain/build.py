@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 from terratool.errors import ReadError, RequestError
 from terratool.importing.rasters import ClassRaster, open_classes
-from terratool.importing.sources import HeightSource, PixelGrid, sample_range
 from terratool.importing.structure.finding import find_structures
 from terratool.importing.structure.structures import (
     MOST_PIXELS,
@@ -53,6 +52,7 @@ from terratool.importing.terrain.writing import (
     root_of,
     sink_for,
 )
+from terratool.importing.types import HeightSource, PixelGrid, sample_range
 from terratool.kernels import importing as kernels
 from terratool.output import refuse_existing, whole_file
 from terratool.text.display import shown

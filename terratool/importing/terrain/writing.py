@@ -19,7 +19,7 @@ from terratool.definition.model import Definition
 from terratool.errors import WriteError
 from terratool.field.terrain import Terrain
 from terratool.importing.sampling import paint_pixels
-from terratool.importing.sources import PixelGrid
+from terratool.importing.types import PixelGrid
 from terratool.kernels import importing as kernels
 from terratool.raster.grid import Window
 from terratool.text.packing import pack

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terratool.errors import ReadError
-from terratool.importing.sources import Triangles
+from terratool.importing.types import Triangles
 from terratool.importing.vrml.nodes import VRML97, X3D
 from terratool.importing.vrml.parse import FieldValue, Node, Scene, Unit, parse
 from terratool.importing.vrml.shapes import (

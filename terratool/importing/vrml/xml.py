@@ -10,7 +10,6 @@ from dataclasses import dataclass, field
 from xml.parsers import expat
 
 from terratool.errors import ReadError
-from terratool.importing.expat import EntityError, hardened
 from terratool.importing.vrml.nodes import X3D
 from terratool.importing.vrml.parse import (
     FieldValue,
@@ -23,6 +22,7 @@ from terratool.importing.vrml.parse import (
     nearly,
 )
 from terratool.importing.vrml.text import PlacedText, VrmlText
+from terratool.io.expat import EntityError, hardened
 
 _FIELD_OF = {
     "Appearance": "appearance",

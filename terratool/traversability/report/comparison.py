@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from terratool import __version__
+from terratool._version import __version__
 from terratool.text.display import counted, listed, printable
 from terratool.traversability.report import curves, document, wording
 from terratool.traversability.report.page import picture_of, rendered_html, rendered_markdown

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from terratool import __version__
+from terratool._version import __version__
 from terratool.errors import RequestError
 from terratool.text.display import inert_json, json_text, shown
 from terratool.traversability.report import wording

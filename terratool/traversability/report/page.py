@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from terratool import __version__
+from terratool._version import __version__
 from terratool.raster.shading import contour_interval, exaggeration, png, ticks
 from terratool.text.display import printable
 from terratool.traversability.report import curves, tables, wording

@@ -7,13 +7,13 @@ from collections.abc import Mapping
 from difflib import get_close_matches
 from typing import Any
 
+from terratool.authoring.starters.built import FLAT, RAMP, STAIRS
+from terratool.authoring.starters.course import COURSE
+from terratool.authoring.starters.natural import CRATERS, DUNES
+from terratool.authoring.starters.options import Kind, Wanted
+from terratool.authoring.starters.rough import ROUGH
+from terratool.authoring.starters.warehouse import WAREHOUSE
 from terratool.errors import RequestError
-from terratool.starters.built import FLAT, RAMP, STAIRS
-from terratool.starters.course import COURSE
-from terratool.starters.natural import CRATERS, DUNES
-from terratool.starters.options import Kind, Wanted
-from terratool.starters.rough import ROUGH
-from terratool.starters.warehouse import WAREHOUSE
 from terratool.text.display import listed
 
 KINDS: Mapping[str, Kind] = {

@@ -20,9 +20,10 @@ from rasterio.errors import RasterioIOError
 from rasterio.transform import Affine
 
 from terratool.errors import ReadError, RequestError
-from terratool.importing.opening import DRIVERS, gdal_errors, refuse_remote
 from terratool.importing.rasters import open_classes
-from terratool.importing.sources import PixelGrid, SourceOptions, open_source
+from terratool.importing.sources import open_source
+from terratool.importing.types import PixelGrid, SourceOptions
+from terratool.io.opening import DRIVERS, gdal_errors, refuse_remote
 from tests.commands import ROOT, call
 from tests.conftest import terrain_of
 from tests.mosaics import SITE

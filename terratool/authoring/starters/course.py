@@ -5,8 +5,7 @@ from __future__ import annotations
 import json
 from typing import Any
 
-from terratool.errors import DefinitionError, RequestError
-from terratool.starters.options import (
+from terratool.authoring.starters.options import (
     SEED,
     Kind,
     Members,
@@ -15,6 +14,7 @@ from terratool.starters.options import (
     count_option,
     length_option,
 )
+from terratool.errors import DefinitionError, RequestError
 
 STYLES: dict[str, dict[str, Any]] = {
     "isaac-lab": {
@@ -46,7 +46,7 @@ _WHOSE = {"isaac-lab": "Isaac Lab", "legged-gym": "legged_gym"}
 
 
 def _course(wanted: Wanted) -> Members:
-    from terratool.simulators.curriculum.build import curriculum
+    from terratool.authoring.curriculum.build import curriculum
 
     style, rows = wanted.word("style"), wanted.whole("rows")
     columns = wanted.values["columns"]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from terratool.starters.options import Option
+from terratool.authoring.starters.options import Option
 
 
 class Soil(NamedTuple):

@@ -14,8 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from terratool.definition.curriculum.spec import KindSpec
-from terratool.simulators.curriculum.shapes import (
+from terratool.authoring.curriculum.shapes import (
     DIGITS,
     MM,
     Box,
@@ -35,6 +34,7 @@ from terratool.simulators.curriculum.shapes import (
     square,
     stairs,
 )
+from terratool.definition.curriculum.spec import KindSpec
 
 PIXEL = 100
 """mm: the generators' horizontal scale, by which obstacles are placed."""

@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from itertools import pairwise
 
-from terratool.errors import RequestError
-from terratool.starters.options import (
+from terratool.authoring.starters.options import (
     LARGEST,
     Kind,
     Members,
@@ -19,7 +18,8 @@ from terratool.starters.options import (
     place,
     size_option,
 )
-from terratool.starters.soils import SOILS, soil_option, surfaces
+from terratool.authoring.starters.soils import SOILS, soil_option, surfaces
+from terratool.errors import RequestError
 
 GROUND: Members = {"descr": "Level, at height 0", "x": [0], "x-ignore": ["TT308"]}
 """The primitive of ground that has no height of its own."""

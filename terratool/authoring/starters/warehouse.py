@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from terratool.errors import RequestError
-from terratool.starters.built import GROUND, SLAB, sides_text
-from terratool.starters.options import (
+from terratool.authoring.starters.built import GROUND, SLAB, sides_text
+from terratool.authoring.starters.options import (
     SEED,
     Draw,
     Kind,
@@ -15,6 +14,7 @@ from terratool.starters.options import (
     place,
     size_option,
 )
+from terratool.errors import RequestError
 
 _WALL, _GATE = 250, 4000
 """mm: the thickness of walls, and the width of the gate in the western one."""

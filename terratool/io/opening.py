@@ -27,8 +27,8 @@ from rasterio.windows import Window
 
 from terratool.definition.crs import names_file
 from terratool.errors import ReadError, interruption
-from terratool.importing.expat import EntityError, tree_of
-from terratool.importing.guards import (
+from terratool.io.expat import EntityError, tree_of
+from terratool.io.guards import (
     UNPACK,
     is_netcdf,
     on_disk,

@@ -19,16 +19,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from terratool.authoring.curriculum.build import curriculum
+from terratool.authoring.starters.build import KINDS, new
+from terratool.authoring.starters.course import STYLES
+from terratool.authoring.starters.options import Option
+from terratool.authoring.starters.soils import SOILS
 from terratool.definition.layout import canonical
 from terratool.definition.presets import PRESETS
 from terratool.definition.reader import check
 from terratool.errors import RequestError
 from terratool.field.terrain import Terrain
-from terratool.simulators.curriculum.build import curriculum
-from terratool.starters.build import KINDS, new
-from terratool.starters.course import STYLES
-from terratool.starters.options import Option
-from terratool.starters.soils import SOILS
 from terratool.text.source import Source
 from tests.commands import ENVIRONMENT, ROOT, call
 
@@ -169,7 +169,7 @@ def test_another_process_gives_the_same_bytes(tmp_path: Path) -> None:
     """With another order of sets, and another encoding of the terminal."""
     code = """if True:
         import sys
-        from terratool.starters.build import KINDS, new
+        from terratool.authoring.starters.build import KINDS, new
         for kind in KINDS:
             sys.stdout.buffer.write(new(kind).encode())
     """

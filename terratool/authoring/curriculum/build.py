@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from terratool.authoring.curriculum.definition import Assignment, assign, definition_text
+from terratool.authoring.curriculum.spawning import level_patches, origins
 from terratool.definition.curriculum.spec import Spec, load_spec, spec_of
 from terratool.definition.reader import CheckOptions, check, refusal
 from terratool.errors import RequestError
 from terratool.field.terrain import Terrain
 from terratool.output import whole_file
-from terratool.simulators.curriculum.definition import Assignment, assign, definition_text
-from terratool.simulators.curriculum.spawning import level_patches, origins
 from terratool.text.source import Source
 
 ORIGINS = ".origins.npz"

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import math
 
-from terratool.errors import RequestError
-from terratool.starters.built import GROUND, sides_text
-from terratool.starters.options import (
+from terratool.authoring.starters.built import GROUND, sides_text
+from terratool.authoring.starters.options import (
     SEED,
     Draw,
     Kind,
@@ -19,7 +18,8 @@ from terratool.starters.options import (
     place,
     size_option,
 )
-from terratool.starters.soils import SOILS, soil_option, surfaces
+from terratool.authoring.starters.soils import SOILS, soil_option, surfaces
+from terratool.errors import RequestError
 
 FRESH: Members = {
     "descr": "Fresh crater in a cell twice as wide: a fifth as deep as wide, rim 0.04 (Pike 1977), "

@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from terratool.authoring.curriculum.shapes import PRIMITIVES, Lines, Members, Rectangle, mm
+from terratool.authoring.curriculum.tiles import MAKERS, Draw, Plot, pieces
 from terratool.definition.curriculum.spec import MOST_PIECES, Spec
 from terratool.definition.layout import canonical
 from terratool.errors import RequestError
-from terratool.simulators.curriculum.shapes import PRIMITIVES, Lines, Members, Rectangle, mm
-from terratool.simulators.curriculum.tiles import MAKERS, Draw, Plot, pieces
 from terratool.text.format import WIDTH
 
 

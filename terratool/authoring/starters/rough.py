@@ -6,9 +6,8 @@ import json
 import math
 from typing import TYPE_CHECKING
 
-from terratool.errors import RequestError
-from terratool.starters.built import sides_text
-from terratool.starters.options import (
+from terratool.authoring.starters.built import sides_text
+from terratool.authoring.starters.options import (
     SEED,
     Kind,
     Members,
@@ -18,10 +17,11 @@ from terratool.starters.options import (
     m,
     size_option,
 )
-from terratool.starters.soils import SOILS, soil_option, surfaces
+from terratool.authoring.starters.soils import SOILS, soil_option, surfaces
+from terratool.errors import RequestError
 
 if TYPE_CHECKING:
-    from terratool.simulators.curriculum.shapes import Lines
+    from terratool.authoring.curriculum.shapes import Lines
 
 MOST_NODES = 250_000
 """Random heights of a terrain."""
@@ -77,7 +77,7 @@ def _relief(heights: list[list[int]], step: float, low: float, surface: str) -> 
     """Primitives and the tree of heights in steps, by rows from the south."""
     import numpy as np
 
-    from terratool.simulators.curriculum.shapes import PRIMITIVES, Rectangle, relief
+    from terratool.authoring.curriculum.shapes import PRIMITIVES, Rectangle, relief
 
     shape = relief("heights", Rectangle(0, 0, 0, 0), np.array(heights), step, low)
     primitives = {name: {**one, "x": _plain(one["x"])} for name, one in shape.primitives.items()}

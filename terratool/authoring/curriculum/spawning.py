@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from terratool.authoring.curriculum.definition import draw_of
 from terratool.definition.curriculum.spec import PatchSpec, Spec
 from terratool.field.terrain import Terrain
-from terratool.simulators.curriculum.definition import draw_of
 
 Floats = NDArray[np.float64]
 

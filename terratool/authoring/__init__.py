@@ -1,0 +1,1 @@
+"""Definitions made for people: terrains to start from, and grids of training tiles."""

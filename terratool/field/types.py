@@ -1,0 +1,106 @@
+"""What parts of the field ask of a terrain, and what lies at a point of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+if TYPE_CHECKING:
+    from terratool.definition.findings import Bounds
+    from terratool.definition.model import Surface
+    from terratool.field.records import FieldArrays
+    from terratool.kernels import field as kernels
+
+OUTSIDE = -2
+"""Element of a point outside of the terrain."""
+
+
+@dataclass(frozen=True, slots=True)
+class PointSamples:
+    """What lies at points, each array in the shape of the points.
+
+    Attributes:
+        height: float64, NaN outside the terrain and in the void.
+        element: int64, index of the element that decides the surface, or the number of elements
+            and the index of the track that does; -1 where no footprint lies, OUTSIDE outside.
+        surface: int32, index into `Terrain.surfaces`; -1 for none.
+        normal: (…, 3) float64, the upward unit normal; NaN where the height is.
+    """
+
+    height: NDArray[np.float64]
+    element: NDArray[np.int64]
+    surface: NDArray[np.int32]
+    normal: NDArray[np.float64]
+
+
+class TerrainField(Protocol):
+    """A compiled terrain, as rays, cell addresses and devices ask it; `Terrain` is one."""
+
+    @property
+    def arrays(self) -> FieldArrays:
+        """Flat arrays of the field."""
+        ...
+
+    @property
+    def field(self) -> kernels.Field:
+        """Flat arrays of the field, checked and kept by the kernels."""
+        ...
+
+    @property
+    def ray_index(self) -> kernels.RayIndex:
+        """Index that rays look up; of the terrain with its parts written out."""
+        ...
+
+    @property
+    def written_out(self) -> TerrainField:
+        """The terrain with all parts and copies written out.
+
+        Raises:
+            RequestError: they come to too many elements.
+        """
+        ...
+
+    @property
+    def bounds(self) -> Bounds:
+        """World rectangle west, south, east, north."""
+        ...
+
+    @property
+    def levels(self) -> int:
+        """Levels of nesting, 1 for a root alone."""
+        ...
+
+    @property
+    def parents(self) -> NDArray[np.int32]:
+        """Index of each element's parent, (n,); -1 for the root."""
+        ...
+
+    @property
+    def surfaces(self) -> tuple[str, ...]:
+        """Names of the surfaces, in the order of their indices."""
+        ...
+
+    @property
+    def surface_types(self) -> Mapping[str, Surface]:
+        """Surfaces by name."""
+        ...
+
+    def height(self, x: ArrayLike, y: ArrayLike) -> Any:
+        """Heights at points, float64 in their shape; NaN where there is none."""
+        ...
+
+    def sample(self, x: ArrayLike, y: ArrayLike) -> PointSamples:
+        """Height, element, surface and normal at points."""
+        ...
+
+    def cells(self) -> NDArray[np.float64]:
+        """World rectangles of the elements' cells, (4, n)."""
+        ...
+
+    def numbers_of(self, elements: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Numbers in this terrain of elements and tracks of `written_out`."""
+        ...
