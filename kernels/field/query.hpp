@@ -579,7 +579,7 @@ private:
     }
 };
 
-// In the place of a top element: the height of this point is complete.
+// Sentinel in place of a top element: the height of this point is final.
 constexpr i64 COMPLETE = -2;
 
 // Take the ruts from the heights of a batch of points, and add the reliefs.
