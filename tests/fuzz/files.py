@@ -127,15 +127,13 @@ def _clear(folder: Path) -> None:
 
 _SCENE = """#VRML V2.0 utf8
 # z is up
-PROTO Post [ field SFVec3f size 1 1 1 exposedField SFColor color 1 0 0 ] {
-  Shape { appearance Appearance { material Material { diffuseColor IS color } }
-          geometry Box { size IS size } } }
 DEF HILL Transform { translation 1 2 3 rotation 0 1 0 0.5 scale 2 1 1 children [
   Shape { geometry ElevationGrid { xDimension 3 zDimension 2 xSpacing 2 zSpacing 1.5
           height [ 0 1 0.5, 2 1e-1 -3 ] } }
   Shape { geometry Extrusion { crossSection [ 1 1, 1 -1, -1 -1, 1 1 ] spine [ 0 0 0, 0 2 0, 1 3 0 ]
           scale [ 1 1, 0.5 0.5, 1 1 ] orientation [ 0 0 1 0 ] } } ] }
-Switch { whichChoice 0 choice [ Post { size 2 3 4 } Group { children USE HILL } ] }
+Switch { whichChoice 0 choice [
+  Shape { geometry Box { size 2 3 4 } } Group { children USE HILL } ] }
 Shape { geometry IndexedFaceSet { coord DEF C Coordinate { point [ 0 0 0, 4 0 1, 4 3 2, 0 3 0.5 ] }
         coordIndex [ 0 1 2 3 -1 0 2 3 ] solid FALSE } }
 LOD { range [ 10 ] level [ Shape { geometry Sphere { radius 2 } } Shape { geometry Cone { } } ] }

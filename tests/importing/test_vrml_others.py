@@ -97,24 +97,6 @@ SCENES = {
     ),
     "LOD": f"LOD {{ range [ 1e9 ] level [ {TRIANGLE}, {shape('Box { }')} ] }}",
     "Collision": f"Collision {{ proxy {shape('Box { }')} children {TRIANGLE} }}",
-    "PROTO": (
-        "PROTO Post [ field SFVec3f size 1 4 2 exposedField SFVec3f at 0 0 0"
-        " eventIn SFBool on field MFNode more [ ] ] {"
-        " Transform { translation IS at children ["
-        "  Shape { geometry Box { size IS size } } Group { children IS more } ] }"
-        " TimeSensor { } }"
-        " PROTO Pair [ field SFVec3f at 5 6 7 ] {"
-        "  PROTO Inner [ field SFVec3f s 3 3 1 ] { Post { size IS s at 1 1 1 } }"
-        "  Group { children [ Post { at IS at } Inner { } Inner { s 1 5 1 } ] } }"
-        f" Post {{ }} Post {{ at 9 0 1 size 1 1 7 more [ {TRIANGLE} Pair {{ at -3 0 0 }} ] }}"
-        f" {turned('Pair { }', 'scale 1 2 1')}"
-    ),
-    "PROTO of a Coordinate": (
-        "PROTO Cloth [ field MFVec3f p [ ] field MFInt32 i [ 0 1 2 -1 ] ] {"
-        " IndexedFaceSet { coord Coordinate { point IS p } coordIndex IS i } }"
-        " Shape { geometry Cloth { p [ 0 0 0, 1 0 0, 0 2 5, 3 3 3 ] } }"
-        " Shape { geometry Cloth { i [ 1 0 3 -1 ] p [ 0 0 0, 1 0 0, 0 2 5, 3 4 3 ] } }"
-    ),
     "no faces": TRIANGLE
     + ' PointLight { } Viewpoint { position 0 0 9 } NavigationInfo { type [ "FLY" "ANY" ] }'
     + " DEF C TimeSensor { } DEF I PositionInterpolator { key [ 0 1 ] keyValue [ 0 0 0 1 1 1 ] }"

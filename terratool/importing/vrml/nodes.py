@@ -36,7 +36,7 @@ class Language(NamedTuple):
         others: all other nodes that there are; what fields they have is not looked at.
         types: of fields.
         statements: words before what is no node.
-        interface: words before a field or an event of a PROTO; the first two have a value.
+        interface: words before a field or an event of a Script; the first two have a value.
         is_open: whether there may be nodes and fields beyond these, which are passed over.
     """
 

@@ -13,6 +13,7 @@ from typing import Any, Literal, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from terratool.errors import ReadError
 from terratool.importing.vrml.nodes import WIDTHS, Language
 from terratool.importing.vrml.text import NUMERIC, PlacedText, VrmlText
 
@@ -39,16 +40,15 @@ class FieldValue(NamedTuple):
     """What stands behind the name of a field.
 
     Attributes:
-        kind: "empty" is what [] and NULL are, "field" a name behind IS.
+        kind: "empty" is what [] and NULL are.
         at: where it begins, in bytes.
     """
 
-    kind: Literal["numbers", "strings", "flag", "nodes", "field", "empty"]
+    kind: Literal["numbers", "strings", "flag", "nodes", "empty"]
     at: int
     numbers: NDArray[np.float64] = np.empty(0)
     nodes: tuple[Node, ...] = ()
     flag: bool = False
-    name: str = ""
 
 
 @dataclass(slots=True, eq=False)
@@ -58,50 +58,27 @@ class Node:
     Attributes:
         kind: its type, as Transform.
         at: where that stands, in bytes.
-        proto: what declares the type, if VRML does not.
     """
 
     kind: str
     at: int
-    proto: Proto | None = None
     fields: dict[str, FieldValue] = field(default_factory=dict)
 
 
-@dataclass(slots=True, eq=False)
-class Proto:
-    """A PROTO or an EXTERNPROTO.
-
-    Attributes:
-        types: of its fields and events, by their names.
-        defaults: values of those that have one.
-        body: the first node of its body; None in an empty one.
-        external: whether another file has the body.
-    """
-
-    name: str
-    types: dict[str, str] = field(default_factory=dict)
-    defaults: dict[str, FieldValue] = field(default_factory=dict)
-    body: Node | None = None
-    external: bool = False
-
-
-def check(text: PlacedText, value: FieldValue, kind: str, name: str, proto: Proto | None) -> None:
+def check(text: PlacedText, value: FieldValue, kind: str, name: str) -> None:
     """Refuse the value of a field that is not of its type.
 
     Args:
         text: where it stands.
-        value: what was read; a name behind IS counts as what it was declared.
+        value: what was read.
         kind: the type, as MFVec3f.
         name: what the field is called.
-        proto: in whose body it stands; None outside of all.
 
     Raises:
         ReadError: it is of another type, has too few or too many numbers, or broken integers.
     """
     plain, single = kind[2:], kind.startswith("S")
-    if value.kind == "field":
-        fits = proto is not None and proto.types[value.name] == kind
-    elif plain == "Node":
+    if plain == "Node":
         fits = value.kind == "empty" or (
             value.kind == "nodes" and not (single and len(value.nodes) > 1)
         )
@@ -189,12 +166,9 @@ class _Parser:
     """Where reading has come to.
 
     Attributes:
-        protos: those that may be used here.
-        declared: their names in order, and what each of them meant before.
-        names: nodes that DEF gave a name, in the body of this PROTO.
+        names: nodes that DEF gave a name.
         open: names of the nodes that are not yet read to their end.
         units: what the head of an X3D text says of them.
-        proto: the innermost PROTO whose body is read.
         scripts: how many Scripts are open; they may point at nodes that they lie in.
     """
 
@@ -202,11 +176,8 @@ class _Parser:
         self.text = text
         self.language = language
         self.units: list[Unit] = []
-        self.protos: dict[str, Proto] = {}
-        self.declared: list[tuple[str, Proto | None]] = []
         self.names: dict[str, Node] = {}
         self.open: dict[str, int] = {}
-        self.proto: Proto | None = None
         self.scripts = 0
 
     # --- statements -----------------------------------------------------------------------------
@@ -240,7 +211,7 @@ class _Parser:
         return float(numbers[0])
 
     def statements(self, opened: int) -> Step[tuple[Node, ...]]:
-        """Nodes, PROTOs and ROUTEs up to the brace that closes them, or up to the end.
+        """Nodes and ROUTEs up to the brace that closes them, or up to the end.
 
         Args:
             opened: where the brace stands that opened them; -1 for the whole file.
@@ -258,12 +229,16 @@ class _Parser:
             at = text.at
             word = text.word("a node")
             if word in self.language.statements:
-                yield self.declaration(word, at)
+                self._statement(word, at)
             else:
                 nodes.append((yield self.node(word, at)))
 
-    def declaration(self, word: str, at: int) -> Step[None]:
-        """A PROTO, an EXTERNPROTO or a ROUTE, whose first word was read; in X3D an EXPORT, too."""
+    def _statement(self, word: str, at: int) -> None:
+        """Pass over a ROUTE, or an IMPORT or EXPORT of X3D, whose first word was read.
+
+        Raises:
+            ReadError: it is a PROTO or an EXTERNPROTO, or broken.
+        """
         text = self.text
         if word in ("IMPORT", "EXPORT"):
             text.word(f"the name behind {word}")
@@ -272,67 +247,12 @@ class _Parser:
                 text.word("AS")
                 text.word("the name behind AS")
             return
-        if word == "ROUTE":
-            text.word("the event of the ROUTE")
-            if text.word('"TO"') != "TO":
-                raise text.error(at, 'the ROUTE has no "TO".', "Write ROUTE a.b TO c.d.")
-            text.word("the event behind TO")
-            return
-        proto = Proto(text.word(f"the name behind {word}"), external=word == "EXTERNPROTO")
-        opened = text.need(b"[", f"behind the name of the {word}")
-        while not text.take(b"]"):
-            if text.peek() < 0:
-                raise self._unclosed(opened)
-            yield self.interface(proto, given=not proto.external)
-        if proto.external:
-            self._declare(proto.name, proto)
-            yield self.value()
-            return
-        opened = text.need(b"{", "before the body of the PROTO")
-        outer = self.names, self.open, self.proto, self.scripts
-        self.names, self.open, self.proto, self.scripts = {}, {}, proto, 0
-        mark = len(self.declared)
-        self._declare(proto.name, _ITSELF)
-        nodes = yield self.statements(opened)
-        while len(self.declared) > mark:  # what a body declares is unknown outside
-            name, before = self.declared.pop()
-            if before is None:
-                del self.protos[name]
-            else:
-                self.protos[name] = before
-        self.names, self.open, self.proto, self.scripts = outer
-        proto.body = nodes[0] if nodes else None
-        self._declare(proto.name, proto)
-
-    def _declare(self, name: str, proto: Proto) -> None:
-        self.declared.append((name, self.protos.get(name)))
-        self.protos[name] = proto
-
-    def interface(self, proto: Proto, given: bool) -> Step[None]:
-        """A field or an event of a PROTO or a Script; a field has a value if so `given`."""
-        text = self.text
-        text.peek()
-        at = text.at
-        what = text.word("a field or an event")
-        known = self.language.interface
-        if what not in known:
-            raise text.error(
-                at,
-                f'"{what}" is neither {", ".join(known[:3])} nor {known[3]}.',
-                "Correct the declaration.",
-            )
-        text.peek()
-        at = text.at
-        kind = text.word("a type")
-        types = self.language.types
-        if kind not in types:
-            raise text.error(at, f'"{kind}" is no type of a field.', did_you_mean(kind, types))
-        name = text.word("a name")
-        proto.types[name] = kind
-        if given and what in _WITH_VALUE:
-            value = yield self.value()
-            check(self.text, value, kind, name, self.proto)
-            proto.defaults[name] = value
+        if word != "ROUTE":
+            raise unread_prototype(text, at, f"a {word}" if word == "PROTO" else f"an {word}")
+        text.word("the event of the ROUTE")
+        if text.word('"TO"') != "TO":
+            raise text.error(at, 'the ROUTE has no "TO".', "Write ROUTE a.b TO c.d.")
+        text.word("the event behind TO")
 
     # --- nodes ----------------------------------------------------------------------------------
 
@@ -347,17 +267,12 @@ class _Parser:
             text.peek()
             at = text.at
             word = text.word("a node")
-        proto = self.protos.get(word)
-        if proto is _ITSELF:
-            raise text.error(at, f'the PROTO "{word}" contains itself.', "Give it another body.")
         language = self.language
-        if proto is None and not (
-            language.is_open or word in language.fields or word in language.others
-        ):
+        if not (language.is_open or word in language.fields or word in language.others):
             raise self._unknown(word, at)
         opened = text.need(b"{", f"behind {word}")
-        node = Node(word, at, proto)
-        script = word == "Script" and proto is None
+        node = Node(word, at)
+        script = word == "Script"
         self.scripts += script
         if name:
             self.open[name] = self.open.get(name, 0) + 1
@@ -376,44 +291,30 @@ class _Parser:
         text = self.text
         at = text.at
         word = text.word("a field")
-        if (
-            node.kind in ("Script", "ComposedShader")
-            and node.proto is None
-            and word in self.language.interface
-        ):
+        if node.kind in ("Script", "ComposedShader") and word in self.language.interface:
             yield self._script_field(word)
             return
         if word in self.language.statements:
-            yield self.declaration(word, at)
+            self._statement(word, at)
             return
         value = yield self.value()
-        types = node.proto.types if node.proto else self.language.fields.get(node.kind)
+        types = self.language.fields.get(node.kind)
         if types is None:
             return
-        if word not in types:
-            if node.proto is None and self.language.is_open and not nearly(word, types):
-                return
-            # events are of no concern, and nodes of VRML97 have others than those of their fields
-            event = (
-                node.proto is None or word.removeprefix("set_").removesuffix("_changed") in types
-            )
-            if value.kind != "field" or not event:
-                raise text.error(
-                    at,
-                    f'{node.kind} has no field "{word}".',
-                    did_you_mean(word, types, "Remove it."),
-                )
-        else:
-            check(self.text, value, types[word], word, self.proto)
+        if word in types:
+            check(self.text, value, types[word], word)
             node.fields[word] = value
+        elif not self.language.is_open or nearly(word, types):
+            raise text.error(
+                at, f'{node.kind} has no field "{word}".', did_you_mean(word, types, "Remove it.")
+            )
 
     def _script_field(self, what: str) -> Step[None]:
-        """A field or an event of a Script, whose first word was read; IS may give its value."""
+        """Pass over a field or an event of a Script, whose first word was read."""
         text = self.text
         text.word("a type")
         text.word("a name")
-        text.peek()
-        if what in _WITH_VALUE or text.data.startswith(b"IS", text.at):
+        if what in _WITH_VALUE:
             yield self.value()
 
     def _used(self, name: str, at: int) -> Node:
@@ -450,8 +351,6 @@ class _Parser:
             text.string()
             return FieldValue("strings", at)
         word = text.word("a value")
-        if word == "IS":
-            return self._reference(at)
         if word in _FLAGS:
             return FieldValue("flag", at, flag=_FLAGS[word])
         if word == "NULL":
@@ -477,7 +376,7 @@ class _Parser:
                 if word in _FLAGS or word == "NULL":
                     continue
                 if word in self.language.statements:
-                    yield self.declaration(word, at)
+                    self._statement(word, at)
                 else:
                     nodes.append((yield self.node(word, at)))
             value = FieldValue("nodes" if nodes else "empty", opened, nodes=tuple(nodes))
@@ -497,19 +396,6 @@ class _Parser:
                 at, f'"{word}" is no number.', "Leave out what has no place, or write 0."
             )
 
-    def _reference(self, at: int) -> FieldValue:
-        text = self.text
-        name = text.word("the name behind IS")
-        if self.proto is None:
-            raise text.error(at, "IS stands outside of a PROTO.", "Write a value in its place.")
-        if name not in self.proto.types:
-            raise text.error(
-                at,
-                f'the PROTO "{self.proto.name}" has no field "{name}".',
-                did_you_mean(name, self.proto.types, "Declare it."),
-            )
-        return FieldValue("field", at, name=name)
-
     # --- what is wrong --------------------------------------------------------------------------
 
     def _unclosed(self, opened: int) -> Exception:
@@ -524,11 +410,9 @@ class _Parser:
         self.text.at = at
         return self.text.error(
             at,
-            f"VRML97 has no node {self.text.shown()}, and no PROTO before it declares one.",
+            f"VRML97 has no node {self.text.shown()}.",
             did_you_mean(
-                word,
-                [*self.language.fields, *self.language.others, *self.protos],
-                "Write the file without it.",
+                word, [*self.language.fields, *self.language.others], "Write the file without it."
             ),
         )
 
@@ -539,8 +423,13 @@ def nearly(word: str, known: Iterable[str]) -> bool:
     return bool(get_close_matches(small[:80], [name.lower() for name in known], 1, _SPELLING))
 
 
-_ITSELF = Proto("")
-"""What the name of a PROTO stands for in its own body."""
+def unread_prototype(text: PlacedText, at: int, what: str) -> ReadError:
+    """The error of a prototype, of which none is read."""
+    return text.error(
+        at,
+        f"{what} stands here, and prototypes are not read.",
+        "Export the file with its prototypes expanded.",
+    )
 
 
 def did_you_mean(word: str, known: Iterable[str], otherwise: str = "Correct it.") -> str:

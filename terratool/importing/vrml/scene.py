@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections import Counter
 from pathlib import Path
-from typing import Any, NamedTuple, TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from terratool.errors import ReadError
 from terratool.importing.types import Triangles
 from terratool.importing.vrml.nodes import VRML97, X3D
-from terratool.importing.vrml.parse import FieldValue, Node, Scene, Unit, parse
+from terratool.importing.vrml.parse import Node, Scene, Unit, parse, unread_prototype
 from terratool.importing.vrml.shapes import (
     PARTS,
     SIDES,
@@ -35,7 +35,7 @@ from terratool.kernels import importing as kernels
 from terratool.text.source import Source, read_source
 
 REPEATED = 25_000_000
-"""Steps that USE and PROTO may take beyond what was written, of some 20 ns each …"""
+"""Steps that USE may take beyond what was written, of some 20 ns each …"""
 
 _PER_BYTE = 50
 """… and so many more for each byte of the text."""
@@ -92,18 +92,10 @@ _declared = re.compile(r"""(\A<\?xml\s[^>]*?)(encoding\s*=\s*["'][^"'>]*["'])"""
 _stated = re.compile(rb"(?:#[^\r\n]*+[\r\n]++)*?#[ \t]*([xyz]) is up[ \t]*[\r\n]").match
 
 
-class _Scope(NamedTuple):
-    """A node that a PROTO declares, and the scope in which it stands."""
-
-    node: Node
-    outer: Any  # a scope, or None; a type that contains itself is none for a NamedTuple
-
-
 class _Place(NamedTuple):
-    """A node to be visited, whose it is, and its pose; None is the world's."""
+    """A node to be visited, and its pose; None is the world's."""
 
     node: Node
-    scope: _Scope | None
     pose: Matrix | None
 
 
@@ -114,7 +106,7 @@ def walk(scene: Scene, text: PlacedText) -> Triangles:
         ReadError: a node is impossible, lies in another file, or is repeated too often.
     """
     walker = _Walker(scene, text)
-    pending = [_Place(node, None, None) for node in reversed(scene.nodes)]
+    pending = [_Place(node, None) for node in reversed(scene.nodes)]
     with np.errstate(all="ignore"):  # what becomes too large is refused
         while pending:
             pending += reversed(walker.visit(pending.pop()))
@@ -142,33 +134,16 @@ def _in_metres(found: Triangles, units: tuple[Unit, ...], text: PlacedText) -> T
 class _Fields(NamedTuple):
     """Values of a node's fields, or what they are if nothing is said."""
 
-    walker: _Walker
     node: Node
-    scope: _Scope | None
 
-    def value(self, name: str) -> tuple[FieldValue | None, _Scope | None]:
-        """The value of a field, which a PROTO may pass on, and the scope of nodes in it."""
-        scope = self.scope
+    def nodes(self, name: str) -> tuple[Node, ...]:
+        """Nodes in a field."""
         value = self.node.fields.get(name)
-        while value is not None and value.kind == "field":
-            assert scope is not None
-            self.walker.spend(1, self.node)
-            instance, name = scope.node, value.name
-            assert instance.proto is not None
-            if name in instance.fields:
-                value, scope = instance.fields[name], scope.outer
-            else:
-                value = instance.proto.defaults.get(name)
-        return value, scope
-
-    def nodes(self, name: str) -> tuple[tuple[Node, ...], _Scope | None]:
-        """The nodes in a field, and their scope."""
-        value, scope = self.value(name)
-        return (() if value is None else value.nodes), scope
+        return () if value is None else value.nodes
 
     def numbers(self, name: str, otherwise: tuple[float, ...]) -> NDArray[np.float64]:
         """All numbers of a field, (n,) float64."""
-        value, _ = self.value(name)
+        value = self.node.fields.get(name)
         return np.array(otherwise, np.float64) if value is None else value.numbers
 
     def number(self, name: str, otherwise: float) -> float:
@@ -181,7 +156,7 @@ class _Fields(NamedTuple):
 
     def flag(self, name: str) -> bool:
         """A flag; all those that are asked for are TRUE if nothing is said."""
-        value, _ = self.value(name)
+        value = self.node.fields.get(name)
         return True if value is None else value.flag
 
 
@@ -210,30 +185,24 @@ class _Walker:
 
     def visit(self, place: _Place) -> list[_Place]:
         """Take up a node; returns those in it that are to be seen."""
-        node, scope, outer = place
+        node, outer = place
         self.again = id(node) in self.visited
         self.visited.add(id(node))
         self.charge(_VISIT, node)
-        if node.proto is not None:
-            if node.proto.external:
-                raise self._elsewhere(node)
-            body = node.proto.body
-            return [_Place(body, _Scope(node, scope), outer)] if body else []
         kind = node.kind
-        if kind == "Inline":
-            raise self._elsewhere(node)
+        self._refuse_unread(node)
         self.seen[kind] += 1
         if kind in _SOLIDS or kind in PARTS:
-            self._add(node, self._mesh(_Fields(self, node, scope)), outer)
+            self._add(node, self._mesh(_Fields(node)), outer)
             return []
         if kind not in _CHILDREN:
             self.unknown[kind] += not (kind in self.language.others or kind in self.language.fields)
             return []
-        fields = _Fields(self, node, scope)
+        fields = _Fields(node)
         names = _CHILDREN[kind]
-        children, scope_of_children = fields.nodes(names[0])
+        children = fields.nodes(names[0])
         if not children and len(names) > 1:
-            children, scope_of_children = fields.nodes(names[1])
+            children = fields.nodes(names[1])
         if kind == "LOD":
             children = children[:1]
         elif kind == "Switch":
@@ -249,7 +218,7 @@ class _Walker:
                 fields.numbers("translation", (0, 0, 0)),
             )
             outer = own if outer is None else product(outer, own)
-        return [_Place(child, scope_of_children, outer) for child in children]
+        return [_Place(child, outer) for child in children]
 
     def triangles(self) -> Triangles:
         """All that was found.
@@ -331,27 +300,22 @@ class _Walker:
 
     def _points(self, fields: _Fields) -> NDArray[np.float64]:
         """What "coord" has, (n, 3)."""
-        nodes, inner = fields.nodes("coord")
-        coord = nodes[0] if nodes else None
-        while coord is not None and coord.proto is not None:
-            self.spend(_VISIT, coord)
-            if coord.proto.external:
-                raise self._elsewhere(coord)
-            inner = _Scope(coord, inner)
-            coord = coord.proto.body
-        if coord is None:
+        nodes = fields.nodes("coord")
+        if not nodes:
             return np.empty((0, 3))
+        coord = nodes[0]
+        self._refuse_unread(coord)
         if coord.kind not in ("Coordinate", "CoordinateDouble"):
             raise self.text.error(
                 coord.at,
                 f'"coord" is a {coord.kind} and no Coordinate.',
                 "Correct the node, or write the file again.",
             )
-        return _Fields(self, coord, inner).numbers("point", ()).reshape(-1, 3)
+        return _Fields(coord).numbers("point", ()).reshape(-1, 3)
 
     def _indices(self, fields: _Fields, name: str, count: int) -> NDArray[np.int32]:
         """Numbers of points, of which there are `count`, and numbers below 0."""
-        value, _ = fields.value(name)
+        value = fields.node.fields.get(name)
         numbers = np.empty(0) if value is None else value.numbers
         self.charge(len(numbers), fields.node)
         wrong = numbers >= count
@@ -431,22 +395,29 @@ class _Walker:
             self.spend(steps, node)
 
     def spend(self, steps: int, node: Node) -> None:
-        """Count the steps of reading; USE and PROTO can repeat without end."""
+        """Count the steps of reading; USE can repeat without end."""
         self.steps -= steps
         if self.steps < 0:
             raise self.text.error(
                 node.at,
-                f"with this {node.kind} USE and PROTO repeat more than can be read.",
+                f"with this {node.kind} USE repeats more than can be read.",
                 "Write a file with fewer repetitions.",
             )
 
-    def _elsewhere(self, node: Node) -> ReadError:
-        what = "the Inline" if node.proto is None else f"the {node.kind} of an EXTERNPROTO"
-        return self.text.error(
-            node.at,
-            f"{what} lies in another file.",
-            "Put its content in its place, as converters of VRML do, and read that.",
-        )
+    def _refuse_unread(self, node: Node) -> None:
+        """Refuse a node whose content is elsewhere.
+
+        Raises:
+            ReadError: it is an Inline, or an instance of a prototype.
+        """
+        if node.kind == "Inline":
+            raise self.text.error(
+                node.at,
+                "the Inline lies in another file.",
+                "Put its content in its place, as converters of VRML do, and read that.",
+            )
+        if node.kind == "ProtoInstance":
+            raise unread_prototype(self.text, node.at, "a ProtoInstance")
 
     def _notes(self) -> list[str]:
         notes = []

@@ -14,7 +14,6 @@ from terratool.importing.vrml.nodes import X3D
 from terratool.importing.vrml.parse import (
     FieldValue,
     Node,
-    Proto,
     Scene,
     Unit,
     check,
@@ -41,9 +40,6 @@ _FRAMES = ("X3D", "head", "Scene")
 
 _STATEMENTS = ("ExternProtoDeclare", "EXPORT", "IMPORT", "IS", "ProtoDeclare", "ROUTE")
 """Elements that are no nodes, besides those in small letters."""
-
-_ELSEWHERE = Proto("", external=True)
-"""What declares all types of instances: none is expanded."""
 
 
 @dataclass(slots=True)
@@ -147,7 +143,7 @@ class _Reader:
         for name, nodes in done.nodes.items():
             value = FieldValue("nodes", node.at, nodes=tuple(nodes))
             if name in types:
-                check(self.text, value, types[name], name, None)
+                check(self.text, value, types[name], name)
                 node.fields[name] = value
         if done.name:
             self.unfinished[done.name] -= 1
@@ -189,10 +185,7 @@ class _Reader:
         self.skipped = 1
 
     def _node(self, tag: str, words: dict[str, str], at: int) -> _Open:
-        if tag == "ProtoInstance":
-            node = Node(words.get("name", tag), at, _ELSEWHERE)
-        else:
-            node = Node(tag, at)
+        node = Node(tag, at)
         types = X3D.fields.get(tag, {})
         for name, written in words.items():
             kind = types.get(name, "")
@@ -244,5 +237,5 @@ class _Reader:
                 at, f'in "{name}" {words.shown()} is no number.', "Write it as 12 or 1.5e-3."
             )
         value = FieldValue("numbers", at, numbers) if len(numbers) else FieldValue("empty", at)
-        check(self.text, value, kind, name, None)
+        check(self.text, value, kind, name)
         return value
