@@ -20,7 +20,6 @@ DEBIAN = {
     "c++": "g++",
     "chromedriver": "chromium-driver",
     "chromium": "chromium",
-    "fish": "fish",
     "gdaldem": "gdal-bin",
     "gdalinfo": "gdal-bin",
     "git": "git",
@@ -35,7 +34,6 @@ DEBIAN = {
     "pkg-config": "pkg-config",
     "strace": "strace",
     "tovrmlx3d": "view3dscene",
-    "zsh": "zsh",
 }
 NPM = ("gltf-validator",)
 

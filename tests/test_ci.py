@@ -458,7 +458,7 @@ def test_program():
 def test_npm():
     pytest.skip("gltf-validator is not installed")
 
-@pytest.mark.skipif(True, reason="fish is not installed")
+@pytest.mark.skipif(True, reason="strace is not installed")
 def test_mark():
     pass
 
@@ -508,7 +508,7 @@ def test_the_last_line_says_what_was_lacking(
     """And how it is had; a file has the tests, so that they can be run again with it."""
     done = skipping(".", TERRATOOL_LACKING=str(tmp_path / "lacking"))
     assert done.stdout.splitlines()[-1] == (
-        "5 skipped for want of fish, frob, frobnicate, gltf-validator: apt install fish; "
+        "5 skipped for want of frob, frobnicate, gltf-validator, strace: apt install strace; "
         "npm install --global gltf-validator; pip install frob frobnicate"
     )
     lacking = {f"test_skips.py::test_{name}" for name in ("program", "npm", "mark", "package")}

@@ -16,13 +16,15 @@ _SHELLS = ("bash", "zsh", "fish")
 def command(ctx: click.Context, shell: str) -> None:
     """Print the script that has a shell complete terratool.
 
-    It completes commands, options and their values, files, and the surfaces, primitives and parts
-    of the file that stands in the line. To have it in every shell, add to ~/.bashrc the line
-    eval "$(terratool completion bash)", to ~/.zshrc, behind compinit, eval "$(terratool completion
-    zsh)", or for fish: terratool completion fish > ~/.config/fish/completions/terratool.fish. Bash
-    has to be 4.4 or newer.
+    It completes commands, options, their words, and files. To have it in every shell, add to
+    ~/.bashrc the line eval "$(terratool completion bash)", to ~/.zshrc, behind compinit, eval
+    "$(terratool completion zsh)", or for fish: terratool completion fish >
+    ~/.config/fish/completions/terratool.fish. Bash has to be 4.4 or newer.
     """
-    from terratool.cli.completing import script
+    from click.shell_completion import get_completion_class
+
     from terratool.cli.main import COMPLETE
 
-    say_block(script(ctx.find_root().command, shell, COMPLETE), machine=True)
+    complete = get_completion_class(shell)
+    assert complete is not None
+    say_block(complete(ctx.find_root().command, {}, "terratool", COMPLETE).source(), machine=True)

@@ -73,11 +73,17 @@ class _Lazy(click.Group):
         name, _, function = _COMMANDS[cmd_name][0].partition(":")
         module = import_module(f"terratool.cli.{name}")
         command: click.Command = getattr(module, function or "command")
+        if os.environ.get(COMPLETE):
+            for parameter in command.params:
+                if parameter.type is click.STRING:
+                    parameter.type = click.Path()  # a text may be a file, which shells complete
         return command
 
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
+        if ctx.resilient_parsing:  # a shell completes, and nothing may be said
+            return super().resolve_command(ctx, args)
         if args and args[0] not in _COMMANDS and not args[0].startswith("-"):
             from difflib import get_close_matches
 
@@ -156,10 +162,6 @@ def main() -> None:
     os.environ.setdefault("PROJ_DEBUG", "0")  # it would print what GDAL says again
     if "--allow-remote" not in sys.argv:
         os.environ["GDAL_SKIP"] = f"{os.environ.get('GDAL_SKIP', '')} {_REMOTE}"
-    if os.environ.get(COMPLETE):
-        from terratool.cli.completing import register
-
-        register()
     from terratool.cli.stopping import end_on_signals
 
     with end_on_signals():

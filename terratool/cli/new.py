@@ -67,7 +67,8 @@ class _Kinds(click.Group):
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
-        if args and args[0] not in KINDS and not args[0].startswith("-"):
+        known = ctx.resilient_parsing or not args or args[0] in KINDS
+        if not known and not args[0].startswith("-"):
             ctx.fail(f"There is no kind {args[0]!r}. {hint_for(args[0], list(KINDS))}")
         return super().resolve_command(ctx, args)
 
