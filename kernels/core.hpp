@@ -133,8 +133,8 @@ INLINE u64 hash64(u64 key) {
     return key ^ (key >> 31);
 }
 
-// An index of entries by bins, first where those of each bin begin: into `offsets`, one more than
-// there are bins, counted from `start`. Returns where they end.
+// Begin an index of entries by bins: the place where each bin begins goes into `offsets`, one more
+// than there are bins, counted from `start`. Returns where they end.
 // visit(put) calls put(bin, entry) for all entries, each time in the same order.
 template <class Offset, class Visit>
 Offset index_bins(Span<Offset> offsets, Offset start, Visit visit) {
@@ -144,7 +144,7 @@ Offset index_bins(Span<Offset> offsets, Offset start, Visit visit) {
     return start;
 }
 
-// … then the entries of each bin, in their order.
+// Finish an index of entries by bins: the entries of each bin, in their order.
 template <class Offset, class Entry, class Visit>
 void fill_bins(Span<Offset> offsets, Span<Entry> entries, Visit visit) {
     Offset start = offsets[0];

@@ -49,8 +49,8 @@ class Curve {
 public:
     bool is_constant = false;
     double value = 0.0;           // where it is
-    std::vector<double> steps;    // where steps stand inside, ascending …
-    std::vector<i64> step_after;  // … and after which pieces
+    std::vector<double> steps;    // steps inside the curve, ascending
+    std::vector<i64> step_after;  // last piece before each step
 
     Curve(const Curves& curves, const CurveAt& at) : curves_(curves), at_(at) {
         count_ = i64(at.count);

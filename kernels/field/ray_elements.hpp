@@ -57,8 +57,8 @@ template <class Put> void for_sides(const Cell& cell, Put put) {
 struct Part {
     bool meets = false;
     bool cuts = false;       // whether edges or steps lie in it, or along its sides
-    i64 lines = 0;           // edges and steps that cut it …
-    i64 straight = 0;        // … and lie along an axis
+    i64 lines = 0;           // edges and steps that cut the rectangle
+    i64 straight = 0;        // those of `lines` that lie along an axis
     Range height{0.0, 0.0};  // what it adds
 };
 

@@ -34,8 +34,8 @@ constexpr u32 LEVEL = ~u32(0), VOID = LEVEL - 1, MIXED = LEVEL - 2;
 
 struct Leaf {
     double base;       // what elements add that are level all over it
-    u32 first, count;  // its entries …
-    u32 segments;      // … and those behind them, of tracks
+    u32 first, count;  // the leaf's entries
+    u32 segments;      // entries behind `count`, of tracks
     i32 top;           // the last of the elements that are level all over it, -1 for none
     u32 slab;          // where nothing cuts it; or `LEVEL`, `VOID` or `MIXED`
 };
@@ -90,8 +90,8 @@ private:
         bool voids = false;      // whether there may be a void in it
         double rough = 0.0;      // the highest relief in it
         i64 straight = 0;        // edges and steps in it along an axis
-        i64 cutting = 0;         // edges, steps and segments in it …
-        double finest = INF;     // … and the least distance of those of an element
+        i64 cutting = 0;         // edges, steps and segments in the node
+        double finest = INF;     // least distance between two of `cutting` of one element
 
         bool is_bare() const { return entries.empty() && segments.empty(); }
     };
@@ -165,12 +165,13 @@ private:
         constexpr i64 few = 4;
         constexpr int bent_until = 7;
         constexpr double bent = 0.02;  // heights from a plane beside the shorter side
-        constexpr double large = 1.5, crowded = 0.2;  // that side beside that of what cuts it …
+        // the shorter side of a node that few or more things cut, beside `finest`
+        constexpr double large = 1.5, crowded = 0.2;
         if (depth >= DEEPEST) return false;
         if (pending.straight) return true;
         double side = min(pending.plan.wide(), pending.plan.tall());
         if (side < least_) return false;
-        double beside = pending.cutting > few ? crowded : large;  // … few, or more
+        double beside = pending.cutting > few ? crowded : large;
         if (side > beside * pending.finest && pending.cutting > 1) return true;
         if (depth >= bent_until || pending.entries.empty()) return false;
         Slab slab = slab_of(pending);

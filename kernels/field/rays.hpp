@@ -138,8 +138,8 @@ private:
         const Ray ray = *ray_;
         const double per_x = per_x_, per_y = per_y_;
         const bool rises = ray.dz > 0.0;
-        Side side = NOWHERE;  // as `side_`, but for what was passed …
-        u32 passed = 0;       // … what the last of that is, since a leaf was looked at
+        Side side = NOWHERE;  // as `side_`, without what was passed
+        u32 passed = 0;       // last line passed since a leaf was looked at
         const u32 nearest =
             u32(ray.dx < 0.0) + 2 * u32(ray.dy < 0.0);  // the quarter it meets first
         const Quarters* all = index_.quarters.data();

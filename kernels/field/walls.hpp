@@ -11,9 +11,9 @@
 
 namespace terratool {
 
-// A wall is looked for down to a billionth of a pixel: no slope changes the height much there …
+// Halvings between two pixels, down to a billionth of one: no slope changes the height much there.
 constexpr i64 HALVINGS = 30;
-// … and neither does the rim of a dome, by so many times what its slope there would.
+// Rise of the rim of a dome over that billionth, in multiples of what its slope there gives.
 constexpr double STEEPER = 4.0;
 
 using Heights = std::variant<Matrix<const float>, Matrix<const double>>;
@@ -77,9 +77,9 @@ public:
     void measure(
         Span<const i64> pairs, In x, In y, double resolution, double level, Out jumps, Out lengths
     ) {
-        // so far beside a wall, in pixels, it is looked for again, to see which way it runs, …
+        // least and greatest distance beside a wall, in pixels, at which it is looked for again, to
+        // see which way it runs; walls nearly along the pair leave that reach, and weigh little
         constexpr double offset_pixels = 1.0 / 64.0;
-        // … up to here on either side: walls nearly along the pair leave it, and weigh little
         constexpr double reach_pixels = 0.25;
         constexpr double grazing = 0.5 * offset_pixels / reach_pixels;
         const double blur = 4.0 * std::ldexp(1.0, -(HALVINGS / 2));

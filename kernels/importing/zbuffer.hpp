@@ -18,7 +18,7 @@ using Counts = Matrix<u8>;            // how many surfaces a pixel has
 
 constexpr u8 MOST = 255;          // surfaces over a pixel are not counted any further
 constexpr double UPRIGHT = 1e-6;  // a face is vertical if no larger from above than this part of it
-constexpr double FLAT_FACE = 1e-12;  // … has no area if lower than this part of its longest edge
+constexpr double FLAT_FACE = 1e-12;  // height of a face without area, in parts of its longest edge
 
 struct Point {
     double u, v, z;

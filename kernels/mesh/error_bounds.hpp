@@ -282,8 +282,8 @@ struct RegionTriangle {
 // If the answer is at most `enough`, nothing in the triangle is farther. Otherwise it is an error
 // found there, or a bound that no smaller part brought below `enough`.
 inline ErrorAt largest_error(const RegionTriangle& triangle, double enough) {
-    constexpr int deepest = 6;  // a triangle is quartered so often at most …
-    constexpr int coarse = 3;   // … as often where it is known already that it is too far off
+    constexpr int deepest = 6;  // most quarterings of a triangle
+    constexpr int coarse = 3;   // most of a triangle known to be too far off
     // the place of the largest error is known well enough where no other is this much larger
     constexpr double largest = 1.0;
     struct Part {

@@ -38,9 +38,9 @@ inline double chord_end(
 
 // The chords of all elements.
 inline Chords find_chords(const Plan& plan) {
-    constexpr double share = 0.95;        // chords may miss a curve by so much of the error …
-    constexpr double steep_share = 0.25;  // … where a tangent is vertical by so much …
-    constexpr double ring_share = 0.45;   // … and in a disc by so much
+    constexpr double share = 0.95;        // part of the error that chords may miss a curve by
+    constexpr double steep_share = 0.25;  // that part where a tangent is vertical
+    constexpr double ring_share = 0.45;   // that part in a disc
     constexpr int most = 4096;            // no curve has more chords between two steps
     Chords chords;
     auto append = [&](const ElementView& e, const CurveAt& curve, const Axis& axis, double weight) {

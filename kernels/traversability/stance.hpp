@@ -84,8 +84,8 @@ inline SlopeState slope_state(const Vehicle& v, double along, double across, Loa
 
 // Slopes of a table: a square grid of tangents, along and across.
 struct SlopeGrid {
-    static constexpr int STEPS = 50;         // for a tangent of 1 …
-    static constexpr double STEEPEST = 1.0;  // … up to which it goes, along and across, both ways
+    static constexpr int STEPS = 50;         // steps of the table for a tangent of 1
+    static constexpr double STEEPEST = 1.0;  // largest tangent of the table, along and across
     static constexpr int HALF = int(STEPS * STEEPEST), SIDE = 2 * HALF + 1;
 
     // Where a slope lies: its cell, and how far along and across in it.
@@ -330,7 +330,7 @@ INLINE Judgement judge_shape(
     return judged;
 }
 
-// … and what the soils say.
+// Judge a stance by its soils: pull, slip, torque, sinkage and side-slip.
 INLINE void judge_soils(const Vehicle& v, const SlopeState& need, Judgement& judged) {
     judged.add(Reason::TRACTION, need.share, v.go_traction, true);
     judged.add(Reason::SLIP, need.slip / v.slip, v.go_slip, true);
