@@ -23,7 +23,7 @@ import rasterio
 import rasterio.shutil
 
 from tests.commands import ENVIRONMENT, ROOT, call
-from tests.importing.test_opening import dem
+from tests.io.test_opening import dem
 from tests.programs import needs
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="inotify is of Linux")

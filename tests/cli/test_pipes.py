@@ -19,7 +19,7 @@ from terratool.simulators.export import MANIFEST
 from terratool.viewing.live import Followed, LiveState, follow
 from terratool.viewing.scene import scene_of
 from tests.commands import Ran, call, not_for_ever, run
-from tests.importing.test_opening import dem
+from tests.io.test_opening import dem
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="there are no pipes with names")
 
