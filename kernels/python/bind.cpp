@@ -264,7 +264,7 @@ template <std::size_t> using Handle = nb::handle;
 
 // Python's function of so many arguments.
 template <std::size_t... I>
-void bind_with(
+void define_with(
     nb::module_& scope, const char* name, const std::string& doc, const std::string& signature,
     std::initializer_list<const char*> spelled, const Kernel& kernel, std::index_sequence<I...>
 ) {
@@ -285,7 +285,7 @@ void bind_with(
 
 }  // namespace
 
-void bind(
+void define(
     nb::module_& scope, const char* name, const char* doc,
     std::initializer_list<const char*> spelled, const Kernel& kernel
 ) {
@@ -311,7 +311,7 @@ void bind(
         auto try_count = [&]<std::size_t n>(std::integral_constant<std::size_t, n>) {
             if (n != count) return false;
             auto places = std::make_index_sequence<n>();
-            bind_with(scope, name, words, signature, spelled, kernel, places);
+            define_with(scope, name, words, signature, spelled, kernel, places);
             return true;
         };
         return (try_count(std::integral_constant<std::size_t, N + 1>()) || ...);

@@ -462,7 +462,7 @@ struct Kernel {
 };
 
 // Let Python call a kernel by this name.
-void bind(
+void define(
     nb::module_& scope, const char* name, const char* doc,
     std::initializer_list<const char*> spelled, const Kernel& kernel
 );
@@ -514,7 +514,7 @@ void def(
     nb::module_& scope, const char* name, const char* doc,
     std::initializer_list<const char*> spelled
 ) {
-    bind(scope, name, doc, spelled, decltype(caller<kernel>(kernel))::made());
+    define(scope, name, doc, spelled, decltype(caller<kernel>(kernel))::made());
 }
 
 }  // namespace terratool::python
