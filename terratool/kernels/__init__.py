@@ -21,6 +21,13 @@ except ModuleNotFoundError as error:
     ) from error
 
 
+def _not_built(variant: str) -> TerratoolError:
+    return TerratoolError(
+        f"The kernels of terratool are not built for {variant} here.",
+        "Build them for every processor: run make install VARIANTS=all, or pip install .",
+    )
+
+
 def _variant() -> str:
     runs = ("v3", "baseline") if is_v3() else ("baseline",)
     built = [name for name in runs if find_spec(f"terratool.kernels.{name}")]
@@ -31,16 +38,16 @@ def _variant() -> str:
             f"Set it to {' or '.join(sorted(built))}, or not at all.",
         )
     if not built or (wanted and wanted not in built):
-        raise TerratoolError(
-            f"The kernels of terratool are not built for {wanted or 'this processor'} here.",
-            "Build them for every processor: run make install VARIANTS=all, or pip install .",
-        )
+        raise _not_built(wanted or "this processor")
     return wanted or built[0]
 
 
 variant = _variant()
 """Which of them is loaded: "baseline" or "v3"."""
 
-_compiled = import_module(f"terratool.kernels.{variant}._kernels")
+try:
+    _compiled = import_module(f"terratool.kernels.{variant}._kernels")
+except ImportError as error:
+    raise _not_built(variant) from error
 PARTS = ("definition", "field", "importing", "mesh", "raster", "traversability")
 globals().update({part: getattr(_compiled, part) for part in PARTS})
