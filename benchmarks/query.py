@@ -11,21 +11,13 @@ import sys
 import numpy as np
 import terrains
 from compiled import bilinear
+from dems import dem_of
 from measure import line, medians
 from scipy.ndimage import map_coordinates
 
 from terratool.definition.reader import check
 from terratool.field.terrain import Terrain
-from terratool.raster.grid import grid_over
-from terratool.raster.painter import Painter
 from terratool.text.source import Source
-
-
-def dem_of(terrain: Terrain, pixels: int) -> np.ndarray:
-    """Heights at the pixel centres, rows from the south, float32."""
-    grid = grid_over(terrain, 100 / pixels)
-    heights = Painter(terrain, grid, surfaces=False).paint(grid.whole).heights
-    return np.ascontiguousarray(heights[::-1])
 
 
 def compare(name: str, points: int, pixels: int, scipy_points: int) -> None:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import gc
 import json
-import re
 import resource
 import subprocess
 import sys
@@ -24,6 +23,7 @@ import jsonschema_rs
 import msgspec
 import terrains
 from measure import line, medians
+from mistakes import KINDS, broken
 
 import terratool
 from terratool.definition.model import Definition
@@ -31,48 +31,12 @@ from terratool.definition.reader import Checked, check
 from terratool.text.source import Source
 
 SCHEMA = Path(__file__).parent.parent / "schemas" / "terrain.schema.json"
-SCALE = re.compile(rb'"vScale": ([\d.]+)')
-CELL = re.compile(rb'"cellX": (\d+)')
-TYPE = re.compile(rb'"type": "(\w+)"')
-
-# what is wrong: the code to be found, a pattern, and what takes the place of what it matches
-ONE = {
-    "a comma is missing": ("TT101", CELL, rb'"cellX": \1 "x-": 0'),
-    "a wrong type": ("TT105", SCALE, rb'"vScale": "\1"'),
-    "an unknown name": ("TT201", TYPE, rb'"type": "\1s"'),
-    "an unknown key": ("TT103", SCALE, rb'"vscale": \1'),
-    "a duplicate key": ("TT102", TYPE, rb'"type": "\1", "type": "\1"'),
-    "a number out of range": ("TT106", SCALE, rb'"vScale": 1e31'),
-    "1e999": ("TT107", SCALE, rb'"vScale": 1e999'),
-}
-ALL = {
-    "an unknown key": ("TT103", SCALE, rb'"vscale": \1'),
-    "a wrong type": ("TT105", SCALE, rb'"vScale": "\1"'),
-    "an unknown name": ("TT201", TYPE, rb'"type": "\1s"'),
-    "out of the grid": ("TT203", CELL, rb'"cellX": 9\1'),
-    "a duplicate key": ("TT102", TYPE, rb'"type": "\1", "type": "\1"'),
-}
-KINDS = {
-    "valid": None,
-    **{f"{what} near the end": (*how, True) for what, how in ONE.items()},
-    **{f"{what} in every element": (*how, False) for what, how in ALL.items()},
-}
 
 
 def write(path: Path, small: Path) -> None:
     """S3, and S3 with one level less."""
     path.write_bytes(terrains.text(terrains.s3()))
     small.write_bytes(terrains.text(terrains.s3(sides=(6, 6, 6))))
-
-
-def text(path: Path, kind: str) -> bytes:
-    """S3, with the errors of this kind."""
-    data = path.read_bytes()
-    if KINDS[kind] is None:
-        return data
-    _, pattern, replacement, one = KINDS[kind]
-    near_end = len(data) - 1000 if one else 0
-    return data[:near_end] + pattern.sub(replacement, data[near_end:], count=int(one))
 
 
 def expect(kind: str, checked: Checked) -> None:
@@ -85,7 +49,7 @@ def expect(kind: str, checked: Checked) -> None:
 
 def peak(path: Path, kind: str) -> float:
     """Peak memory of a process that checks a text, modules and all, over the size of the text."""
-    data = text(path, kind)
+    data = broken(path.read_bytes(), kind)
     expect(kind, check(Source("s3", data)))
     unit = 1 if sys.platform == "darwin" else 1024
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit / len(data)
@@ -102,7 +66,7 @@ def against_decoding(path: Path) -> None:
     data = path.read_bytes()
     decode = partial(msgspec.json.decode, data, type=Definition)
     for kind in KINDS:
-        source = Source("s3", text(path, kind))
+        source = Source("s3", broken(data, kind))
         runs = 5 if kind == "valid" else 3
         seconds = medians({"decode": decode, "check": partial(check, source)}, runs)
         line(

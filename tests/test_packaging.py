@@ -20,7 +20,8 @@ def unpacked(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("wheel")
     command = [
         sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--no-build-isolation",
-        "--no-index", "--wheel-dir", str(folder), str(ROOT),
+        "--no-index", "-Ccmake.define.TERRATOOL_VARIANTS=native", "--wheel-dir", str(folder),
+        str(ROOT),
     ]  # fmt: skip
     subprocess.run(command, check=True, capture_output=True, cwd=folder)
     (wheel,) = folder.glob("terratool-*.whl")

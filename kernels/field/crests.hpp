@@ -6,6 +6,8 @@
 // a pixel gets are points of the terrain, with their places: no more than the ground itself.
 #pragma once
 
+#include <tuple>
+
 #include "query.hpp"
 
 namespace terratool {

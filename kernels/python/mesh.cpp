@@ -23,7 +23,7 @@ template <Made T> struct Result<T> {
         visit_results(made, [&]<class M>(const char* name, M& member) {
             results[name] = Result<M>::of(std::move(member));
         });
-        return std::move(results);
+        return results;
     }
 };
 

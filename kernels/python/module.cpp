@@ -10,6 +10,7 @@ NB_MODULE(_kernels, m) {
     nb::module_ field = m.def_submodule("field");
     bind_field(field);
     bind_painting(field);
+    bind_walls(field);
     bind_rays(field);
     bind_importing(m.def_submodule("importing"));
     bind_mesh(m.def_submodule("mesh"));

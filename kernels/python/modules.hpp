@@ -1,4 +1,4 @@
-// The parts of the module. That of the field is bound in three files, which build side by side.
+// The parts of the module. That of the field is bound in four files, which build side by side.
 #pragma once
 
 #include <nanobind/nanobind.h>
@@ -13,5 +13,6 @@ void bind_painting(nanobind::module_ m);
 void bind_raster(nanobind::module_ m);
 void bind_rays(nanobind::module_ m);
 void bind_traversability(nanobind::module_ m);
+void bind_walls(nanobind::module_ m);
 
 }  // namespace terratool::python

@@ -1,10 +1,8 @@
-// What Python sees of kernels/field: windows of pixels, and the walls between them.
+// What Python sees of kernels/field: windows of pixels.
 #include "../field/painting.hpp"
 
 #include <memory>
 
-#include "../field/crests.hpp"
-#include "../field/walls.hpp"
 #include "field.hpp"
 #include "modules.hpp"
 
@@ -79,67 +77,7 @@ void footprint_holds(Span<const Pose> pose, In u, double v, bool disc, Span<bool
         out[n] = disc ? is_in_disc(pose[0], u[n], v) : !is_beyond(turned(pose[0], u[n], v));
 }
 
-CrestPlaces crest_places(
-    const Field& field, const CrestLines& lines, Matrix<const double> weights, In x, In y,
-    double resolution, double least, Matrix<const float> heights
-) {
-    constexpr IndexCheck check_index{"find_crests"};
-    check_index(lines.first.size() == 2 * field.kinds.size() + 1, "the first lines");
-    for (i64 n : lines.first) check_index(0 <= n && n <= count_of(lines.t), "a first line");
-    check_index(weights.rows() == count_of(field.elements), "a weight");
-    return find_crests(field, lines, weights, x, y, resolution, least, heights);
-}
-
-using SurfacesBelow = std::variant<Matrix<const u8>, Matrix<const u16>, Matrix<const u32>>;
-
-bool ruts(
-    const Field& field, In x, In y, const SurfacesBelow& surfaces, Matrix<float> first,
-    Matrix<float> passes, Matrix<float> exponent
-) {
-    constexpr IndexCheck check_index{"find_ruts"};
-    if (!has_tracks(field)) return false;
-    return std::visit(
-        [&](auto ids) {
-            check_index(ids.rows() == first.rows() && ids.columns() == first.columns(), "surfaces");
-            for (i64 r = 0; r < ids.rows(); ++r)
-                for (auto id : ids[r])
-                    check_index(i64(id) < field.tracks.depths.columns(), "a surface");
-            return find_ruts(field.tracks, x, y, ids, first, passes, exponent);
-        },
-        surfaces
-    );
-}
-
-// Looks for walls in one field; each thread needs its own.
-class KeptFinder {
-public:
-    KeptFinder(nb::handle field, nb::handle nonzero_edges)
-        : kept_(nb::borrow(field)), nonzero_(nonzero_edges, where("nonzero_edges")),
-          finder(Argument<Field>(field, where("field")).get(), nonzero_.get()) {
-        check_index(
-            nonzero_.get().size() == Argument<Field>(field, where("field")).get().kinds.size(),
-            "nonzero_edges"
-        );
-    }
-
-private:
-    static constexpr IndexCheck check_index{"WallFinder"};
-    Sizes sizes_;
-    nb::object kept_;
-    Argument<Span<const u8>> nonzero_;
-
-    Where where(const char* name) { return {"WallFinder", name, sizes_}; }
-
-public:
-    WallFinder finder;
-};
-
 }  // namespace
-
-template <> struct Argument<WallFinder> : KnownArgument<KeptFinder> {
-    using KnownArgument::KnownArgument;
-    WallFinder& get() { return kept->finder; }
-};
 
 void bind_painting(nb::module_ m) {
     m.attr("WHATEVER_SCALE") = WHATEVER_SCALE;
@@ -149,18 +87,10 @@ void bind_painting(nb::module_ m) {
             "nonzero_edges"_a.none()
         )
         .def_prop_ro("nbytes", &Painter::nbytes, "Memory that it works in.");
-    nb::class_<KeptFinder>(m, "WallFinder", "Looks for walls; each thread needs its own.")
-        .def(nb::init<nb::handle, nb::handle>(), "field"_a, "nonzero_edges"_a);
 
     def<&Painter::paint>(
         m, "paint", "Paint a window of pixels, whose centres ascend.",
         {"painter", "x[w]", "y[h]", "resolution", "row", "column", "planes"}
-    );
-
-    def<&ruts>(
-        m, "find_ruts",
-        "First depths, passes and exponents of the ruts at the centres of pixels; whether any.",
-        {"field", "x[w]", "y[h]", "surfaces", "first[h,w]", "passes[h,w]", "exponent[h,w]"}
     );
     def<&footprint_run>(
         m, "footprint_run", "The columns of a row that a footprint holds.",
@@ -169,28 +99,6 @@ void bind_painting(nb::module_ m) {
     def<&footprint_holds>(
         m, "footprint_holds", "Whether a footprint holds each place of a row.",
         {"pose[1]", "u[n]", "v", "disc", "out[n]"}
-    );
-
-    def<&crest_places>(
-        m, "find_crests",
-        "Ground that stands out in pixels: row, column, height, and east and north of the centre.",
-        {"field", "lines", "weights[e,2]", "x[w]", "y[h]", "resolution", "least", "heights[h,w]"}
-    );
-    def<&find_candidates>(
-        m, "find_candidates", "Pairs of neighbours with different labels.",
-        {"labels[h,w]", "heights[h,w]", "height", "width"}
-    );
-    def<&WallFinder::measure>(
-        m, "measure_walls", "Walls in pairs, and for how much they stand.",
-        {"finder", "pairs[n]", "x[_]", "y[_]", "resolution", "level", "jumps[n]", "lengths[n]"}
-    );
-    def<&WallFinder::first>(
-        m, "first_wall", "The first pair with a wall of at least a height.",
-        {"finder", "pairs[n]", "heights[n]", "x[_]", "y[_]", "resolution", "level"}
-    );
-    def<&WallFinder::between>(
-        m, "walls_between", "All walls in pairs.",
-        {"finder", "pairs[n]", "x[_]", "y[_]", "resolution", "level", "places[n,m]", "jumps[n,m]"}
     );
 }
 
