@@ -20,7 +20,7 @@ KERNEL_TESTS := tests/test_kernels.py tests/field/test_field.py tests/field/test
 KERNELS := CMakeLists.txt $(wildcard kernels/*.hpp kernels/*/*.hpp kernels/python/*.cpp)
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo test baseline lint bench docs pages site stubs fuzz kills fuzz-terrains fuzz-expressions wheel outside sanitize debug coverage clean
+.PHONY: help install demo test baseline lint bench docs pages site stubs schemas fuzz kills fuzz-terrains fuzz-expressions wheel outside sanitize debug coverage clean
 
 help:  ## Explain every target
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-16s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -86,6 +86,9 @@ bench: $(VENV)/.installed-bench  ## Measure speed and memory, as ratios from one
 
 stubs: $(VENV)/.installed-dev  ## Write the type stubs of the kernels
 	$(BIN)/python kernels/python/stubs.py
+
+schemas: $(VENV)/.installed-$(EXTRAS)  ## Write the schemas of what users write, of the table of keys
+	$(BIN)/python -m terratool.definition.schema_writing schemas
 
 docs: pages site  ## Write the pages that are generated, and build the site of all pages into out/site
 
