@@ -930,6 +930,13 @@ def test_a_soil_that_is_worth_a_look_is_a_warning(tmp_path: Any) -> None:
     assert checked.code == 0 and "warning TT401" in checked.out
     assert run("validate", "--strict", path).code == 1
     assert "TT401" not in run("validate", "--ignore", "TT4", path).out
+    soil = {"cohesion": 1, "fricAngle": 30}
+    for ignores in (
+        {"x-ignore": ["TT401"], "surface": soil},
+        {"surface": {"x-ignore": ["TT4"], **soil}},
+    ):
+        path.write_text(json.dumps({**kind_with("flat"), **ignores}))
+        assert run("validate", "--strict", path).code == 0
 
 
 def test_a_spec_is_no_terrain() -> None:
