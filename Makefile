@@ -87,7 +87,7 @@ bench: $(VENV)/.installed-bench  ## Measure speed and memory, as ratios from one
 stubs: $(VENV)/.installed-dev  ## Write the type stubs of the kernels
 	$(BIN)/python kernels/python/stubs.py
 
-schemas: $(VENV)/.installed-$(EXTRAS)  ## Write the schemas of what users write, of the table of keys
+schemas: $(VENV)/.installed-$(EXTRAS)  ## Write the schemas of terrains, vehicles and their like, of the table of keys
 	$(BIN)/python -m terratool.definition.schema_writing schemas
 
 docs: pages site  ## Write the pages that are generated, and build the site of all pages into out/site

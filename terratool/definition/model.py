@@ -513,7 +513,7 @@ TERRAIN_KEYS: dict[Shape, dict[str, Key]] = {
             length=2,
         ).describe(
             "The grid that divides this element's cell for its children: n, or [nx, ny].", [4, 2],
-            default=10,
+            default=DEFAULT_CELLS,
         ),
         "children": Key("a list of elements", "list").describe(
             "Elements placed in that grid; several may share a cell.",
@@ -589,7 +589,7 @@ TERRAIN_KEYS: dict[Shape, dict[str, Key]] = {
         ),
         "multipass": Key("an exponent of 1 or more, up to 1e30", "number", 1, LARGEST).describe(
             "a in z1 n^(1/a), the depth after n passes: 2 to 3 in loose, 3 to 4 in medium, 4 to "
-            "5 in dense soil.", 2.5, default=3,
+            "5 in dense soil.", 2.5, default=DEFAULT_MULTIPASS,
         ),
         "surface": Key("the name of a surface, a text", "text").describe(
             "Name of the surface in the rut, in surfTypes and not void; left out: that of the "

@@ -533,7 +533,7 @@ def _apply_rules(document: Document, found: RemarkLog, options: CheckOptions) ->
 
 
 def _subjects(document: Document, options: CheckOptions) -> list[tuple[Kind, Any]]:
-    """What rules look at, by the kind of rules; nothing where a text is no object."""
+    """Subjects of rules with the kind of those rules; none where a text is no object."""
     decoded, source = document.decoded, document.source
     terrain = decoded.definition
     if decoded.library is not None:

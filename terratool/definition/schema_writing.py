@@ -1,4 +1,4 @@
-"""JSON Schemas of what users write, made of the table of keys.
+"""JSON Schemas of terrains, libraries, vehicles, sensors and curricula, of the table of keys.
 
 `make schemas` writes them into schemas/. What a schema sees beyond single keys stands here: which
 keys go together, and what kinds of elements there are.
@@ -37,12 +37,12 @@ Json = dict[str, Any]
 
 
 class _Document(NamedTuple):
-    """A schema that is published.
+    """A kind of text that has a published schema.
 
     Attributes:
-        shape: class of what it describes.
-        title: name of that.
-        descr: description of that.
+        shape: class of the whole text.
+        title: title of the schema, without the name of the project.
+        descr: description of the whole text.
         own: example of a key of the user's own.
         code: example of a warning that is not wanted.
     """
@@ -123,7 +123,7 @@ _BEYOND_KEYS: dict[Shape, Json] = {
     },
     CameraText: _one_of("fov", "focal", by="oneOf"),
 }
-"""Which keys an object has together, where that is no matter of one key."""
+"""Schemas of the keys that an object has together."""
 
 _OBJECTS: dict[Shape, Json] = {
     Surface: {
@@ -260,7 +260,7 @@ def _value(key: Key) -> Json:
 
 
 def _texts(key: Key) -> tuple[Json, Json]:
-    """What a key says before and after the schema of its value."""
+    """Texts of a key before the schema of its value, and after it."""
     after: Json = {}
     if key.default is not None or key.examples:
         after["default"] = key.default
@@ -269,8 +269,12 @@ def _texts(key: Key) -> tuple[Json, Json]:
     return {"description": key.descr} if key.descr else {}, after
 
 
-class _Writer:
-    """Schemas of the objects of a document, each once among its definitions."""
+class _SchemaWriter:
+    """Writes schemas of the objects of a document, each once among its definitions.
+
+    Attributes:
+        definitions: schemas of objects by name, for `$defs`.
+    """
 
     def __init__(self, document: _Document) -> None:
         self._document = document
@@ -387,7 +391,7 @@ class _Writer:
 def schema_text(name: str) -> str:
     """The text of a schema, one of `NAMES`."""
     document = _DOCUMENTS[name]
-    writer = _Writer(document)
+    writer = _SchemaWriter(document)
     found: Json = {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "$id": f"urn:terratool:schema:{name}",

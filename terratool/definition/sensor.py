@@ -178,7 +178,7 @@ SENSOR_KEYS: dict[Shape, dict[str, Key]] = {
             "along the axis of a camera.", [0.5, 100],
         ),
         "rate": measure("turns, pictures or pings in a second", "Hz").describe(
-            "Turns, pictures or pings in a second.", 20, default=10,
+            "Turns, pictures or pings in a second.", 20, default=RATE,
         ),
         "noise": Key("what readings are off by, an object", "object").describe(
             "What readings are off by, and how many are lacking; counts with --seed only.",
@@ -291,7 +291,7 @@ SENSOR_KEYS: dict[Shape, dict[str, Key]] = {
             "it is left out, or 180 where that has none; of a uniform one the beam's width.", 40,
         ),
         "rays": Key("a whole number from 16 to 1,000,000", "whole", 16, 1_000_000).describe(
-            "How many rays the fan has.", 1000, default=4096,
+            "How many rays the fan has.", 1000, default=RAYS,
         ),
         "threshold": Key("an amplitude, from 1e-12 to 1e+06", "number", 1e-12, MOST).describe(
             "Amplitude that counts as an echo; 1 is that of a perfect mirror, square to the "

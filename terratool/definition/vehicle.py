@@ -232,7 +232,7 @@ _WHEEL = {
         "alone limits the thrust.", 14,
     ),
 }  # fmt: skip
-"""Of wheels in common, and of an axle's own."""
+"""Keys of wheels in common, and of the wheels of an axle."""
 
 VEHICLE_KEYS: dict[Shape, dict[str, Key]] = {
     VehicleText: {

@@ -1,4 +1,4 @@
-"""What keeps a grid of training tiles from being made as its spec says."""
+"""Faults of specs of training tiles, beyond those of single values."""
 
 from __future__ import annotations
 
@@ -146,7 +146,7 @@ def _patches(text: CurriculumText, sides: Pair | None) -> Iterator[Remark]:
 
 
 def misfits(kind: KindSpec, tile: Pair) -> Iterator[tuple[str, str, str]]:
-    """What of a kind does not fit into its tile: key, what is wrong, what to do."""
+    """Values of a kind that do not fit into its tile: key, what is wrong, what to do."""
     side = min(tile)
     has = kind.values
     lengths = {key: kind.number(key) for key in ("platform", "border") if key in has}
@@ -189,7 +189,7 @@ def misfits(kind: KindSpec, tile: Pair) -> Iterator[tuple[str, str, str]]:
 
 
 def _part(kind: KindSpec, key: str, long: float) -> str:
-    """What takes a length of a tile, on both sides but for the platform."""
+    """A length that is taken from a tile, on both sides but for the platform, in words."""
     default = KINDS[kind.kind].keys[key].default == kind.values[key]
     twice = "" if key == "platform" else "twice "
     return f'{twice}"{key}" ({long:g} m{", the default" if default else ""})'

@@ -218,7 +218,7 @@ class SensorSubject(_Subject, frozen=True, kw_only=True):
 
 
 class CurriculumSubject(_Subject, frozen=True, kw_only=True):
-    """What a rule about specs of training tiles looks at.
+    """The subject of rules about specs of training tiles.
 
     Attributes:
         curriculum: the model, without the values that did not fit.
