@@ -28,7 +28,7 @@ COMPILE := 'import sys; from scikit_build_core.build import build_editable as bu
   build("build", dict(setting.split("=", 1) for setting in sys.argv[1:]))'
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo test baseline lint bench clocks docs pages site stubs fuzz kills fuzz-terrains fuzz-expressions wheel outside sanitize debug coverage clean
+.PHONY: help install demo test baseline lint bench clocks docs pages site stubs schemas fuzz kills fuzz-terrains fuzz-expressions wheel outside sanitize debug coverage clean
 
 help:  ## Explain every target
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-16s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -102,6 +102,9 @@ clocks: $(VENV)/.installed-$(EXTRAS)-$(VARIANTS)  ## Print the ratios to watch b
 
 stubs: $(VENV)/.installed-dev-$(VARIANTS)  ## Write the type stubs of the kernels
 	$(BIN)/python kernels/python/stubs.py
+
+schemas: $(VENV)/.installed-$(EXTRAS)  ## Write the schemas of terrains, vehicles and their like, of the table of keys
+	$(BIN)/python -m terratool.definition.schema_writing schemas
 
 docs: pages site  ## Write the pages that are generated, and build the site of all pages into out/site
 

@@ -114,13 +114,13 @@ def _command_of(kind: str) -> click.Command:
 
 
 def _option_of(option: Option) -> click.Option:
-    kind: Any = click.Choice(option.choices) if option.form == "choice" else _number
-    limits = "" if option.form == "choice" else f"{option.range}; "
+    kind: Any = click.Choice(option.choices) if option.choices else _number
+    limits = "" if option.choices else f"{option.range}; "
     text = option.descr.removesuffix(".")
     return click.Option(
         [f"--{option.name}", option.key],
         type=kind,
-        nargs=2 if option.form == "pair" else 1,
+        nargs=2 if option.length else 1,
         metavar=option.metavar,
         help=f"{text}.  [{limits}default: {option.shown_default}]",
     )

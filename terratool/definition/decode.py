@@ -10,9 +10,10 @@ from typing import Any, TypeVar
 import msgspec
 from msgspec import UNSET, Struct, UnsetType, field
 
+from terratool.definition.curriculum.text import TILE_KEYS, CurriculumText, PatchText, TileText
 from terratool.definition.findings import Owner, Remark, RemarkLog
+from terratool.definition.key import Key, Shape
 from terratool.definition.keys import (
-    ALL_KEYS,
     ALTERNATIVES,
     BIGGEST,
     JSON_TYPES,
@@ -21,7 +22,6 @@ from terratool.definition.keys import (
     NEVER,
     REQUIRED,
     SLOTS,
-    Key,
     Kind,
     Nested,
     QuickCheck,
@@ -67,12 +67,14 @@ _SUBJECTS: dict[type, str] = {
     MarginsText: "the margins", ClassesText: "the classes",
     SensorText: "a sensor", NoiseText: "the noise", LidarText: "the lidar",
     CameraText: "the camera", SonarText: "the sonar",
+    CurriculumText: "a spec of training tiles", PatchText: "a level place",
 }  # fmt: skip
 _ROOTS: dict[Kind, tuple[str, str]] = {
     "terrain": ("the definition", '{ "size": …, "elemTypes": {…}, "elemTree": {…} }'),
     "library": ("the library", '{ "surfTypes": {…}, "elemTypes": {…}, "parts": {…} }'),
     "vehicle": ("the vehicle", '{ "mass": …, "wheels": {…}, "wheelbase": …, … }'),
     "sensor": ("the sensor", '{ "range": [least, most], "lidar": {…} }'),
+    "curriculum": ("the spec", '{ "rows": …, "columns": …, "kinds": {…} }'),
 }
 JSON_NAMES = {
     dict: "an object", list: "a list", str: "a text", bool: "true or false",
@@ -94,11 +96,11 @@ def type_in_words(item: Any) -> str:
 
 
 @lru_cache(maxsize=256)
-def unknown_key(kind: type, key: str, present: frozenset[str]) -> tuple[str, str, str]:
+def unknown_key(kind: Shape, key: str, present: frozenset[str]) -> tuple[str, str, str]:
     """Message, hint and fix for a key that a kind of object does not have.
 
     Args:
-        kind: class of the model.
+        kind: the kind of object.
         key: what it does not have.
         present: all keys of the object.
     """
@@ -121,7 +123,8 @@ def unknown_key(kind: type, key: str, present: frozenset[str]) -> tuple[str, str
     if close and close[0] in present:
         hint = f'Remove it if it means the same as "{close[0]}", which is there already.'
     hint += " A key of your own begins with x-."
-    return f"{shown(key)} is no key of {_SUBJECTS[kind]}.", hint, fix
+    owner = f"{shown(kind)} tiles" if isinstance(kind, str) else _SUBJECTS[kind]
+    return f"{shown(key)} is no key of {owner}.", hint, fix
 
 
 class Decoded(Struct):
@@ -132,6 +135,7 @@ class Decoded(Struct):
         library: the library, likewise.
         vehicle: the vehicle; None where there is none.
         sensor: the sensor; None where there is none.
+        curriculum: the spec of training tiles; None where there is none.
         tree: the elements of the terrain and of its parts, or of the library's.
         unfit: of each key the owners whose value was left out; "" is for the owner itself.
         ignores: owner and value of each `x-ignore`.
@@ -141,6 +145,7 @@ class Decoded(Struct):
     library: Library | None = None
     vehicle: VehicleText | None = None
     sensor: SensorText | None = None
+    curriculum: CurriculumText | None = None
     tree: Tree = field(default_factory=lambda: Tree([], [], [0]))
     unfit: dict[str, set[Owner]] = field(default_factory=dict)
     ignores: list[tuple[Owner, Any]] = field(default_factory=list)
@@ -163,6 +168,8 @@ def decode(value: Any, kind: Kind, found: RemarkLog) -> Decoded:
         decoder.decoded.vehicle = decoder.model(VehicleText, value, "", "the vehicle")
     elif kind == "sensor":
         decoder.decoded.sensor = decoder.model(SensorText, value, "", "the sensor")
+    elif kind == "curriculum":
+        decoder.decoded.curriculum = decoder.model(CurriculumText, value, "", "the spec")
     elif kind == "library":
         decoder.decoded.library = decoder.model(Library, value, "", "the library")
     else:
@@ -195,13 +202,17 @@ class _Decoder:
                 elif nested.form == "tree":
                     roots = {ROOT: inner} | roots
                 elif nested.form == "dictionary":
+                    if len(inner) < nested.least:
+                        hint = f"Write {KEYS[kind][key].words}."
+                        self.add("TT105", here, f'"{key}" is empty.', hint)
+                        self._leave_out(pointer, key)
                     fields[attribute] = {
                         entry: self._item(nested, item, f"{here}/{escape(entry)}", shown(entry))
                         for entry, item in inner.items()
                     }
                 elif nested.form == "list":
                     if not nested.least <= len(inner) <= nested.most:
-                        words = ALL_KEYS[kind][key].words
+                        words = KEYS[kind][key].words
                         self._wrong_type(pointer, f"/{key}", f'"{key}"', words, inner)
                         self._leave_out(pointer, key)
                     fields[attribute] = tuple(
@@ -214,7 +225,7 @@ class _Decoder:
             self.decoded.tree = self._tree(roots)
         for key in REQUIRED.get(kind, ()):
             if key not in value:
-                hint = f'Add "{key}", {ALL_KEYS[kind][key].words}.'
+                hint = f'Add "{key}", {KEYS[kind][key].words}.'
                 self.add("TT104", pointer, f'{name} has no "{key}".', hint)
         for (one, other), hint in ALTERNATIVES.get(kind, {}).items():
             if one not in value and other not in value:
@@ -224,16 +235,35 @@ class _Decoder:
 
     def _item(self, nested: Nested, item: Any, pointer: str, name: str | int) -> Struct:
         """One of the objects in a list or a dictionary; it keeps its place if it is no object."""
+        if isinstance(item, dict) and nested.chosen:
+            return self._tile(item, pointer)
         if isinstance(item, dict):
             name = f"the {_SUBJECTS[nested.kind].partition(' ')[2]}"
             return self.model(nested.kind, item, pointer, name)
         self._wrong_type(pointer, "", nested.item.format(name), nested.words, item)
         return nested.kind()
 
+    def _tile(self, members: dict[str, Any], pointer: str) -> TileText:
+        """A kind of tiles, whose member `kind` says what other members it has."""
+        from terratool.definition.curriculum.parameters import KINDS
+
+        kind, wanted = members.get("kind"), TILE_KEYS["kind"].words
+        if "kind" not in members:
+            hint = f'Add "kind", {wanted}.'
+            self.add("TT104", pointer, 'the kind of tiles has no "kind".', hint)
+        elif not isinstance(kind, str):
+            self._wrong_type(pointer, "/kind", '"kind"', wanted, kind)
+        elif kind in KINDS:
+            return TileText(kind, self._fields(kind, members, pointer))
+        else:
+            return TileText(kind)
+        self._leave_out(pointer, "kind")
+        return TileText()
+
     def _leave_out(self, owner: Owner, key: str) -> None:
         self.decoded.unfit.setdefault(key, set()).add(owner)
 
-    def _fields(self, kind: type, value: dict[str, Any], owner: Owner) -> dict[str, Any]:
+    def _fields(self, kind: Shape, value: dict[str, Any], owner: Owner) -> dict[str, Any]:
         """The keys of an object whose values fit, converted; the nested ones as they are."""
         fields = {}
         slots = SLOTS[kind]
@@ -253,14 +283,14 @@ class _Decoder:
                     fields[name] = item
                     continue
             self._failed = False
-            fitting = self._fit(ALL_KEYS[kind][key], key, item, owner)
+            fitting = self._fit(KEYS[kind][key], key, item, owner)
             if self._failed:
                 self._leave_out(owner, key)
             else:
                 fields[name] = fitting
         return fields
 
-    def _own_key(self, kind: type, key: str, value: dict[str, Any], owner: Owner) -> None:
+    def _own_key(self, kind: Shape, key: str, value: dict[str, Any], owner: Owner) -> None:
         if key == "x-ignore":
             self.decoded.ignores.append((owner, value[key]))
         elif not key.startswith("x-") and self._found.wants("TT103"):

@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 from typing import Any
 
-from terratool.definition.keys import ALL_KEYS, CURRICULUM_KEYS, NESTED, document_kind
+from terratool.definition.curriculum.text import CurriculumText
+from terratool.definition.keys import KEYS, NESTED, document_kind
 from terratool.definition.model import (
     Definition,
     Element,
@@ -27,14 +28,16 @@ _LAST = ("surfTypes", "elemTypes", "parts", "elemTree", "children")
 
 
 def _layouts() -> dict[type, Layout]:
-    """The layout of each class of the model."""
+    """The layout of each class of the model, but for specs of training tiles."""
     layouts = {}
-    for kind, keys in ALL_KEYS.items():
+    for kind, keys in KEYS.items():
+        if isinstance(kind, str):
+            continue
         order = {key: place for place, key in enumerate(keys)}
         others = min((order[key] for key in _LAST if key in order), default=len(order)) - 0.5
         layouts[kind] = Layout(order, others, broken=kind in _BROKEN, rows=kind in _ROWS)
     for kind, members in NESTED.items():
-        for key, nested in members.items():
+        for key, nested in members.items() if kind is not CurriculumText else ():
             layout = layouts[nested.kind]
             if nested.form in ("list", "dictionary") or key == "parts":
                 layout = Layout(items=layout, broken=key != "axles")
@@ -48,8 +51,8 @@ TERRAIN, VEHICLE, SENSOR = (_LAYOUTS[kind] for kind in (Definition, VehicleText,
 """That of terrains is that of libraries, too, whose keys are some of a terrain's."""
 _TOLD = Layout({"kind": 0, "proportion": 1}, others=2, rows=True)
 CURRICULUM = Layout(
-    {key: place for place, key in enumerate(CURRICULUM_KEYS)},
-    others=CURRICULUM_KEYS.index("surface") - 0.5,
+    {key: place for place, key in enumerate(KEYS[CurriculumText])},
+    others=list(KEYS[CurriculumText]).index("surface") - 0.5,
     members={
         "surface": _LAYOUTS[Surface],
         "kinds": Layout(items=_TOLD, broken=True),

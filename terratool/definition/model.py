@@ -13,6 +13,8 @@ from typing import Annotated, NamedTuple, TypeVar
 import msgspec
 from msgspec import UNSET, Meta, Struct, UnsetType
 
+from terratool.definition.key import FLAG, SCHEMA, TEXT, Key, Shape, choice
+
 MAX_CELLS = 65536
 MAX_SCATTERED = 1_000_000
 """Most scattered copies of an element."""
@@ -20,6 +22,10 @@ MAX_SCATTERED_IN_ALL = 10_000_000
 """Most scattered copies of a terrain."""
 MAX_SEED = 2**53
 """Whole numbers up to here are the same in every reader of JSON."""
+MAX_PASSES = 10**9
+"""Most passes of a track; sums of passes stay whole in doubles."""
+COMBINES = ("product", "sum", "min", "max", "radial")
+"""Ways in which the two curves of a primitive combine."""
 
 LARGEST = 1e30
 """No length, height or factor may be larger in size; sums and squares then stay finite."""
@@ -263,3 +269,331 @@ class Definition(Library, frozen=True, forbid_unknown_fields=True, rename="camel
     def ruts(self) -> tuple[Track, ...]:
         """The tracks, none where absent."""
         return () if self.tracks is UNSET else self.tracks
+
+
+# --- keys -----------------------------------------------------------------------------------------
+
+_DESCR = TEXT.describe(
+    "What the terrain is, in a line.",
+    "Test yard with a kerb",
+    default="",
+)
+_USE = Key("a list of paths of libraries", "paths").describe(
+    "Libraries, by paths relative to this file with forward slashes; their names are known here.",
+    ["kit/racks.json"],
+    default=[],
+)
+_SURFACES = Key("a dictionary of surfaces, an object", "object").describe(
+    "Surfaces (the micro-terrain) by name.",
+    {"sand": {"cohesion": 1.04, "fricAngle": 28}},
+    default={},
+)
+_PRIMITIVES = Key("a dictionary of primitives, an object", "object").describe(
+    "Primitives by name.", {"box": {"x": [1]}}
+)
+_PARTS = Key("a dictionary of parts, an object", "object").describe(
+    "Dictionary of parts: elements with all that stands on them, for elements to stand for.",
+    {"crate": {"type": "box", "vScale": 0.4}},
+    default={},
+)
+_NUMBER = Key("a number up to 1e30 in size", "number", -LARGEST, LARGEST)
+_CURVE = Key(
+    "a curve: numbers up to 1e30 in size, [t, z] knots, a name or an expression",
+    "curve",
+    -LARGEST,
+    LARGEST,
+)
+_CURVES = (
+    "A cross-section curve over t from 0 to 1: numbers at evenly spaced t; [] to copy "
+    "the other curve; [t, z] knots, two at one t for a vertical step; a named curve "
+    "(flat ramp tent cos cosbell dome gauss smoothstep); or an expression in t."
+)
+
+
+def _figure(
+    what: str,
+    low: float,
+    high: float = math.inf,
+    *,
+    open_low: bool = False,
+    open_high: bool = False,
+) -> Key:
+    """A figure of a soil: a number, or a range of them."""
+    words = f"{what}, or a range [low, high]"
+    return Key(words, "number", low, high, open_low, open_high, length=2)
+
+
+_EVEN = "; or a range [low, high] in which every value is equally likely."
+
+
+TERRAIN_KEYS: dict[Shape, dict[str, Key]] = {
+    Definition: {
+        "$schema": SCHEMA.describe(
+            "Address of this schema, for editors.", "../schemas/terrain.schema.json", default="",
+        ),
+        "descr": _DESCR,
+        "use": _USE,
+        "size": Key(
+            "a side length above 0, from 1e-30 to 1e30, or a pair [x, y] of them", "number",
+            SMALLEST, LARGEST, length=2,
+        ).describe(
+            "Side length in units of the terrain (metres unless said otherwise), or [x, y].",
+            [120, 80],
+        ),
+        "origin": Key(
+            "the position [x, y] of the south-west corner, two numbers up to 1e30 in size",
+            "number", -LARGEST, LARGEST, alone=False, length=2,
+        ).describe(
+            "World position [x, y] of the south-west corner.", [500000, 4649776], default=[0, 0],
+        ),
+        "crs": Key('a coordinate reference system such as "EPSG:32633"', "any").describe(
+            "Coordinate reference system: an authority and code, WKT, an EPSG number or PROJ "
+            "parameters.", "EPSG:32633",
+        ),
+        "surfTypes": _SURFACES,
+        "elemTypes": _PRIMITIVES,
+        "parts": _PARTS,
+        "elemTree": Key("the root element, an object", "object").describe(
+            "The root element, which covers the whole terrain.",
+            {"type": "slope", "surface": "sand"},
+        ),
+        "tracks": Key("a list of tracks", "list").describe(
+            "Ruts that wheels have left, each a polyline with a width and a depth.",
+            [{"path": [[2, 3], [30, 3.5]], "width": 0.2, "load": 0.25}], default=[],
+        ),
+    },
+    Library: {
+        "$schema": SCHEMA.describe(
+            "Address of this schema, for editors.", "../../schemas/library.schema.json", default="",
+        ),
+        "descr": _DESCR,
+        "use": _USE,
+        "surfTypes": _SURFACES,
+        "elemTypes": _PRIMITIVES,
+        "parts": _PARTS,
+    },
+    Surface: {
+        "descr": TEXT.describe("What the surface is.", "Quartz sand", default=""),
+        "preset": Key("the name of a soil, a text", "text").describe(
+            "A soil by name, for what the surface does not say itself: cohesion, friction angle "
+            "and shear modulus; its sinkage depends on the wheel and its load.", "dry-sand",
+        ),
+        "cohesion": _figure("a cohesion in kPa, 0 or more", 0).describe(
+            "Cohesion c of the soil, kPa" + _EVEN, 1.04, [0.8, 1.3],
+        ),
+        "fricAngle": _figure(
+            "a friction angle in degrees, from 0 to below 90", 0, 90, open_high=True,
+        ).describe(
+            "Angle of internal friction, degrees" + _EVEN, 28, [26, 30],
+        ),
+        "sinkage": _figure("metres of sinkage per kN of wheel load, 0 or more", 0).describe(
+            "Metres of sinkage per kN of wheel load (z = k W); 0 is rigid" + _EVEN, 0.18,
+            [0.1, 0.25],
+        ),
+        "color": Key(
+            "three whole numbers [red, green, blue] from 0 to 255", "whole", 0, 255, alone=False,
+            length=3,
+        ).describe(
+            "Colour [red, green, blue], 0 to 255.", [194, 178, 128],
+        ),
+        "sonarRefl": Key("a reflection from 0 to 1", "number", 0, 1).describe(
+            "Reflection of sonar, 0 to 1.", 0.24,
+        ),
+        "shearModulus": _figure("a shear modulus in metres, above 0", 0, open_low=True).describe(
+            "Shear deformation modulus K (Janosi-Hanamoto), metres" + _EVEN, 0.025, [0.01, 0.025],
+        ),
+        "void": FLAG.describe(
+            "There is no ground here: no height, a gap in meshes, nothing drives.", True,
+            default=False,
+        ),
+        "roughness": Key('a relief, an object { "rms": …, "correlation": … }', "object").describe(
+            "Relief finer than elements, computed from the position alone and added to the "
+            "height where this is the surface.", {"rms": 0.01, "correlation": 0.1, "seed": 7},
+        ),
+    },
+    Roughness: {
+        "rms": Key(
+            "the standard deviation of the relief in units of the terrain, from 0 to 1e30",
+            "number", 0, LARGEST,
+        ).describe(
+            "Standard deviation of the relief, in units of the terrain.", 0.01,
+        ),
+        "correlation": Key(
+            "a correlation length above 0 in units of the terrain, from 1e-30 to 1e30", "number",
+            SMALLEST, LARGEST,
+        ).describe(
+            "Correlation length, in units of the terrain: the distance at which the "
+            "autocorrelation has fallen to 1/e.", 0.1,
+        ),
+        "seed": Key(f"a whole number from 0 to {MAX_SEED}", "whole", 0, MAX_SEED).describe(
+            "Which of all such reliefs it is; equal seeds and lengths give equal shapes.", 7,
+            default=0,
+        ),
+    },
+    Primitive: {
+        "descr": TEXT.describe("What the primitive is.", "Round hill", default=""),
+        "x": _CURVE.describe(_CURVES, "cos"),
+        "y": _CURVE.describe(_CURVES, []),
+        "combine": choice("way to combine two curves", COMBINES).describe(
+            "How the curves combine: product x(u)*y(v), sum, min, max, or radial: x turned about "
+            "the middle of the cell.", "radial", default="product",
+        ),
+    },
+    Element: {
+        "cellX": Key(
+            "a column of the parent's grid, a whole number from 0", "whole", 0, MAX_CELLS - 1,
+        ).describe(
+            "Column of the parent's grid, from 0 in the west.", 1,
+        ),
+        "cellY": Key(
+            "a row of the parent's grid, a whole number from 0", "whole", 0, MAX_CELLS - 1,
+        ).describe(
+            "Row of the parent's grid, from 0 in the south.", 4,
+        ),
+        "span": Key(
+            f"two whole numbers [w, h] of cells from 1 to {MAX_CELLS}", "whole", 1, MAX_CELLS,
+            alone=False, length=2,
+        ).describe(
+            "Cells [w, h] that it occupies, from its cell to the east and north.", [3, 2],
+            default=[1, 1],
+        ),
+        "at": Key(
+            "the place [x, y] of the middle in the parent's cell, two numbers up to 1e30 in size",
+            "number", -LARGEST, LARGEST, alone=False, length=2,
+        ).describe(
+            "Middle of its cell, [x, y] in units of the terrain from the south-west corner of "
+            "the parent's cell; in place of cellX, cellY and span.", [12.3, 4.5],
+        ),
+        "extent": Key(
+            "a side length above 0, from 1e-30 to 1e30, or a pair [w, h] of them", "number",
+            SMALLEST, LARGEST, length=2,
+        ).describe(
+            "Sides of its cell [w, h] in units of the terrain, or one number for both; goes with "
+            "at.", [2.5, 0.8],
+        ),
+        "repeat": Key(
+            'an object { "count": [nx, ny], "step": [dx, dy] }, counts from 1 to ' f"{MAX_CELLS}",
+            "members",
+        ).describe(
+            "Copies of the element in rows, each moved by whole cells, or by units of the "
+            "terrain where it has at.", {"count": [5, 1], "step": [2, 0]},
+        ),
+        "scatter": Key('an object { "count": n, "sizes": [least, most], … }', "members").describe(
+            "Copies strewn over the cell of the element, each a square with a place and a size "
+            "of its own.", {"count": 200, "sizes": [0.2, 1.5], "seed": 7},
+        ),
+        "descr": TEXT.describe("What the element is.", "Loading dock", default=""),
+        "type": Key("the name of a primitive, a text", "text").describe(
+            "Name of a primitive in elemTypes.", "box",
+        ),
+        "part": Key("the name of a part, a text", "text").describe(
+            "Name of a part, whose tree stands in this element's cell; in place of type.", "rack",
+        ),
+        "surface": Key("the name of a surface, a text", "text").describe(
+            "Name of a surface in surfTypes; left out: that of the element whose cell it is in, "
+            "or of the part's root.", "sand",
+        ),
+        "vScale": _NUMBER.describe(
+            "Factor on the curves, may be negative; left out: side of its cell / side of the "
+            "terrain, the smaller of the two directions. Of a part: factor on all its heights, "
+            "left out 1.", -0.5,
+        ),
+        "vOffset": _NUMBER.describe(
+            "Added to the height; of a part to that of its root.", 2, default=0,
+        ),
+        "turnDeg": Key(
+            "an angle in degrees, a number up to 1e30 in size", "number", -LARGEST, LARGEST,
+        ).describe(
+            "Turn about the vertical axis through the middle of the cell, degrees, clockwise "
+            "seen from above. A part turns whole, by multiples of 90; so does an element that "
+            "has at, by any angle.", 40, default=0,
+        ),
+        "cells": Key(
+            f"a whole number from 1 to {MAX_CELLS}, or a pair of them", "whole", 1, MAX_CELLS,
+            length=2,
+        ).describe(
+            "The grid that divides this element's cell for its children: n, or [nx, ny].", [4, 2],
+            default=DEFAULT_CELLS,
+        ),
+        "children": Key("a list of elements", "list").describe(
+            "Elements placed in that grid; several may share a cell.",
+            [{"type": "box", "cellX": 1, "cellY": 4}], default=[],
+        ),
+    },
+    Repeat: {
+        "count": Key(
+            f"two whole numbers [nx, ny] of copies from 1 to {MAX_CELLS}", "whole", 1, MAX_CELLS,
+            alone=False, length=2,
+        ).describe(
+            "How many copies [nx, ny], the element itself among them.", [5, 1],
+        ),
+        "step": Key(
+            "two steps [dx, dy], numbers up to 1e30 in size", "number", -LARGEST, LARGEST,
+            alone=False, length=2,
+        ).describe(
+            "How far [dx, dy] the next copy is.", [2, 0],
+        ),
+    },
+    Scatter: {
+        "count": Key(
+            f"a whole number of copies from 1 to {MAX_SCATTERED:,}", "whole", 1, MAX_SCATTERED,
+        ).describe(
+            "How many copies; in place of density.", 200,
+        ),
+        "density": Key(
+            "copies in a square unit, above 0 and up to 1e30", "number", SMALLEST, LARGEST,
+        ).describe(
+            "Copies in a square unit of the terrain, where the element has at and extent.", 0.5,
+        ),
+        "sizes": Key(
+            "the least and the largest side [least, most], from 1e-30 to 1e30", "number",
+            SMALLEST, LARGEST, alone=False, length=2,
+        ).describe(
+            "Least and largest side [least, most]; heights grow with the side.", [0.2, 1.5],
+        ),
+        "distance": Key("a distance from 0 to 1e30", "number", 0, LARGEST).describe(
+            "What is left between the circles around two copies at least; left out, copies may "
+            "overlap.", 0.1,
+        ),
+        "turned": FLAG.describe(
+            "Turn each copy by an angle of its own, a part by a quarter.", True, default=False,
+        ),
+        "seed": Key(f"a whole number from 0 to {MAX_SEED}", "whole", 0, MAX_SEED).describe(
+            "Other numbers give other places.", 7, default=0,
+        ),
+    },
+    Track: {
+        "descr": TEXT.describe("What the track is.", "Front left wheel", default=""),
+        "path": Key(
+            "a list of two points [x, y] or more, numbers up to 1e30 in size", "path", -LARGEST,
+            LARGEST,
+        ).describe(
+            "The points [x, y] of the polyline, two or more, in world coordinates.",
+            [[2, 3], [30, 3.5]],
+        ),
+        "width": Key("a width above 0, from 1e-30 to 1e30", "number", SMALLEST, LARGEST).describe(
+            "Width of the rut.", 0.2,
+        ),
+        "load": Key("the load of the wheel in kN, from 0 to 1e30", "number", 0, LARGEST).describe(
+            "Load of the wheel, kN; the first pass sinks by the sinkage of the ground's surface "
+            "times the load.", 0.25,
+        ),
+        "depth": Key(
+            "a depth from 0 to 1e30, or depths by the names of surfaces", "depth", 0, LARGEST,
+        ).describe(
+            "Depth of the first pass, in place of that by the load: one number, or by the names "
+            "of surfaces of the ground.", 0.05, {"sand": 0.05, "rock": 0},
+        ),
+        "passes": Key(f"a whole number from 1 to {MAX_PASSES}", "whole", 1, MAX_PASSES).describe(
+            "How many times the wheel has passed.", 3, default=1,
+        ),
+        "multipass": Key("an exponent of 1 or more, up to 1e30", "number", 1, LARGEST).describe(
+            "a in z1 n^(1/a), the depth after n passes: 2 to 3 in loose, 3 to 4 in medium, 4 to "
+            "5 in dense soil.", 2.5, default=DEFAULT_MULTIPASS,
+        ),
+        "surface": Key("the name of a surface, a text", "text").describe(
+            "Name of the surface in the rut, in surfTypes and not void; left out: that of the "
+            "ground.", "packed",
+        ),
+    },
+}  # fmt: skip

@@ -14,12 +14,15 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 from msgspec import Struct, structs
 
+from terratool.definition.curriculum.text import CurriculumText
 from terratool.definition.decode import Decoded, decode
 from terratool.definition.expand import Expansion, expand
 from terratool.definition.findings import Finding, Owner, Remark, RemarkLog
-from terratool.definition.keys import COMBINES, KEYS, Key, Kind, document_kind
+from terratool.definition.key import Key
+from terratool.definition.keys import KEYS, Kind, document_kind
 from terratool.definition.libraries import Document, Shelf, known_names
 from terratool.definition.model import (
+    COMBINES,
     Definition,
     Element,
     Library,
@@ -30,7 +33,12 @@ from terratool.definition.model import (
     names_of,
 )
 from terratool.definition.rules import RULES
-from terratool.definition.rules.base import SensorSubject, Subject, VehicleSubject
+from terratool.definition.rules.base import (
+    CurriculumSubject,
+    SensorSubject,
+    Subject,
+    VehicleSubject,
+)
 from terratool.definition.sensor import SensorText
 from terratool.definition.tree import ROOT, Tree, complete, flatten
 from terratool.definition.uses import Uses
@@ -181,9 +189,10 @@ class Checked(Struct, frozen=True, dict=True):
         readable: whether it was read to its end; if not, there is one finding that says why.
         vehicle: None if it has an error, or is no vehicle.
         sensor: None if it has an error, or is no sensor.
+        curriculum: None if it has an error, or is no spec of training tiles.
         terrain: None if it has an error, or is no terrain; its elements may be in `tree` alone.
         tree: the elements of the terrain or the library, laid flat.
-        document: the text with its libraries; None if it has an error, or is a vehicle or a sensor.
+        document: the text with its libraries; None if it has an error, or is no terrain or library.
         libraries: what was found in each library that it uses, directly or through others.
         name: what the file is called.
     """
@@ -193,6 +202,7 @@ class Checked(Struct, frozen=True, dict=True):
     readable: bool = True
     vehicle: VehicleText | None = None
     sensor: SensorText | None = None
+    curriculum: CurriculumText | None = None
     terrain: Definition | None = None
     tree: Tree | None = None
     document: Document | None = None
@@ -312,10 +322,6 @@ def check(
     """
     kind = kind or document_kind(source.data) or "terrain"
     options = options or CheckOptions()
-    if kind == "curriculum":
-        from terratool.definition.curriculum.spec import check_spec
-
-        return check_spec(source, options)
     with _no_collector():
         document = read_document(source, kind, options.limit)
         if document.model.used and source.name != "<stdin>":
@@ -338,7 +344,8 @@ def new_shelf(options: CheckOptions | None = None) -> Shelf:
 def read_document(source: Source, kind: Kind, limit: int = 1000) -> Document:
     """Read a text into the model, as far as it fits."""
     found = RemarkLog(limit)
-    decoded = None if kind in ("vehicle", "sensor") else _decode_quickly(source.data, kind)
+    quick = kind in ("terrain", "library")
+    decoded = _decode_quickly(source.data, kind) if quick else None
     if decoded is None:
         from terratool.text.syntax import JsonSyntaxError
 
@@ -402,8 +409,8 @@ def _looked_at(document: Document, options: CheckOptions) -> _LookedAt:
         if looked.is_good:
             looked = structs.replace(looked, checked=structs.replace(
                 looked.checked, vehicle=decoded.vehicle, sensor=decoded.sensor,
-                terrain=decoded.definition, tree=decoded.tree,
-                document=None if decoded.vehicle or decoded.sensor else document,
+                curriculum=decoded.curriculum, terrain=decoded.definition, tree=decoded.tree,
+                document=document if decoded.definition or decoded.library else None,
             ))  # fmt: skip
     document.__dict__["_looked_at"] = looked
     return looked
@@ -502,40 +509,53 @@ def _all_hold(ranged: tuple[set[Any], Key]) -> bool:
 
 def _apply_rules(document: Document, found: RemarkLog, options: CheckOptions) -> None:
     """Let every rule look at what a text is, unless it is no object."""
+    decoded = document.decoded
+    ignores = IgnoreLists(decoded.ignores)
+    subjects = _subjects(document, options)
+    for rule in RULES.values():
+        if rule.check is None or not (options.warnings or rule.severity == "error"):
+            continue
+        for kind, subject in subjects:
+            if rule.kind != kind:
+                continue
+            remarks = rule.check(subject)
+            if decoded.curriculum is not None and kind == "terrain":
+                from terratool.definition.curriculum.ground import on_ground
+
+                remarks = on_ground(remarks)
+            if ignores and rule.severity == "warning":
+                remarks = ignores.unsilenced(rule.code, remarks, decoded.tree)
+            found.take(rule.code, remarks)
+    if options.warnings and subjects:
+        looked = any(kind == "terrain" for kind, _ in subjects)
+        idle = ("TT211",) if looked and options.max_step is None else ()
+        found.take("TT113", ignores.unused(idle))
+
+
+def _subjects(document: Document, options: CheckOptions) -> list[tuple[Kind, Any]]:
+    """Subjects of rules with the kind of those rules; none where a text is no object."""
     decoded, source = document.decoded, document.source
-    subject: Subject | VehicleSubject | SensorSubject
     terrain = decoded.definition
     if decoded.library is not None:
         library = decoded.library
         terrain = Definition(**{name: getattr(library, name) for name, _ in names_of(Library)})
     if terrain is not None:
-        kind: Kind = "terrain"
-        subject = Subject(
+        return [("terrain", Subject(
             definition=terrain, tree=decoded.tree, document=document, unfit=decoded.unfit,
             size=source.size, packed=source.packed, max_step=options.max_step,
-        )  # fmt: skip
-    elif decoded.vehicle is not None:
-        kind = "vehicle"
-        subject = VehicleSubject(vehicle=decoded.vehicle, unfit=decoded.unfit)
-    elif decoded.sensor is not None:
-        kind = "sensor"
-        subject = SensorSubject(sensor=decoded.sensor, unfit=decoded.unfit)
-    else:
-        return
-    ignores = IgnoreLists(decoded.ignores)
-    for rule in RULES.values():
-        if (
-            rule.check is not None
-            and rule.kind == kind
-            and (options.warnings or rule.severity == "error")
-        ):
-            remarks = rule.check(subject)
-            if ignores and rule.severity == "warning":
-                remarks = ignores.unsilenced(rule.code, remarks, decoded.tree)
-            found.take(rule.code, remarks)
-    if options.warnings:
-        idle = ("TT211",) if kind == "terrain" and options.max_step is None else ()
-        found.take("TT113", ignores.unused(idle))
+        ))]  # fmt: skip
+    if decoded.vehicle is not None:
+        return [("vehicle", VehicleSubject(vehicle=decoded.vehicle, unfit=decoded.unfit))]
+    if decoded.sensor is not None:
+        return [("sensor", SensorSubject(sensor=decoded.sensor, unfit=decoded.unfit))]
+    if decoded.curriculum is not None:
+        from terratool.definition.curriculum.ground import ground_subject
+
+        spec = CurriculumSubject(curriculum=decoded.curriculum, unfit=decoded.unfit)
+        subjects: list[tuple[Kind, Any]] = [("curriculum", spec)]
+        ground = ground_subject(spec)
+        return subjects if ground is None else [*subjects, ("terrain", ground)]
+    return []
 
 
 def _placed(

@@ -11,6 +11,20 @@ import math
 import msgspec
 from msgspec import UNSET, Struct, UnsetType, structs
 
+from terratool.definition.key import (
+    FLAG,
+    LEAST,
+    MOST,
+    SCHEMA,
+    TEXT,
+    Key,
+    Shape,
+    choice,
+    measure,
+    reserve,
+    share,
+)
+
 GRAVITIES = {"earth": 9.80665, "mars": 3.71, "moon": 1.62}
 """Gravities that have a name, m/s²."""
 
@@ -172,3 +186,198 @@ class VehicleText(Struct, frozen=True, rename="camel", kw_only=True):
     def cog_x(self) -> float:
         """The centre of gravity in the axles' frame, the middle of the wheelbase where absent."""
         return 0.5 * sum(self.ends) if self.cog.x is UNSET else self.cog.x
+
+
+# --- keys -----------------------------------------------------------------------------------------
+
+MAX_AXLES = 16
+"""Most axles of a vehicle."""
+MAX_WHEELS = 16
+"""Most wheels of an axle."""
+_ANGLE = Key("an angle in degrees, from 0 to below 90", "number", 0, 90, open_high=True)
+_X = Key("a position in metres, positive ahead, up to 1e6 in size", "number", -MOST, MOST)
+_WHEEL = {
+    "radius": measure("a radius", "metres").describe(
+        "Radius of the rim or the tyre, without lugs, m.", 0.1651,
+    ),
+    "width": measure("a width", "metres").describe("Width of the tread, m.", 0.1143),
+    "kind": choice("kind of wheel", KINDS).describe(
+        "What wheel it is: a rigid smooth rim, a rigid rim with lugs, or a tyre with or "
+        "without lugs. Without it, a pressure stands for a tyre, lugs alone for a lugged "
+        "wheel, neither for a rigid one.", "tyre", default="rigid",
+    ),
+    "grouserHeight": reserve("a height", "metres").describe(
+        "Height of the lugs over the rim, m. A lugged wheel without it has a tenth of its "
+        "radius, others have none.", 0.025,
+    ),
+    "tyrePressure": measure("a pressure", "kPa").describe(
+        "Gauge pressure of the tyre, kPa. Without it, the contact of a tyre is no longer "
+        "than that of a rigid wheel.", 68.5,
+    ),
+    "carcassStiffness": reserve("a pressure", "kPa").describe(
+        "What the tyre's carcass adds to its pressure on the ground, kPa.", 20, default=20,
+    ),
+    "contactLength": reserve("a length", "metres").describe(
+        "Length of the flat patch on which it stands on hard ground, at least, m.", 0.12,
+        default=0,
+    ),
+    "exitAngleRatio": Key(
+        "a ratio, from 0 to below 1", "number", 0, 1, open_high=True,
+   ).describe(
+        "Exit angle as a share of the entry angle, both from the lowest point of the wheel: "
+        "−θ2/θ1.", 0.4, default=0.45,
+    ),
+    "maxTorque": measure("a torque", "N m", 1e9).describe(
+        "Largest torque at each driven wheel, behind the gear, N m. Without it, the soil "
+        "alone limits the thrust.", 14,
+    ),
+}  # fmt: skip
+"""Keys of wheels in common, and of the wheels of an axle."""
+
+VEHICLE_KEYS: dict[Shape, dict[str, Key]] = {
+    VehicleText: {
+        "$schema": SCHEMA.describe(
+            "Address of this schema, for editors; it also tells that this is a vehicle.",
+            "../../schemas/vehicle.schema.json", default="",
+        ),
+        "descr": TEXT.describe(
+            "What the vehicle is, in a line.", "Small rover, four wheels, skid steered", default="",
+        ),
+        "mass": measure("a mass", "kg", 1e9).describe("Mass of the whole vehicle, kg.", 50),
+        "gravity": Key(
+            "a gravity in m/s², from 1e-06 to 1e+06, or one of "
+            + ", ".join(f'"{name}"' for name in GRAVITIES),
+            "number", LEAST, MOST, choices=tuple(GRAVITIES), noun="gravity that has a name",
+        ).describe(
+            "Gravity in m/s², or that of the earth (9.80665), mars (3.71) or the moon (1.62) by "
+            "name.", "mars", 3.71, default="earth",
+        ),
+        "wheels": Key("the wheels, an object", "object").describe(
+            "What all wheels have in common, but for what an axle says otherwise.",
+            {"radius": 0.1651, "width": 0.1143},
+            {"radius": 0.1651, "width": 0.1143, "tyrePressure": 68.5},
+        ),
+        "axles": Key(f"a list of 2 to {MAX_AXLES} axles, objects", "list").describe(
+            "The axles, in any order; instead of wheelbase.", [{"x": 0.256}, {"x": -0.256}],
+        ),
+        "wheelbase": measure("a wheelbase", "metres").describe(
+            "Distance of the outermost axles, m. Without axles, it stands for two of two driven "
+            "wheels; with them, it has to agree.", 0.512,
+        ),
+        "track": measure("a track", "metres").describe(
+            "Distance of the middles of the left and the right wheels, m.", 0.5708,
+        ),
+        "cog": Key("the centre of gravity, an object", "object").describe(
+            "The centre of gravity.", {"height": 0.19},
+        ),
+        "clearance": measure("a clearance", "metres").describe(
+            "Height of the body's underside over level ground, m.", 0.13,
+        ),
+        "bodyWidth": measure("a width", "metres").describe(
+            "Width of the body, m; it may stand out over the wheels or lie between them. Without "
+            "it, the body is not looked at beside the wheels.", 0.57,
+        ),
+        "overhang": Key("the overhangs, an object", "object").describe(
+            "What of the body lies beyond the outermost axles.",
+            {"front": 0.24, "frontHeight": 0.13}, default={},
+        ),
+        "steering": choice("way to steer", STEERINGS).describe(
+            'How it turns on the spot: "skid", left and right wheels run against each other '
+            'and slide sideways; or "wheels", wheels are steered into their ways, or swivel as '
+            "castors do, and only roll.", "wheels", default="skid",
+        ),
+        "speed": measure("a speed", "m/s").describe(
+            "Speed of the wheels' treads, m/s; for the time of a route.", 0.5, default=1,
+        ),
+        "power": reserve("a power", "W", 1e9).describe(
+            "Power that is drawn all the time, whether it drives or not, W; for the energy of a "
+            "route.", 40, default=0,
+        ),
+        "margins": Key("the margins, an object", "object").describe(
+            "What is kept in reserve: taken off each limit before anything is compared with it.",
+            {"clearance": 0.02, "tip": 10}, default={},
+        ),
+        "classes": Key("the thresholds of the classes, an object", "object").describe(
+            "Where go ends and caution ends; beyond caution it is no-go.",
+            {"slip": 0.1, "cautionSlip": 0.4}, default={},
+        ),
+    },
+    WheelsText: {
+        **_WHEEL,
+        "maxSlip": share("a slip").describe(
+            "Slip beyond which a wheel is not to be driven.", 0.6, default=1,
+        ),
+    },
+    AxleText: {
+        "x": _X.describe(
+            "Where it stands, m, positive ahead, in a frame of your own that cog shares.", 0.256,
+        ),
+        "wheels": Key(f"a whole number from 1 to {MAX_WHEELS}", "whole", 1, MAX_WHEELS).describe(
+            "Number of its wheels, evenly over the track; one stands in the middle.", 2, default=2,
+        ),
+        "driven": FLAG.describe(
+            "Whether its wheels are driven.", False, default=True,
+        ),
+        **{
+            key: wheel.describe("As in wheels, for this axle alone.", *wheel.examples)
+            for key, wheel in _WHEEL.items()
+        },
+        "kind": _WHEEL["kind"].describe(
+            "As in wheels, for this axle alone; where it is another one, nothing that belongs to "
+            "the kind is taken over from wheels.", "tyre",
+        ),
+    },
+    CogText: {
+        "x": _X.describe(
+            "Where it lies, m, positive ahead, in the frame of the axles. The middle of the "
+            "wheelbase if it is left out; without axles, that is 0.", -0.02,
+        ),
+        "height": measure("a height", "metres").describe("Its height over level ground, m.", 0.19),
+    },
+    OverhangText: {
+        "front": measure("a length", "metres").describe(
+            "From the middle of the foremost wheels to the front end of the body, m. Without it, "
+            "nothing is there to touch.", 0.24,
+        ),
+        "frontHeight": measure("a height", "metres").describe(
+            "Height of that end over level ground, m; the clearance if it is left out.", 0.13,
+        ),
+        "rear": measure("a length", "metres").describe(
+            "From the middle of the rearmost wheels to the rear end of the body, m. Without it, "
+            "nothing is there to touch.", 0.24,
+        ),
+        "rearHeight": measure("a height", "metres").describe(
+            "Height of that end over level ground, m; the clearance if it is left out.", 0.13,
+        ),
+    },
+    MarginsText: {
+        "clearance": reserve("a height", "metres").describe(
+            "Of the clearance under the body, m.", 0.02, default=0,
+        ),
+        "step": reserve("a height", "metres").describe(
+            "Of the height of a step, m.", 0.02, default=0,
+        ),
+        "tip": _ANGLE.describe(
+            "Of the angle at which the vehicle tips over, degrees.", 10, default=0,
+        ),
+        "slope": _ANGLE.describe("Of the climb and the cross-slope, degrees.", 5, default=0),
+    },
+    ClassesText: {
+        "utilisation": share("a share of the soil's strength").describe(
+            "Share of the soil's strength up to which it is go; caution up to all of it.", 0.5,
+            default=0.7,
+        ),
+        "slip": share("a slip").describe("Slip up to which it is go.", 0.1, default=0.2),
+        "cautionSlip": share("a slip").describe(
+            "Slip up to which it is caution; no less than slip.", 0.4, default=0.6,
+        ),
+        "torque": share("a share of the largest torque").describe(
+            "Share of the largest torque up to which it is go; caution up to all of it.", 0.5,
+            default=0.7,
+        ),
+        "geometry": share("a share of a limit").describe(
+            "Share of a limit of shape (step, clearance, tip-over, cross-slope, breakover, "
+            "approach) up to which it is go; caution up to all of it.", 0.8, default=0.7,
+        ),
+    },
+}  # fmt: skip

@@ -45,13 +45,12 @@ def made(kind: str, **options: Any) -> Terrain:
 
 def value_of(option: Option) -> st.SearchStrategy[Any]:
     """What an option takes, or nothing."""
-    number = st.floats(option.low, option.high) if option.form != "choice" else st.nothing()
-    values: dict[str, st.SearchStrategy[Any]] = {
-        "choice": st.sampled_from(option.choices or ("",)),
-        "whole": st.integers(int(option.low), int(option.high)),
-        "pair": st.tuples(number, number),
-    }
-    return st.none() | values.get(option.form, number)
+    if option.choices:
+        return st.none() | st.sampled_from(option.choices)
+    if option.kind == "whole":
+        return st.none() | st.integers(int(option.low), int(option.high))
+    number = st.floats(option.low, option.high)
+    return st.none() | (st.tuples(number, number) if option.length else number)
 
 
 # --- all of them ---------------------------------------------------------------------------------
@@ -653,7 +652,7 @@ def test_each_tile_has_its_kind_difficulty_and_origin(style: str, border: float)
         (kind, option.key)
         for kind, one in KINDS.items()
         for option in one.options
-        if option.form != "choice"
+        if not option.choices
     ],
 )
 def test_numbers_out_of_their_limits_are_refused(kind: str, key: str) -> None:
@@ -663,7 +662,7 @@ def test_numbers_out_of_their_limits_are_refused(kind: str, key: str) -> None:
         beyond += [0.0, -0.0]
     for value in beyond:
         with pytest.raises(RequestError, match=f"--{option.name} is "):
-            new(kind, **{key: (value, option.high) if option.form == "pair" else value})
+            new(kind, **{key: (value, option.high) if option.length else value})
 
 
 @pytest.mark.parametrize(

@@ -28,6 +28,7 @@ from terratool.definition.model import (
 )
 from terratool.definition.reader import Checked, check
 from terratool.definition.rules.presence import PLACEMENT
+from terratool.definition.schema_writing import NAMES, schema_text
 from terratool.text.source import Source
 from tests.schemas import subschemas
 from tests.strategies import Json, definitions
@@ -87,6 +88,13 @@ def test_is_a_valid_schema() -> None:
     """It is JSON Schema 2020-12 by that standard's own schema."""
     assert SCHEMA["$schema"] == "https://json-schema.org/draft/2020-12/schema"
     jsonschema.Draft202012Validator.check_schema(SCHEMA)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_files_are_fresh(name: str) -> None:
+    """The files say what the table of keys says; `make schemas` writes them."""
+    path = HERE.parent / "schemas" / f"{name}.schema.json"
+    assert path.read_text("utf-8") == schema_text(name), "run make schemas"
 
 
 @pytest.mark.parametrize(("pointer", "inner"), SUBSCHEMAS, ids=IDS)

@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import terratool
-from terratool.definition.keys import SENSOR_KEYS, document_kind
+from terratool.definition.keys import KEYS, document_kind
 from terratool.definition.layout import canonical
 from terratool.definition.reader import check
 from terratool.definition.sensor import CameraText, LidarText, NoiseText, SensorText, SonarText
@@ -95,7 +95,7 @@ def test_each_key_is_explained(pointer: str, inner: Json) -> None:
 def test_has_the_keys_of_the_reader(kind: type, name: str) -> None:
     """Its keys are those that the reader knows, in their order, no more and no fewer."""
     properties = (SCHEMA["$defs"][name] if name else SCHEMA)["properties"]
-    assert list(properties) == [*SENSOR_KEYS[kind], "x-ignore"]
+    assert list(properties) == [*KEYS[kind], "x-ignore"]
 
 
 def agree(value: Any) -> None:
@@ -119,7 +119,7 @@ def test_accepts_what_the_schema_accepts(value: Json) -> None:
     VALIDATOR.validate(value)
     (kind,) = checked.sensor.kinds
     part = getattr(checked.sensor, kind)
-    attributes = zip(SENSOR_KEYS[type(part)], part.__struct_fields__, strict=True)
+    attributes = zip(KEYS[type(part)], part.__struct_fields__, strict=True)
     for key, attribute in attributes:
         if key in value[kind]:
             read = getattr(part, attribute)

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 import terratool
 from terratool.cli.report import REPORTERS
-from terratool.definition.keys import VEHICLE_KEYS, document_kind
+from terratool.definition.keys import KEYS, document_kind
 from terratool.definition.layout import canonical
 from terratool.definition.reader import Checked, CheckOptions, check
 from terratool.definition.vehicle import (
@@ -84,7 +84,7 @@ def test_each_key_is_explained(pointer: str, inner: Json) -> None:
 def test_has_the_keys_of_the_reader(kind: type, name: str) -> None:
     """Its keys are those that the reader knows, in their order, no more and no fewer."""
     properties = (SCHEMA["$defs"][name] if name else SCHEMA)["properties"]
-    assert list(properties) == [*VEHICLE_KEYS[kind], "x-ignore"]
+    assert list(properties) == [*KEYS[kind], "x-ignore"]
 
 
 def agree(value: Any) -> None:

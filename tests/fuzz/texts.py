@@ -17,12 +17,14 @@ import numpy as np
 from benchmarks.expressions import formula, heavy, mutated, noise, spelled
 from terratool.definition.accuracy import SLACK, TOLERANCE
 from terratool.definition.bundle import bundle
-from terratool.definition.curriculum.spec import check_spec, load_spec
+from terratool.definition.curriculum.reading import load_spec
 from terratool.definition.expression import NAMED
-from terratool.definition.keys import ALL_KEYS, COMBINES, CURRICULUM_KEYS, Kind
+from terratool.definition.keys import KEYS as KEYS_OF
+from terratool.definition.keys import Kind
 from terratool.definition.layout import canonical
 from terratool.definition.libraries import known_names
-from terratool.definition.reader import Checked, CheckOptions, check
+from terratool.definition.model import COMBINES
+from terratool.definition.reader import Checked, check
 from terratool.definition.uses import Uses
 from terratool.field.terrain import Terrain
 from terratool.mesh.export import relief_of
@@ -41,7 +43,7 @@ from tests.sensing.yard import HERE as PLACE
 from tests.sensing.yard import TERRAIN as YARD
 
 HERE = (*PLACE, 20.0, 0.0, 0.0)
-KEYS = sorted({*chain.from_iterable(ALL_KEYS.values()), *CURRICULUM_KEYS, "x-ignore", "x-note"})
+KEYS = sorted({*chain.from_iterable(KEYS_OF.values()), "x-ignore", "x-note"})
 LONGEST = 200_000
 """Bytes of a definition, so that repeated repetition ends."""
 
@@ -430,7 +432,7 @@ _FEW_RAYS = 100_000
 def try_curriculum(case: Case, folder: Path) -> str:
     """Check it; some of the small ones are made."""
     source = Source("case.json", case.data.removeprefix(b"\xef\xbb\xbf"))
-    for finding in check_spec(source, CheckOptions()).findings:
+    for finding in check(source, kind="curriculum").findings:
         if not (finding.message and finding.line >= 1 and finding.column >= 1):
             raise WrongError(f"a finding of {finding.code} without words or a place")
     name = folder / "case.json"

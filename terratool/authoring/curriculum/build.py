@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from terratool.authoring.curriculum.definition import Assignment, assign, definition_text
 from terratool.authoring.curriculum.spawning import level_patches, origins
-from terratool.definition.curriculum.spec import Spec, load_spec, spec_of
+from terratool.definition.curriculum.reading import load_spec, spec_of
+from terratool.definition.curriculum.spec import Spec
 from terratool.definition.reader import CheckOptions, check, refusal
 from terratool.errors import RequestError
 from terratool.field.terrain import Terrain

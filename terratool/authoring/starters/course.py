@@ -9,10 +9,11 @@ from terratool.authoring.starters.options import (
     SEED,
     Kind,
     Members,
-    Option,
     Wanted,
+    choice_option,
     count_option,
     length_option,
+    pair_option,
 )
 from terratool.errors import DefinitionError, RequestError
 
@@ -87,18 +88,13 @@ def _course(wanted: Wanted) -> Members:
 COURSE = Kind(
     "Training tiles of Isaac Lab or legged_gym, with the origin of each.",
     (
-        Option(
-            "style", "choice", "isaac-lab", "Whose tiles.", choices=tuple(STYLES), metavar="NAME"
-        ),
+        choice_option("style", "isaac-lab", "Whose tiles.", tuple(STYLES), "NAME"),
         SEED,
         count_option("rows", 5, "Rows along x, from easy to hard.", 1, 100),
-        Option(
-            "columns", "whole", None, "Columns along y, kind after kind.", 1, 100,
-            otherwise="one of each kind", metavar="N",
+        count_option(
+            "columns", None, "Columns along y, kind after kind.", 1, 100, "one of each kind"
         ),
-        Option(
-            "tile", "pair", (8.0, 8.0), "Sides of a tile.", 6.0, 65.0, "m", metavar="X Y"
-        ),
+        pair_option("tile", (8.0, 8.0), "Sides of a tile.", 6.0, 65.0, "X Y"),
         length_option("border", 0.0, "Width of the level ground around all tiles.", 0.0, 1000.0),
     ),
     _course,

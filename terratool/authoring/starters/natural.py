@@ -10,11 +10,11 @@ from terratool.authoring.starters.options import (
     Draw,
     Kind,
     Members,
-    Option,
     Wanted,
     count_option,
     length_option,
     m,
+    number_option,
     place,
     size_option,
 )
@@ -309,9 +309,7 @@ CRATERS = Kind(
         count_option("count", 40, "How many craters.", 1, 100_000),
         length_option("largest", 12.0, "The largest crater, from rim to rim.", 0.1, 5000.0),
         length_option("smallest", 1.0, "The smallest crater.", 0.05, 1000.0),
-        Option(
-            "fresh", "number", 0.3, "Share of craters that are not worn.", 0.0, 1.0, metavar="S"
-        ),
+        number_option("fresh", 0.3, "Share of craters that are not worn.", 0.0, 1.0),
         count_option("rocks", 80, "How many rocks, 0.2 to 1 m wide.", 0, 100_000),
         soil_option("lunar-nominal"),
     ),

@@ -6,8 +6,11 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from numbers import Real
-from typing import Any, Literal
+from typing import Any
 
+from msgspec.structs import replace
+
+from terratool.definition.key import Key
 from terratool.definition.scattering import share
 from terratool.errors import RequestError
 from terratool.text.display import listed
@@ -15,7 +18,6 @@ from terratool.text.display import listed
 Members = dict[str, Any]
 """Of an object of the definition."""
 Value = float | int | str | tuple[float, float]
-Form = Literal["length", "pair", "number", "whole", "choice"]
 
 MM = 1000
 """mm in a metre."""
@@ -24,34 +26,22 @@ LARGEST = 10_000.0
 LAST_SEED = 2**53 - 1
 
 
-@dataclass(frozen=True, slots=True)
-class Option:
-    """One thing that a kind can be told.
+class Option(Key, frozen=True, kw_only=True):
+    """A key that a kind can be told on the command line.
 
     Attributes:
-        name: on the command line, without its dashes.
-        form: what its value is: a length in whole millimetres, two of these, any number, a whole
-            one, or one of some words.
-        default: where it is left out; None where that follows from the others.
-        descr: one sentence that says what it is.
-        low: the least number allowed.
-        high: the greatest one.
-        unit: of its numbers; empty for none.
-        choices: the words.
+        name: name on the command line, without its dashes.
+        unit: unit of its numbers; empty for none.
         otherwise: what counts where the default is None.
         metavar: what stands for its values in the help.
+        in_mm: whether its numbers are whole millimetres, in metres.
     """
 
     name: str
-    form: Form
-    default: Value | None
-    descr: str
-    low: float = 0.0
-    high: float = 0.0
     unit: str = ""
-    choices: tuple[str, ...] = ()
     otherwise: str = ""
     metavar: str = ""
+    in_mm: bool = False
 
     @property
     def key(self) -> str:
@@ -74,7 +64,7 @@ class Option:
     @property
     def range(self) -> str:
         """The values that it may have, in words."""
-        if self.form == "choice":
+        if self.choices:
             return listed(self.choices)
         unit = f" {self.unit}" if self.unit else ""
         return f"{self.low:,.16g} to {self.high:,.16g}{unit}"
@@ -85,11 +75,11 @@ class Option:
         Raises:
             RequestError: it is none.
         """
-        if self.form == "choice":
+        if self.choices:
             if value not in self.choices:
                 raise RequestError(f"--{self.name} is {value!r}.", f"Choose from {self.range}.")
             return str(value)
-        if self.form == "pair":
+        if self.length:
             if not isinstance(value, (tuple, list)) or len(value) != 2:
                 raise RequestError(f"--{self.name} is {value!r}.", "Give two numbers.")
             first, second = self.metavar.split()
@@ -104,13 +94,13 @@ class Option:
             number = float(value)
         except OverflowError:
             number = math.inf
-        if not self.low <= number <= self.high:  # nor NaN
+        if not self.holds(number):  # nor NaN
             raise RequestError(f"{name} is {number:,.16g}.", f"Give {self.range}.")
-        if self.form == "whole":
+        if self.kind == "whole":
             if not number.is_integer():
                 raise RequestError(f"{name} is {number:,.16g}.", "Give a whole number.")
             return int(number)
-        return round(number * MM) / MM if self.form in ("length", "pair") else number
+        return round(number * MM) / MM if self.in_mm else number
 
 
 @dataclass(frozen=True, slots=True)
@@ -229,22 +219,52 @@ def size_option(
     default: tuple[float, float] | None, least: float = 1.0, most: float = LARGEST
 ) -> Option:
     """Sides of the terrain, m."""
+    option = pair_option("size", default, "Sides of the terrain along x and y.", least, most, "X Y")
+    return replace(option, otherwise="what is on it, and 2 m around")
+
+
+def pair_option(
+    name: str, default: tuple[float, float] | None, descr: str, low: float, high: float,
+    metavar: str,
+) -> Option:  # fmt: skip
+    """Two lengths, m, in whole millimetres."""
     return Option(
-        "size", "pair", default, "Sides of the terrain along x and y.", least, most, "m",
-        otherwise="what is on it, and 2 m around", metavar="X Y",
+        "two lengths", "number", low, high, alone=False, length=2, descr=descr, default=default,
+        name=name, unit="m", metavar=metavar, in_mm=True,
     )  # fmt: skip
-
-
-SEED = Option(
-    "seed", "whole", 0, "Number that all random choices follow from.", 0, LAST_SEED, metavar="N"
-)
 
 
 def length_option(name: str, default: float, descr: str, low: float, high: float) -> Option:
     """A length, m, in whole millimetres."""
-    return Option(name, "length", default, descr, low, high, "m", metavar="M")
+    return replace(
+        number_option(name, default, descr, low, high), unit="m", metavar="M", in_mm=True
+    )
 
 
-def count_option(name: str, default: int, descr: str, low: int, high: int) -> Option:
-    """How many of something."""
-    return Option(name, "whole", default, descr, low, high, metavar="N")
+def number_option(name: str, default: float, descr: str, low: float, high: float) -> Option:
+    """A number without a unit."""
+    return Option(
+        "a number", "number", low, high, descr=descr, default=default, name=name, metavar="S"
+    )
+
+
+def count_option(
+    name: str, default: int | None, descr: str, low: int, high: int, otherwise: str = ""
+) -> Option:
+    """A whole number of something."""
+    return Option(
+        "a whole number", "whole", low, high, descr=descr, default=default, name=name,
+        otherwise=otherwise, metavar="N",
+    )  # fmt: skip
+
+
+def choice_option(
+    name: str, default: str, descr: str, choices: tuple[str, ...], metavar: str
+) -> Option:
+    """One of some words."""
+    return Option(
+        "a word", "text", choices=choices, descr=descr, default=default, name=name, metavar=metavar
+    )
+
+
+SEED = count_option("seed", 0, "Number that all random choices follow from.", 0, LAST_SEED)

@@ -11,10 +11,10 @@ from terratool.authoring.starters.options import (
     SEED,
     Kind,
     Members,
-    Option,
     Wanted,
     length_option,
     m,
+    pair_option,
     size_option,
 )
 from terratool.authoring.starters.soils import SOILS, soil_option, surfaces
@@ -108,9 +108,9 @@ ROUGH = Kind(
     (
         size_option((8.0, 8.0)),
         SEED,
-        Option(
-            "height-range", "pair", (0.02, 0.1), "The lowest and the highest height.",
-            -100.0, 100.0, "m", metavar="LOW HIGH",
+        pair_option(
+            "height-range", (0.02, 0.1), "The lowest and the highest height.", -100.0, 100.0,
+            "LOW HIGH",
         ),
         length_option("height-step", 0.02, "Heights are multiples of it above LOW.", 0.001, 100.0),
         length_option(

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from terratool.authoring.starters.options import Option
+from terratool.authoring.starters.options import (
+    Option,
+    choice_option,
+)
 
 
 class Soil(NamedTuple):
@@ -73,10 +76,9 @@ SOILS: dict[str, Soil] = {
 
 def soil_option(default: str) -> Option:
     """The preset of the ground."""
-    return Option(
-        "soil", "choice", default, "The ground, by the name of a preset.",
-        choices=tuple(SOILS), metavar="PRESET",
-    )  # fmt: skip
+    return choice_option(
+        "soil", default, "The ground, by the name of a preset.", tuple(SOILS), "PRESET"
+    )
 
 
 def surfaces(*presets: str) -> dict[str, Any]:

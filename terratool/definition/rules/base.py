@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Container, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from functools import cached_property
 from inspect import cleandoc
 from typing import Any, TypeVar
 
 from msgspec import UNSET, Struct, UnsetType
 
+from terratool.definition.curriculum.text import CurriculumText
 from terratool.definition.curves import CurveError, problems
 from terratool.definition.findings import Owner, Remark, Severity
 from terratool.definition.keys import SLOTS, Kind
@@ -23,13 +24,13 @@ from terratool.definition.vehicle import AxleText, VehicleText, WheelsText, Whee
 
 
 class _Subject(Struct, frozen=True, dict=True, kw_only=True):
-    """What rules about terrains, vehicles and sensors look at.
+    """What rules about any kind of text look at.
 
     Attributes:
         unfit: of each key the owners whose value was left out; "" is for the owner itself.
     """
 
-    unfit: Mapping[str, Container[Owner]] = {}
+    unfit: Mapping[str, Collection[Owner]] = {}
 
     def left_out(self, owner: Owner, *keys: str) -> bool:
         """Whether one of these values of an object, or all of it, did not fit."""
@@ -216,8 +217,18 @@ class SensorSubject(_Subject, frozen=True, kw_only=True):
     sensor: SensorText
 
 
+class CurriculumSubject(_Subject, frozen=True, kw_only=True):
+    """The subject of rules about specs of training tiles.
+
+    Attributes:
+        curriculum: the model, without the values that did not fit.
+    """
+
+    curriculum: CurriculumText
+
+
 Check = Callable[[Any], Iterator[Remark]]
-"""The generator of a rule; it takes a `Subject`, a `VehicleSubject` or a `SensorSubject`."""
+"""The generator of a rule; it takes the subject of its kind, such as `Subject` of terrains."""
 
 
 class Rule(Struct, frozen=True):
@@ -248,7 +259,7 @@ registry: dict[str, Rule] = {}
 def rule(
     code: str, name: str, severity: Severity = "error", kind: Kind = "terrain"
 ) -> Callable[[Check], Check]:
-    """Register a generator as a rule about terrains, vehicles or sensors."""
+    """Register a generator as a rule about texts of a kind."""
 
     def register(check: Check) -> Check:
         registry[code] = Rule(code, name, severity, cleandoc(check.__doc__ or ""), check, kind)

@@ -1,16 +1,20 @@
-"""What is found in specs of training tiles, which `definition.curriculum` reads."""
+"""Grids of training tiles that cannot be made as their specs say."""
 
-from terratool.definition.rules.base import reader_rule
+from __future__ import annotations
 
-reader_rule(
-    "TT801",
-    "training-tiles",
-    """
-    A grid of training tiles cannot be made as its spec says.
+from collections.abc import Iterator
+
+from terratool.definition.findings import Remark
+from terratool.definition.rules.base import CurriculumSubject, rule
+
+
+@rule("TT801", "training-tiles", kind="curriculum")
+def training_tiles(subject: CurriculumSubject) -> Iterator[Remark]:
+    """A grid of training tiles cannot be made as its spec says.
 
     There is no such kind of tile, what stands on a tile does not fit into it, a name is none that a
     definition can have, a range ends before it begins, the surface is void, or there are too many
-    tiles. Keys, types and ranges have the codes that they have in terrains (TT102 to TT106), and so
+    tiles. Keys, types and ranges have the codes that they have in terrains (TT102 to TT107), and so
     has the surface.
 
     Fails:
@@ -26,5 +30,7 @@ reader_rule(
         {"rows": 2, "columns": 3, "tile": 8, "kinds": {"up": {"kind": "waves", "border": 2}}}
 
     To mend: the hint names what is known or what fits; docs/curriculum.md has all kinds and keys.
-    """,
-)
+    """
+    from terratool.definition.curriculum.faults import faults  # few texts are specs
+
+    yield from faults(subject)

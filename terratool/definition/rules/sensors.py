@@ -7,9 +7,8 @@ from collections.abc import Iterator
 from msgspec import UNSET
 
 from terratool.definition.findings import Remark
-from terratool.definition.keys import MAX_FRAME
 from terratool.definition.rules.base import SensorSubject, rule
-from terratool.definition.sensor import RATE, SENSORS, TURN
+from terratool.definition.sensor import MAX_FRAME, RATE, SENSORS, TURN
 from terratool.text.display import listed, shown
 
 _SLACK = 1.0 + 1e-9

@@ -1,0 +1,66 @@
+"""From a text or a dictionary to the spec of a grid of training tiles."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import msgspec
+from msgspec.structs import replace
+
+from terratool.definition.curriculum.spec import FLOOR, Spec
+from terratool.definition.keys import document_kind
+from terratool.definition.model import MAX_SEED
+from terratool.definition.reader import CheckOptions, check, refusal
+from terratool.errors import DefinitionError, RequestError
+from terratool.text.source import Source, read_source
+from terratool.text.values import read_values
+
+_MOST_BYTES = 1 << 24
+
+
+def load_spec(path: str | Path, seed: int | None = None) -> Spec:
+    """Read a spec; ``-`` is standard input.
+
+    Args:
+        path: the file.
+        seed: instead of the spec's own.
+
+    Raises:
+        ReadError: the file cannot be read.
+        DefinitionError: it is no JSON, or no spec; `findings` has all that is wrong.
+        RequestError: the seed is out of its range.
+    """
+    if seed is not None and not 0 <= seed <= MAX_SEED:
+        raise RequestError(f"The seed is {seed}.", f"Give one from 0 to {MAX_SEED:,}.")
+    source = read_source(path, _MOST_BYTES, "A spec is a short text; check the path.")
+    spec = spec_of(source)
+    return spec if seed is None else replace(spec, seed=seed)
+
+
+def spec_of(source: Source | Mapping[str, Any]) -> Spec:
+    """The spec that a text, or a dictionary, holds.
+
+    Raises:
+        DefinitionError: it holds none; `findings` has all that is wrong.
+    """
+    if not isinstance(source, Source):
+        try:
+            source = Source("the spec", msgspec.json.encode(source))
+        except (TypeError, ValueError, RecursionError) as error:
+            raise DefinitionError(
+                f"The spec cannot be written as JSON ({error}).",
+                "Give a dictionary of JSON values.",
+            ) from error
+    checked = check(source, CheckOptions(warnings=False), "curriculum")
+    if checked.curriculum is None:
+        kind = document_kind(source.data)
+        if kind not in ("curriculum", None):
+            raise DefinitionError(
+                f"{source.name}: is a {kind}, where the spec of a curriculum is wanted.",
+                "Name a spec here, such as samples/curricula/rough.json.",
+            )
+        raise refusal(checked)
+    # key by key as it was written, own keys included, as it goes into the definition
+    return Spec.of(checked.curriculum, read_values(source.data).get("surface", FLOOR))
