@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 from msgspec import UNSET, Struct, UnsetType
 
 from terratool.definition.curves import CurveError, problems
-from terratool.definition.findings import Owner, Remark, Severity
+from terratool.definition.findings import Owner, Remark, RemarkBatch, Severity
 from terratool.definition.keys import SLOTS, Kind
 from terratool.definition.libraries import Clash, Document, Named, clashes_of, known_names
 from terratool.definition.model import Definition, Primitive, Surface
@@ -216,7 +216,7 @@ class SensorSubject(_Subject, frozen=True, kw_only=True):
     sensor: SensorText
 
 
-Check = Callable[[Any], Iterator[Remark]]
+Check = Callable[[Any], Iterator[Remark | RemarkBatch]]
 """The generator of a rule; it takes a `Subject`, a `VehicleSubject` or a `SensorSubject`."""
 
 
