@@ -225,7 +225,7 @@ class Checked(Struct, frozen=True, dict=True):
         from terratool.definition.expand import expand
 
         expansion = expand(self.uses)
-        return expansion._replace(definition=self.with_tracks(expansion.definition))
+        return structs.replace(expansion, definition=self.with_tracks(expansion.definition))
 
     @cached_property
     def uses(self) -> Uses | None:
