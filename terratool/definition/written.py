@@ -181,7 +181,7 @@ def written(uses: Uses, definition: Definition) -> Written:
 
 
 class _Text:
-    """The elements of all texts that a terrain is made of, column by column, one text after another.
+    """The elements of all texts that a terrain is made of, column by column.
 
     Attributes:
         roots: the text and the file of each tree, with the index of its first element.
@@ -339,7 +339,7 @@ class _Writer:
             placed, element[row], frame.factor[parent[row]], frame.quarters[parent[row]]
         )
         if strewn:
-            self._put_strewn(found, strewn, frame, parent, element, np.cumsum(times) - times)
+            self._put_strewn(found, strewn, frame, parent, np.cumsum(times) - times)
         return parent[row], found
 
     def _own_cells(self, level: Rows) -> Floats:
@@ -491,9 +491,8 @@ class _Writer:
         return _Strewn(number, lengths, at, own)
 
     def _put_strewn(
-        self, rows: Rows, strewn: dict[int, _Strewn], frame: _Frame, parent: Ints, element: Ints,
-        first: Ints,
-    ) -> None:  # fmt: skip
+        self, rows: Rows, strewn: dict[int, _Strewn], frame: _Frame, parent: Ints, first: Ints
+    ) -> None:
         """Put scattered copies into their rows.
 
         Args:
@@ -501,7 +500,6 @@ class _Writer:
             strewn: the copies of each scattered element, by its index.
             frame: the elements around.
             parent: (m,) where each element stands in the frame.
-            element: (m,) the text's elements.
             first: (m,) the first row of each.
         """
         for index, copies in strewn.items():
@@ -649,9 +647,9 @@ def _turned_block(block: Ints, grid: Ints, quarters: Ints) -> Ints:
         return block
     x, y, w, h = block.T
     right, top = grid[:, 0] - x - w, grid[:, 1] - y - h
-    turned = [block, (y, right, h, w), (right, top, w, h), (top, x, h, w)]
+    turned = {1: (y, right, h, w), 2: (right, top, w, h), 3: (top, x, h, w)}
     found = block.copy()
-    for quarter in (1, 2, 3):
+    for quarter, columns in turned.items():
         own = quarters == quarter
-        found[own] = np.column_stack(turned[quarter])[own]
+        found[own] = np.column_stack(columns)[own]
     return found
