@@ -1,7 +1,8 @@
 """Validating a million elements: against bare decoding, against JSON Schema, and in memory.
 
 The text is S3, clean but for the warning of its size; the same with a cell that trims every third
-element, which is a warning each; and with errors: one near its end, or one in every element. Everything that is compared has one file before it, and starts from bytes.
+element, which is a warning each; and with errors: one near its end, or one in every element.
+Everything that is compared has one file before it, and starts from bytes.
 """
 
 from __future__ import annotations
