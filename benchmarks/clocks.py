@@ -58,14 +58,14 @@ class Clock(NamedTuple):
 def validating() -> Iterator[Clock]:
     """Check S3, with errors and without, against the bare typed decoding of the valid text."""
     data = terrains.text(terrains.s3())
-    sources = {kind: Source("s3", broken(data, kind)) for kind in ("valid", *MISTAKES)}
+    sources = {kind: Source("s3", broken(data, kind)) for kind in ("clean", *MISTAKES)}
     checks = {kind: partial(check, source) for kind, source in sources.items()}
     gc.disable()
     decode = partial(msgspec.json.decode, data, type=Definition)
     seconds = medians({"decode": decode, **checks}, runs=1, clock=processor)
     gc.enable()
     for kind in checks:
-        target = "<= 3" if kind == "valid" else "<= 10"
+        target = "<= 3" if kind == "clean" else "<= 10"
         ratio, figure = seconds[kind] / seconds["decode"], f"{seconds[kind]:.2f} s"
         yield Clock(f"check of 10^6 elements, {kind}, over decoding", ratio, target, figure)
 

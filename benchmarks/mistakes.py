@@ -1,9 +1,10 @@
-"""S3 with errors: one near its end, or one in every element."""
+"""S3 clean, with a warning in every third element, with one error, or one in every element."""
 
 from __future__ import annotations
 
 import re
 
+TURN = re.compile(rb'"turnDeg": (\d+)')
 SCALE = re.compile(rb'"vScale": ([\d.]+)')
 CELL = re.compile(rb'"cellX": (\d+)')
 TYPE = re.compile(rb'"type": "(\w+)"')
@@ -26,14 +27,17 @@ ALL = {
     "a duplicate key": ("TT102", TYPE, rb'"type": "\1", "type": "\1"'),
 }
 KINDS = {
-    "valid": None,
+    "clean": None,
+    "a warning in every third element": ("TT213", TURN, rb'"turnDeg": \1', False),
     **{f"{what} near the end": (*how, True) for what, how in ONE.items()},
     **{f"{what} in every element": (*how, False) for what, how in ALL.items()},
 }
 
 
 def broken(data: bytes, kind: str) -> bytes:
-    """The text of S3, with the errors of this kind."""
+    """The text of S3 with one kind of mistakes; only that of warnings trims elements."""
+    if KINDS[kind] is None or KINDS[kind][1] is not TURN:
+        data = TURN.sub(b'"turnDeg": 180', data)
     if KINDS[kind] is None:
         return data
     _, pattern, replacement, one = KINDS[kind]

@@ -5,6 +5,7 @@ With `--fresh`, the first run of each in a new virtual environment against the s
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 import tempfile
@@ -46,8 +47,12 @@ def longer(out: Path) -> dict[str, list[str]]:
     }  # fmt: skip
 
 
+KEPT = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
+"""The environment of users, in which Python keeps what it has compiled."""
+
+
 def run(python: Path | str, *arguments: str, cwd: Path | None = None) -> object:
-    return subprocess.run([python, *arguments], capture_output=True, check=True, cwd=cwd)
+    return subprocess.run([python, *arguments], capture_output=True, check=True, cwd=cwd, env=KEPT)
 
 
 def fresh(folder: Path) -> None:
@@ -68,6 +73,7 @@ def fresh(folder: Path) -> None:
 def main() -> None:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
+        KEPT["PYTHONPYCACHEPREFIX"] = str(folder / "compiled")
         tasks = {
             name: partial(run, sys.executable, "-m", "terratool", *arguments)
             for name, arguments in commands(folder).items()

@@ -1,7 +1,8 @@
 """Validating a million elements: against bare decoding, against JSON Schema, and in memory.
 
-The text is S3, valid but for the warning of its size, and the same with errors: one near its end,
-or one in every element. Everything that is compared has one file before it, and starts from bytes.
+The text is S3, clean but for the warning of its size; the same with a cell that trims every third
+element, which is a warning each; and with errors: one near its end, or one in every element.
+Everything that is compared has one file before it, and starts from bytes.
 """
 
 from __future__ import annotations
@@ -43,8 +44,8 @@ def expect(kind: str, checked: Checked) -> None:
     """Stop unless what was found is what was put in."""
     code, one = ("TT112", True) if KINDS[kind] is None else (KINDS[kind][0], KINDS[kind][-1])
     found = checked.counts[code]
-    assert found == 1 if one else found > 1_000_000, (kind, checked.counts)
-    assert (checked.definition is not None) == (kind == "valid")
+    assert found == 1 if one else found > 300_000, (kind, checked.counts)
+    assert (checked.definition is not None) == (code in ("TT112", "TT213"))
 
 
 def peak(path: Path, kind: str) -> float:
@@ -67,12 +68,12 @@ def against_decoding(path: Path) -> None:
     decode = partial(msgspec.json.decode, data, type=Definition)
     for kind in KINDS:
         source = Source("s3", broken(data, kind))
-        runs = 5 if kind == "valid" else 3
+        runs = 5 if kind == "clean" else 3
         seconds = medians({"decode": decode, "check": partial(check, source)}, runs)
         line(
             f"{kind} ({seconds['check']:.2f} s)",
             seconds["check"] / seconds["decode"],
-            "<= 3" if kind == "valid" else "<= 10",
+            "<= 3" if kind == "clean" else "<= 10",
         )
 
 

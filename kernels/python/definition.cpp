@@ -16,9 +16,10 @@ void bind_definition(nb::module_ m) {
         "What doubles lack to their shortest decimals, which stand in a JSON array of numbers.",
         {"text[_]", "powers[121,2]", "numbers[n]", "rests[n]"}
     );
-    def<&definition::may_repeat_keys>(
-        m, "may_repeat_keys",
-        "Whether a key stands twice in an object of a JSON text, or has an escape.", {"text[_]"}
+    def<&definition::survey_keys>(
+        m, "survey_keys",
+        "Whether a key of a JSON text may stand twice in an object; marks lines that may be keys.",
+        {"text[_]", "names[_]", "present[n]"}
     );
     m.attr("TRIES") = definition::TRIES;
     def<&definition::scatter>(

@@ -356,26 +356,22 @@ REPORTERS: dict[str, Callable[[ValidationReport], str]] = {
 }
 
 
-_HEAD = re.compile(
-    b"|".join(
-        (
-            rb'\{\n  "format_version": \d+,\n  "findings": \[',
-            rb'\{\n  "\$schema": "[^"\n]*",\n  "version": "2\.1\.0",\n  "runs": \[\n    \{\n'
-            rb'      "tool": \{\n        "driver": \{\n          "name": "terratool",',
-            rb'<\?xml version="1\.0" encoding="UTF-8"\?>\n<testsuites name="terratool validate"',
-            rb"\[\]\n\Z",
-            rb'\[\n  \{\n    "description": "[^\n]*",\n    "check_name": "(?:TT\d+|unreadable)",\n',
-        )
+_HEAD = b"|".join(
+    (
+        rb'\{\n  "format_version": \d+,\n  "findings": \[',
+        rb'\{\n  "\$schema": "[^"\n]*",\n  "version": "2\.1\.0",\n  "runs": \[\n    \{\n'
+        rb'      "tool": \{\n        "driver": \{\n          "name": "terratool",',
+        rb'<\?xml version="1\.0" encoding="UTF-8"\?>\n<testsuites name="terratool validate"',
+        rb"\[\]\n\Z",
+        rb'\[\n  \{\n    "description": "[^\n]*",\n    "check_name": "(?:TT\d+|unreadable)",\n',
     )
-).match
+)
 """How reports in JSON, SARIF, JUnit's XML and GitLab's JSON begin."""
-_LINE = re.compile(
-    rb"(?:[^\n]+:\d+:\d+: (?:error|warning) TT\d+: [^\n]*|::(?:error|warning) [^\n]*|  [^\n]*)?"
-).fullmatch
-_LAST = re.compile(
+_LINE = rb"(?:[^\n]+:\d+:\d+: (?:error|warning) TT\d+: [^\n]*|::(?:error|warning) [^\n]*|  [^\n]*)?"
+_LAST = (
     rb"(?:no files|[\d,]+ files?) checked, (?:[\d,]+ (?:invalid|unreadable), )*"
     rb"(?:no|[\d,]+) errors?, (?:no|[\d,]+) warnings?[^\n]*\."
-).fullmatch
+)
 """The lines of a text, and of annotations, and the last one of both."""
 _LOOKED_AT = 1 << 16
 
@@ -389,8 +385,9 @@ def is_report(name: str) -> bool:
             tail = file.read()
     except OSError:  # who cannot look at it does not know
         return False
-    if _HEAD(head):
+    if re.match(_HEAD, head):
         return True
     whole = head if not tail else head.rpartition(b"\n")[0] + b"\n" + tail.partition(b"\n")[2]
     *lines, last, end = [b"", b"", *whole.split(b"\n")]
-    return not end and bool(_LAST(last)) and all(map(_LINE, lines))
+    is_line = re.compile(_LINE).fullmatch
+    return not end and bool(re.fullmatch(_LAST, last)) and all(map(is_line, lines))

@@ -7,14 +7,13 @@ import math
 import os
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, field
 from itertools import chain
 from pathlib import Path
 from typing import Any, NoReturn
 
 import click
 import msgspec
-from msgspec import structs
+from msgspec import Struct, field, structs
 
 from terratool.cli.baseline import Known, read_baseline, write_baseline
 from terratool.cli.config import Config, find_config, read_config
@@ -34,7 +33,6 @@ from terratool.definition.rules import RULES
 from terratool.errors import ReadError, RequestError, WriteError
 from terratool.output import is_same_file, refuse_existing, refuse_missing_folder, whole_file
 from terratool.text.display import counted, shown
-from terratool.text.edit import apply_edits
 from terratool.text.source import (
     is_folder,
     leads_out,
@@ -79,8 +77,7 @@ def _number(ctx: click.Context, param: click.Parameter, value: float | None) -> 
     return value
 
 
-@dataclass(frozen=True, slots=True)
-class _Plan:
+class _Plan(Struct, frozen=True):
     """What is asked for, by options or else by settings.
 
     Attributes:
@@ -151,13 +148,13 @@ def _plan(formats: tuple[str, ...], settings: Config, given: dict[str, Any]) -> 
         click.UsageError: it makes no sense.
         WriteError: a file cannot be written.
     """
-    from difflib import get_close_matches
-
     form = None
     outputs = []
     for text in formats or settings.formats:
         name, separator, out = text.partition("=")
         if name not in REPORTERS:
+            from difflib import get_close_matches
+
             close = get_close_matches(name.lower(), REPORTERS, 1)
             guess = f" Did you mean {close[0]}?" if close else ""
             raise click.UsageError(
@@ -198,8 +195,7 @@ def _plan(formats: tuple[str, ...], settings: Config, given: dict[str, Any]) -> 
     return plan
 
 
-@dataclass(slots=True)
-class _Found:
+class _Found(Struct):
     """What was found in all files so far.
 
     Attributes:
@@ -288,6 +284,8 @@ def _mend(name: str, options: CheckOptions, status: Status) -> None:
         raise RequestError(
             "--fix writes files, and standard input is none.", "Give the name of a file."
         )
+    from terratool.text.edit import apply_edits
+
     source, shelf = read_source(name, named=False), new_shelf(options)
     data, count = source.data, 0
     checked = check(source, options, kind=None, shelf=shelf)
@@ -342,8 +340,7 @@ def _by_severity(counts: Counter[str]) -> Counter[str]:
     return by_severity
 
 
-@dataclass(frozen=True, slots=True)
-class _Job:
+class _Job(Struct, frozen=True):
     """Files to check, and how.
 
     Attributes:

@@ -11,7 +11,6 @@ import msgspec
 from msgspec import UNSET, Raw
 
 from terratool.definition.exact import rest_of
-from terratool.definition.expand import expand
 from terratool.definition.keys import KEYS, SLOTS
 from terratool.definition.layout import canonical
 from terratool.definition.libraries import DICTIONARIES, Dictionary, known_names
@@ -60,6 +59,8 @@ def bundle(checked: Checked, *, expanded: bool = False) -> Bundle:
     members.pop("use", None)
     needed, rounded = uses.needed, 0
     if expanded:
+        from terratool.definition.expand import expand
+
         tree = expand(uses).tree
         # what parts wear themselves is not worn beside them
         worn = tree.distinct("surface") | track_surfaces(checked.terrain)

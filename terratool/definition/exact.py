@@ -97,13 +97,13 @@ def _exact_sum(a: Any, b: Any) -> tuple[Any, Any]:
 
 
 class Side(NamedTuple):
-    """A length as the sum of two doubles, of which the first has 36 bits."""
+    """A length as the sum of two doubles, of which the first has 36 bits; or arrays of both."""
 
-    high: float
-    rest: float
+    high: Any
+    rest: Any
 
     @property
-    def length(self) -> float:
+    def length(self) -> Any:
         """The double nearest to it."""
         return self.high + self.rest
 
@@ -112,23 +112,29 @@ class Side(NamedTuple):
         """The sum of the two doubles."""
         return Fraction(self.high) + Fraction(self.rest)
 
-    def times(self, count: int) -> Exact:
+    def times(self, count: Any) -> Exact:
         """A whole number of up to 17 bits of such lengths."""
         return Exact(*_exact_sum(count * self.high, count * self.rest))
 
-    def share(self, cells: int, of: int) -> Side:
+    def share(self, cells: Any, of: Any) -> Side:
         """The side of one of `of` equal cells in a block of so many of these."""
         high = _leading((self.high * cells + self.rest * cells) / of)
         return Side(high, ((self.high * cells - high * of) + self.rest * cells) / of)
 
 
-def side(length: float, rest: float | None = None) -> Side:
+def side(length: Any, rest: Any = None) -> Side:
     """A length as a `Side`: the decimal that its double means, or the double and this rest."""
     high = _leading(length)
     return Side(high, (length - high) + (rest_of(length) if rest is None else rest))
 
 
-def _leading(value: float) -> float:
+def _leading(value: Any) -> Any:
+    """The leading 36 bits of a number, or of each number of an array."""
+    if not isinstance(value, (int, float)):
+        import numpy as np
+
+        mantissas, exponents = np.frexp(value)
+        return np.ldexp(np.floor(mantissas * _LEADING), exponents - 36)
     mantissa, exponent = math.frexp(value)
     return math.ldexp(math.floor(mantissa * _LEADING), exponent - 36)
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
-from difflib import get_close_matches
 from functools import lru_cache
 from typing import Any
+
+from msgspec import Struct
 
 from terratool.definition.listmath import LIST_FUNCTIONS
 from terratool.text.display import shown
@@ -95,6 +95,8 @@ def instead_of_word(word: str, before: str, behind: str) -> str:
         return _FORMULA_ALONE
     if len(word) == 1 and not behind.startswith("("):
         return "Write t, which is the only variable."
+    from difflib import get_close_matches
+
     close = get_close_matches(small[:20], (*_KNOWN, *NAMED) if alone else _KNOWN, 1, 0.75)
     if close:
         return f"Did you mean {close[0]}?"
@@ -132,8 +134,7 @@ class ExpressionError(ValueError):
         self.hint = hint
 
 
-@dataclass(frozen=True, slots=True)
-class Expression:
+class Expression(Struct, frozen=True):
     """A parsed expression: its text and its program."""
 
     text: str

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from itertools import islice
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from msgspec import Struct, field
-from msgspec.structs import replace
 
 from terratool.text.display import Excerpt
-from terratool.text.edit import Edit
+
+if TYPE_CHECKING:
+    from terratool.text.edit import Edit
 
 Severity = Literal["error", "warning"]
 Bounds = tuple[float, float, float, float]
@@ -32,7 +33,6 @@ class Remark(Struct, frozen=True, gc=False):
         occurrence: which of the equal keys of an object is meant, from 1.
         fix: JSON text that the value, or the key, is to be replaced with; empty if no one answer
             is the only one.
-        tell: what finds message and hint, where that takes time; asked if the remark is kept.
     """
 
     pointer: str
@@ -42,14 +42,18 @@ class Remark(Struct, frozen=True, gc=False):
     element: int = -1
     occurrence: int = 1
     fix: str = ""
-    tell: Callable[[], tuple[str, str]] | None = None
 
-    def told(self) -> Remark:
-        """The same with its message and hint."""
-        if self.tell is None:
-            return self
-        message, hint = self.tell()
-        return replace(self, message=message, hint=hint, tell=None)
+
+class RemarkBatch(Struct, frozen=True):
+    """Remarks on many elements, of which each is written when it is wanted.
+
+    Attributes:
+        elements: indices of the elements in the tree, in order.
+        remark: the remark on an element.
+    """
+
+    elements: Sequence[int]
+    remark: Callable[[int], Remark]
 
 
 class RemarkLog(Struct):
@@ -79,7 +83,9 @@ class RemarkLog(Struct):
         """Keep a remark that was counted."""
         self.kept.append((code, remark))
 
-    def take(self, code: str, remarks: Iterator[Remark], count: int | None = None) -> None:
+    def take(
+        self, code: str, remarks: Iterator[Remark | RemarkBatch], count: int | None = None
+    ) -> None:
         """Count remarks, and keep those that are wanted.
 
         Args:
@@ -87,11 +93,18 @@ class RemarkLog(Struct):
             remarks: some of them, or all.
             count: how many there are, if these are not all.
         """
-        room = max(0, self.limit - self.counts[code])
-        kept = [(code, remark.told()) for remark in islice(remarks, room)]
-        self.kept += kept
+        found, room = 0, max(0, self.limit - self.counts[code])
+        for remark in remarks if count is None else islice(remarks, room):
+            if isinstance(remark, Remark):
+                if found < room:
+                    self.kept.append((code, remark))
+                found += 1
+                continue
+            wanted = remark.elements[: max(0, room - found)]
+            self.kept += ((code, remark.remark(index)) for index in wanted)
+            found += len(remark.elements)
         if count is None:
-            count = len(kept) + sum(1 for _ in remarks)
+            count = found
         if count:
             self.counts[code] += count
 

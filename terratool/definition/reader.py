@@ -16,8 +16,7 @@ from msgspec import Struct, structs
 
 from terratool.definition.curriculum.text import CurriculumText
 from terratool.definition.decode import Decoded, decode
-from terratool.definition.expand import Expansion, expand
-from terratool.definition.findings import Finding, Owner, Remark, RemarkLog
+from terratool.definition.findings import Finding, Owner, Remark, RemarkBatch, RemarkLog
 from terratool.definition.key import Key
 from terratool.definition.keys import KEYS, Kind, document_kind
 from terratool.definition.libraries import Document, Shelf, known_names
@@ -45,12 +44,18 @@ from terratool.definition.uses import Uses
 from terratool.definition.vehicle import VehicleText
 from terratool.errors import DefinitionError
 from terratool.text.display import counted, shown, unescape
-from terratool.text.edit import Edit
-from terratool.text.scan import value_end
 from terratool.text.source import Source, read_source, real_path
-from terratool.text.values import Repeated, read_values, repeated_keys
+from terratool.text.values import (
+    KeySurvey,
+    Repeated,
+    read_values,
+    repeated_keys,
+    survey_keys,
+)
 
 if TYPE_CHECKING:
+    from terratool.definition.expand import Expansion
+    from terratool.text.edit import Edit
     from terratool.text.locate import Position
     from terratool.text.syntax import JsonSyntaxError
 
@@ -72,7 +77,9 @@ class IgnoreLists:
     def __bool__(self) -> bool:
         return bool(self._lists)
 
-    def unsilenced(self, code: str, remarks: Iterable[Remark], tree: Tree) -> Iterator[Remark]:
+    def unsilenced(
+        self, code: str, remarks: Iterable[Remark | RemarkBatch], tree: Tree
+    ) -> Iterator[Remark | RemarkBatch]:
         """The warnings that no list around them silences; the lists that do are of use."""
         lists: dict[Owner, list[tuple[Owner, int]]] = {}
         for owner, index, listed in self._codes:
@@ -82,9 +89,10 @@ class IgnoreLists:
             yield from remarks
             return
         silent: dict[Owner, bool] = {}  # what is known of owners, and so of all in them
-        for remark in remarks:
+
+        def is_silenced(owner: Owner) -> bool:
             path: list[Owner] = []
-            around: Owner | None = _owner(remark, tree)
+            around: Owner | None = owner
             while around is not None and around not in silent:
                 path.append(around)
                 around = _around(around, tree)
@@ -92,7 +100,13 @@ class IgnoreLists:
             for inner in reversed(path):
                 self._used.update(lists.get(inner, ()))
                 silenced = silent[inner] = silenced or inner in lists
-            if not silenced:
+            return silenced
+
+        for remark in remarks:
+            if isinstance(remark, RemarkBatch):
+                told = [index for index in remark.elements if not is_silenced(index)]
+                yield RemarkBatch(told, remark.remark)
+            elif not is_silenced(_owner(remark, tree)):
                 yield remark
 
     def unused(self, idle: tuple[str, ...]) -> Iterator[Remark]:
@@ -218,8 +232,10 @@ class Checked(Struct, frozen=True, dict=True):
         """
         if self.uses is None:
             return None
+        from terratool.definition.expand import expand
+
         expansion = expand(self.uses)
-        return expansion._replace(definition=self.with_tracks(expansion.definition))
+        return structs.replace(expansion, definition=self.with_tracks(expansion.definition))
 
     @cached_property
     def uses(self) -> Uses | None:
@@ -344,20 +360,27 @@ def new_shelf(options: CheckOptions | None = None) -> Shelf:
 def read_document(source: Source, kind: Kind, limit: int = 1000) -> Document:
     """Read a text into the model, as far as it fits."""
     found = RemarkLog(limit)
-    quick = kind in ("terrain", "library")
-    decoded = _decode_quickly(source.data, kind) if quick else None
-    if decoded is None:
-        from terratool.text.syntax import JsonSyntaxError
-
+    quick = _decode_quickly(source.data, kind) if kind in ("terrain", "library") else None
+    keys = None
+    if quick is not None:
+        decoded, keys = quick
+    else:
         try:
             value = read_values(source.data)
-        except JsonSyntaxError as error:
+        except _syntax_error() as error:
             return Document(source, Decoded(), found, broken=error, kind=kind)
         decoded = decode(value, kind, found)
         del value
-    repeated, count = repeated_keys(source.data, found.limit)
+    repeated, count = repeated_keys(source.data, found.limit, keys)
     found.take("TT102", map(_duplicate, repeated), count)
     return Document(source, decoded, found, kind=kind)
+
+
+def _syntax_error() -> type[JsonSyntaxError]:
+    """The error of a text that is no JSON, of a module that other texts do without."""
+    from terratool.text.syntax import JsonSyntaxError
+
+    return JsonSyntaxError
 
 
 def _checked(document: Document, options: CheckOptions) -> Checked:
@@ -446,21 +469,26 @@ def _no_collector() -> Iterator[None]:
             gc.enable()
 
 
-def _decode_quickly(data: bytes, kind: Kind) -> Decoded | None:
-    """What the text says, if all of it fits."""
+_ELEMENT_NAMES = {key: name for name, key in names_of(Element) if name != "children"}
+"""Attributes of elements by their keys."""
+
+
+def _decode_quickly(data: bytes, kind: Kind) -> tuple[Decoded, KeySurvey] | None:
+    """What the text says, if all of it fits, and what is known of its keys."""
     model: type[Library] = Definition if kind == "terrain" else Library
     try:
         definition: Library = msgspec.json.decode(data, type=model)
     except (msgspec.MsgspecError, RecursionError, UnicodeError):
         return None
-    tree = flatten(definition)
+    keys = survey_keys(data, tuple(_ELEMENT_NAMES))
+    tree = flatten(definition, (_ELEMENT_NAMES[key] for key in keys.absent))
     terrain = definition if isinstance(definition, Definition) else None
     crs = terrain.crs if terrain else msgspec.UNSET
     # the values of a crs are free, and may be beyond any float
     free = isinstance(crs, dict) or (isinstance(crs, int) and crs.bit_length() > 64)
     if free or not _in_range(definition, tree):
         return None
-    return Decoded(terrain, None if terrain else definition, tree=tree)
+    return Decoded(terrain, None if terrain else definition, tree=tree), keys
 
 
 _RANGED: dict[type, list[tuple[str, Key]]] = {
@@ -566,7 +594,9 @@ def _placed(
     found.kept = [kept for kept in found.kept if shows(kept[0])]
     if not found.kept:
         return ()
+    from terratool.text.edit import Edit
     from terratool.text.locate import Address, offsets, positions_of
+    from terratool.text.scan import value_end
 
     tree = decoded.tree
     pointers = [
@@ -616,6 +646,7 @@ def _duplicate(repeated: Repeated) -> Remark:
 
 def _unreadable(source: Source, error: JsonSyntaxError) -> Checked:
     """What is said of a text that is no JSON: this one thing."""
+    from terratool.text.edit import Edit
     from terratool.text.locate import positions_of
     from terratool.text.syntax import innermost
 

@@ -9,7 +9,6 @@ from typing import Any, NamedTuple
 from msgspec import UNSET
 
 from terratool.definition.model import MAX_SCATTERED, Pair, Scatter
-from terratool.kernels import definition as kernels
 
 ALL_TRIES = 1 << 62
 """More places than are ever tried."""
@@ -99,6 +98,8 @@ def strewn(asked: Strewing, count: int, tries: int = ALL_TRIES) -> Strewn:
     size. Middles are spread evenly over the places that keep the copy, however it is turned, in
     the cell, and as far from those before as is asked.
     """
+    from terratool.kernels import definition as kernels
+
     # validating does without NumPy
     buffers: Any = [array("d", bytes(8 * count)) for _ in range(4)]
     sides, x, y, turns = buffers
@@ -113,6 +114,8 @@ def least_drawn(scatter: Scatter, area: Pair) -> float:
         scatter: what the text says.
         area: sides of the cell over which copies are strewn.
     """
+    from terratool.kernels import definition as kernels
+
     count = min(wanted(scatter, area), MAX_SCATTERED)
     return kernels.least_side(strewing(scatter, area, by_quarters=False, tilted=False), count)
 
@@ -122,4 +125,6 @@ def share(seed: int, number: int, draw: int) -> float:
 
     Source: Steele, Lea and Flood, Fast splittable pseudorandom number generators, OOPSLA 2014.
     """
+    from terratool.kernels import definition as kernels
+
     return kernels.share(seed, number, draw)

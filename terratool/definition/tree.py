@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_left, insort
-from collections.abc import Container, Iterator, Sequence
+from collections.abc import Container, Iterable, Iterator, Sequence
 from fractions import Fraction
 from functools import cached_property
 from heapq import heappop, heappush
@@ -136,11 +136,16 @@ class Tree(Struct, frozen=True, dict=True):
     def distinct(self, name: str) -> set[Any]:
         """The different values of an attribute."""
         if name not in self._distinct:
-            # the columns of these will be wanted, too
-            at_once = name in self.columns or name in ("cell_x", "cell_y")
-            values = self.column(name) if at_once else map(attrgetter(name), self.elements)
-            self._distinct[name] = set(values)
+            self._distinct[name] = set(self.column(name))
         return self._distinct[name]
+
+    def lacking(self, name: str) -> int:
+        """Number of elements without an attribute."""
+        key = f"lacking {name}"
+        if key not in self.notes:
+            self.notes[key] = self.column(name).count(UNSET)
+        count: int = self.notes[key]
+        return count
 
     def grid(self, index: int) -> Pair:
         """Columns and rows of the grid of an element."""
@@ -340,10 +345,14 @@ def _finite(number: float) -> bool:
     return number - number == 0
 
 
-def flatten(definition: Library) -> Tree:
+def flatten(definition: Library, absent: Iterable[str] = ()) -> Tree:
     """Lay the tree of a terrain flat, and those of its parts or of a library's.
 
     Time and memory are linear in the number of elements.
+
+    Args:
+        definition: the terrain or the library.
+        absent: attributes that no element has.
     """
     root = definition.elem_tree if isinstance(definition, Definition) else UNSET
     parts = definition.assemblies
@@ -365,7 +374,9 @@ def flatten(definition: Library) -> Tree:
                     begin = after + len(level)
                     level.extend(children)
                     families.append((index, begin, after + len(level)))
-    return Tree(elements, families, levels, roots=roots or (ROOT,))
+    columns = dict.fromkeys(absent, [UNSET] * len(elements)) if elements else {}
+    distinct: dict[str, set[Any]] = {name: {UNSET} for name in columns}
+    return Tree(elements, families, levels, columns, roots=roots or (ROOT,), _distinct=distinct)
 
 
 def complete(definition: Definition, tree: Tree) -> Definition:

@@ -98,11 +98,6 @@ class Turned(NamedTuple):
         )
 
 
-def is_slanted(turn: float) -> bool:
-    """Whether a rectangle that is turned so far leaves its cell, whatever its sides are."""
-    return 1e-6 < turn % 90 < 90 - 1e-6  # corners reach out by more than `CLOSE`
-
-
 def turned(lengths: Pair, turn: float, is_round: bool) -> Turned:
     """A rectangle or an ellipse with these sides, turned; quarter turns are exact."""
     angle = math.fmod(turn, 360.0)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 from terratool.definition.exact import rests_of
 from terratool.definition.model import DEFAULT_CELLS, Definition, pair_of
 from terratool.definition.tree import ROOT, Tree
+from terratool.definition.written import Written
 from terratool.field.records import ELEMENT, PLACE, FieldArrays
 from terratool.field.tables import (
     Columns,
@@ -41,7 +43,8 @@ class Compiled(NamedTuple):
         surfaces: names of the surfaces, in the order of their ids.
         levels: levels of nesting, 1 for a root alone.
         primitives: (kinds,) index of each kind's primitive.
-        steps: the end of each element's name, where the elements were written out from parts.
+        written: the elements as they were written out from parts, and of each element of the field
+            its index there; None where the text has them so.
         descrs: what elements are said to be, by their index; only of those that are.
             None where parts are shared.
     """
@@ -53,19 +56,25 @@ class Compiled(NamedTuple):
     surfaces: tuple[str, ...]
     levels: int
     primitives: Ints
-    steps: tuple[str, ...] | None = None
+    written: tuple[Written, Ints] | None = None
     descrs: dict[int, str] | None = None
 
     def step(self, element: int) -> str:
         """The end of an element's name, behind that of its parent."""
-        if self.steps is not None:
-            return self.steps[element]
+        if self.written is not None:
+            elements, order = self.written
+            return elements.step(int(order[element]))
         return f"/children/{self.document[element]}" if element else ROOT
 
 
-def compile_definition(definition: Definition, tree: Tree, *, roughness: bool = True) -> Compiled:
+def compile_definition(
+    definition: Definition, tree: Tree | Written, *, roughness: bool = True
+) -> Compiled:
     """Compile a valid definition and its elements, laid flat; with reliefs or without."""
-    columns = _columns(tree, definition)
+    if isinstance(tree, Tree):
+        columns, (places, rests) = _columns(tree, definition), _places(tree)
+    else:
+        columns, (places, rests) = _written_columns(tree, definition), _written_places(tree)
     order, dense = order_of(columns, tree.levels)
     document = (np.arange(len(order)) - _first_sibling(columns.parent))[order].astype(np.uint32)
     columns, dense = in_order(columns, order), dense[order]
@@ -73,7 +82,7 @@ def compile_definition(definition: Definition, tree: Tree, *, roughness: bool = 
 
     runs = runs_of(columns)
     grids, grid_of = runs.grids, runs.grid_of
-    placed = placed_of(columns, *_places(tree), grid_of > 0)
+    placed = placed_of(columns, places, rests, grid_of > 0)
     numbers = np.arange(len(grids), dtype=np.uint32)
     home = np.repeat(numbers, np.diff(runs.first, append=len(parents)))
     sides, aspects = np.empty((len(grids), 2)), np.empty(len(grids))
@@ -115,13 +124,21 @@ def compile_definition(definition: Definition, tree: Tree, *, roughness: bool = 
         tuple(definition.surfaces),
         len(tree.levels) - 1,
         found.primitives,
-        None if tree.steps is None else tuple(tree.steps[index] for index in order.tolist()),
+        None if isinstance(tree, Tree) else (tree, order),
         _descrs(tree, order),
     )
 
 
-def _descrs(tree: Tree, order: Ints) -> dict[int, str]:
+def _descrs(tree: Tree | Written, order: Ints) -> dict[int, str]:
     """What elements are said to be, by their index in order; only of those that are."""
+    if not isinstance(tree, Tree):
+        codes = tree.rows.descr[order]
+        said = np.flatnonzero(codes)
+        return {
+            place: text
+            for place, text in zip(said.tolist(), tree.named(codes[said]), strict=True)
+            if text
+        }
     column = tree.column("descr")
     return {
         place: text
@@ -168,6 +185,43 @@ def _columns(tree: Tree, definition: Definition) -> Columns:
     )
 
 
+def _written_columns(written: Written, definition: Definition) -> Columns:
+    rows, names = written.rows, written.names.values
+    cells = np.array([pair_of(c, DEFAULT_CELLS) if _is_cells(c) else (0, 0) for c in names])
+
+    def numbers(known: Iterable[str], codes: Ints) -> Ints:
+        place = {name: number for number, name in enumerate(known)}
+        return np.array([place.get(name, -1) for name in names], np.int64)[codes]
+
+    return Columns(
+        parent=written.parent,
+        cell=rows.cell,
+        span=rows.span,
+        cells=cells[written.cells],
+        scale=rows.scale,
+        offset=np.where(np.isnan(rows.offset), 0.0, rows.offset),
+        turn=np.fmod(np.where(np.isnan(rows.turn), 0.0, rows.turn), 360.0),
+        type=numbers(definition.primitives, rows.type),
+        surface=numbers(definition.surfaces, rows.surface),
+        free=rows.free,
+        place=np.cumsum(rows.free) - 1,
+    )
+
+
+def _is_cells(value: Any) -> bool:
+    return value is UNSET or isinstance(value, int | tuple)
+
+
+def _written_places(written: Written) -> tuple[NDArray[Any], NDArray[Any]]:
+    """The places of the free elements, PLACE, and what their doubles lack, PLACE."""
+    rows = written.rows
+    count = int(np.count_nonzero(rows.free))
+    places, rests = np.zeros(count, PLACE), np.zeros(count, PLACE)
+    places["at"], places["extent"] = rows.at[rows.free], rows.extent[rows.free]
+    rests["at"], rests["extent"] = rows.rests[rows.free, :2], rows.rests[rows.free, 2:]
+    return places, rests
+
+
 def _places(tree: Tree) -> tuple[NDArray[Any], NDArray[Any]]:
     """The places of the free elements of a tree, PLACE, and what their doubles lack, PLACE."""
     if tree.distinct("at") == {UNSET}:
@@ -177,13 +231,8 @@ def _places(tree: Tree) -> tuple[NDArray[Any], NDArray[Any]]:
     places, rests = np.zeros(len(free), PLACE), np.zeros(len(free), PLACE)
     places["at"] = [at[index] for index in free]
     places["extent"] = [pair_of(extent[index], 1.0) for index in free]
-    known = [None] * len(tree) if tree.rests is None else tree.rests
     for name in ("at", "extent"):
         rests[name] = rests_of(places[name])
-    written = [place for place, index in enumerate(free) if known[index] is not None]
-    if written:
-        values = np.array([known[free[place]] for place in written], np.float64)
-        rests["at"][written], rests["extent"][written] = values[:, :2], values[:, 2:]
     return places, rests
 
 

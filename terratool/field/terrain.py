@@ -160,8 +160,9 @@ class Terrain:
             self._compiled, self._tally = compile_shared(plan, roughness=roughness)
             refuse_piled(self.field, uses.document.source.name)
         else:
-            definition, tree = _written_out(definition, uses)
-            self._compiled = compile_definition(definition, tree, roughness=roughness)
+            expansion = _written_out(definition, uses)
+            definition = expansion.definition
+            self._compiled = compile_definition(definition, expansion.elements, roughness=roughness)
         self.descr = "" if definition.descr is UNSET else definition.descr
         self.crs: str | int | dict[str, object] | None = (
             None if definition.crs is UNSET else definition.crs

@@ -21,11 +21,13 @@ def decimal_rests(
     Shapes: text[_], powers[121,2], numbers[n], rests[n].
     """
 
-def may_repeat_keys(text: NDArray[np.uint8]) -> bool:
+def survey_keys(
+    text: NDArray[np.uint8], names: NDArray[np.uint8], present: NDArray[np.uint8]
+) -> bool:
     """
-    Whether a key stands twice in an object of a JSON text, or has an escape.
+    Whether a key of a JSON text may stand twice in an object; marks lines that may be keys.
 
-    Shapes: text[_].
+    Shapes: text[_], names[_], present[n].
     """
 
 TRIES: int = 50

@@ -16,7 +16,8 @@ _NEAR = 0.8
 _FORMULAS = ("=", "+", "-", "@", "'")
 """What names begin with that get an apostrophe in CSV; one of their own included, so that it is
 known where to take it off."""
-_control = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+_CONTROL = "[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]"
+"""Characters that no XML has: an expression that takes long to compile."""
 _command = re.compile(r"^((?:\x1b\[[0-9;]*m|\s)*):(?=:)", re.MULTILINE)
 
 
@@ -85,7 +86,7 @@ def json_text(value: Any, indent: int | None = 2) -> str:
 
 def xml_text(text: str) -> str:
     """A text without the control characters that JSON may hold and XML may not."""
-    return _control.sub("\ufffd", text)
+    return re.sub(_CONTROL, "\ufffd", text)
 
 
 def inert_xml(text: str) -> str:

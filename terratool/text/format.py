@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
 
 import msgspec
+from msgspec import Struct, field
 
 from terratool.text.scan import tokens
 
@@ -14,8 +14,7 @@ WIDTH = 120
 _INDENT = "  "
 
 
-@dataclass(slots=True)
-class Layout:
+class Layout(Struct):
     """How an object or a list is laid out.
 
     Attributes:
@@ -43,8 +42,7 @@ FREE = Layout()
 """Of what is not in the format: as it stands."""
 
 
-@dataclass(slots=True)
-class _Node:
+class _Node(Struct):
     """A value.
 
     Attributes:

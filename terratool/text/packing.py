@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-import gzip
 import re
-import zipfile
 import zlib
 from collections.abc import Callable, Iterable
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import zipfile
 
 GZIP = b"\x1f\x8b"
 """What gzip begins with."""
@@ -50,6 +52,8 @@ def pack(data: bytes, compress: Callable[[bytes], bytes]) -> bytes:
     if len(data) <= TIMES * len(packed):
         return packed
     plain = len(data) // TIMES + 1
+    import gzip
+
     return gzip.compress(data[:plain], 0, mtime=0) + compress(data[plain:])
 
 
@@ -108,6 +112,8 @@ def refuse_members(archive: zipfile.ZipFile, names: Iterable[str], size: int) ->
     Raises:
         PackingError: they are encrypted, packed otherwise than by deflate, or come to too much.
     """
+    import zipfile
+
     members = [archive.getinfo(name) for name in names]
     for member in members:
         if member.flag_bits & _ENCRYPTED:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gzip
 import os
 import shutil
 import sys
@@ -90,6 +89,8 @@ def write_source(source: Source, path: str | Path, overwrite: bool) -> None:
     """
     data = _BOM + source.data if source.marked else source.data
     if source.packed:
+        import gzip
+
         data = pack(data, partial(gzip.compress, mtime=0))
     own = is_same_file(path, source.name)
     with whole_file(path, overwrite) as part:

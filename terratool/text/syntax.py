@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 from typing import Any
+
+from msgspec import Struct
 
 from terratool.text.display import escape, shown, unescape
 from terratool.text.numbers import parse_whole
@@ -80,8 +81,7 @@ class JsonSyntaxError(Exception):
         self.fix = fix
 
 
-@dataclass(slots=True)
-class JsonText:
+class JsonText(Struct):
     """A parsed text.
 
     Attributes:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterable, Iterator
-from typing import Any
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any, NamedTuple
 
 import msgspec
 
@@ -53,18 +53,42 @@ def read_values(data: bytes) -> Any:
         return parse(text).value
 
 
-def repeated_keys(data: bytes, limit: int) -> tuple[list[Repeated], int]:
+class KeySurvey(NamedTuple):
+    """Facts about the keys of a long JSON text; of a short one nothing is ruled out.
+
+    Attributes:
+        may_repeat: whether a key may stand twice in an object.
+        absent: names that are certain to be no key in it.
+    """
+
+    may_repeat: bool = True
+    absent: frozenset[str] = frozenset()
+
+
+def survey_keys(data: bytes, names: Sequence[str] = ()) -> KeySurvey:
+    """Look at the keys of a JSON text in UTF-8, and at whether these names are among them."""
+    if len(data) <= _LONG:
+        return KeySurvey()
+    from terratool.kernels import definition as kernels
+
+    present, lines = bytearray(len(names)), "".join(f"{name}\n" for name in names).encode()
+    may_repeat = kernels.survey_keys(data, lines, present)  # type: ignore[arg-type]  # arrays, too
+    absent = (name for name, mark in zip(names, present, strict=True) if not mark)
+    return KeySurvey(may_repeat, frozenset(absent))
+
+
+def repeated_keys(
+    data: bytes, limit: int, survey: KeySurvey | None = None
+) -> tuple[list[Repeated], int]:
     """The keys that stood in their object before, so many of them at most, and how many there are.
 
     Args:
         data: a JSON text in UTF-8 without errors of syntax.
         limit: how many are wanted.
+        survey: what is known of its keys.
     """
-    if len(data) > _LONG:
-        from terratool.kernels import definition as kernels
-
-        if not kernels.may_repeat_keys(data):  # type: ignore[arg-type]  # bytes are an array, too
-            return [], 0
+    if not (survey or survey_keys(data)).may_repeat:
+        return [], 0
     count = 0
     found: dict[int, tuple[Any, list[Repeated]]] = {}
 

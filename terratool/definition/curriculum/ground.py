@@ -7,7 +7,7 @@ from collections.abc import Collection, Iterator
 from msgspec import UNSET, structs
 
 from terratool.definition.decode import Decoded
-from terratool.definition.findings import Owner, Remark, RemarkLog
+from terratool.definition.findings import Owner, Remark, RemarkBatch, RemarkLog
 from terratool.definition.libraries import Document
 from terratool.definition.model import Definition, Element, Primitive
 from terratool.definition.rules.base import CurriculumSubject, Subject
@@ -44,8 +44,10 @@ def ground_subject(subject: CurriculumSubject) -> Subject | None:
     return Subject(definition=terrain, tree=tree, document=document, unfit=unfit)
 
 
-def on_ground(remarks: Iterator[Remark]) -> Iterator[Remark]:
+def on_ground(remarks: Iterator[Remark | RemarkBatch]) -> Iterator[Remark]:
     """Remarks on the surface of a terrain as remarks on that of its spec."""
     for remark in remarks:
+        if isinstance(remark, RemarkBatch):  # of elements
+            continue
         if remark.element < 0 and remark.pointer.startswith(_FLOOR):
             yield structs.replace(remark, pointer="/surface" + remark.pointer.removeprefix(_FLOOR))

@@ -11,7 +11,7 @@ from msgspec import UNSET, Struct, UnsetType
 
 from terratool.definition.curriculum.text import CurriculumText
 from terratool.definition.curves import CurveError, problems
-from terratool.definition.findings import Owner, Remark, Severity
+from terratool.definition.findings import Owner, Remark, RemarkBatch, Severity
 from terratool.definition.keys import SLOTS, Kind
 from terratool.definition.libraries import Clash, Document, Named, clashes_of, known_names
 from terratool.definition.model import Definition, Primitive, Surface
@@ -227,7 +227,7 @@ class CurriculumSubject(_Subject, frozen=True, kw_only=True):
     curriculum: CurriculumText
 
 
-Check = Callable[[Any], Iterator[Remark]]
+Check = Callable[[Any], Iterator[Remark | RemarkBatch]]
 """The generator of a rule; it takes the subject of its kind, such as `Subject` of terrains."""
 
 

@@ -7,7 +7,6 @@ from collections.abc import Iterator
 
 from msgspec import UNSET
 
-from terratool.definition.crs import authority_code, crs_problem, is_known
 from terratool.definition.findings import Remark
 from terratool.definition.rules.base import Subject, rule
 
@@ -107,7 +106,11 @@ def no_crs(subject: Subject) -> Iterator[Remark]:
     To mend: write an authority and code, which says the same in a few characters.
     """
     crs = subject.definition.crs
-    if crs is not UNSET and (problem := crs_problem(crs)):
+    if crs is UNSET:
+        return
+    from terratool.definition.crs import crs_problem
+
+    if problem := crs_problem(crs):
         yield Remark("/crs", *problem)
 
 
@@ -135,7 +138,11 @@ def unknown_crs(subject: Subject) -> Iterator[Remark]:
     To mend: correct the code; epsg.io and crs-explorer.proj.org have all of them.
     """
     crs = subject.definition.crs
-    if crs is UNSET or crs_problem(crs):
+    if crs is UNSET:
+        return
+    from terratool.definition.crs import authority_code, crs_problem, is_known
+
+    if crs_problem(crs):
         return
     entry = authority_code(crs)
     if entry is not None and is_known(entry) is False:

@@ -218,7 +218,9 @@ def unused_library(subject: Subject) -> Iterator[Remark]:
 
     To mend: remove its path from use.
     """
-    if subject.is_library or subject.uses.unknown or subject.lacks_library:
+    if not subject.document.uses or subject.is_library:
+        return
+    if subject.uses.unknown or subject.lacks_library:
         return
     needed = subject.uses.needed
     for index, library in enumerate(subject.document.uses):

@@ -68,7 +68,8 @@ def missing_key(subject: Subject) -> Iterator[Remark]:
         ("cellY", "cell_y", ("at", "extent")),
     ):
         first = 0 if key == "type" else len(tree.roots)  # a root has no cell
-        if UNSET in tree.distinct(name) and (column := tree.column(name)).count(UNSET) > first:
+        if tree.lacking(name) > first:
+            column = tree.column(name)
             free = [tree.column(other) for other in others if tree.distinct(other) != {UNSET}]
             message = f'the element has no "{key}".'
             hint = f'Add "{key}".' if key == "type" else f'Add "{key}", or "at" and "extent".'

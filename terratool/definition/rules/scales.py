@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from bisect import bisect
 from collections.abc import Iterable, Iterator, Sequence
+from functools import cached_property
 
 from msgspec import UNSET
 
+from terratool.definition.cell_kinds import cell_kinds, shares_of
 from terratool.definition.findings import Remark
 from terratool.definition.rules.base import Subject, rule
-from terratool.definition.rules.steps import cell_sides
 from terratool.definition.summaries import value_range
 from terratool.definition.tree import ROOT
 from terratool.text.display import shown
@@ -57,8 +58,10 @@ def default_scale(subject: Subject) -> Iterator[Remark]:
     To mend: write the vScale that is meant, also where it is the default.
     """
     tree = subject.tree
-    scales = tree.column("v_scale")
-    if subject.is_library or UNSET not in scales or tree.distinct("v_scale") == {UNSET}:
+    scales, lacking = tree.column("v_scale"), tree.lacking("v_scale")
+    if subject.is_library or lacking == len(tree):
+        return
+    if lacking == scales[: len(tree.roots)].count(UNSET):
         return
     heights = _Heights(subject)
     alone: dict[int, list[int]] = {}
@@ -83,8 +86,17 @@ class _Heights:
         self._surfaces, self._scatters = tree.column("surface"), tree.column("scatter")
         self._ranges = {name: value_range(shape) for name, shape in subject.summaries.items()}
         self._voids = {name for name, it in subject.surfaces.items() if it.void is True}
-        self._sides = cell_sides(tree, definition.extent)
+        self._extent, self._tree = definition.extent, tree
         self._subject = subject
+
+    @cached_property
+    def _shares(self) -> list[float]:
+        """The shorter side of each kind of cells over that of the terrain."""
+        return [min(sides) for sides in shares_of(cell_kinds(self._tree), self._extent)]
+
+    def _default(self, index: int) -> float:
+        """The vScale that an element has by default."""
+        return self._shares[cell_kinds(self._tree).of[index]]
 
     def matters(self, index: int) -> bool:
         """Whether the vScale of an element makes a difference."""
@@ -100,14 +112,14 @@ class _Heights:
     def remarks(self, own: Sequence[int], group: Iterable[int]) -> Iterator[Remark]:
         """Of elements without vScale those of whose group most others have another one."""
         shaped = [i for i in group if self.matters(i)]
-        scales = ((self._scales[i], min(self._sides[i])) for i in shaped)
+        scales = ((self._scales[i], self._default(i)) for i in shaped)
         others = [s for s, default in scales if s is not UNSET and not _same(s, default)]
         if not others or 2 * len(others) < len(shaped):
             return
         low, high = min(others), max(others)
         theirs = shown(low) if low == high else f"{shown(low)} to {shown(high)}"
         for index in own:
-            default = min(self._sides[index])
+            default = self._default(index)
             least, most = (default * value for value in self._ranges[self._types[index]])
             tallest = max(least, most, key=abs)
             yield Remark(

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from typing import NamedTuple
 
 from msgspec import UNSET
 
+from terratool.definition.cell_kinds import cell_kinds, shares_of
 from terratool.definition.findings import Remark
-from terratool.definition.model import Pair, pair_of
 from terratool.definition.rules.base import Subject, rule
 from terratool.definition.summaries import (
     Range,
@@ -18,7 +17,6 @@ from terratool.definition.summaries import (
     tallest_step,
     value_range,
 )
-from terratool.definition.tree import Tree
 from terratool.text.display import shown
 
 _CLOSE = 1e-9
@@ -94,12 +92,13 @@ def tall_step(subject: Subject) -> Iterator[Remark]:
     tree = subject.tree
     columns = (tree.column(key) for key in ("type", "v_scale", "v_offset", "turn_deg"))
     width, height = subject.definition.extent
-    for index, (name, scale, offset, turn, (w, h)) in enumerate(
-        zip(*columns, cell_sides(tree, (width, height)), strict=True)
-    ):
+    kinds = cell_kinds(tree)
+    shares = shares_of(kinds, (width, height))
+    for index, (name, scale, offset, turn, kind) in enumerate(zip(*columns, kinds.of, strict=True)):
         if name not in walls:
             continue
         step, edge, anywhere, radial = walls[name]
+        w, h = shares[kind]
         scale = min(w, h) if scale is UNSET else scale
         offset = 0.0 if offset is UNSET else offset
         w, h = w * width, h * height
@@ -136,22 +135,3 @@ def _walls(summary: ShapeSummary) -> _Walls:
     return _Walls(
         tallest_step(summary), edge_range(summary), value_range(summary), summary.y is None
     )
-
-
-def cell_sides(tree: Tree, size: Pair) -> list[tuple[float, float]]:
-    """Sides of the cell of each element over those of the terrain, which are `size`.
-
-    What stands in parts is taken to be in a part that covers the terrain.
-    """
-    sides = [(1.0, 1.0)] * len(tree)
-    extents = tree.column("extent") if tree.distinct("extent") != {UNSET} else None
-    for parent, begin, end in tree.families:
-        grid, (width, height) = tree.grid(parent), sides[parent]
-        for index in range(begin, end):
-            if extents is not None and extents[index] is not UNSET:
-                w, h = pair_of(extents[index], math.nan)
-                sides[index] = w / size[0], h / size[1]
-                continue
-            _, _, columns, rows = tree.block(index)
-            sides[index] = width * columns / grid[0], height * rows / grid[1]
-    return sides

@@ -3,23 +3,27 @@
 from __future__ import annotations
 
 import math
+from bisect import bisect_left
 from collections.abc import Iterator
 from fractions import Fraction
 from functools import lru_cache, partial
-from typing import NamedTuple
+from itertools import compress, repeat
+from operator import eq
+from typing import Any, NamedTuple
 
 from msgspec import UNSET
 
+from terratool.definition.cell_kinds import FREE, cell_kinds
 from terratool.definition.curves import problems, shape_of
 from terratool.definition.exact import Sides, sides
-from terratool.definition.findings import Remark
+from terratool.definition.findings import Remark, RemarkBatch
 from terratool.definition.libraries import path_between
-from terratool.definition.model import Primitive, pair_of
+from terratool.definition.model import Primitive
 from terratool.definition.part_sizes import Cells, Limits, PartSize, PartSizes, is_free
 from terratool.definition.rules.base import Subject, rule
 from terratool.definition.summaries import combine_values, curve_values
 from terratool.definition.tree import ROOT, Tree
-from terratool.definition.turning import CLOSE, THINNEST, Point, Turned, is_slanted, turned
+from terratool.definition.turning import CLOSE, Point, Turned, turned
 from terratool.definition.uses import Uses, elements_of
 from terratool.text.display import shown
 
@@ -28,7 +32,7 @@ _STEPS = 128
 
 
 @rule("TT213", "trimmed-element", "warning")
-def trimmed_element(subject: Subject) -> Iterator[Remark]:
+def trimmed_element(subject: Subject) -> Iterator[Remark | RemarkBatch]:
     """An element is turned, and its cell cuts off what reaches beyond it.
 
     The footprint of an element in a cell of the grid ends where that cell ends. So a quarter turn
@@ -68,40 +72,62 @@ def trimmed_element(subject: Subject) -> Iterator[Remark]:
     yield from _in_parts(subject)
 
 
-def _in_sight(subject: Subject) -> Iterator[Remark]:
+def _in_sight(subject: Subject) -> Iterator[RemarkBatch]:
     """What is trimmed in the terrain itself, and in a library on free places in its parts."""
     tree = subject.tree
-    if _is_aligned(tree):
+    turns = {turn for turn in tree.distinct("turn_deg") if turn is not UNSET and turn % 180 != 0}
+    if not turns:
         return
+    found = [index for index, turn in enumerate(tree.column("turn_deg")) if turn in turns]
+    found = found[bisect_left(found, len(tree.roots)) :]
+    for key in ("part", "at", "extent", "scatter"):
+        if tree.distinct(key) != {UNSET}:
+            column = tree.column(key)
+            found = [index for index in found if column[index] is UNSET]
+    if len(tree.roots) > 1 and subject.uses.has_root:
+        found = [index for index in found if not tree.root_of[index]]
     cells = _Cells(subject)
-    elsewhere = [tree.column(key) for key in ("part", "at", "extent", "scatter")]
-    types, scales, parents = tree.column("type"), tree.column("v_scale"), tree.parents
-    named = [name for name in tree.distinct("type") if name in subject.primitives]
-    cornered = {name for name in named if subject.primitives[name].combine != "radial"}
-    for index, turn in enumerate(tree.column("turn_deg")):
-        if turn is UNSET or turn % 180 == 0:
-            continue
-        whole = any(column[index] is not UNSET for column in elsewhere)
-        if whole or parents[index] < 0 or (subject.uses.has_root and tree.root_of[index]):
-            continue
-        may_be_bare = _may_be_bare(tree, index)
-        slanted = is_slanted(turn) and types[index] in cornered
-        if may_be_bare or not slanted or not cells.has_one(index):
-            shape = cells.shape(index)
-            if shape is None or not shape.is_trimmed:
-                continue
-            primitive = subject.primitives.get(types[index])
-            flat = scales[index] == 0
-            if may_be_bare and (flat or (primitive and _is_bare(primitive, shape))):
-                continue
-        yield Remark("/turnDeg", "", "", element=index, tell=partial(_told, cells, index))
+    verdicts = _Verdicts(cells)
+    if not cells.all_known:
+        found = list(filter(cells.is_known, found))
+    columns = [tree.column(key) for key in ("turn_deg", "type", "surface", "v_offset")]
+    flat = map(eq, map(tree.column("v_scale").__getitem__, found), repeat(0))
+    # one look at each combination, at the speed of C
+    looks = zip(
+        *(map(column.__getitem__, found) for column in (cell_kinds(tree).of, *columns)),
+        flat,
+        strict=False,
+    )
+    yield RemarkBatch(
+        list(compress(found, map(verdicts.__getitem__, looks))), partial(_remark, cells)
+    )
 
 
-def _told(cells: _Cells, index: int) -> tuple[str, str]:
-    tree = cells.subject.tree
-    shape, around = cells.shape(index), cells.of(tree.parents[index])
-    assert shape is not None and around is not None
-    return shape.sentence(), _hint(tree, index, shape, around)
+class _Verdicts(dict[Any, bool]):
+    """Whether elements are trimmed, by what they have: attributes, and the kind of their cells."""
+
+    def __init__(self, cells: _Cells) -> None:
+        self._cells = cells
+
+    def __missing__(self, key: tuple[int, float, Any, Any, Any, bool]) -> bool:
+        kind, turn, name, surface, offset, flat = key
+        primitive = self._cells.subject.primitives.get(name)
+        shape = self._cells.shape(kind, turn, primitive)
+        bare = (
+            surface is UNSET
+            and (offset is UNSET or offset == 0)
+            and (flat or (primitive is not None and _is_bare(primitive, shape)))
+        )
+        self[key] = found = shape.is_trimmed and not bare
+        return found
+
+
+def _remark(cells: _Cells, index: int) -> Remark:
+    tree, kinds = cells.subject.tree, cell_kinds(cells.subject.tree).of
+    primitive = cells.subject.primitives.get(tree.value("type", index))
+    shape = cells.shape(kinds[index], tree.value("turn_deg", index), primitive)
+    hint = _hint(tree, index, shape, cells.sides(kinds[tree.parents[index]]))
+    return Remark("/turnDeg", shape.sentence(), hint, element=index)
 
 
 class _Cells:
@@ -109,74 +135,72 @@ class _Cells:
 
     Attributes:
         subject: whose elements they are of.
+        all_known: whether those of all elements are known.
     """
 
     def __init__(self, subject: Subject) -> None:
         self.subject = subject
-        self._known: dict[int, Sides | None] = {}
-        self._blocks: dict[tuple[int, int, int], Sides] = {}  # by parent and span
-        self._extents = subject.tree.column("extent")
-        self._divided: dict[int, bool] = {}  # whether blocks of it are known, and have an area
-
-    def has_one(self, index: int) -> bool:
-        """Whether an element is certain to stand in a cell that is known and has an area."""
-        tree, parent = self.subject.tree, self.subject.tree.parents[index]
-        if parent not in self._divided:
-            around = None if self.subject.unfit else self.of(parent)
-            self._divided[parent] = around is not None and (
-                min(around.lengths) > 1e10 * THINNEST * max(around.lengths)  # so are its cells
+        tree = subject.tree
+        self._kinds = cell_kinds(tree)
+        self._sides: dict[int, Sides] = {}
+        self._extents = tree.column("extent")
+        self._known: dict[int, bool] = {}
+        for index, pointer in enumerate(tree.roots[: len(tree)]):
+            size = subject.definition.extent
+            self._known[index] = has_size = (
+                pointer == ROOT
+                and not subject.left_out("", "size")
+                and all(map(math.isfinite, size))
             )
-        return self._divided[parent] and min(tree.block(index)) >= 0
+            if has_size:
+                self._sides[index] = sides(size)
+        self.all_known = (
+            all(self._known.values())
+            and not subject.unfit
+            and all(tree.lacking(key) == len(tree.roots) for key in ("cell_x", "cell_y"))
+        )
 
-    def shape(self, index: int) -> Turned | None:
-        """The shape of an element as it is turned in its cell; None if that is not known."""
-        cell, tree = self.of(index), self.subject.tree
-        if cell is None:
-            return None
-        primitive = self.subject.primitives.get(tree.value("type", index))
-        is_round = primitive is not None and primitive.combine == "radial"
-        return turned(cell.lengths, tree.value("turn_deg", index), is_round)
-
-    def of(self, index: int) -> Sides | None:
-        """The sides of an element's cell."""
-        known, path = self._known, []
-        parents, extents = self.subject.tree.parents, self._extents
-        while index not in known:
+    def is_known(self, index: int) -> bool:
+        """Whether the sides of an element's cell are known."""
+        parents, path = self.subject.tree.parents, []
+        while index not in self._known:
             path.append(index)
-            if parents[index] < 0 or extents[index] is not UNSET:
-                known[index] = self._begin(index)
+            if self._extents[index] is not UNSET:
+                self._known[index] = True
                 break
             index = parents[index]
-        found = known[index]
+        known = self._known[index]
         for inner in reversed(path):
-            if inner != index:
-                found = known[inner] = self._within(inner, found)
+            known = self._known[inner] = known and (inner == index or self._has_block(inner))
+        return known
+
+    def _has_block(self, index: int) -> bool:
+        """Whether the cells of the grid that an element takes are known."""
+        subject, tree = self.subject, self.subject.tree
+        if min(tree.block(index)) < 0 or subject.left_out(tree.parents[index], "cells"):
+            return False
+        return not subject.left_out(index, "span", "extent")
+
+    def shape(self, kind: int, turn: float, primitive: Primitive | None) -> Turned:
+        """The shape of an element that is turned in a cell of a known kind."""
+        is_round = primitive is not None and primitive.combine == "radial"
+        return turned(self.sides(kind).lengths, turn, is_round)
+
+    def sides(self, kind: int) -> Sides:
+        """The sides of cells of a known kind."""
+        path = []
+        while kind not in self._sides:
+            origin = self._kinds.origins[kind]
+            assert origin is not None
+            if origin.around == FREE:
+                self._sides[kind] = sides(origin.span)
+                break
+            path.append((kind, origin))
+            kind = origin.around
+        found = self._sides[kind]
+        for inner, (_, (w, h), grid) in reversed(path):
+            found = self._sides[inner] = found.block((int(w), int(h)), grid)
         return found
-
-    def _begin(self, index: int) -> Sides | None:
-        """Of an element whose cell has sides of its own."""
-        subject, tree = self.subject, self.subject.tree
-        extent = tree.value("extent", index)
-        if tree.parents[index] >= 0:
-            return sides(pair_of(extent, math.nan))
-        is_root = tree.roots[tree.root_of[index]] == ROOT
-        if not is_root or subject.left_out("", "size"):
-            return None
-        whole = subject.definition.extent
-        return sides(whole) if all(map(math.isfinite, whole)) else None
-
-    def _within(self, index: int, around: Sides | None) -> Sides | None:
-        """Of an element in a cell of the grid of one with these sides."""
-        subject, tree = self.subject, self.subject.tree
-        (x, y, w, h), parent = tree.block(index), tree.parents[index]
-        if around is None or x < 0 or y < 0 or w < 0 or h < 0:
-            return None
-        if subject.left_out(parent, "cells") or subject.left_out(index, "span", "extent"):
-            return None
-        key = parent, w, h
-        if key not in self._blocks:
-            self._blocks[key] = around.block((w, h), tree.grid(parent))
-        return self._blocks[key]
 
 
 def _is_aligned(tree: Tree) -> bool:

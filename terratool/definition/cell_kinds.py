@@ -1,0 +1,92 @@
+"""Cells of a tree by kind: those that have the same sides are one."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from msgspec import UNSET
+
+from terratool.definition.model import Pair, pair_of
+from terratool.definition.tree import Tree
+
+FREE = -1
+"""The kind around a free place, whose sides are its own."""
+
+
+class CellOrigin(NamedTuple):
+    """Where the sides of a kind of cells come from.
+
+    Attributes:
+        around: the kind of the parent's cell, or `FREE`.
+        span: columns and rows of the parent's grid that the cell takes; at a free place its sides.
+        grid: columns and rows of the parent's grid.
+    """
+
+    around: int
+    span: Pair
+    grid: tuple[int, int]
+
+
+class CellKinds(NamedTuple):
+    """The cells of all elements of a tree, by kind.
+
+    Attributes:
+        of: (elements,) the kind of each element's cell; that of a root is its own index.
+        origins: (kinds,) where each kind has its sides from, always from an earlier one; None for
+            a root.
+    """
+
+    of: list[int]
+    origins: list[CellOrigin | None]
+
+
+def cell_kinds(tree: Tree) -> CellKinds:
+    """The kinds of the cells of a tree, found once."""
+    known: CellKinds | None = tree.notes.get("cell kinds")
+    if known is None:
+        known = tree.notes["cell kinds"] = _found(tree)
+    return known
+
+
+def _found(tree: Tree) -> CellKinds:
+    roots = min(len(tree.roots), len(tree))
+    of = list(range(roots))
+    numbers: dict[CellOrigin, int] = {}
+    extents = tree.column("extent") if tree.distinct("extent") != {UNSET} else None
+    all_single = extents is None and tree.distinct("span") == {UNSET}
+
+    def number(origin: CellOrigin) -> int:
+        return numbers.setdefault(origin, roots + len(numbers))
+
+    for parent, begin, end in tree.families:
+        around, grid = of[parent], tree.grid(parent)
+        if all_single:
+            of += [number(CellOrigin(around, (1, 1), grid))] * (end - begin)
+            continue
+        for index in range(begin, end):
+            if extents is not None and extents[index] is not UNSET:
+                origin = CellOrigin(FREE, pair_of(extents[index], math.nan), (1, 1))
+            else:
+                origin = CellOrigin(around, tree.block(index)[2:], grid)
+            of.append(number(origin))
+    return CellKinds(of, [*[None] * roots, *numbers])
+
+
+def shares_of(kinds: CellKinds, size: Pair) -> list[Pair]:
+    """Sides of each kind of cells over those of the terrain, which are `size`.
+
+    A part is taken to cover the terrain.
+    """
+    shares: list[Pair] = []
+    for origin in kinds.origins:
+        if origin is None:
+            shares.append((1.0, 1.0))
+            continue
+        (w, h), grid = origin.span, origin.grid
+        if origin.around == FREE:
+            shares.append((w / size[0], h / size[1]))
+        else:
+            width, height = shares[origin.around]
+            shares.append((width * w / grid[0], height * h / grid[1]))
+    return shares
