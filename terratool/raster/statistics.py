@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from terratool.io.bands import Bands
 from terratool.kernels import raster as kernels
-from terratool.raster.layers import Bands
 from terratool.raster.loss import LossCounts
 
 _COLUMNS = 512
