@@ -28,7 +28,7 @@ ALLOWED = {
     "cli/main.py": "sets up the streams, and closes one that takes no more",
     "io/gdal_copy.py": "a process of ours that answers another one",
     "io/guards.py": "a process of ours that tells another one what is wrong with a raster",
-    "sensing/las_points.py": "a process of ours that gives another one the points of a file",
+    "io/las.py": "a process of ours that gives another one the points of a file",
 }
 """Modules that may touch a standard stream, and why."""
 
