@@ -283,9 +283,11 @@ def test_texts_and_turned_clouds_are_read(tmp_path: Path) -> None:
         ("a.ply", b"solid", "is no PLY"),
         ("a.ply", b"ply\nformat ascii 1.0\nelement vertex 9\nproperty float x\nend_header\n1\n",
          "ends before its points"),
-        ("a.ply", b"ply\nformat ascii 1.0\ncomment axes of the  sensor\nelement vertex 0\nend_header\n",
+        ("a.ply", b"ply\nformat ascii 1.0\ncomment axes of the  sensor\nelement vertex 0\n"
+         b"end_header\n",
          "axes of the sensor"),
-        ("a.pcd", b"# axes of the sensor\nFIELDS x y z\nTYPE F F F\nSIZE 4 4 4\nPOINTS 0\nDATA ascii\n",
+        ("a.pcd", b"# axes of the sensor\nFIELDS x y z\nTYPE F F F\nSIZE 4 4 4\nPOINTS 0\n"
+         b"DATA ascii\n",
          "axes of the sensor"),
         ("a.pcd", b"FIELDS x y z\nDATA ascii\n", "header is no PCD's"),
         ("a.pcd", b"FIELDS x y z\n", "header does not end"),
