@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terratool.errors import DAMAGED, ReadError
-from terratool.io.points import NAMED, Columns, Points, Wanted, checked_names
+from terratool.io.points import NAMED, Columns, Points, Wanted, check_names
 from terratool.io.rows import LINES, Lines
 from terratool.text.display import shown
 from terratool.text.files import open_file
@@ -43,7 +43,7 @@ def read_points(path: Path, wanted: Wanted) -> Iterator[Points]:
                         columns[name] = _indices(cells, known)
                     else:
                         columns[name] = _numbers(path, cells, name)
-                yield Points(columns, checked_names(path, known))
+                yield Points(columns, check_names(path, known))
         except UnicodeDecodeError as error:
             raise ReadError(f"{path}: is no UTF-8 text.", "Save it as UTF-8 CSV.") from error
         except csv.Error as error:

@@ -29,7 +29,7 @@ _HINT = "Ask for a .tif, or for a layer or type that this format holds."
 
 
 def cog_options(bands: Bands, compression: Compression, own: bool = False) -> dict[str, Any]:
-    """What the driver of cloud-optimised GeoTIFFs is told for a file.
+    """Options of the driver of cloud-optimised GeoTIFFs.
 
     With `own` it takes the overviews that are there.
     """

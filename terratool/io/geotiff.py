@@ -8,7 +8,7 @@ import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import rasterio
@@ -22,7 +22,7 @@ from rasterio.windows import Window
 
 from terratool._version import __version__
 from terratool.errors import RequestError, WriteError, interruption
-from terratool.io.bands import Bands
+from terratool.io.bands import Bands, BandStatistics
 from terratool.text.display import xml_text
 
 TILE = 512
@@ -35,30 +35,6 @@ CACHE_BYTES = 1 << 26
 
 Colors = Mapping[int, tuple[int, int, int, int]]
 """Red, green, blue and opacity by value."""
-
-
-class BandSummary(Protocol):
-    """Statistics of the pixels of a band that are numbers."""
-
-    @property
-    def count(self) -> int:
-        """Number of these pixels."""
-
-    @property
-    def low(self) -> float:
-        """The least of them."""
-
-    @property
-    def high(self) -> float:
-        """The largest of them."""
-
-    @property
-    def mean(self) -> float:
-        """Their mean."""
-
-    @property
-    def deviation(self) -> float:
-        """Their standard deviation."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +66,7 @@ class Compression:
             )
 
     def options(self, dtype: np.dtype[Any]) -> dict[str, Any]:
-        """What GDAL is told for a file of a type of number."""
+        """Options of GDAL for a file of a type of number."""
         real = dtype.kind == "f"
         if self.name == "none":
             return {}
@@ -103,10 +79,10 @@ class Compression:
         return {"compress": self.name, **level, **({"predictor": 3} if real else {})}
 
 
-def tiled(
+def tile_options(
     dtype: np.dtype[Any], compression: Compression, threads: int = 1, size: tuple[int, int] = (0, 0)
 ) -> dict[str, Any]:
-    """What GDAL is told of the pixels of a tiled GeoTIFF.
+    """Options of GDAL for a tiled GeoTIFF.
 
     Args:
         dtype: type of its numbers.
@@ -130,14 +106,14 @@ def software_tags(descr: str = "", version: str = __version__) -> dict[str, str]
 
 @dataclass(frozen=True, slots=True)
 class TiffProfile:
-    """What a GeoTIFF says besides its bands.
+    """A GeoTIFF without its bands: size, place, texts and compression.
 
     Attributes:
         width, height: columns and rows of its pixels.
         transform: from columns and rows to the world; None for a picture without a place.
         crs: reference system of the world; None where it has none.
         tags: texts by the names of TIFF or GDAL.
-        options: what GDAL is told of the pixels, as of `tiled`.
+        options: of GDAL for the pixels, as of `tile_options`.
         nodata: pixel that stands for none; that of the bands, if None.
     """
 
@@ -156,8 +132,8 @@ def geotiff(path: Path, bands: Bands, profile: TiffProfile) -> Iterator[GeoTiff]
 
     Args:
         path: the file, which `terratool.output.whole_file` moves to its place.
-        bands: what it holds.
-        profile: what else it says.
+        bands: of the file.
+        profile: all else that it says.
 
     Raises:
         WriteError: GDAL cannot write it.
@@ -220,15 +196,15 @@ class GeoTiff:
         self.file.scales = (scale,) * self.file.count
         self.file.offsets = (offset,) * self.file.count
 
-    def finish(self, statistics: Sequence[BandSummary]) -> None:
-        """Write what is known of the bands when all pixels are."""
+    def finish(self, statistics: Sequence[BandStatistics]) -> None:
+        """Write the statistics of the bands, when all pixels are written."""
         pixels = self.file.width * self.file.height
         for band, part in enumerate(statistics, 1):
             if part.count:
                 self.file.update_tags(band, **statistics_tags(part, pixels))
 
 
-def statistics_tags(statistics: BandSummary, pixels: int) -> dict[str, str]:
+def statistics_tags(statistics: BandStatistics, pixels: int) -> dict[str, str]:
     """Statistics as GDAL keeps them with a band of so many pixels."""
     return {
         "STATISTICS_MINIMUM": repr(statistics.low),

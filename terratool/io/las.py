@@ -20,8 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terratool.errors import DAMAGED, ReadError
-from terratool.io.points import BATCH, NAMED, Columns, Points, Wanted, checked_names, in_short
-from terratool.io.spool import Spool
+from terratool.io.points import BATCH, NAMED, Columns, Points, Wanted, check_names, short_text
+from terratool.io.rows import Spool
 from terratool.processes import limit_memory, python_calling
 from terratool.text.files import open_file
 from terratool.text.packing import TIMES, most_unpacked
@@ -72,7 +72,7 @@ def read_points(path: Path, wanted: Wanted) -> Iterator[Points]:
         for record in file.header.vlrs:
             if (record.user_id, record.record_id) == _RECORD:
                 text = record.record_data_bytes().decode("utf-8", "replace")
-                names = checked_names(path, text.split("\n"))
+                names = check_names(path, text.split("\n"))
         held = {*file.header.point_format.dimension_names}
         for points in file.batches(BATCH):
             with np.errstate(all="ignore"):  # what is no number is left out
@@ -189,7 +189,9 @@ def _header(path: Path, file: BufferedReader) -> Any:
     except MemoryError:
         raise
     except Exception as error:  # of many kinds, as it looks at nothing before it takes it apart
-        raise ReadError(f"{path}: its header is no LAS's ({in_short(error)}).", DAMAGED) from error
+        raise ReadError(
+            f"{path}: its header is no LAS's ({short_text(error)}).", DAMAGED
+        ) from error
     return header
 
 
@@ -225,7 +227,7 @@ def unpack() -> None:
 
 @dataclass(frozen=True, slots=True)
 class LasHeader:
-    """What a LAS says of its points.
+    """Texts that a LAS has besides its points.
 
     Attributes:
         system: the instrument that made them.

@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terratool.errors import DAMAGED, ReadError
-from terratool.io.points import BATCH, MOST_NAMES, NAMED, Points, Wanted, checked_names, size_of
-from terratool.io.spool import Spool
+from terratool.io.points import BATCH, MOST_NAMES, NAMED, Points, Wanted, check_names, file_size
+from terratool.io.rows import Spool
 from terratool.text.files import open_file
 from terratool.text.packing import PackingError, refuse_members
 
@@ -47,13 +47,13 @@ def read_points(path: Path, wanted: Wanted) -> Iterator[Points]:
             found = {
                 name: archive.getinfo(stored[name]) for name in (*wanted, NAMES) if name in stored
             }
-            refuse_members(archive, [one.filename for one in found.values()], size_of(file))
+            refuse_members(archive, [one.filename for one in found.values()], file_size(file))
             members = {
                 name: _Member(path, stack.enter_context(archive.open(one)), one.file_size)
                 for name, one in found.items()
             }
             named = members.pop(NAMES, None)
-            names = () if named is None else checked_names(path, named.texts())
+            names = () if named is None else check_names(path, named.texts())
             if any(not member.has_rows(wanted[name]) for name, member in members.items()):
                 raise ReadError(
                     f"{path}: has an array that is no column of numbers.",

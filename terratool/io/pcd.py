@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terratool.errors import ReadError
-from terratool.io.points import NAMED, Points, Wanted, in_short
-from terratool.io.rows import Fields, Layout, header_line, read_rows
-from terratool.io.spool import write_after
+from terratool.io.points import NAMED, Points, Wanted, short_text
+from terratool.io.rows import Fields, Layout, header_line, read_rows, write_after
 from terratool.text.display import shown
 from terratool.text.files import open_file
 from terratool.text.numbers import parse_number, parse_whole
@@ -50,7 +49,7 @@ def read_points(path: Path, wanted: Wanted) -> Iterator[Points]:
             layout, viewpoint = _header(said, "<" if data == ["binary"] else "")
         except (KeyError, ValueError) as error:
             raise ReadError(
-                f"{path}: its header is no PCD's ({in_short(error)}).",
+                f"{path}: its header is no PCD's ({short_text(error)}).",
                 "Write it with PCL: numbers of type F, I or U, a count of points, a viewpoint.",
             ) from error
         if data not in (["ascii"], ["binary"]):

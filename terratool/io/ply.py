@@ -12,9 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terratool.errors import DAMAGED, ReadError
-from terratool.io.points import Points, Wanted, checked_names
-from terratool.io.rows import Fields, Layout, header_line, read_rows
-from terratool.io.spool import write_after
+from terratool.io.points import Points, Wanted, check_names
+from terratool.io.rows import Fields, Layout, header_line, read_rows, write_after
 from terratool.text.display import shown
 from terratool.text.files import open_file
 from terratool.text.numbers import parse_whole
@@ -69,7 +68,7 @@ def read_points(path: Path, wanted: Wanted) -> Iterator[Points]:
         order = _ORDERS.get(form)
         if order is None or count < 0:
             raise ReadError(f"{path}: its header says no format, or no vertices.", DAMAGED)
-        checked, said = checked_names(path, names), tuple(comments)
+        checked, said = check_names(path, names), tuple(comments)
         for columns in read_rows(path, file, Layout(fields, count, order), wanted):
             yield Points(columns, checked, said)
 
@@ -90,7 +89,7 @@ def write_points(
     write_after(path, batches, lambda count: ply_header(comments, [("vertex", count, properties)]))
 
 
-def names_as_comments(names: Iterable[str]) -> list[str]:
+def name_comments(names: Iterable[str]) -> list[str]:
     """Comments that name what the column `NAMED` counts."""
     return [f"surface {index} {json.dumps(name)}" for index, name in enumerate(names)]
 

@@ -51,11 +51,11 @@ class Points(NamedTuple):
 
 
 def plain_columns(names: Iterable[str], wanted: Wanted) -> list[str]:
-    """Those of some names, in their order, that are wanted as plain columns."""
+    """Names that are wanted as plain columns, in their order."""
     return [name for name in names if wanted.get(name) == 0]
 
 
-def checked_names(path: Path, names: Iterable[str]) -> tuple[str, ...]:
+def check_names(path: Path, names: Iterable[str]) -> tuple[str, ...]:
     """Names, if they are not too many or too long.
 
     Raises:
@@ -74,11 +74,11 @@ def checked_names(path: Path, names: Iterable[str]) -> tuple[str, ...]:
     return tuple(checked)
 
 
-def in_short(error: BaseException) -> str:
-    """What an error of a library says, in a line of up to 100 characters."""
+def short_text(error: BaseException) -> str:
+    """The message of a library's error, in a line of up to 100 characters."""
     return " ".join(str(error).split())[:100] or type(error).__name__
 
 
-def size_of(file: io.BufferedReader) -> int:
+def file_size(file: io.BufferedReader) -> int:
     """Bytes of an open file."""
     return os.fstat(file.fileno()).st_size

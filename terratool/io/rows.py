@@ -1,13 +1,14 @@
-"""Rows of numbers behind a header, as of PLY and PCD: text, or binary in an order of bytes."""
+"""Rows of numbers behind a header: read as text or in an order of bytes; written as they come."""
 
 from __future__ import annotations
 
 import io
-from collections.abc import Iterator
+import shutil
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from itertools import islice
 from pathlib import Path
-from typing import IO, Any, AnyStr, Generic
+from typing import IO, Any, AnyStr, BinaryIO, Generic
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,9 +19,9 @@ from terratool.io.points import (
     BATCH_BYTES,
     Columns,
     Wanted,
-    in_short,
+    file_size,
     plain_columns,
-    size_of,
+    short_text,
 )
 
 LINES = 1 << 17
@@ -113,7 +114,7 @@ def read_rows(
     width = sum(many for _, _, many in fields)
     # a number of a text takes a digit and what separates it from the next one
     least = count * (size if order else 2 * width) - (not order)
-    if least > size_of(file) - file.tell() or (order and size > _MOST_ROW):
+    if least > file_size(file) - file.tell() or (order and size > _MOST_ROW):
         raise ReadError(f"{path}: ends before its points do.", DAMAGED)
     places, forms, offsets, column, offset = [], [], [], 0, 0
     for name, form, many in fields:
@@ -161,7 +162,57 @@ def _text_rows(
             text = [line.decode("ascii") for line in some]
             yield np.loadtxt(text, comments=None, usecols=places, ndmin=2)
         except ValueError as error:
-            what = in_short(error).partition(" at row ")[0]  # of those that are read at a time
+            what = short_text(error).partition(" at row ")[0]  # of those that are read at a time
             raise ReadError(
                 f"{path}: has a line that is no row of numbers ({what}).", DAMAGED
             ) from error
+
+
+class Spool:
+    """Bytes that are written before it is known how many there will be.
+
+    Args:
+        path: a name for them; nothing is there after the block.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._file = open(path, "wb")  # noqa: SIM115, it is closed when its bytes are taken
+
+    def __enter__(self) -> Spool:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._file.close()
+        self._path.unlink(missing_ok=True)
+
+    def add(self, rows: NDArray[Any]) -> None:
+        """Add the bytes of an array."""
+        self._file.write(np.ascontiguousarray(rows).tobytes())
+
+    def moved_to(self, file: BinaryIO) -> None:
+        """Copy all of it into a file."""
+        self._file.close()
+        with open(self._path, "rb") as source:
+            shutil.copyfileobj(source, file, 1 << 20)
+
+    def chunks(self, kind: np.dtype[Any], count: int) -> Iterator[NDArray[Any]]:
+        """All of it as rows, so many at a time."""
+        self._file.close()
+        with open(self._path, "rb") as source:
+            while data := source.read(count * kind.itemsize):
+                yield np.frombuffer(data, kind)
+
+
+def write_after(
+    path: Path, batches: Iterable[NDArray[Any]], header: Callable[[int], bytes]
+) -> None:
+    """Write rows behind a header that is made of their number."""
+    count = 0
+    with Spool(path.with_name(path.name + ".rows")) as spool:
+        for rows in batches:
+            count += len(rows)
+            spool.add(rows)
+        with open(path, "wb") as file:
+            file.write(header(count))
+            spool.moved_to(file)

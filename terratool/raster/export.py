@@ -13,7 +13,7 @@ import numpy as np
 
 from terratool.errors import RequestError, WriteError
 from terratool.field.terrain import Terrain
-from terratool.io.bands import Bands
+from terratool.io.bands import Bands, BandStatistics
 from terratool.io.geotiff import Compression
 from terratool.io.pam import COMPANIONS
 from terratool.output import free_bytes, refuse_existing, whole_file
@@ -32,7 +32,7 @@ from terratool.raster.layers import LayerBands, SurfaceValues, files_of, layers_
 from terratool.raster.loss import LossFinder, RasterLoss
 from terratool.raster.overviews import OVERVIEWS_FROM, by_gdal, factors
 from terratool.raster.prefetch import WindowMaker, prefetch, processors, windows_of
-from terratool.raster.statistics import BandStatistics, RasterStatistics, StatisticsSum
+from terratool.raster.statistics import RasterStatistics, StatisticsSum
 from terratool.raster.writers import Storage, open_writer
 
 DTYPES = ("float32", "float64")

@@ -68,7 +68,7 @@ def terrain_tiff(
         path: the file.
         extent: its pixels.
         bands: what it holds.
-        options: what GDAL is told of them, as of `terratool.io.geotiff.tiled`.
+        options: of GDAL for them, as of `terratool.io.geotiff.tile_options`.
         nodata: pixel that stands for none; that of the bands, if not said.
         colors: surfaces get a colour table if they are fewer.
 

@@ -23,7 +23,7 @@ from terratool.io.geotiff import (
     TiffProfile,
     complaints,
     geotiff,
-    tiled,
+    tile_options,
 )
 
 OVERVIEWS_FROM = 4096
@@ -107,7 +107,7 @@ def _halve(source: Path, target: Path, bands: Bands) -> None:
     with complaints(source), rasterio.open(source) as file:
         width, height = -(-file.width // 2), -(-file.height // 2)
         profile = TiffProfile(
-            width, height, file.transform, options=tiled(bands.dtype, Compression()),
+            width, height, file.transform, options=tile_options(bands.dtype, Compression()),
             nodata=file.nodata,
         )  # fmt: skip
         down, across = _shares(file.height), _shares(file.width)

@@ -17,13 +17,13 @@ from numpy.typing import NDArray
 
 from terratool.errors import RequestError
 from terratool.field.terrain import Terrain
-from terratool.io.bands import Bands
+from terratool.io.bands import Bands, BandStatistics
 from terratool.io.geotiff import TILE
 from terratool.raster.grid import Grid, Window
 from terratool.raster.layers import LayerBands, layer_painter
 from terratool.raster.loss import LossCounts, LossFinder
 from terratool.raster.painter import Painter, Planes
-from terratool.raster.statistics import BandStatistics, RasterStatistics, band_statistics
+from terratool.raster.statistics import RasterStatistics, band_statistics
 
 _WINDOW_BYTES = 1 << 22
 

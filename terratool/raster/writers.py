@@ -17,15 +17,14 @@ from numpy.typing import NDArray
 from rasterio.errors import NotGeoreferencedWarning
 
 from terratool.errors import WriteError
-from terratool.io.bands import Bands
+from terratool.io.bands import Bands, BandStatistics
 from terratool.io.gdal_copy import cog_options, gdal_copy
-from terratool.io.geotiff import Compression, GeoTiff, complaints, tiled
+from terratool.io.geotiff import Compression, GeoTiff, complaints, tile_options
 from terratool.io.pam import pam_path
 from terratool.raster.formats import Coding, RasterFormat
 from terratool.raster.geotiff import MOST_COLORS, RasterExtent, name_surfaces, terrain_tiff
 from terratool.raster.grid import Grid, Window
 from terratool.raster.overviews import add_overviews, by_gdal, with_overviews
-from terratool.raster.statistics import BandStatistics
 
 _SHIFT = 1e-3
 """So far, in pixels, a raster may have moved: coordinates are rounded where they are text."""
@@ -150,7 +149,7 @@ def open_writer(
     nodata = None if coding is None else coding.nodata
     tiff = form.driver in ("GTiff", "COG")
     colors = MOST_COLORS if tiff else 256
-    options = tiled(coded.dtype, first_compression, threads)
+    options = tile_options(coded.dtype, first_compression, threads)
     with terrain_tiff(first, extent, coded, options, nodata, colors) as file:
         if coding is not None and not coding.exact:
             file.scale(coding.scale, coding.offset)
@@ -178,7 +177,7 @@ def _options(storage: Storage, bands: Bands, own: bool) -> dict[str, Any]:
     if form.driver == "COG":
         return cog_options(bands, storage.compression, own)
     if form.driver == "GTiff":
-        options = tiled(bands.dtype, storage.compression, storage.threads)
+        options = tile_options(bands.dtype, storage.compression, storage.threads)
         return {**options, "copy_src_overviews": True}
     options = dict(form.options)
     if form.driver == "AAIGrid" and bands.content == "number":

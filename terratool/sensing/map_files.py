@@ -20,7 +20,14 @@ from terratool.errors import ReadError, RequestError
 from terratool.extras import install_command
 from terratool.io.bands import Bands
 from terratool.io.crs import read_crs
-from terratool.io.geotiff import TILE, Compression, TiffProfile, geotiff, software_tags, tiled
+from terratool.io.geotiff import (
+    TILE,
+    Compression,
+    TiffProfile,
+    geotiff,
+    software_tags,
+    tile_options,
+)
 from terratool.io.guards import is_placed, size_on_disk
 from terratool.io.opening import gdal_errors, open_local
 from terratool.output import (
@@ -166,7 +173,7 @@ def _write_level(path: Path, level: MapLevel, output: MapOutput) -> None:
         SURFACES: json.dumps(level.surfaces, ensure_ascii=True),
         **({FIRST: repr(float(times.min())), LAST: repr(float(times.max()))} if times.size else {}),
     }  # fmt: skip
-    options = tiled(BANDS.dtype, Compression(), size=(width, height))
+    options = tile_options(BANDS.dtype, Compression(), size=(width, height))
     profile = TiffProfile(grid.width, grid.height, transform_of(grid), crs, tags, options)
     with geotiff(path, BANDS, profile) as file:
         file.write(pixels_of(level))

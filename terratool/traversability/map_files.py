@@ -13,16 +13,16 @@ from numpy.typing import NDArray
 
 from terratool.errors import RequestError
 from terratool.field.terrain import Terrain
-from terratool.io.bands import Bands
+from terratool.io.bands import Bands, BandStatistics
 from terratool.io.gdal_copy import cog_options, gdal_copy
-from terratool.io.geotiff import TILE, Compression, GeoTiff, tiled
+from terratool.io.geotiff import TILE, Compression, GeoTiff, tile_options
 from terratool.io.pam import COMPANIONS, name_categories, pam_bands, pam_path, xml_bytes
 from terratool.output import refuse_existing, whole_file
 from terratool.raster.export import refuse_full_disk
 from terratool.raster.formats import raster_format
 from terratool.raster.geotiff import RasterExtent, crs_of, terrain_tiff
 from terratool.raster.grid import Grid, Window
-from terratool.raster.statistics import BandStatistics, band_statistics
+from terratool.raster.statistics import band_statistics
 from terratool.traversability.results import COLORS, GroundClass, Reason, Verdict
 from terratool.traversability.tiles import part_of
 
@@ -167,7 +167,7 @@ def refuse_full_disk_of_maps(grids: Sequence[Grid], path: Path, sampled: bool) -
 def _cog(path: Path, extent: RasterExtent, bands: Bands, threads: int) -> Iterator[GeoTiff]:
     """A cloud-optimised GeoTIFF: a plain one first, which is copied when it is complete."""
     first, plain = path.with_name(f"{path.stem}.first.tif"), Compression()
-    with terrain_tiff(first, extent, bands, tiled(bands.dtype, plain, threads)) as file:
+    with terrain_tiff(first, extent, bands, tile_options(bands.dtype, plain, threads)) as file:
         if bands is VERDICT:
             file.color({int(key): (*c, 255) for key, c in COLORS.items()})
         yield file

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +13,7 @@ from rasterio.enums import ColorInterp
 from rasterio.transform import Affine
 
 from terratool.errors import WriteError
-from terratool.io.bands import Bands
+from terratool.io.bands import Bands, BandStatistics
 from terratool.io.crs import read_crs
 from terratool.io.gdal_copy import cog_options, gdal_copy
 from terratool.io.geotiff import (
@@ -24,7 +23,7 @@ from terratool.io.geotiff import (
     check_blocks,
     geotiff,
     software_tags,
-    tiled,
+    tile_options,
 )
 from terratool.output import whole_file
 
@@ -33,21 +32,15 @@ PIXELS = np.arange(2 * 30 * 50, dtype=np.float32).reshape(2, 30, 50)
 PLACE = Affine(0.5, 0.0, 100.0, 0.0, -0.5, 80.0)
 
 
-@dataclass(frozen=True)
-class Summary:
-    """Statistics that a test makes up."""
-
-    count: int
-    low: float = 1.0
-    high: float = 2.0
-    mean: float = 1.25
-    deviation: float = 0.5
+def summary(count: int) -> BandStatistics:
+    """Of so many pixels from 1 to 2, the mean of which is 1.25 and the deviation 0.5."""
+    return BandStatistics(count, 1.0, 2.0, 1.25, 0.25 * count)
 
 
 def profile(**changes: Any) -> TiffProfile:
     plain: dict[str, Any] = {
         "width": 50, "height": 30, "transform": PLACE, "crs": read_crs("EPSG:32633"),
-        "tags": software_tags("A plate"), "options": tiled(BANDS.dtype, Compression()),
+        "tags": software_tags("A plate"), "options": tile_options(BANDS.dtype, Compression()),
     }  # fmt: skip
     return TiffProfile(**{**plain, **changes})
 
@@ -58,7 +51,7 @@ def test_bands_have_names_units_and_statistics(tmp_path: Path) -> None:
         file.write(PIXELS[:, :10])
         file.write(PIXELS[:, 10:, 20:], row=10, column=20)
         file.write(PIXELS[:, 10:, :20], row=10)
-        file.finish([Summary(750), Summary(0)])
+        file.finish([summary(750), summary(0)])
     with rasterio.open(tmp_path / "a.tif") as file:
         assert np.array_equal(file.read(), PIXELS)
         assert file.descriptions == ("height", "share") and file.units == ("m", "1")
@@ -94,7 +87,7 @@ def test_it_is_whole_or_not_there(tmp_path: Path) -> None:
 
 
 def test_a_file_that_is_cut_short_is_noticed(tmp_path: Path) -> None:
-    options = tiled(BANDS.dtype, Compression("none"))
+    options = tile_options(BANDS.dtype, Compression("none"))
     with geotiff(tmp_path / "a.tif", BANDS, profile(options=options)) as file:
         file.write(PIXELS)
     data = (tmp_path / "a.tif").read_bytes()
@@ -114,7 +107,7 @@ def test_a_picture_without_a_place_gives_no_warning(tmp_path: Path) -> None:
 def test_classes_have_colours(tmp_path: Path) -> None:
     """0 stands for none; of several bands of bytes none is red."""
     one = Bands(("kind",), ("",), np.dtype(np.uint8), "class")
-    said = profile(options=tiled(one.dtype, Compression()))
+    said = profile(options=tile_options(one.dtype, Compression()))
     with geotiff(tmp_path / "a.tif", one, said) as file:
         file.color({0: (0, 0, 0, 0), 3: (9, 8, 7, 255)})
         file.write(np.full((1, 30, 50), 3, np.uint8))

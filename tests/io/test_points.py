@@ -35,7 +35,7 @@ def batches() -> list[NDArray[Any]]:
 
 
 def write_ply(path: Path, rows: list[NDArray[Any]]) -> None:
-    ply.write_points(path, rows, KIND, ["any words", *ply.names_as_comments(NAMES)])
+    ply.write_points(path, rows, KIND, ["any words", *ply.name_comments(NAMES)])
 
 
 def write_pcd(path: Path, rows: list[NDArray[Any]]) -> None:

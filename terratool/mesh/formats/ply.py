@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from terratool.io.ply import names_as_comments, ply_header
+from terratool.io.ply import name_comments, ply_header
 from terratool.mesh.formats.common import face_colors, origin_of, points_of, world_points_of
 from terratool.mesh.types import Mesh
 
@@ -23,7 +23,7 @@ def write_ply(mesh: Mesh, path: Path, descr: str, world: bool = False) -> None:
     """
     comments = descr.splitlines()
     comments += [f"origin {'0 0 0' if world else origin_of(mesh)}", "z is up", "surface -1 is none"]
-    comments += names_as_comments(mesh.names)
+    comments += name_comments(mesh.names)
     axes = [f"{'double' if world else 'float'} {axis}" for axis in "xyz"]
     shades = [f"uchar {shade}" for shade in ("red", "green", "blue")]
     face = ["list uchar int vertex_indices", *shades, "int surface", "uchar wall"]

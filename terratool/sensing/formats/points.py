@@ -60,7 +60,7 @@ def write_ply(path: Path, frames: Iterator[Frame], record: Record) -> None:
 
     comments = [record.descr, "metres, seconds; surface and element -1 are none"]
     comments += ["axes of the world" if record.world else SENSOR_AXES]
-    comments += ply.names_as_comments(record.terrain.surfaces)
+    comments += ply.name_comments(record.terrain.surfaces)
     ply.write_points(path, batches(), _PLY, comments)
 
 

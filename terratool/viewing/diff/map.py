@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from terratool.errors import RequestError
-from terratool.io.bands import Bands
-from terratool.io.geotiff import TILE, Compression, tiled
+from terratool.io.bands import Bands, BandStatistics
+from terratool.io.geotiff import TILE, Compression, tile_options
 from terratool.io.pam import COMPANIONS
 from terratool.output import refuse_existing, refuse_missing_folder, whole_file
 from terratool.raster.export import refuse_full_disk
@@ -17,7 +17,7 @@ from terratool.raster.formats import raster_format
 from terratool.raster.geotiff import RasterExtent, terrain_tiff
 from terratool.raster.grid import Grid, default_resolution, grid_over
 from terratool.raster.prefetch import processors
-from terratool.raster.statistics import BandStatistics, band_statistics
+from terratool.raster.statistics import band_statistics
 from terratool.viewing.diff.ground import Both, windows_painted
 
 BANDS = Bands(("new less old height", "surface differs"), ("m", ""), np.dtype(np.float32))
@@ -72,7 +72,7 @@ def write_map(
     refuse_map(path, overwrite)
     grid, threads = map_grid(both, resolution), processors()
     refuse_full_disk(Path(path), grid, (BANDS,), raster_format(Path(path)))
-    options = tiled(BANDS.dtype, Compression(), threads)
+    options = tile_options(BANDS.dtype, Compression(), threads)
     statistics = [BandStatistics()] * BANDS.count
     with (
         whole_file(path, overwrite, COMPANIONS) as part,
