@@ -187,6 +187,10 @@ class GeoTiff:
         _, height, width = pixels.shape
         self.file.write(pixels, window=Window(column, row, width, height))
 
+    def name(self, names: Sequence[str]) -> None:
+        """Give the bands names."""
+        self.file.descriptions = names
+
     def color(self, colors: Colors) -> None:
         """Give the values of the one band colours."""
         self.file.write_colormap(1, colors)

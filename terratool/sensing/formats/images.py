@@ -24,7 +24,7 @@ MOST_MM = 65535
 _WHOLE = 2**24
 """Up to here float32 has all whole numbers."""
 _BANDS = ("depth", "surface", "element", "status")
-_UNITS = ("",) * len(_BANDS)
+_UNNAMED = ("",) * len(_BANDS)
 
 
 def write_png(path: Path, frames: Iterator[Frame], record: Record) -> None:
@@ -56,8 +56,9 @@ def write_tiff(path: Path, frames: Iterator[Frame], record: Record) -> None:
         options = {"compress": "deflate", "predictor": 3}
         kind = np.dtype(np.float32 if frame.element.max() <= _WHOLE else np.float64)
         profile = TiffProfile(bands.shape[2], bands.shape[1], options=options)
-        with geotiff(beside.named(frame), Bands(_BANDS, _UNITS, kind), profile) as file:
+        with geotiff(beside.named(frame), Bands(_UNNAMED, _UNNAMED, kind), profile) as file:
             file.write(bands.astype(kind))
+            file.name(_BANDS)  # last, which leaves the directory of the file behind the pixels
         beside.add(frame)
     beside.write()
 
