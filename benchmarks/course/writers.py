@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from course.truth import HIGHEST, LENGTH, WIDTH, Array, height
 
-from terratool.raster.shading import png
+from terratool.io.png import png
 
 _STEEP = 0.75
 """Isaac Lab's slope threshold: what is steeper becomes upright."""

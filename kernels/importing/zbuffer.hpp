@@ -1,32 +1,19 @@
-// The highest surface at the centres of pixels: loops over triangles and rows of pixels.
-//
-// Points are in pixels: u counts columns from the west and v rows from the south, both whole
-// numbers at the centres. A row cuts a triangle between two of its edges. Where it cuts an edge
-// follows from the edge alone, taken from its lower end, so that two triangles with a common edge
-// meet there to the last bit, and no centre between them is missed, whatever is rounded.
+// The highest surface at the centres of pixels, what lies below it, and holes.
 #pragma once
 
 #include <tuple>
 
-#include "../core.hpp"
+#include "../raster/triangles.hpp"
 
 namespace terratool::importing {
 
-using Points = Matrix<const double>;  // (n, 3): u, v, z; or x, y, z in the world
-using Faces = Matrix<const i32>;      // (m, 3), indices of points
-using Counts = Matrix<u8>;            // how many surfaces a pixel has
+using namespace raster;
+
+using Counts = Matrix<u8>;  // how many surfaces a pixel has
 
 constexpr u8 MOST = 255;          // surfaces over a pixel are not counted any further
 constexpr double UPRIGHT = 1e-6;  // a face is vertical if no larger from above than this part of it
 constexpr double FLAT_FACE = 1e-12;  // height of a face without area, in parts of its longest edge
-
-struct Point {
-    double u, v, z;
-    INLINE Point operator-(const Point& b) const { return {u - b.u, v - b.v, z - b.z}; }
-    INLINE double square() const { return u * u + v * v + z * z; }
-};
-
-INLINE Point point_at(Points points, i64 n) { return {points(n, 0), points(n, 1), points(n, 2)}; }
 
 // Vertices in the world as points; z stays.
 inline Rows<double, 3> to_pixels(Points vertices, double west, double south, double dx, double dy) {
@@ -39,73 +26,6 @@ inline Rows<double, 3> to_pixels(Points vertices, double west, double south, dou
     return points;
 }
 
-// From a at 0 to b at 1, exact at both ends and where they are equal.
-INLINE double between(double a, double b, double t) {
-    return t < 0.5 ? a + t * (b - a) : b - (1.0 - t) * (b - a);
-}
-
-struct Cut {
-    double u, z;
-};  // where a row cuts an edge
-
-// The cut of a row and the edge from a up to b.
-INLINE Cut cut_edge(const Point& a, const Point& b, double v) {
-    double t = (v - a.v) / (b.v - a.v);
-    return {between(a.u, b.u, t), between(a.z, b.z, t)};
-}
-
-// The cut of a row and a triangle.
-struct Chord {
-    Cut west, east;
-
-    // Height between the ends; beyond them that of the nearer end.
-    INLINE double height_at(double u) const {
-        if (u <= west.u) return west.z;
-        if (u >= east.u) return east.z;
-        return between(west.z, east.z, (u - west.u) / (east.u - west.u));
-    }
-};
-
-// A face with its corners from the lowest v to the highest.
-struct Triangle {
-    Point low, middle, high;
-    double area;  // twice of it from above in pixels, below 0 if it faces down
-
-    INLINE Triangle(Points points, Faces faces, i64 n)
-        : low(point_at(points, faces(n, 0))), middle(point_at(points, faces(n, 1))),
-          high(point_at(points, faces(n, 2))) {
-        double du = middle.u - low.u, dv = middle.v - low.v;
-        area = du * (high.v - low.v) - dv * (high.u - low.u);
-        if (low.v > middle.v) std::swap(low, middle);
-        if (middle.v > high.v) {
-            std::swap(middle, high);
-            if (low.v > middle.v) std::swap(low, middle);
-        }
-    }
-
-    // Where a row cuts it; v is from that of `low` to that of `high`, which is not the same.
-    INLINE Chord cut(double v) const {
-        Cut one = cut_edge(low, high, v);
-        bool is_lower = v < middle.v || middle.v == high.v;
-        Cut two = is_lower ? cut_edge(low, middle, v) : cut_edge(middle, high, v);
-        return one.u > two.u ? Chord{two, one} : Chord{one, two};
-    }
-};
-
-struct Interval {
-    double low, high;
-    INLINE Interval(double a, double b, double c) : low(min3(a, b, c)), high(max3(a, b, c)) {}
-};
-
-struct Range {
-    double first, last;
-};
-
-// Where to begin and to end, to meet the whole numbers from `low` to `high` that are below `count`.
-INLINE Range whole_numbers(double low, double high, i64 count) {
-    return {ceil(max(0.0, low)), min(double(count) - 1.0, high)};
-}
-
 // The highest surface at the centre of each pixel, and how many there are above one another.
 // A centre that is no farther than `tolerance` from a triangle, in pixels, belongs to it. `heights`
 // are NaN where there is nothing yet. `counts` gets how many faces are over or under the centre. Of
@@ -115,28 +35,15 @@ inline void paint_faces(
 ) {
     for (i64 n = 0; n < faces.rows(); ++n) {
         Triangle face(points, faces, n);
-        auto& [low, middle, high, area] = face;
-        Range rows = whole_numbers(low.v - tolerance, high.v + tolerance, heights.rows());
-        if (rows.first > rows.last) continue;
-        Interval width(low.u, middle.u, high.u);
-        Range all = whole_numbers(width.low - tolerance, width.high + tolerance, heights.columns());
-        if (all.first > all.last || area == 0.0) continue;
-        for (double v = rows.first; v <= rows.last; v += 1.0) {
-            i64 row = i64(v);
-            bool own = low.v <= v && v < high.v;
-            Chord chord = face.cut(min(max(v, low.v), high.v));
-            Range columns = whole_numbers(
-                chord.west.u - tolerance, chord.east.u + tolerance, heights.columns()
-            );
-            for (double u = columns.first; u <= columns.last; u += 1.0) {
-                i64 column = i64(u);
-                double z = chord.height_at(u);
-                double& height = heights(row, column);
-                if (!(height >= z)) height = z;  // NaN is not
-                u8& count = counts(row, column);
-                if (own && chord.west.u <= u && u < chord.east.u && count < MOST) ++count;
-            }
-        }
+        scan(face, tolerance, heights.rows(), heights.columns(), [&](Centre at) {
+            double z = at.height();
+            double& height = heights(at.row, at.column);
+            if (!(height >= z)) height = z;  // NaN is not
+            u8& count = counts(at.row, at.column);
+            bool own = face.low.v <= at.v && at.v < face.high.v;
+            own = own && at.chord.west.u <= at.u && at.u < at.chord.east.u;
+            if (own && count < MOST) ++count;
+        });
     }
 }
 
@@ -175,31 +82,21 @@ inline i64 count_overhangs(
     i64 usual = 0;  // by how many pixels more the highest surface faces up than down
     for (i64 n = 0; n < faces.rows(); ++n) {
         Triangle face(points, faces, n);
-        Range rows = whole_numbers(face.low.v, face.high.v, heights.rows());
-        if (rows.first > rows.last || face.area == 0.0) continue;
         i64 up = face.area > 0.0 ? 1 : -1;
-        for (double v = rows.first; v <= rows.last; v += 1.0) {
-            i64 row = i64(v);
-            if (v >= face.high.v) continue;
-            Chord chord = face.cut(v);
-            Range columns = whole_numbers(chord.west.u, chord.east.u, heights.columns());
-            for (double u = columns.first; u <= columns.last; u += 1.0) {
-                i64 column = i64(u);
-                if (u >= chord.east.u) continue;
-                double z = chord.height_at(u);
-                bool highest = z >= heights(row, column) - tolerance;
-                if (highest) usual += up;
-                if (counts(row, column) < 2) continue;
-                Below& here = below(row, column);
-                i16& sum = highest ? here.tops : here.turned;
-                sum = i16(sum + up);
-                if (!highest) {
-                    here.air -= double(up) * z;
-                    here.lowest = min(here.lowest, z);
-                    here.any = true;
-                }
-            }
-        }
+        scan(face, 0.0, heights.rows(), heights.columns(), [&](Centre at) {
+            if (at.v >= face.high.v || at.u >= at.chord.east.u) return;
+            double z = at.height();
+            bool highest = z >= heights(at.row, at.column) - tolerance;
+            if (highest) usual += up;
+            if (counts(at.row, at.column) < 2) return;
+            Below& here = below(at.row, at.column);
+            i16& sum = highest ? here.tops : here.turned;
+            sum = i16(sum + up);
+            if (highest) return;
+            here.air -= double(up) * z;
+            here.lowest = min(here.lowest, z);
+            here.any = true;
+        });
     }
     i64 sign = usual < 0 ? -1 : 1;
     auto is_open = [&](const Below& one) { return one.is_open(sign, tolerance); };

@@ -1,5 +1,6 @@
 // What Python sees of kernels/raster.
 #include "../raster/statistics.hpp"
+#include "../raster/triangles.hpp"
 
 #include "bind.hpp"
 #include "modules.hpp"
@@ -12,6 +13,10 @@ void bind_raster(nb::module_ m) {
     );
     def<&raster::gather>(
         m, "gather", "Statistics of pixels by column.", {"pixels[_,_]", "shift", "sums[5,_]"}
+    );
+    def<&raster::nearest_faces>(
+        m, "nearest_faces", "The face with the largest z at the centre of each pixel.",
+        {"points[_,3]", "faces[_,3]", "depths[h,w]", "nearest[h,w]"}
     );
 }
 

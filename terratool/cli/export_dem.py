@@ -125,9 +125,9 @@ def command(
     from pathlib import Path
 
     from terratool.errors import WriteError
+    from terratool.io.geotiff import Compression
     from terratool.output import is_same_file, refuse_existing
     from terratool.raster.export import RasterRequest, export_dem
-    from terratool.raster.geotiff import Compression
     from terratool.raster.grid import default_resolution, grid_over, overhang
     from terratool.raster.mosaic import TILE_SIZE, export_mosaic
     from terratool.raster.tiles import INDEX

@@ -331,8 +331,8 @@ def _refuse_outputs(
     from pathlib import Path
 
     from terratool.errors import RequestError, WriteError
+    from terratool.io.pam import COMPANIONS
     from terratool.output import is_same_file, refuse_existing, refuse_missing_folder
-    from terratool.raster.export import COMPANIONS
     from terratool.traversability.map_files import map_paths
 
     outputs: dict[str, str] = {}

@@ -21,10 +21,10 @@ from rasterio.windows import Window
 from terratool.definition.crs import crs_problem
 from terratool.errors import ReadError, RequestError
 from terratool.importing.types import PixelGrid, SourceOptions, sample_range
+from terratool.io.crs import read_crs
 from terratool.io.expat import EntityError, tree_of
 from terratool.io.guards import HARMLESS, is_placed, transform_of
 from terratool.io.opening import gdal_errors, open_local
-from terratool.raster.geotiff import read_crs
 from terratool.raster.layers import LAYERS
 from terratool.text.files import open_file
 

@@ -22,3 +22,15 @@ def gather(
 
     Shapes: pixels[_,_], sums[5,_].
     """
+
+def nearest_faces(
+    points: NDArray[np.float64],
+    faces: NDArray[np.int32],
+    depths: NDArray[np.float64],
+    nearest: NDArray[np.int32],
+) -> None:
+    """
+    The face with the largest z at the centre of each pixel.
+
+    Shapes: points[_,3], faces[_,3], depths[h,w], nearest[h,w].
+    """

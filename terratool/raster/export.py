@@ -13,6 +13,9 @@ import numpy as np
 
 from terratool.errors import RequestError, WriteError
 from terratool.field.terrain import Terrain
+from terratool.io.bands import Bands, BandStatistics
+from terratool.io.geotiff import Compression
+from terratool.io.pam import COMPANIONS
 from terratool.output import free_bytes, refuse_existing, whole_file
 from terratool.raster.formats import (
     Coding,
@@ -23,17 +26,14 @@ from terratool.raster.formats import (
     raster_format,
     wants_range,
 )
-from terratool.raster.geotiff import Compression, RasterExtent, crs_of
+from terratool.raster.geotiff import RasterExtent, crs_of
 from terratool.raster.grid import Grid, Window
-from terratool.raster.layers import Bands, SurfaceValues, files_of, layers_named
+from terratool.raster.layers import LayerBands, SurfaceValues, files_of, layers_named
 from terratool.raster.loss import LossFinder, RasterLoss
 from terratool.raster.overviews import OVERVIEWS_FROM, by_gdal, factors
 from terratool.raster.prefetch import WindowMaker, prefetch, processors, windows_of
-from terratool.raster.statistics import BandStatistics, RasterStatistics, StatisticsSum
+from terratool.raster.statistics import RasterStatistics, StatisticsSum
 from terratool.raster.writers import Storage, open_writer
-
-COMPANIONS = ("*.aux.xml", "*.ovr", "*.msk")
-"""What GDAL keeps beside a raster, and would believe of a newer one, too; * is its name."""
 
 DTYPES = ("float32", "float64")
 
@@ -55,7 +55,7 @@ class WrittenFile:
     """
 
     path: Path
-    bands: Bands
+    bands: LayerBands
     statistics: tuple[BandStatistics, ...]
     coding: Coding
     difference: float
@@ -137,7 +137,7 @@ class RasterRequest:
     losses: bool = True
     threads: int | None = None
 
-    def files(self, terrain: Terrain) -> tuple[Bands, ...]:
+    def files(self, terrain: Terrain) -> tuple[LayerBands, ...]:
         """The files that the layers take.
 
         Raises:
@@ -350,7 +350,7 @@ def report_of(
     )
 
 
-def paths_of(path: Path, files: Sequence[Bands]) -> list[Path]:
+def paths_of(path: Path, files: Sequence[LayerBands]) -> list[Path]:
     """Where the files go: the first to `path`, the others with what they hold before the suffix."""
     names = (
         "numbers" if bands.content == "number" and bands.count > 1 else bands.layers[0].name
@@ -371,7 +371,7 @@ def checked_threads(threads: int | None) -> int:
 
 
 def _ranges(
-    terrain: Terrain, grid: Grid, files: Sequence[Bands], form: RasterFormat, threads: int
+    terrain: Terrain, grid: Grid, files: Sequence[LayerBands], form: RasterFormat, threads: int
 ) -> list[BandStatistics | None]:
     """Ranges of the numbers of each file whose format wants them: all is painted once for that."""
     if not any(wants_range(form, bands) for bands in files):

@@ -13,10 +13,9 @@ from rasterio.drivers import raster_driver_extensions
 
 from terratool.errors import RequestError
 from terratool.field.terrain import Terrain
+from terratool.io.bands import Bands, BandStatistics
 from terratool.raster.geotiff import crs_of
 from terratool.raster.grid import Grid
-from terratool.raster.layers import Bands
-from terratool.raster.statistics import BandStatistics
 
 Pixels = NDArray[Any]
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from terratool.definition.presets import property_of
 from terratool.errors import RequestError
 from terratool.field.terrain import Terrain
+from terratool.io.bands import Bands
 from terratool.raster.painter import Planes, id_type
 
 Pixels = NDArray[Any]
@@ -31,7 +32,7 @@ class Layer:
         name: how it is asked for.
         bands: what its bands are called.
         unit: of its values; "1" for a share or a ratio, empty for what is counted or chosen.
-        content: of its pixels: "number", "surface", "color", or "class" in maps.
+        content: of its pixels: "number", "surface" or "color".
         soil: the attribute of a surface that it shows; empty for others.
         slopes: whether the slopes are needed for it.
         mean: how values are averaged: as "number", as "direction" in degrees, as "vector" of all
@@ -77,54 +78,30 @@ LAYERS: dict[str, Layer] = {
 
 
 @dataclass(frozen=True)
-class Bands:
-    """What one file holds: layers of one type of number.
+class LayerBands(Bands):
+    """Bands of one file that hold layers.
 
     Attributes:
         layers: in the order of their bands.
-        dtype: of every band.
-        empty: the number that stands for none, of layers of numbers.
     """
 
-    layers: tuple[Layer, ...]
-    dtype: np.dtype[Any]
-    empty: float = math.nan
+    layers: tuple[Layer, ...] = ()
 
-    @property
-    def content(self) -> str:
-        """That of every layer."""
-        return self.layers[0].content
-
-    @property
-    def count(self) -> int:
-        """Number of bands."""
-        return len(self.names)
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """What the bands are called."""
-        return tuple(name for layer in self.layers for name in layer.bands)
-
-    @property
-    def units(self) -> tuple[str, ...]:
-        """Units of the bands."""
-        return tuple(layer.unit for layer in self.layers for _ in layer.bands)
-
-    @property
-    def means(self) -> tuple[str, ...]:
-        """How the values of each band are averaged; those of surfaces and classes are not."""
-        named = self.content in ("surface", "class")
-        return tuple("" if named else layer.mean for layer in self.layers for _ in layer.bands)
-
-    @property
-    def nodata(self) -> float | None:
-        """That of numbers, 0 for surfaces and classes; colours have none."""
-        return {"number": self.empty, "color": None}.get(self.content, 0.0)
-
-    @property
-    def pixel_bytes(self) -> int:
-        """Bytes of a pixel in all bands."""
-        return self.count * self.dtype.itemsize
+    @classmethod
+    def of(
+        cls, layers: Sequence[Layer], dtype: np.dtype[Any], empty: float = math.nan
+    ) -> LayerBands:
+        """Bands of layers of the same content; `empty` stands for none, in layers of numbers."""
+        bands = [(name, layer) for layer in layers for name in layer.bands]
+        return cls(
+            tuple(name for name, _ in bands),
+            tuple(layer.unit for _, layer in bands),
+            dtype,
+            layers[0].content,
+            empty,
+            tuple(layer.mean for _, layer in bands),
+            tuple(layers),
+        )
 
 
 def layers_named(names: Sequence[str]) -> tuple[Layer, ...]:
@@ -145,7 +122,7 @@ def layers_named(names: Sequence[str]) -> tuple[Layer, ...]:
 
 def files_of(
     layers: Sequence[Layer], terrain: Terrain, dtype: np.dtype[Any], empty: float = math.nan
-) -> tuple[Bands, ...]:
+) -> tuple[LayerBands, ...]:
     """The files that layers take: one for all numbers, and one each for surfaces and colours.
 
     Surfaces and colours cannot share one: their bytes are told apart by what the whole file says
@@ -153,8 +130,8 @@ def files_of(
     """
     dtypes = {"number": dtype, "surface": id_type(terrain), "color": np.dtype(np.uint8)}
     return tuple(
-        Bands(
-            tuple(layer for layer in layers if layer.content == content),
+        LayerBands.of(
+            [layer for layer in layers if layer.content == content],
             dtypes[content],
             empty if content == "number" else math.nan,
         )
@@ -207,7 +184,7 @@ class SurfaceValues:
         return np.array([NO_COLOR, *colors], np.uint8)
 
 
-def layer_painter(bands: Bands, terrain: Terrain) -> Callable[[Planes, Pixels], None]:
+def layer_painter(bands: LayerBands, terrain: Terrain) -> Callable[[Planes, Pixels], None]:
     """A function from the planes of a window into the bands of a file, (bands, height, width)."""
     soils = SurfaceValues(terrain)
     tables: dict[str, Pixels] = {

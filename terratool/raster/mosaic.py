@@ -19,6 +19,9 @@ import numpy as np
 from terratool.errors import RequestError
 from terratool.field.records import scalar_columns
 from terratool.field.terrain import Terrain
+from terratool.io.bands import Bands
+from terratool.io.geotiff import TILE, Compression, software_tags, statistics_tags
+from terratool.io.pam import COMPANIONS, xml_bytes
 from terratool.output import (
     refuse_existing,
     refuse_missing_folder,
@@ -27,7 +30,6 @@ from terratool.output import (
     whole_file,
 )
 from terratool.raster.export import (
-    COMPANIONS,
     HEIGHTS,
     MosaicSummary,
     Progress,
@@ -42,18 +44,14 @@ from terratool.raster.export import (
 from terratool.raster.formats import RasterFormat, plain_coding
 from terratool.raster.geotiff import (
     MOST_COLORS,
-    Compression,
     colormap,
     crs_of,
     describe_surfaces,
-    statistics_tags,
     transform_of,
-    xml_bytes,
 )
 from terratool.raster.grid import Grid
 from terratool.raster.journal import Journal, journal_of
-from terratool.raster.layers import Bands
-from terratool.raster.prefetch import TILE, prefetch
+from terratool.raster.prefetch import prefetch
 from terratool.raster.statistics import RasterStatistics, StatisticsSum
 from terratool.raster.tiles import (
     INDEX,
@@ -66,7 +64,6 @@ from terratool.raster.tiles import (
     checksum,
     remove_scratch,
 )
-from terratool.text.display import xml_text
 
 TILE_SIZE = 4096
 """Pixels on the side of a tile, if not said."""
@@ -313,10 +310,8 @@ def index_of(
     if crs is not None:
         SubElement(root, "SRS").text = crs.to_wkt()
     SubElement(root, "GeoTransform").text = ", ".join(map(repr, transform_of(grid).to_gdal()))
-    tags = {"AREA_OR_POINT": "Area", "TIFFTAG_SOFTWARE": f"terratool {tiling.version}"}
-    if terrain.descr:
-        tags["TIFFTAG_IMAGEDESCRIPTION"] = xml_text(terrain.descr)
-    _metadata(root, tags)
+    tags = software_tags(terrain.descr, tiling.version)
+    _metadata(root, {"AREA_OR_POINT": "Area", **tags})
     if bands.content == "color":
         _metadata(root, {"INTERLEAVE": "PIXEL"}, domain="IMAGE_STRUCTURE")
     for number in range(bands.count):

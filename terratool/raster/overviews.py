@@ -6,7 +6,6 @@ import contextlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
@@ -16,9 +15,16 @@ from numpy.typing import NDArray
 from rasterio.enums import Resampling
 from rasterio.windows import Window
 
-from terratool.raster.geotiff import CACHE_BYTES, complaints
-from terratool.raster.layers import Bands
-from terratool.raster.prefetch import TILE
+from terratool.io.bands import Bands
+from terratool.io.geotiff import (
+    CACHE_BYTES,
+    TILE,
+    Compression,
+    TiffProfile,
+    complaints,
+    geotiff,
+    tile_options,
+)
 
 OVERVIEWS_FROM = 4096
 """A plain GeoTIFF has overviews if its longer side has more pixels, and nothing else is said."""
@@ -98,20 +104,14 @@ def with_overviews(path: Path, bands: Bands) -> Iterator[Path]:
 
 def _halve(source: Path, target: Path, bands: Bands) -> None:
     """Write a GeoTIFF at half the resolution of another one."""
-    with (
-        complaints(target),
-        rasterio.Env(GDAL_CACHEMAX=CACHE_BYTES),
-        rasterio.open(source) as file,
-    ):
+    with complaints(source), rasterio.open(source) as file:
         width, height = -(-file.width // 2), -(-file.height // 2)
-        profile: dict[str, Any] = {
-            "driver": "GTiff", "count": file.count, "dtype": file.dtypes[0], "width": width,
-            "height": height, "nodata": file.nodata, "compress": "zstd", "zstd_level": 1,
-            "tiled": True, "blockxsize": TILE, "blockysize": TILE, "interleave": "band",
-            "transform": file.transform, "bigtiff": "if_safer",
-        }  # fmt: skip
+        profile = TiffProfile(
+            width, height, file.transform, options=tile_options(bands.dtype, Compression()),
+            nodata=file.nodata,
+        )  # fmt: skip
         down, across = _shares(file.height), _shares(file.width)
-        with rasterio.open(target, "w", **profile) as out:
+        with geotiff(target, bands, profile) as out:
             for row in range(0, height, _SIDE):
                 for column in range(0, width, _SIDE):
                     rows, columns = down.part(row, row + _SIDE), across.part(column, column + _SIDE)
@@ -123,8 +123,7 @@ def _halve(source: Path, target: Path, bands: Bands) -> None:
                     half = _averaged(pixels, bands.means, rows, columns)
                     if file.nodata is not None:
                         half[np.isnan(half)] = file.nodata
-                    place = Window(column, row, half.shape[2], half.shape[1])
-                    out.write(half.astype(file.dtypes[0]), window=place)
+                    out.write(half.astype(bands.dtype), row, column)
 
 
 @dataclass(frozen=True, slots=True)

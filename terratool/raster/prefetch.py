@@ -17,14 +17,13 @@ from numpy.typing import NDArray
 
 from terratool.errors import RequestError
 from terratool.field.terrain import Terrain
+from terratool.io.bands import Bands, BandStatistics
+from terratool.io.geotiff import TILE
 from terratool.raster.grid import Grid, Window
-from terratool.raster.layers import Bands, layer_painter
+from terratool.raster.layers import LayerBands, layer_painter
 from terratool.raster.loss import LossCounts, LossFinder
 from terratool.raster.painter import Painter, Planes
-from terratool.raster.statistics import BandStatistics, RasterStatistics, band_statistics
-
-TILE = 512
-"""Side of a tile of a GeoTIFF."""
+from terratool.raster.statistics import RasterStatistics, band_statistics
 
 _WINDOW_BYTES = 1 << 22
 
@@ -68,7 +67,7 @@ class WindowMaker:
     """
 
     def __init__(
-        self, terrain: Terrain, grid: Grid, files: Sequence[Bands], losses: bool = False
+        self, terrain: Terrain, grid: Grid, files: Sequence[LayerBands], losses: bool = False
     ) -> None:
         self.terrain, self.grid, self.files = terrain, grid, files
         dtype = heights_type(files)

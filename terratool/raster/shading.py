@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import warnings
 
 import numpy as np
 from numpy.typing import NDArray
@@ -67,23 +66,6 @@ def ticks(first: float, last: float, count: int) -> list[float]:
     step = next(factor * power for factor in (1.0, 2.0, 5.0, 10.0) if factor * power >= raw * 0.999)
     start = math.ceil(first / step - 1e-9)
     return [index * step for index in range(start, math.floor(last / step + 1e-9) + 1)]
-
-
-def png(pixels: NDArray[np.uint8]) -> bytes:
-    """A picture, (height, width, bands) uint8, as the bytes of a PNG file."""
-    import rasterio
-    from rasterio.errors import NotGeoreferencedWarning
-    from rasterio.io import MemoryFile
-
-    height, width, bands = pixels.shape
-    with rasterio.Env(GDAL_PAM_ENABLED=False), MemoryFile(ext=".png") as memory:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", NotGeoreferencedWarning)
-            with memory.open(
-                driver="PNG", height=height, width=width, count=bands, dtype="uint8", ZLEVEL=9
-            ) as file:
-                file.write(np.moveaxis(pixels, -1, 0))
-        return bytes(memory.getbuffer())
 
 
 def _gradient(

@@ -17,13 +17,14 @@ from typing import Any
 from terratool._version import __version__
 from terratool.errors import RequestError, WriteError
 from terratool.field.terrain import Terrain
+from terratool.io.geotiff import TILE, Compression
+from terratool.io.pam import COMPANIONS
 from terratool.output import PART, part_name, whole_file
-from terratool.raster.export import COMPANIONS, fill_files, paths_of
+from terratool.raster.export import fill_files, paths_of
 from terratool.raster.formats import RasterFormat
-from terratool.raster.geotiff import Compression
 from terratool.raster.grid import Grid, Window
-from terratool.raster.layers import Bands
-from terratool.raster.prefetch import TILE, WindowMaker
+from terratool.raster.layers import LayerBands
+from terratool.raster.prefetch import WindowMaker
 from terratool.raster.statistics import RasterStatistics
 from terratool.raster.writers import Storage
 from terratool.text.files import open_file
@@ -57,7 +58,7 @@ class Tiling:
     """
 
     grid: Grid
-    files: tuple[Bands, ...]
+    files: tuple[LayerBands, ...]
     compression: Compression
     size: int
     losses: bool

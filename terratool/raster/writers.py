@@ -3,109 +3,33 @@
 from __future__ import annotations
 
 import contextlib
-import json
 import math
 import os
-import subprocess
-import sys
 import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
 from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
 import rasterio
-import rasterio.shutil
 from numpy.typing import NDArray
 from rasterio.errors import NotGeoreferencedWarning
-from rasterio.io import MemoryFile
 
-from terratool.apart import apart
 from terratool.errors import WriteError
-from terratool.field.terrain import Terrain
-from terratool.processes import python_calling
+from terratool.io.bands import Bands, BandStatistics
+from terratool.io.gdal_copy import cog_options, gdal_copy
+from terratool.io.geotiff import Compression, GeoTiff, complaints, tile_options
+from terratool.io.pam import pam_path
 from terratool.raster.formats import Coding, RasterFormat
-from terratool.raster.geotiff import (
-    CACHE_BYTES,
-    MOST_COLORS,
-    Compression,
-    GeoTiff,
-    RasterExtent,
-    check_blocks,
-    cog_options,
-    complaints,
-    geotiff,
-    name_surfaces,
-    tiff_options,
-)
+from terratool.raster.geotiff import MOST_COLORS, RasterExtent, name_surfaces, terrain_tiff
 from terratool.raster.grid import Grid, Window
-from terratool.raster.layers import Bands
 from terratool.raster.overviews import add_overviews, by_gdal, with_overviews
-from terratool.raster.statistics import BandStatistics
 
-_TRUSTED = frozenset(["COG", "GTiff", "PNG", "AAIGrid", "XYZ", "SRTMHGT"])
-_HINT = "Ask for a .tif, or for a layer or type that this format holds."
 _SHIFT = 1e-3
 """So far, in pixels, a raster may have moved: coordinates are rounded where they are text."""
 
 Pixels = NDArray[Any]
-
-
-def copied(source: Path, path: Path, driver: str, options: dict[str, Any], threads: int) -> None:
-    """Write a raster once more, by another driver of GDAL; in bounded memory where that can.
-
-    Raises:
-        WriteError: the driver cannot write it.
-    """
-    if driver in _TRUSTED:
-        tiff = driver in ("COG", "GTiff")
-        if tiff:
-            options = {**options, "num_threads": str(max(1, threads))}
-        _copy(source, path, driver, options)
-        if tiff:
-            check_blocks(path)
-        return
-    done = subprocess.run(
-        **python_calling(__name__, "main", str(source), str(path), driver, json.dumps(options)),
-        capture_output=True, text=True, errors="replace", check=False,
-    )  # fmt: skip
-    if done.returncode:
-        message = (
-            done.stdout.strip()
-            or f"{path.name}: cannot be written (GDAL's driver {driver} crashed)."
-        )
-        raise WriteError(message, _HINT)
-
-
-def main() -> None:
-    """Copy as the command line says; on failure say why on standard output."""
-    source, path, driver, options = sys.argv[1:]
-    try:
-        _copy(Path(source), Path(path), driver, json.loads(options))
-    except WriteError as error:
-        sys.stdout.write(error.message)
-        sys.stdout.flush()
-        os._exit(1)  # a driver that failed may crash as it is unloaded
-
-
-def _copy(source: Path, path: Path, driver: str, options: dict[str, Any]) -> None:
-    if driver == "COG":
-        _read_tilings()
-    with complaints(path, _HINT), rasterio.Env(GDAL_CACHEMAX=CACHE_BYTES):
-        rasterio.shutil.copy(source, path, driver=driver, strict=True, **options)
-
-
-@cache
-def _read_tilings() -> None:
-    """Have GDAL read once what tilings a COG may have: it looks for files of their names."""
-    with apart(), rasterio.Env(), MemoryFile() as memory, warnings.catch_warnings():
-        warnings.simplefilter("ignore", NotGeoreferencedWarning)
-        with memory.open(driver="GTiff", width=1, height=1, count=1, dtype="uint8"):
-            pass
-        with memory.open() as pixel, MemoryFile(ext=".tif") as out:
-            rasterio.shutil.copy(pixel, out.name, driver="COG")
 
 
 def difference(one: Path, other: Path, bands: Bands, nodata: float) -> float:
@@ -225,12 +149,12 @@ def open_writer(
     nodata = None if coding is None else coding.nodata
     tiff = form.driver in ("GTiff", "COG")
     colors = MOST_COLORS if tiff else 256
-    with geotiff(first, extent, coded, first_compression, threads, nodata, colors) as file:
+    options = tile_options(coded.dtype, first_compression, threads)
+    with terrain_tiff(first, extent, coded, options, nodata, colors) as file:
         if coding is not None and not coding.exact:
-            file.file.scales = (coding.scale,) * bands.count
-            file.file.offsets = (coding.offset,) * bands.count
+            file.scale(coding.scale, coding.offset)
         named = None if extent.window or bands.content != "surface" else first
-        writer = _Raster(file, named, extent.terrain, coding)
+        writer = _Raster(file, named, extent, coding)
         if tiff and bands.content == "number":
             writer.difference = compression.max_z_error
         yield writer
@@ -239,12 +163,12 @@ def open_writer(
             add_overviews(path, bands, threads)
         return
     with with_overviews(first, coded) if own else contextlib.nullcontext(first) as source:
-        copied(source, path, form.driver, _options(storage, bands, own), threads)
+        gdal_copy(source, path, form.driver, _options(storage, bands, own), threads)
     if not tiff:
         nothing = math.nan if coding is None or coding.nodata is None else coding.nodata
         writer.difference += difference(first, path, coded, nothing)
     first.unlink()
-    first.with_name(first.name + ".aux.xml").unlink(missing_ok=True)
+    pam_path(first).unlink(missing_ok=True)
 
 
 def _options(storage: Storage, bands: Bands, own: bool) -> dict[str, Any]:
@@ -253,7 +177,7 @@ def _options(storage: Storage, bands: Bands, own: bool) -> dict[str, Any]:
     if form.driver == "COG":
         return cog_options(bands, storage.compression, own)
     if form.driver == "GTiff":
-        options = tiff_options(bands, storage.compression, storage.threads)
+        options = tile_options(bands.dtype, storage.compression, storage.threads)
         return {**options, "copy_src_overviews": True}
     options = dict(form.options)
     if form.driver == "AAIGrid" and bands.content == "number":
@@ -294,17 +218,19 @@ class _Raster:
     """A GeoTIFF, the file itself or what it is copied from."""
 
     def __init__(
-        self, file: GeoTiff, named: Path | None, terrain: Terrain, coding: Coding | None
+        self, file: GeoTiff, named: Path | None, extent: RasterExtent, coding: Coding | None
     ) -> None:
         """`named` is the file whose surfaces get names; None if it has none."""
-        self._file, self._named, self._terrain, self._coding = file, named, terrain, coding
+        self._file, self._named, self._extent, self._coding = file, named, extent, coding
         self.difference = coding.difference if coding else 0.0
 
     def write(self, window: Window, pixels: Pixels) -> None:
-        self._file.write(window, pixels if self._coding is None else self._coding.encode(pixels))
+        coded = pixels if self._coding is None else self._coding.encode(pixels)
+        first = self._extent.pixels
+        self._file.write(coded, window.row - first.row, window.column - first.column)
 
     def finish(self, statistics: Sequence[BandStatistics], counts: NDArray[np.int64]) -> None:
         if not self.difference:  # or they would be those of other numbers
             self._file.finish(statistics)
         if self._named:
-            name_surfaces(self._named, self._terrain, counts)
+            name_surfaces(self._named, self._extent.terrain, counts)

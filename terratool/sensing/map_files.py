@@ -13,13 +13,21 @@ from typing import Any
 
 import msgspec
 import numpy as np
-import rasterio
 from numpy.typing import NDArray
 from rasterio.crs import CRS
 
-from terratool._version import __version__
 from terratool.errors import ReadError, RequestError
 from terratool.extras import install_command
+from terratool.io.bands import Bands
+from terratool.io.crs import read_crs
+from terratool.io.geotiff import (
+    TILE,
+    Compression,
+    TiffProfile,
+    geotiff,
+    software_tags,
+    tile_options,
+)
 from terratool.io.guards import is_placed, size_on_disk
 from terratool.io.opening import gdal_errors, open_local
 from terratool.output import (
@@ -29,19 +37,9 @@ from terratool.output import (
     whole_file,
     whole_folder,
 )
-from terratool.raster.geotiff import (
-    CACHE_BYTES,
-    Compression,
-    check_blocks,
-    complaints,
-    read_crs,
-    tiff_options,
-    transform_of,
-)
+from terratool.raster.geotiff import transform_of
 from terratool.raster.grid import Grid
 from terratool.raster.grid_map_bag import MOST_BYTES, TOPIC, GridMap, files_of_bag, write_grid_maps
-from terratool.raster.layers import Bands, Layer
-from terratool.raster.prefetch import TILE
 from terratool.sensing.clouds import MOST
 from terratool.sensing.robot_map import (
     FREE_CELLS,
@@ -55,18 +53,12 @@ from terratool.text.packing import TIMES, most_unpacked
 
 BANDS = Bands(
     (
-        Layer("elevation", ("elevation",), "m"),
-        Layer("variance", ("variance",), "m2"),
-        Layer("lowest", ("lowest",), "m"),
-        Layer("highest", ("highest",), "m"),
-        Layer("count", ("count",), ""),
-        Layer("surface", ("surface",), ""),
-        Layer("time", ("time",), "s"),
-        Layer("distance", ("distance",), "m"),
-        Layer("seen", ("seen",), "1"),
+        "elevation", "variance", "lowest", "highest", "count", "surface", "time", "distance",
+        "seen",
     ),
+    ("m", "m2", "m", "m", "", "", "s", "m", "1"),
     np.dtype(np.float64),
-)
+)  # fmt: skip
 """Of each file; all are NaN in cells never seen."""
 LEVEL, LEVELS, SURFACES = "TERRATOOL_MAP_LEVEL", "TERRATOOL_MAP_LEVELS", "TERRATOOL_MAP_SURFACES"
 FIRST, LAST = "TERRATOOL_MAP_FIRST_TIME", "TERRATOOL_MAP_LAST_TIME"
@@ -173,31 +165,18 @@ def pixels_of(level: MapLevel) -> NDArray[np.float64]:
 def _write_level(path: Path, level: MapLevel, output: MapOutput) -> None:
     grid, crs = level.grid, None if output.crs is None else read_crs(output.crs)
     times = level.time[np.isfinite(level.time)]
-    profile: dict[str, Any] = {
-        "driver": "GTiff", "dtype": "float64", "count": BANDS.count, "nodata": math.nan,
-        "width": grid.width, "height": grid.height, "crs": crs, "transform": transform_of(grid),
-        **tiff_options(BANDS, Compression(), 1),
-        # what is narrow fills no blocks of full size
-        "blockxsize": min(TILE, -(-grid.width // _BLOCK) * _BLOCK),
-        "blockysize": min(TILE, -(-grid.height // _BLOCK) * _BLOCK),
-    }  # fmt: skip
+    # what is narrow fills no blocks of full size
+    width, height = (min(TILE, -(-n // _BLOCK) * _BLOCK) for n in (grid.width, grid.height))
     tags = {
-        "TIFFTAG_SOFTWARE": f"terratool {__version__}",
-        "TIFFTAG_IMAGEDESCRIPTION": "A robot's map",
+        **software_tags("A robot's map"),
         LEVEL: str(level.level), LEVELS: str(output.levels),
         SURFACES: json.dumps(level.surfaces, ensure_ascii=True),
         **({FIRST: repr(float(times.min())), LAST: repr(float(times.max()))} if times.size else {}),
     }  # fmt: skip
-    with (
-        complaints(path),
-        rasterio.Env(GDAL_CACHEMAX=CACHE_BYTES),
-        rasterio.open(path, "w", **profile) as file,
-    ):
-        file.descriptions = BANDS.names
-        file.units = BANDS.units
-        file.update_tags(**tags)
+    options = tile_options(BANDS.dtype, Compression(), size=(width, height))
+    profile = TiffProfile(grid.width, grid.height, transform_of(grid), crs, tags, options)
+    with geotiff(path, BANDS, profile) as file:
         file.write(pixels_of(level))
-    check_blocks(path)
 
 
 def _refuse_large(grid: Grid) -> None:

@@ -25,8 +25,9 @@ from numpy.typing import NDArray
 from terratool.definition.findings import Bounds
 from terratool.errors import RequestError
 from terratool.field.terrain import refuse_empty
+from terratool.io.points import MOST_NAMES
 from terratool.raster.grid import Grid
-from terratool.sensing.clouds import MOST_SURFACES, Cloud, checked_reader, read_clouds
+from terratool.sensing.clouds import Cloud, checked_reader, read_clouds
 from terratool.sensing.sensor import Noise
 from terratool.text.files import is_pipe
 
@@ -311,9 +312,9 @@ class RobotMap:
         assert cloud.surface is not None
         for name in cloud.surfaces:
             self._numbers.setdefault(name, len(self._numbers))
-        if len(self._numbers) > MOST_SURFACES:
+        if len(self._numbers) > MOST_NAMES:
             raise RequestError(
-                f"The scans name more than {MOST_SURFACES:,} surfaces.",
+                f"The scans name more than {MOST_NAMES:,} surfaces.",
                 "Rename the column surface, if it holds something else.",
             )
         index = np.array([self._numbers[name] for name in cloud.surfaces], np.int64)

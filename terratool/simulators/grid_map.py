@@ -9,11 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terratool.errors import RequestError
+from terratool.io.geotiff import TILE
 from terratool.raster.grid import Grid, Window
 from terratool.raster.grid_map_bag import MOST_BYTES, TOPIC, GridMap, Layers, write_grid_maps
 from terratool.raster.loss import LossCounts, LossFinder, RasterLoss
 from terratool.raster.painter import Painter
-from terratool.raster.prefetch import TILE, prefetch, processors
+from terratool.raster.prefetch import prefetch, processors
 from terratool.simulators.cells import cell_grid
 from terratool.simulators.scene import Scene
 from terratool.simulators.targets import Written

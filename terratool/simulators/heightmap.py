@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from terratool.errors import RequestError
 from terratool.field.terrain import Terrain
-from terratool.raster.shading import png
+from terratool.io.png import png
 from terratool.text.display import length
 
 _SIDES = 129, 257, 513, 1025

@@ -15,9 +15,9 @@ from terratool.definition.findings import Bounds
 from terratool.field.footprints import geojson_head
 from terratool.field.relief import relief_bounds
 from terratool.field.terrain import Terrain, clip_bounds
+from terratool.io.geotiff import TILE
 from terratool.raster.export import checked_threads
 from terratool.raster.grid import DEFAULT_PIXELS, Grid, Window, grid_over
-from terratool.raster.prefetch import TILE
 from terratool.text.display import listed, shown
 from terratool.traversability.map import MapBuilder, begin_of, default_resolution, stream_map
 from terratool.traversability.map_files import MapFiles, refuse_map

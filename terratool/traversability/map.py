@@ -12,13 +12,12 @@ from numpy.typing import NDArray
 from terratool.definition.findings import Bounds
 from terratool.errors import RequestError
 from terratool.field.terrain import Terrain, check_bounds, clip_bounds
+from terratool.io.crs import shown_crs
+from terratool.io.geotiff import TILE
 from terratool.kernels import traversability as kernels
-from terratool.raster.geotiff import (
-    shown_crs,
-)
 from terratool.raster.grid import DEFAULT_PIXELS, Grid, Window
 from terratool.raster.painter import id_type
-from terratool.raster.prefetch import TILE, prefetch
+from terratool.raster.prefetch import prefetch
 from terratool.traversability.map_files import MapBands, MapFiles, empty_bands
 from terratool.traversability.results import (
     CHANCE_BOUNDS,

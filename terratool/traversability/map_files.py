@@ -5,74 +5,54 @@ from __future__ import annotations
 import contextlib
 import operator
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
-from xml.etree import ElementTree
 
 import numpy as np
 from numpy.typing import NDArray
 
 from terratool.errors import RequestError
 from terratool.field.terrain import Terrain
+from terratool.io.bands import Bands, BandStatistics
+from terratool.io.gdal_copy import cog_options, gdal_copy
+from terratool.io.geotiff import TILE, Compression, GeoTiff, tile_options
+from terratool.io.pam import COMPANIONS, name_categories, pam_bands, pam_path, xml_bytes
 from terratool.output import refuse_existing, whole_file
-from terratool.raster.export import COMPANIONS, refuse_full_disk
+from terratool.raster.export import refuse_full_disk
 from terratool.raster.formats import raster_format
-from terratool.raster.geotiff import (
-    Compression,
-    GeoTiff,
-    RasterExtent,
-    cog_options,
-    crs_of,
-    geotiff,
-    name_categories,
-    xml_bytes,
-)
+from terratool.raster.geotiff import RasterExtent, crs_of, terrain_tiff
 from terratool.raster.grid import Grid, Window
-from terratool.raster.layers import Bands, Layer
-from terratool.raster.prefetch import TILE
-from terratool.raster.statistics import BandStatistics, band_statistics
-from terratool.raster.writers import copied
+from terratool.raster.statistics import band_statistics
 from terratool.traversability.results import COLORS, GroundClass, Reason, Verdict
 from terratool.traversability.tiles import part_of
 
-CLASS, NUMBER = "class", "number"
+CLASS = "class"
 
-VERDICT = Bands(
-    (Layer("verdict", ("verdict, best heading",), "", CLASS, mean=""),), np.dtype(np.uint8)
-)
+VERDICT = Bands(("verdict, best heading",), ("",), np.dtype(np.uint8), CLASS)
 CLASSES = Bands(
-    tuple(
-        Layer(name, (name,), "", CLASS, mean="")
-        for name in ("verdict, worst heading", "reason, best heading", "reason, worst heading")
-    ),
-    np.dtype(np.uint8),
-)
-NUMBERS = Bands(
-    tuple(
-        Layer(name, (name,), unit, NUMBER)
-        for name, unit in (
-            ("headings that are go or caution", ""),
-            ("utilisation, best heading", "1"),
-            ("utilisation, worst heading", "1"),
-            ("slope along, best heading", "degree"),
-            ("slope across, best heading", "degree"),
-            ("slope along, worst heading", "degree"),
-            ("slope across, worst heading", "degree"),
-            ("step, highest", "m"),
-            ("roughness, largest", "m"),
-            ("clearance, least", "m"),
-            ("room under overhangs, least", "m"),
-            ("sinkage, deepest", "m"),
-            ("drawbar pull left, least", "N"),
-            ("tip-over margin, least", "degree"),
-        )
-    ),
-    np.dtype(np.float32),
-)
+    ("verdict, worst heading", "reason, best heading", "reason, worst heading"),
+    ("",) * 3, np.dtype(np.uint8), CLASS,
+)  # fmt: skip
+_NUMBERS = {
+    "headings that are go or caution": "",
+    "utilisation, best heading": "1",
+    "utilisation, worst heading": "1",
+    "slope along, best heading": "degree",
+    "slope across, best heading": "degree",
+    "slope along, worst heading": "degree",
+    "slope across, worst heading": "degree",
+    "step, highest": "m",
+    "roughness, largest": "m",
+    "clearance, least": "m",
+    "room under overhangs, least": "m",
+    "sinkage, deepest": "m",
+    "drawbar pull left, least": "N",
+    "tip-over margin, least": "degree",
+}
+NUMBERS = Bands(tuple(_NUMBERS), tuple(_NUMBERS.values()), np.dtype(np.float32))
 """Slopes are positive nose up and left side up."""
-CHANCES = replace(
-    NUMBERS, layers=(*NUMBERS.layers, Layer("chance", ("probability of go, best heading",), "1"))
+CHANCES = Bands(
+    (*NUMBERS.names, "probability of go, best heading"), (*NUMBERS.units, "1"), NUMBERS.dtype
 )
 """`NUMBERS` where figures of soils are ranges."""
 
@@ -131,7 +111,7 @@ class MapFiles:
         path: Path, overwrite: bool, threads: int,
     ) -> None:  # fmt: skip
         refuse_map(terrain, grid, sampled, path, overwrite)
-        extent = RasterExtent(terrain, grid)
+        self._grid, extent = grid, RasterExtent(terrain, grid)
         parts = [
             stack.enter_context(whole_file(name, overwrite, COMPANIONS, named=name == path))
             for name in map_paths(path)
@@ -145,14 +125,15 @@ class MapFiles:
     def write(self, window: Window, bands: MapBands) -> None:
         """Write all of a window but what it takes to know the whole map for; windows in order."""
         for file, pixels in zip(self._files[1:], bands[1:], strict=True):
-            file.write(window, pixels)
+            file.write(pixels, window.row, window.column)
         found = map(band_statistics, bands.numbers)
         self._statistics = list(map(operator.add, self._statistics, found))
 
     def finish(self, classes: NDArray[np.uint8]) -> None:
         """Write what each pixel is."""
-        for window in self._files[0].extent.cut(TILE, TILE):
-            self._files[0].write(window, classes[None, *part_of(window)])
+        for window in self._grid.windows(TILE, TILE):
+            pixels = classes[None, *part_of(window)]
+            self._files[0].write(pixels, window.row, window.column)
         self._files[-1].finish(self._statistics)
 
 
@@ -186,23 +167,22 @@ def refuse_full_disk_of_maps(grids: Sequence[Grid], path: Path, sampled: bool) -
 def _cog(path: Path, extent: RasterExtent, bands: Bands, threads: int) -> Iterator[GeoTiff]:
     """A cloud-optimised GeoTIFF: a plain one first, which is copied when it is complete."""
     first, plain = path.with_name(f"{path.stem}.first.tif"), Compression()
-    with geotiff(first, extent, bands, plain, threads) as file:
+    with terrain_tiff(first, extent, bands, tile_options(bands.dtype, plain, threads)) as file:
         if bands is VERDICT:
-            file.file.write_colormap(1, {int(key): (*c, 255) for key, c in COLORS.items()})
+            file.color({int(key): (*c, 255) for key, c in COLORS.items()})
         yield file
-    names = first.with_name(f"{first.name}.aux.xml")
+    names = pam_path(first)
     if bands.content == CLASS:
         names.write_bytes(_class_names(bands))
-    copied(first, path, "COG", cog_options(bands, plain), threads)
+    gdal_copy(first, path, "COG", cog_options(bands, plain), threads)
     first.unlink()
     names.unlink(missing_ok=True)
 
 
 def _class_names(bands: Bands) -> bytes:
     """The text of an .aux.xml file that names the classes of each band."""
-    root = ElementTree.Element("PAMDataset")
-    for number, name in enumerate(bands.names, 1):
-        band = ElementTree.SubElement(root, "PAMRasterBand", band=str(number))
+    root, elements = pam_bands(bands.count)
+    for band, name in zip(elements, bands.names, strict=True):
         classes: type[GroundClass | Verdict | Reason] = GroundClass if bands is VERDICT else Verdict
         if name.startswith("reason"):
             classes = Reason

@@ -20,7 +20,7 @@ from terratool.field.terrain import Terrain
 from terratool.mesh.build import GREY
 from terratool.mesh.formats.common import NO_COLOR
 from terratool.raster.grid import Grid, grid_over
-from terratool.raster.layers import LAYERS, Bands, SurfaceValues, layer_painter
+from terratool.raster.layers import LAYERS, LayerBands, SurfaceValues, layer_painter
 from terratool.raster.painter import Painter, Planes
 from terratool.raster.prefetch import prefetch, processors
 from terratool.text.display import listed, shown
@@ -243,7 +243,7 @@ def _numbers(terrain: Terrain, grid: Grid, planes: Planes, layer: str) -> LayerP
     from matplotlib import colormaps
 
     bands, ground = np.empty((1, *planes.heights.shape)), ~np.isnan(planes.heights)
-    layer_painter(Bands((LAYERS[layer],), np.dtype(np.float64)), terrain)(planes, bands)
+    layer_painter(LayerBands.of([LAYERS[layer]], np.dtype(np.float64)), terrain)(planes, bands)
     values = bands[0]
     known = ground & np.isfinite(values)
     low, high = (float(end(values[known])) if known.any() else 0.0 for end in (np.min, np.max))

@@ -1,14 +1,14 @@
 """A perspective: a mesh with upright walls, seen from the side, with light on it.
 
-Faces are painted by NumPy into a z-buffer that keeps which face is nearest to the eye at each
-pixel. After the division by depth faces are still flat triangles, and the inverse depth is linear
-over them; so everything else follows from the number of the face.
+Faces are painted into a z-buffer that keeps which face is nearest to the eye at each pixel. After
+the division by depth faces are still flat triangles, and the inverse depth is linear over them; so
+everything else follows from the number of the face.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from terratool.errors import RequestError
 from terratool.field.terrain import Terrain, check_bounds, clip_bounds
 from terratool.kernels import mesh as mesh_kernels
+from terratool.kernels import raster as raster_kernels
 from terratool.mesh.build import build
 from terratool.mesh.export import collapse_degenerate, no_ground, relief_of
 from terratool.mesh.formats.common import NO_COLOR
@@ -56,8 +57,6 @@ _GRID_SIDE = 1200
 """Nodes of its longer side."""
 _FAR = 3.0
 """The eye is so many times the size of the ground away from its middle."""
-_BATCH = 1 << 22
-"""Pixels of faces that are looked at together, about."""
 _AMBIENT, _DIRECT, _FILL = 0.5, 0.6, 0.12
 """Shares of a colour that light from everywhere gives, the light, and a weak one opposite to it."""
 _EDGE = 0.62
@@ -116,11 +115,11 @@ class Seen(NamedTuple):
     """What is nearest to the eye at each pixel.
 
     Attributes:
-        face: (height, width) int64, -1 where there is nothing; rows from the bottom.
+        face: (height, width) int32, -1 where there is nothing; rows from the bottom.
         inverse: (height, width) float64 inverse depth, 0 where there is nothing.
     """
 
-    face: NDArray[np.int64]
+    face: NDArray[np.int32]
     inverse: Floats
 
 
@@ -152,89 +151,16 @@ def camera_for(points: Floats, azimuth: float, elevation: float, size: tuple[int
 def z_buffer(points: Floats, faces: NDArray[np.int32], height: int, width: int) -> Seen:
     """The nearest face at the middle of each pixel; of equals that with the largest number.
 
-    Rows of pixels cut faces between two of their edges. Where a row cuts an edge follows from the
-    edge alone, so that faces with a common edge leave no gap.
-
     Args:
         points: (n, 3) pixels to the right and up, whole numbers at the middles, and the inverse
-            depth.
+            depth, above 0.
         faces: (m, 3) indices of points.
         height: rows of the picture.
         width: columns of it.
     """
-    inverse, face = np.zeros(height * width), np.full(height * width, -1, np.int64)
-    for those, row in _rows(points, faces, height):
-        corners = points[faces[those]]
-        left, right = _spans(corners, row)
-        first = np.maximum(np.ceil(left), 0.0).astype(np.int64)
-        last = np.minimum(np.floor(right), width - 1.0).astype(np.int64)
-        count = np.maximum(last - first + 1, 0)
-        span = np.repeat(np.arange(len(those)), count)
-        begin = np.repeat(np.cumsum(count) - count, count)
-        column = first[span] + np.arange(len(span)) - begin
-        depth = _planes(corners, span, column, row[span])
-        place = row[span] * width + column
-        np.maximum.at(inverse, place, depth)
-        nearest = depth == inverse[place]
-        place, number = place[nearest], those[span[nearest]]
-        face[place] = -1  # of an earlier batch, farther away
-        np.maximum.at(face, place, number)
-    return Seen(face.reshape(height, width), inverse.reshape(height, width))
-
-
-def _rows(
-    points: Floats, faces: NDArray[np.int32], height: int
-) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64]]]:
-    """Faces, and rows that cut them, in batches: (n,) int64 each."""
-    v, u = points[faces, 1], points[faces, 0]
-    first = np.maximum(np.ceil(v.min(axis=1)), 0.0).astype(np.int64)
-    last = np.minimum(np.floor(v.max(axis=1)), height - 1.0).astype(np.int64)
-    count = np.maximum(last - first + 1, 0)
-    # a face covers no more pixels than its rows by its columns
-    cost = np.cumsum(count * (np.ptp(u, axis=1) + 2.0))
-    most = float(cost[-1]) if len(cost) else 0.0
-    cuts = np.searchsorted(cost, np.arange(_BATCH, most + _BATCH, _BATCH))
-    start = 0
-    for stop in np.unique(np.append(cuts, len(faces))).tolist():
-        part = count[start:stop]
-        those = np.repeat(np.arange(start, stop), part)
-        begin = np.repeat(np.cumsum(part) - part, part)
-        if len(those):
-            yield those, first[those] + np.arange(len(those)) - begin
-        start = stop
-
-
-def _spans(corners: Floats, row: NDArray[np.int64]) -> tuple[Floats, Floats]:
-    """Where rows cut faces, from the left and from the right."""
-    left, right = np.full(len(row), np.inf), np.full(len(row), -np.inf)
-    for one, two in ((0, 1), (1, 2), (2, 0)):
-        a, b = corners[:, one], corners[:, two]
-        # always from the lower end, so that both faces of an edge find the same
-        swap = (a[:, 1] > b[:, 1]) | ((a[:, 1] == b[:, 1]) & (a[:, 0] > b[:, 0]))
-        low, high = np.where(swap[:, None], b, a), np.where(swap[:, None], a, b)
-        cut = (low[:, 1] <= row) & (row <= high[:, 1])
-        rise = high[:, 1] - low[:, 1]
-        part = np.divide(row - low[:, 1], rise, out=np.zeros(len(row)), where=rise > 0.0)
-        at = low[:, 0] + part * (high[:, 0] - low[:, 0])
-        level = cut & (rise == 0.0)
-        left = np.where(cut, np.minimum(left, at), left)
-        right = np.where(cut, np.maximum(right, np.where(level, high[:, 0], at)), right)
-    return left, right
-
-
-def _planes(
-    corners: Floats, span: NDArray[np.int64], column: NDArray[np.int64], row: NDArray[np.int64]
-) -> Floats:
-    """Inverse depth of faces at pixels, within that of their corners; above 0."""
-    a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
-    one, two = b - a, c - a
-    area = one[:, 0] * two[:, 1] - one[:, 1] * two[:, 0]
-    safe = np.where(area == 0.0, 1.0, area)
-    per_u = np.where(area == 0.0, 0.0, (one[:, 2] * two[:, 1] - two[:, 2] * one[:, 1]) / safe)
-    per_v = np.where(area == 0.0, 0.0, (two[:, 2] * one[:, 0] - one[:, 2] * two[:, 0]) / safe)
-    depth = a[span, 2] + per_u[span] * (column - a[span, 0]) + per_v[span] * (row - a[span, 1])
-    low, high = corners[:, :, 2].min(axis=1), corners[:, :, 2].max(axis=1)
-    return np.asarray(np.clip(depth, low[span], high[span]))
+    seen = Seen(np.full((height, width), -1, np.int32), np.zeros((height, width)))
+    raster_kernels.nearest_faces(points, faces, seen.inverse, seen.face)
+    return seen
 
 
 def draw_perspective(
@@ -488,7 +414,7 @@ def _weights(corners: Floats, column: NDArray[np.int64], row: NDArray[np.int64])
     return total
 
 
-def _colors(block: Block, face: NDArray[np.int64], place: Floats, paint: _Paint) -> Floats:
+def _colors(block: Block, face: NDArray[np.int32], place: Floats, paint: _Paint) -> Floats:
     """Colours without light: of the layer; walls are grey where that says nothing of them."""
     surfaces, plan = block.surfaces[face], paint.plan
     if paint.palette is not None:

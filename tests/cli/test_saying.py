@@ -26,9 +26,9 @@ ALLOWED = {
     "cli/saying.py": "prints",
     "cli/terminal.py": "how far it is, on a line that is written over",
     "cli/main.py": "sets up the streams, and closes one that takes no more",
-    "raster/writers.py": "a process of ours that answers another one",
+    "io/gdal_copy.py": "a process of ours that answers another one",
     "io/guards.py": "a process of ours that tells another one what is wrong with a raster",
-    "sensing/las_points.py": "a process of ours that gives another one the points of a file",
+    "io/las.py": "a process of ours that gives another one the points of a file",
 }
 """Modules that may touch a standard stream, and why."""
 

@@ -12,7 +12,7 @@ from rasterio.crs import CRS
 from terratool.definition.crs import AuthorityCode, authority_code, crs_problem, is_known
 from terratool.definition.reader import check
 from terratool.errors import RequestError
-from terratool.raster.geotiff import read_crs
+from terratool.io.crs import read_crs
 from terratool.text.source import Source
 from tests.commands import call
 

@@ -21,9 +21,9 @@ import pytest
 import rasterio
 
 from terratool.errors import RequestError, WriteError
+from terratool.io.geotiff import Compression
 from terratool.raster import dask as ours
 from terratool.raster.export import RasterReport
-from terratool.raster.geotiff import Compression
 from terratool.raster.grid import Grid, grid_over
 from terratool.raster.layers import files_of, layers_named
 from terratool.raster.painter import Painter

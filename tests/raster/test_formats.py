@@ -14,7 +14,7 @@ import rasterio
 from rio_cogeo.cogeo import cog_validate
 
 from terratool.errors import RequestError, WriteError
-from terratool.raster.geotiff import COMPRESSIONS, Compression
+from terratool.io.geotiff import COMPRESSIONS, Compression
 from terratool.raster.grid import Grid, grid_over
 from tests.conftest import terrain_of
 from tests.mosaics import export_dem, export_mosaic

@@ -15,7 +15,7 @@ from rasterio.enums import ColorInterp
 
 from terratool.cli import export_dem as command
 from terratool.errors import RequestError
-from terratool.raster import geotiff
+from terratool.io import geotiff
 from terratool.raster.grid import Window, grid_over
 from terratool.raster.layers import LAYERS, NO_COLOR
 from tests.conftest import terrain_of

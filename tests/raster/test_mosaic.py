@@ -17,10 +17,10 @@ import pytest
 import rasterio
 
 from terratool.errors import WriteError
+from terratool.io.geotiff import Compression
 from terratool.output import PART
 from terratool.raster import export, tiles
 from terratool.raster.export import RasterReport
-from terratool.raster.geotiff import Compression
 from terratool.raster.grid import Grid, grid_over
 from terratool.raster.journal import NAME, journal_of
 from terratool.raster.mosaic import fingerprint

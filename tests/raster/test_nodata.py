@@ -15,8 +15,9 @@ from hypothesis import strategies as st
 
 from terratool import __version__
 from terratool.errors import RequestError
+from terratool.io.bands import BandStatistics
 from terratool.raster.grid import grid_over
-from terratool.raster.statistics import BandStatistics, band_statistics
+from terratool.raster.statistics import band_statistics
 from tests.commands import call
 from tests.conftest import terrain_of
 from tests.mosaics import SITE, export_dem, export_mosaic

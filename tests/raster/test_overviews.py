@@ -221,7 +221,7 @@ def test_all_else_is_the_same(tmp_path: Path) -> None:
 
 def test_lossy_compression_says_so(tmp_path: Path) -> None:
     """Overviews of our own are made of exact pixels; the file keeps to its error."""
-    from terratool.raster.geotiff import Compression
+    from terratool.io.geotiff import Compression
 
     terrain = ridges()
     grid = grid_over(terrain, 0.02)

@@ -283,7 +283,12 @@ def test_texts_and_turned_clouds_are_read(tmp_path: Path) -> None:
         ("a.ply", b"solid", "is no PLY"),
         ("a.ply", b"ply\nformat ascii 1.0\nelement vertex 9\nproperty float x\nend_header\n1\n",
          "ends before its points"),
-        ("a.ply", b"ply\ncomment axes of the sensor\n", "axes of the sensor"),
+        ("a.ply", b"ply\nformat ascii 1.0\ncomment axes of the  sensor\nelement vertex 0\n"
+         b"end_header\n",
+         "axes of the sensor"),
+        ("a.pcd", b"# axes of the sensor\nFIELDS x y z\nTYPE F F F\nSIZE 4 4 4\nPOINTS 0\n"
+         b"DATA ascii\n",
+         "axes of the sensor"),
         ("a.pcd", b"FIELDS x y z\nDATA ascii\n", "header is no PCD's"),
         ("a.pcd", b"FIELDS x y z\n", "header does not end"),
         ("a.las", b"LASF", "is no LAS"),
@@ -415,7 +420,7 @@ def test_a_reading_that_is_far_off_makes_no_large_map(
 def test_names_of_several_scans_have_an_end(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(module, "MOST_SURFACES", 3)
+    monkeypatch.setattr(module, "MOST_NAMES", 3)
     paths = [tmp_path / f"{n}.csv" for n in range(2)]
     for n, path in enumerate(paths):
         path.write_text(f"x,y,z,surface\n1,2,3,a{n}\n1,2,3,b{n}\n")

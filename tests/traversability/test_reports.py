@@ -23,6 +23,7 @@ from rasterio.errors import NotGeoreferencedWarning
 from rasterio.io import MemoryFile
 
 import terratool
+from terratool.io.png import png
 from terratool.raster import shading
 from terratool.raster.grid import Grid
 from terratool.text.display import columns_of
@@ -399,9 +400,9 @@ class TestPicture:
         assert pixels[5, -5, 3] == 0  # no ground in the north-east
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", NotGeoreferencedWarning)
-            with MemoryFile(shading.png(pixels)) as memory, memory.open() as file:
+            with MemoryFile(png(pixels)) as memory, memory.open() as file:
                 assert np.array_equal(np.moveaxis(file.read(), 0, -1), pixels)
-        assert shading.png(pixels) == shading.png(pixels)
+        assert png(pixels) == png(pixels)
 
 
 class TestChart:

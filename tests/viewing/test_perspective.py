@@ -65,14 +65,22 @@ def test_faces_with_common_edges_leave_no_gap() -> None:
         assert (z_buffer(points, faces, 20, 20).face >= 0).all()
 
 
-def test_batches_make_no_difference(monkeypatch: pytest.MonkeyPatch) -> None:
-    draw = np.random.default_rng(6)
-    points = draw.uniform([0, 0, 0.1], [40, 20, 1.0], (300, 3))
-    faces = draw.permutation(300).reshape(-1, 3).astype(np.int32)
-    whole = z_buffer(points, faces, 20, 40)
-    monkeypatch.setattr(perspective, "_BATCH", 50)
-    parts = z_buffer(points, faces, 20, 40)
-    assert (whole.face == parts.face).all() and (whole.inverse == parts.inverse).all()
+def test_of_equals_the_last_is_seen() -> None:
+    """Faces that lie on one another, and both sides of an edge that runs through middles."""
+    points = np.array([[0, 0, 0.5], [6, 2, 0.7], [6, 8, 0.2], [0, 6, 0.9]])
+    faces = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
+    seen = z_buffer(points, np.vstack([faces, faces]), 9, 7).face
+    assert {-1, 2, 3} == {*seen.ravel().tolist()}
+    rows, columns = [0, 4, 8], [0, 3, 6]  # along the edge
+    assert (seen[rows, columns] == 3).all()
+    assert (z_buffer(points, faces[::-1].copy(), 9, 7).face[rows, columns] == 1).all()
+
+
+def test_faces_that_are_seen_edge_on_show_nothing() -> None:
+    points = np.array([[0, 0, 0.5], [4, 4, 0.7], [8, 8, 0.2], [2, 5, 0.4], [9, 5, 0.4]])
+    faces = np.array([[0, 1, 2], [3, 4, 3]], np.int32)
+    seen = z_buffer(points, faces, 9, 10)
+    assert (seen.face == -1).all() and (seen.inverse == 0.0).all()
 
 
 @pytest.mark.parametrize(

@@ -1,1 +1,1 @@
-"""One module per file format of scans; `table` has them by suffix."""
+"""Scans as files: points, images and bags; `table` has the formats by suffix."""

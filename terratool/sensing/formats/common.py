@@ -1,12 +1,9 @@
-"""What all formats of scans need: rows of points, and columns that grow on the disk."""
+"""What all formats of scans need: a scan as rows of points."""
 
 from __future__ import annotations
 
-import shutil
-from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 import numpy as np
 from msgspec import UNSET
@@ -76,61 +73,6 @@ class Record:
         for name in ("intensity", "ring", "range", "surface", "element", "wall", "status"):
             rows[name] = getattr(frame, name)
         return rows
-
-
-class Spool:
-    """Bytes that are written before it is known how many there will be.
-
-    Args:
-        path: a name for them; nothing is there after `moved_to`.
-    """
-
-    def __init__(self, path: Path) -> None:
-        self._path = path
-        self._file = open(path, "wb")  # noqa: SIM115, it is closed when its bytes are taken
-
-    def __enter__(self) -> Spool:
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        self._file.close()
-        self._path.unlink(missing_ok=True)
-
-    def add(self, rows: NDArray[Any]) -> None:
-        """Add the bytes of an array."""
-        self._file.write(np.ascontiguousarray(rows).tobytes())
-
-    def moved_to(self, file: BinaryIO) -> None:
-        """Copy all of it into a file."""
-        self._file.close()
-        with open(self._path, "rb") as source:
-            shutil.copyfileobj(source, file, 1 << 20)
-
-    def chunks(self, kind: np.dtype[Any], count: int) -> Iterator[NDArray[Any]]:
-        """All of it as rows, so many at a time."""
-        self._file.close()
-        with open(self._path, "rb") as source:
-            while data := source.read(count * kind.itemsize):
-                yield np.frombuffer(data, kind)
-
-
-def write_after(path: Path, batches: Iterator[NDArray[Any]], header: Any) -> int:
-    """Write rows behind a header that says how many they are.
-
-    Args:
-        path: the file.
-        batches: of rows.
-        header: makes it of the number of rows, as bytes.
-    """
-    count = 0
-    with Spool(path.with_name(path.name + ".rows")) as spool:
-        for rows in batches:
-            count += len(rows)
-            spool.add(rows)
-        with open(path, "wb") as file:
-            file.write(header(count))
-            spool.moved_to(file)
-    return count
 
 
 def picked(rows: NDArray[Any], kind: np.dtype[Any]) -> NDArray[Any]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -10,6 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from terratool.io.bands import Bands
+from terratool.io.geotiff import TiffProfile, geotiff
+from terratool.io.png import png
 from terratool.sensing.camera import intrinsics
 from terratool.sensing.formats.common import Record
 from terratool.sensing.readings import Frame, Status
@@ -22,6 +24,7 @@ MOST_MM = 65535
 _WHOLE = 2**24
 """Up to here float32 has all whole numbers."""
 _BANDS = ("depth", "surface", "element", "status")
+_UNNAMED = ("",) * len(_BANDS)
 
 
 def write_png(path: Path, frames: Iterator[Frame], record: Record) -> None:
@@ -34,7 +37,7 @@ def write_png(path: Path, frames: Iterator[Frame], record: Record) -> None:
         depth = np.round(1e3 * frame.range.reshape(record.sensor.shape))
         beyond = depth > MOST_MM
         depth[np.isnan(depth) | beyond] = 0.0
-        _write(beside.named(frame), "PNG", depth.astype(np.uint16)[None], ZLEVEL=6)
+        beside.named(frame).write_bytes(png(depth.astype(np.uint16)[:, :, None], level=6))
         beside.add(frame, int(beyond.sum()))
     beside.write()
 
@@ -50,9 +53,12 @@ def write_tiff(path: Path, frames: Iterator[Frame], record: Record) -> None:
     for frame in frames:
         layers: list[NDArray[Any]] = [frame.range, frame.surface, frame.element, frame.status]
         bands = np.stack([layer.reshape(record.sensor.shape) for layer in layers])
-        options = {"compress": "deflate", "predictor": 3, "nodata": np.nan}
-        kind = np.float32 if frame.element.max() <= _WHOLE else np.float64
-        _write(beside.named(frame), "GTiff", bands.astype(kind), _BANDS, **options)
+        options = {"compress": "deflate", "predictor": 3}
+        kind = np.dtype(np.float32 if frame.element.max() <= _WHOLE else np.float64)
+        profile = TiffProfile(bands.shape[2], bands.shape[1], options=options)
+        with geotiff(beside.named(frame), Bands(_UNNAMED, _UNNAMED, kind), profile) as file:
+            file.write(bands.astype(kind))
+            file.name(_BANDS)  # last, which leaves the directory of the file behind the pixels
         beside.add(frame)
     beside.write()
 
@@ -106,21 +112,3 @@ class _Beside:
         """Write the file."""
         text = json_text({**self._told, "images": self._images})
         self._path.with_suffix(BESIDE).write_text(text + "\n", "utf-8", newline="\n")
-
-
-def _write(
-    path: Path, driver: str, bands: NDArray[Any], names: tuple[str, ...] = (), **options: Any
-) -> None:
-    import rasterio
-    from rasterio.errors import NotGeoreferencedWarning
-
-    count, height, width = bands.shape
-    with rasterio.Env(GDAL_PAM_ENABLED=False), warnings.catch_warnings():
-        warnings.simplefilter("ignore", NotGeoreferencedWarning)
-        with rasterio.open(
-            path, "w", driver=driver, width=width, height=height, count=count,
-            dtype=bands.dtype, **options,
-        ) as file:  # fmt: skip
-            file.write(bands)
-            for band, name in enumerate(names, 1):
-                file.set_band_description(band, name)

@@ -10,12 +10,8 @@ from pathlib import Path
 from terratool.errors import RequestError
 from terratool.extras import install_command
 from terratool.sensing.formats.common import Record
-from terratool.sensing.formats.csv_ import write_csv
 from terratool.sensing.formats.images import BESIDE, write_png, write_tiff
-from terratool.sensing.formats.las import write_las
-from terratool.sensing.formats.npz import write_npz
-from terratool.sensing.formats.pcd import write_pcd
-from terratool.sensing.formats.ply import write_ply
+from terratool.sensing.formats.points import write_csv, write_las, write_npz, write_pcd, write_ply
 from terratool.sensing.formats.rosbag import write_bag
 from terratool.sensing.readings import Frame
 from terratool.text.display import listed

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from terratool._version import __version__
-from terratool.raster.shading import contour_interval, exaggeration, png, ticks
+from terratool.io.png import png
+from terratool.raster.shading import contour_interval, exaggeration, ticks
 from terratool.text.display import printable
 from terratool.traversability.report import curves, tables, wording
 from terratool.traversability.report.drawing import chart, map_picture

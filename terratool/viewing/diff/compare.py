@@ -12,7 +12,8 @@ from msgspec import structs
 from terratool.definition.findings import Bounds
 from terratool.errors import DefinitionError
 from terratool.field.terrain import Terrain
-from terratool.raster.geotiff import crs_of, shown_crs
+from terratool.io.crs import shown_crs
+from terratool.raster.geotiff import crs_of
 from terratool.text.display import counted
 from terratool.traversability.route.headings import Progress
 from terratool.traversability.vehicle import Vehicle

@@ -8,23 +8,19 @@ from pathlib import Path
 import numpy as np
 
 from terratool.errors import RequestError
+from terratool.io.bands import Bands, BandStatistics
+from terratool.io.geotiff import TILE, Compression, tile_options
+from terratool.io.pam import COMPANIONS
 from terratool.output import refuse_existing, refuse_missing_folder, whole_file
-from terratool.raster.export import COMPANIONS, refuse_full_disk
+from terratool.raster.export import refuse_full_disk
 from terratool.raster.formats import raster_format
-from terratool.raster.geotiff import Compression, RasterExtent, geotiff
+from terratool.raster.geotiff import RasterExtent, terrain_tiff
 from terratool.raster.grid import Grid, default_resolution, grid_over
-from terratool.raster.layers import Bands, Layer
-from terratool.raster.prefetch import TILE, processors
-from terratool.raster.statistics import BandStatistics, band_statistics
+from terratool.raster.prefetch import processors
+from terratool.raster.statistics import band_statistics
 from terratool.viewing.diff.ground import Both, windows_painted
 
-BANDS = Bands(
-    (
-        Layer("difference", ("new less old height",), "m"),
-        Layer("surfaces", ("surface differs",), ""),
-    ),
-    np.dtype(np.float32),
-)
+BANDS = Bands(("new less old height", "surface differs"), ("m", ""), np.dtype(np.float32))
 """NaN where there is no ground on either side; of the second band 1 where surfaces differ, or 0."""
 
 
@@ -76,10 +72,11 @@ def write_map(
     refuse_map(path, overwrite)
     grid, threads = map_grid(both, resolution), processors()
     refuse_full_disk(Path(path), grid, (BANDS,), raster_format(Path(path)))
+    options = tile_options(BANDS.dtype, Compression(), threads)
     statistics = [BandStatistics()] * BANDS.count
     with (
         whole_file(path, overwrite, COMPANIONS) as part,
-        geotiff(part, RasterExtent(both.new, grid), BANDS, Compression(), threads) as file,
+        terrain_tiff(part, RasterExtent(both.new, grid), BANDS, options) as file,
     ):
         windows = list(grid.windows(TILE, TILE))
         for window, seen in windows_painted(both, grid, windows, threads):
@@ -87,7 +84,7 @@ def write_map(
             other = (seen.old_surface != seen.new_surface).astype(np.float32)
             other[np.isnan(change)] = np.nan
             pixels = np.stack([change.astype(np.float32), other])
-            file.write(window, pixels)
+            file.write(pixels, window.row, window.column)
             found = map(band_statistics, pixels)
             statistics = [a + b for a, b in zip(statistics, found, strict=True)]
             if progress is not None:

@@ -6,8 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
+from terratool.io.geotiff import TILE
 from terratool.raster.grid import Grid, Window, grid_over
-from terratool.raster.prefetch import TILE, processors
+from terratool.raster.prefetch import processors
 from terratool.viewing.diff.ground import Both, windows_painted
 from terratool.viewing.diff.ground import Difference as Seen
 from terratool.viewing.diff.results import Difference

@@ -1,19 +1,27 @@
-"""The points of LAS and LAZ, by laspy, as far as a file bears out what its header claims."""
+"""LAS and LAZ, by laspy: points, read as far as a file bears out its header, and written."""
 
 from __future__ import annotations
 
 import contextlib
+import datetime
 import logging
+import math
 import os
 import struct
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
 from io import BufferedReader
 from pathlib import Path
 from typing import IO, Any, NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
 from terratool.errors import DAMAGED, ReadError
+from terratool.io.points import BATCH, NAMED, Columns, Points, Wanted, check_names, short_text
+from terratool.io.rows import Spool
 from terratool.processes import limit_memory, python_calling
 from terratool.text.files import open_file
 from terratool.text.packing import TIMES, most_unpacked
@@ -24,6 +32,14 @@ _APART_BYTES = 400 << 20
 _VLR_BYTES = 54
 _PACKED = 0xC0
 """Bits of a point format that say LAZ."""
+_FINEST = 1e-4
+"""Finest step of coordinates, units; coarser where points lie too far apart for 31 bits of it."""
+_CHUNK = 1 << 16
+"""Rows that are encoded together."""
+_RECORD = "terratool", 1
+"""User and number of the record of variable length that has the names."""
+_DIMENSIONS = {"gps_time": "time", "range": "range", "surface": NAMED}
+"""Columns by the names that LAS, or a file that is written here, has for them."""
 
 # ASPRS, LAS 1.4 R15, table 3: the sizes of the header, the place of the points, how many records of
 # variable length there are, the format and the size of points and, in two ways, their count
@@ -45,7 +61,31 @@ class _Claims(NamedTuple):
     points: int
 
 
-class LasPoints:
+def read_points(path: Path, wanted: Wanted) -> Iterator[Points]:
+    """Points of LAS and LAZ, and what is added to them where they were written here.
+
+    Raises:
+        ReadError: it is none, or its header claims more than the file has.
+    """
+    with _open(path) as file:
+        names: tuple[str, ...] = ()
+        for record in file.header.vlrs:
+            if (record.user_id, record.record_id) == _RECORD:
+                text = record.record_data_bytes().decode("utf-8", "replace")
+                names = check_names(path, text.split("\n"))
+        held = {*file.header.point_format.dimension_names}
+        for points in file.batches(BATCH):
+            with np.errstate(all="ignore"):  # what is no number is left out
+                columns: Columns = {name: np.asarray(getattr(points, name)) for name in "xyz"}
+                for dimension, name in _DIMENSIONS.items():
+                    if dimension in held and name in wanted:
+                        columns[name] = np.asarray(points[dimension])
+            if any(column.ndim != 1 for column in columns.values()):
+                raise ReadError(f"{path}: has a column of several numbers a point.", DAMAGED)
+            yield Points(columns, names)
+
+
+class _OpenPoints:
     """An open file of points.
 
     Attributes:
@@ -78,7 +118,7 @@ class LasPoints:
 
 
 @contextlib.contextmanager
-def open_las(path: Path) -> Iterator[LasPoints]:
+def _open(path: Path) -> Iterator[_OpenPoints]:
     """Open a file of LAS or LAZ.
 
     LAZ is unpacked by a process of its own: lazrs takes the sizes in a broken file at their word,
@@ -94,7 +134,7 @@ def open_las(path: Path) -> Iterator[LasPoints]:
             header = _header(path, file)
         if not claims.form & _PACKED or not claims.points:
             file.seek(claims.offset)
-            yield LasPoints(path, header, claims.points, file)
+            yield _OpenPoints(path, header, claims.points, file)
             return
     child = subprocess.Popen(
         **python_calling(__name__, "unpack", str(path)),
@@ -102,7 +142,7 @@ def open_las(path: Path) -> Iterator[LasPoints]:
     )  # fmt: skip
     assert child.stdout is not None
     try:
-        yield LasPoints(path, header, claims.points, child.stdout)
+        yield _OpenPoints(path, header, claims.points, child.stdout)
     finally:
         child.kill()
         child.stdout.close()
@@ -149,8 +189,9 @@ def _header(path: Path, file: BufferedReader) -> Any:
     except MemoryError:
         raise
     except Exception as error:  # of many kinds, as it looks at nothing before it takes it apart
-        words = " ".join(str(error).split())[:100]
-        raise ReadError(f"{path}: its header is no LAS's ({words}).", DAMAGED) from error
+        raise ReadError(
+            f"{path}: its header is no LAS's ({short_text(error)}).", DAMAGED
+        ) from error
     return header
 
 
@@ -182,3 +223,75 @@ def unpack() -> None:
             sys.stdout.buffer.write(points.array.tobytes())
     sys.stdout.flush()
     os._exit(0)  # what the library still holds need not be tidied up
+
+
+@dataclass(frozen=True, slots=True)
+class LasHeader:
+    """Texts that a LAS has besides its points.
+
+    Attributes:
+        system: the instrument that made them.
+        names: those that the column `NAMED` counts.
+        wkt: their reference system as WKT; empty for none.
+        extra: descriptions, of 32 characters at most, of columns that are none of LAS, by name.
+    """
+
+    system: str
+    names: tuple[str, ...] = ()
+    wkt: str = ""
+    extra: Mapping[str, str] = field(default_factory=dict)
+
+
+def write_points(
+    path: Path, batches: Iterable[NDArray[Any]], kind: np.dtype[Any], said: LasHeader
+) -> None:
+    """Write LAS 1.4, or LAZ by the suffix, of points of format 6, each the only return of its ray.
+
+    Rows have fields of a `kind`: x, y, z, others of format 6 by laspy's names, and extra ones. The
+    names are a line each of a record of variable length. Offsets are whole, below all points.
+    """
+    import laspy
+
+    header = laspy.LasHeader(version="1.4", point_format=6)
+    header.creation_date = datetime.date(1980, 1, 1)  # no clock
+    header.generating_software = "terratool"
+    header.system_identifier = said.system
+    header.global_encoding.wkt = True  # as formats 6 and up want it, whether there is any or not
+    header.add_extra_dims(
+        [
+            laspy.ExtraBytesParams(name=name, type=kind[name].str[1:], description=text)
+            for name, text in said.extra.items()
+        ]
+    )
+    names = "\n".join(said.names).encode()
+    header.vlrs.append(laspy.VLR(*_RECORD, "names of surfaces", names[: 2**16 - 1]))
+    if said.wkt:
+        header.vlrs.append(laspy.vlrs.known.WktCoordinateSystemVlr(said.wkt))
+    lowest, highest = np.full(3, np.inf), np.full(3, -np.inf)
+    with Spool(path.with_name(path.name + ".rows")) as spool:
+        for rows in batches:
+            spool.add(rows)
+            for axis, name in enumerate("xyz"):
+                lowest[axis] = min(lowest[axis], rows[name].min(initial=np.inf))
+                highest[axis] = max(highest[axis], rows[name].max(initial=-np.inf))
+        header.offsets = np.floor(lowest) if np.isfinite(lowest).all() else np.zeros(3)
+        reach = max(float((highest - header.offsets).max()), 1.0)
+        step = max(_FINEST, 10.0 ** math.ceil(math.log10(reach / (2**31 - 1))))
+        header.scales = np.full(3, step)
+        with laspy.open(path, "w", header=header, do_compress=path.suffix == ".laz") as file:
+            for rows in spool.chunks(kind, _CHUNK):
+                file.write_points(_encoded(rows, header))
+
+
+def _encoded(rows: NDArray[Any], header: Any) -> Any:
+    """Rows as points of a header."""
+    import laspy
+
+    points: Any = laspy.ScaleAwarePointRecord.zeros(len(rows), header=header)
+    points.return_number[:] = points.number_of_returns[:] = 1
+    for name in rows.dtype.names or ():
+        if name in ("x", "y", "z"):
+            setattr(points, name, rows[name])
+        else:
+            points[name] = rows[name]
+    return points

@@ -1,0 +1,38 @@
+"""Coordinate reference systems as GDAL and PROJ know them."""
+
+from __future__ import annotations
+
+import rasterio
+from rasterio.crs import CRS
+from rasterio.errors import CRSError
+
+from terratool.definition.crs import FORMS, CrsValue, authority_code, crs_problem, is_known
+from terratool.errors import RequestError
+from terratool.text.display import shown
+
+
+def read_crs(crs: CrsValue) -> CRS:
+    """A coordinate reference system; nothing that it says makes PROJ or GDAL open a file.
+
+    Raises:
+        RequestError: it is none that is taken, or the library does not know it.
+    """
+    problem = crs_problem(crs)
+    if problem is not None:
+        raise RequestError(f"{shown_crs(crs)} names no reference system.", problem.hint)
+    entry = authority_code(crs)
+    try:
+        with rasterio.Env():  # GDAL's own complaint goes to its log rather than to the terminal
+            if entry is None:
+                return CRS.from_user_input(crs)
+            # what is not in the database is not tried as the name of a file
+            if is_known(entry) is False:
+                raise CRSError("not in the database")
+            return CRS.from_user_input(f"{entry.authority}:{entry.code}")
+    except CRSError as error:
+        raise RequestError(f"{shown_crs(crs)} names no reference system.", FORMS) from error
+
+
+def shown_crs(crs: CrsValue) -> str:
+    """A reference system as a message shows it."""
+    return shown(crs) if isinstance(crs, str | int) else "an object"

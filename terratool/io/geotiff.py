@@ -1,0 +1,262 @@
+"""GeoTIFFs: one profile for all that are written, and what is held against them when they are."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import warnings
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import rasterio
+from numpy.typing import NDArray
+from rasterio._err import CPLE_BaseError
+from rasterio.crs import CRS
+from rasterio.enums import ColorInterp
+from rasterio.errors import NotGeoreferencedWarning, RasterioError
+from rasterio.transform import Affine
+from rasterio.windows import Window
+
+from terratool._version import __version__
+from terratool.errors import RequestError, WriteError, interruption
+from terratool.io.bands import Bands, BandStatistics
+from terratool.text.display import xml_text
+
+TILE = 512
+"""Side of a tile of a GeoTIFF, pixels."""
+
+COMPRESSIONS = ("zstd", "deflate", "lzw", "lerc", "none")
+
+CACHE_BYTES = 1 << 26
+"""GDAL would take a twentieth of the machine's memory for tiles that are complete anyway."""
+
+Colors = Mapping[int, tuple[int, int, int, int]]
+"""Red, green, blue and opacity by value."""
+
+
+@dataclass(frozen=True, slots=True)
+class Compression:
+    """The compression of a GeoTIFF.
+
+    Attributes:
+        name: one of COMPRESSIONS.
+        max_z_error: largest error of LERC, in units of the values; 0 for none.
+    """
+
+    name: str = "zstd"
+    max_z_error: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.name not in COMPRESSIONS:
+            raise RequestError(
+                f"There is no compression {self.name!r}.",
+                f"The compressions are {', '.join(COMPRESSIONS)}.",
+            )
+        if not (math.isfinite(self.max_z_error) and self.max_z_error >= 0):
+            raise RequestError(
+                f"The largest error is {self.max_z_error:g}.", "Give a finite number from 0 on."
+            )
+        if self.max_z_error and self.name != "lerc":
+            raise RequestError(
+                f"Compression by {self.name} makes no error.",
+                'Leave out --max-z-error, or add "--compress lerc".',
+            )
+
+    def options(self, dtype: np.dtype[Any]) -> dict[str, Any]:
+        """Options of GDAL for a file of a type of number."""
+        real = dtype.kind == "f"
+        if self.name == "none":
+            return {}
+        if self.name == "lerc":
+            if real:
+                return {"compress": "lerc_zstd", "zstd_level": 1, "max_z_error": self.max_z_error}
+            return {"compress": "zstd", "zstd_level": 1}  # ids and colours bear no error
+        level = {"zstd": {"zstd_level": 1}, "deflate": {"zlevel": 1}, "lzw": {}}[self.name]
+        # neighbouring ids and colours are equal more often than they are near
+        return {"compress": self.name, **level, **({"predictor": 3} if real else {})}
+
+
+def tile_options(
+    dtype: np.dtype[Any], compression: Compression, threads: int = 1, size: tuple[int, int] = (0, 0)
+) -> dict[str, Any]:
+    """Options of GDAL for a tiled GeoTIFF.
+
+    Args:
+        dtype: type of its numbers.
+        compression: of its tiles.
+        threads: that compress them; 0 for the calling one.
+        size: width and height of a tile, multiples of 16; TILE where 0.
+    """
+    width, height = size
+    return {
+        **compression.options(dtype), "tiled": True, "blockxsize": width or TILE,
+        "blockysize": height or TILE, "interleave": "band", "bigtiff": "if_safer",
+        "num_threads": str(max(1, threads)),
+    }  # fmt: skip
+
+
+def software_tags(descr: str = "", version: str = __version__) -> dict[str, str]:
+    """Tags that say which program wrote a file, and what the file shows; no time."""
+    described = {"TIFFTAG_IMAGEDESCRIPTION": xml_text(descr)} if descr else {}
+    return {"TIFFTAG_SOFTWARE": f"terratool {version}", **described}
+
+
+@dataclass(frozen=True, slots=True)
+class TiffProfile:
+    """A GeoTIFF without its bands: size, place, texts and compression.
+
+    Attributes:
+        width, height: columns and rows of its pixels.
+        transform: from columns and rows to the world; None for a picture without a place.
+        crs: reference system of the world; None where it has none.
+        tags: texts by the names of TIFF or GDAL.
+        options: of GDAL for the pixels, as of `tile_options`.
+        nodata: pixel that stands for none; that of the bands, if None.
+    """
+
+    width: int
+    height: int
+    transform: Affine | None = None
+    crs: CRS | None = None
+    tags: Mapping[str, str] = field(default_factory=dict)
+    options: Mapping[str, Any] = field(default_factory=dict)
+    nodata: float | None = None
+
+
+@contextlib.contextmanager
+def geotiff(path: Path, bands: Bands, profile: TiffProfile) -> Iterator[GeoTiff]:
+    """A GeoTIFF; complete when the block has ended.
+
+    Args:
+        path: the file, which `terratool.output.whole_file` moves to its place.
+        bands: of the file.
+        profile: all else that it says.
+
+    Raises:
+        WriteError: GDAL cannot write it.
+    """
+    settings: dict[str, Any] = {
+        "driver": "GTiff", "dtype": bands.dtype.name, "count": bands.count,
+        "nodata": bands.nodata if profile.nodata is None else profile.nodata,
+        "width": profile.width, "height": profile.height, "crs": profile.crs,
+        "transform": profile.transform, **profile.options,
+    }  # fmt: skip
+    if bands.content == "color":
+        settings |= {"photometric": "rgb", "interleave": "pixel"}
+    elif bands.count > 1 and bands.dtype == np.uint8:
+        settings["photometric"] = "minisblack"  # three bands of bytes are not red, green and blue
+    placed = profile.transform is not None
+    with contextlib.nullcontext() if placed else _no_place_warnings(), complaints(path):
+        with (
+            rasterio.Env(GDAL_CACHEMAX=CACHE_BYTES),
+            rasterio.open(path, "w", **settings) as file,
+        ):
+            file.descriptions = bands.names
+            file.units = bands.units
+            file.update_tags(**profile.tags)
+            if bands.content == "number":
+                others = [ColorInterp.undefined] * (bands.count - 1)
+                file.colorinterp = [ColorInterp.gray, *others]
+            yield GeoTiff(file)
+        check_blocks(path)
+
+
+@contextlib.contextmanager
+def _no_place_warnings() -> Iterator[None]:
+    """Keep rasterio from warning of files without a place in the world; no other thread may run."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", NotGeoreferencedWarning)
+        yield
+
+
+@dataclass(frozen=True, slots=True)
+class GeoTiff:
+    """A GeoTIFF that is being written.
+
+    Attributes:
+        file: rasterio's.
+    """
+
+    file: Any
+
+    def write(self, pixels: NDArray[Any], row: int = 0, column: int = 0) -> None:
+        """Write pixels, (bands, height, width), the first of which lies at a row and a column."""
+        _, height, width = pixels.shape
+        self.file.write(pixels, window=Window(column, row, width, height))
+
+    def name(self, names: Sequence[str]) -> None:
+        """Give the bands names."""
+        self.file.descriptions = names
+
+    def color(self, colors: Colors) -> None:
+        """Give the values of the one band colours."""
+        self.file.write_colormap(1, colors)
+
+    def scale(self, scale: float, offset: float) -> None:
+        """Say that a number is its pixel · scale + offset, in all bands."""
+        self.file.scales = (scale,) * self.file.count
+        self.file.offsets = (offset,) * self.file.count
+
+    def finish(self, statistics: Sequence[BandStatistics]) -> None:
+        """Write the statistics of the bands, when all pixels are written."""
+        pixels = self.file.width * self.file.height
+        for band, part in enumerate(statistics, 1):
+            if part.count:
+                self.file.update_tags(band, **statistics_tags(part, pixels))
+
+
+def statistics_tags(statistics: BandStatistics, pixels: int) -> dict[str, str]:
+    """Statistics as GDAL keeps them with a band of so many pixels."""
+    return {
+        "STATISTICS_MINIMUM": repr(statistics.low),
+        "STATISTICS_MAXIMUM": repr(statistics.high),
+        "STATISTICS_MEAN": repr(statistics.mean),
+        "STATISTICS_STDDEV": repr(statistics.deviation),
+        "STATISTICS_VALID_PERCENT": f"{100 * statistics.count / pixels:.4g}",
+    }
+
+
+def check_blocks(path: Path) -> None:
+    """Make sure that all blocks of a GeoTIFF are in it: GDAL keeps errors at closing to itself.
+
+    Raises:
+        WriteError: it is not complete.
+    """
+    size = path.stat().st_size
+    with complaints(path), rasterio.open(path) as file:
+        for band in file.indexes:
+            for (row, column), _ in file.block_windows(band):
+                begin, length = (
+                    file.get_tag_item(f"BLOCK_{what}_{column}_{row}", "TIFF", bidx=band)
+                    for what in ("OFFSET", "SIZE")
+                )
+                if begin is None or length is None or int(begin) + int(length) > size:
+                    raise WriteError(
+                        f"{path.name}: could not be written to its end.",
+                        "Check the space on the disk.",
+                    )
+
+
+@contextlib.contextmanager
+def complaints(
+    path: Path, hint: str = "Check the folder, its permissions and the space on the disk."
+) -> Iterator[None]:
+    """Turn GDAL's errors into sentences.
+
+    Raises:
+        WriteError: instead of any of them.
+    """
+    try:
+        yield
+    except (RasterioError, CPLE_BaseError, SystemError, ValueError) as error:
+        stopped = interruption(error)
+        if stopped is not None:
+            raise stopped from None
+        # without the folder of the unfinished file
+        reason = str(error.__cause__ or error).rstrip(".").replace(f"{path.parent}/", "")
+        if isinstance(error, SystemError):
+            reason = "GDAL does not say why"
+        raise WriteError(f"{path.name}: cannot be written ({reason}).", hint) from error

@@ -1,0 +1,188 @@
+"""NumPy's .npz: columns of points, read and written row by row."""
+
+from __future__ import annotations
+
+import io
+import math
+import struct
+import warnings
+import zipfile
+import zlib
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terratool.errors import DAMAGED, ReadError
+from terratool.io.points import BATCH, MOST_NAMES, NAMED, Points, Wanted, check_names, file_size
+from terratool.io.rows import Spool
+from terratool.text.files import open_file
+from terratool.text.packing import PackingError, refuse_members
+
+NAMES = f"{NAMED}s"
+"""The array of the names that the column `NAMED` counts."""
+_NO_ARCHIVE = (
+    zipfile.BadZipFile, zlib.error, struct.error, EOFError, NotImplementedError, OverflowError,
+    ValueError,
+)  # fmt: skip
+"""What zipfile and NumPy raise for a file that is broken."""
+_EPOCH = (1980, 1, 1, 0, 0, 0)
+"""The time of every member: no clock."""
+
+
+def read_points(path: Path, wanted: Wanted) -> Iterator[Points]:
+    """Arrays of an archive, each read on from where it was left.
+
+    Raises:
+        ReadError: it is no archive of NumPy, or its arrays are no columns of one length.
+    """
+    with ExitStack() as stack:
+        file = stack.enter_context(open_file(path))
+        try:
+            archive = stack.enter_context(zipfile.ZipFile(file))
+            stored = {name.removesuffix(".npy"): name for name in archive.namelist()}
+            found = {
+                name: archive.getinfo(stored[name]) for name in (*wanted, NAMES) if name in stored
+            }
+            refuse_members(archive, [one.filename for one in found.values()], file_size(file))
+            members = {
+                name: _Member(path, stack.enter_context(archive.open(one)), one.file_size)
+                for name, one in found.items()
+            }
+            named = members.pop(NAMES, None)
+            names = () if named is None else check_names(path, named.texts())
+            if any(not member.has_rows(wanted[name]) for name, member in members.items()):
+                raise ReadError(
+                    f"{path}: has an array that is no column of numbers.",
+                    "Save one of a dimension for each column; origin has three numbers a row.",
+                )
+            counts = {member.shape[0] for member in members.values()}
+            if len(counts) > 1:
+                raise ReadError(f"{path}: its arrays are not of one length.", DAMAGED)
+            total = max(counts, default=0)
+            for begin in range(0, total, BATCH):
+                count = min(BATCH, total - begin)
+                columns = {name: member.read(count) for name, member in members.items()}
+                yield Points(columns, names)
+            if not counts:
+                yield Points({}, names)
+        except PackingError as error:
+            raise ReadError(f"{path}: {error.message}", error.hint) from error
+        except _NO_ARCHIVE as error:
+            raise ReadError(f"{path}: is no archive of NumPy, or damaged.", DAMAGED) from error
+
+
+class _Member:
+    """An array in an archive, of which rows are read one after the other.
+
+    Args:
+        path: of the archive.
+        file: the member, open.
+        size: its bytes, as the archive says.
+
+    Attributes:
+        shape: of the array.
+
+    Raises:
+        ReadError: it has no header, or one that claims more than there is.
+    """
+
+    def __init__(self, path: Path, file: Any, size: int) -> None:
+        self._path, self._file = path, file
+        try:
+            with warnings.catch_warnings():  # of headers as Python 2 wrote them
+                warnings.simplefilter("ignore")
+                self.shape, self._by_columns, self._type = _array_header(file)
+        except Exception as error:  # of many kinds, as a header is an expression of Python
+            deep = isinstance(error, MemoryError)  # as its parser says, whatever memory there is
+            raise ReadError(f"{path}: has an array whose header is none.", DAMAGED) from (
+                None if deep else error
+            )
+        if any(type(side) is not int or side < 0 for side in self.shape):
+            raise ReadError(f"{path}: has an array without a length.", DAMAGED)
+        if math.prod(self.shape) * self._type.itemsize > size - file.tell():
+            raise ReadError(f"{path}: ends before its arrays do.", DAMAGED)
+
+    def has_rows(self, width: int) -> bool:
+        """Whether it has rows of so many numbers, or is a column if that is 0."""
+        plain = self._type.kind in "fiub" and not (self._by_columns and width)
+        return plain and self.shape[1:] == (width,) * bool(width) and len(self.shape) > 0
+
+    def read(self, count: int) -> NDArray[Any]:
+        """So many rows."""
+        shape = (count, *self.shape[1:])
+        size = math.prod(shape) * self._type.itemsize
+        data = self._file.read(size)
+        if len(data) < size:
+            raise ReadError(f"{self._path}: ends before its arrays do.", DAMAGED)
+        return np.frombuffer(data, self._type).reshape(shape)
+
+    def texts(self) -> list[str]:
+        """All of it as texts, but no more than one more than there may be names.
+
+        Raises:
+            ReadError: it holds none.
+        """
+        if self._type.kind != "U" or len(self.shape) != 1 or not self._type.itemsize:
+            raise ReadError(f"{self._path}: its {NAMES} are no list of names.", DAMAGED)
+        found: list[str] = self.read(min(self.shape[0], MOST_NAMES + 1)).tolist()
+        return found
+
+
+def _array_header(file: Any) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
+    """Shape, whether it lies column by column, and type of an array, as NumPy reads them."""
+    version = np.lib.format.read_magic(file)
+    read = {(1, 0): np.lib.format.read_array_header_1_0}.get(
+        version, np.lib.format.read_array_header_2_0
+    )
+    found: tuple[tuple[int, ...], bool, np.dtype[Any]] = read(file)
+    return found
+
+
+def write_points(
+    path: Path,
+    batches: Iterable[Mapping[str, NDArray[Any]]],
+    kinds: Mapping[str, np.dtype[Any]],
+    small: Callable[[], Mapping[str, NDArray[Any]]],
+) -> None:
+    """Write an archive that `numpy.load` reads, not compressed.
+
+    Args:
+        path: the file.
+        batches: columns by name.
+        kinds: types of these, with the shape of a row where that is no single number.
+        small: makes the other arrays, when all batches are written.
+    """
+    count = 0
+    with ExitStack() as stack:
+        spools = {
+            name: stack.enter_context(Spool(path.with_name(f"{path.name}.{name}")))
+            for name in kinds
+        }
+        for columns in batches:
+            count += len(next(iter(columns.values())))
+            for name, spool in spools.items():
+                spool.add(columns[name])
+        with zipfile.ZipFile(path, "w", zipfile.ZIP_STORED, allowZip64=True) as archive:
+            for name, spool in spools.items():
+                kind = kinds[name]
+                with _member(archive, name) as file:
+                    file.write(_header(kind.base, (count, *kind.shape)))
+                    spool.moved_to(file)
+            for name, value in small().items():
+                with _member(archive, name) as file:
+                    np.lib.format.write_array(file, value, (1, 0), allow_pickle=False)
+
+
+def _member(archive: zipfile.ZipFile, name: str) -> Any:
+    return archive.open(zipfile.ZipInfo(f"{name}.npy", _EPOCH), "w", force_zip64=True)
+
+
+def _header(kind: np.dtype[Any], shape: tuple[int, ...]) -> bytes:
+    buffer = io.BytesIO()
+    described = {"descr": kind.str, "fortran_order": False, "shape": shape}
+    np.lib.format.write_array_header_1_0(buffer, described)
+    return buffer.getvalue()

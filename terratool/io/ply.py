@@ -1,0 +1,113 @@
+"""PLY: points, read and written, and the header of every PLY that is written."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from terratool.errors import DAMAGED, ReadError
+from terratool.io.points import Points, Wanted, check_names
+from terratool.io.rows import Fields, Layout, header_line, read_rows, write_after
+from terratool.text.display import shown
+from terratool.text.files import open_file
+from terratool.text.numbers import parse_whole
+
+_TYPES = {
+    "char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1", "short": "i2", "int16": "i2",
+    "ushort": "u2", "uint16": "u2", "int": "i4", "int32": "i4", "uint": "u4", "uint32": "u4",
+    "float": "f4", "float32": "f4", "double": "f8", "float64": "f8",
+}  # fmt: skip
+_WORDS = {form: word for word, form in reversed(_TYPES.items())}
+"""The older words for types, which every reader knows."""
+_ORDERS = {"binary_little_endian": "<", "binary_big_endian": ">", "ascii": ""}
+
+
+def read_points(path: Path, wanted: Wanted) -> Iterator[Points]:
+    """The element vertex, which stands first; comments may name what the column `NAMED` counts.
+
+    Raises:
+        ReadError: it is no PLY, or has other elements before its points, or lists in them.
+    """
+    with open_file(path) as file:
+        if file.readline(8).strip() != b"ply":
+            raise ReadError(f"{path}: is no PLY.", "Check the file; a PLY begins with ply.")
+        form, element, count = "", "", -1
+        names: list[str] = []
+        comments: list[str] = []
+        fields: Fields = []
+        while (words := (line := header_line(path, file)).split()) != ["end_header"]:
+            match words:
+                case ["format", form, *_]:
+                    pass
+                case ["comment", "surface", _, _, *_]:
+                    names += _quoted(line.split(None, 3)[3])
+                case ["comment", *rest]:
+                    comments.append(" ".join(rest))
+                case ["element", element, claimed]:
+                    if element == "vertex" and not fields and count < 0:
+                        found = parse_whole(claimed)
+                        count = -1 if found is None else found
+                    elif count < 0:
+                        raise ReadError(
+                            f"{path}: other elements stand before its vertices.",
+                            "Write the vertices first.",
+                        )
+                case ["property", kind, name] if element == "vertex" and kind in _TYPES:
+                    fields.append((name, _TYPES[kind], 1))
+                case ["property", *_] if element == "vertex":
+                    raise ReadError(
+                        f"{path}: its vertices have a property {shown(' '.join(words[1:]))}.",
+                        "A cloud has numbers alone.",
+                    )
+        order = _ORDERS.get(form)
+        if order is None or count < 0:
+            raise ReadError(f"{path}: its header says no format, or no vertices.", DAMAGED)
+        checked, said = check_names(path, names), tuple(comments)
+        for columns in read_rows(path, file, Layout(fields, count, order), wanted):
+            yield Points(columns, checked, said)
+
+
+def _quoted(text: str) -> list[str]:
+    """The name in a comment, or none if that is about something else."""
+    try:
+        return [msgspec.json.decode(text, type=str)]
+    except (msgspec.MsgspecError, UnicodeError):
+        return []
+
+
+def write_points(
+    path: Path, batches: Iterable[NDArray[Any]], kind: np.dtype[Any], comments: Sequence[str]
+) -> None:
+    """Write a vertex for each row, of fields of a `kind`: binary, little endian."""
+    properties = [f"{_WORDS[kind[name].str[1:]]} {name}" for name in kind.names or ()]
+    write_after(path, batches, lambda count: ply_header(comments, [("vertex", count, properties)]))
+
+
+def name_comments(names: Iterable[str]) -> list[str]:
+    """Comments that name what the column `NAMED` counts."""
+    return [f"surface {index} {json.dumps(name)}" for index, name in enumerate(names)]
+
+
+def ply_header(
+    comments: Iterable[str], elements: Iterable[tuple[str, int, Sequence[str]]]
+) -> bytes:
+    """The header of a binary PLY, little endian.
+
+    Args:
+        comments: a line each.
+        elements: name, count, and properties as in "float x", of each.
+    """
+    # a header is ASCII, and some readers look for these words anywhere
+    plain = [line.encode("ascii", "replace").decode() for line in comments]
+    plain = [line.replace("end_header", "end\\u005fheader") for line in plain]
+    lines = ["ply", "format binary_little_endian 1.0"]
+    lines += [f"comment {line}".rstrip() for line in plain]
+    for name, count, properties in elements:
+        lines += [f"element {name} {count}", *(f"property {one}" for one in properties)]
+    return "".join(f"{line}\n" for line in [*lines, "end_header"]).encode()
