@@ -11,7 +11,8 @@ import click
 from terratool.cli.options import finite, library_root_option, roughness_option
 from terratool.cli.saying import say, say_json
 from terratool.cli.terminal import Status, load
-from terratool.text.display import counted, shown
+from terratool.report.wording import counted
+from terratool.text.display import shown
 
 if TYPE_CHECKING:
     from terratool.sensing.comparison import Errors, MapComparison

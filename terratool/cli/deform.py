@@ -16,7 +16,8 @@ from terratool.cli.options import (
 )
 from terratool.cli.saying import say, say_json
 from terratool.cli.terminal import Status, called
-from terratool.text.display import counted, listed, shown
+from terratool.report.wording import counted, listed
+from terratool.text.display import shown
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -220,7 +220,7 @@ def as_dict(report: RasterReport, choice: GridChoice) -> dict[str, Any]:
     """A report ready for JSON."""
     import msgspec
 
-    from terratool.text.display import plain
+    from terratool.report.documents import plain
 
     grid = report.grid
     document = {
@@ -280,7 +280,7 @@ def _plain_number(number: float | None) -> float | str | None:
 
 def as_text(report: RasterReport, choice: GridChoice) -> Iterator[str]:
     """A report in lines for people."""
-    from terratool.text.display import counted
+    from terratool.report.wording import counted
 
     grid = report.grid
     yield (

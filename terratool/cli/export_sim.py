@@ -170,7 +170,7 @@ def _refuse_idle(ctx: click.Context, targets: list[str]) -> None:
         RequestError: which one it is.
     """
     from terratool.errors import RequestError
-    from terratool.text.display import listed
+    from terratool.report.wording import listed
 
     given = {
         name

@@ -12,7 +12,7 @@ from terratool.cli.options import Names, options_of, source_options
 from terratool.cli.saying import say, say_json
 from terratool.cli.terminal import Status, called
 from terratool.definition.presets import PRESETS
-from terratool.text.display import counted
+from terratool.report.wording import counted
 
 if TYPE_CHECKING:
     from terratool.importing.terrain.build import ImportReport

@@ -10,7 +10,8 @@ import click
 from terratool.cli.options import finite
 from terratool.cli.saying import say, say_json
 from terratool.cli.terminal import Status
-from terratool.text.display import counted, listed, shown
+from terratool.report.wording import counted, listed
+from terratool.text.display import shown
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -12,7 +12,7 @@ from terratool.authoring.starters.build import KINDS, hint_for
 from terratool.authoring.starters.options import Option
 from terratool.cli.saying import say, say_json, write_definition
 from terratool.cli.terminal import Status, called
-from terratool.text.display import listed
+from terratool.report.wording import listed
 
 _EXAMPLES = {
     "flat": "flat yard.json --size 30 20 --soil grass-wet",

@@ -17,16 +17,12 @@ from terratool.cli.baseline import digest, fingerprint
 from terratool.definition.findings import Finding
 from terratool.definition.rules import RULES
 from terratool.definition.rules.base import Rule
-from terratool.text.display import (
-    Excerpt,
-    columns_of,
-    counted,
-    inert_xml,
-    json_text,
-    printable,
-    xml_text,
-)
-from terratool.text.workflow import annotation
+from terratool.report.documents import json_text
+from terratool.report.inert import inert_xml, xml_text
+from terratool.report.tables import columns_of
+from terratool.report.wording import counted
+from terratool.report.workflow import annotation
+from terratool.text.display import Excerpt, printable
 
 FORMAT_VERSION = 2
 SARIF_SCHEMA = "https://docs.oasis-open.org/sarif/sarif/v2.1.0/os/schemas/sarif-schema-2.1.0.json"

@@ -33,7 +33,8 @@ from terratool.definition.reader import Checked, CheckOptions, check, new_shelf
 from terratool.definition.rules import RULES
 from terratool.errors import ReadError, RequestError, WriteError
 from terratool.output import is_same_file, refuse_existing, refuse_missing_folder, whole_file
-from terratool.text.display import counted, shown
+from terratool.report.wording import counted
+from terratool.text.display import shown
 from terratool.text.edit import apply_edits
 from terratool.text.source import (
     is_folder,

@@ -16,7 +16,7 @@ from terratool.definition.scattering import Strewn, strewing, strewn, wanted
 from terratool.definition.tree import ROOT, Tree
 from terratool.definition.uses import Root, Uses, track_surfaces
 from terratool.errors import RequestError
-from terratool.text.display import many
+from terratool.report.wording import many
 
 MAX_ELEMENTS = 2_000_000
 """So many elements are written out at most."""

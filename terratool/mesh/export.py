@@ -27,7 +27,9 @@ from terratool.mesh.loss import MeshLoss, omitted_elements, wall_summary
 from terratool.mesh.normals import with_normals
 from terratool.mesh.types import BuiltMesh, Mesh
 from terratool.output import refuse_existing, refuse_missing_folder, target_of, whole_file
-from terratool.text.display import counted, length, plain
+from terratool.report.documents import plain
+from terratool.report.numbers import metres
+from terratool.report.wording import counted
 
 DEFAULT_ERROR = 5e-3
 """The largest error, if not said, in units of the terrain: half of the centimetre that a small
@@ -134,9 +136,9 @@ class MeshOptions:
         west, south, east, north = clip_bounds(terrain, self.bounds)
         longer = max(east - west, north - south)
         if longer * LEAST_SHARE > DEFAULT_ERROR:
-            return longer * LEAST_SHARE, f"1/100,000 of the longer side, {length(longer)}"
+            return longer * LEAST_SHARE, f"1/100,000 of the longer side, {metres(longer)}"
         if longer * MOST_SHARE < DEFAULT_ERROR:
-            return longer * MOST_SHARE, f"1/1000 of the longer side, {length(longer)}"
+            return longer * MOST_SHARE, f"1/1000 of the longer side, {metres(longer)}"
         return DEFAULT_ERROR, "the default"
 
 
@@ -232,9 +234,9 @@ def export_mesh(
         base = "below" if options.base is None else options.base
 
     def attempt(error: float, least: float) -> BuiltMesh:
-        say(f"meshing within {length(error)}")
+        say(f"meshing within {metres(error)}")
         built = build(terrain, error, bounds, least, base)
-        say(f"{counted(len(built.mesh.faces), 'face')} within {length(error)}")
+        say(f"{counted(len(built.mesh.faces), 'face')} within {metres(error)}")
         return built
 
     if options.max_faces is None:

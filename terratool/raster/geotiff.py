@@ -28,7 +28,8 @@ from terratool.raster.grid import Grid, Window
 from terratool.raster.layers import LAYERS, Bands, SurfaceValues
 from terratool.raster.prefetch import TILE
 from terratool.raster.statistics import BandStatistics
-from terratool.text.display import shown, xml_text
+from terratool.report.inert import xml_text
+from terratool.text.display import shown
 
 # GDAL's numbers for the types and uses of the columns of an attribute table
 _INTEGER, _REAL, _STRING = 0, 1, 2

@@ -66,7 +66,7 @@ from terratool.raster.tiles import (
     checksum,
     remove_scratch,
 )
-from terratool.text.display import xml_text
+from terratool.report.inert import xml_text
 
 TILE_SIZE = 4096
 """Pixels on the side of a tile, if not said."""

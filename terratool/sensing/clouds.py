@@ -28,9 +28,10 @@ from numpy.typing import NDArray
 
 from terratool.errors import DAMAGED, ReadError, RequestError
 from terratool.extras import install_command
+from terratool.report.wording import listed
 from terratool.sensing.formats.common import SENSOR_AXES
 from terratool.sensing.poses import Poses
-from terratool.text.display import listed, shown
+from terratool.text.display import shown
 from terratool.text.files import open_file
 from terratool.text.numbers import parse_number, parse_whole
 from terratool.text.packing import PackingError, refuse_members

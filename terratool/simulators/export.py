@@ -24,10 +24,11 @@ from terratool.output import (
     refuse_missing_folder,
     stop_on_signals,
 )
+from terratool.report.documents import json_text, plain
 from terratool.simulators.options import SceneOptions
 from terratool.simulators.scene import Material, Scene
 from terratool.simulators.targets import Target, Written, chosen, refuse_uninstalled
-from terratool.text.display import json_text, plain, printable
+from terratool.text.display import printable
 from terratool.text.files import is_regular, open_file
 from terratool.traversability.judge import Judge
 

@@ -17,10 +17,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from terratool.report.numbers import metres
 from terratool.simulators.obstacles import FREE, OCCUPIED, UNKNOWN, Limits, occupancy
 from terratool.simulators.scene import Scene
 from terratool.simulators.targets import Written
-from terratool.text.display import length
 from terratool.traversability.results import GroundClass
 
 BRIGHTNESS = {FREE: 254, OCCUPIED: 0, UNKNOWN: 205}
@@ -66,14 +66,14 @@ def write(scene: Scene, folder: Path) -> Written:
     """
     options, terrain = scene.options, scene.terrain
     grid, verdict = scene.cells(), scene.verdict
-    side = length(grid.resolution)
+    side = metres(grid.resolution)
     if verdict is None:
         scene.say("looking for slopes and walls")
         cells = occupancy(terrain, grid, Limits.of(options.max_slope, options.max_step))
         by: dict[str, Any] = {"max_slope": options.max_slope, "max_step": options.max_step}
-        limits = f"slopes of {options.max_slope:g}° and steps of {length(options.max_step)}"
+        limits = f"slopes of {options.max_slope:g}° and steps of {metres(options.max_step)}"
         notes = _LIMITS_NOTE.format(
-            side=side, slope=options.max_slope, step=length(options.max_step)
+            side=side, slope=options.max_slope, step=metres(options.max_step)
         )
         losses = _limits_losses(grid.resolution)
     else:
@@ -131,7 +131,7 @@ def _limits_losses(resolution: float) -> tuple[str, ...]:
     return (
         "Heights, slopes and surfaces are not in the map.",
         "The level top of something high is free, with occupied cells around it.",
-        f"Slopes are looked at every {length(0.5 * resolution)}, and at crests; pits narrower than "
+        f"Slopes are looked at every {metres(0.5 * resolution)}, and at crests; pits narrower than "
         "that, and corners that reach into a cell by less, may be missed.",
     )
 

@@ -18,7 +18,8 @@ from terratool.field.terrain import Terrain, clip_bounds
 from terratool.raster.export import checked_threads
 from terratool.raster.grid import DEFAULT_PIXELS, Grid, Window, grid_over
 from terratool.raster.prefetch import TILE
-from terratool.text.display import listed, shown
+from terratool.report.wording import listed
+from terratool.text.display import shown
 from terratool.traversability.map import MapBuilder, begin_of, default_resolution, stream_map
 from terratool.traversability.map_files import MapFiles, refuse_map
 from terratool.traversability.ranges import SAMPLES, Draws, draw, level_chances, soil_samples

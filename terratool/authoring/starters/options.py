@@ -10,7 +10,7 @@ from typing import Any, Literal
 
 from terratool.definition.scattering import share
 from terratool.errors import RequestError
-from terratool.text.display import listed
+from terratool.report.wording import listed
 
 Members = dict[str, Any]
 """Of an object of the definition."""

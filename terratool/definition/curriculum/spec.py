@@ -18,7 +18,8 @@ from terratool.definition.keys import CURRICULUM_KEYS, document_kind
 from terratool.definition.reader import Checked, CheckOptions, check, refusal
 from terratool.definition.rules import RULES
 from terratool.errors import DefinitionError, RequestError
-from terratool.text.display import escape, listed, shown
+from terratool.report.wording import listed
+from terratool.text.display import escape, shown
 from terratool.text.locate import Address, locate
 from terratool.text.source import Source, read_source
 from terratool.text.syntax import JsonSyntaxError

@@ -10,7 +10,8 @@ from terratool.definition.findings import Remark
 from terratool.definition.keys import MAX_FRAME
 from terratool.definition.rules.base import SensorSubject, rule
 from terratool.definition.sensor import RATE, SENSORS, TURN
-from terratool.text.display import listed, shown
+from terratool.report.wording import listed
+from terratool.text.display import shown
 
 _SLACK = 1.0 + 1e-9
 """For rounding, where the last beam of a column fires with the next column."""

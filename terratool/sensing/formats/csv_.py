@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from terratool.report.inert import inert_cell
 from terratool.sensing.formats.common import Record
 from terratool.sensing.readings import Frame, Status
-from terratool.text.display import inert_cell
 
 COLUMNS = (
     "time", "frame", "ring", "x", "y", "z", "range", "intensity", "surface", "element", "wall",

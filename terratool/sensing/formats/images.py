@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from terratool.report.documents import json_text
 from terratool.sensing.camera import intrinsics
 from terratool.sensing.formats.common import Record
 from terratool.sensing.readings import Frame, Status
 from terratool.sensing.sensor import Camera
-from terratool.text.display import json_text
 
 BESIDE = ".camera.json"
 """Suffix of the intrinsics, in place of that of the image."""

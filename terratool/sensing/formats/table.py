@@ -9,6 +9,7 @@ from pathlib import Path
 
 from terratool.errors import RequestError
 from terratool.extras import install_command
+from terratool.report.wording import listed
 from terratool.sensing.formats.common import Record
 from terratool.sensing.formats.csv_ import write_csv
 from terratool.sensing.formats.images import BESIDE, write_png, write_tiff
@@ -18,7 +19,6 @@ from terratool.sensing.formats.pcd import write_pcd
 from terratool.sensing.formats.ply import write_ply
 from terratool.sensing.formats.rosbag import write_bag
 from terratool.sensing.readings import Frame
-from terratool.text.display import listed
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,16 +8,37 @@ from typing import Any
 
 import numpy as np
 
+from terratool._version import __version__
+from terratool.report.documents import json_text
 from terratool.traversability.results import (
     Barrier,
     Location,
     Reason,
+    Reports,
     Route,
     RouteProfile,
+    TraversabilityReport,
     Verdict,
 )
 
 Feature = dict[str, Any]
+
+
+def as_geojson(reports: Reports) -> str:
+    """The routes as the text of a GeoJSON file, a line for each feature.
+
+    Of several vehicles each feature names its own.
+    """
+    found = []
+    for one in reports.reports:
+        own = {} if isinstance(reports, TraversabilityReport) else {"vehicle": one.vehicle.name}
+        found += [
+            {**feature, "properties": {**own, **feature["properties"]}}
+            for feature in route_features(one.routes)
+        ]
+    head = {**reports.reports[0].geojson, "terratool": __version__}
+    lines = ",\n".join(json_text(feature, None) for feature in found)
+    return f'{json_text(head, None)[:-1]}, "features": [\n{lines}\n]}}\n'
 
 
 def route_features(routes: Sequence[Route]) -> Iterator[Feature]:

@@ -13,7 +13,7 @@ from terratool.definition.findings import Bounds
 from terratool.errors import DefinitionError
 from terratool.field.terrain import Terrain
 from terratool.raster.geotiff import crs_of, shown_crs
-from terratool.text.display import counted
+from terratool.report.wording import counted
 from terratool.traversability.route.headings import Progress
 from terratool.traversability.vehicle import Vehicle
 from terratool.viewing.diff.ground import Both, area_of, common_bounds, compare_ground

@@ -7,8 +7,11 @@ from typing import Any
 
 import msgspec
 
-from terratool.text.display import counted, json_text, length, printable, shown
-from terratool.text.workflow import annotation
+from terratool.report.documents import json_text
+from terratool.report.numbers import metres
+from terratool.report.wording import counted
+from terratool.report.workflow import annotation
+from terratool.text.display import printable, shown
 from terratool.viewing.diff.results import (
     FORMAT_VERSION,
     Comparison,
@@ -183,7 +186,7 @@ def _ground(ground: GroundChange) -> Iterator[str]:
         assert ground.around is not None
         box = " ".join(f"{side:.6g}" for side in ground.around)
         yield (
-            f"  higher or lower by more than {length(ground.tolerance)}: "
+            f"  higher or lower by more than {metres(ground.tolerance)}: "
             f"{_area(ground.changed, ground.common)}, within {box}"
         )
     if (largest := ground.largest) is not None:
