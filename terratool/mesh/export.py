@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
-from msgspec import UNSET, Struct, json
+from msgspec import UNSET, Struct
 from numpy.typing import NDArray
 
 from terratool.definition.findings import Bounds
@@ -27,7 +27,7 @@ from terratool.mesh.loss import MeshLoss, omitted_elements, wall_summary
 from terratool.mesh.normals import with_normals
 from terratool.mesh.types import BuiltMesh, Mesh
 from terratool.output import refuse_existing, refuse_missing_folder, target_of, whole_file
-from terratool.report.documents import plain
+from terratool.report.documents import plain_document
 from terratool.report.numbers import metres
 from terratool.report.wording import counted
 
@@ -159,8 +159,7 @@ class ExportReport(Struct, frozen=True, kw_only=True):
 
     def to_json(self) -> dict[str, Any]:
         """Plain values, ready for JSON."""
-        values: dict[str, Any] = json.decode(json.encode(self, enc_hook=plain))
-        return values
+        return plain_document(self)
 
 
 class MeshReport(

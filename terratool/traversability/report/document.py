@@ -8,10 +8,9 @@ from functools import cache
 from typing import Annotated, Any, NamedTuple, TypeVar, get_args, get_type_hints
 
 import numpy as np
-from msgspec import UNSET, Struct, UnsetType, structs, to_builtins
+from msgspec import UNSET, Struct, UnsetType, structs
 
-from terratool._version import __version__
-from terratool.report.documents import json_text
+from terratool.report.documents import Document, Tool, json_text, plain_document
 from terratool.traversability.report import comparison, wording
 from terratool.traversability.results import (
     GroundClass,
@@ -68,13 +67,6 @@ Numbers = tuple[float | None, ...]
 ManyMetres = Annotated[Numbers, Of(unit="m")]
 ManyDegrees = Annotated[Numbers, Of(unit="deg", factor=_DEG)]
 Binding = Annotated[Text, Of("reason")]
-
-
-class Tool(Struct, frozen=True):
-    """Who has written a document."""
-
-    name: str = "terratool"
-    version: str = __version__
 
 
 class TerrainKeys(Struct, frozen=True):
@@ -383,11 +375,11 @@ class SamplingKeys(Struct, frozen=True):
     ranges: tuple[RangeKeys, ...]
 
 
-class ReportKeys(Struct, frozen=True):
+class ReportKeys(Document, frozen=True, kw_only=True):
     """The report on one vehicle."""
 
-    format_version: int
-    tool: Tool
+    format_version: int = FORMAT_VERSION
+    tool: Tool = Tool()
     terrain: TerrainKeys
     vehicle: VehicleKeys
     model: str
@@ -472,11 +464,11 @@ class MapComparisonKeys(Struct, frozen=True):
     together: tuple[TogetherKeys, ...]
 
 
-class ComparisonKeys(Struct, frozen=True):
+class ComparisonKeys(Document, frozen=True, kw_only=True):
     """Several vehicles side by side, as schemas/comparison.schema.json has them."""
 
-    format_version: int
-    tool: Tool
+    format_version: int = FORMAT_VERSION
+    tool: Tool = Tool()
     verdict: str
     sentence: str
     vehicles: tuple[VehicleVerdict, ...]
@@ -492,8 +484,7 @@ def as_dict(reports: Reports) -> dict[str, Any]:
 
     Units are in the names of keys; what is not known, means nothing or has no limit is None.
     """
-    found: dict[str, Any] = to_builtins(_document(reports))
-    return found
+    return plain_document(_document(reports))
 
 
 def as_json(reports: Reports) -> str:
@@ -510,8 +501,6 @@ def _document(reports: Reports) -> ReportKeys | ComparisonKeys:
 def _report(report: TraversabilityReport) -> ReportKeys:
     sampling = report.sampling
     return ReportKeys(
-        format_version=FORMAT_VERSION,
-        tool=Tool(),
         terrain=TerrainKeys(report.terrain, report.descr, _value(report.bounds)),
         vehicle=_vehicle(report.vehicle),
         model=report.vehicle.model,
@@ -581,8 +570,6 @@ def _comparison(found: VehicleComparison) -> ComparisonKeys:
     surfaces = zip(*(one.surfaces for one in reports), strict=True)
     routes = zip(*(one.routes for one in reports), strict=True)
     return ComparisonKeys(
-        format_version=FORMAT_VERSION,
-        tool=Tool(),
         verdict=found.verdict.label,
         sentence=comparison.conclusion(found),
         vehicles=tuple(

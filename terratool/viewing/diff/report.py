@@ -5,20 +5,20 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
-import msgspec
-
 from terratool.report.documents import json_text
+from terratool.report.markup import escaped_markdown, markdown_row
 from terratool.report.numbers import metres
 from terratool.report.wording import counted
 from terratool.report.workflow import annotation
 from terratool.text.display import printable, shown
 from terratool.viewing.diff.results import (
-    FORMAT_VERSION,
     Comparison,
+    DiffDocument,
     Difference,
     ElementChange,
     EntryChange,
     FileDifference,
+    FileStatus,
     GroundChange,
     KeyChange,
     VerdictChange,
@@ -34,7 +34,7 @@ _UNKNOWN = "unknown"
 """The class of ground that has no verdict."""
 _SIGNS = {"added": "+", "removed": "-", "moved": "~", "changed": "~", "renamed": "~"}
 _DICTIONARIES = {"surface": "worn by", "primitive": "used by", "part": "stands in"}
-_STATUS = {
+_STATUS: dict[FileStatus, str] = {
     "same": "same terrain", "different": "different", "added": "added", "removed": "removed",
     "invalid": "invalid", "unreadable": "unreadable",
 }  # fmt: skip
@@ -61,7 +61,7 @@ def _notes(file: FileDifference) -> tuple[str, ...]:
 def _summed_up(comparison: Comparison) -> str:
     counts = [
         f"{count:,} {_STATUS[status] if status != 'same' else 'the same'}"
-        for status in ("same", "different", "added", "removed", "invalid", "unreadable")
+        for status in _STATUS
         if (count := comparison.count(status))
     ]
     return f"{counted(len(comparison.files), 'terrain')}: {', '.join(counts)}."
@@ -238,14 +238,13 @@ def _verdict(verdict: VerdictChange, most: int) -> Iterator[str]:
 
 def as_json(comparison: Comparison, most: int) -> str:  # noqa: ARG001, as others have it
     """For scripts: all that is known, with the version of the format."""
-    statuses = ("same", "different", "added", "removed", "invalid", "unreadable")
-    document = {
-        "format_version": FORMAT_VERSION,
-        "same": comparison.same,
-        "summary": {status: comparison.count(status) for status in statuses},  # type: ignore[arg-type]
-        "files": comparison.files,
-    }
-    return json_text(msgspec.to_builtins(document))
+    return json_text(
+        DiffDocument(
+            same=comparison.same,
+            summary={status: comparison.count(status) for status in _STATUS},
+            files=comparison.files,
+        )
+    )
 
 
 def as_markdown(comparison: Comparison, most: int) -> str:
@@ -257,18 +256,18 @@ def as_markdown(comparison: Comparison, most: int) -> str:
     verdicts = any(file.difference and file.difference.verdicts for file in listed_files)
     head = ["file", "what", "elements", "cut, m³", "fill, m³", "area, m²", "largest, m"]
     head += ["worse", "better"] * verdicts
-    lines += [_row(head), _row(["---"] * len(head))]
-    lines += (_row(_cells(file, verdicts)) for file in listed_files)
+    lines += [markdown_row(head), markdown_row(["---"] * len(head))]
+    lines += (markdown_row(_cells(file, verdicts)) for file in listed_files)
     for file in listed_files:
         said = list(_said(file, most))
         if said:
-            lines += ["", f"### {_escaped(file.file)}", ""]
+            lines += ["", f"### {escaped_markdown(file.file)}", ""]
             lines += ["```", *map(printable, said), "```"]
     return "\n".join(lines)
 
 
 def _cells(file: FileDifference, verdicts: bool) -> list[str]:
-    cells = [_escaped(file.file), _STATUS[file.status]]
+    cells = [escaped_markdown(file.file), _STATUS[file.status]]
     found = file.difference
     if found is None:
         return [*cells, *[""] * (5 + 2 * verdicts)]
@@ -291,14 +290,6 @@ def _counts(found: Difference) -> str:
     counts = [f"{found.count(kind)} {kind}" for kind in kinds if found.count(kind)]  # type: ignore[arg-type]
     entries = [entry.name for entry in found.entries]
     return ", ".join([*counts, *entries[:_NAMED], *["…"] * (len(entries) > _NAMED)])
-
-
-def _row(cells: Sequence[str]) -> str:
-    return f"| {' | '.join(cells)} |"
-
-
-def _escaped(text: str) -> str:
-    return "".join(f"\\{c}" if c in "\\`*_[]<>|#" else c for c in printable(text))
 
 
 def as_github(comparison: Comparison, most: int) -> str:
