@@ -14,6 +14,8 @@ from terratool.cli.options import finite, library_root_option, roughness_option
 from terratool.cli.saying import say, say_json
 from terratool.cli.terminal import Status, load
 from terratool.report.documents import Document
+from terratool.report.numbers import tenths
+from terratool.report.tables import aligned
 from terratool.report.wording import counted
 from terratool.text.display import shown
 
@@ -108,7 +110,7 @@ def _failed(
     if min_coverage is not None and math.isnan(coverage):
         yield "The terrain has no ground that could be covered."
     elif min_coverage is not None and coverage < min_coverage:
-        yield f"The coverage of {_share(coverage)} is less than {min_coverage:.1%}."
+        yield f"The coverage of {tenths(coverage)} is less than {tenths(min_coverage)}."
 
 
 class PlaceDocument(Struct, frozen=True):
@@ -198,7 +200,7 @@ def _document(comparison: MapComparison) -> ComparisonDocument:
 def as_text(comparison: MapComparison) -> Iterator[str]:
     """A comparison, in lines for people."""
     level, errors, worst = comparison.map.level, comparison.errors, comparison.worst
-    share = f"{_share(comparison.coverage)} of the ground" if comparison.ground else "no ground"
+    share = f"{tenths(comparison.coverage)} of the ground" if comparison.ground else "no ground"
     yield (
         f"{comparison.map.name}: {share}, {comparison.known:,} of "
         f"{counted(comparison.ground, 'cell')} of {level.grid.resolution:g} m"
@@ -215,16 +217,16 @@ def as_text(comparison: MapComparison) -> Iterator[str]:
         f"{worst.true:.4g} m{surface}."
     )
     if math.isfinite(comparison.within):
-        yield f"  Within two standard deviations: {_share(comparison.within)}."
+        yield f"  Within two standard deviations: {tenths(comparison.within)}."
     yield from _table(
         ("surface", "ground", "known", "RMSE", "bias", "right surface"),
         [
             (
                 shown(one.name) if one.name else "none",
                 f"{one.ground:,}",
-                _share(one.errors.cells / one.ground),
+                tenths(one.errors.cells / one.ground),
                 *_pair(one.errors),
-                _share(one.right / one.named) if one.named else "",
+                tenths(one.right / one.named) if one.named else "",
             )
             for one in comparison.surfaces
         ],
@@ -252,17 +254,8 @@ def _pair(errors: Errors) -> tuple[str, str]:
 
 
 def _table(head: tuple[str, ...], rows: list[tuple[str, ...]]) -> Iterator[str]:
-    widths = [max(len(row[k]) for row in (head, *rows)) for k in range(len(head))]
-    for row in (head, *rows):
-        cells = [
-            cell.ljust(width) if k == 0 else cell.rjust(width)
-            for k, (cell, width) in enumerate(zip(row, widths, strict=True))
-        ]
-        yield f"  {'  '.join(cells)}".rstrip()
-
-
-def _share(share: float) -> str:
-    return f"{share:.1%}"
+    # an empty last cell, as the last one is flush left
+    return (f"  {line}" for line in aligned([[*row, ""] for row in (head, *rows)]))
 
 
 def _metres(metres: float) -> str:

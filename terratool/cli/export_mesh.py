@@ -12,6 +12,7 @@ import click
 from terratool.cli.options import library_root_option, roughness_option
 from terratool.cli.saying import say, say_json
 from terratool.cli.terminal import Status, load
+from terratool.report.numbers import spelled
 
 if TYPE_CHECKING:
     from terratool.mesh.elevation import ElevationGridReport
@@ -236,7 +237,7 @@ def _export(request: _Request) -> None:
     if request.as_json:
         say_json(report.to_json())
         return
-    place = " ".join(f"{number:.12g}" for number in report.origin)
+    place = spelled(report.origin)
     for line in (lines[0], f"{lines[1]}: zero is at {place}", *lines[2:]):
         say(line)
 

@@ -14,6 +14,7 @@ from terratool.cli.saying import say, say_json
 from terratool.cli.terminal import Status, called
 from terratool.definition.presets import PRESETS
 from terratool.report.documents import Document
+from terratool.report.numbers import per_cent
 from terratool.report.wording import counted
 
 if TYPE_CHECKING:
@@ -215,7 +216,7 @@ def as_text(report: ImportReport, output: str) -> Iterator[str]:
     if report.method:
         how = f", by {report.method.sentence} in steps of {report.step:g} {unit}"
     if report.relief:
-        share = f" ({100 * error.largest / report.relief:.3g} % of the relief)"
+        share = f" ({per_cent(error.largest / report.relief)} of the relief)"
     yield f"{output}: {report.size:,} bytes, {8 * report.size / pixels:.3g} bits a pixel{how}"
     at = " at {:.10g} {:.10g}".format(*error.where) if error.where and error.largest else ""
     rms = f"{error.rms:.4g} {unit} RMS"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 
 NOTHING = "–"
 """Stands for what means nothing or is not known."""
@@ -88,3 +89,44 @@ def energy(joules: float | None) -> str:
 def metres(metres: float) -> str:
     """A length in words, to three digits, or to a metre from a kilometre on."""
     return f"{metres:.3g} m" if abs(metres) < 1000 else f"{metres:,.0f} m"
+
+
+def full(value: float) -> str:
+    """A coordinate in full, up to twelve digits."""
+    return f"{value + 0.0:.12g}".replace("-", "−")
+
+
+def spelled(values: Iterable[float]) -> str:
+    """Coordinates in full with spaces between, as commands take them."""
+    return " ".join(f"{value:.12g}" for value in values)
+
+
+def pixels(width: int, height: int, side: float) -> str:
+    """Number of pixels along x and y, and the side of one, m."""
+    return f"{width} × {height} pixels of {side:.4g} m"
+
+
+def per_cent(share: float, digits: int = 3) -> str:
+    """A share in per cent to so many significant digits."""
+    return f"{100.0 * share:.{digits}g} %"
+
+
+def tenths(share: float) -> str:
+    """A share in per cent to a tenth."""
+    return f"{share:.1%}"
+
+
+def never_quite(share: float) -> str:
+    """A share in per cent to a tenth, in words where that would be none, or all, and it is not."""
+    text = f"{100.0 * share:.1f}"
+    if 0.0 < share < 1.0 and text in ("0.0", "100.0"):
+        return "less than 0.1 %" if share < 0.5 else "more than 99.9 %"
+    return f"{text} %"
+
+
+def exact(value: float | None) -> float | None:
+    """A number for programs, to twelve digits; None for what is not finite.
+
+    So no digits stand there that only come from factors of units.
+    """
+    return float(f"{value:.12g}") if value is not None and math.isfinite(value) else None

@@ -5,7 +5,7 @@ from __future__ import annotations
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
-from terratool.report.numbers import metres
+from terratool.report.numbers import metres, per_cent
 from terratool.report.wording import counted
 from terratool.simulators.heightmap import HeightMap, write_heightmap
 from terratool.simulators.markup import child, comment, numbers, one_line, rgba, write_xml
@@ -163,7 +163,7 @@ def _picture_losses(
     ]
     if found.void:
         lines.append(
-            f"The void, {100 * found.void:.2g} % of the area, is ground at {metres(found.low)}."
+            f"The void, {per_cent(found.void, 2)} of the area, is ground at {metres(found.low)}."
         )
     if len(scene.used(False)) > 1:
         lines.append(

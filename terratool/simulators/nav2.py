@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from terratool.report.numbers import metres
+from terratool.report.numbers import metres, never_quite
 from terratool.simulators.obstacles import FREE, OCCUPIED, UNKNOWN, Limits, occupancy
 from terratool.simulators.scene import Scene
 from terratool.simulators.targets import Written
@@ -87,7 +87,7 @@ def write(scene: Scene, folder: Path) -> Written:
     origin = [grid.west - x, grid.south - y, 0.0]
     (folder / "map.yaml").write_text(_yaml(grid.resolution, origin), "utf-8", newline="\n")
     shares = {name: float((cells == value).mean()) for value, name in _NAMES.items()}
-    said = ", ".join(f"{_percent(share)} {name}" for name, share in shares.items())
+    said = ", ".join(f"{never_quite(share)} {name}" for name, share in shares.items())
     return Written(
         summary=f"{grid.width} × {grid.height} cells of {side} for {limits}: {said}",
         load=(
@@ -117,14 +117,6 @@ _VEHICLE_LOSS = (
     "A cell has one verdict for all headings, that of the best; what lies between the middles of "
     "cells, and between headings, is not looked at."
 )
-
-
-def _percent(share: float) -> str:
-    """A share to a tenth; what is little, or nearly all, is not said to be nothing, or all."""
-    text = f"{100.0 * share:.1f}"
-    if 0.0 < share < 1.0 and text in ("0.0", "100.0"):
-        return "less than 0.1 %" if share < 0.5 else "more than 99.9 %"
-    return f"{text} %"
 
 
 def _limits_losses(resolution: float) -> tuple[str, ...]:

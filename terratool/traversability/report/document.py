@@ -11,6 +11,7 @@ import numpy as np
 from msgspec import UNSET, Struct, UnsetType, structs
 
 from terratool.report.documents import Document, Tool, json_text, plain_document
+from terratool.report.numbers import exact
 from terratool.traversability.report import comparison, wording
 from terratool.traversability.results import (
     GroundClass,
@@ -673,7 +674,7 @@ def _value(
     Floating-point numbers have twelve digits: none that only come from factors of units.
     """
     if isinstance(value, float):
-        return float(f"{value * of.factor:.12g}") if math.isfinite(value) else None
+        return exact(value * of.factor)
     if isinstance(value, str):
         return value if value or kept else None
     if isinstance(value, Verdict):

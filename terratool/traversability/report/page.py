@@ -184,10 +184,7 @@ def _heights(preview: Preview) -> str:
 def _axis(first: float, last: float) -> list[tuple[float, str]]:
     """Round coordinates along a side: where each is, % from the first, and its text in full."""
     found = ticks(first, last, 4) or [first]
-    return [
-        (100.0 * (value - first) / (last - first), f"{value + 0.0:.12g}".replace("-", "−"))
-        for value in found
-    ]
+    return [(100.0 * (value - first) / (last - first), numbers.full(value)) for value in found]
 
 
 def _position(x: float, y: float, preview: Preview) -> tuple[float, float]:

@@ -72,7 +72,7 @@ def quarter_turn(figures: Figures) -> str:
 
 def coordinates(place: Location) -> str:
     """World x and y, to a millimetre."""
-    x, y = (f"{round(value, 3) + 0.0:.12g}".replace("-", "−") for value in (place.x, place.y))
+    x, y = (numbers.full(round(value, 3)) for value in (place.x, place.y))
     return f"({x}, {y})"
 
 
@@ -253,10 +253,10 @@ def counted_from(report: TraversabilityReport) -> str:
         return ""
     if not any(summary.fraction(ground) for ground in (GroundClass.ONE_WAY, GroundClass.CUT_OFF)):
         return ""
-    x, y = (f"{round(value, 3) + 0.0:.12g}" for value in summary.largest.place)
+    place = numbers.spelled(round(value, 3) + 0.0 for value in summary.largest.place)
     return (
         "What can be reached is counted from the largest connected part of the ground, "
-        f"{numbers.share(summary.largest.share)} of it, as with --from {x} {y}."
+        f"{numbers.share(summary.largest.share)} of it, as with --from {place}."
     )
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from terratool.report.documents import json_text
 from terratool.report.markup import escaped_markdown, markdown_row
-from terratool.report.numbers import metres
+from terratool.report.numbers import metres, per_cent, pixels
 from terratool.report.wording import counted
 from terratool.report.workflow import annotation
 from terratool.text.display import printable, shown
@@ -166,17 +166,14 @@ def _change(change: ElementChange) -> str:
 
 
 def _area(area: float, whole: float) -> str:
-    share = f" ({_share(area / whole)})" if whole > 0.0 else ""
+    share = f" ({per_cent(area / whole)})" if whole > 0.0 else ""
     return f"{area:.6g} m²{share}"
 
 
-def _share(share: float) -> str:
-    return f"{100.0 * share:.3g} %"
-
-
 def _ground(ground: GroundChange) -> Iterator[str]:
+    grid = pixels(ground.grid.width, ground.grid.height, ground.grid.resolution)
     if ground.is_same:
-        yield f"ground: no difference at the centres of {_pixels(ground)}"
+        yield f"ground: no difference at the centres of {grid}"
         return
     about = ""
     if ground.error > 1e-9 * (ground.cut + ground.fill):
@@ -207,12 +204,7 @@ def _ground(ground: GroundChange) -> Iterator[str]:
     for surface in ground.surfaces:
         names = f"{surface.old or 'none'} → {surface.new or 'none'}"
         yield f"  surface {names}: {_area(surface.area, ground.common)}"
-    yield f"  compared at the centres of {_pixels(ground)}"
-
-
-def _pixels(ground: GroundChange) -> str:
-    grid = ground.grid
-    return f"{grid.width} × {grid.height} pixels of {grid.resolution:.4g} m"
+    yield f"  compared at the centres of {grid}"
 
 
 def _verdict(verdict: VerdictChange, most: int) -> Iterator[str]:
@@ -221,14 +213,14 @@ def _verdict(verdict: VerdictChange, most: int) -> Iterator[str]:
         yield f"{name}: all verdicts are the same, on pixels of {verdict.grid.resolution:.4g} m"
         return
     yield (
-        f"{name}: {_share(verdict.worse)} of the ground got worse, {_share(verdict.better)} "
+        f"{name}: {per_cent(verdict.worse)} of the ground got worse, {per_cent(verdict.better)} "
         f"better, on pixels of {verdict.grid.resolution:.4g} m"
     )
     yield from _listed(
         verdict.flips,
         min(most, _FLIPS),
         lambda flip: (
-            f"  {flip.old} → {flip.new}: {_share(flip.share)}, {flip.area:.4g} m², as at "
+            f"  {flip.old} → {flip.new}: {per_cent(flip.share)}, {flip.area:.4g} m², as at "
             f"{flip.x:.6g} {flip.y:.6g}"
         ),
     )
@@ -280,8 +272,8 @@ def _cells(file: FileDifference, verdicts: bool) -> list[str]:
         cells += [f"{ground.cut:.4g}", f"{ground.fill:.4g}", f"{ground.changed:.4g}", largest]
     if verdicts:
         shares = found.verdicts
-        cells.append(_share(max(one.worse for one in shares)) if shares else "")
-        cells.append(_share(max(one.better for one in shares)) if shares else "")
+        cells.append(per_cent(max(one.worse for one in shares)) if shares else "")
+        cells.append(per_cent(max(one.better for one in shares)) if shares else "")
     return cells
 
 
