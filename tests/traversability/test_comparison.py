@@ -444,7 +444,32 @@ class TestForms:
             width = width or cells
             assert cells == width > 1, line
         (row,) = re.findall(r"^\| wide \|.*", text["r.md"], re.MULTILINE)
-        assert "✘ no-go" in row and "surface" in row
+        assert "✘ no-go" in row
+        said = text["r.md"].partition("### wide\n")[2].partition("\n## ")[0]
+        assert re.search(r"^- cut off by: .*surface \"brick\"", said, re.MULTILINE)
+
+    def test_all_that_a_report_says_of_a_vehicle_is_said_of_each(
+        self, site: tuple[str, str, str], tmp_path: Path
+    ) -> None:
+        """Rows of a vehicle's own tables are there, with its name; what is the same stands once."""
+        terrain, *vehicles = site
+        asked = ("--resolution", 0.1, *WAY)
+        both = tmp_path / "both.md"
+        named_ = [part for path in vehicles for part in ("--vehicle", path)]
+        drive(terrain, *named_, *asked, "--report", both)
+        found = both.read_text("utf-8").split("\n")
+        for path in vehicles:
+            name, alone = Path(path).stem, tmp_path / f"{Path(path).stem}.md"
+            drive(terrain, "--vehicle", path, *asked, "--report", alone)
+            lines = alone.read_text("utf-8").split("\n")
+            begin = lines.index("What the vehicle can do on each.") + 4
+            assert len(lines[begin:]) > 3 and lines[begin].startswith("| floor |")
+            for line in lines[begin : lines.index("", begin)]:
+                surface = line.split(" | ")[0]
+                assert line.replace(surface, f"{surface}, {name}", 1) in found
+            soils = lines.index("What each was taken for.") + 2
+            assert found.count(lines[soils]) == 1 and lines[soils + 2] in found
+            assert sum(line in found for line in lines if line.startswith("- from: ")) == 1
 
     def test_a_table_for_a_terminal_is_no_wider(self) -> None:
         """Of five vehicles: the columns of some are below those of others."""
