@@ -2,17 +2,39 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator, Sequence
-from functools import cache
-from typing import Annotated, Any, NamedTuple, TypeVar, get_args, get_type_hints
+from collections.abc import Sequence
+from typing import Annotated, Any
 
-import numpy as np
 from msgspec import UNSET, Struct, UnsetType, structs
 
 from terratool.report.documents import Document, Tool, json_text, plain_document
-from terratool.report.numbers import exact
 from terratool.traversability.report import comparison, wording
+from terratool.traversability.report.keys import (
+    DEG,
+    Binding,
+    Degrees,
+    Joules,
+    Kilograms,
+    Kilopascals,
+    Kind,
+    ManyDegrees,
+    ManyMetres,
+    Metres,
+    MetresPerKilonewton,
+    MetresPerSecond,
+    MetresPerSquareSecond,
+    NewtonMetres,
+    Newtons,
+    Number,
+    Numbers,
+    Of,
+    Seconds,
+    SquareMetres,
+    Text,
+    Watts,
+    filled,
+    value_of,
+)
 from terratool.traversability.results import (
     GroundClass,
     MapSummary,
@@ -25,49 +47,6 @@ from terratool.traversability.results import (
 from terratool.traversability.vehicle import Vehicle
 
 FORMAT_VERSION = 2
-
-_Kind = TypeVar("_Kind", bound=Struct)
-
-
-class Of(NamedTuple):
-    """How a key is made of a member of a result.
-
-    Attributes:
-        member: its name; empty where it is called as the key without its unit.
-        unit: of the key, at its end; empty where it has none.
-        factor: of the unit, from SI units.
-        codes: the enumeration whose codes an array has.
-    """
-
-    member: str = ""
-    unit: str = ""
-    factor: float = 1.0
-    codes: type[Verdict | Reason] | None = None
-
-
-_DEG = 180.0 / math.pi
-
-Text = str | None
-"""A text, or null where it is empty."""
-Number = float | None
-"""A number, or null where it is not known, means nothing or has no limit."""
-Metres = Annotated[float | None, Of(unit="m")]
-SquareMetres = Annotated[float | None, Of(unit="m2")]
-MetresPerSecond = Annotated[float | None, Of(unit="m_s")]
-MetresPerSquareSecond = Annotated[float | None, Of(unit="m_s2")]
-MetresPerKilonewton = Annotated[float | None, Of(unit="m_per_kN", factor=1e3)]
-Kilograms = Annotated[float | None, Of(unit="kg")]
-Seconds = Annotated[float | None, Of(unit="s")]
-Joules = Annotated[float | None, Of(unit="J")]
-Watts = Annotated[float | None, Of(unit="W")]
-Newtons = Annotated[float | None, Of(unit="N")]
-NewtonMetres = Annotated[float | None, Of(unit="Nm")]
-Kilopascals = Annotated[float | None, Of(unit="kPa", factor=1e-3)]
-Degrees = Annotated[float | None, Of(unit="deg", factor=_DEG)]
-Numbers = tuple[float | None, ...]
-ManyMetres = Annotated[Numbers, Of(unit="m")]
-ManyDegrees = Annotated[Numbers, Of(unit="deg", factor=_DEG)]
-Binding = Annotated[Text, Of("reason")]
 
 
 class TerrainKeys(Struct, frozen=True):
@@ -233,7 +212,7 @@ class BarrierKeys(Struct, frozen=True):
 class SteepestKeys(Struct, frozen=True):
     """Where a route is steepest."""
 
-    pitch_deg: Annotated[float | None, Of("value", factor=_DEG)]
+    pitch_deg: Annotated[float | None, Of("value", factor=DEG)]
     binding: Binding
     place: PlaceKeys
 
@@ -502,16 +481,16 @@ def _document(reports: Reports) -> ReportKeys | ComparisonKeys:
 def _report(report: TraversabilityReport) -> ReportKeys:
     sampling = report.sampling
     return ReportKeys(
-        terrain=TerrainKeys(report.terrain, report.descr, _value(report.bounds)),
+        terrain=TerrainKeys(report.terrain, report.descr, value_of(report.bounds)),
         vehicle=_vehicle(report.vehicle),
         model=report.vehicle.model,
         verdict=report.verdict.label,
         sentence=wording.conclusion(report),
-        surfaces=tuple(_filled(SurfaceKeys, one) for one in report.surfaces),
+        surfaces=tuple(filled(SurfaceKeys, one) for one in report.surfaces),
         mending=tuple(MendKeys(place, line) for place, line in wording.mending(report)),
         map=None if report.summary is None else _map(report.summary),
-        routes=tuple(_filled(RouteKeys, one) for one in report.routes),
-        reach=None if report.reach is None else _filled(ReachKeys, report.reach),
+        routes=tuple(filled(RouteKeys, one) for one in report.routes),
+        reach=None if report.reach is None else filled(ReachKeys, report.reach),
         notes=report.notes,
         assumptions=report.assumptions,
         sampling=UNSET
@@ -519,14 +498,14 @@ def _report(report: TraversabilityReport) -> ReportKeys:
         else SamplingKeys(
             sampling.samples,
             sampling.seed,
-            _value(sampling.error),
+            value_of(sampling.error),
             tuple(RangeKeys(*one) for one in sampling.ranges),
         ),
     )
 
 
 def _vehicle(vehicle: Vehicle) -> VehicleKeys:
-    found = _filled(VehicleKeys, vehicle)
+    found = filled(VehicleKeys, vehicle)
     if vehicle.is_single:
         return structs.replace(found, mass_kg=None, gravity_m_s2=None)
     return found
@@ -535,17 +514,17 @@ def _vehicle(vehicle: Vehicle) -> VehicleKeys:
 def _map(summary: MapSummary) -> MapKeys:
     grid, chances = summary.grid, summary.chances
     return MapKeys(
-        resolution_m=_value(grid.resolution),
+        resolution_m=value_of(grid.resolution),
         width=grid.width,
         height=grid.height,
-        bounds=_value(grid.bounds),
+        bounds=value_of(grid.bounds),
         headings=summary.headings,
-        start=_value(summary.start),
-        largest_part=_value(summary.largest, nested=LargestPartKeys),
+        start=value_of(summary.start),
+        largest_part=value_of(summary.largest, nested=LargestPartKeys),
         pixels=summary.pixels,
         best_heading=_counts(summary.counts),
         worst_heading=_counts(summary.worst_counts),
-        fractions={one.label: _value(summary.fraction(one)) for one in wording.GROUNDS},
+        fractions={one.label: value_of(summary.fraction(one)) for one in wording.GROUNDS},
         binding={
             reason.label: count
             for reason, count in sorted(summary.reasons.items())
@@ -600,89 +579,16 @@ def _maps(
         one_grid=len(grids) == 1,
         vehicles=_picked(MapShares, names, maps),
         together=tuple(
-            TogetherKeys(vehicles, _value(share)) for vehicles, share in comparison.together(found)
+            TogetherKeys(vehicles, value_of(share))
+            for vehicles, share in comparison.together(found)
         ),
     )
 
 
-def _picked(kind: type[_Kind], names: Sequence[str], row: Sequence[Struct]) -> tuple[_Kind, ...]:
+def _picked(kind: type[Kind], names: Sequence[str], row: Sequence[Struct]) -> tuple[Kind, ...]:
     """Some keys of what the reports have of one thing, each with the vehicle's name."""
     _, *keys = kind.__struct_fields__
     return tuple(
         kind(name, *(getattr(one, key) for key in keys))
         for name, one in zip(names, row, strict=True)
     )
-
-
-def _filled(kind: type[_Kind], record: object) -> _Kind:
-    """The keys of a result."""
-    found: dict[str, Any] = {}
-    for one in _sources(kind):
-        value = _value(getattr(record, one.member), one.of, one.nested, one.kept)
-        if value is not None or not one.optional:
-            found[one.key] = value
-    return kind(**found)
-
-
-class _Source(NamedTuple):
-    """Where a key comes from.
-
-    Attributes:
-        key: its name.
-        member: of the result.
-        of: how the key is made of it.
-        nested: the kind of the records that it has.
-        kept: whether an empty text is one.
-        optional: whether the key is left out where there is nothing.
-    """
-
-    key: str
-    member: str
-    of: Of
-    nested: type[Struct] | None
-    kept: bool
-    optional: bool
-
-
-@cache
-def _sources(kind: type[Struct]) -> tuple[_Source, ...]:
-    found = []
-    for key, hint in get_type_hints(kind, include_extras=True).items():
-        parts = list(_parts(hint))
-        of = next((one for one in parts if isinstance(one, Of)), Of())
-        nested = (one for one in parts if isinstance(one, type) and issubclass(one, Struct))
-        member = of.member or (key.removesuffix(f"_{of.unit}") if of.unit else key)
-        found.append(_Source(key, member, of, next(nested, None), hint is str, UnsetType in parts))
-    return tuple(found)
-
-
-def _parts(hint: Any) -> Iterator[Any]:
-    """A type, and all that it is made of."""
-    yield hint
-    for one in get_args(hint):
-        yield from _parts(one)
-
-
-_AS_IT_IS = Of()
-
-
-def _value(
-    value: Any, of: Of = _AS_IT_IS, nested: type[Struct] | None = None, kept: bool = False
-) -> Any:
-    """A value for JSON: None for an empty text, for no reason, and for what is not finite.
-
-    Floating-point numbers have twelve digits: none that only come from factors of units.
-    """
-    if isinstance(value, float):
-        return exact(value * of.factor)
-    if isinstance(value, str):
-        return value if value or kept else None
-    if isinstance(value, Verdict):
-        return value.label
-    if isinstance(value, Reason):
-        return None if value == Reason.NONE else value.label
-    if isinstance(value, np.ndarray):
-        value = tuple(map(of.codes, value.tolist()) if of.codes else value.tolist())
-    if isinstance(value, tuple):
-        return tuple(_value(each, of, nested, kept) for each in value)
-    return value if value is None or nested is None else _filled(nested, value)

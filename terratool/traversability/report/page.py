@@ -56,7 +56,7 @@ def _told(reports: Reports) -> dict[str, Any]:
         "shares": tables.shares(first),
         "together": "",
         "side_by_side": Table((), ()),
-        "ways": [""] * len(first.routes),
+        "ways": [None] * len(first.routes),
     }
     if not isinstance(reports, TraversabilityReport):
         told = {
