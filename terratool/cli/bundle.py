@@ -9,7 +9,7 @@ import click
 from terratool.cli.options import library_root_option, library_roots
 from terratool.cli.saying import say, write_definition
 from terratool.cli.terminal import Status, called
-from terratool.text.display import counted
+from terratool.report.wording import counted
 
 
 @click.command("bundle", epilog="Example: terratool bundle samples/warehouse.json out.json")

@@ -4,14 +4,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from dataclasses import asdict, astuple
+from typing import TYPE_CHECKING
 
 import click
+from msgspec import Struct
 
 from terratool.cli.options import finite, library_root_option, roughness_option
 from terratool.cli.saying import say, say_json
 from terratool.cli.terminal import Status, load
-from terratool.text.display import counted, shown
+from terratool.report.documents import Document
+from terratool.report.numbers import tenths
+from terratool.report.tables import aligned
+from terratool.report.wording import counted
+from terratool.text.display import shown
 
 if TYPE_CHECKING:
     from terratool.sensing.comparison import Errors, MapComparison
@@ -82,7 +88,7 @@ def command(
             status.say("drawing")
             write_picture(comparison, terrain, picture, overwrite=overwrite)
     if form == "json":
-        say_json(as_dict(comparison))
+        say_json(_document(comparison))
     else:
         for line in as_text(comparison):
             say(line)
@@ -104,63 +110,97 @@ def _failed(
     if min_coverage is not None and math.isnan(coverage):
         yield "The terrain has no ground that could be covered."
     elif min_coverage is not None and coverage < min_coverage:
-        yield f"The coverage of {_share(coverage)} is less than {min_coverage:.1%}."
+        yield f"The coverage of {tenths(coverage)} is less than {tenths(min_coverage)}."
 
 
-def _errors(errors: Errors) -> dict[str, Any]:
-    return {
-        "cells": errors.cells,
-        "rmse": _known(errors.rmse),
-        "bias": _known(errors.bias),
-        "worst": _known(errors.worst),
-    }
+class PlaceDocument(Struct, frozen=True):
+    """The cell that is off most."""
+
+    x: float
+    y: float
+    map: float
+    terrain: float
+    surface: str | None
 
 
-def _known(number: float) -> float | None:
-    return number if math.isfinite(number) else None
+class SurfaceDocument(Struct, frozen=True):
+    """Cells of one surface of the terrain; null for none."""
+
+    surface: str | None
+    ground: int
+    cells: int
+    rmse: float
+    bias: float
+    worst: float
+    named: int
+    right: int
 
 
-def as_dict(comparison: MapComparison) -> dict[str, Any]:
-    """A comparison, ready for JSON."""
+class DistanceDocument(Struct, frozen=True, rename={"low": "from", "high": "to"}):
+    """Cells seen from a band of distances; the last band has no end."""
+
+    low: float
+    high: float
+    cells: int
+    rmse: float
+    bias: float
+    worst: float
+
+
+class ComparisonDocument(Document, frozen=True, kw_only=True):
+    """How good a map is, as JSON; what is not known is null."""
+
+    map: str
+    level: int
+    cell: float
+    ground: int
+    known: int
+    coverage: float
+    without_ground: int
+    cells: int
+    rmse: float
+    bias: float
+    worst: float
+    within_two_deviations: float
+    worst_place: PlaceDocument | None
+    surfaces: list[SurfaceDocument]
+    distances: list[DistanceDocument]
+
+
+def _document(comparison: MapComparison) -> ComparisonDocument:
     level, worst = comparison.map.level, comparison.worst
-    return {
-        "format_version": 1,
-        "map": comparison.map.name,
-        "level": level.level,
-        "cell": level.grid.resolution,
-        "ground": comparison.ground,
-        "known": comparison.known,
-        "coverage": _known(comparison.coverage),
-        "without_ground": comparison.beyond,
-        **_errors(comparison.errors),
-        "within_two_deviations": _known(comparison.within),
-        "worst_place": None
-        if worst is None
-        else {
-            "x": worst.x, "y": worst.y, "map": worst.mapped, "terrain": worst.true,
-            "surface": worst.surface,
-        },
-        "surfaces": [
-            {
-                "surface": one.name or None,
-                "ground": one.ground,
-                **_errors(one.errors),
-                "named": one.named,
-                "right": one.right,
-            }
+    return ComparisonDocument(
+        map=comparison.map.name,
+        level=level.level,
+        cell=level.grid.resolution,
+        ground=comparison.ground,
+        known=comparison.known,
+        coverage=comparison.coverage,
+        without_ground=comparison.beyond,
+        within_two_deviations=comparison.within,
+        worst_place=None if worst is None else PlaceDocument(*astuple(worst)),
+        surfaces=[
+            SurfaceDocument(
+                surface=one.name or None,
+                ground=one.ground,
+                named=one.named,
+                right=one.right,
+                **asdict(one.errors),
+            )
             for one in comparison.surfaces
         ],
-        "distances": [
-            {"from": one.low, "to": _known(one.high), **_errors(one.errors)}
+        distances=[
+            DistanceDocument(one.low, one.high, **asdict(one.errors))
             for one in comparison.distances
         ],
-    }  # fmt: skip
+        **asdict(comparison.errors),
+    )
 
 
 def as_text(comparison: MapComparison) -> Iterator[str]:
     """A comparison, in lines for people."""
     level, errors, worst = comparison.map.level, comparison.errors, comparison.worst
-    share = f"{_share(comparison.coverage)} of the ground" if comparison.ground else "no ground"
+    share = f"{tenths(comparison.coverage)} of the ground" if comparison.ground else "no ground"
     yield (
         f"{comparison.map.name}: {share}, {comparison.known:,} of "
         f"{counted(comparison.ground, 'cell')} of {level.grid.resolution:g} m"
@@ -177,16 +217,16 @@ def as_text(comparison: MapComparison) -> Iterator[str]:
         f"{worst.true:.4g} m{surface}."
     )
     if math.isfinite(comparison.within):
-        yield f"  Within two standard deviations: {_share(comparison.within)}."
+        yield f"  Within two standard deviations: {tenths(comparison.within)}."
     yield from _table(
         ("surface", "ground", "known", "RMSE", "bias", "right surface"),
         [
             (
                 shown(one.name) if one.name else "none",
                 f"{one.ground:,}",
-                _share(one.errors.cells / one.ground),
+                tenths(one.errors.cells / one.ground),
                 *_pair(one.errors),
-                _share(one.right / one.named) if one.named else "",
+                tenths(one.right / one.named) if one.named else "",
             )
             for one in comparison.surfaces
         ],
@@ -214,17 +254,8 @@ def _pair(errors: Errors) -> tuple[str, str]:
 
 
 def _table(head: tuple[str, ...], rows: list[tuple[str, ...]]) -> Iterator[str]:
-    widths = [max(len(row[k]) for row in (head, *rows)) for k in range(len(head))]
-    for row in (head, *rows):
-        cells = [
-            cell.ljust(width) if k == 0 else cell.rjust(width)
-            for k, (cell, width) in enumerate(zip(row, widths, strict=True))
-        ]
-        yield f"  {'  '.join(cells)}".rstrip()
-
-
-def _share(share: float) -> str:
-    return f"{share:.1%}"
+    # an empty last cell, as the last one is flush left
+    return (f"  {line}" for line in aligned([[*row, ""] for row in (head, *rows)]))
 
 
 def _metres(metres: float) -> str:

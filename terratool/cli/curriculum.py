@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING
 
 import click
+from msgspec import Struct
 
 from terratool.cli.saying import say, say_json
 from terratool.cli.terminal import Status, called
-from terratool.text.display import counted, listed, shown
+from terratool.report.documents import Document
+from terratool.report.wording import counted, listed
+from terratool.text.display import shown
 
 if TYPE_CHECKING:
     from terratool.authoring.curriculum.build import Curriculum
@@ -75,36 +78,56 @@ def command(
         status.say(f"writing {called(output)}")
         origins = write_curriculum(made, output, overwrite)
     if as_json:
-        say_json(as_dict(made, output, str(origins)))
+        say_json(_document(made, output, str(origins)))
         return
     for line in lacking(made):
         say(line, err=True)
     say(as_text(made, output, str(origins)))
 
 
-def as_dict(made: Curriculum, output: str, origins: str) -> dict[str, Any]:
-    """What was made, ready for JSON."""
+class PatchPlaces(Struct, frozen=True):
+    """How many level places of a patch were wanted, and how many were not found."""
+
+    wanted: int
+    missing: int
+
+
+class CurriculumDocument(Document, frozen=True, kw_only=True):
+    """What was made, as JSON."""
+
+    file: str
+    origins: str
+    bytes: int
+    rows: int
+    columns: int
+    tile: tuple[float, ...]
+    seed: int
+    bounds: tuple[float, ...]
+    elements: int
+    kinds: Mapping[str, int]
+    patches: dict[str, PatchPlaces]
+
+
+def _document(made: Curriculum, output: str, origins: str) -> CurriculumDocument:
     spec = made.spec
-    return {
-        "format_version": 1,
-        "file": output,
-        "origins": origins,
-        "bytes": len(made.text.encode()),
-        "rows": spec.rows,
-        "columns": spec.columns,
-        "tile": list(spec.tile),
-        "seed": spec.seed,
-        "bounds": list(made.terrain.bounds),
-        "elements": made.terrain.elements,
-        "kinds": made.counts,
-        "patches": {
-            patch.name: {
-                "wanted": spec.rows * spec.columns * patch.count,
-                "missing": made.missing[patch.name],
-            }
+    return CurriculumDocument(
+        file=output,
+        origins=origins,
+        bytes=len(made.text.encode()),
+        rows=spec.rows,
+        columns=spec.columns,
+        tile=spec.tile,
+        seed=spec.seed,
+        bounds=made.terrain.bounds,
+        elements=made.terrain.elements,
+        kinds=made.counts,
+        patches={
+            patch.name: PatchPlaces(
+                spec.rows * spec.columns * patch.count, made.missing[patch.name]
+            )
             for patch in spec.patches
         },
-    }
+    )
 
 
 def lacking(made: Curriculum) -> Iterator[str]:

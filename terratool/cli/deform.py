@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 import click
+from msgspec import UNSET, UnsetType
 
 from terratool.cli.options import (
     finite,
@@ -16,7 +16,9 @@ from terratool.cli.options import (
 )
 from terratool.cli.saying import say, say_json
 from terratool.cli.terminal import Status, called
-from terratool.text.display import counted, listed, shown
+from terratool.report.documents import Document
+from terratool.report.wording import counted, listed
+from terratool.text.display import shown
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -115,28 +117,38 @@ def command(
         status.say(f"writing {Path(output).name}")
         written = write_deformed(file, output, deformed, overwrite, library_roots())
     if as_json:
-        say_json(as_dict(deformed, output, written))
+        say_json(_document(deformed, output, written))
     else:
         for line in as_text(deformed, output, written):
             say(line)
 
 
-def as_dict(deformed: Deformed, output: str, added_bytes: int) -> dict[str, Any]:
-    """What was done, ready for JSON."""
-    document = {
-        "format_version": 1,
-        "file": output,
-        "added_bytes": added_bytes,
-        "tracks": len(deformed.tracks),
-        "added": deformed.added,
-        "driven_again": deformed.again,
-        "length": deformed.length,
-        "points": deformed.points,
-        "surfaces": list(map(asdict, deformed.ruts)),
-    }
-    if deformed.ranged:
-        document["ranged"] = list(deformed.ranged)
-    return document
+class DeformDocument(Document, frozen=True, kw_only=True):
+    """What was done, as JSON."""
+
+    file: str
+    added_bytes: int
+    tracks: int
+    added: int
+    driven_again: int
+    length: float
+    points: int
+    surfaces: tuple[Any, ...]
+    ranged: tuple[str, ...] | UnsetType = UNSET
+
+
+def _document(deformed: Deformed, output: str, added_bytes: int) -> DeformDocument:
+    return DeformDocument(
+        file=output,
+        added_bytes=added_bytes,
+        tracks=len(deformed.tracks),
+        added=deformed.added,
+        driven_again=deformed.again,
+        length=deformed.length,
+        points=deformed.points,
+        surfaces=tuple(deformed.ruts),
+        ranged=tuple(deformed.ranged) or UNSET,
+    )
 
 
 def as_text(deformed: Deformed, output: str, added_bytes: int) -> Iterator[str]:

@@ -7,10 +7,12 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import click
+from msgspec import UNSET, Struct, UnsetType
 
 from terratool.cli.options import Names, library_root_option, roughness_option
 from terratool.cli.saying import say, say_json
 from terratool.cli.terminal import Status, load
+from terratool.report.documents import Document
 
 if TYPE_CHECKING:
     from terratool.raster.export import RasterReport, WrittenFile
@@ -161,7 +163,7 @@ def command(
             )  # fmt: skip
     choice = GridChoice(why, overhang(grid, bounds or terrain.bounds))
     if as_json:
-        say_json(as_dict(report, choice))
+        say_json(_document(report, choice))
     else:
         for line in as_text(report, choice):
             say(line)
@@ -216,71 +218,99 @@ class GridChoice:
                 yield f"The last pixels end {abs(over):.4g} {where} the {side} side."
 
 
-def as_dict(report: RasterReport, choice: GridChoice) -> dict[str, Any]:
-    """A report ready for JSON."""
-    import msgspec
+class BandDocument(Struct, frozen=True):
+    """A band of a file; its statistics, where they were asked for, are null without a number."""
 
-    from terratool.text.display import plain
+    band: int
+    name: str
+    unit: str
+    low: float | UnsetType | None = UNSET
+    high: float | UnsetType | None = UNSET
+    mean: float | UnsetType | None = UNSET
+    deviation: float | UnsetType | None = UNSET
+    nodata: int | UnsetType = UNSET
 
+
+class FileDocument(Struct, frozen=True):
+    """A file; its `nodata_value` may be "nan", which no number of JSON is."""
+
+    file: str
+    dtype: str
+    scale: float
+    offset: float
+    nodata_value: float | str | None
+    difference: float
+    overviews: tuple[int, ...]
+    bands: list[BandDocument]
+
+
+class RasterDocument(Document, frozen=True, kw_only=True):
+    """What was written, as JSON."""
+
+    width: int
+    height: int
+    resolution: float
+    resolution_chosen: str
+    bounds: tuple[float, ...]
+    overhang: tuple[float, float]
+    pixels: int
+    nodata: int
+    files: list[FileDocument]
+    surfaces: Any
+    lacking: Any
+    losses: Any
+    tiles: Any
+    ranged: Any = UNSET
+
+
+def _document(report: RasterReport, choice: GridChoice) -> RasterDocument:
     grid = report.grid
-    document = {
-        "format_version": 2,
-        "width": grid.width,
-        "height": grid.height,
-        "resolution": grid.resolution,
-        "resolution_chosen": choice.why,
-        "bounds": list(grid.bounds),
-        "overhang": list(choice.overhang),
-        "pixels": report.pixels,
-        "nodata": report.nodata,
-        "files": [_file_as_dict(written, report.pixels) for written in report.files],
-        "surfaces": report.surfaces,
-        "lacking": report.lacking,
-        "losses": msgspec.to_builtins(report.losses),
-        "tiles": msgspec.to_builtins(report.tiles, enc_hook=plain),
-    }
-    if report.ranged:
-        document["ranged"] = report.ranged
-    return document
+    return RasterDocument(
+        format_version=2,
+        width=grid.width,
+        height=grid.height,
+        resolution=grid.resolution,
+        resolution_chosen=choice.why,
+        bounds=grid.bounds,
+        overhang=choice.overhang,
+        pixels=report.pixels,
+        nodata=report.nodata,
+        files=[_file(written, report.pixels) for written in report.files],
+        surfaces=report.surfaces,
+        lacking=report.lacking,
+        losses=report.losses,
+        tiles=report.tiles,
+        ranged=report.ranged or UNSET,
+    )
 
 
-def _file_as_dict(written: WrittenFile, pixels: int) -> dict[str, Any]:
+def _file(written: WrittenFile, pixels: int) -> FileDocument:
     bands = []
-    for index, (name, unit) in enumerate(
-        zip(written.bands.names, written.bands.units, strict=True)
-    ):
-        band: dict[str, Any] = {"band": index + 1, "name": name, "unit": unit}
+    names = zip(written.bands.names, written.bands.units, strict=True)
+    for index, (name, unit) in enumerate(names):
+        band = BandDocument(index + 1, name, unit)
         if written.statistics:
             part = written.statistics[index]
-            known = part.count > 0
-            band |= {
-                "low": part.low if known else None,
-                "high": part.high if known else None,
-                "mean": part.mean if known else None,
-                "deviation": part.deviation if known else None,
-                "nodata": pixels - part.count,
-            }
+            mean = part.mean if part.count else None
+            figures = part.low, part.high, mean, part.deviation, pixels - part.count
+            band = BandDocument(index + 1, name, unit, *figures)
         bands.append(band)
-    return {
-        "file": str(written.path),
-        "dtype": written.coding.dtype.name,
-        "scale": written.coding.scale,
-        "offset": written.coding.offset,
-        "nodata_value": _plain_number(written.coding.nodata),
-        "difference": written.difference,
-        "overviews": list(written.overviews or ()),
-        "bands": bands,
-    }
-
-
-def _plain_number(number: float | None) -> float | str | None:
-    """A number as JSON has it, which knows no NaN."""
-    return "nan" if number is not None and number != number else number
+    coding = written.coding
+    return FileDocument(
+        str(written.path),
+        coding.dtype.name,
+        coding.scale,
+        coding.offset,
+        "nan" if coding.nodata != coding.nodata else coding.nodata,
+        written.difference,
+        tuple(written.overviews or ()),
+        bands,
+    )
 
 
 def as_text(report: RasterReport, choice: GridChoice) -> Iterator[str]:
     """A report in lines for people."""
-    from terratool.text.display import counted
+    from terratool.report.wording import counted
 
     grid = report.grid
     yield (

@@ -12,6 +12,7 @@ import click
 from terratool.cli.options import library_root_option, roughness_option
 from terratool.cli.saying import say, say_json
 from terratool.cli.terminal import Status, load
+from terratool.report.numbers import spelled
 
 if TYPE_CHECKING:
     from terratool.mesh.elevation import ElevationGridReport
@@ -236,7 +237,7 @@ def _export(request: _Request) -> None:
     if request.as_json:
         say_json(report.to_json())
         return
-    place = " ".join(f"{number:.12g}" for number in report.origin)
+    place = spelled(report.origin)
     for line in (lines[0], f"{lines[1]}: zero is at {place}", *lines[2:]):
         say(line)
 
@@ -244,7 +245,8 @@ def _export(request: _Request) -> None:
 def _export_mesh(request: _Request) -> tuple[MeshReport, list[str]]:
     """Write a mesh; its report, and this in lines for people."""
     from terratool.mesh.export import export_mesh
-    from terratool.text.display import counted, length
+    from terratool.report.numbers import metres
+    from terratool.report.wording import counted
 
     _check_output(request)
     terrain = load(request.file)
@@ -260,7 +262,7 @@ def _export_mesh(request: _Request) -> tuple[MeshReport, list[str]]:
     closed = "" if report.base is None else f", closed by a base at {report.base:.6g}"
     first = (
         f"{counted(report.faces, 'face')}, {report.walls:,} of them upright{closed}; "
-        f"an error of {length(loss.wanted)} was wanted ({report.chosen})"
+        f"an error of {metres(loss.wanted)} was wanted ({report.chosen})"
     )
     return report, [first, ", ".join(map(str, report.files)), *loss.sentences()]
 
@@ -289,7 +291,7 @@ def _export_tiles(request: _Request) -> tuple[MeshTilesReport, list[str]]:
     from terratool.errors import WriteError
     from terratool.mesh.formats.table import mesh_format
     from terratool.mesh.tiles import TileCount, export_tiles
-    from terratool.text.display import length
+    from terratool.report.numbers import metres
 
     file, output = Path(request.file), Path(request.output)
     mesh_format(output)
@@ -315,7 +317,7 @@ def _export_tiles(request: _Request) -> tuple[MeshTilesReport, list[str]]:
     loss = report.statement
     first = (
         f"{report.faces:,} faces, {report.walls:,} of them upright, in {report.rows} × "
-        f"{report.columns} tiles; an error of {length(loss.wanted)} was wanted ({report.chosen})"
+        f"{report.columns} tiles; an error of {metres(loss.wanted)} was wanted ({report.chosen})"
     )
     return report, [first, str(report.index), *loss.sentences()]
 

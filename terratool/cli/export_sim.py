@@ -5,10 +5,12 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import click
+from msgspec import Struct
 
 from terratool.cli.options import library_root_option, roughness_option
 from terratool.cli.saying import say, say_json
 from terratool.cli.terminal import Status, load
+from terratool.report.documents import Document
 from terratool.simulators.options import (
     ASSUMED_FRICTION,
     DEFAULT_ERROR,
@@ -20,7 +22,6 @@ from terratool.simulators.options import (
 from terratool.simulators.targets import TARGETS, chosen
 
 if TYPE_CHECKING:
-    from terratool.simulators.export import SimulatorReport
     from terratool.simulators.options import Origin
 
 _ABOUT = {
@@ -144,11 +145,13 @@ def command(
     with Status("meshing") as status:
         reports = plan.write(terrain, status.say)
     if as_json:
-        told = {
-            "format_version": 1,
-            "targets": {one.manifest["target"]: _told(one) for one in reports},
+        folders = {
+            one.manifest["target"]: FolderDocument(
+                str(one.folder), one.manifest["summary"], one.manifest["losses"]
+            )
+            for one in reports
         }
-        say_json(told)
+        say_json(TargetsDocument(targets=folders))
         return
     for report in reports:
         manifest = report.manifest
@@ -157,10 +160,18 @@ def command(
             say(f"  {line}")
 
 
-def _told(report: SimulatorReport) -> dict[str, Any]:
-    """What was written, ready for JSON; the manifest has the rest."""
-    said = {key: report.manifest[key] for key in ("summary", "losses")}
-    return {"folder": str(report.folder), **said}
+class FolderDocument(Struct, frozen=True):
+    """What was written for one simulator; the manifest in its folder has the rest."""
+
+    folder: str
+    summary: str
+    losses: list[str]
+
+
+class TargetsDocument(Document, frozen=True, kw_only=True):
+    """What was written, as JSON, by simulator."""
+
+    targets: dict[str, FolderDocument]
 
 
 def _refuse_idle(ctx: click.Context, targets: list[str]) -> None:
@@ -170,7 +181,7 @@ def _refuse_idle(ctx: click.Context, targets: list[str]) -> None:
         RequestError: which one it is.
     """
     from terratool.errors import RequestError
-    from terratool.text.display import listed
+    from terratool.report.wording import listed
 
     given = {
         name

@@ -15,7 +15,7 @@ from terratool.definition.layout import canonical
 from terratool.definition.reader import CheckOptions, check
 from terratool.errors import ReadError, WriteError
 from terratool.output import whole_file
-from terratool.text.display import counted
+from terratool.report.wording import counted
 from terratool.text.source import PLAIN, Source, leads_out, read_source, sources
 
 _NOT_ONE = ("TT105", "")

@@ -7,12 +7,15 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import click
+from msgspec import Struct
 
 from terratool.cli.options import Names, options_of, source_options
 from terratool.cli.saying import say, say_json
 from terratool.cli.terminal import Status, called
 from terratool.definition.presets import PRESETS
-from terratool.text.display import counted
+from terratool.report.documents import Document
+from terratool.report.numbers import per_cent
+from terratool.report.wording import counted
 
 if TYPE_CHECKING:
     from terratool.importing.terrain.build import ImportReport
@@ -127,7 +130,7 @@ def command(source: str, output: str, overwrite: bool, as_json: bool, **values: 
         with Status("reading and writing", 2 * pixels) as progress:
             report = import_terrain(heights, output, options, overwrite, progress)
     if as_json:
-        say_json(as_dict(report, output))
+        say_json(_document(report, output))
         return
     for note in report.notes:
         say(note, err=True)
@@ -135,36 +138,67 @@ def command(source: str, output: str, overwrite: bool, as_json: bool, **values: 
         say(line)
 
 
-def as_dict(report: ImportReport, output: str) -> dict[str, Any]:
-    """A report ready for JSON."""
+class ImportErrors(Struct, frozen=True):
+    """How far the ground is from the pixels."""
+
+    wanted: float
+    bound: float | None
+    largest: float
+    at: tuple[float, ...]
+    rms: float
+
+
+class ImportDocument(Document, frozen=True, kw_only=True):
+    """What was written, as JSON."""
+
+    file: str
+    bytes: int
+    width: int
+    height: int
+    pixel: tuple[float, float]
+    bounds: tuple[float, ...]
+    crs: Any
+    unit: str
+    method: str | None
+    step: float
+    relief: float
+    error: ImportErrors
+    nodata: int
+    filled: bool
+    structures: dict[str, int]
+    walls: int
+    surfaces: dict[str, int]
+    notes: tuple[str, ...]
+
+
+def _document(report: ImportReport, output: str) -> ImportDocument:
     grid, error = report.grid, report.error
-    return {
-        "format_version": 1,
-        "file": output,
-        "bytes": report.size,
-        "width": grid.columns,
-        "height": grid.rows,
-        "pixel": [grid.dx, grid.dy],
-        "bounds": list(grid.bounds),
-        "crs": grid.crs,
-        "unit": grid.unit,
-        "method": report.method.sentence if report.method else None,
-        "step": report.step,
-        "relief": report.relief,
-        "error": {
-            "wanted": report.options.max_error,
-            "bound": None if report.walls else report.bound,
-            "largest": error.largest,
-            "at": list(error.where or ()),
-            "rms": error.rms,
-        },
-        "nodata": report.unknown,
-        "filled": report.options.fill,
-        "structures": report.structures,
-        "walls": report.walls,
-        "surfaces": report.surfaces,
-        "notes": list(report.notes),
-    }
+    return ImportDocument(
+        file=output,
+        bytes=report.size,
+        width=grid.columns,
+        height=grid.rows,
+        pixel=(grid.dx, grid.dy),
+        bounds=grid.bounds,
+        crs=grid.crs,
+        unit=grid.unit,
+        method=report.method.sentence if report.method else None,
+        step=report.step,
+        relief=report.relief,
+        error=ImportErrors(
+            report.options.max_error,
+            None if report.walls else report.bound,
+            error.largest,
+            error.where or (),
+            error.rms,
+        ),
+        nodata=report.unknown,
+        filled=report.options.fill,
+        structures=report.structures,
+        walls=report.walls,
+        surfaces=report.surfaces,
+        notes=tuple(report.notes),
+    )
 
 
 def as_text(report: ImportReport, output: str) -> Iterator[str]:
@@ -182,7 +216,7 @@ def as_text(report: ImportReport, output: str) -> Iterator[str]:
     if report.method:
         how = f", by {report.method.sentence} in steps of {report.step:g} {unit}"
     if report.relief:
-        share = f" ({100 * error.largest / report.relief:.3g} % of the relief)"
+        share = f" ({per_cent(error.largest / report.relief)} of the relief)"
     yield f"{output}: {report.size:,} bytes, {8 * report.size / pixels:.3g} bits a pixel{how}"
     at = " at {:.10g} {:.10g}".format(*error.where) if error.where and error.largest else ""
     rms = f"{error.rms:.4g} {unit} RMS"

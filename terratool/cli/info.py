@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -13,6 +14,7 @@ from terratool.cli.terminal import Status, load
 from terratool.text.display import printable
 
 if TYPE_CHECKING:
+    from terratool.field.summary import TerrainSummary
     from terratool.field.terrain import Terrain
 
 
@@ -57,44 +59,43 @@ def _write_geojson(terrain: Terrain) -> None:
     write_json("\n]}\n")
 
 
-def _lines(s: dict[str, Any]) -> list[str]:
-    size, origin, height, tracks = s["size"], s["origin"], s["height"], s["tracks"]
-    lines = [printable(s["descr"])] if s["descr"] else []
+def _lines(s: TerrainSummary) -> list[str]:
+    size, origin, height, tracks = s.size, s.origin, s.height, s.tracks
+    lines = [printable(s.descr)] if s.descr else []
     lines += [
         f"size           {size[0]:g} × {size[1]:g}",
         f"origin         {origin[0]:.10g}, {origin[1]:.10g}",
-        f"crs            {_crs(s['crs'])}",
-        f"levels         {s['levels']}",
-        f"elements       {s['elements']:,}",
-        *_counts("by primitive", s["elements_by_primitive"]),
-        *_counts("by surface", s["elements_by_surface"]),
-        f"smallest cell  {s['smallest_cell']:g}",
+        f"crs            {_crs(s.crs)}",
+        f"levels         {s.levels}",
+        f"elements       {s.elements:,}",
+        *_counts("by primitive", s.elements_by_primitive),
+        *_counts("by surface", s.elements_by_surface),
+        f"smallest cell  {s.smallest_cell:g}",
     ]
-    if tracks["count"]:
+    if tracks.count:
         lines.append(
-            f"tracks         {tracks['count']:,} of {tracks['segments']:,} segments, "
-            f"{tracks['length']:.6g} long together"
+            f"tracks         {tracks.count:,} of {tracks.segments:,} segments, "
+            f"{tracks.length:.6g} long together"
         )
-    if height["low"] is None:
+    if height.low is None:
         lines.append("height         none, all is void")
     else:
         lines.append(
-            f"height         {height['low']:.6g} to {height['high']:.6g}, "
-            f"at {height['points']:,} points"
+            f"height         {height.low:.6g} to {height.high:.6g}, at {height.points:,} points"
         )
-    for number, one in enumerate(s["roughness"]):
+    for number, rough in enumerate(s.roughness):
         lines.append(
-            f"{'' if number else 'roughness':15}{printable(one['surface'])}: rms {one['rms']:.6g}, "
-            f"correlation {one['correlation']:.6g}, seed {one['seed']}"
+            f"{'' if number else 'roughness':15}{printable(rough.surface)}: rms {rough.rms:.6g}, "
+            f"correlation {rough.correlation:.6g}, seed {rough.seed}"
         )
-    for number, one in enumerate(s["ranges"]):
+    for number, one in enumerate(s.ranges):
         lines.append(
             f"{'' if number else 'soil ranges':15}{printable(one['surface'])}: {one['key']} "
             f"{one['low']:.6g} to {one['high']:.6g}"
         )
-    if s["ranges"]:
+    if s.ranges:
         lines.append(f"{'':15}where one number is wanted, the middle counts")
-    lines.append(f"memory         {s['bytes']:,} bytes compiled")
+    lines.append(f"memory         {s.bytes:,} bytes compiled")
     return lines
 
 
@@ -104,7 +105,7 @@ def _crs(crs: Any) -> str:
     return json.dumps(crs) if isinstance(crs, dict) else printable(str(crs))
 
 
-def _counts(title: str, counts: dict[str, int]) -> list[str]:
+def _counts(title: str, counts: Mapping[str, int]) -> list[str]:
     counts = {printable(name): count for name, count in counts.items()}
     width = max(map(len, counts), default=0)
     return [

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -10,7 +10,9 @@ import click
 from terratool.cli.options import finite
 from terratool.cli.saying import say, say_json
 from terratool.cli.terminal import Status
-from terratool.text.display import counted, listed, shown
+from terratool.report.documents import Document
+from terratool.report.wording import counted, listed
+from terratool.text.display import shown
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -115,28 +117,41 @@ def command(
         robot_map = map_scans(scans, options, values["bounds"], values["origin"], status.say)
         files = write_map(robot_map, wanted, status.say)
     if as_json:
-        say_json(as_dict(robot_map, files))
+        say_json(_document(robot_map, files))
     else:
         for line in as_text(robot_map, files):
             say(line)
 
 
-def as_dict(robot_map: RobotMap, files: list[Path]) -> dict[str, Any]:
-    """What was mapped, ready for JSON."""
+class MapDocument(Document, frozen=True, kw_only=True):
+    """What was mapped, as JSON."""
+
+    files: list[str]
+    points: int
+    outside: int
+    cell: float
+    levels: int
+    bounds: tuple[float, ...]
+    columns: int
+    rows: int
+    seen: int
+    surfaces: Sequence[str]
+
+
+def _document(robot_map: RobotMap, files: list[Path]) -> MapDocument:
     grid = robot_map.grid
-    return {
-        "format_version": 1,
-        "files": [str(file) for file in files],
-        "points": robot_map.points,
-        "outside": robot_map.outside,
-        "cell": grid.resolution,
-        "levels": robot_map.options.levels,
-        "bounds": list(grid.bounds),
-        "columns": grid.width,
-        "rows": grid.height,
-        "seen": robot_map.seen,
-        "surfaces": robot_map.surfaces,
-    }
+    return MapDocument(
+        files=list(map(str, files)),
+        points=robot_map.points,
+        outside=robot_map.outside,
+        cell=grid.resolution,
+        levels=robot_map.options.levels,
+        bounds=grid.bounds,
+        columns=grid.width,
+        rows=grid.height,
+        seen=robot_map.seen,
+        surfaces=robot_map.surfaces,
+    )
 
 
 def as_text(robot_map: RobotMap, files: list[Path]) -> Iterator[str]:

@@ -12,7 +12,8 @@ from terratool.authoring.starters.build import KINDS, hint_for
 from terratool.authoring.starters.options import Option
 from terratool.cli.saying import say, say_json, write_definition
 from terratool.cli.terminal import Status, called
-from terratool.text.display import listed
+from terratool.report.documents import Document
+from terratool.report.wording import listed
 
 _EXAMPLES = {
     "flat": "flat yard.json --size 30 20 --soil grass-wet",
@@ -126,6 +127,15 @@ def _option_of(option: Option) -> click.Option:
     )
 
 
+class NewDocument(Document, frozen=True, kw_only=True):
+    """What was written, as JSON."""
+
+    file: str
+    kind: str
+    descr: str
+    bytes: int
+
+
 def _make(kind: str, output: str, overwrite: bool, as_json: bool, values: dict[str, Any]) -> None:
     from terratool.authoring.starters.build import new
     from terratool.errors import RequestError
@@ -150,7 +160,6 @@ def _make(kind: str, output: str, overwrite: bool, as_json: bool, values: dict[s
         return
     descr, size = json.loads(text)["descr"], Path(output).stat().st_size
     if as_json:
-        report = {"format_version": 1, "file": output, "kind": kind, "descr": descr, "bytes": size}
-        say_json(report)
+        say_json(NewDocument(file=output, kind=kind, descr=descr, bytes=size))
         return
     say(f"{output}: {descr}; {size:,} bytes")

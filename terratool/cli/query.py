@@ -18,7 +18,8 @@ from terratool.cli.options import library_root_option, roughness_option
 from terratool.cli.saying import is_terminal, write_json, write_rows
 from terratool.cli.terminal import Status, load
 from terratool.errors import ReadError
-from terratool.text.display import inert_cell, shown
+from terratool.report.inert import inert_cell
+from terratool.text.display import shown
 from terratool.text.files import open_file
 from terratool.text.numbers import parse_number
 

@@ -9,32 +9,24 @@ from collections.abc import Callable, Iterable
 from typing import Any
 
 import click
-from msgspec import Struct
-from msgspec.structs import asdict
+from msgspec import UNSET, Struct, UnsetType
 
 from terratool._version import __version__
 from terratool.cli.baseline import digest, fingerprint
-from terratool.definition.findings import Finding
+from terratool.definition.findings import Bounds, Finding
 from terratool.definition.rules import RULES
 from terratool.definition.rules.base import Rule
-from terratool.text.display import (
-    Excerpt,
-    columns_of,
-    counted,
-    inert_xml,
-    json_text,
-    printable,
-    xml_text,
-)
-from terratool.text.workflow import annotation
+from terratool.report.documents import Document, json_text
+from terratool.report.inert import inert_xml, xml_text
+from terratool.report.tables import columns_of
+from terratool.report.wording import counted
+from terratool.report.workflow import annotation
+from terratool.text.display import Excerpt, printable
 
-FORMAT_VERSION = 2
 SARIF_SCHEMA = "https://docs.oasis-open.org/sarif/sarif/v2.1.0/os/schemas/sarif-schema-2.1.0.json"
 _HOME = "https://doi.org/10.2507/26th.daaam.proceedings.056"
 """The paper on the model: the project has no address of its own yet."""
 _COLORS = {"error": "red", "warning": "yellow"}
-_FIELDS = ("file", "code", "severity", "pointer", "line", "column", "message", "hint", "bounds")
-_PLACE = ("pointer", "line", "column", "bounds")
 _LISTED = 12
 """Lines that are named of a group's other places."""
 
@@ -106,6 +98,43 @@ class ValidationReport(Struct, frozen=True):
         return list(groups.values())
 
 
+class FindingPlace(Struct, frozen=True):
+    """Another place of a finding, as JSON."""
+
+    pointer: str
+    line: int
+    column: int
+    bounds: Bounds | None
+
+
+class FindingDocument(Struct, frozen=True):
+    """Findings in one file that say the same, as JSON: the first, and where the others are."""
+
+    file: str
+    code: str
+    severity: str
+    pointer: str
+    line: int
+    column: int
+    message: str
+    hint: str
+    bounds: Bounds | None
+    more: list[FindingPlace]
+
+
+_FIELDS = FindingDocument.__struct_fields__[:-1]
+
+
+class ValidationDocument(Document, frozen=True, kw_only=True):
+    """What was found in all files, as JSON."""
+
+    format_version: int = 2
+    findings: list[FindingDocument]
+    unreadable: tuple[Unreadable, ...]
+    summary: ValidationSummary
+    statistics: dict[str, int] | UnsetType = UNSET
+
+
 def as_text(report: ValidationReport) -> str:
     """For people: each finding with its line and a caret, a summary last."""
     lines = []
@@ -157,20 +186,24 @@ def _count(number: int, noun: str) -> str:
 
 def as_json(report: ValidationReport) -> str:
     """For scripts: versioned, with everything that is known of a finding."""
-    findings = []
-    for group in report.groups():
-        finding: dict[str, Any] = {name: getattr(group.first, name) for name in _FIELDS}
-        others = [{name: getattr(f, name) for name in _PLACE} for f in group.others]
-        findings.append({**finding, "more": others})
-    whole: dict[str, Any] = {
-        "format_version": FORMAT_VERSION,
-        "findings": findings,
-        "unreadable": [asdict(file) for file in report.unreadable],
-        "summary": asdict(report.summary),
-    }
-    if report.statistics is not None:
-        whole["statistics"] = report.statistics
-    return json_text(whole)
+    findings = [
+        FindingDocument(
+            **{name: getattr(group.first, name) for name in _FIELDS},
+            more=[
+                FindingPlace(other.pointer, other.line, other.column, other.bounds)
+                for other in group.others
+            ],
+        )
+        for group in report.groups()
+    ]
+    return json_text(
+        ValidationDocument(
+            findings=findings,
+            unreadable=report.unreadable,
+            summary=report.summary,
+            statistics=UNSET if report.statistics is None else report.statistics,
+        )
+    )
 
 
 def as_github(report: ValidationReport) -> str:

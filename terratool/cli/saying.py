@@ -15,7 +15,9 @@ from typing import Any
 
 import click
 
-from terratool.text.display import inert_json, json_text, printable, unheard
+from terratool.report.documents import json_text
+from terratool.report.inert import inert_json, unheard
+from terratool.text.display import printable
 
 _style = re.compile(r"(\x1b\[[0-9;]*m)")
 

@@ -10,7 +10,9 @@ import click
 from terratool.cli.options import library_root_option, roughness_option
 from terratool.cli.saying import say, say_json
 from terratool.cli.terminal import Status, load
-from terratool.text.display import counted, listed, shown
+from terratool.report.documents import Document
+from terratool.report.wording import counted, listed
+from terratool.text.display import shown
 
 if TYPE_CHECKING:
     from terratool.sensing.export import ScanReport
@@ -122,30 +124,43 @@ def command(
     with Status("scanning", scan.rays, then="writing", unit="rays") as status:
         report = export_scan(terrain, scan, wanted, status)
     if as_json:
-        say_json(as_dict(report))
+        say_json(_document(report))
     else:
         for line in as_text(report):
             say(line)
 
 
-def as_dict(report: ScanReport) -> dict[str, Any]:
-    """What was read, ready for JSON."""
+class ScanDocument(Document, frozen=True, kw_only=True):
+    """What was read, as JSON."""
+
+    file: str
+    files: tuple[str, ...]
+    sensor: str
+    frames: int
+    rays: int
+    statuses: dict[str, int]
+    range: tuple[float, float] | None
+    walls: int
+    surfaces: dict[str, int]
+    assumed_sonar_refl: list[str]
+
+
+def _document(report: ScanReport) -> ScanDocument:
     from terratool.sensing.readings import Status as Of
 
     tally = report.tally
-    return {
-        "format_version": 1,
-        "file": str(report.path),
-        "files": list(report.files),
-        "sensor": report.scan.sensor.kind,
-        "frames": tally.frames,
-        "rays": tally.rays,
-        "statuses": {status.name.lower(): int(tally.statuses[status]) for status in Of},
-        "range": [tally.nearest, tally.farthest] if report.returns else None,
-        "walls": tally.walls,
-        "surfaces": report.by_surface,
-        "assumed_sonar_refl": report.lacking,
-    }
+    return ScanDocument(
+        file=str(report.path),
+        files=report.files,
+        sensor=report.scan.sensor.kind,
+        frames=tally.frames,
+        rays=tally.rays,
+        statuses={status.name.lower(): int(tally.statuses[status]) for status in Of},
+        range=(tally.nearest, tally.farthest) if report.returns else None,
+        walls=tally.walls,
+        surfaces=report.by_surface,
+        assumed_sonar_refl=report.lacking,
+    )
 
 
 def as_text(report: ScanReport) -> Iterator[str]:

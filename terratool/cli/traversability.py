@@ -20,7 +20,7 @@ from terratool.cli.terminal import Status, load
 if TYPE_CHECKING:
     from terratool.traversability.assess import PreparedRequest
     from terratool.traversability.conditions import Condition
-    from terratool.traversability.results import TraversabilityReport
+    from terratool.traversability.results import Reports, TraversabilityReport
 
 # as route.graph, vehicle and ranges of terratool.traversability have them, which are not imported
 # for --help; tests hold them equal
@@ -182,8 +182,8 @@ def command(
     from terratool.traversability.assess import Request
     from terratool.traversability.compare import prepare
     from terratool.traversability.conditions import parse
-    from terratool.traversability.report import comparison, document
-    from terratool.traversability.results import Comparison
+    from terratool.traversability.report.formats import renderer_of
+    from terratool.traversability.results import VehicleComparison
     from terratool.traversability.route.waypoints import read_waypoints
 
     checks = [parse(text) for text in conditions]
@@ -195,8 +195,7 @@ def command(
     routed = [*lines_only, *["--return"] * returns]
     _refuse_unasked(checks, travels, start is not None, routed, curves, model)
     paths = values["vehicle"]
-    formats = comparison.FORMATS if len(paths) > 1 else document.FORMATS
-    renderers = [document.renderer_of(path, formats) for path in reports]
+    renderers = list(map(renderer_of, reports))
     _refuse_outputs((file, *paths, *waypoints), reports, _maps(map_, paths), overwrite)
     vehicles = [vehicle.by_model(model) for vehicle in vehicles_from(values)]
     wants_map = map_ is not None or len(lines_only) + len(curves) < len(reports)
@@ -220,12 +219,12 @@ def command(
     with Status(doing, planned[0].pixels) as progress, contextlib.ExitStack() as stack:
         parts = [stack.enter_context(whole_file(path, overwrite)) for path in reports]
         found = _assessed(planned, Path(file).name, map_, overwrite, progress, stack)
-        result = Comparison(found, notes) if len(found) > 1 else found[0]
+        result = VehicleComparison(found, notes) if len(found) > 1 else found[0]
         if parts or map_:
             progress.say("writing files")
         for part, render in zip(parts, renderers, strict=True):
             part.write_text(render(result), encoding="utf-8", newline="\n")
-    return _told(found, result, checks, as_json)
+    return _told(result, checks, as_json)
 
 
 def _assessed(
@@ -259,12 +258,12 @@ def _assessed(
     return tuple(found)
 
 
-def _told(
-    reports: tuple[TraversabilityReport, ...], result: Any, checks: list[Condition], as_json: bool
-) -> int:
+def _told(result: Reports, checks: list[Condition], wants_json: bool) -> int:
     """Print the result, and say what makes it a "no"; the exit code."""
-    from terratool.traversability.report import comparison, document, tables
+    from terratool.traversability.report.document import as_json
+    from terratool.traversability.report.lines import as_lines
 
+    reports = result.reports
     several = len(reports) > 1
     held = [
         (check.text.strip(), f"{report.vehicle.name}: " * several + why)
@@ -275,13 +274,11 @@ def _told(
     lost = not all(route.holds for report in reports for route in report.routes)
     nowhere = any(report.reach is not None and report.reach.note for report in reports)
     code = int(bool(held or lost or nowhere))
-    form = comparison if several else document
-    lines = comparison.as_lines if several else tables.as_lines
     try:
-        if as_json:
-            say_block(form.as_json(result).removesuffix("\n"), machine=True)
+        if wants_json:
+            say_block(as_json(result).removesuffix("\n"), machine=True)
         else:
-            for line in lines(result):
+            for line in as_lines(result):
                 say(line)
     except BrokenPipeError:
         if not code:  # a "no" is one, whether somebody reads on or not

@@ -32,7 +32,9 @@ from terratool.definition.reader import Checked, CheckOptions, check, new_shelf
 from terratool.definition.rules import RULES
 from terratool.errors import ReadError, RequestError, WriteError
 from terratool.output import is_same_file, refuse_existing, refuse_missing_folder, whole_file
-from terratool.text.display import counted, shown
+from terratool.report.wording import counted
+from terratool.text.display import shown
+from terratool.text.edit import apply_edits
 from terratool.text.source import (
     is_folder,
     leads_out,
@@ -284,7 +286,6 @@ def _mend(name: str, options: CheckOptions, status: Status) -> None:
         raise RequestError(
             "--fix writes files, and standard input is none.", "Give the name of a file."
         )
-    from terratool.text.edit import apply_edits
 
     source, shelf = read_source(name, named=False), new_shelf(options)
     data, count = source.data, 0

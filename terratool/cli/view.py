@@ -147,7 +147,8 @@ def _write(
 ) -> int:  # fmt: skip
     """Write the page; the exit code."""
     from terratool.output import whole_file
-    from terratool.text.display import counted, length
+    from terratool.report.numbers import metres
+    from terratool.report.wording import counted
     from terratool.viewing.pages import page_of
     from terratool.viewing.places import read_site
 
@@ -160,7 +161,7 @@ def _write(
         with whole_file(path, overwrite) as part:
             part.write_text(text, encoding="utf-8", newline="\n")
     told = scene.told
-    within = f"{counted(len(scene.arrays['elements']), 'face')} within {length(told['error'])}"
+    within = f"{counted(len(scene.arrays['elements']), 'face')} within {metres(told['error'])}"
     if told["measured"]:
         within += ", as far as measured"
     say(f"{path}: {within}, {len(text.encode()):,} bytes")
@@ -176,18 +177,19 @@ def _write(
 
 def _notes(told: dict[str, Any]) -> Iterator[str]:
     """Sentences on what the page cannot show."""
-    from terratool.text.display import counted, length
+    from terratool.report.numbers import metres
+    from terratool.report.wording import counted
 
     if told["left_out"]:
         yield (
             f"Left out: {counted(told['left_out'], 'element')}; "
-            f"heights change by up to {length(told['change'])}."
+            f"heights change by up to {metres(told['change'])}."
         )
     if told["grid"]:
         rows, columns, step = told["grid"]
         yield (
             f"It is drawn from a grid of {rows:,} × {columns:,} heights, as there is too much for a"
-            f" mesh. Walls are as wide as a step: {length(step)}."
+            f" mesh. Walls are as wide as a step: {metres(step)}."
         )
 
 

@@ -50,7 +50,8 @@ from terratool.definition.vehicle import (
     VehicleText,
     WheelsText,
 )
-from terratool.text.display import counted, escape, only_answer, shown, unescape
+from terratool.report.wording import counted
+from terratool.text.display import escape, only_answer, shown, unescape
 
 _Model = TypeVar("_Model", bound=Struct)
 _NUMBER = KEYS[Element]["vScale"]

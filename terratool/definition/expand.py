@@ -14,7 +14,7 @@ from terratool.definition.scattering import Strewn, strewing, strewn, wanted
 from terratool.definition.tree import Tree
 from terratool.definition.uses import Root, Uses, track_surfaces
 from terratool.errors import RequestError
-from terratool.text.display import many
+from terratool.report.wording import many
 
 if TYPE_CHECKING:
     from terratool.definition.written import Written

@@ -43,7 +43,10 @@ from terratool.definition.tree import ROOT, Tree, complete, flatten
 from terratool.definition.uses import Uses
 from terratool.definition.vehicle import VehicleText
 from terratool.errors import DefinitionError
-from terratool.text.display import counted, shown, unescape
+from terratool.report.wording import counted
+from terratool.text.display import shown, unescape
+from terratool.text.edit import Edit
+from terratool.text.scan import value_end
 from terratool.text.source import Source, read_source, real_path
 from terratool.text.values import (
     KeySurvey,
@@ -596,7 +599,6 @@ def _placed(
         return ()
     from terratool.text.edit import Edit
     from terratool.text.locate import Address, offsets, positions_of
-    from terratool.text.scan import value_end
 
     tree = decoded.tree
     pointers = [

@@ -28,7 +28,7 @@ from terratool.definition.model import Definition, Pair, pair_of
 from terratool.definition.tree import ROOT
 from terratool.definition.uses import Root, Uses, copies, scatters_over_cells
 from terratool.errors import RequestError
-from terratool.text.display import counted
+from terratool.report.wording import counted
 
 MANY_SIZES = 20_000
 """In so many sizes of their cells templates are looked at for the smallest cell."""

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from msgspec import UNSET, to_builtins
+from msgspec import UNSET, Struct, to_builtins
 from numpy.typing import NDArray
 
-from terratool._version import __version__
 from terratool.definition.findings import Bounds
-from terratool.definition.model import Roughness, ranges_of
+from terratool.definition.model import ranges_of
 from terratool.field.terrain import Terrain, clip_bounds
 from terratool.field.tracks import track_lengths
 from terratool.kernels import field as kernels
+from terratool.report.documents import Document, Tool
 
 _ALONG = 512
 """Points of the grid along the longer side at which the heights are looked at."""
@@ -32,51 +33,90 @@ _PLASTIC = 1.32471795724474602596
 """The plastic number spreads points over a square as the golden section does over a line."""
 
 
-def summarise(terrain: Terrain) -> dict[str, Any]:
-    """Size, levels, elements by primitive and surface, heights and memory, ready for JSON.
+class TrackSummary(Struct, frozen=True):
+    """Number of tracks and of their segments, and their length seen from above, world units."""
 
-    `schemas/info.schema.json` describes it. Every key is there; what is not known is None.
+    count: int
+    segments: int
+    length: float
+
+
+class HeightSummary(Struct, frozen=True):
+    """Lowest and highest height at some points, and their number; None where all is void."""
+
+    low: float | None
+    high: float | None
+    points: int
+
+
+class RoughnessSummary(Struct, frozen=True):
+    """The roughness of a surface, the default of its seed included."""
+
+    surface: str
+    seed: int
+    rms: float
+    correlation: float
+
+
+class TerrainSummary(Document, frozen=True, kw_only=True):
+    """A terrain in numbers, as `schemas/info.schema.json` describes them.
+
+    What is not known is None. `ranges` are figures of soils that may have several values.
+    """
+
+    tool: Tool = Tool()
+    descr: str
+    size: tuple[float, float]
+    origin: tuple[float, float]
+    bounds: Bounds
+    crs: Any
+    levels: int
+    elements: int
+    elements_by_primitive: Mapping[str, int]
+    elements_by_surface: Mapping[str, int]
+    smallest_cell: float
+    tracks: TrackSummary
+    height: HeightSummary
+    roughness: list[RoughnessSummary]
+    ranges: list[dict[str, Any]]
+    libraries: tuple[str, ...]
+    bytes: int
+
+
+def summarise(terrain: Terrain) -> TerrainSummary:
+    """Size, levels, elements by primitive and surface, heights and memory.
 
     The range of heights is that of the points looked at: an even grid, nine points in the cell of
     each element, corners and edges included, and the ends and the middle of each segment of tracks.
     Where elements are too many for that, or too many overlap, fewer points are looked at.
     """
-    low, high, points = height_range(terrain)
-    bounds = terrain.bounds
-    return {
-        "format_version": 1,
-        "tool": {"name": "terratool", "version": __version__},
-        "descr": terrain.descr,
-        "size": list(terrain.size),
-        "origin": [bounds[0], bounds[1]],
-        "bounds": list(bounds),
-        "crs": terrain.crs,
-        "levels": terrain.levels,
-        "elements": terrain.elements,
-        "elements_by_primitive": terrain.count_by_primitive(),
-        "elements_by_surface": terrain.count_by_surface(),
-        "smallest_cell": terrain.smallest_cell,
-        "tracks": {
-            "count": terrain.tracks,
-            "segments": len(terrain.arrays.tracks.segments),
-            "length": float(track_lengths(terrain.arrays.tracks).sum()),
-        },
-        "height": {"low": low, "high": high, "points": points},
-        "roughness": [
-            {"surface": name, **_roughness(surface.roughness)}
+    bounds, tracks = terrain.bounds, terrain.arrays.tracks
+    return TerrainSummary(
+        descr=terrain.descr,
+        size=terrain.size,
+        origin=bounds[:2],
+        bounds=bounds,
+        crs=terrain.crs,
+        levels=terrain.levels,
+        elements=terrain.elements,
+        elements_by_primitive=terrain.count_by_primitive(),
+        elements_by_surface=terrain.count_by_surface(),
+        smallest_cell=terrain.smallest_cell,
+        tracks=TrackSummary(
+            terrain.tracks, len(tracks.segments), float(track_lengths(tracks).sum())
+        ),
+        height=HeightSummary(*height_range(terrain)),
+        roughness=[
+            RoughnessSummary(name, **{"seed": 0} | to_builtins(rough))
             for name, surface in terrain.surface_types.items()
-            if terrain.is_rough and surface.roughness is not UNSET and surface.void is not True
+            if terrain.is_rough
+            and (rough := surface.roughness) is not UNSET
+            and surface.void is not True
         ],
-        "ranges": [one._asdict() for one in ranges_of(terrain.surface_types)],
-        "libraries": list(terrain.libraries),
-        "bytes": terrain.nbytes,
-    }
-
-
-def _roughness(roughness: Roughness) -> dict[str, float]:
-    """What a roughness says, the default of its seed included."""
-    values: dict[str, float] = to_builtins(roughness)
-    return {"seed": 0} | values
+        ranges=[one._asdict() for one in ranges_of(terrain.surface_types)],
+        libraries=tuple(terrain.libraries),
+        bytes=terrain.nbytes,
+    )
 
 
 def height_range(

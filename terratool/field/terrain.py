@@ -23,6 +23,7 @@ from terratool.field.records import FieldArrays, aligned
 from terratool.field.sharing import Tally, compile_shared, refuse_piled
 from terratool.field.types import PointSamples
 from terratool.kernels import field as kernels
+from terratool.report.numbers import spelled
 
 if TYPE_CHECKING:
     import torch
@@ -63,8 +64,8 @@ def check_overlap(bounds: Bounds, extent: Bounds, name: str) -> None:
     west, south, east, north = bounds
     if west >= extent[2] or east <= extent[0] or south >= extent[3] or north <= extent[1]:
         raise RequestError(
-            f"The bounds {' '.join(f'{side:.12g}' for side in bounds)} miss {name}.",
-            f"It lies in {' '.join(f'{side:.12g}' for side in extent)}.",
+            f"The bounds {spelled(bounds)} miss {name}.",
+            f"It lies in {spelled(extent)}.",
         )
 
 
@@ -75,7 +76,7 @@ def refuse_empty(bounds: Bounds) -> None:
         RequestError: it is empty, or has a side that is no number.
     """
     west, south, east, north = bounds
-    said = " ".join(f"{side:.12g}" for side in bounds)
+    said = spelled(bounds)
     if not all(map(math.isfinite, bounds)):
         raise RequestError(
             f"The bounds are {said}.", "Give four finite numbers: west, south, east, north."

@@ -14,6 +14,7 @@ from terratool.field.terrain import check_overlap
 from terratool.importing.types import PixelGrid, SampledHeights, Triangles
 from terratool.kernels import importing as kernels
 from terratool.raster.grid import count_pixels, refuse_resolution, resolution_within
+from terratool.report.numbers import per_cent, spelled
 
 if TYPE_CHECKING:
     from terratool.field.terrain import Terrain
@@ -107,8 +108,7 @@ def sample(
     if holes + beyond == heights.size:
         raise RequestError(
             f"At a resolution of {grid.dx:g} no pixel has its centre on the mesh.",
-            f"It lies in {' '.join(f'{side:.12g}' for side in extent)}; give a finer resolution or "
-            "other bounds.",
+            f"It lies in {spelled(extent)}; give a finer resolution or other bounds.",
         )
     losses = _SamplingLosses(grid, vertical_area, flat, outside, len(faces), hidden, holes, beyond)
     return SampledHeights(grid, heights, (*triangles.notes, *why, *losses.sentences()))
@@ -138,8 +138,8 @@ class _SamplingLosses(NamedTuple):
         """So many pixels in words."""
         grid = self.grid
         pixels = grid.rows * grid.columns
-        share, area = 100 * count / pixels, count * grid.dx * grid.dy
-        return f"{count:,} of {pixels:,} pixels ({share:.2g} %, {area:.4g} m²)"
+        area = count * grid.dx * grid.dy
+        return f"{count:,} of {pixels:,} pixels ({per_cent(count / pixels, 2)}, {area:.4g} m²)"
 
     def sentences(self) -> Iterator[str]:
         """What is lost, in numbers."""

@@ -23,7 +23,7 @@ from rasterio.windows import Window
 from terratool._version import __version__
 from terratool.errors import RequestError, WriteError, interruption
 from terratool.io.bands import Bands, BandStatistics
-from terratool.text.display import xml_text
+from terratool.report.inert import xml_text
 
 TILE = 512
 """Side of a tile of a GeoTIFF, pixels."""

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
-from msgspec import UNSET, Struct, json
+from msgspec import UNSET, Struct
 from numpy.typing import NDArray
 
 from terratool.definition.findings import Bounds
@@ -27,7 +27,9 @@ from terratool.mesh.loss import MeshLoss, omitted_elements, wall_summary
 from terratool.mesh.normals import with_normals
 from terratool.mesh.types import BuiltMesh, Mesh
 from terratool.output import refuse_existing, refuse_missing_folder, target_of, whole_file
-from terratool.text.display import counted, length, plain
+from terratool.report.documents import plain_document
+from terratool.report.numbers import metres
+from terratool.report.wording import counted
 
 DEFAULT_ERROR = 5e-3
 """The largest error, if not said, in units of the terrain: half of the centimetre that a small
@@ -134,9 +136,9 @@ class MeshOptions:
         west, south, east, north = clip_bounds(terrain, self.bounds)
         longer = max(east - west, north - south)
         if longer * LEAST_SHARE > DEFAULT_ERROR:
-            return longer * LEAST_SHARE, f"1/100,000 of the longer side, {length(longer)}"
+            return longer * LEAST_SHARE, f"1/100,000 of the longer side, {metres(longer)}"
         if longer * MOST_SHARE < DEFAULT_ERROR:
-            return longer * MOST_SHARE, f"1/1000 of the longer side, {length(longer)}"
+            return longer * MOST_SHARE, f"1/1000 of the longer side, {metres(longer)}"
         return DEFAULT_ERROR, "the default"
 
 
@@ -157,8 +159,7 @@ class ExportReport(Struct, frozen=True, kw_only=True):
 
     def to_json(self) -> dict[str, Any]:
         """Plain values, ready for JSON."""
-        values: dict[str, Any] = json.decode(json.encode(self, enc_hook=plain))
-        return values
+        return plain_document(self)
 
 
 class MeshReport(
@@ -232,9 +233,9 @@ def export_mesh(
         base = "below" if options.base is None else options.base
 
     def attempt(error: float, least: float) -> BuiltMesh:
-        say(f"meshing within {length(error)}")
+        say(f"meshing within {metres(error)}")
         built = build(terrain, error, bounds, least, base)
-        say(f"{counted(len(built.mesh.faces), 'face')} within {length(error)}")
+        say(f"{counted(len(built.mesh.faces), 'face')} within {metres(error)}")
         return built
 
     if options.max_faces is None:

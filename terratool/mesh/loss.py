@@ -16,7 +16,8 @@ from terratool.kernels import field as fields
 from terratool.mesh.constraints import undrawn_tracks, without_tracks
 from terratool.mesh.plan import plan_of
 from terratool.mesh.types import BuiltMesh, Mesh, RutLoss
-from terratool.text.display import counted, length
+from terratool.report.numbers import metres
+from terratool.report.wording import counted
 
 POINTS = 500_000
 """What is left out is measured at up to so many points in its cells, and at as many anywhere."""
@@ -60,8 +61,8 @@ class WallSummary(Struct, frozen=True):
         if not self.highest:
             return "none"
         return (
-            f"{length(self.length)} seen from above, {length(self.area)}², "
-            f"up to {length(self.highest.size)} high"
+            f"{metres(self.length)} seen from above, {metres(self.area)}², "
+            f"up to {metres(self.highest.size)} high"
         )
 
 
@@ -127,18 +128,18 @@ class MeshLoss(
     def sentences(self) -> Iterator[str]:
         """All of it in lines of text."""
         yield f"Walls: {self.walls.phrase()}."
-        parts = [f"the ground is up to {length(self.error)} off the terrain"] * (self.error > 0)
+        parts = [f"the ground is up to {metres(self.error)} off the terrain"] * (self.error > 0)
         if self.error > self.allowed:
             parts[0] += ", as nothing finer can be drawn"
         if self.wall_offset > 0:
             parts.append(
-                f"edges of discs lie up to {length(self.wall_offset)} inside of their arcs"
+                f"edges of discs lie up to {metres(self.wall_offset)} inside of their arcs"
             )
         if self.ruts and self.ruts.wall_offset > 0:
-            parts.append(f"sides of ruts lie up to {length(self.ruts.wall_offset)} aside")
+            parts.append(f"sides of ruts lie up to {metres(self.ruts.wall_offset)} aside")
         parts += self._left_in_words()
         if self.rounding > _NOTICED * self.allowed:
-            parts.append(f"coordinates are rounded by up to {length(self.rounding)}")
+            parts.append(f"coordinates are rounded by up to {metres(self.rounding)}")
         yield f"Lost: {'; '.join(parts) or 'nothing'}."
 
     def _left_in_words(self) -> Iterator[str]:
@@ -148,18 +149,18 @@ class MeshLoss(
         if left.faint:
             yield (
                 f"{counted(left.faint, 'element')} left out to keep to {self.max_faces:,} faces, "
-                f"the highest of {length(left.faintest)}"
+                f"the highest of {metres(left.faintest)}"
             )
         if self.ruts and self.ruts.narrow:
             yield f"{counted(self.ruts.narrow, 'track')} too narrow for the mesh left out"
         if self.ruts and self.ruts.shallow:
             yield (
                 f"{counted(self.ruts.shallow, 'track')} left out to keep to {self.max_faces:,} "
-                f"faces, the deepest of {length(self.ruts.deepest)}"
+                f"faces, the deepest of {metres(self.ruts.deepest)}"
             )
         if left.change:
             yield (
-                f"with them the ground is up to {length(self.miss)} off, as far as was measured "
+                f"with them the ground is up to {metres(self.miss)} off, as far as was measured "
                 f"at {counted(left.points, 'point')}"
             )
 
@@ -188,12 +189,12 @@ class GridLoss(Struct, frozen=True):
         parts = []
         if self.walls.highest:
             parts.append(
-                f"{length(self.walls.length)} of wall, up to {length(self.walls.highest.size)} "
+                f"{metres(self.walls.length)} of wall, up to {metres(self.walls.highest.size)} "
                 "high, became ramps"
             )
         if self.miss.size > _NOISE * spacing:
             parts.append(
-                f"the grid is up to {length(self.miss.size)} off the terrain, "
+                f"the grid is up to {metres(self.miss.size)} off the terrain, "
                 f"as measured at {counted(self.points, 'point')}"
             )
         yield f"Lost: {'; '.join(parts) or 'nothing'}."

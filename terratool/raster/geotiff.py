@@ -23,7 +23,7 @@ from terratool.io.geotiff import GeoTiff, TiffProfile, geotiff, software_tags
 from terratool.io.pam import name_categories, pam_bands, pam_path, xml_bytes
 from terratool.raster.grid import Grid, Window
 from terratool.raster.layers import LAYERS, SurfaceValues
-from terratool.text.display import xml_text
+from terratool.report.inert import xml_text
 
 # GDAL's numbers for the types and uses of the columns of an attribute table
 _INTEGER, _REAL, _STRING = 0, 1, 2

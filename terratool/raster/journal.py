@@ -33,7 +33,7 @@ from terratool.raster.tiles import (
     remove_scratch,
     scratch_in,
 )
-from terratool.text.display import plain
+from terratool.report.documents import plain
 
 NAME = "mosaic.journal"
 

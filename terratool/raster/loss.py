@@ -16,7 +16,8 @@ from terratool.field.walls import WallFinders
 from terratool.kernels import field as kernels
 from terratool.raster.grid import Grid, Window
 from terratool.raster.painter import Planes
-from terratool.text.display import counted, length
+from terratool.report.numbers import metres
+from terratool.report.wording import counted
 
 Floats = NDArray[np.float64]
 
@@ -152,8 +153,8 @@ class RasterLoss:
             about = "about " if self.walls.estimated else ""
             slope = f" of up to {ramp.degrees:.1f}°" if ramp else ""
             parts.append(
-                f"{about}{length(self.walls.length)} of wall became ramps{slope} "
-                f"({length(jump.height)} in one {pixel})"
+                f"{about}{metres(self.walls.length)} of wall became ramps{slope} "
+                f"({metres(jump.height)} in one {pixel})"
             )
         for features, (one, several), what in (
             (self.narrow_elements, ("is", "are"), f"narrower than a {pixel}"),
@@ -164,7 +165,7 @@ class RasterLoss:
                 parts.append(f"{counted(features.count, 'element')} {verb} {what}")
         if self.interpolation and self.interpolation.largest > _NOISE * resolution:
             parts.append(
-                f"{pixel}s differ from the model by up to {length(self.interpolation.largest)}"
+                f"{pixel}s differ from the model by up to {metres(self.interpolation.largest)}"
             )
         if self.left_out:
             parts.append(

@@ -15,9 +15,9 @@ from terratool.errors import ReadError, RequestError
 from terratool.extras import install_command
 from terratool.io import csv_, las, npz, pcd, ply
 from terratool.io.points import Columns, Points, Wanted
+from terratool.report.wording import listed
 from terratool.sensing.formats.common import SENSOR_AXES
 from terratool.sensing.poses import Poses
-from terratool.text.display import listed
 
 Floats = NDArray[np.float64]
 

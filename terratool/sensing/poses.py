@@ -16,7 +16,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from terratool.errors import ReadError, RequestError
 from terratool.field.terrain import Terrain
-from terratool.text.display import listed, shown
+from terratool.report.wording import listed
+from terratool.text.display import shown
 from terratool.text.numbers import parse_number
 from terratool.text.source import read_source
 

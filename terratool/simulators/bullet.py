@@ -5,11 +5,11 @@ from __future__ import annotations
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
+from terratool.report.wording import counted
 from terratool.simulators.markup import child, comment, numbers, rgba, write_xml
 from terratool.simulators.pieces import write_pieces
 from terratool.simulators.scene import Scene
 from terratool.simulators.targets import Written
-from terratool.text.display import counted
 
 _FILE = "terrain.urdf"
 _ROOT = "terrain"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from terratool.errors import RequestError
 from terratool.field.terrain import Terrain
 from terratool.raster.grid import Grid, count_pixels, refuse_resolution, resolution_within
-from terratool.text.display import counted
+from terratool.report.wording import counted
 
 DEFAULT_SIDE = 0.05
 """The side of a cell if none is said, in units of the terrain: what maps of Nav2 mostly have …"""

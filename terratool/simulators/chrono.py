@@ -16,10 +16,11 @@ from msgspec import UNSET
 
 from terratool.definition.model import Surface
 from terratool.definition.presets import preset_of, property_of
+from terratool.report.documents import json_text
+from terratool.report.wording import counted
 from terratool.simulators.pieces import write_pieces
 from terratool.simulators.scene import Material, Scene
 from terratool.simulators.targets import Written
-from terratool.text.display import counted, json_text
 
 _FILE = "terrain.json"
 _SOILS = "scm.json"

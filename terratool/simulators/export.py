@@ -11,12 +11,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import msgspec
+from msgspec import UNSET, Struct, UnsetType
 
 from terratool._version import __version__
 from terratool.errors import ReadError, WriteError
 from terratool.field.terrain import Terrain
 from terratool.mesh.formats.common import ascii_word, lines_of, plain_names
+from terratool.mesh.loss import MeshLoss
 from terratool.output import (
     hold_signals,
     os_errors,
@@ -24,10 +25,13 @@ from terratool.output import (
     refuse_missing_folder,
     stop_on_signals,
 )
+from terratool.report.documents import Document, json_text, plain_document
+from terratool.report.markup import escaped_markdown, markdown_row
+from terratool.report.numbers import spelled
 from terratool.simulators.options import SceneOptions
 from terratool.simulators.scene import Material, Scene
 from terratool.simulators.targets import Target, Written, chosen, refuse_uninstalled
-from terratool.text.display import json_text, plain, printable
+from terratool.text.display import printable
 from terratool.text.files import is_regular, open_file
 from terratool.traversability.judge import Judge
 
@@ -84,8 +88,7 @@ class ExportPlan:
                     manifest = _manifest(scene, key, written, source)
                     manifest["files"] = _hashes(part)
                     (part / README).write_text(_readme(scene, target, written), "utf-8")
-                    text = json_text(msgspec.to_builtins(manifest, enc_hook=plain))
-                    (part / MANIFEST).write_text(text + "\n", "utf-8")
+                    (part / MANIFEST).write_text(json_text(manifest) + "\n", "utf-8")
                     _put(part, self.folder / key)
                 reports.append(SimulatorReport(self.folder / key, manifest))
         return tuple(reports)
@@ -255,33 +258,62 @@ def _hashes(folder: Path) -> dict[str, str]:
     return found
 
 
+class ManifestSource(Struct, frozen=True):
+    """The definition's file, with the libraries that it uses by their places beside it; SHA-256."""
+
+    file: str
+    sha256: str
+    libraries: dict[str, str]
+
+
+class ManifestSurface(Struct, frozen=True):
+    """What a simulator is told of a surface."""
+
+    word: str
+    friction: float
+    derived: str
+    color: tuple[int, int, int]
+    sonar_reflectivity: float | None
+
+
+class Manifest(Document, frozen=True, kw_only=True):
+    """What the manifest says of files for any simulator."""
+
+    generator: str = f"terratool {__version__}"
+    target: str
+    summary: str
+    source: ManifestSource | None
+    descr: str
+    origin: tuple[float, ...]
+    bounds: tuple[float, ...]
+    max_error: float | None
+    surfaces: dict[str, ManifestSurface]
+    losses: tuple[str, ...]
+    mesh: MeshLoss | UnsetType = UNSET
+
+
 def _manifest(scene: Scene, key: str, written: Written, source: Path | None) -> dict[str, Any]:
+    """The keys of all manifests, then those that a simulator has for itself."""
     west, south, east, north = scene.terrain.bounds
     x, y, _ = scene.zero
-    return {
-        "format_version": 1,
-        "generator": f"terratool {__version__}",
-        "target": key,
-        "summary": written.summary,
-        "source": _source(source, scene.terrain.libraries),
-        "descr": scene.terrain.descr,
-        "origin": list(scene.zero),
-        "bounds": [west - x, south - y, east - x, north - y],
-        "max_error": scene.options.max_error if written.meshed else None,
-        "surfaces": {
-            one.name: {
-                "word": one.word,
-                "friction": one.friction,
-                "derived": one.derivation,
-                "color": list(one.color),
-                "sonar_reflectivity": one.reflectivity,
-            }
+    head = Manifest(
+        target=key,
+        summary=written.summary,
+        source=_source(source, scene.terrain.libraries),
+        descr=scene.terrain.descr,
+        origin=scene.zero,
+        bounds=(west - x, south - y, east - x, north - y),
+        max_error=scene.options.max_error if written.meshed else None,
+        surfaces={
+            one.name: ManifestSurface(
+                one.word, one.friction, one.derivation, one.color, one.reflectivity
+            )
             for one in scene.used(written.meshed)
         },
-        "losses": list(_losses(scene, written)),
-        **({"mesh": msgspec.to_builtins(scene.loss, enc_hook=plain)} if written.meshed else {}),
-        **written.facts,
-    }
+        losses=tuple(_losses(scene, written)),
+        mesh=scene.loss if written.meshed else UNSET,
+    )
+    return {**plain_document(head), **written.facts}
 
 
 def _refuse_missing(path: Path) -> None:
@@ -296,15 +328,12 @@ def _refuse_missing(path: Path) -> None:
         raise ReadError.of(path, error) from error
 
 
-def _source(path: Path | None, libraries: Iterable[str]) -> dict[str, Any] | None:
-    """The definition, and the libraries that it uses, by their place beside it; with hashes.
-
-    None where it came from no file.
-    """
+def _source(path: Path | None, libraries: Iterable[str]) -> ManifestSource | None:
+    """What a manifest says of the definition; None where it came from no file."""
     if path is None or not is_regular(path):
         return None
     used = {Path(os.path.relpath(one, path.parent)).as_posix(): _sha256(one) for one in libraries}
-    return {"file": path.name, "sha256": _sha256(path), "libraries": used}
+    return ManifestSource(path.name, _sha256(path), used)
 
 
 def _sha256(path: str | Path) -> str:
@@ -338,13 +367,13 @@ def _readme(scene: Scene, target: Target, written: Written) -> str:
     lines += [f"```{written.language}", *written.load, "```", ""]
     for note in written.notes:
         lines += [note, ""]
-    zero = " ".join(f"{number:.12g}" for number in scene.zero)
+    zero = spelled(scene.zero)
     lines += [f"Zero is at {zero} of the world; x points east, y north, z up, in metres.", ""]
     held = _frictions(scene, written)
     lines += ["| surface | friction | from |", "|---|---|---|"] * bool(held)
     for one in held:
-        name = printable(one.name).replace("|", "\\|")
-        lines.append(f"| {name} | {one.friction:.4g} | {one.derivation} |")
+        cells = escaped_markdown(one.name), f"{one.friction:.4g}", one.derivation
+        lines.append(markdown_row(cells))
     lines += [*[""] * bool(held), *_losses(scene, written), ""]
     return "\n".join([*lines_of("\n".join(lines)), ""])
 

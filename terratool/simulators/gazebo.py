@@ -5,12 +5,13 @@ from __future__ import annotations
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
+from terratool.report.numbers import metres, per_cent
+from terratool.report.wording import counted
 from terratool.simulators.heightmap import HeightMap, write_heightmap
 from terratool.simulators.markup import child, comment, numbers, one_line, rgba, write_xml
 from terratool.simulators.pieces import write_pieces
 from terratool.simulators.scene import Material, Scene
 from terratool.simulators.targets import Written
-from terratool.text.display import counted, length
 
 _VERSION = "1.7"
 """Of SDFormat: what Ignition Citadel and all after it read."""
@@ -154,15 +155,15 @@ def _picture_losses(
 ) -> list[str]:
     step = found.range / 255
     lines = [
-        f"Heights are in steps of {length(step)}, from 8 bits, at every"
-        f" {length(size[0] / (found.side - 1))} × {length(size[1] / (found.side - 1))}; walls"
+        f"Heights are in steps of {metres(step)}, from 8 bits, at every"
+        f" {metres(size[0] / (found.side - 1))} × {metres(size[1] / (found.side - 1))}; walls"
         " become slopes.",
-        f"At {counted(found.points, 'random point')} they are {length(found.rms)} off (root mean"
-        f" square), and {length(found.worst)} at most.",
+        f"At {counted(found.points, 'random point')} they are {metres(found.rms)} off (root mean"
+        f" square), and {metres(found.worst)} at most.",
     ]
     if found.void:
         lines.append(
-            f"The void, {100 * found.void:.2g} % of the area, is ground at {length(found.low)}."
+            f"The void, {per_cent(found.void, 2)} of the area, is ground at {metres(found.low)}."
         )
     if len(scene.used(False)) > 1:
         lines.append(
@@ -171,7 +172,7 @@ def _picture_losses(
     off = 0.5 * max(size[:2]) / found.side
     lines.append(
         f"DART takes a side for {found.side} spaces, not {found.side - 1}: towards the border its"
-        f" heights lie up to {length(off)} too near to the middle."
+        f" heights lie up to {metres(off)} too near to the middle."
     )
     lines.append(_UNREAD.format("height maps"))
     return lines

@@ -15,10 +15,11 @@ from terratool.raster.grid_map_bag import MOST_BYTES, TOPIC, GridMap, Layers, wr
 from terratool.raster.loss import LossCounts, LossFinder, RasterLoss
 from terratool.raster.painter import Painter
 from terratool.raster.prefetch import prefetch, processors
+from terratool.report.numbers import metres
+from terratool.report.wording import counted
 from terratool.simulators.cells import cell_grid
 from terratool.simulators.scene import Scene
 from terratool.simulators.targets import Written
-from terratool.text.display import counted, length
 from terratool.traversability.results import GroundClass
 
 MOST = 1024
@@ -64,14 +65,14 @@ def write(scene: Scene, folder: Path) -> Written:
         values[np.isnan(layers["elevation"])] = np.nan
         layers["traversability"] = values
         by, lacking = {**verdict.facts}, verdict.lacking
-        more = _TRAVERSABILITY.format(verdict.vehicle, length(verdict.grid.resolution))
+        more = _TRAVERSABILITY.format(verdict.vehicle, metres(verdict.grid.resolution))
     x, y, _ = scene.zero
     west, south, east, north = grid.bounds
     middle = 0.5 * (west + east) - x, 0.5 * (south + north) - y
     scene.say("writing the bag")
     write_grid_maps(folder / BAG, [GridMap(grid, middle, layers)])
     return Written(
-        summary=f"{grid.width} × {grid.height} cells of {length(grid.resolution)}, "
+        summary=f"{grid.width} × {grid.height} cells of {metres(grid.resolution)}, "
         f"{counted(len(layers), 'layer')}",
         load=(f"ros2 bag play --loop --delay 1 {BAG}", f"ros2 topic info --verbose {TOPIC}"),
         language="sh",

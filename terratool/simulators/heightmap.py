@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from terratool.errors import RequestError
 from terratool.field.terrain import Terrain
 from terratool.io.png import png
-from terratool.text.display import length
+from terratool.report.numbers import metres
 
 _SIDES = 129, 257, 513, 1025
 """Heights a side: one more than a power of 2, as Gazebo wants it."""
@@ -66,7 +66,7 @@ def write_heightmap(terrain: Terrain, path: Path) -> HeightMap:
     if not ground.any():
         raise RequestError(
             "There is no ground for a picture: all of it is void, but for what is narrower than "
-            f"{length(longer / (side - 1))}.",
+            f"{metres(longer / (side - 1))}.",
             "Leave out --heightmap, or ask terratool info what the terrain is.",
         )
     rows, columns = np.nonzero(ground)

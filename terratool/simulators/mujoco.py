@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 
 from terratool.mesh.formats.common import points_of, shape_of
 from terratool.mesh.types import BuiltMesh
+from terratool.report.numbers import metres
+from terratool.report.wording import counted
 from terratool.simulators.collision.build import Collision, collision_of
 from terratool.simulators.collision.height_patch import HeightPatch
 from terratool.simulators.collision.solids import Solid, rectangle
@@ -20,7 +22,6 @@ from terratool.simulators.options import SceneOptions
 from terratool.simulators.pieces import file_names
 from terratool.simulators.scene import Material, Scene
 from terratool.simulators.targets import Written
-from terratool.text.display import counted, length
 
 _FILE = "terrain.xml"
 _BELOW = 1.0
@@ -238,17 +239,17 @@ def _lost(
     wanted, most = options.max_error, options.max_geoms
     parts = []
     if found.solids:
-        parts.append(f"solids are up to {length(solids)} off the terrain, square to it")
+        parts.append(f"solids are up to {metres(solids)} off the terrain, square to it")
         if (found.raised or allowed > wanted) and geoms <= most:
             parts[0] += f", to keep to {counted(most, 'geom')}"
         if len({solid.surface for solid in found.solids}) > 1:
-            parts.append(f"they reach up to {length(_SEAM * wanted)} into other surfaces")
+            parts.append(f"they reach up to {metres(_SEAM * wanted)} into other surfaces")
     if found.patches:
-        parts.append(f"height fields up to {length(found.worst)}, along z, as measured")
+        parts.append(f"height fields up to {metres(found.worst)}, along z, as measured")
         if found.worst > wanted:
             parts[-1] += f", on {found.share_over(wanted):.2g} % of them by more than was asked"
         if found.ragged:
-            parts.append(f"lines between surfaces on them up to {length(found.ragged)}, a cell")
+            parts.append(f"lines between surfaces on them up to {metres(found.ragged)}, a cell")
     if geoms > most:
         parts.append(f"{counted(most, 'geom')} would be too far off, so there are {geoms:,}")
     return f"What collides: {'; '.join(parts)}."

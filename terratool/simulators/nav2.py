@@ -17,10 +17,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from terratool.report.numbers import metres, never_quite
 from terratool.simulators.obstacles import FREE, OCCUPIED, UNKNOWN, Limits, occupancy
 from terratool.simulators.scene import Scene
 from terratool.simulators.targets import Written
-from terratool.text.display import length
 from terratool.traversability.results import GroundClass
 
 BRIGHTNESS = {FREE: 254, OCCUPIED: 0, UNKNOWN: 205}
@@ -66,14 +66,14 @@ def write(scene: Scene, folder: Path) -> Written:
     """
     options, terrain = scene.options, scene.terrain
     grid, verdict = scene.cells(), scene.verdict
-    side = length(grid.resolution)
+    side = metres(grid.resolution)
     if verdict is None:
         scene.say("looking for slopes and walls")
         cells = occupancy(terrain, grid, Limits.of(options.max_slope, options.max_step))
         by: dict[str, Any] = {"max_slope": options.max_slope, "max_step": options.max_step}
-        limits = f"slopes of {options.max_slope:g}° and steps of {length(options.max_step)}"
+        limits = f"slopes of {options.max_slope:g}° and steps of {metres(options.max_step)}"
         notes = _LIMITS_NOTE.format(
-            side=side, slope=options.max_slope, step=length(options.max_step)
+            side=side, slope=options.max_slope, step=metres(options.max_step)
         )
         losses = _limits_losses(grid.resolution)
     else:
@@ -87,7 +87,7 @@ def write(scene: Scene, folder: Path) -> Written:
     origin = [grid.west - x, grid.south - y, 0.0]
     (folder / "map.yaml").write_text(_yaml(grid.resolution, origin), "utf-8", newline="\n")
     shares = {name: float((cells == value).mean()) for value, name in _NAMES.items()}
-    said = ", ".join(f"{_percent(share)} {name}" for name, share in shares.items())
+    said = ", ".join(f"{never_quite(share)} {name}" for name, share in shares.items())
     return Written(
         summary=f"{grid.width} × {grid.height} cells of {side} for {limits}: {said}",
         load=(
@@ -119,19 +119,11 @@ _VEHICLE_LOSS = (
 )
 
 
-def _percent(share: float) -> str:
-    """A share to a tenth; what is little, or nearly all, is not said to be nothing, or all."""
-    text = f"{100.0 * share:.1f}"
-    if 0.0 < share < 1.0 and text in ("0.0", "100.0"):
-        return "less than 0.1 %" if share < 0.5 else "more than 99.9 %"
-    return f"{text} %"
-
-
 def _limits_losses(resolution: float) -> tuple[str, ...]:
     return (
         "Heights, slopes and surfaces are not in the map.",
         "The level top of something high is free, with occupied cells around it.",
-        f"Slopes are looked at every {length(0.5 * resolution)}, and at crests; pits narrower than "
+        f"Slopes are looked at every {metres(0.5 * resolution)}, and at crests; pits narrower than "
         "that, and corners that reach into a cell by less, may be missed.",
     )
 

@@ -26,9 +26,10 @@ from terratool.mesh.loss import MeshLoss
 from terratool.mesh.normals import with_normals
 from terratool.mesh.types import BuiltMesh, Mesh
 from terratool.raster.grid import Grid
+from terratool.report.numbers import metres
+from terratool.report.wording import counted
 from terratool.simulators.cells import cell_grid
 from terratool.simulators.options import SceneOptions
-from terratool.text.display import counted, length
 from terratool.traversability.judge import Judge, Verdict
 
 
@@ -85,11 +86,11 @@ class Scene:
         Raises:
             RequestError: there is no ground.
         """
-        self.say(f"meshing within {length(error)}")
+        self.say(f"meshing within {metres(error)}")
         built = collapse_degenerate(build(self.terrain, error))
         if not len(built.mesh.faces):
             raise no_ground()
-        self.say(f"{counted(len(built.mesh.faces), 'face')} within {length(error)}")
+        self.say(f"{counted(len(built.mesh.faces), 'face')} within {metres(error)}")
         return built
 
     @cached_property

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 from terratool.errors import RequestError
 from terratool.extras import install_command
-from terratool.text.display import listed, shown
+from terratool.report.wording import listed
+from terratool.text.display import shown
 
 if TYPE_CHECKING:
     from terratool.simulators.scene import Material, Scene

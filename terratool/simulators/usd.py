@@ -9,9 +9,9 @@ import numpy as np
 
 from terratool.mesh.formats.usd import write_usd
 from terratool.mesh.types import Mesh
+from terratool.report.wording import counted
 from terratool.simulators.scene import Scene
 from terratool.simulators.targets import Written
-from terratool.text.display import counted
 
 _FILE = "terrain.usdc"
 

@@ -18,7 +18,9 @@ from terratool.field.terrain import Terrain, clip_bounds
 from terratool.io.geotiff import TILE
 from terratool.raster.export import checked_threads
 from terratool.raster.grid import DEFAULT_PIXELS, Grid, Window, grid_over
-from terratool.text.display import listed, shown
+from terratool.report.numbers import per_cent, pixels, spelled
+from terratool.report.wording import listed
+from terratool.text.display import shown
 from terratool.traversability.map import MapBuilder, begin_of, default_resolution, stream_map
 from terratool.traversability.map_files import MapFiles, refuse_map
 from terratool.traversability.ranges import SAMPLES, Draws, draw, level_chances, soil_samples
@@ -242,7 +244,7 @@ def _grids(terrain: Terrain, vehicle: Vehicle, request: Request, written: bool) 
         if grid.width * grid.height * (request.headings or HEADINGS) > MOST_STATES:
             routes, note = _route_grid(terrain, vehicle, request)
             grid = grid if request.maps else routes
-    size = f"{grid.width} × {grid.height} pixels of {grid.resolution:.4g} m"
+    size = pixels(grid.width, grid.height, grid.resolution)
     headings = request.headings or _fewest_headings(terrain, vehicle, request, grid)
     notes = [f"The map has {size} ({why}), each looked at with {headings} headings."]
     if headings != (request.headings or HEADINGS):
@@ -250,7 +252,7 @@ def _grids(terrain: Terrain, vehicle: Vehicle, request: Request, written: bool) 
     if not request.maps:
         notes = [f"Routes are looked for on {size}."]
     elif routes is not None and routes != grid:
-        size = f"{routes.width} × {routes.height} pixels of {routes.resolution:.4g} m"
+        size = pixels(routes.width, routes.height, routes.resolution)
         notes.append(f"Routes are looked for on {size}.")
     front, rear, _ = vehicle.rectangle
     if grid.resolution > front + rear:
@@ -338,7 +340,7 @@ def _cannot_stand(
     nearest = int(np.argmin(far))
     x = float(tiles.survey.grid.columns(window)[columns[nearest]])
     y = float(tiles.survey.grid.rows(window)[rows[nearest]])
-    return f"{why} It can stand and move at {round(x, 3):.12g} {round(y, 3):.12g}, near there."
+    return f"{why} It can stand and move at {spelled((round(x, 3), round(y, 3)))}, near there."
 
 
 def assess(
@@ -511,7 +513,7 @@ def _sampled(draws: Draws | None) -> Iterator[str]:
     yield (
         f"Figures of {names} are ranges. Their middles count for verdicts, figures and routes. "
         f"Probabilities are shares of {draws.samples} samples (seed {draws.seed}), off by up to "
-        f"{100.0 * draws.error:.2g} % 19 times of 20 at worst; as samples are stratified, mostly "
+        f"{per_cent(draws.error, 2)} 19 times of 20 at worst; as samples are stratified, mostly "
         "by less."
     )
 

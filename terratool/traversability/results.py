@@ -22,6 +22,10 @@ FINER_HEADINGS = (16, 32)
 MOST_HEADINGS = 64
 
 
+_GROUNDS = ("unknown", "go", "caution", "no-go", "cut-off", "edge", "one-way")
+_SIGNS = "?✔!✘⊘▫→"
+
+
 class Verdict(IntEnum):
     """Whether the vehicle can be driven; the larger, the worse."""
 
@@ -33,7 +37,12 @@ class Verdict(IntEnum):
     @property
     def label(self) -> str:
         """For people."""
-        return ("unknown", "go", "caution", "no-go")[self]
+        return _GROUNDS[self]
+
+    @property
+    def sign(self) -> str:
+        """One character for those who see no colours."""
+        return _SIGNS[self]
 
 
 RANKS = np.array([2, 0, 1, 3], np.uint8)
@@ -57,7 +66,12 @@ class GroundClass(IntEnum):
     @property
     def label(self) -> str:
         """For people, and the names of classes in files."""
-        return ("unknown", "go", "caution", "no-go", "cut-off", "edge", "one-way")[self]
+        return _GROUNDS[self]
+
+    @property
+    def sign(self) -> str:
+        """One character for those who see no colours."""
+        return _SIGNS[self]
 
 
 COLORS: dict[GroundClass, tuple[int, int, int]] = {
@@ -579,9 +593,14 @@ class TraversabilityReport:
         """Whether the vehicle can: go or caution."""
         return self.verdict in (Verdict.GO, Verdict.CAUTION)
 
+    @property
+    def reports(self) -> tuple[TraversabilityReport]:
+        """Itself, as `VehicleComparison` has it."""
+        return (self,)
+
 
 @dataclass(frozen=True, slots=True)
-class Comparison:
+class VehicleComparison:
     """Reports of several vehicles of which the same was asked on one terrain, one or more.
 
     Attributes:
@@ -606,3 +625,7 @@ class Comparison:
     def descr(self) -> str:
         """Of the terrain."""
         return self.reports[0].descr
+
+
+Reports = TraversabilityReport | VehicleComparison
+"""What was found out for one vehicle, or for several: both have `reports`."""

@@ -15,7 +15,8 @@ from terratool.definition.findings import Bounds
 from terratool.field.footprints import outline_of
 from terratool.field.records import IN_CELLS
 from terratool.field.terrain import Terrain
-from terratool.text.display import counted, printable
+from terratool.report.wording import counted
+from terratool.text.display import printable
 
 _LEAST = 6.0
 """Cells narrower than so many points are not drawn."""

@@ -13,7 +13,7 @@ from terratool.field.summary import spread_points
 from terratool.field.terrain import Terrain
 from terratool.mesh.elevation import grid_misses
 from terratool.mesh.types import BuiltMesh, Mesh, PlanLoss
-from terratool.text.display import counted
+from terratool.report.wording import counted
 
 _POINTS = 100_000
 """At so many points a grid is compared with the terrain."""

@@ -23,7 +23,8 @@ from terratool.raster.grid import Grid, grid_over
 from terratool.raster.layers import LAYERS, LayerBands, SurfaceValues, layer_painter
 from terratool.raster.painter import Painter, Planes
 from terratool.raster.prefetch import prefetch, processors
-from terratool.text.display import listed, shown
+from terratool.report.wording import listed
+from terratool.text.display import shown
 from terratool.traversability.judge import Judge
 from terratool.traversability.map import default_resolution
 from terratool.traversability.report.drawing import SHADING, hatch

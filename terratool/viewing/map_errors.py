@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from terratool.field.terrain import Terrain
 from terratool.raster.grid import Grid, grid_over
+from terratool.report.numbers import tenths
 from terratool.sensing.comparison import MapComparison
 from terratool.viewing.differences import (
     LIGHT,
@@ -58,7 +59,7 @@ def write_picture(
         if worst is not None:
             caption += " The ring is the worst place."
         if beyond := float((size > most).sum()):
-            caption += f" Beyond the colours: {beyond / size.size:.1%}."
+            caption += f" Beyond the colours: {tenths(beyond / size.size)}."
         picture = _picture(comparison, terrain, grid, most)
         ring = None if worst is None else (worst.x, worst.y)
         drawn = DifferenceSheet(picture, _title(comparison), caption, ring)
@@ -66,7 +67,7 @@ def write_picture(
 
 
 def _title(comparison: MapComparison) -> str:
-    known = f"{comparison.coverage:.1%} of the ground" if comparison.ground else "No ground"
+    known = f"{tenths(comparison.coverage)} of the ground" if comparison.ground else "No ground"
     if not comparison.errors.cells:
         return known
     return f"{known}, RMSE {comparison.errors.rmse:.3g} m"

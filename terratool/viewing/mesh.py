@@ -25,7 +25,8 @@ from terratool.mesh.export import (
     within_budget,
 )
 from terratool.mesh.types import BuiltMesh, Mesh
-from terratool.text.display import counted, length
+from terratool.report.numbers import metres
+from terratool.report.wording import counted
 from terratool.viewing.coarse import GroundGrid, ground_grid
 from terratool.viewing.effort import Allowed, allowed_error
 
@@ -125,7 +126,7 @@ def fitted_mesh(terrain: Terrain, options: PageOptions, progress: Progress) -> P
     """
 
     def attempt(error: float, least: float) -> BudgetedMesh:
-        progress(f"meshing within {length(error)}")
+        progress(f"meshing within {metres(error)}")
         return BudgetedMesh(build(terrain, error, least=least), error, least)
 
     progress("estimating the mesh")
@@ -175,7 +176,7 @@ def _too_large(wanted: float, allowed: Allowed) -> RequestError:
         step = 10.0 ** (math.floor(math.log10(allowed.error)) - 1)
         other = f"or give {math.ceil(allowed.error / step) * step:.2g} or more"
     return RequestError(
-        f"A mesh within {length(wanted)} is too large for a page{many}.",
+        f"A mesh within {metres(wanted)} is too large for a page{many}.",
         f"Leave out --max-error, {other}.",
     )
 

@@ -25,7 +25,8 @@ from terratool.mesh.formats.common import NO_COLOR
 from terratool.mesh.types import BuiltMesh
 from terratool.raster.grid import grid_over
 from terratool.raster.shading import LIGHT
-from terratool.text.display import counted, length
+from terratool.report.numbers import metres
+from terratool.report.wording import counted
 from terratool.traversability.judge import Judge
 from terratool.viewing.layers import (
     NO_GROUND,
@@ -264,11 +265,11 @@ def _block(
     if whole is None:
         progress("painting heights")
         return _gridded(terrain, part)
-    progress(f"meshing within {length(error)}")
+    progress(f"meshing within {metres(error)}")
     built = collapse_degenerate(build(whole, error, options.bounds, base="below"))
     if not len(built.mesh.faces):
         raise no_ground()
-    return _meshed(built), f"{counted(len(built.mesh.faces), 'face')} within {length(error)}"
+    return _meshed(built), f"{counted(len(built.mesh.faces), 'face')} within {metres(error)}"
 
 
 def _meshed(built: BuiltMesh) -> Block:

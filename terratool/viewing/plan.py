@@ -15,7 +15,7 @@ from terratool.field.terrain import Terrain, check_bounds, clip_bounds
 from terratool.raster.geotiff import crs_of
 from terratool.raster.grid import grid_over
 from terratool.raster.shading import exaggeration, hillshade
-from terratool.text.display import counted
+from terratool.report.wording import counted
 from terratool.traversability.judge import Judge
 from terratool.viewing.cells import LABEL, Label, cell_lines
 from terratool.viewing.contours import draw_contours

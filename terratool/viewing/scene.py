@@ -14,7 +14,7 @@ from terratool.definition.model import SOIL_FIGURES
 from terratool.definition.presets import preset_of, property_of
 from terratool.field.terrain import Terrain
 from terratool.mesh.types import Mesh
-from terratool.text.display import counted
+from terratool.report.wording import counted
 from terratool.traversability.results import COLORS, GroundClass, Route, TraversabilityReport
 from terratool.viewing.layers import surface_colors
 from terratool.viewing.mesh import (

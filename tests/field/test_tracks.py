@@ -320,10 +320,10 @@ def test_what_a_terrain_consists_of() -> None:
     """Tracks are counted and measured, and the lowest height is looked for in ruts."""
     slim = {"path": [[6, 8.01], [9.01, 8.01], [9.01, 4.01]], "width": 0.001, "depth": 0.3}
     found = summarise(terrain_of(yard(slim, slim)))
-    assert found["tracks"]["count"] == 2
-    assert found["tracks"]["segments"] == 4
-    assert found["tracks"]["length"] == pytest.approx(2 * 7.01)
-    assert found["height"]["low"] == pytest.approx(-0.3 * 2 ** (1 / 3))
+    assert found.tracks.count == 2
+    assert found.tracks.segments == 4
+    assert found.tracks.length == pytest.approx(2 * 7.01)
+    assert found.height.low == pytest.approx(-0.3 * 2 ** (1 / 3))
 
 
 def test_a_thousand_metres_cost_a_few_kilobytes() -> None:

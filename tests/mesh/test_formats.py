@@ -27,7 +27,7 @@ from terratool.mesh.formats.common import (
 )
 from terratool.mesh.formats.table import FORMATS
 from terratool.mesh.types import BuiltMesh, Mesh, PlanLoss
-from terratool.text.display import json_text
+from terratool.report.documents import json_text
 from tests.programs import lacking, program
 from tests.viewers import (
     NASTY,

@@ -14,10 +14,10 @@ import pytest
 
 import terratool
 from terratool.field.terrain import Terrain
+from terratool.report.numbers import metres
 from terratool.simulators.collision.footing import HALVES, heights_of
 from terratool.simulators.collision.height_patch import HeightPatch
 from terratool.simulators.collision.patches import misses_of
-from terratool.text.display import length
 from tests.conftest import terrain_of
 from tests.meshes import SITE
 from tests.simulators import checks
@@ -425,7 +425,7 @@ def test_ground_of_many_faces_is_cut_from_a_coarser_mesh(
     counts = manifest["collision"]
     assert manifest["max_error"] == 0.002
     assert 0.004 < counts["solids_error"] < 0.1
-    said = f"{length(counts['solids_error'])} off the terrain, square to it, to keep to 2,000 geoms"
+    said = f"{metres(counts['solids_error'])} off the terrain, square to it, to keep to 2,000 geoms"
     assert said in manifest["losses"][-1]
     checks.check_rays(MuJoCo(folder), ground, 1.01 * counts["error"])
 

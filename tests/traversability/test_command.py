@@ -29,7 +29,8 @@ from terratool.traversability import assess as assessing
 from terratool.traversability import vehicle as vehicles
 from terratool.traversability.assess import Request, assess, first_look, prepare_assessment
 from terratool.traversability.conditions import FIGURES, WORDS
-from terratool.traversability.report import document as formats
+from terratool.traversability.report import formats
+from terratool.traversability.report.document import as_dict
 from terratool.traversability.report.wording import conclusion
 from terratool.traversability.results import GroundClass, TraversabilityReport, Verdict
 from terratool.traversability.route import graph
@@ -783,7 +784,7 @@ class TestAssess:
         all_of_it = assess(prepare_assessment(terrain_of(WALLED), vehicle, near))
         assert not any("Only the ground" in note for note in all_of_it.notes)
         full = assess(prepare_assessment(terrain, vehicle, replace(request, mapped=True)))
-        assert formats.as_dict(full)["routes"] == formats.as_dict(report)["routes"]
+        assert as_dict(full)["routes"] == as_dict(report)["routes"]
 
     def test_verdict_and_sentence_follow(self, vehicle: Vehicle) -> None:
         """Go in the open, no-go where the wall stands across, unknown without a soil."""

@@ -21,11 +21,13 @@ from referencing import Registry, Resource
 import terratool
 from terratool.cli.terminal import Status
 from terratool.raster.grid import Window
-from terratool.text.display import columns_of
+from terratool.report.tables import columns_of
 from terratool.traversability.assess import Request
 from terratool.traversability.compare import prepare
-from terratool.traversability.report.comparison import as_lines, as_page, conclusion, together
-from terratool.traversability.results import Comparison, GroundClass, Verdict
+from terratool.traversability.report.comparison import conclusion, together
+from terratool.traversability.report.lines import as_lines
+from terratool.traversability.report.page import as_page
+from terratool.traversability.results import GroundClass, VehicleComparison, Verdict
 from terratool.traversability.survey import Surveyor, finest_resolution
 from terratool.traversability.vehicle import Axle, Vehicle, Wheel
 from tests import reports
@@ -226,8 +228,8 @@ class TestGrids:
     def test_of_grids_that_differ_nothing_is_added_up(self) -> None:
         one = reports.report()
         other = reports.report(preview=reports.preview(reports.Grid(0.0, 0.0, 1.0, 30, 80)))
-        assert together(Comparison((one, one)))
-        assert together(Comparison((one, other))) == []
+        assert together(VehicleComparison((one, one)))
+        assert together(VehicleComparison((one, other))) == []
 
     def test_maps_must_fit_on_the_disk_together(
         self, site: tuple[str, str, str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -442,7 +444,32 @@ class TestForms:
             width = width or cells
             assert cells == width > 1, line
         (row,) = re.findall(r"^\| wide \|.*", text["r.md"], re.MULTILINE)
-        assert "✘ no-go" in row and "surface" in row
+        assert "✘ no-go" in row
+        said = text["r.md"].partition("### wide\n")[2].partition("\n## ")[0]
+        assert re.search(r"^- cut off by: .*surface \"brick\"", said, re.MULTILINE)
+
+    def test_all_that_a_report_says_of_a_vehicle_is_said_of_each(
+        self, site: tuple[str, str, str], tmp_path: Path
+    ) -> None:
+        """Rows of a vehicle's own tables are there, with its name; what is the same stands once."""
+        terrain, *vehicles = site
+        asked = ("--resolution", 0.1, *WAY)
+        both = tmp_path / "both.md"
+        named_ = [part for path in vehicles for part in ("--vehicle", path)]
+        drive(terrain, *named_, *asked, "--report", both)
+        found = both.read_text("utf-8").split("\n")
+        for path in vehicles:
+            name, alone = Path(path).stem, tmp_path / f"{Path(path).stem}.md"
+            drive(terrain, "--vehicle", path, *asked, "--report", alone)
+            lines = alone.read_text("utf-8").split("\n")
+            begin = lines.index("What the vehicle can do on each.") + 4
+            assert len(lines[begin:]) > 3 and lines[begin].startswith("| floor |")
+            for line in lines[begin : lines.index("", begin)]:
+                surface = line.split(" | ")[0]
+                assert line.replace(surface, f"{surface}, {name}", 1) in found
+            soils = lines.index("What each was taken for.") + 2
+            assert found.count(lines[soils]) == 1 and lines[soils + 2] in found
+            assert sum(line in found for line in lines if line.startswith("- from: ")) == 1
 
     def test_a_table_for_a_terminal_is_no_wider(self) -> None:
         """Of five vehicles: the columns of some are below those of others."""
@@ -450,7 +477,7 @@ class TestForms:
             reports.report(vehicle=named(Vehicle.single(Wheel(0.2, 0.1), 100.0), f"wheel {n}"))
             for n in range(5)
         )
-        lines = list(as_lines(Comparison(five)))
+        lines = list(as_lines(VehicleComparison(five)))
         pointers = [line for line in lines if "/elemTree" in line]
         assert all(sum(map(columns_of, line)) <= 80 for line in lines if line not in pointers)
         assert sum(line.startswith("sand ") for line in lines) >= 2
@@ -479,7 +506,7 @@ class TestForms:
     def test_nothing_of_the_users_is_markup(self) -> None:
         vehicle = Vehicle.single(Wheel(0.2, 0.1), 100.0)
         nasty = (reports.report(vehicle=named(vehicle, name)) for name in (reports.NASTY, "b"))
-        text = as_page(Comparison(tuple(nasty)))
+        text = as_page(VehicleComparison(tuple(nasty)))
         ElementTree.fromstring(text.removeprefix("<!DOCTYPE html>\n"))
         assert "<b>" not in text and "&lt;b&gt;" in text
 
@@ -503,13 +530,13 @@ class TestForms:
             reports.report(verdict=by_label[label], vehicle=named(wheel, f"v{n}"))
             for n, label in enumerate(verdicts.split())
         )
-        assert conclusion(Comparison(tuple(several))) == sentence
+        assert conclusion(VehicleComparison(tuple(several))) == sentence
 
     def test_the_worst_is_that_of_the_whole(self) -> None:
         order = [Verdict.GO, Verdict.CAUTION, Verdict.UNKNOWN, Verdict.NO_GO]
         for n, worst in enumerate(order):
             several = tuple(reports.report(verdict=one) for one in (worst, *order[: n + 1]))
-            assert Comparison(several).verdict == worst
+            assert VehicleComparison(several).verdict == worst
 
 
 def named(vehicle: Vehicle, name: str) -> Vehicle:

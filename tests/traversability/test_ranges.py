@@ -28,6 +28,7 @@ from terratool.traversability import ranges
 from terratool.traversability.assess import Request, assess, prepare_assessment
 from terratool.traversability.ranges import Draws, draw, level_chances, share_error, soil_samples
 from terratool.traversability.report import document, tables
+from terratool.traversability.report.routes import as_geojson
 from terratool.traversability.results import CHANCE_BOUNDS, TraversabilityReport, Verdict
 from terratool.traversability.soil import surface_figures
 from terratool.traversability.survey import Surveyor
@@ -452,7 +453,7 @@ class TestRoutes:
         where = f"({round(place['x'], 3):.12g}, −{abs(round(place['y'], 3)):.12g})"
         least = f"{100 * line['least_probability']['probability']:.3g} %"
         assert f"for all of it, least {least} at {where}" in text["sentence"]
-        features = json.loads(document.as_geojson(report))["features"]
+        features = json.loads(as_geojson(report))["features"]
         shares = [f["properties"].get("probability") for f in features]
         assert shares[0] == line["probability"]
         middle = {

@@ -26,12 +26,13 @@ import terratool
 from terratool.io.png import png
 from terratool.raster import shading
 from terratool.raster.grid import Grid
-from terratool.text.display import columns_of
+from terratool.report.tables import columns_of
 from terratool.traversability.assess import verdict_of
 from terratool.traversability.report import drawing, tables, wording
-from terratool.traversability.report.document import as_dict, as_geojson, as_json
+from terratool.traversability.report.document import as_dict, as_json
+from terratool.traversability.report.lines import as_lines
 from terratool.traversability.report.page import as_markdown, as_page
-from terratool.traversability.report.tables import as_lines
+from terratool.traversability.report.routes import as_geojson
 from terratool.traversability.report.wording import conclusion
 from terratool.traversability.results import (
     COLORS,
@@ -509,58 +510,6 @@ class TestTable:
         text = "\n".join(as_lines(reports.KINDS["all"]))
         assert text.startswith("no-go: There is no way from (105, 202) to (130, 212): step at")
         assert "\n".join(as_lines(reports.KINDS["way"])).count("There is a way") == 1
-
-
-@pytest.mark.parametrize(
-    ("text", "wanted"),
-    [
-        (wording.number(1234.4), "1,234"),
-        (wording.number(0.00012345), "0.000123"),
-        (wording.number(999.9), "1,000"),
-        (wording.number(-0.5), "−0.5"),
-        (wording.number(0.0), "0"),
-        (wording.number(-0.0), "0"),
-        (wording.number(math.inf), "no limit"),
-        (wording.number(math.nan), "–"),
-        (wording.number(None), "–"),
-        (wording.number(1e-9), "1e−09"),
-        (wording.length(0.0042), "4.2 mm"),
-        (wording.length(0.0996), "0.0996 m"),
-        (wording.length(12.345), "12.3 m"),
-        (wording.length(1234.5), "1,234 m"),
-        (wording.length(12345.0), "12.3 km"),
-        (wording.length(0.0), "0 m"),
-        (wording.degrees(math.radians(12.34)), "12.3°"),
-        (wording.degrees(-1e-9), "0.0°"),
-        (wording.share(0.0), "0 %"),
-        (wording.share(1.0), "100 %"),
-        (wording.share(0.9999), ">99.9 %"),
-        (wording.share(0.0001), "<0.1 %"),
-        (wording.share(0.1234), "12.3 %"),
-        (wording.duration(12.3), "12 s"),
-        (wording.duration(59.7), "1 min"),
-        (wording.duration(200.0), "3 min 20 s"),
-        (wording.duration(7290.0), "2 h 2 min"),
-        (wording.duration(math.inf), "no limit"),
-        (wording.energy(812.0), "812 J"),
-        (wording.energy(7200.0), "2 Wh"),
-        (wording.energy(1e8), "27.8 kWh"),
-        (wording.energy(math.inf), "–"),
-    ],
-)
-def test_numbers_for_people(text: str, wanted: str) -> None:
-    assert text == wanted
-
-
-@given(st.floats(allow_nan=True, allow_infinity=True))
-def test_any_number_has_a_text(value: float) -> None:
-    for words in (
-        wording.number, wording.length, wording.degrees, wording.share, wording.energy,
-    ):  # fmt: skip
-        text = words(value)
-        assert text
-        assert "nan" not in text
-        assert "inf" not in text.replace("infinity", "")
 
 
 class TestConclusion:

@@ -14,7 +14,7 @@ from terratool.authoring.starters.options import Kind, Wanted
 from terratool.authoring.starters.rough import ROUGH
 from terratool.authoring.starters.warehouse import WAREHOUSE
 from terratool.errors import RequestError
-from terratool.text.display import listed
+from terratool.report.wording import listed
 
 KINDS: Mapping[str, Kind] = {
     "flat": FLAT,

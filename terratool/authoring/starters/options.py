@@ -13,7 +13,7 @@ from msgspec.structs import replace
 from terratool.definition.key import Key
 from terratool.definition.scattering import share
 from terratool.errors import RequestError
-from terratool.text.display import listed
+from terratool.report.wording import listed
 
 Members = dict[str, Any]
 """Of an object of the definition."""

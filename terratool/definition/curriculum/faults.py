@@ -13,7 +13,8 @@ from terratool.definition.curriculum.text import CURRICULUM_KEYS, MAX_TILES, Cur
 from terratool.definition.findings import Remark
 from terratool.definition.model import Pair, pair_of
 from terratool.definition.rules.base import CurriculumSubject
-from terratool.text.display import escape, listed, shown
+from terratool.report.wording import listed
+from terratool.text.display import escape, shown
 
 RESERVED = ("ground", "level", "pyramid", "column", "floor", "hole")
 """Primitives and surfaces that every definition of tiles may have."""

@@ -19,7 +19,8 @@ from terratool.definition.rules.base import Subject, rule
 from terratool.definition.scattering import strewing, strewn, wanted
 from terratool.definition.tree import ROOT, Tree
 from terratool.definition.uses import Root, Uses, elements_of, scatters_over_cells
-from terratool.text.display import many, shown
+from terratool.report.wording import many
+from terratool.text.display import shown
 
 
 @rule("TT720", "scatter")

@@ -9,7 +9,8 @@ from msgspec import UNSET
 from terratool.definition.findings import Remark
 from terratool.definition.rules.base import SensorSubject, rule
 from terratool.definition.sensor import MAX_FRAME, RATE, SENSORS, TURN
-from terratool.text.display import listed, shown
+from terratool.report.wording import listed
+from terratool.text.display import shown
 
 _SLACK = 1.0 + 1e-9
 """For rounding, where the last beam of a column fires with the next column."""

@@ -21,6 +21,7 @@ from terratool.importing.primitive.entries import (
 from terratool.importing.primitive.fit import CurveForm
 from terratool.importing.primitive.products import Patch, ProductSum
 from terratool.importing.types import HeightSource, SampledHeights
+from terratool.report.numbers import spelled, tenths
 
 MOST_TERMS = 16
 MOST_SAMPLES = 256
@@ -338,15 +339,15 @@ def sentences(imported: ImportedPrimitive) -> Iterator[str]:
     """What is to be said of the fit, for people."""
     error, unit = imported.error, imported.unit
     yield (
-        f"Error: {_sized(error.largest, error, unit)} at most, at {error.x:.12g} "
-        f"{error.y:.12g}; {_sized(error.rms, error, unit)} RMS, over {error.pixels:,} pixels."
+        f"Error: {_sized(error.largest, error, unit)} at most, at {spelled((error.x, error.y))};"
+        f" {_sized(error.rms, error, unit)} RMS, over {error.pixels:,} pixels."
     )
     if imported.missing:
         yield f"{imported.missing:,} pixels without a height count for nothing."
     if imported.entries[0].turn != 0.0:
-        share = error.bare / (error.bare + error.pixels)
+        bare = tenths(error.bare / (error.bare + error.pixels))
         yield (
-            f"Turned by {imported.entries[0].turn:g}°, it leaves {share:.1%} of the patch bare; "
+            f"Turned by {imported.entries[0].turn:g}°, it leaves {bare} of the patch bare; "
             f"unturned, the error for the rest would be {imported.unturned:.3g} {unit}."
         )
     if error.largest > _POOR * error.relief:

@@ -15,7 +15,7 @@ from terratool.mesh.formats.common import (
     write_points,
 )
 from terratool.mesh.types import Mesh
-from terratool.text.display import json_text
+from terratool.report.documents import json_text
 
 
 def write_obj(mesh: Mesh, path: Path, descr: str, world: bool = False) -> None:

@@ -22,7 +22,7 @@ from terratool.mesh.formats.common import (
     write_points,
 )
 from terratool.mesh.types import HeightGrid, Mesh
-from terratool.text.display import json_text
+from terratool.report.documents import json_text
 
 
 def write_vrml(mesh: Mesh, path: Path, descr: str) -> None:

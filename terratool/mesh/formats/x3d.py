@@ -17,7 +17,7 @@ from terratool.mesh.formats.common import (
     write_points,
 )
 from terratool.mesh.types import Mesh
-from terratool.text.display import json_text
+from terratool.report.documents import json_text
 
 _HEAD = """<?xml version="1.0" encoding="UTF-8"?>
 <!DOCTYPE X3D PUBLIC "ISO//Web3D//DTD X3D 3.3//EN" "http://www.web3d.org/specifications/x3d-3.3.dtd">

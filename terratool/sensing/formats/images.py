@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from terratool.io.bands import Bands
 from terratool.io.geotiff import TiffProfile, geotiff
 from terratool.io.png import png
+from terratool.report.documents import json_text
 from terratool.sensing.camera import intrinsics
 from terratool.sensing.formats.common import Record
 from terratool.sensing.readings import Frame, Status
 from terratool.sensing.sensor import Camera
-from terratool.text.display import json_text
 
 BESIDE = ".camera.json"
 """Suffix of the intrinsics, in place of that of the image."""

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from terratool.field.terrain import Terrain
 from terratool.io import csv_, las, npz, pcd, ply
+from terratool.report.inert import inert_cell
 from terratool.sensing.formats.common import ROW, SENSOR_AXES, Record, is_wide, picked
 from terratool.sensing.readings import Frame, Status
-from terratool.text.display import inert_cell
 
 _PLY = np.dtype(
     [

@@ -9,12 +9,12 @@ from pathlib import Path
 
 from terratool.errors import RequestError
 from terratool.extras import install_command
+from terratool.report.wording import listed
 from terratool.sensing.formats.common import Record
 from terratool.sensing.formats.images import BESIDE, write_png, write_tiff
 from terratool.sensing.formats.points import write_csv, write_las, write_npz, write_pcd, write_ply
 from terratool.sensing.formats.rosbag import write_bag
 from terratool.sensing.readings import Frame
-from terratool.text.display import listed
 
 
 @dataclass(frozen=True, slots=True)

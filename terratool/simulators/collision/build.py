@@ -16,6 +16,8 @@ from terratool.field.terrain import Terrain
 from terratool.mesh.components import components
 from terratool.mesh.triangulate import delaunay
 from terratool.mesh.types import BuiltMesh, Mesh
+from terratool.report.numbers import metres
+from terratool.report.wording import counted
 from terratool.simulators.collision.footing import rest_of
 from terratool.simulators.collision.height_patch import Bools, Floats, HeightPatch, Indices, Ints
 from terratool.simulators.collision.patches import CELLS, Surroundings, lay_patches, spread
@@ -28,7 +30,6 @@ from terratool.simulators.collision.solids import (
     areas_of,
     cover,
 )
-from terratool.text.display import counted, length
 
 _VALLEY = 0.3
 """Ground is parted along valleys where its normal turns by more than this, a sine …"""
@@ -232,7 +233,7 @@ class _Task:
                 return best
             else:
                 height = math.sqrt(too_low * best[0])
-            self.say(f"covering what is near walls within {length(height)}")
+            self.say(f"covering what is near walls within {metres(height)}")
 
 
 def _task_of(

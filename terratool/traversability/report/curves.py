@@ -11,11 +11,14 @@ from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
 
-from terratool.text.display import columns_of, printable
+from terratool.report import numbers
+from terratool.report.tables import columns_of, cut
+from terratool.text.display import printable
 from terratool.traversability.limits import slip_limit
 from terratool.traversability.report import wording
-from terratool.traversability.report.tables import cut, title
-from terratool.traversability.results import SlipCurve, TraversabilityReport
+from terratool.traversability.report.tables import title
+from terratool.traversability.report.wording import vehicle_name
+from terratool.traversability.results import Reports, SlipCurve, TraversabilityReport
 from terratool.traversability.vehicle import Vehicle
 
 COLOURS = 6
@@ -32,6 +35,9 @@ _SLOPES, _NUMBER = (5, 10, 15, 30, 45, 90), 36.0
 """Degrees that numbers of slopes may be apart, and the room that each takes."""
 _NEAR = 4.0
 """A curve is looked at every so many pixels where a name might cover it."""
+
+PAGE, PANEL, PHONE = 900.0, 460.0, 330.0
+"""Widths of a picture on a page, of one of several there, and of each on a phone."""
 
 NO_SURFACE = "There is no surface to drive on."
 
@@ -92,6 +98,41 @@ def slip_lines(report: TraversabilityReport) -> list[Line]:
     ]
 
 
+class Panel(NamedTuple):
+    """A picture of slip against slope, before it is drawn.
+
+    Attributes:
+        lines: its curves.
+        marks: slips that mean something, and what.
+        heading: over it; empty for none.
+    """
+
+    lines: list[Line]
+    marks: list[tuple[float, str]]
+    heading: str
+
+
+def slip_panels(reports: Reports) -> list[Panel]:
+    """A picture with a line for each surface; of several vehicles one for each surface.
+
+    Only those whose slip is known.
+    """
+    marks = slip_marks([one.vehicle for one in reports.reports])
+    if isinstance(reports, TraversabilityReport):
+        lines = slip_lines(reports)
+        return [Panel(lines, marks, "")] if lines else []
+    found = []
+    for row in zip(*(one.surfaces for one in reports.reports), strict=True):
+        lines = [
+            Line(vehicle_name(of), one.slip_curve, one.climb)
+            for of, one in zip(reports.reports, row, strict=True)
+            if one.slip_curve is not None
+        ]
+        if _can_draw(lines):
+            found.append(Panel(lines, marks, title(row[0])))
+    return found
+
+
 def slip_marks(vehicles: Sequence[Vehicle]) -> list[tuple[float, str]]:
     """Slips that mean something, from the lowest, and what; of several vehicles whose they are."""
     by_slip: dict[tuple[float, str], list[str]] = {}
@@ -104,8 +145,8 @@ def slip_marks(vehicles: Sequence[Vehicle]) -> list[tuple[float, str]]:
     marks = []
     for (slip, what), names in sorted(by_slip.items()):
         whose = f" ({', '.join(map(printable, names))})" if len(names) < len(vehicles) else ""
-        marks.append((slip, f"{wording.share(slip)}: {what}{whose}"))
-    return [*marks, (1.0, f"{wording.share(1.0)}: it stays where it is")]
+        marks.append((slip, f"{numbers.share(slip)}: {what}{whose}"))
+    return [*marks, (1.0, f"{numbers.share(1.0)}: it stays where it is")]
 
 
 def slip_chart(
@@ -121,24 +162,19 @@ def slip_chart(
     return _element(parts, width, tall, _described(lines))
 
 
-def slip_sheet(
-    panels: Sequence[tuple[Sequence[Line], Sequence[tuple[float, str]], str]], width: float
-) -> str:
-    """Charts of so many pixels' width by their lines, marks and headings, two in a row."""
-    parts, top, tall, number = [], 0.0, 0.0, 0
-    for lines, marks, heading in panels:
-        if not _can_draw(lines):
-            continue
+def _sheet(panels: Sequence[Panel]) -> str:
+    """Charts two in a row; empty where there are none."""
+    parts, top, tall = [], 0.0, 0.0
+    for number, (lines, marks, heading) in enumerate(panels):
         if number and number % 2 == 0:
             top, tall = top + tall, 0.0
-        chart, own = _chart(lines, marks, width, heading)
+        chart, own = _chart(lines, marks, PANEL, heading)
         tall = max(tall, own + _ROW)
-        at = f"{width * (number % 2):g} {top:g}"
+        at = f"{PANEL * (number % 2):g} {top:g}"
         parts += [f'<g transform="translate({at})"><title>{escape(heading)}</title>', *chart]
         parts.append("</g>")
-        number += 1
     described = "Slip against slope, surface by surface."
-    return _element(parts, width * min(number, 2), top + tall, described) if number else ""
+    return _element(parts, PANEL * min(len(panels), 2), top + tall, described) if panels else ""
 
 
 def _can_draw(lines: Sequence[Line]) -> bool:
@@ -172,7 +208,7 @@ def style() -> str:
     return Path(__file__).with_name("curves.css").read_text("utf-8")
 
 
-def alone(chart: str, without: str) -> str:
+def _alone(chart: str, without: str) -> str:
     """A chart as the text of a file of its own; of a sentence where there is none."""
     if not chart:
         chart = _element([_text(without, 20.0, 34.0, "title")], 720.0, 60.0, without)
@@ -181,18 +217,22 @@ def alone(chart: str, without: str) -> str:
     return f"{head}>\n<style>\n{style()}</style>\n{paper}\n{body}\n".replace("><", ">\n<")
 
 
-def as_svg(report: TraversabilityReport) -> str:
-    """The slip of a report by the slope, as the text of an SVG file."""
-    heading = f"{report.terrain}, {report.vehicle.name or 'a wheel'}"
-    chart = slip_chart(slip_lines(report), slip_marks([report.vehicle]), 900.0, heading)
-    return alone(chart, wording.slip_unknown(report) or NO_SURFACE)
+def as_svg(reports: Reports) -> str:
+    """Slip by the slope, surface by surface, as the text of an SVG file."""
+    panels = slip_panels(reports)
+    if isinstance(reports, TraversabilityReport):
+        heading = f"{reports.terrain}, {reports.vehicle.name or 'a wheel'}"
+        chart = "".join(slip_chart(lines, marks, PAGE, heading) for lines, marks, _ in panels)
+    else:
+        chart = _sheet(panels)
+    return _alone(chart, wording.slip_unknown(reports.reports[0]) or NO_SURFACE)
 
 
 def _described(lines: Sequence[Line]) -> str:
     parts = []
     for line in lines:
         able, _ = line.drawn()
-        far = f"{wording.share(able[-1][1])} at {able[-1][0]:.1f}°" if able else "not on the level"
+        far = f"{numbers.share(able[-1][1])} at {able[-1][0]:.1f}°" if able else "not on the level"
         parts.append(f"{printable(line.name)} {far}")
     return f"Slip against slope, to the largest climb: {'; '.join(parts)}."
 
@@ -318,7 +358,7 @@ def _legend(lines: Sequence[Line], left: float, width: float) -> tuple[list[str]
     """The lines by name, with the largest climb, and how many rows that takes."""
     parts, x, row = [], left, 0
     for number, line in enumerate(lines):
-        climb = "not on the level" if line.climb is None else wording.degrees(line.climb)
+        climb = "not on the level" if line.climb is None else numbers.degrees(line.climb)
         text = f"{cut(line.name, _NAME)} {climb}"
         wide = _SWATCH + _wide(text) + 14.0
         if x > left and x + wide > width:

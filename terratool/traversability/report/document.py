@@ -1,277 +1,594 @@
-"""A report as a plain value for JSON, as schemas/report.schema.json describes it."""
+"""A report as JSON: records whose fields are its keys, as schemas/report.schema.json has them."""
 
 from __future__ import annotations
 
-import json
-import math
-import re
-from collections.abc import Callable, Iterable, Mapping
-from pathlib import Path
-from typing import Any
+from collections.abc import Sequence
+from typing import Annotated, Any
 
-import numpy as np
+from msgspec import UNSET, Struct, UnsetType, structs
 
-from terratool._version import __version__
-from terratool.errors import RequestError
-from terratool.text.display import inert_json, json_text, shown
-from terratool.traversability.report import wording
-from terratool.traversability.report.curves import as_svg
-from terratool.traversability.report.page import as_markdown, as_page
-from terratool.traversability.report.routes import route_features
+from terratool.report.documents import Document, Tool, json_text, plain_document
+from terratool.traversability.report import comparison, wording
+from terratool.traversability.report.keys import (
+    DEG,
+    Binding,
+    Degrees,
+    Joules,
+    Kilograms,
+    Kilopascals,
+    Kind,
+    ManyDegrees,
+    ManyMetres,
+    Metres,
+    MetresPerKilonewton,
+    MetresPerSecond,
+    MetresPerSquareSecond,
+    NewtonMetres,
+    Newtons,
+    Number,
+    Numbers,
+    Of,
+    Seconds,
+    SquareMetres,
+    Text,
+    Watts,
+    filled,
+    value_of,
+)
 from terratool.traversability.results import (
-    Barrier,
-    Chances,
-    Extreme,
-    Figures,
     GroundClass,
-    LargestPart,
-    Location,
     MapSummary,
-    Reach,
     Reason,
-    Route,
-    RouteProfile,
-    SlipCurve,
+    Reports,
     TraversabilityReport,
+    VehicleComparison,
     Verdict,
 )
-from terratool.traversability.vehicle import (
-    Axle,
-    Margins,
-    Overhang,
-    Thresholds,
-    Vehicle,
-    Wheel,
-)
+from terratool.traversability.vehicle import Vehicle
 
 FORMAT_VERSION = 2
 
-_KEYS: dict[type, str] = {
-    Vehicle: "name single_wheel mass_kg gravity_m_s2 weight_N wheel axles track_m cog_height_m "
-    "clearance_m body_width_m front rear steering speed_m_s power_W margins classes",
-    Wheel: "radius_m width_m grouser_height_m contact_length_m patch_pressure_kPa exit_ratio "
-    "max_torque_Nm max_slip",
-    Axle: "x_m wheels driven wheel",
-    Overhang: "length_m height_m",
-    Margins: "clearance_m step_m tip_deg slope_deg",
-    Thresholds: "utilisation slip caution_slip torque geometry",
-    Figures: "surface verdict binding missing preset load_N cohesion_kPa friction_deg "
-    "sinkage_rate_m_per_kN shear_modulus_m sinkage_m contact_length_m contact_area_m2 pressure_kPa "
-    "normal_stress_kPa shear_stress_kPa entry_angle_deg strength_kPa motor_stress_kPa "
-    "limit_torque_Nm thrust_N resistance_N drawbar_N torque_Nm utilisation slip "
-    "climb_deg climb_binding cross_slope_deg cross_slope_binding step_m step_binding step_axle "
-    "gap_m turning_Nm turning_work_J turning_slip turning_binding warnings slip_curve",
-    SlipCurve: "slope_deg slip",
-    Location: "x y z surface element",
-    Barrier: "binding bars width_m place",
-    Route: "found planned verdict start goal length_m time_s energy_J turning_J steepest softest "
-    "tightest barriers reached note one_way against back headings tried_headings "
-    "ruled_out_headings profile",
-    RouteProfile: "x y heading_deg distance_m z sinkage_m pitch_deg roll_deg slip utilisation "
-    "verdict binding surface element",
-    Reach: "start share returnable note",
-    LargestPart: "place share",
-    Chances: "go go_or_caution climb_low_deg climb_high_deg",
-}
-"""Keys of records: names of members, and units where they have one."""
 
-_UNITS = {
-    "m_per_kN": 1e3, "m_s2": 1.0, "m_s": 1.0, "m2": 1.0, "m": 1.0, "kg": 1.0, "s": 1.0, "J": 1.0,
-    "W": 1.0, "Nm": 1.0, "N": 1.0, "kPa": 1e-3, "deg": 180.0 / math.pi,
-}  # fmt: skip
-"""For each unit of a key the factor from SI units."""
+class TerrainKeys(Struct, frozen=True):
+    """The terrain that a report is about."""
 
-_OTHER_NAMES = {
-    "binding": "reason",
-    "go_or_caution": "drives",
-    "classes": "thresholds",
-    "single_wheel": "is_single",
-    "track": "track_width",
-    "z": "height",
-}
-"""Members that have another name than their key."""
-
-_KEY = re.compile(rf"(\w+?)(?:_({'|'.join(_UNITS)}))?")
+    file: str
+    descr: str
+    bounds: Numbers
 
 
-def as_dict(report: TraversabilityReport) -> dict[str, Any]:
-    """A report as dictionaries, lists, texts and finite numbers.
+class PlaceKeys(Struct, frozen=True):
+    """A place on the terrain."""
+
+    x: float | None
+    y: float | None
+    z: Annotated[float | None, Of("height")]
+    surface: Text
+    element: Text
+
+
+class WheelKeys(Struct, frozen=True):
+    """A wheel."""
+
+    radius_m: Metres
+    width_m: Metres
+    grouser_height_m: Metres
+    contact_length_m: Metres
+    patch_pressure_kPa: Kilopascals
+    exit_ratio: Number
+    max_torque_Nm: NewtonMetres
+    max_slip: Number
+
+
+class AxleKeys(Struct, frozen=True):
+    """Wheels side by side."""
+
+    x_m: Metres
+    wheels: int
+    driven: bool
+    wheel: WheelKeys | None
+
+
+class OverhangKeys(Struct, frozen=True):
+    """What of a body lies beyond an outermost axle."""
+
+    length_m: Metres
+    height_m: Metres
+
+
+class MarginKeys(Struct, frozen=True):
+    """What is kept in reserve."""
+
+    clearance_m: Metres
+    step_m: Metres
+    tip_deg: Degrees
+    slope_deg: Degrees
+
+
+class ThresholdKeys(Struct, frozen=True):
+    """Where go ends and caution ends."""
+
+    utilisation: Number
+    slip: Number
+    caution_slip: Number
+    torque: Number
+    geometry: Number
+
+
+class VehicleKeys(Struct, frozen=True):
+    """A vehicle, or a wheel by itself, which has neither mass nor gravity."""
+
+    name: str
+    single_wheel: Annotated[bool, Of("is_single")]
+    mass_kg: Kilograms
+    gravity_m_s2: MetresPerSquareSecond
+    weight_N: Newtons
+    wheel: WheelKeys
+    axles: tuple[AxleKeys, ...]
+    track_m: Annotated[float | None, Of("track_width")]
+    cog_height_m: Metres
+    clearance_m: Metres
+    body_width_m: Metres
+    front: OverhangKeys
+    rear: OverhangKeys
+    steering: str
+    speed_m_s: MetresPerSecond
+    power_W: Watts
+    margins: MarginKeys
+    classes: Annotated[ThresholdKeys, Of("thresholds")]
+
+
+class SlipCurveKeys(Struct, frozen=True):
+    """Slip by the slope that is driven straight up or down."""
+
+    slope_deg: ManyDegrees
+    slip: Numbers
+
+
+class ChanceKeys(Struct, frozen=True):
+    """How likely a vehicle can drive on the level of a surface."""
+
+    go: Number
+    go_or_caution: Annotated[Number, Of("drives")]
+    climb_low_deg: Degrees
+    climb_high_deg: Degrees
+
+
+class SurfaceKeys(Struct, frozen=True):
+    """What ground and vehicle do to each other on a surface."""
+
+    surface: str
+    verdict: str
+    binding: Binding
+    missing: tuple[str, ...]
+    preset: Text
+    load_N: Newtons
+    cohesion_kPa: Kilopascals
+    friction_deg: Degrees
+    sinkage_rate_m_per_kN: MetresPerKilonewton
+    shear_modulus_m: Metres
+    sinkage_m: Metres
+    contact_length_m: Metres
+    contact_area_m2: SquareMetres
+    pressure_kPa: Kilopascals
+    normal_stress_kPa: Kilopascals
+    shear_stress_kPa: Kilopascals
+    entry_angle_deg: Degrees
+    strength_kPa: Kilopascals
+    motor_stress_kPa: Kilopascals
+    limit_torque_Nm: NewtonMetres
+    thrust_N: Newtons
+    resistance_N: Newtons
+    drawbar_N: Newtons
+    torque_Nm: NewtonMetres
+    utilisation: Number
+    slip: Number
+    climb_deg: Degrees
+    climb_binding: Text
+    cross_slope_deg: Degrees
+    cross_slope_binding: Text
+    step_m: Metres
+    step_binding: Text
+    step_axle: int | None
+    gap_m: Metres
+    turning_Nm: NewtonMetres
+    turning_work_J: Joules
+    turning_slip: Number
+    turning_binding: Text
+    warnings: tuple[str, ...]
+    slip_curve: SlipCurveKeys | None
+    probability: Annotated[ChanceKeys | UnsetType, Of("chances")] = UNSET
+
+
+class BarrierKeys(Struct, frozen=True):
+    """What bars a way at one place."""
+
+    binding: Binding
+    bars: Text
+    width_m: Metres
+    place: PlaceKeys
+
+
+class SteepestKeys(Struct, frozen=True):
+    """Where a route is steepest."""
+
+    pitch_deg: Annotated[float | None, Of("value", factor=DEG)]
+    binding: Binding
+    place: PlaceKeys
+
+
+class SoftestKeys(Struct, frozen=True):
+    """Where wheels sink deepest along a route."""
+
+    sinkage_m: Annotated[float | None, Of("value")]
+    binding: Binding
+    place: PlaceKeys
+
+
+class TightestKeys(Struct, frozen=True):
+    """Where the margin of a route is least."""
+
+    margin: Annotated[float | None, Of("value")]
+    binding: Binding
+    place: PlaceKeys
+
+
+class LeastChanceKeys(Struct, frozen=True):
+    """Where go is least likely along a route."""
+
+    probability: Annotated[float | None, Of("value")]
+    place: PlaceKeys
+
+
+class ProfileKeys(Struct, frozen=True):
+    """Samples along a route."""
+
+    x: Numbers
+    y: Numbers
+    heading_deg: Annotated[Numbers, Of("heading")]
+    distance_m: ManyMetres
+    z: Annotated[Numbers, Of("height")]
+    sinkage_m: ManyMetres
+    pitch_deg: ManyDegrees
+    roll_deg: ManyDegrees
+    slip: Numbers
+    utilisation: Numbers
+    verdict: Annotated[tuple[str, ...], Of(codes=Verdict)]
+    binding: Annotated[tuple[Text, ...], Of("reason", codes=Reason)]
+    surface: tuple[Text, ...]
+    element: tuple[Text, ...]
+
+
+class RouteKeys(Struct, frozen=True):
+    """A way from a start to a goal, or why there is none."""
+
+    found: bool
+    planned: bool
+    verdict: str
+    start: PlaceKeys
+    goal: PlaceKeys
+    length_m: Metres
+    time_s: Seconds
+    energy_J: Joules
+    turning_J: Joules
+    steepest: SteepestKeys | None
+    softest: SoftestKeys | None
+    tightest: TightestKeys | None
+    barriers: tuple[BarrierKeys, ...]
+    reached: PlaceKeys | None
+    note: Text
+    one_way: bool
+    against: tuple[BarrierKeys, ...]
+    back: RouteKeys | None
+    headings: int
+    tried_headings: tuple[int, ...]
+    ruled_out_headings: int | None
+    profile: ProfileKeys | None
+    probability: Annotated[Number | UnsetType, Of("chance")] = UNSET
+    least_probability: Annotated[LeastChanceKeys | UnsetType, Of("least_chance")] = UNSET
+
+
+class ReachKeys(Struct, frozen=True):
+    """What can be reached from a place."""
+
+    start: PlaceKeys
+    share: Number
+    returnable: Number
+    note: Text
+
+
+class LargestPartKeys(Struct, frozen=True):
+    """The largest connected part of the ground."""
+
+    place: Numbers
+    share: Number
+
+
+class ChancePixels(Struct, frozen=True):
+    """Pixels that are go with a probability or more."""
+
+    at_least: float
+    pixels: int
+
+
+class MapKeys(Struct, frozen=True, rename={"start": "from"}):
+    """A map in numbers; pixels and shares by what the ground is."""
+
+    resolution_m: Metres
+    width: int
+    height: int
+    bounds: Numbers
+    headings: int
+    start: Numbers | None
+    largest_part: LargestPartKeys | None
+    pixels: int
+    best_heading: dict[str, int]
+    worst_heading: dict[str, int]
+    fractions: dict[str, Number]
+    binding: dict[str, int]
+    by_surface: tuple[dict[str, Any], ...]
+    probability: tuple[ChancePixels, ...] | UnsetType = UNSET
+
+
+class MendKeys(Struct, frozen=True):
+    """A line of JSON that mends a definition, and where it goes."""
+
+    where: str
+    line: str
+
+
+class RangeKeys(Struct, frozen=True):
+    """A figure of a surface of which a range is known."""
+
+    surface: str
+    key: str
+    low: float
+    high: float
+
+
+class SamplingKeys(Struct, frozen=True):
+    """How soils that are ranges were sampled."""
+
+    samples: int
+    seed: int
+    error: Number
+    ranges: tuple[RangeKeys, ...]
+
+
+class ReportKeys(Document, frozen=True, kw_only=True):
+    """The report on one vehicle."""
+
+    format_version: int = FORMAT_VERSION
+    tool: Tool = Tool()
+    terrain: TerrainKeys
+    vehicle: VehicleKeys
+    model: str
+    verdict: str
+    sentence: str
+    surfaces: tuple[SurfaceKeys, ...]
+    mending: tuple[MendKeys, ...]
+    map: MapKeys | None
+    routes: tuple[RouteKeys, ...]
+    reach: ReachKeys | None
+    notes: tuple[str, ...]
+    assumptions: tuple[str, ...]
+    sampling: SamplingKeys | UnsetType = UNSET
+
+
+class VehicleVerdict(Struct, frozen=True):
+    """What one of several vehicles can do on the terrain."""
+
+    vehicle: str
+    drives: bool
+    verdict: str
+
+
+class SurfaceVerdict(Struct, frozen=True):
+    """What one of several vehicles can do on a surface, out of its report."""
+
+    vehicle: str
+    verdict: str
+    binding: Text
+    climb_deg: Number
+    climb_binding: Text
+
+
+class SurfaceVerdicts(Struct, frozen=True):
+    """A surface, and what the vehicles can do on it."""
+
+    surface: str
+    vehicles: tuple[SurfaceVerdict, ...]
+
+
+class RouteVerdict(Struct, frozen=True):
+    """What one of several vehicles makes of a way, out of its report."""
+
+    vehicle: str
+    found: bool
+    verdict: str
+    length_m: Number
+    time_s: Number
+    energy_J: Number
+    tightest: TightestKeys | None
+    barriers: tuple[BarrierKeys, ...]
+
+
+class RouteVerdicts(Struct, frozen=True):
+    """A way, and what the vehicles make of it."""
+
+    start: PlaceKeys
+    goal: PlaceKeys
+    vehicles: tuple[RouteVerdict, ...]
+
+
+class MapShares(Struct, frozen=True):
+    """Shares of the ground for one of several vehicles, out of its report."""
+
+    vehicle: str
+    resolution_m: Number
+    fractions: dict[str, Number]
+
+
+class TogetherKeys(Struct, frozen=True):
+    """The share of the ground that is go or caution for just these vehicles."""
+
+    vehicles: tuple[str, ...]
+    share: Number
+
+
+class MapComparisonKeys(Struct, frozen=True):
+    """The maps of several vehicles side by side."""
+
+    one_grid: bool
+    vehicles: tuple[MapShares, ...]
+    together: tuple[TogetherKeys, ...]
+
+
+class ComparisonKeys(Document, frozen=True, kw_only=True):
+    """Several vehicles side by side, as schemas/comparison.schema.json has them."""
+
+    format_version: int = FORMAT_VERSION
+    tool: Tool = Tool()
+    verdict: str
+    sentence: str
+    vehicles: tuple[VehicleVerdict, ...]
+    surfaces: tuple[SurfaceVerdicts, ...]
+    routes: tuple[RouteVerdicts, ...]
+    map: MapComparisonKeys | None
+    notes: tuple[str, ...]
+    reports: tuple[ReportKeys, ...]
+
+
+def as_dict(reports: Reports) -> dict[str, Any]:
+    """A report, or a comparison with its reports, as dictionaries, lists, texts, finite numbers.
 
     Units are in the names of keys; what is not known, means nothing or has no limit is None.
     """
-    document = {
-        "format_version": FORMAT_VERSION,
-        "tool": {"name": "terratool", "version": __version__},
-        "terrain": {
-            "file": report.terrain,
-            "descr": report.descr,
-            "bounds": _plain(report.bounds),
-        },
-        "vehicle": _plain(report.vehicle),
-        "model": report.vehicle.model,
-        "verdict": report.verdict.label,
-        "sentence": wording.conclusion(report),
-        "surfaces": _plain(report.surfaces),
-        "mending": [{"where": place, "line": line} for place, line in wording.mending(report)],
-        "map": None if report.summary is None else _summary(report.summary),
-        "routes": _plain(report.routes),
-        "reach": _plain(report.reach),
-        "notes": list(report.notes),
-        "assumptions": list(report.assumptions),
-    }
+    return plain_document(_document(reports))
+
+
+def as_json(reports: Reports) -> str:
+    """A report, or a comparison with its reports, as the text of a JSON file."""
+    return json_text(_document(reports)) + "\n"
+
+
+def _document(reports: Reports) -> ReportKeys | ComparisonKeys:
+    if isinstance(reports, VehicleComparison):
+        return _comparison(reports)
+    return _report(reports)
+
+
+def _report(report: TraversabilityReport) -> ReportKeys:
     sampling = report.sampling
-    if sampling is not None:
-        document["sampling"] = {
-            "samples": sampling.samples,
-            "seed": sampling.seed,
-            "error": _plain(sampling.error),
-            "ranges": [
-                dict(zip(("surface", "key", "low", "high"), one, strict=True))
-                for one in sampling.ranges
-            ],
-        }
-    return document
+    return ReportKeys(
+        terrain=TerrainKeys(report.terrain, report.descr, value_of(report.bounds)),
+        vehicle=_vehicle(report.vehicle),
+        model=report.vehicle.model,
+        verdict=report.verdict.label,
+        sentence=wording.conclusion(report),
+        surfaces=tuple(filled(SurfaceKeys, one) for one in report.surfaces),
+        mending=tuple(MendKeys(place, line) for place, line in wording.mending(report)),
+        map=None if report.summary is None else _map(report.summary),
+        routes=tuple(filled(RouteKeys, one) for one in report.routes),
+        reach=None if report.reach is None else filled(ReachKeys, report.reach),
+        notes=report.notes,
+        assumptions=report.assumptions,
+        sampling=UNSET
+        if sampling is None
+        else SamplingKeys(
+            sampling.samples,
+            sampling.seed,
+            value_of(sampling.error),
+            tuple(RangeKeys(*one) for one in sampling.ranges),
+        ),
+    )
 
 
-def as_json(report: TraversabilityReport) -> str:
-    """A report as the text of a JSON file."""
-    return file_text(as_dict(report))
+def _vehicle(vehicle: Vehicle) -> VehicleKeys:
+    found = filled(VehicleKeys, vehicle)
+    if vehicle.is_single:
+        return structs.replace(found, mass_kg=None, gravity_m_s2=None)
+    return found
 
 
-def file_text(value: Any) -> str:
-    """A plain value as the text of a JSON file."""
-    text = json.dumps(value, indent=2, ensure_ascii=False, allow_nan=False)
-    return inert_json(text) + "\n"
-
-
-def _plain(value: Any, factor: float = 1.0) -> Any:
-    """A value for JSON: None for an empty text, for no reason, and for what is not finite.
-
-    Floating-point numbers have twelve digits: none that only come from factors of units.
-    """
-    if isinstance(value, float):
-        return float(f"{value * factor:.12g}") if math.isfinite(value) else None
-    if isinstance(value, str):
-        return value or None
-    if isinstance(value, Verdict):
-        return value.label
-    if isinstance(value, Reason):
-        return None if value == Reason.NONE else value.label
-    if isinstance(value, tuple):
-        return [_plain(each, factor) for each in value]
-    if isinstance(value, np.ndarray):
-        return [_plain(each, factor) for each in value.tolist()]
-    return _record(value) if type(value) in _KEYS else value
-
-
-def _record(record: Any) -> dict[str, Any]:
-    """The members of a record by their keys."""
-    document = {}
-    for key in _KEYS[type(record)].split():
-        name, unit = _KEY.fullmatch(key).groups()  # type: ignore[union-attr]
-        document[key] = _plain(getattr(record, _OTHER_NAMES.get(name, name)), _UNITS.get(unit, 1.0))
-    match record:
-        case Vehicle():
-            document["name"] = record.name
-            if record.is_single:
-                document["mass_kg"] = document["gravity_m_s2"] = None
-        case Figures():
-            document["surface"] = record.surface
-            if record.chances is not None:
-                document["probability"] = _plain(record.chances)
-        case Route():
-            for name, key in (
-                ("steepest", "pitch_deg"),
-                ("softest", "sinkage_m"),
-                ("tightest", "margin"),
-            ):
-                document[name] = _extreme(getattr(record, name), key)
-            if record.least_chance is not None:
-                least = record.least_chance
-                document["probability"] = _plain(record.chance)
-                document["least_probability"] = {
-                    "probability": _plain(least.value), "place": _plain(least.place),
-                }  # fmt: skip
-        case RouteProfile():
-            document["heading_deg"] = _plain(record.heading)
-            document["verdict"] = [Verdict(code).label for code in record.verdict.tolist()]
-            document["binding"] = [_plain(Reason(code)) for code in record.reason.tolist()]
-    return document
-
-
-def _extreme(extreme: Extreme | None, key: str) -> dict[str, Any] | None:
-    if extreme is None:
-        return None
-    value = _plain(extreme.value, _UNITS["deg"] if key == "pitch_deg" else 1.0)
-    return {key: value, "binding": _plain(extreme.reason), "place": _plain(extreme.place)}
+def _map(summary: MapSummary) -> MapKeys:
+    grid, chances = summary.grid, summary.chances
+    return MapKeys(
+        resolution_m=value_of(grid.resolution),
+        width=grid.width,
+        height=grid.height,
+        bounds=value_of(grid.bounds),
+        headings=summary.headings,
+        start=value_of(summary.start),
+        largest_part=value_of(summary.largest, nested=LargestPartKeys),
+        pixels=summary.pixels,
+        best_heading=_counts(summary.counts),
+        worst_heading=_counts(summary.worst_counts),
+        fractions={one.label: value_of(summary.fraction(one)) for one in wording.GROUNDS},
+        binding={
+            reason.label: count
+            for reason, count in sorted(summary.reasons.items())
+            if count and reason != Reason.NONE
+        },
+        by_surface=tuple(
+            {"surface": name or None, **_counts(counts)}
+            for name, counts in summary.by_surface.items()
+        ),
+        probability=UNSET
+        if chances is None
+        else tuple(ChancePixels(bound, count) for bound, count in chances.items()),
+    )
 
 
 def _counts(counts: dict[GroundClass, int]) -> dict[str, int]:
     return {ground.label: counts.get(ground, 0) for ground in wording.GROUNDS}
 
 
-def _summary(summary: MapSummary) -> dict[str, Any]:
-    grid = summary.grid
-    document = {
-        "resolution_m": _plain(grid.resolution),
-        "width": grid.width,
-        "height": grid.height,
-        "bounds": _plain(grid.bounds),
-        "headings": summary.headings,
-        "from": _plain(summary.start),
-        "largest_part": _plain(summary.largest),
-        "pixels": summary.pixels,
-        "best_heading": _counts(summary.counts),
-        "worst_heading": _counts(summary.worst_counts),
-        "fractions": {ground.label: _plain(summary.fraction(ground)) for ground in wording.GROUNDS},
-        "binding": {
-            reason.label: count
-            for reason, count in sorted(summary.reasons.items())
-            if count and reason != Reason.NONE
-        },
-        "by_surface": [
-            {"surface": name or None, **_counts(counts)}
-            for name, counts in summary.by_surface.items()
-        ],
-    }
-    if summary.chances is not None:
-        document["probability"] = [
-            {"at_least": bound, "pixels": count} for bound, count in summary.chances.items()
-        ]
-    return document
+def _comparison(found: VehicleComparison) -> ComparisonKeys:
+    reports = tuple(map(_report, found.reports))
+    names = [one.vehicle.name for one in reports]
+    surfaces = zip(*(one.surfaces for one in reports), strict=True)
+    routes = zip(*(one.routes for one in reports), strict=True)
+    return ComparisonKeys(
+        verdict=found.verdict.label,
+        sentence=comparison.conclusion(found),
+        vehicles=tuple(
+            VehicleVerdict(name, one.drives, one.verdict.label)
+            for name, one in zip(names, found.reports, strict=True)
+        ),
+        surfaces=tuple(
+            SurfaceVerdicts(row[0].surface, _picked(SurfaceVerdict, names, row)) for row in surfaces
+        ),
+        routes=tuple(
+            RouteVerdicts(row[0].start, row[0].goal, _picked(RouteVerdict, names, row))
+            for row in routes
+        ),
+        map=_maps(found, names, [one.map for one in reports if one.map is not None]),
+        notes=found.notes,
+        reports=reports,
+    )
 
 
-def as_geojson(report: TraversabilityReport) -> str:
-    """The routes of a report as the text of a GeoJSON file, a line for each feature."""
-    return geojson_text(report, route_features(report.routes))
+def _maps(
+    found: VehicleComparison, names: Sequence[str], maps: Sequence[MapKeys]
+) -> MapComparisonKeys | None:
+    if len(maps) < len(names):
+        return None
+    grids = {(one.resolution_m, one.width, one.height, one.bounds) for one in maps}
+    return MapComparisonKeys(
+        one_grid=len(grids) == 1,
+        vehicles=_picked(MapShares, names, maps),
+        together=tuple(
+            TogetherKeys(vehicles, value_of(share))
+            for vehicles, share in comparison.together(found)
+        ),
+    )
 
 
-def geojson_text(report: TraversabilityReport, features: Iterable[dict[str, Any]]) -> str:
-    """Features as the text of a GeoJSON file, with the head that a report has for it."""
-    head = {**report.geojson, "terratool": __version__}
-    lines = ",\n".join(json_text(one, None) for one in features)
-    return f'{json_text(head, None)[:-1]}, "features": [\n{lines}\n]}}\n'
-
-
-FORMATS: dict[str, Callable[[TraversabilityReport], str]] = {
-    ".json": as_json,
-    ".md": as_markdown,
-    ".html": as_page,
-    ".svg": as_svg,
-    ".geojson": as_geojson,
-}
-
-
-def renderer_of(
-    path: str | Path, formats: Mapping[str, Callable[[Any], str]] = FORMATS
-) -> Callable[[Any], str]:
-    """What makes the text of a report's file of this name, of some formats by suffix.
-
-    Raises:
-        RequestError: there is no such format.
-    """
-    suffix = Path(path).suffix.lower()
-    if suffix not in formats:
-        what = f"there are no reports as {shown(suffix)}" if suffix else "has no suffix"
-        raise RequestError(f"{path}: {what}.", f"Let it end in {', '.join(formats)}.")
-    return formats[suffix]
+def _picked(kind: type[Kind], names: Sequence[str], row: Sequence[Struct]) -> tuple[Kind, ...]:
+    """Some keys of what the reports have of one thing, each with the vehicle's name."""
+    _, *keys = kind.__struct_fields__
+    return tuple(
+        kind(name, *(getattr(one, key) for key in keys))
+        for name, one in zip(names, row, strict=True)
+    )

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terratool.raster.shading import LIGHT, contour_interval, exaggeration, hillshade, ticks
-from terratool.traversability.report import wording
+from terratool.report import numbers
 from terratool.traversability.results import COLORS, GroundClass, Preview, RouteProfile, Verdict
 
 _LEFT, _RIGHT, _TOP = 52, 12, 22
@@ -135,7 +135,7 @@ def _axis(
     for value in ticks(first, last, round(abs(y_last - y_first) / 32)):
         y = y_first + (value - first) / (last - first) * (y_last - y_first)
         yield f'<path class="rule" d="M{_LEFT} {y:.1f}H{width - _RIGHT}"/>'
-        text = wording.number(value)
+        text = numbers.number(value)
         yield f'<text x="{_LEFT - 6}" y="{y + 4:.1f}" text-anchor="end">{text}</text>'
     yield f'<text class="title" x="{_LEFT}" y="{min(y_first, y_last) - 8:.1f}">{title}</text>'
 
@@ -145,7 +145,7 @@ def _distances(total: float, width: int, bottom: float) -> Iterator[str]:
     for value in ticks(0.0, total, max(3, room // 90)):
         x = _LEFT + value / total * room
         yield f'<path class="tick" d="M{x:.1f} {bottom}v5"/>'
-        text = wording.number(value)
+        text = numbers.number(value)
         yield f'<text x="{x:.1f}" y="{bottom + 18}" text-anchor="middle">{text}</text>'
     yield f'<path class="tick" d="M{_LEFT} {bottom}H{width - _RIGHT}"/>'
     yield (
@@ -158,11 +158,11 @@ def _described(profile: RouteProfile, total: float) -> str:
     known = profile.height[np.isfinite(profile.height)]
     heights = ""
     if known.size:
-        low, high = (wording.length(float(height)) for height in (known.min(), known.max()))
+        low, high = (numbers.length(float(height)) for height in (known.min(), known.max()))
         heights = f"heights from {low} to {high}, "
     sunk = profile.sinkage[np.isfinite(profile.sinkage)]
-    deepest = wording.length(float(sunk.max())) if sunk.size else "no"
-    return f"Profile over {wording.length(total)}: {heights}{deepest} of sinkage at most."
+    deepest = numbers.length(float(sunk.max())) if sunk.size else "no"
+    return f"Profile over {numbers.length(total)}: {heights}{deepest} of sinkage at most."
 
 
 def _contours(heights: NDArray[np.float32], interval: float) -> NDArray[np.bool_]:

@@ -1,96 +1,109 @@
-"""A report as an HTML page, without scripts and links, or as Markdown, by the templates here."""
+"""A report, or several side by side, as an HTML page, without scripts and links, or as Markdown."""
 
 from __future__ import annotations
 
 import base64
-import html
-import re
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from terratool._version import __version__
 from terratool.io.png import png
 from terratool.raster.shading import contour_interval, exaggeration, ticks
-from terratool.text.display import printable
-from terratool.traversability.report import curves, tables, wording
+from terratool.report import numbers
+from terratool.report.markup import escaped_html, escaped_markdown, rendered
+from terratool.report.tables import Table, joined
+from terratool.report.wording import listed
+from terratool.traversability.report import comparison, curves, tables, wording
 from terratool.traversability.report.drawing import chart, map_picture
-from terratool.traversability.report.tables import Table
+from terratool.traversability.report.wording import vehicle_name
 from terratool.traversability.results import (
-    GroundClass,
     Location,
     Preview,
+    Reports,
     Route,
     TraversabilityReport,
 )
 
-if TYPE_CHECKING:
-    from markupsafe import Markup
-
-MARKS = {
-    GroundClass.GO: "✔", GroundClass.CAUTION: "!", GroundClass.NO_GO: "✘", GroundClass.UNKNOWN: "?",
-    GroundClass.ONE_WAY: "→", GroundClass.CUT_OFF: "⊘", GroundClass.EDGE: "▫",
-}  # fmt: skip
-"""Of verdicts, too, as these are the first of them."""
-
+_FOLDER = Path(__file__).parent
 _NAME = 14
 """Characters of a name that a table does not break."""
 
-_UNIT = re.compile(r"(?<=\d) (?=%|(?:mm|km|m|s|min|h|J|Wh|kWh|N|kg|W)\b)")
-# what begins markup anywhere in a line, a cell of a table and HTML included
-_MARKUP = re.compile(r"([\\`*_{}\[\]<>&|~#$])")
+
+def as_page(reports: Reports) -> str:
+    """A report, or a comparison, as the text of an HTML file; the same from run to run."""
+    pictures = [
+        None if one.preview is None else _picture_of(one, one.preview) for one in reports.reports
+    ]
+    return rendered(_FOLDER / "page.html.jinja", escaped_html, pictures=pictures, **_told(reports))
 
 
-def as_page(report: TraversabilityReport) -> str:
-    """A report as the text of an HTML file; the same from run to run."""
-    picture = None if report.preview is None else picture_of(report, report.preview)
-    told = {"report": report, "conclusion": wording.conclusion(report), "picture": picture}
-    return rendered_html("page.html.jinja", **told)
+def as_markdown(reports: Reports) -> str:
+    """A report, or a comparison, as the text of a Markdown file (GitHub's, for its tables)."""
+    return rendered(_FOLDER / "page.md.jinja", escaped_markdown, **_told(reports))
 
 
-def as_markdown(report: TraversabilityReport) -> str:
-    """A report as the text of a Markdown file (GitHub's flavour, for its tables)."""
-    return rendered_markdown("page.md.jinja", report=report, conclusion=wording.conclusion(report))
+def _told(reports: Reports) -> dict[str, Any]:
+    """What both templates tell."""
+    first, several = reports.reports[0], not isinstance(reports, TraversabilityReport)
 
+    def of_all(table: Callable[[TraversabilityReport], Table]) -> Table:
+        return joined([(vehicle_name(one), table(one)) for one in reports.reports], "vehicle")
 
-def rendered_html(template: str, **told: Any) -> str:
-    """A template of HTML with what it tells, of which nothing is markup unless it says so."""
-    return _rendered(template, _escaped_html, told)
-
-
-def rendered_markdown(template: str, **told: Any) -> str:
-    """Likewise of Markdown."""
-    return _rendered(template, _escaped_markdown, told)
-
-
-def _rendered(template: str, escape: Callable[[str], str], told: dict[str, Any]) -> str:
-    from jinja2 import Environment, FileSystemLoader, StrictUndefined
-    from markupsafe import Markup
-
-    def finalize(value: object) -> Markup:
-        return value if isinstance(value, Markup) else Markup(escape(str(value)))
-
-    environment = Environment(
-        loader=FileSystemLoader(Path(__file__).parent),
-        autoescape=True, finalize=finalize, keep_trailing_newline=True, lstrip_blocks=True,
-        trim_blocks=True, undefined=StrictUndefined,
-    )  # fmt: skip
-    return environment.get_template(template).render(
-        tables=tables, wording=wording, MARKS=MARKS, version=__version__, chart=chart,
-        curves=curves, first_width=_first_width, suffix=_suffix, **told,
-    )  # fmt: skip
-
-
-def _escaped_html(text: str) -> str:
-    """A text on one line, none of it markup, with numbers and their units kept together."""
-    return _UNIT.sub("\u00a0", html.escape(printable(text)))
-
-
-def _escaped_markdown(text: str) -> str:
-    """A text on one line, none of it markup."""
-    return _MARKUP.sub(r"\\\1", printable(text))
+    told = {
+        "conclusion": wording.conclusion(first),
+        "shares": tables.shares(first),
+        "together": "",
+        "side_by_side": Table((), ()),
+        "ways": [None] * len(first.routes),
+    }
+    if not isinstance(reports, TraversabilityReport):
+        told = {
+            "conclusion": comparison.conclusion(reports),
+            "shares": comparison.shares(reports),
+            "together": comparison.together_line(reports),
+            "side_by_side": comparison.surfaces(reports),
+            "ways": [comparison.way(reports, number) for number in range(len(first.routes))],
+        }
+    return {
+        **told,
+        "report": reports,
+        "first": first,
+        "several": several,
+        "drivers": listed([vehicle_name(one) for one in reports.reports]),
+        "mends": list(wording.mending(first)),
+        "reaches": comparison.said(
+            reports, lambda one: [wording.reach_line(one.reach)] if one.reach else []
+        ),
+        "abilities": of_all(tables.abilities),
+        "chances": of_all(tables.chances),
+        "contact": of_all(tables.contact),
+        "soils": of_all(tables.soils),
+        "slips": of_all(tables.slips),
+        "panels": curves.slip_panels(reports),
+        "warnings": comparison.said(
+            reports, lambda one: (f"{name}: {line}" for name, line in tables.warnings(one))
+        ),
+        "notes": comparison.notes(reports),
+        "counted_from": comparison.said(
+            reports, lambda one: filter(None, [wording.counted_from(one)])
+        ),
+        "likelihoods": of_all(tables.likelihoods),
+        "reasons": of_all(tables.reasons),
+        "grounds": of_all(tables.grounds),
+        "figures": of_all(lambda one: tables.properties(one.vehicle)),
+        "assumptions": comparison.said(reports, lambda one: one.assumptions),
+        "tables": tables,
+        "wording": wording,
+        "numbers": numbers,
+        "curves": curves,
+        "chart": chart,
+        "first_width": _first_width,
+        "suffix": _suffix,
+        "version": __version__,
+    }
 
 
 def _first_width(table: Table) -> int:
@@ -113,7 +126,7 @@ class _Pin(NamedTuple):
     top: float
 
 
-def picture_of(report: TraversabilityReport, preview: Preview) -> dict[str, Any]:
+def _picture_of(report: TraversabilityReport, preview: Preview) -> dict[str, Any]:
     """What the template says of the map: its picture, what lies over it, a scale, a caption."""
     reached = None
     if report.reach is not None and report.summary is not None:
@@ -144,8 +157,8 @@ def _caption(report: TraversabilityReport, preview: Preview, outlined: bool) -> 
     caption = "The verdict of the best heading at each place, over the hills in light from the "
     caption += "north-west"
     factor = exaggeration(preview.heights, preview.grid.resolution)
-    caption += f", {wording.number(factor)} times as steep as they are. " if factor > 1 else ". "
-    caption += f"North is up; a pixel is {wording.length(preview.grid.resolution)}. "
+    caption += f", {numbers.number(factor)} times as steep as they are. " if factor > 1 else ". "
+    caption += f"North is up; a pixel is {numbers.length(preview.grid.resolution)}. "
     crs = f" in {preview.crs}" if preview.crs else ""
     caption += f"Along the sides stand x and y{crs}, m."
     if outlined:
@@ -161,21 +174,18 @@ def _heights(preview: Preview) -> str:
     known = preview.heights[np.isfinite(preview.heights)]
     if not known.size:
         return ""
-    low, high = (wording.number(float(z), 4) for z in (known.min(), known.max()))
+    low, high = (numbers.number(float(z), 4) for z in (known.min(), known.max()))
     if low == high:
         return f"height {low} m"
     interval = contour_interval(preview.heights)
-    lines = f", lines every {wording.length(interval)}" if interval else ""
+    lines = f", lines every {numbers.length(interval)}" if interval else ""
     return f"heights from {low} to {high} m{lines}"
 
 
 def _axis(first: float, last: float) -> list[tuple[float, str]]:
     """Round coordinates along a side: where each is, % from the first, and its text in full."""
     found = ticks(first, last, 4) or [first]
-    return [
-        (100.0 * (value - first) / (last - first), f"{value + 0.0:.12g}".replace("-", "−"))
-        for value in found
-    ]
+    return [(100.0 * (value - first) / (last - first), numbers.full(value)) for value in found]
 
 
 def _position(x: float, y: float, preview: Preview) -> tuple[float, float]:

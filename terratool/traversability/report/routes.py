@@ -8,16 +8,38 @@ from typing import Any
 
 import numpy as np
 
+from terratool._version import __version__
+from terratool.report.documents import json_text
+from terratool.report.numbers import exact
 from terratool.traversability.results import (
     Barrier,
     Location,
     Reason,
+    Reports,
     Route,
     RouteProfile,
+    TraversabilityReport,
     Verdict,
 )
 
 Feature = dict[str, Any]
+
+
+def as_geojson(reports: Reports) -> str:
+    """The routes as the text of a GeoJSON file, a line for each feature.
+
+    Of several vehicles each feature names its own.
+    """
+    found = []
+    for one in reports.reports:
+        own = {} if isinstance(reports, TraversabilityReport) else {"vehicle": one.vehicle.name}
+        found += [
+            {**feature, "properties": {**own, **feature["properties"]}}
+            for feature in route_features(one.routes)
+        ]
+    head = {**reports.reports[0].geojson, "terratool": __version__}
+    lines = ",\n".join(json_text(feature, None) for feature in found)
+    return f'{json_text(head, None)[:-1]}, "features": [\n{lines}\n]}}\n'
 
 
 def route_features(routes: Sequence[Route]) -> Iterator[Feature]:
@@ -48,17 +70,17 @@ def _features(route: Route, own: dict[str, Any]) -> Iterator[Feature]:
 def _summary(route: Route) -> dict[str, Any]:
     chances = {}
     if route.least_chance is not None:
-        least = _number(route.least_chance.value)
-        chances = {"probability": _number(route.chance), "least_probability": least}
+        least = exact(route.least_chance.value)
+        chances = {"probability": exact(route.chance), "least_probability": least}
     return {
         "found": route.found,
         "verdict": route.verdict.label,
         "one_way": route.one_way,
         "headings": route.headings,
-        "length_m": _number(route.length),
-        "time_s": _number(route.time),
-        "energy_J": _number(route.energy),
-        "turning_J": _number(route.turning),
+        "length_m": exact(route.length),
+        "time_s": exact(route.time),
+        "energy_J": exact(route.energy),
+        "turning_J": exact(route.turning),
         "note": route.note or None,
         **chances,
     }
@@ -84,8 +106,8 @@ def _stretches(profile: RouteProfile, own: dict[str, Any]) -> Iterator[Feature]:
                     "kind": "stretch", **own, "surface": surface or None,
                     "pointer": element or None, "verdict": Verdict(verdict).label,
                     "binding": None if reason == Reason.NONE else Reason(reason).label,
-                    "from_m": _number(float(profile.distance[begin])),
-                    "to_m": _number(float(profile.distance[end])),
+                    "from_m": exact(float(profile.distance[begin])),
+                    "to_m": exact(float(profile.distance[end])),
                     "utilisation": _largest(profile.utilisation[part]),
                     "sinkage_m": _largest(profile.sinkage[part]),
                     "slip": _largest(profile.slip[part]),
@@ -95,13 +117,13 @@ def _stretches(profile: RouteProfile, own: dict[str, Any]) -> Iterator[Feature]:
 
 
 def _barrier(bar: Barrier, kind: str, own: dict[str, Any]) -> Feature:
-    found = {"binding": bar.reason.label, "bars": bar.bars, "width_m": _number(bar.width)}
+    found = {"binding": bar.reason.label, "bars": bar.bars, "width_m": exact(bar.width)}
     return _feature(_point(bar.place), {"kind": kind, **own, **found, **_ground(bar.place)})
 
 
 def _ground(place: Location) -> dict[str, Any]:
     return {
-        "z": _number(place.height), "surface": place.surface or None,
+        "z": exact(place.height), "surface": place.surface or None,
         "pointer": place.element or None,
     }  # fmt: skip
 
@@ -127,11 +149,5 @@ def _feature(geometry: dict[str, Any] | None, properties: dict[str, Any]) -> Fea
     return {"type": "Feature", "geometry": geometry, "properties": properties}
 
 
-def _number(value: float | None) -> float | None:
-    if value is None or not math.isfinite(value):
-        return None
-    return float(f"{value:.12g}")
-
-
 def _largest(values: Any) -> float | None:
-    return None if np.isnan(values).all() else _number(float(np.nanmax(values)))
+    return None if np.isnan(values).all() else exact(float(np.nanmax(values)))

@@ -8,7 +8,9 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
-from terratool.text.display import counted, listed, printable, shown
+from terratool.report import numbers
+from terratool.report.wording import counted, listed
+from terratool.text.display import printable, shown
 from terratool.traversability.results import (
     CHANCE_BOUNDS,
     FINER_HEADINGS,
@@ -26,9 +28,6 @@ from terratool.traversability.results import (
     Verdict,
 )
 from terratool.traversability.vehicle import Vehicle
-
-NOTHING = "–"
-"""Stands for what means nothing or is not known."""
 
 GROUNDS = (
     GroundClass.GO,
@@ -57,101 +56,29 @@ PRESET = "sandy-loam-15"
 """… of this name."""
 
 
-def number(value: float | None, digits: int = 3) -> str:
-    """A number to so many significant digits, whole ones in full, with thousands set apart.
-
-    None and NaN are a dash, infinity is "no limit".
-    """
-    if value is None or math.isnan(value):
-        return NOTHING
-    if math.isinf(value):
-        return "no limit" if value > 0 else NOTHING
-    if value == 0.0 or not 1e-6 <= abs(value) < 1e9:
-        return f"{value + 0.0:.{digits}g}".replace("-", "−")
-    places = max(0, digits - 1 - math.floor(math.log10(float(f"{abs(value):.{digits - 1}e}"))))
-    text = f"{value:,.{places}f}"
-    if "." in text:
-        text = text.rstrip("0").rstrip(".")
-    return text.replace("-", "−")
-
-
-def quantity(value: float | None, unit: str, digits: int = 3) -> str:
-    """A number and its unit; what is no number goes without."""
-    text = number(value, digits)
-    return f"{text} {unit}" if text[-1].isdigit() else text
-
-
-def length(metres: float | None) -> str:
-    """In mm, m or km."""
-    if metres is None or not math.isfinite(metres):
-        return number(metres)
-    if abs(metres) >= 9999.5:
-        return quantity(metres / 1e3, "km")
-    if 0.0 < abs(metres) < 0.0995:
-        return quantity(metres * 1e3, "mm", 2)
-    return quantity(metres, "m", 4 if abs(metres) >= 999.5 else 3)
-
-
-def degrees(radians: float | None) -> str:
-    """An angle, to a tenth of a degree."""
-    if radians is None or not math.isfinite(radians):
-        return number(radians)
-    return f"{math.degrees(radians) + 0.0:.1f}°".replace("-", "−").replace("−0.0", "0.0")
-
-
-def share(value: float | None) -> str:
-    """A share in per cent; 0 and 100 stand only for nothing and all."""
-    if value is None or not math.isfinite(value):
-        return number(value)
-    per_cent = 100.0 * value
-    if 0.0 < per_cent < 0.1:
-        return "<0.1 %"
-    if 99.9 < per_cent < 100.0:
-        return ">99.9 %"
-    return quantity(per_cent, "%").replace("100.0", "100")
-
-
-def duration(seconds: float | None) -> str:
-    """In s, min and s, or h and min."""
-    if seconds is None or not math.isfinite(seconds):
-        return number(seconds)
-    if seconds < 59.5:
-        return quantity(seconds, "s", 2)
-    if seconds < 3570.0:
-        minutes, rest = divmod(round(seconds), 60)
-        return f"{minutes} min {rest} s" if rest else f"{minutes} min"
-    hours, minutes = divmod(round(seconds / 60.0), 60)
-    return f"{hours:,} h {minutes} min" if minutes else f"{hours:,} h"
-
-
-def energy(joules: float | None) -> str:
-    """In J, Wh or kWh; a dash where it does not move, or is not known."""
-    if joules is None or not math.isfinite(joules):
-        return NOTHING
-    if abs(joules) < 3600.0:
-        return quantity(joules, "J")
-    hours = joules / 3600.0
-    return quantity(hours / 1e3, "kWh") if abs(hours) >= 1e4 else quantity(hours, "Wh")
-
-
 def turning(route: Route) -> str:
     """What share of a route's energy turns take; empty where that is nothing."""
     if not (route.turning and route.energy and math.isfinite(route.energy)):
         return ""
-    return f"{share(route.turning / route.energy)} of it for turns on the spot"
+    return f"{numbers.share(route.turning / route.energy)} of it for turns on the spot"
 
 
 def quarter_turn(figures: Figures) -> str:
     """The work of a quarter turn on the spot, or what forbids it."""
     if figures.turning_binding != Reason.NONE:
         return f"cannot, by {figures.turning_binding.label}"
-    return energy(figures.turning_work)
+    return numbers.energy(figures.turning_work)
 
 
 def coordinates(place: Location) -> str:
     """World x and y, to a millimetre."""
-    x, y = (f"{round(value, 3) + 0.0:.12g}".replace("-", "−") for value in (place.x, place.y))
+    x, y = (numbers.full(round(value, 3)) for value in (place.x, place.y))
     return f"({x}, {y})"
+
+
+def vehicle_name(report: TraversabilityReport) -> str:
+    """The name of the vehicle on one line; empty for a wheel by itself."""
+    return printable(report.vehicle.name)
 
 
 def point(place: tuple[float, float]) -> str:
@@ -172,13 +99,13 @@ def name(surface: str) -> str:
 
 def because(reason: Reason) -> str:
     """What binds; a dash for nothing."""
-    return NOTHING if reason == Reason.NONE else reason.label
+    return numbers.NOTHING if reason == Reason.NONE else reason.label
 
 
 def step_limit(figures: Figures, vehicle: Vehicle) -> str:
     """What limits steps, and at which axle; a dash for nothing."""
     if figures.step_axle is None:
-        return figures.step_binding or NOTHING
+        return figures.step_binding or numbers.NOTHING
     return f"{figures.step_binding} at the {axle(figures.step_axle, len(vehicle.axles))} axle"
 
 
@@ -197,13 +124,13 @@ def barrier(bar: Barrier) -> str:
     """What bars the way at one place, in words."""
     what = "something" if bar.reason == Reason.NONE else bar.reason.label
     by = f", {printable(bar.bars)}" if bar.bars and bar.reason != Reason.EDGE else ""
-    wide = f", for {length(bar.width)}" if bar.width > 0 else ""
+    wide = f", for {numbers.length(bar.width)}" if bar.width > 0 else ""
     return f"{what} at {coordinates(bar.place)}{by}{wide}"
 
 
 def margin(extreme: Extreme) -> str:
     """How far the nearest limit is, where, and which."""
-    left = share(max(extreme.value, 0.0)) if math.isfinite(extreme.value) else "none"
+    left = numbers.share(max(extreme.value, 0.0)) if math.isfinite(extreme.value) else "none"
     which = f", {extreme.reason.label}" if extreme.reason != Reason.NONE else ""
     return f"{left}{which}, at {where(extreme.place)}"
 
@@ -221,7 +148,8 @@ def careful(route: Route) -> str:
     found = [Reason(code) for code in np.argsort(-by_reason, kind="stable") if by_reason[code] > 0]
     if not found:
         return ""
-    return f"{length(float(parts.sum()))} of it: {', '.join(because(code) for code in found[:3])}"
+    reasons = ", ".join(because(code) for code in found[:3])
+    return f"{numbers.length(float(parts.sum()))} of it: {reasons}"
 
 
 def ends(route: Route) -> str:
@@ -250,13 +178,13 @@ def _way(route: Route) -> str:
     if caution := careful(route):
         line += f"; caution on {caution}"
     if route.least_chance is not None and route.chance is not None:
-        line += f"; probability of go {share(route.chance)} for all of it"
-        line += f", least {share(route.least_chance.value)}"
+        line += f"; probability of go {numbers.share(route.chance)} for all of it"
+        line += f", least {numbers.share(route.least_chance.value)}"
         line += f" at {coordinates(route.least_chance.place)}"
     if route.tightest is not None:
         reason = route.tightest.reason
         of = f" ({reason.label})" if reason != Reason.NONE else ""
-        line += f"; least margin {share(max(route.tightest.value, 0.0))}{of}"
+        line += f"; least margin {numbers.share(max(route.tightest.value, 0.0))}{of}"
         line += f" at {coordinates(route.tightest.place)}"
     return f"{line}."
 
@@ -278,9 +206,9 @@ def looked_with(route: Route) -> str:
 
 
 def _journey(route: Route) -> str:
-    line = f"{length(route.length)}, {duration(route.time)}"
+    line = f"{numbers.length(route.length)}, {numbers.duration(route.time)}"
     if route.energy is not None and math.isfinite(route.energy):
-        line += f", {energy(route.energy)}"
+        line += f", {numbers.energy(route.energy)}"
         if part := turning(route):
             line += f", {part}"
     return line
@@ -308,12 +236,14 @@ def reach_line(reach: Reach) -> str:
     """What can be reached, in a sentence."""
     if reach.note:
         return reach.note
-    line = f"From {coordinates(reach.start)} {share(reach.share)} of the ground can be reached"
+    line = (
+        f"From {coordinates(reach.start)} {numbers.share(reach.share)} of the ground can be reached"
+    )
     if reach.returnable == reach.share:
         return f"{line}, and left again."
-    if share(reach.returnable) == share(reach.share):
+    if numbers.share(reach.returnable) == numbers.share(reach.share):
         return f"{line}, and left again from nearly all of that."
-    return f"{line}, and left again from {share(reach.returnable)}."
+    return f"{line}, and left again from {numbers.share(reach.returnable)}."
 
 
 def counted_from(report: TraversabilityReport) -> str:
@@ -323,10 +253,10 @@ def counted_from(report: TraversabilityReport) -> str:
         return ""
     if not any(summary.fraction(ground) for ground in (GroundClass.ONE_WAY, GroundClass.CUT_OFF)):
         return ""
-    x, y = (f"{round(value, 3) + 0.0:.12g}" for value in summary.largest.place)
+    place = numbers.spelled(round(value, 3) + 0.0 for value in summary.largest.place)
     return (
         "What can be reached is counted from the largest connected part of the ground, "
-        f"{share(summary.largest.share)} of it, as with --from {x} {y}."
+        f"{numbers.share(summary.largest.share)} of it, as with --from {place}."
     )
 
 
@@ -336,8 +266,8 @@ def likely(report: TraversabilityReport) -> str:
     if summary is None or summary.chances is None or not summary.pixels:
         return ""
     most = CHANCE_BOUNDS[0]
-    part = share(summary.chances[most] / summary.pixels)
-    return f"With a probability of {share(most)} or more {part} of the ground is go."
+    part = numbers.share(summary.chances[most] / summary.pixels)
+    return f"With a probability of {numbers.share(most)} or more {part} of the ground is go."
 
 
 def lacking(report: TraversabilityReport) -> str:
@@ -384,7 +314,7 @@ def slip_unknown(report: TraversabilityReport) -> str:
 def slip_caption(vehicle: Vehicle) -> str:
     """What a picture of slip against slope shows."""
     reserve = vehicle.margins.slope
-    kept = f", which keeps {degrees(reserve)} in reserve" if reserve else ""
+    kept = f", which keeps {numbers.degrees(reserve)} in reserve" if reserve else ""
     return (
         "Slip of the wheel that slips most, by the slope that the vehicle drives straight up, or "
         f"down. A dot is the largest climb{kept}; what lies beyond it is pale."
@@ -423,7 +353,7 @@ def conclusion(report: TraversabilityReport) -> str:
     counts = {ground for ground in GROUNDS if summary.fraction(ground)}
     edge = ""
     if GroundClass.EDGE in counts and counts - {GroundClass.EDGE}:
-        part = share(summary.fraction(GroundClass.EDGE))
+        part = numbers.share(summary.fraction(GroundClass.EDGE))
         edge = f", but for the edge of the terrain, {part}, where the vehicle would stand over it"
     inner = counts - {GroundClass.EDGE} or counts
     if inner == {GroundClass.GO}:
@@ -432,7 +362,7 @@ def conclusion(report: TraversabilityReport) -> str:
     if inner == {GroundClass.UNKNOWN}:
         return f"Nothing is known of the ground{edge}. {lacking(report)}".rstrip()
     parts = [
-        f"{share(summary.fraction(ground))} {_PHRASES[ground]}"
+        f"{numbers.share(summary.fraction(ground))} {_PHRASES[ground]}"
         for ground in GROUNDS
         if ground in counts
     ]
@@ -443,6 +373,8 @@ def conclusion(report: TraversabilityReport) -> str:
     known = {reason: count for reason, count in summary.reasons.items() if reason != Reason.NONE}
     if known:
         most = max(known, key=lambda reason: (known[reason], -reason))
-        text += f"; what binds most is {most.label}, on {share(known[most] / summary.pixels)}"
+        text += (
+            f"; what binds most is {most.label}, on {numbers.share(known[most] / summary.pixels)}"
+        )
     lacks = lacking(report) if GroundClass.UNKNOWN in counts else ""
     return " ".join(filter(None, (f"{text}.", likely(report), counted_from(report), lacks)))

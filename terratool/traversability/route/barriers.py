@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terratool.field.terrain import Terrain
+from terratool.report.numbers import spelled
 from terratool.text.display import shown
 from terratool.traversability.limits import level_demand
 from terratool.traversability.results import Barrier, Reason, Survey
@@ -262,6 +263,5 @@ def why_not(on: Site, place: Point, cell: Cell) -> tuple[Reason, str]:
 
 def cannot_stand(on: Site, what: str, place: Point, cell: Cell) -> str:
     """That a vehicle cannot stand at a place, and why, in a sentence."""
-    x, y = place
     why = why_not(on, place, cell)[1]
-    return f"The vehicle cannot stand at {what}, {x:.12g} {y:.12g}, whatever its heading: {why}."
+    return f"The vehicle cannot stand at {what}, {spelled(place)}, whatever its heading: {why}."

@@ -18,6 +18,7 @@ from terratool.definition.findings import Bounds
 from terratool.errors import RequestError
 from terratool.field.terrain import Terrain
 from terratool.raster.grid import Grid
+from terratool.report.numbers import spelled
 from terratool.traversability.results import (
     Extreme,
     Location,
@@ -277,8 +278,8 @@ def check_inside(
     x, y = place
     for name, (west, south, east, north) in (("the terrain", terrain.bounds), (part_name, part)):
         if not (west <= x <= east and south <= y <= north):
-            sides = " ".join(f"{side:.12g}" for side in (west, south, east, north))
+            sides = spelled((west, south, east, north))
             raise RequestError(
-                f"{what}, {x:.12g} {y:.12g}, lies outside {name}.",
+                f"{what}, {spelled(place)}, lies outside {name}.",
                 f"Give x and y within west south east north {sides}.",
             )

@@ -15,6 +15,7 @@ from terratool.errors import RequestError
 from terratool.field.terrain import Terrain, check_bounds, clip_bounds
 from terratool.kernels import traversability as kernels
 from terratool.raster.grid import Grid, grid_over
+from terratool.report.numbers import spelled
 from terratool.traversability.results import (
     HEADINGS,
     RANKS,
@@ -321,7 +322,7 @@ def reach_of(
     """
     whole = max(int(np.count_nonzero(ground)), 1)
     if not found.reached.any() and not note:
-        place = f"{start[0]:.12g} {start[1]:.12g}"
+        place = spelled(start)
         note = (
             f"The vehicle cannot stand at the place to start from, {place}, whatever its heading."
         )

@@ -14,7 +14,7 @@ from terratool.errors import DefinitionError
 from terratool.field.terrain import Terrain
 from terratool.io.crs import shown_crs
 from terratool.raster.geotiff import crs_of
-from terratool.text.display import counted
+from terratool.report.wording import counted
 from terratool.traversability.route.headings import Progress
 from terratool.traversability.vehicle import Vehicle
 from terratool.viewing.diff.ground import Both, area_of, common_bounds, compare_ground

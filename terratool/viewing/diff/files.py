@@ -9,7 +9,7 @@ from pathlib import Path
 
 from terratool.definition.keys import document_kind
 from terratool.errors import DefinitionError, ReadError, RequestError, TerratoolError
-from terratool.text.display import counted, many
+from terratool.report.wording import counted, many
 from terratool.text.source import is_folder, leads_out, read_source, sources
 from terratool.traversability.route.headings import Progress
 from terratool.viewing.diff.compare import Compared, DiffOptions, diff

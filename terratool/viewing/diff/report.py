@@ -5,17 +5,20 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
-import msgspec
-
-from terratool.text.display import counted, json_text, length, printable, shown
-from terratool.text.workflow import annotation
+from terratool.report.documents import json_text
+from terratool.report.markup import escaped_markdown, markdown_row
+from terratool.report.numbers import metres, per_cent, pixels
+from terratool.report.wording import counted
+from terratool.report.workflow import annotation
+from terratool.text.display import printable, shown
 from terratool.viewing.diff.results import (
-    FORMAT_VERSION,
     Comparison,
+    DiffDocument,
     Difference,
     ElementChange,
     EntryChange,
     FileDifference,
+    FileStatus,
     GroundChange,
     KeyChange,
     VerdictChange,
@@ -31,7 +34,7 @@ _UNKNOWN = "unknown"
 """The class of ground that has no verdict."""
 _SIGNS = {"added": "+", "removed": "-", "moved": "~", "changed": "~", "renamed": "~"}
 _DICTIONARIES = {"surface": "worn by", "primitive": "used by", "part": "stands in"}
-_STATUS = {
+_STATUS: dict[FileStatus, str] = {
     "same": "same terrain", "different": "different", "added": "added", "removed": "removed",
     "invalid": "invalid", "unreadable": "unreadable",
 }  # fmt: skip
@@ -58,7 +61,7 @@ def _notes(file: FileDifference) -> tuple[str, ...]:
 def _summed_up(comparison: Comparison) -> str:
     counts = [
         f"{count:,} {_STATUS[status] if status != 'same' else 'the same'}"
-        for status in ("same", "different", "added", "removed", "invalid", "unreadable")
+        for status in _STATUS
         if (count := comparison.count(status))
     ]
     return f"{counted(len(comparison.files), 'terrain')}: {', '.join(counts)}."
@@ -163,17 +166,14 @@ def _change(change: ElementChange) -> str:
 
 
 def _area(area: float, whole: float) -> str:
-    share = f" ({_share(area / whole)})" if whole > 0.0 else ""
+    share = f" ({per_cent(area / whole)})" if whole > 0.0 else ""
     return f"{area:.6g} m²{share}"
 
 
-def _share(share: float) -> str:
-    return f"{100.0 * share:.3g} %"
-
-
 def _ground(ground: GroundChange) -> Iterator[str]:
+    grid = pixels(ground.grid.width, ground.grid.height, ground.grid.resolution)
     if ground.is_same:
-        yield f"ground: no difference at the centres of {_pixels(ground)}"
+        yield f"ground: no difference at the centres of {grid}"
         return
     about = ""
     if ground.error > 1e-9 * (ground.cut + ground.fill):
@@ -183,7 +183,7 @@ def _ground(ground: GroundChange) -> Iterator[str]:
         assert ground.around is not None
         box = " ".join(f"{side:.6g}" for side in ground.around)
         yield (
-            f"  higher or lower by more than {length(ground.tolerance)}: "
+            f"  higher or lower by more than {metres(ground.tolerance)}: "
             f"{_area(ground.changed, ground.common)}, within {box}"
         )
     if (largest := ground.largest) is not None:
@@ -204,12 +204,7 @@ def _ground(ground: GroundChange) -> Iterator[str]:
     for surface in ground.surfaces:
         names = f"{surface.old or 'none'} → {surface.new or 'none'}"
         yield f"  surface {names}: {_area(surface.area, ground.common)}"
-    yield f"  compared at the centres of {_pixels(ground)}"
-
-
-def _pixels(ground: GroundChange) -> str:
-    grid = ground.grid
-    return f"{grid.width} × {grid.height} pixels of {grid.resolution:.4g} m"
+    yield f"  compared at the centres of {grid}"
 
 
 def _verdict(verdict: VerdictChange, most: int) -> Iterator[str]:
@@ -218,14 +213,14 @@ def _verdict(verdict: VerdictChange, most: int) -> Iterator[str]:
         yield f"{name}: all verdicts are the same, on pixels of {verdict.grid.resolution:.4g} m"
         return
     yield (
-        f"{name}: {_share(verdict.worse)} of the ground got worse, {_share(verdict.better)} "
+        f"{name}: {per_cent(verdict.worse)} of the ground got worse, {per_cent(verdict.better)} "
         f"better, on pixels of {verdict.grid.resolution:.4g} m"
     )
     yield from _listed(
         verdict.flips,
         min(most, _FLIPS),
         lambda flip: (
-            f"  {flip.old} → {flip.new}: {_share(flip.share)}, {flip.area:.4g} m², as at "
+            f"  {flip.old} → {flip.new}: {per_cent(flip.share)}, {flip.area:.4g} m², as at "
             f"{flip.x:.6g} {flip.y:.6g}"
         ),
     )
@@ -235,14 +230,13 @@ def _verdict(verdict: VerdictChange, most: int) -> Iterator[str]:
 
 def as_json(comparison: Comparison, most: int) -> str:  # noqa: ARG001, as others have it
     """For scripts: all that is known, with the version of the format."""
-    statuses = ("same", "different", "added", "removed", "invalid", "unreadable")
-    document = {
-        "format_version": FORMAT_VERSION,
-        "same": comparison.same,
-        "summary": {status: comparison.count(status) for status in statuses},  # type: ignore[arg-type]
-        "files": comparison.files,
-    }
-    return json_text(msgspec.to_builtins(document))
+    return json_text(
+        DiffDocument(
+            same=comparison.same,
+            summary={status: comparison.count(status) for status in _STATUS},
+            files=comparison.files,
+        )
+    )
 
 
 def as_markdown(comparison: Comparison, most: int) -> str:
@@ -254,18 +248,18 @@ def as_markdown(comparison: Comparison, most: int) -> str:
     verdicts = any(file.difference and file.difference.verdicts for file in listed_files)
     head = ["file", "what", "elements", "cut, m³", "fill, m³", "area, m²", "largest, m"]
     head += ["worse", "better"] * verdicts
-    lines += [_row(head), _row(["---"] * len(head))]
-    lines += (_row(_cells(file, verdicts)) for file in listed_files)
+    lines += [markdown_row(head), markdown_row(["---"] * len(head))]
+    lines += (markdown_row(_cells(file, verdicts)) for file in listed_files)
     for file in listed_files:
         said = list(_said(file, most))
         if said:
-            lines += ["", f"### {_escaped(file.file)}", ""]
+            lines += ["", f"### {escaped_markdown(file.file)}", ""]
             lines += ["```", *map(printable, said), "```"]
     return "\n".join(lines)
 
 
 def _cells(file: FileDifference, verdicts: bool) -> list[str]:
-    cells = [_escaped(file.file), _STATUS[file.status]]
+    cells = [escaped_markdown(file.file), _STATUS[file.status]]
     found = file.difference
     if found is None:
         return [*cells, *[""] * (5 + 2 * verdicts)]
@@ -278,8 +272,8 @@ def _cells(file: FileDifference, verdicts: bool) -> list[str]:
         cells += [f"{ground.cut:.4g}", f"{ground.fill:.4g}", f"{ground.changed:.4g}", largest]
     if verdicts:
         shares = found.verdicts
-        cells.append(_share(max(one.worse for one in shares)) if shares else "")
-        cells.append(_share(max(one.better for one in shares)) if shares else "")
+        cells.append(per_cent(max(one.worse for one in shares)) if shares else "")
+        cells.append(per_cent(max(one.better for one in shares)) if shares else "")
     return cells
 
 
@@ -288,14 +282,6 @@ def _counts(found: Difference) -> str:
     counts = [f"{found.count(kind)} {kind}" for kind in kinds if found.count(kind)]  # type: ignore[arg-type]
     entries = [entry.name for entry in found.entries]
     return ", ".join([*counts, *entries[:_NAMED], *["…"] * (len(entries) > _NAMED)])
-
-
-def _row(cells: Sequence[str]) -> str:
-    return f"| {' | '.join(cells)} |"
-
-
-def _escaped(text: str) -> str:
-    return "".join(f"\\{c}" if c in "\\`*_[]<>|#" else c for c in printable(text))
 
 
 def as_github(comparison: Comparison, most: int) -> str:

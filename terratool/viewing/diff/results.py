@@ -7,9 +7,7 @@ from typing import Literal
 from msgspec import Struct
 
 from terratool.definition.findings import Bounds
-
-FORMAT_VERSION = 1
-"""Of the report as JSON; see schemas/difference.schema.json."""
+from terratool.report.documents import Document
 
 ChangeKind = Literal["added", "removed", "moved", "changed"]
 EntryKind = Literal["added", "removed", "renamed", "changed"]
@@ -296,3 +294,11 @@ class Comparison(Struct, frozen=True):
     def same(self) -> bool:
         """Whether all are."""
         return self.count("same") == len(self.files)
+
+
+class DiffDocument(Document, frozen=True, kw_only=True):
+    """What differs, as JSON; see schemas/difference.schema.json."""
+
+    same: bool
+    summary: dict[FileStatus, int]
+    files: tuple[FileDifference, ...]

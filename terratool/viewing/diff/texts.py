@@ -12,7 +12,7 @@ from terratool.definition.findings import Bounds
 from terratool.definition.model import DEFAULT_MULTIPASS, Track, names_of
 from terratool.definition.tree import Tree
 from terratool.definition.uses import Root
-from terratool.text.display import counted
+from terratool.report.wording import counted
 from terratool.text.locate import Address, locate
 from terratool.text.numbers import parse_whole
 from terratool.viewing.diff.elements import RawChange, TreeComparison, TreeDifference

@@ -1,0 +1,22 @@
+"""Numbers of things, and lists of them, in words."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+
+def counted(count: int, noun: str) -> str:
+    """A number of things in words: 1 file, 2,000 files, 3 libraries, 4 boxes."""
+    plural = "es" if noun.endswith(("x", "sh")) else "s"
+    many = f"{noun[:-1]}ies" if noun.endswith("ry") else f"{noun}{plural}"
+    return f"{count:,} {noun if count == 1 else many}"
+
+
+def many(count: int) -> str:
+    """A whole number, however large, in words: 2,000, or about 10^450."""
+    return f"{count:,}" if count < 10**30 else f"about 10^{round(count.bit_length() * 0.30103)}"
+
+
+def listed(words: Sequence[str]) -> str:
+    """Words with commas and an "and"."""
+    return f"{', '.join(words[:-1])} and {words[-1]}" if words[1:] else "".join(words)

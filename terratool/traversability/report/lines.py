@@ -1,0 +1,202 @@
+"""A report, or several side by side, in lines of a terminal: at most 80 columns."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from terratool.report import numbers
+from terratool.report.tables import WIDTH, Cell, Table, aligned, columns_in, cut, wrapped
+from terratool.report.wording import listed
+from terratool.text.display import printable
+from terratool.traversability.report import comparison, wording
+from terratool.traversability.report.tables import (
+    chances,
+    grounds_of,
+    likelihoods,
+    reasons,
+    title,
+    warnings,
+    what_binds,
+)
+from terratool.traversability.results import (
+    MapSummary,
+    Reason,
+    Reports,
+    TraversabilityReport,
+    VehicleComparison,
+    Verdict,
+    fraction_of,
+)
+
+_NAME = 16
+"""Columns for names of surfaces; longer ones are cut."""
+_VEHICLE = 20
+"""Columns for names of vehicles, and of what is said of several."""
+_VERDICTS = tuple(verdict.label for verdict in Verdict)
+
+
+def as_lines(reports: Reports) -> Iterator[str]:
+    """A report, or a comparison, in lines of at most 80 columns.
+
+    What cannot be broken, as a JSON pointer, may be longer.
+    """
+    if isinstance(reports, VehicleComparison):
+        return _several(reports)
+    return _one(reports)
+
+
+def _one(report: TraversabilityReport) -> Iterator[str]:
+    yield from wrapped(f"{report.verdict.label}: {printable(wording.conclusion(report))}", "")
+    for route in report.routes:
+        line = printable(wording.route_line(route))
+        if line not in printable(wording.conclusion(report)):
+            yield from wrapped(f"{route.verdict.label}: {line}")
+    if report.reach and (line := wording.reach_line(report.reach)) != wording.conclusion(report):
+        yield from wrapped(printable(line))
+    yield from _mending(report)
+    yield ""
+    if any(not figures.missing for figures in report.surfaces):
+        yield from aligned(_surfaces(report), words=_VERDICTS)
+        yield from wrapped(_step_limits(report))
+        yield from wrapped(_turns(report))
+        yield ""
+    if (table := chances(report)).rows:
+        titles = [column.title for column in table.columns]
+        yield from aligned([titles, *map(_texts, table.rows)])
+        yield ""
+    if report.summary:
+        yield from aligned(_map(report.summary))
+        if likely := ", ".join(f"{name} on {part}" for name, part in likelihoods(report).rows):
+            yield from wrapped(f"Probability of go: {likely}")
+        if binding := ", ".join(f"{reason} {part}" for reason, part in reasons(report).rows[:5]):
+            yield from wrapped(f"What binds: {binding}")
+        if (counted := wording.counted_from(report)) not in wording.conclusion(report):
+            yield from wrapped(counted)
+        yield ""
+    for name, warning in warnings(report):
+        yield from wrapped(f"{cut(name, _NAME)}: {warning}")
+    for note in report.notes:
+        yield from wrapped(printable(note))
+
+
+def _mending(report: TraversabilityReport) -> Iterator[str]:
+    """Which surfaces lack what of a soil, and the lines of JSON that mend it."""
+    mends = list(wording.mending(report))
+    if mends:
+        lacks = wording.lacking(report)
+        if lacks not in wording.conclusion(report):
+            yield from wrapped(printable(lacks))
+        yield "Give them a soil, for example this one; docs/format.md has others:"
+        for place, line in mends:
+            yield f"  {printable(line)}"
+            yield f"    {printable(place)}"
+
+
+def _texts(row: Sequence[Cell]) -> list[str]:
+    """A row of names and numbers as a terminal shows it."""
+    return [cut(str(row[0]), _NAME), *map(str, row[1:])]
+
+
+def _surfaces(report: TraversabilityReport) -> Iterator[Sequence[str]]:
+    yield "surface", "sinkage", "climb", "across", "step", "pull", "level", "what binds"
+    for figures in report.surfaces:
+        if figures.missing:
+            continue
+        yield (
+            cut(title(figures), _NAME),
+            numbers.length(figures.sinkage),
+            numbers.degrees(figures.climb),
+            numbers.degrees(figures.cross_slope),
+            numbers.length(figures.step),
+            numbers.quantity(figures.drawbar, "N"),
+            figures.verdict.label,
+            what_binds(figures),
+        )
+
+
+def _step_limits(report: TraversabilityReport) -> str:
+    """What limits steps on which surfaces, in a sentence."""
+    by_limit: dict[str, list[str]] = {}
+    for figures in report.surfaces:
+        if not figures.missing:
+            limit = wording.step_limit(figures, report.vehicle)
+            by_limit.setdefault(limit, []).append(cut(title(figures), _NAME))
+    by_limit.pop(numbers.NOTHING, None)
+    if len(by_limit) == 1:
+        return f"Steps are limited by {next(iter(by_limit))}."
+    parts = [f"{limit} ({', '.join(surfaces)})" for limit, surfaces in by_limit.items()]
+    return f"Steps are limited by {listed(parts)}." if parts else ""
+
+
+def _turns(report: TraversabilityReport) -> str:
+    """What turning on the spot takes on which surfaces, in a sentence; empty for nothing."""
+    by_work: dict[str, list[str]] = {}
+    for figures in report.surfaces:
+        if figures.turning_work or figures.turning_binding != Reason.NONE:
+            work = wording.quarter_turn(figures)
+            by_work.setdefault(work, []).append(cut(title(figures), _NAME))
+    parts = [f"{', '.join(surfaces)} {work}" for work, surfaces in by_work.items()]
+    return f"Work of a turn on the spot by 90°: {'; '.join(parts)}." if parts else ""
+
+
+def _map(summary: MapSummary) -> Iterator[Sequence[str]]:
+    kinds = grounds_of(summary)
+    yield "ground", *(ground.label for ground in kinds), ""
+    for heading, counts in (
+        ("best heading", summary.counts),
+        ("worst heading", summary.worst_counts),
+    ):
+        yield heading, *(numbers.share(fraction_of(counts, ground)) for ground in kinds), ""
+
+
+def _several(found: VehicleComparison) -> Iterator[str]:
+    first = found.reports[0]
+    yield from wrapped(f"{found.verdict.label}: {comparison.conclusion(found)}", "")
+    for one in found.reports:
+        line = printable(wording.conclusion(one))
+        yield from wrapped(f"{wording.vehicle_name(one)}: {one.verdict.label}: {line}")
+    yield from _mending(first)
+    for number, route in enumerate(first.routes):
+        yield ""
+        yield f"way {wording.ends(route)}"
+        yield from aligned(_rows(comparison.way(found, number)), words=_VERDICTS)
+    for table in (comparison.surfaces(found), comparison.shares(found)):
+        for part in _parts(table):
+            yield ""
+            yield from aligned(_rows(part), left=table.columns[0].title == "surface")
+    yield ""
+    for name, line in comparison.reaches(found):
+        yield from wrapped(printable(f"{name}: {line}"))
+    if line := comparison.together_line(found):
+        yield from wrapped(line)
+        yield ""
+    for note in comparison.notes(found):
+        yield from wrapped(printable(note))
+
+
+def _rows(table: Table) -> Iterator[Sequence[str]]:
+    """Titles and cells as texts, names cut; a last column of numbers is not the last then."""
+    more = [""] * table.columns[-1].numeric
+    yield [*(cut(column.title, _VEHICLE) for column in table.columns), *more]
+    for row in table.rows:
+        first, *cells = (cell if isinstance(cell, str) else cell.label for cell in row)
+        yield [cut(first, _VEHICLE), *cells, *more]
+
+
+def _parts(table: Table) -> Iterator[Table]:
+    """A table, or several with some of its columns each, where it is too wide for a terminal."""
+    if not table.rows:
+        return
+    texts = [list(row) for row in _rows(table)]
+    wide = [max(columns_in(row[n]) for row in texts) + 2 for n in range(len(table.columns))]
+    begin = 1
+    while begin < len(wide):
+        end = begin + 1
+        while end < len(wide) and wide[0] + sum(wide[begin : end + 1]) - 2 <= WIDTH:
+            end += 1
+        pick = [0, *range(begin, end)]
+        yield Table(
+            tuple(table.columns[n] for n in pick),
+            tuple(tuple(row[n] for n in pick) for row in table.rows),
+        )
+        begin = end
