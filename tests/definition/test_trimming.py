@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from terratool.definition.bundle import bundle
 from terratool.definition.findings import Finding
 from terratool.definition.reader import check
-from terratool.definition.turning import is_slanted, turned
+from terratool.definition.turning import turned
 from terratool.field.terrain import Terrain
 from terratool.text.source import Source, read_source
 from tests.decimals import meant
@@ -209,8 +209,7 @@ def test_an_element_without_its_cell_is_no_crash(cell: dict[str, int], turn: int
 )
 def test_a_slanted_rectangle_leaves_its_cell_whatever_its_sides(turn: float, ratio: float) -> None:
     sides = (10.0**ratio, 1.0)
-    assert turned(sides, turn, False).is_trimmed or not is_slanted(turn)
-    assert is_slanted(turn) or min(turn % 90, 90 - turn % 90) <= 1e-6
+    assert turned(sides, turn, False).is_trimmed or min(turn % 90, 90 - turn % 90) <= 1e-6
 
 
 def test_copies_keep_their_steps() -> None:

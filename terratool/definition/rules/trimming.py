@@ -113,12 +113,11 @@ class _Verdicts(dict[Any, bool]):
         kind, turn, name, surface, offset, flat = key
         primitive = self._cells.subject.primitives.get(name)
         shape = self._cells.shape(kind, turn, primitive)
-        bare = (
+        self[key] = found = shape.is_trimmed and not (
             surface is UNSET
             and (offset is UNSET or offset == 0)
             and (flat or (primitive is not None and _is_bare(primitive, shape)))
         )
-        self[key] = found = shape.is_trimmed and not bare
         return found
 
 
