@@ -50,7 +50,7 @@ def command(
         curriculum,
         write_curriculum,
     )
-    from terratool.definition.curriculum.reading import load_spec
+    from terratool.authoring.curriculum.reading import load_spec
     from terratool.errors import DefinitionError, RequestError
     from terratool.output import is_same_file, refuse_existing, refuse_missing_folder
 

@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 import msgspec
 from msgspec import UNSET, Struct, UnsetType, field
 
-from terratool.definition.curriculum.text import TILE_KEYS, CurriculumText, PatchText, TileText
+from terratool.definition.curriculum import TILE_KEYS, CurriculumText, PatchText, TileText
 from terratool.definition.findings import Owner, Remark, RemarkLog
 from terratool.definition.key import Key, Shape
 from terratool.definition.keys import (
@@ -246,7 +246,7 @@ class _Decoder:
 
     def _tile(self, members: dict[str, Any], pointer: str) -> TileText:
         """A kind of tiles, whose member `kind` says what other members it has."""
-        from terratool.definition.curriculum.parameters import KINDS
+        from terratool.definition.tile_kinds import KINDS
 
         kind, wanted = members.get("kind"), TILE_KEYS["kind"].words
         if "kind" not in members:

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import math
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 from msgspec import UNSET, Struct, structs
 
-from terratool.definition.exact import Exact, Sides, rest_of
-from terratool.definition.model import Definition, Pair, pair_of
-from terratool.definition.scattering import Strewn, strewing, strewn, wanted
+from terratool.definition.model import Definition
 from terratool.definition.tree import Tree
-from terratool.definition.uses import Root, Uses, track_surfaces
+from terratool.definition.uses import Uses, track_surfaces
 from terratool.errors import RequestError
 from terratool.report.wording import many
 
@@ -96,68 +93,3 @@ def with_names_in_use(
         surf_types={n: value for n, value in definition.surfaces.items() if n in surfaces},
         elem_types={n: value for n, value in definition.primitives.items() if n in primitives},
     )
-
-
-class Area(NamedTuple):
-    """The cell over which copies of an element are scattered.
-
-    Attributes:
-        x: west side, from the corner of the cell of the element's parent.
-        y: south side, likewise.
-        lengths: sides, units of the terrain.
-    """
-
-    x: Exact
-    y: Exact
-    lengths: Pair
-
-
-def area_of(root: Root, around: Sides | None) -> Area:
-    """The area of a scattered element.
-
-    Args:
-        root: the element.
-        around: sides of the cells of its parent's grid, before quarter turns of what is around;
-            it needs none at a free place.
-    """
-    tree, index = root.tree, root.element
-    at, extent = tree.value("at", index), tree.value("extent", index)
-    if at is UNSET:
-        assert around is not None
-        x, y, w, h = tree.block(index)
-        lengths = around.x.times(w).near, around.y.times(h).near
-        return Area(around.x.times(x), around.y.times(y), lengths)
-    lengths = pair_of(extent, math.nan)
-    west, south = (
-        Exact.typed(middle) + Exact(-0.5 * length, -0.5 * rest_of(length))
-        for middle, length in zip(at, lengths, strict=True)
-    )
-    return Area(west, south, lengths)
-
-
-def strewn_over(root: Root, area: Area) -> Strewn:
-    """The copies of a scattered element in its area."""
-    tree, index = root.tree, root.element
-    angle, scatter = tree.value("turn_deg", index), tree.value("scatter", index)
-    asked = strewing(
-        scatter,
-        area.lengths,
-        by_quarters=tree.value("part", index) is not UNSET,
-        tilted=angle is not UNSET and angle % 90 != 0,
-    )
-    return strewn(asked, wanted(scatter, area.lengths))
-
-
-def turned_block(
-    block: tuple[int, int, int, int], grid: tuple[int, int], quarters: int
-) -> tuple[tuple[int, int], dict[str, Any]]:
-    """The span, and the place, of a block of cells of a grid after quarter turns."""
-    x, y, w, h = block
-    if quarters == 1:
-        x, y, w, h = y, grid[0] - x - w, h, w
-    elif quarters == 2:
-        x, y = grid[0] - x - w, grid[1] - y - h
-    elif quarters == 3:
-        x, y, w, h = grid[1] - y - h, x, h, w
-    span = UNSET if (w, h) == (1, 1) else (w, h)
-    return (w, h), {"cell_x": x, "cell_y": y, "span": span}

@@ -10,7 +10,7 @@ from typing import Any, Literal, NamedTuple, cast
 import msgspec
 from msgspec import Struct
 
-from terratool.definition.curriculum.text import (
+from terratool.definition.curriculum import (
     CURRICULUM_KEYS,
     TILE_KEYS,
     CurriculumText,
@@ -78,7 +78,7 @@ class _Keys(dict[Shape, dict[str, Key]]):
     """Keys by object; those of a kind of tiles are looked up when they are first asked for."""
 
     def __missing__(self, shape: Shape) -> dict[str, Key]:
-        from terratool.definition.curriculum.parameters import KINDS
+        from terratool.definition.tile_kinds import KINDS
 
         if not isinstance(shape, str):
             raise KeyError(shape)

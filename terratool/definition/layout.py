@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from typing import Any
 
-from terratool.definition.curriculum.text import CurriculumText
+from terratool.definition.curriculum import CurriculumText
 from terratool.definition.keys import KEYS, NESTED, document_kind
 from terratool.definition.model import (
     Definition,

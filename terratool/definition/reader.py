@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 from msgspec import Struct, structs
 
-from terratool.definition.curriculum.text import CurriculumText
+from terratool.definition.curriculum import CurriculumText
 from terratool.definition.decode import Decoded, decode
 from terratool.definition.findings import Finding, Owner, Remark, RemarkBatch, RemarkLog
 from terratool.definition.key import Key
@@ -551,7 +551,7 @@ def _apply_rules(document: Document, found: RemarkLog, options: CheckOptions) ->
                 continue
             remarks = rule.check(subject)
             if decoded.curriculum is not None and kind == "terrain":
-                from terratool.definition.curriculum.ground import on_ground
+                from terratool.definition.tile_ground import on_ground
 
                 remarks = on_ground(remarks)
             if ignores and rule.severity == "warning":
@@ -580,7 +580,7 @@ def _subjects(document: Document, options: CheckOptions) -> list[tuple[Kind, Any
     if decoded.sensor is not None:
         return [("sensor", SensorSubject(sensor=decoded.sensor, unfit=decoded.unfit))]
     if decoded.curriculum is not None:
-        from terratool.definition.curriculum.ground import ground_subject
+        from terratool.definition.tile_ground import ground_subject
 
         spec = CurriculumSubject(curriculum=decoded.curriculum, unfit=decoded.unfit)
         subjects: list[tuple[Kind, Any]] = [("curriculum", spec)]

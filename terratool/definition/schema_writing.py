@@ -12,9 +12,7 @@ from math import inf
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from terratool.definition.curriculum.faults import NAME, RESERVED
-from terratool.definition.curriculum.parameters import KINDS
-from terratool.definition.curriculum.text import CurriculumText, PatchText
+from terratool.definition.curriculum import CurriculumText, PatchText
 from terratool.definition.expression import MAX_LENGTH
 from terratool.definition.key import Key, Shape
 from terratool.definition.keys import KEYS, NESTED, REQUIRED
@@ -30,7 +28,9 @@ from terratool.definition.model import (
 )
 from terratool.definition.presets import PRESETS
 from terratool.definition.rules.presence import PLACEMENT
+from terratool.definition.rules.tile_faults import NAME, RESERVED
 from terratool.definition.sensor import CameraText, LidarText, SensorText
+from terratool.definition.tile_kinds import KINDS
 from terratool.definition.vehicle import AxleText, VehicleText
 
 Json = dict[str, Any]

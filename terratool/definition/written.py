@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from terratool.definition.chains import Chain, Chains
 from terratool.definition.exact import Exact, Side, Sides, rest_of, rests_of, side, sides
-from terratool.definition.expand import area_of, strewn_over
 from terratool.definition.model import DEFAULT_CELLS, Definition, Element, pair_of
+from terratool.definition.scatter_areas import area_of, strewn_over
 from terratool.definition.tree import ROOT, Tree
 from terratool.definition.uses import Root, Uses
 

@@ -22,9 +22,9 @@ from hypothesis import strategies as st
 import terratool
 from terratool.authoring.curriculum import build
 from terratool.authoring.curriculum.build import curriculum, write_curriculum
-from terratool.definition.curriculum.parameters import KINDS
 from terratool.definition.layout import canonical
 from terratool.definition.reader import check
+from terratool.definition.tile_kinds import KINDS
 from terratool.errors import DefinitionError, ReadError, RequestError, WriteError
 from terratool.text.source import Source
 from tests.commands import ROOT, run

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 from terratool.definition import sharing
-from terratool.definition.expand import Area, strewn_over
 from terratool.definition.model import Scatter
 from terratool.definition.reader import Checked, CheckOptions, check
 from terratool.definition.rules import scatter
+from terratool.definition.scatter_areas import Area, strewn_over
 from terratool.definition.scattering import Strewn, share, strewing, strewn
 from terratool.definition.uses import Root
 from terratool.field.terrain import Terrain

@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 
 from benchmarks.expressions import formula, heavy, mutated, noise, spelled
+from terratool.authoring.curriculum.reading import load_spec
 from terratool.definition.accuracy import SLACK, TOLERANCE
 from terratool.definition.bundle import bundle
-from terratool.definition.curriculum.reading import load_spec
 from terratool.definition.expression import NAMED
 from terratool.definition.keys import KEYS as KEYS_OF
 from terratool.definition.keys import Kind

@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terratool.authoring.curriculum.definition import Assignment, assign, definition_text
+from terratool.authoring.curriculum.reading import load_spec, spec_of
 from terratool.authoring.curriculum.spawning import level_patches, origins
-from terratool.definition.curriculum.reading import load_spec, spec_of
-from terratool.definition.curriculum.spec import Spec
 from terratool.definition.reader import CheckOptions, check, refusal
+from terratool.definition.tile_spec import Spec
 from terratool.errors import RequestError
 from terratool.field.terrain import Terrain
 from terratool.output import whole_file

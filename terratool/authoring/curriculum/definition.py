@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from terratool.authoring.curriculum.shapes import PRIMITIVES, Lines, Members, Rectangle, mm
 from terratool.authoring.curriculum.tiles import MAKERS, Draw, Plot, pieces
-from terratool.definition.curriculum.spec import MOST_PIECES, Spec
 from terratool.definition.layout import canonical
+from terratool.definition.tile_spec import MOST_PIECES, Spec
 from terratool.errors import RequestError
 from terratool.text.format import WIDTH
 

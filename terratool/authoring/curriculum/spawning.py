@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terratool.authoring.curriculum.definition import draw_of
-from terratool.definition.curriculum.spec import PatchSpec, Spec
+from terratool.definition.tile_spec import PatchSpec, Spec
 from terratool.field.terrain import Terrain
 
 Floats = NDArray[np.float64]

@@ -34,7 +34,7 @@ from terratool.authoring.curriculum.shapes import (
     square,
     stairs,
 )
-from terratool.definition.curriculum.spec import KindSpec
+from terratool.definition.tile_spec import KindSpec
 
 PIXEL = 100
 """mm: the generators' horizontal scale, by which obstacles are placed."""

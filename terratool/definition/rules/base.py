@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 
 from msgspec import UNSET, Struct, UnsetType
 
-from terratool.definition.curriculum.text import CurriculumText
+from terratool.definition.curriculum import CurriculumText
 from terratool.definition.curves import CurveError, problems
 from terratool.definition.findings import Owner, Remark, RemarkBatch, Severity
 from terratool.definition.keys import SLOTS, Kind

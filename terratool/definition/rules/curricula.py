@@ -31,6 +31,6 @@ def training_tiles(subject: CurriculumSubject) -> Iterator[Remark]:
 
     To mend: the hint names what is known or what fits; docs/curriculum.md has all kinds and keys.
     """
-    from terratool.definition.curriculum.faults import faults  # few texts are specs
+    from terratool.definition.rules.tile_faults import faults  # few texts are specs
 
     yield from faults(subject)

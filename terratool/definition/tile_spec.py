@@ -7,8 +7,7 @@ from typing import Any
 
 from msgspec import UNSET, Struct
 
-from terratool.definition.curriculum.parameters import KINDS
-from terratool.definition.curriculum.text import (
+from terratool.definition.curriculum import (
     CURRICULUM_KEYS,
     TILE_KEYS,
     CurriculumText,
@@ -17,6 +16,7 @@ from terratool.definition.curriculum.text import (
     Value,
 )
 from terratool.definition.model import names_of
+from terratool.definition.tile_kinds import KINDS
 
 MOST_PIECES = 1_000_000
 """Elements and random heights that all tiles may come to."""

@@ -1,6 +1,6 @@
 """Specs of grids of training tiles as they are written: frozen typed values, absent keys `UNSET`.
 
-The classes mirror the text key by key, in its units. `terratool.definition.curriculum.spec` fills
+The classes mirror the text key by key, in its units. `terratool.definition.tile_spec` fills
 in what was left out.
 """
 

@@ -7,12 +7,12 @@ from collections.abc import Iterable, Iterator
 
 from msgspec import UNSET
 
-from terratool.definition.curriculum.parameters import KINDS
-from terratool.definition.curriculum.spec import KindSpec
-from terratool.definition.curriculum.text import CURRICULUM_KEYS, MAX_TILES, CurriculumText
+from terratool.definition.curriculum import CURRICULUM_KEYS, MAX_TILES, CurriculumText
 from terratool.definition.findings import Remark
 from terratool.definition.model import Pair, pair_of
 from terratool.definition.rules.base import CurriculumSubject
+from terratool.definition.tile_kinds import KINDS
+from terratool.definition.tile_spec import KindSpec
 from terratool.report.wording import listed
 from terratool.text.display import escape, shown
 

@@ -9,10 +9,10 @@ from typing import Any
 import msgspec
 from msgspec.structs import replace
 
-from terratool.definition.curriculum.spec import FLOOR, Spec
 from terratool.definition.keys import document_kind
 from terratool.definition.model import MAX_SEED
 from terratool.definition.reader import CheckOptions, check, refusal
+from terratool.definition.tile_spec import FLOOR, Spec
 from terratool.errors import DefinitionError, RequestError
 from terratool.text.source import Source, read_source
 from terratool.text.values import read_values

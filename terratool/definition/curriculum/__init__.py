@@ -1,1 +1,0 @@
-"""What the user wrote of a grid of training tiles."""
