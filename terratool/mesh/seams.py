@@ -1,4 +1,4 @@
-"""Where a terrain is cut into tiles, and the vertices on the cuts, which the tiles share."""
+"""Seams between the tiles of a terrain, and the vertices on them, which the tiles share."""
 
 from __future__ import annotations
 
@@ -16,15 +16,18 @@ from terratool.mesh.types import MeshPlan, TileBoundary, Triangulation
 NO_SEAMS = TileBoundary(np.full(4, -1), np.empty((0, 4), np.int64), np.empty((0, 2)))
 """The boundary of a mesh that stands alone."""
 CLEARANCE = 16
-"""No segment ends this near to a seam, and no two cross, in points of the lattice."""
+"""Least distance of a segment's end, or of a crossing, from a seam, in points of the lattice."""
 _SAME = 3.0
-"""Segments that are so near to each other, in points of the lattice, pass a seam at one vertex …"""
+"""Largest distance of segments that pass a seam at one vertex, in points of the lattice."""
 _WIDEST = 64.0
-"""… if they stay this near as far as both go; what lies between them is a crack of walls."""
+"""Largest distance, as far as both go, of segments that pass a seam at one vertex, in points of the
+lattice; between them lies a crack of walls."""
 _TRIES = 400
+"""Most places that are tried for a seam."""
 _SPREAD = 0.125
-"""Seams are sought within this part of a tile from where they should be, half to each side."""
+"""Width in which a seam is sought around its regular place, in parts of a tile."""
 _GOLDEN = 0.6180339887498949
+"""Golden ratio: order in which places for a seam are tried."""
 
 Ints = NDArray[np.int64]
 Floats = NDArray[np.float64]
@@ -34,12 +37,13 @@ class Seam(NamedTuple):
     """A line that tiles meet in.
 
     Attributes:
-        axis: 0 if x is the same all along, 1 if y is.
-        at: this x or y, on the lattice.
-        passes: (n,) where along the line segments pass, seams cross, and it begins and ends.
-        begins: (n,) what passes from here on, up to the next of them, has its vertex at `passes`.
-        places: (m,) where along the line its vertices are, `passes` included; ascending.
-        heights: (m - 1, 2) float64, at the two ends of each of its edges.
+        axis: 0 if x is constant along the line, 1 if y is.
+        at: constant x or y of the line, on the lattice.
+        passes: (n,) places along the line of its ends, of passing segments and of other seams.
+        begins: (n,) places from which on, up to the next one, segments pass at a vertex of
+            `passes`.
+        places: (m,) places of all vertices along the line, `passes` included, ascending.
+        heights: (m - 1, 2) float64 heights at the two ends of each edge.
     """
 
     axis: int
@@ -51,7 +55,15 @@ class Seam(NamedTuple):
 
 
 class _Line(NamedTuple):
-    """A seam of which only the place is known; `slants` is how steeply segments pass, (n,)."""
+    """A seam of which only the place is known.
+
+    Attributes:
+        axis: 0 if x is constant along the line, 1 if y is.
+        at: constant x or y of the line, on the lattice.
+        passes: (n,) places along the line, as in `Seam`.
+        begins: (n,) places along the line, as in `Seam`.
+        slants: (n,) steepest slant of passing segments, their length for a step across the line.
+    """
 
     axis: int
     at: int
@@ -61,7 +73,7 @@ class _Line(NamedTuple):
 
 
 def lay_seams(plan: MeshPlan, columns: int, rows: int) -> tuple[list[Seam], list[Seam]]:
-    """The seams between columns of tiles, from west to east, and between rows, south to north.
+    """Return the seams between columns of tiles, west to east, and between rows, south to north.
 
     Raises:
         RequestError: edges are too near to each other for a seam between them.
@@ -83,7 +95,7 @@ def lay_seams(plan: MeshPlan, columns: int, rows: int) -> tuple[list[Seam], list
 
 
 def _find(plan: MeshPlan, axis: int, number: int, count: int, others: Sequence[_Line]) -> _Line:
-    """A line for a seam, as near to where it should be as the first that may be one."""
+    """Return the first line that may be a seam, of those near its regular place."""
     low, high = plan.bounds[axis], plan.bounds[axis + 2]
     side = (high - low) / count
     wanted = low + number * side
@@ -108,14 +120,14 @@ def _find(plan: MeshPlan, axis: int, number: int, count: int, others: Sequence[_
 def _line(
     plan: MeshPlan, axis: int, at: int, segments: Ints, others: Sequence[_Line]
 ) -> _Line | None:
-    """A line as a seam, or None if it may not be one.
+    """Return a line as a seam, or None if it may not be one.
 
     Args:
-        plan: the plan.
-        axis: 0 if x is the same all along, 1 if y is.
-        at: this x or y.
-        segments: (n, 4) segments, all that are near.
-        others: seams that it crosses.
+        plan: plan of the terrain.
+        axis: 0 if x is constant along the line, 1 if y is.
+        at: constant x or y of the line, on the lattice.
+        segments: (n, 4) segments, all that are near the line.
+        others: seams that the line crosses.
     """
     for other in others:
         if (np.abs(other.passes - at) < CLEARANCE * other.slants).any():
@@ -148,16 +160,17 @@ def _line(
 
 
 def _bundles(segments: Ints, axis: int, at: int) -> tuple[Ints | None, Floats]:
-    """Segments that pass a line at one vertex: the first of each such bundle, and how they slant.
+    """Bundle segments that pass a line at one vertex.
 
     Args:
         segments: (n, 4) segments that pass the line, in the order in which they do.
-        axis: of the line.
-        at: where it is.
+        axis: 0 if x is constant along the line, 1 if y is.
+        at: constant x or y of the line, on the lattice.
 
     Returns:
-        The indices, or None if some are neither one nor apart; (m,) the steepest slant of each,
-        as the length of a segment for each step from one side of the line to the other.
+        (m,) indices of the bundles' first segments, or None if some segments are neither one nor
+        apart; (m,) steepest slant of each bundle, the length of a segment for a step across the
+        line.
     """
     run, rise = (
         segments[:, axis + 2] - segments[:, axis],
@@ -184,14 +197,14 @@ def _bundles(segments: Ints, axis: int, at: int) -> tuple[Ints | None, Floats]:
 
 
 def _at(segments: Ints, axis: int, at: int | Ints) -> Floats:
-    """Where lines through segments pass a line, (n,), not rounded."""
+    """Return the places where lines through segments pass a line, (n,), not rounded."""
     begin, end = segments[:, axis], segments[:, axis + 2]
     low, high = segments[:, 1 - axis], segments[:, 3 - axis]
     return np.asarray(low + (at - begin) / (end - begin) * (high - low))
 
 
 def _are_one(one: Ints, two: Ints, axis: int, slants: Floats) -> bool:
-    """Whether segments run side by side as far as both go."""
+    """Whether pairs of segments run side by side as far as both go."""
     ends = np.sort(one[:, [axis, axis + 2]], axis=1), np.sort(two[:, [axis, axis + 2]], axis=1)
     for at in (np.maximum(ends[0][:, 0], ends[1][:, 0]), np.minimum(ends[0][:, 1], ends[1][:, 1])):
         if (np.abs(_at(one, axis, at) - _at(two, axis, at)) > _WIDEST * slants).any():
@@ -200,7 +213,7 @@ def _are_one(one: Ints, two: Ints, axis: int, slants: Floats) -> bool:
 
 
 def passing_places(segments: Ints, axis: int, at: int) -> Ints:
-    """Where segments pass a line, (n,), rounded to the lattice from their exact places."""
+    """Return the places where segments pass a line, (n,), exact ones rounded to the lattice."""
     run = segments[:, axis + 2] - segments[:, axis]
     rise = (segments[:, 3 - axis] - segments[:, 1 - axis]) * np.sign(run)
     run = np.abs(run)
@@ -211,7 +224,7 @@ def passing_places(segments: Ints, axis: int, at: int) -> Ints:
 
 
 def _with_vertices(line: _Line, places: Sequence[int]) -> _Line:
-    """The same with vertices where others cross it."""
+    """Return a line with further vertices at places, where other seams cross."""
     more = np.array(places, np.int64)
     passes = np.append(line.passes, more)
     order = np.argsort(passes)
@@ -221,7 +234,7 @@ def _with_vertices(line: _Line, places: Sequence[int]) -> _Line:
 
 
 def _with_heights(plan: MeshPlan, line: _Line) -> Seam:
-    """Heights along a seam, with as many vertices as they need."""
+    """Return a line as a seam with heights, and with as many vertices as these need."""
     axis, at, passes, begins, slants = line
     points = np.empty((len(passes), 2), np.int64)
     points[:, axis], points[:, 1 - axis] = at, passes
@@ -232,18 +245,18 @@ def _with_heights(plan: MeshPlan, line: _Line) -> Seam:
     # vertices stay away from segments that pass at a slant
     clearance = np.maximum(np.ceil(3 * _SAME * slants), kernels.SHORTEST_SEAM)
     ends, heights = kernels.divide_seam(plan.kept, regions, region_of, axis, at, passes, clearance)
-    # what is one height in a mesh is one number
+    # heights that are one in a mesh are one number
     one = np.abs(heights[1:, 0] - heights[:-1, 1]) <= plan.tolerance
     heights[1:, 0] = np.where(one, heights[:-1, 1], heights[1:, 0])
     return Seam(axis, at, passes, begins, np.concatenate([passes[:1], ends]), heights)
 
 
 def boundary_of(bounds: Sequence[int], seams: Sequence[Seam | None]) -> TileBoundary:
-    """The boundary of a tile.
+    """Return the boundary of a tile.
 
     Args:
-        bounds: west, south, east, north of the tile.
-        seams: on its west, south, east and north side; None where there is no tile beyond.
+        bounds: west, south, east, north of the tile, on the lattice.
+        seams: seams on the west, south, east and north side; None where no tile is beyond.
     """
     sides = np.full(4, -1)
     edges, heights = [np.empty((0, 4), np.int64)], [np.empty((0, 2))]
@@ -264,12 +277,12 @@ def boundary_of(bounds: Sequence[int], seams: Sequence[Seam | None]) -> TileBoun
 
 
 def cut_segments(segments: Ints, bounds: Sequence[int], seams: Sequence[Seam | None]) -> Ints:
-    """What of segments lies within a tile, (n, 4); they end in the vertices of its seams.
+    """Return the parts of segments within a tile, (n, 4), which end in vertices of its seams.
 
     Args:
-        segments: (n, 4) segments, as they are in the whole.
-        bounds: west, south, east, north of the tile.
-        seams: on its west, south, east and north side.
+        segments: (n, 4) segments of the whole terrain.
+        bounds: west, south, east, north of the tile, on the lattice.
+        seams: seams on the west, south, east and north side; None where no tile is beyond.
     """
     west, south, east, north = bounds
     low, high = segments[:, :2], segments[:, 2:]
@@ -299,7 +312,7 @@ def cut_segments(segments: Ints, bounds: Sequence[int], seams: Sequence[Seam | N
 
 
 def boundary_triangles(plane: Triangulation, boundary: TileBoundary) -> tuple[Ints, Ints]:
-    """The triangle beside each edge of a boundary, (n,), and which of its corners begins the edge.
+    """Return the triangle beside each edge of a boundary, (n,), and its corner that begins it.
 
     Raises:
         RuntimeError: the triangles have other edges on the seams.
@@ -328,15 +341,15 @@ def pin_heights(
     voids: NDArray[np.bool_],
     heights: NDArray[np.float64],
 ) -> None:
-    """Give the corners of triangles that are vertices of a boundary the heights that it has there.
+    """Give the corners of triangles at vertices of a boundary the heights of the boundary.
 
     Args:
-        plane: m triangles.
-        boundary: n edges.
-        triangle: (n,) which is beside each edge.
-        corner: (n,) which of its corners begins the edge.
-        voids: (m,) whether there is no ground in each triangle.
-        heights: (m, 3) of their corners; changed.
+        plane: triangulation of m triangles.
+        boundary: boundary of n edges.
+        triangle: (n,) index of the triangle beside each edge.
+        corner: (n,) corner of the triangle, 0 to 2, that begins each edge.
+        voids: (m,) bool, whether a triangle has no ground.
+        heights: (m, 3) heights at the corners of triangles; changed in place.
     """
     points, triangles, _ = plane
     after = (corner + 1) % 3
@@ -358,7 +371,7 @@ def pin_heights(
 
 
 def _packed(points: Ints) -> Ints:
-    """One number for each vertex, (n,)."""
+    """Return one number for each vertex, (n,)."""
     return (points[:, 0] << 31) | points[:, 1]
 
 

@@ -25,7 +25,7 @@ def write(scene: Scene, folder: Path) -> Written:
     place = numbers(scene.offset)
     for one, file in pieces:
         comment(robot, f"surface {one.name}: friction {one.friction:.4g}, {one.derivation}")
-        # the prefix keeps a surface from being called as the root is
+        # the prefix keeps a surface from having the name of the root
         link = child(robot, "link", name=f"surface_{one.word}")
         _massless(link)
         contact = child(link, "contact")
@@ -73,7 +73,7 @@ _NOTES = (
 
 
 def _massless(link: ET.Element) -> None:
-    """Without this PyBullet assumes a mass, and says so."""
+    """Give a link no mass; without that PyBullet assumes one, and says so."""
     inertial = child(link, "inertial")
     child(inertial, "mass", value=0)
     child(inertial, "inertia", ixx=0, ixy=0, ixz=0, iyy=0, iyz=0, izz=0)

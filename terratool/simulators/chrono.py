@@ -34,6 +34,7 @@ _UNITS = {
     "Elastic K": "Pa/m",
     "Damping R": "Pa*s/m",
 }
+"""Unit of each figure of SCM."""
 _SOURCES = {
     "Bekker Kphi": "kphi of the preset, kN/m^(n+2), times 1000",
     "Bekker Kc": "kc of the preset, kN/m^(n+1), times 1000",
@@ -44,7 +45,7 @@ _SOURCES = {
     "Elastic K": "not known; choose it larger than Bekker Kphi",
     "Damping R": "not known; 0 is the SCM of its authors",
 }
-"""Where each figure comes from, and how it is converted."""
+"""Source of each figure of SCM, and its conversion."""
 
 
 def write(scene: Scene, folder: Path) -> Written:
@@ -117,7 +118,7 @@ def _patch(scene: Scene, one: Material, file: str) -> dict[str, Any]:
 
 
 def _soil(surface: Surface | None) -> dict[str, float | None]:
-    """Figures of SCM by name, in SI units; None for what is not known."""
+    """Return the figures of SCM by name, in SI units; None for an unknown figure."""
     found: dict[str, float | None] = dict.fromkeys(_UNITS)
     if surface is None:
         return found
@@ -133,12 +134,12 @@ def _soil(surface: Surface | None) -> dict[str, float | None]:
 
 
 def _si(value: Any, factor: float = 1.0) -> float | None:
-    """A figure times a factor, without the digits that the product adds."""
+    """Return a figure times a factor, to 12 digits, as the product adds some; None for UNSET."""
     return None if value is UNSET else float(f"{factor * float(value):.12g}")
 
 
 def _lacking(soils: dict[str, dict[str, float | None]]) -> Iterator[str]:
-    """Which surfaces have no Bekker figures, in a sentence."""
+    """Yield a sentence on the surfaces without Bekker figures, if there are any."""
     without = [name for name, soil in soils.items() if soil["Bekker n"] is None]
     if without:
         yield (

@@ -13,9 +13,10 @@ from terratool.simulators.targets import Written
 from terratool.text.display import counted, length
 
 _VERSION = "1.7"
-"""Of SDFormat: what Ignition Citadel and all after it read."""
+"""Version of SDFormat: Ignition Citadel and all after it read it."""
 _PICTURE = "heights.png"
 _STEP = 0.001
+"""Time step of the world's physics, s."""
 
 
 def write(scene: Scene, folder: Path) -> Written:
@@ -56,7 +57,7 @@ _UNREAD = (
 
 
 def _meshes(scene: Scene, link: ET.Element, folder: Path) -> Written:
-    """A collision and a visual for each surface, of one file with normals."""
+    """Add a collision and a visual for each surface, both of one file with normals."""
     pieces = write_pieces(scene, folder)
     for one, file in pieces:
         comment(link, f"surface {one.name}: friction {one.friction:.4g}, {one.derivation}")
@@ -105,7 +106,7 @@ def _touch(shape: ET.Element, one: Material) -> None:
 
 
 def _heightmap(scene: Scene, link: ET.Element, folder: Path) -> Written:
-    """A picture of heights that is seen and collides."""
+    """Add a picture of heights that is seen and collides."""
     found = write_heightmap(scene.terrain, folder / _PICTURE)
     west, south, east, north = scene.terrain.bounds
     size = east - west, north - south, found.range
@@ -187,7 +188,7 @@ def _config(scene: Scene) -> ET.Element:
 
 
 def _world(scene: Scene, model: ET.Element) -> ET.Element:
-    """A world with the model in it, so that no path has to be set for it."""
+    """Return a world that holds the model, so that no path has to be set to open it."""
     root = ET.Element("sdf", version=_VERSION)
     world = child(root, "world", name=scene.name)
     physics = child(world, "physics", name="steps", type="ode")

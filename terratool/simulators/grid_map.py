@@ -21,10 +21,10 @@ from terratool.text.display import counted, length
 from terratool.traversability.results import GroundClass
 
 MOST = 1024
-"""The longer side has at most so many cells, if no resolution is given."""
+"""Most cells on the longer side, if no resolution is given."""
 BAG = "grid_map"
 GO, CAUTION, NO_GO = 1.0, 0.5, 0.0
-"""Values of the layer "traversability"."""
+"""Values of the layer "traversability" for ground that is go, caution and no-go."""
 
 _NAMES = (
     "elevation", "normal_x", "normal_y", "normal_z", "slope", "friction", "surface", "color",
@@ -48,10 +48,10 @@ _PLAY = (
 
 
 def write(scene: Scene, folder: Path) -> Written:
-    """Write a folder grid_map, which is the bag.
+    """Write the bag, a folder grid_map, into a folder.
 
     Raises:
-        RequestError: as of `check`.
+        RequestError: `check` refuses the cells.
     """
     grid = _cells(scene)
     scene.say("sampling cells")
@@ -99,10 +99,10 @@ def write(scene: Scene, folder: Path) -> Written:
 
 
 def check(scene: Scene) -> None:
-    """Refuse cells that no message can have.
+    """Refuse cells that no message can hold.
 
     Raises:
-        RequestError: there are too many, they are too large, or they do not go with the vehicle.
+        RequestError: the cells are too many or too large, or do not go with the vehicle.
     """
     scene.cells()
     grid, layers = _cells(scene), len(_NAMES) + (scene.judge is not None)
@@ -115,12 +115,18 @@ def check(scene: Scene) -> None:
 
 
 def _cells(scene: Scene) -> Grid:
-    """Those of the layers: fewer than those that the vehicle judges."""
+    """Return the grid of the layers, by default of fewer cells than the vehicle judges."""
     return cell_grid(scene.terrain, scene.options.resolution, MOST)
 
 
 class _Part(NamedTuple):
-    """What a window has: bands (layers, height, width) float32, and what they lose."""
+    """Layers of a window.
+
+    Attributes:
+        window: window of the grid.
+        bands: (layers, height, width) float32 values at the middles of cells.
+        lost: counts of what the cells lose.
+    """
 
     window: Window
     bands: NDArray[np.float32]
@@ -128,7 +134,7 @@ class _Part(NamedTuple):
 
 
 def _sampled(scene: Scene, grid: Grid) -> tuple[Layers, RasterLoss]:
-    """Layers of what is at the middles of cells, (height, width) from the north; what they lose."""
+    """Return layers at cell middles by name, (height, width) from the north; and their loss."""
     terrain, zero = scene.terrain, scene.zero[2]
     finder = LossFinder(terrain, grid)
     painter = Painter(terrain, grid, np.float64, slopes=True, labels=finder.for_walls)
@@ -164,7 +170,7 @@ def _sampled(scene: Scene, grid: Grid) -> tuple[Layers, RasterLoss]:
 
 
 def _tables(scene: Scene) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Frictions and colours, in the bits of floats, by the index of a surface and one."""
+    """Return frictions, and colours 0xRRGGBB in the bits of floats, by surface index plus 1."""
     materials = [scene.material(surface) for surface in range(-1, len(scene.terrain.surfaces))]
     frictions = np.array([one.friction for one in materials], np.float32)
     colors = [red << 16 | green << 8 | blue for red, green, blue in (m.color for m in materials)]
@@ -172,6 +178,7 @@ def _tables(scene: Scene) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
 
 
 def _traversability(classes: NDArray[np.uint8]) -> NDArray[np.float32]:
+    """Return the layer "traversability" of ground classes; NaN for unknown ground."""
     values = np.full(len(GroundClass), NO_GO, np.float32)
     values[GroundClass.GO], values[GroundClass.CAUTION] = GO, CAUTION
     values[GroundClass.UNKNOWN] = np.nan

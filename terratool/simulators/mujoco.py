@@ -24,23 +24,23 @@ from terratool.text.display import counted, length
 
 _FILE = "terrain.xml"
 _BELOW = 1.0
-"""Solids reach so far below the lowest ground, in units of the terrain …"""
+"""Least depth of the base of solids below the lowest ground, units of the terrain."""
 _PART = 0.1
-"""… and no less than this part of the relief."""
+"""Least depth of the base of solids below the lowest ground, in parts of the relief."""
 _SINK = 8.0
-"""What a height field leaves out lies so many reliefs below: so its sides are steep."""
+"""Depth of a height field's unused nodes, in reliefs, so that its sides are steep."""
 _FINE = 500_000
-"""Where the mesh to be seen has fewer faces, solids are cut from a finer one …"""
+"""Least faces of the seen mesh that solids are cut from; below, a finer mesh is built."""
 _MESH_SHARE = 0.5
-"""… within this part of the error."""
+"""Share of the solids' error that a mesh may have which is built for cutting."""
 _MANY = 1_500_000
-"""Where it has more, they are cut from a coarser one …"""
+"""Most faces of the seen mesh that solids are cut from; above, a coarser mesh is built."""
 _COARSEST = 0.02
-"""… but not for an error of more than this part of the relief."""
+"""Largest error that solids get from a coarser mesh, in parts of the relief."""
 _SEAM = 10.0
-"""How far a solid may reach into another surface of the same height, in errors."""
+"""Largest reach of a solid into another surface of the same height, in errors."""
 _ROLLING = "0.005 0.0001"
-"""Torsional and rolling friction: MuJoCo's own."""
+"""Torsional and rolling friction: MuJoCo's defaults."""
 
 _ATTACHED = (
     "Into a model of yours: put its file into this folder and write"
@@ -94,7 +94,7 @@ def write(scene: Scene, folder: Path) -> Written:
 
 
 def _add_picture(scene: Scene, folder: Path, asset: ET.Element, body: ET.Element) -> None:
-    """Add a material and a mesh for each surface, which nothing collides with."""
+    """Add a material and a mesh for each surface, to be seen; nothing collides with them."""
     points = points_of(scene.mesh)
     materials = [scene.material(part.surface) for part in scene.parts]
     files = file_names(materials, "msh")
@@ -111,9 +111,9 @@ def _add_picture(scene: Scene, folder: Path, asset: ET.Element, body: ET.Element
 
 
 def _write_msh(path: Path, vertices: NDArray[np.float32], faces: NDArray[np.int32]) -> None:
-    """MuJoCo's own binary mesh: numbers of vertices, normals, texture points, faces; then these.
+    """Write MuJoCo's binary mesh: counts of vertices, normals, texture points, faces; then these.
 
-    It wants four vertices at least.
+    MuJoCo wants four vertices at least, so the first ones are repeated.
     """
     vertices = np.concatenate([vertices, vertices[: max(0, 4 - len(vertices))]])
     with open(path, "wb") as file:
@@ -123,7 +123,7 @@ def _write_msh(path: Path, vertices: NDArray[np.float32], faces: NDArray[np.int3
 
 
 def _contact(one: Material) -> dict[str, object]:
-    """What says how a surface collides: it is not seen, and its friction comes first."""
+    """Return attributes of a geom that collides, is not seen, and whose friction counts first."""
     return {
         "rgba": f"{rgba(one.color)[:-1]}0",
         "group": 3,
@@ -133,14 +133,14 @@ def _contact(one: Material) -> dict[str, object]:
 
 
 class _Solids:
-    """Boxes, convex meshes and height fields, as they are added to an MJCF."""
+    """Writer of boxes, convex meshes and height fields into an MJCF."""
 
     def __init__(self, scene: Scene, folder: Path, asset: ET.Element, body: ET.Element) -> None:
         self._scene, self._folder, self._asset, self._body = scene, folder, asset, body
         self._counts = {"box": 0, "mesh": 0, "hfield": 0}
 
     def add(self) -> tuple[str, str, dict[str, object]]:
-        """Add what collides; says what it is, what is lost, and figures."""
+        """Add all geoms that collide; return a summary, a sentence on losses, and figures."""
         options, scene = self._scene.options, self._scene
         built, error = self._to_cut()
         seam = _SEAM * options.max_error
@@ -172,7 +172,7 @@ class _Solids:
         }  # fmt: skip
 
     def _to_cut(self) -> tuple[BuiltMesh, float]:
-        """The mesh that solids are cut from, and how far they may be from the terrain."""
+        """Return the mesh that solids are cut from, and the largest error of the solids."""
         built, error = self._scene.built, self._scene.options.max_error
         faces = len(built.mesh.faces)
         if faces < _FINE:
@@ -184,6 +184,7 @@ class _Solids:
         return built, error
 
     def _named(self, kind: str) -> str:
+        """Count a geom of a kind, and return its name."""
         self._counts[kind] += 1
         return f"collision_{kind}_{self._counts[kind] - 1}"
 
@@ -203,7 +204,7 @@ class _Solids:
         ring = np.concatenate([solid.top, solid.top[:1]])[:, :2]
         ring = shapely.get_coordinates(shapely.convex_hull(shapely.linestrings(ring)))[:-1]
         below = np.column_stack([ring, np.full(len(ring), self._base)])
-        middle = solid.top.mean(axis=0)  # vertices are near it, as MuJoCo keeps them in float32
+        middle = solid.top.mean(axis=0)  # vertices are near zero, as MuJoCo keeps them in float32
         corners = np.concatenate([solid.top, below]) - middle
         child(self._asset, "mesh", name=name, vertex=numbers(corners.ravel()))
         child(self._body, "geom", name=name, type="mesh", mesh=name, pos=numbers(middle), **contact)
@@ -234,7 +235,15 @@ class _Solids:
 def _lost(
     found: Collision, solids: float, options: SceneOptions, allowed: float, geoms: int
 ) -> str:
-    """How far what collides is from the terrain, in words; solids were allowed some error first."""
+    """Return a sentence on the distance of colliding geoms from the terrain.
+
+    Args:
+        found: solids and height fields.
+        solids: largest distance of solids from the terrain.
+        options: options of the files.
+        allowed: error that solids were allowed before there were too many.
+        geoms: number of geoms.
+    """
     wanted, most = options.max_error, options.max_geoms
     parts = []
     if found.solids:
@@ -255,7 +264,7 @@ def _lost(
 
 
 def _add_flexes(scene: Scene, body: ET.Element) -> tuple[str, str, dict[str, object]]:
-    """Add the mesh itself as rigid flexes, one for each surface; answers as `_Solids.add`."""
+    """Add the mesh itself as rigid flexes, one for each surface; return as `_Solids.add`."""
     points = points_of(scene.mesh)
     for part in scene.parts:
         one = scene.material(part.surface)

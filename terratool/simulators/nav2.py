@@ -1,7 +1,7 @@
-"""A map for Nav2: a picture of cells that are free, occupied or unknown, and what it stands for.
+"""A map for Nav2: a picture of cells that are free, occupied or unknown, and its metadata.
 
 The conventions are those of nav2_map_server (github.com/ros-navigation/navigation2,
-`nav2_map_server/src/map_io.cpp`: `loadMapFromFile`), the same as of map_server in ROS 1
+`nav2_map_server/src/map_io.cpp`: `loadMapFromFile`), which are those of map_server in ROS 1
 (wiki.ros.org/map_server): the first row of pixels is the north; `origin` is where the lower left
 pixel has its lower left corner; a pixel of brightness b is occupied to p = (255 − b)/255. Above
 `occupied_thresh` that is occupied, below `free_thresh` free, and between them unknown. 205 is
@@ -24,7 +24,7 @@ from terratool.text.display import length
 from terratool.traversability.results import GroundClass
 
 BRIGHTNESS = {FREE: 254, OCCUPIED: 0, UNKNOWN: 205}
-"""Of pixels, as map_saver writes them."""
+"""Brightness of pixels by occupancy, as map_saver writes them."""
 
 _NAMES = {FREE: "free", OCCUPIED: "occupied", UNKNOWN: "unknown"}
 
@@ -53,7 +53,7 @@ def check(scene: Scene) -> None:
     """Refuse cells that no map can have.
 
     Raises:
-        RequestError: there are too many, they are too large, or they do not go with the vehicle.
+        RequestError: the cells are too many or too large, or do not go with the vehicle.
     """
     scene.cells()
 
@@ -62,7 +62,7 @@ def write(scene: Scene, folder: Path) -> Written:
     """Write map.yaml and map.pgm.
 
     Raises:
-        RequestError: as of `check`.
+        RequestError: `check` refuses the cells.
     """
     options, terrain = scene.options, scene.terrain
     grid, verdict = scene.cells(), scene.verdict
@@ -120,7 +120,7 @@ _VEHICLE_LOSS = (
 
 
 def _percent(share: float) -> str:
-    """A share to a tenth; what is little, or nearly all, is not said to be nothing, or all."""
+    """Return a share in percent to a tenth; a little is not said to be 0, nor nearly all 100."""
     text = f"{100.0 * share:.1f}"
     if 0.0 < share < 1.0 and text in ("0.0", "100.0"):
         return "less than 0.1 %" if share < 0.5 else "more than 99.9 %"
@@ -137,7 +137,7 @@ def _limits_losses(resolution: float) -> tuple[str, ...]:
 
 
 def _write_pgm(path: Path, cells: NDArray[np.int8]) -> None:
-    """A picture of cells, (height, width) from the north."""
+    """Write a picture of cells, (height, width) from the north."""
     height, width = cells.shape
     pixels = np.full(cells.shape, BRIGHTNESS[UNKNOWN], np.uint8)
     for value, brightness in BRIGHTNESS.items():

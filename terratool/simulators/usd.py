@@ -51,7 +51,7 @@ def write(scene: Scene, folder: Path) -> Written:
 
 
 def _with_materials(scene: Scene) -> Mesh:
-    """The mesh with friction everywhere: assumed where none is known, and without a surface."""
+    """Return the mesh with friction everywhere: assumed where unknown, and without a surface."""
     mesh, (*own, none) = scene.mesh, scene.materials
     return replace(
         mesh,

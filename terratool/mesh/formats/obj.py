@@ -22,7 +22,7 @@ def write_obj(mesh: Mesh, path: Path, descr: str, world: bool = False) -> None:
     """Write an OBJ and its MTL: one group and one material per surface, z up, normals if any.
 
     Names are words of letters, digits, `_`, `-` and `.`, since neither file can quote; the true
-    ones stand in comments. In coordinates of the `world` numbers have 15 digits.
+    names stand in comments. Coordinates of the `world` have 15 digits.
     """
     materials = path.with_suffix(".mtl")
     parts = surface_parts(mesh, _in_name)

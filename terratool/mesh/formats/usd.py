@@ -25,12 +25,12 @@ def write_usd(
     """Write a .usda or .usdc: a Mesh and a Material per surface, z up, in metres and kilograms.
 
     Prims are named after the surfaces, in letters, digits and `_` of ASCII; their display names are
-    the true ones. The origin stands in the layer's custom data; `place` is where it lies in the
+    the true ones. The origin stands in the layer's custom data; `place` is its position in the
     stage.
 
     Bodies collide with the triangles of each Mesh as they are. A surface whose friction is known
     has it as static and dynamic friction, without restitution, in its Material, which is bound for
-    physics, too. There is no PhysicsScene: that belongs to the stage that refers to the terrain.
+    physics, too. There is no PhysicsScene, which belongs to the stage that refers to the terrain.
 
     Raises:
         WriteError: the file cannot be written.
@@ -92,7 +92,7 @@ def write_usd(
     try:
         layer.Export(str(path))
     except Tf.ErrorException as error:
-        # each of its lines ends in what the system says, within quotes
+        # each line of the message ends in the system's reason, within quotes
         found = re.search(r": ([^:'\n]+)'$", str(error), re.MULTILINE)
         raise WriteError(
             f"{path.name}: cannot be written ({found[1].lower() if found else 'by USD'}).",

@@ -1,4 +1,4 @@
-"""Height fields, where ground is curved and no wall is near, split where they are worst."""
+"""Height fields for curved ground, split where they are worst."""
 
 from __future__ import annotations
 
@@ -22,35 +22,36 @@ from terratool.simulators.collision.solids import VOID, Ground
 CELLS = 96
 """Cells of a height field along its longer side."""
 _SAMPLES = 4
-"""Each cell is held against the terrain at so many points a side, and its end."""
+"""Steps along a cell's side between the points at which it is compared with the terrain."""
 _CURVED = 0.75
-"""This part of all height fields may be split where ground is curved."""
+"""Share of all height fields up to which curved ground and lines between surfaces split them."""
 _STEEP = 2.0
-"""Cells of so many errors are not split: what is wrong in them is a step, or nearly."""
+"""Least cell, in errors, of a field that is split for its error: in smaller ones that is a step."""
 _FINEST = 40.0
-"""Cells of so many errors are not split for what is left at walls."""
+"""Least cell, in errors, of a field that is split at lines between surfaces, or at walls."""
 _STEP = 0.25
-"""Steps that are lower than this part of the error are no walls."""
+"""Least height of a wall, in errors."""
 _PLENTY = 600
-"""So many may be where the ground would be spoilt by fewer."""
+"""Least limit of the number of height fields where fewer would spoil the ground."""
 _NODES = 4_000_000
-"""So many nodes all height fields have together, about."""
+"""Most nodes of all height fields together."""
 _FEWEST = 4
-"""Beside the void, fewer rows of cells are no height field."""
+"""Least rows and columns of cells of a height field."""
 
 
 @dataclass(frozen=True)
 class Surroundings:
-    """What height fields stand for, and what they keep away from.
+    """Ground that height fields stand for, and edges that they keep away from.
 
     Attributes:
-        terrain: its heights.
-        corner: (2,) float64, world position of the zero of …
-        walls: … (k, 2, 2) float64 their ends …
-        sharp: … (m, 2, 2) those of all that height fields leave out: walls, the void, creases …
-        held: … and what needs no height field, prepared.
+        terrain: terrain, for heights and surfaces.
+        corner: (2,) float64 world position of the zero of all other coordinates.
+        walls: (k, 2, 2) float64 ends of walls, seen from above.
+        sharp: (m, 2, 2) float64 ends of the edges that height fields leave out: walls, creases and
+            those of the void.
+        held: prepared area of the ground that has solids.
         ground: all of the ground, void included.
-        max_error: how far they may be from it, along z.
+        max_error: largest distance of height fields from the terrain, along z.
     """
 
     terrain: Terrain
@@ -63,25 +64,25 @@ class Surroundings:
 
     @cached_property
     def points(self) -> Floats:
-        """All corners of the ground, (n, 3), x rising."""
+        """Corners of the ground, each once, (n, 3) float64, x ascending."""
         return np.unique(self.ground.triangles.reshape(-1, 3), axis=0)
 
     @cached_property
     def wall_tree(self) -> shapely.STRtree:
-        """The walls, by place."""
+        """Spatial index of the walls."""
         return shapely.STRtree(shapely.linestrings(self.walls))
 
     @cached_property
     def sharp_tree(self) -> shapely.STRtree:
-        """What is left out, by place."""
+        """Spatial index of the edges that height fields leave out."""
         return shapely.STRtree(shapely.linestrings(self.sharp))
 
     def height(self, x: Floats, y: Floats) -> Floats:
-        """Heights of the terrain."""
+        """Return heights of the terrain at x and y; NaN at the void."""
         return np.asarray(self.terrain.height(x + self.corner[0], y + self.corner[1]))
 
     def surface(self, x: Floats, y: Floats) -> Ints:
-        """Indices of its surfaces at all columns x of rows y, which rise."""
+        """Return surface indices at columns x and rows y, which ascend, (rows, columns)."""
         near = self.ground.tree.query(shapely.box(x[0], y[0], x[-1], y[-1]))
         worn = np.unique(self.ground.surfaces[near])
         worn = worn[worn != VOID]
@@ -93,26 +94,31 @@ class Surroundings:
 
 @dataclass(frozen=True)
 class Laid:
-    """A height field, and what is to be asked of it."""
+    """A height field with measures of how well it stands for the ground.
+
+    Attributes:
+        patch: height field.
+        around: ground and edges around it.
+    """
 
     patch: HeightPatch
     around: Surroundings
 
     @cached_property
     def footing(self) -> Footing:
-        """It without what is above the ground at walls."""
+        """The height field without cells above the ground at walls."""
         return footing_of(self.patch, self.around.ground, self.around.max_error)
 
     @property
     def excess(self) -> float:
-        """How much farther than it may be from the terrain it is away from walls."""
+        """Error above the allowed one, away from walls; 0 if its cells are too small to split."""
         if min(self.patch.cell) < _STEEP * self.around.max_error:
             return 0.0
         return max(self.patch.error - self.around.max_error, 0.0)
 
     @property
     def border(self) -> float:
-        """The area of cells of several surfaces, where lines between these are ragged."""
+        """Area of cells of several surfaces; 0 if the cells are too small to split."""
         if min(self.patch.cell) < _FINEST * self.around.max_error:
             return 0.0
         mixed = self.patch.used & self.patch.mixed
@@ -120,23 +126,23 @@ class Laid:
 
     @property
     def rest(self) -> float:
-        """The area of the ground at walls that it does not stand for."""
+        """Area of ground at walls without height field; 0 if the cells are too small to split."""
         if min(self.patch.cell) < _FINEST * self.around.max_error:
             return 0.0
         return float(shapely.area(self.footing.parts).sum())
 
 
 def lay_patches(around: Surroundings, extent: Bounds, most: int, spoilt: float) -> list[Laid]:
-    """Height fields for all that solids do not hold.
+    """Lay height fields over the ground that solids do not stand for.
 
-    They are split in four where they are worst, until they are good or too many: first where they
-    are far from the ground, then where surfaces meet, then where much ground at walls is left.
+    The worst fields are split in four, until all are good or they are too many: first those far
+    from the ground, then those where surfaces meet, then those with much ground left at walls.
 
     Args:
-        around: what they stand for.
-        extent: west, south, east, north of it.
-        most: no more than so many, if that can be …
-        spoilt: … and none is farther from the ground than this.
+        around: ground and edges around the height fields.
+        extent: west, south, east, north of the ground.
+        most: most height fields, where these do not spoil the ground.
+        spoilt: error above which the ground is spoilt, and more height fields are allowed.
     """
     laid = list(_laid(around, extent))
     far = spoilt - around.max_error
@@ -147,19 +153,20 @@ def lay_patches(around: Surroundings, extent: Bounds, most: int, spoilt: float) 
 
 
 def spread(laid: list[Laid], most: int) -> list[Laid]:
-    """Height fields, split where they are worst and no wall is, up to so many."""
+    """Split the worst height fields away from walls, until there are `most`."""
     most -= sum(len(one.footing.patch.worn) - len(one.patch.worn) for one in laid)
     laid = _split(laid, lambda one: 0.0 if one.patch.near.any() else one.excess, most)
     return _split(laid, lambda one: 0.0 if one.patch.near.any() else one.border, most)
 
 
 def _laid(around: Surroundings, bounds: Bounds) -> Iterator[Laid]:
+    """Yield the height fields of a rectangle, the void left out."""
     for patch in _without_void(_patch(around, bounds)):
         yield Laid(measured(patch, around.points), around)
 
 
 def _split(laid: list[Laid], badness: Callable[[Laid], float], most: int) -> list[Laid]:
-    """Height fields in four where they are worst, until none is bad or they would be too many."""
+    """Split the worst height field in four, until none is bad or they would be too many."""
     queue = [(-badness(one), number, one) for number, one in enumerate(laid)]
     heapq.heapify(queue)
     number, size = len(queue), _size(laid)
@@ -184,12 +191,13 @@ def _split(laid: list[Laid], badness: Callable[[Laid], float], most: int) -> lis
 
 
 def _size(laid: list[Laid]) -> NDArray[np.intp]:
-    """How many nodes height fields have, and how many they are, one for each surface."""
+    """Return the number of nodes of height fields, and of fields, one for each surface: (2,)."""
     used = [one.patch for one in laid if one.patch.used.any()]
     return np.array([sum(one.heights.size for one in used), sum(len(one.worn) for one in used)])
 
 
 def _patch(around: Surroundings, bounds: Bounds) -> HeightPatch:
+    """Return the height field of a rectangle, compared with the terrain."""
     west, south, east, north = bounds
     longer = max(east - west, north - south)
     columns = max(_FEWEST, round(CELLS * (east - west) / longer))
@@ -203,7 +211,7 @@ def _patch(around: Surroundings, bounds: Bounds) -> HeightPatch:
     low = _lowered(around, heights[::k, ::k], x[::k], y[::k])
     nodes, near = _continued(around, low, bounds, cell)
     misses = misses_of(heights, k)
-    # walls of the mesh are chords: what is true ground beside them may lie on the other side
+    # walls of the mesh are chords: the terrain's own walls may lie on their other side
     e = around.max_error
     wide = shapely.box(left - e, bottom - e, left + cell[0] + e, bottom + cell[1] + e)
     sharp, _ = around.sharp_tree.query(wide.ravel(), predicate="intersects")
@@ -217,9 +225,9 @@ def _patch(around: Surroundings, bounds: Bounds) -> HeightPatch:
 
 
 def _lowered(around: Surroundings, nodes: Floats, x: Floats, y: Floats) -> Floats:
-    """Heights at nodes, where those at a wall of the mesh are on the lower ground beside it.
+    """Return heights at nodes, where those at a wall of the mesh are on the lower ground beside.
 
-    A chord of a round wall has some of the higher ground before it.
+    The chord of a round wall has some of the higher ground before it.
     """
     if not len(around.walls):
         return nodes
@@ -236,7 +244,7 @@ def _lowered(around: Surroundings, nodes: Floats, x: Floats, y: Floats) -> Float
 
 
 def _surfaces(samples: Ints, k: int) -> tuple[Ints, Bools]:
-    """The surfaces in the middle of cells, (n, m), and whether they have several."""
+    """Return surfaces at cell middles, (n, m) int32, and whether cells have several, (n, m)."""
     n, m = samples.shape
     low, high = (
         least.reduce([samples[j : n - k + j : k, i : m - k + i : k] for j, i in np.ndindex(k, k)])
@@ -263,7 +271,7 @@ def _void_cells(ground: Ground, left: Floats, bottom: Floats, cell: tuple[float,
 def _continued(
     around: Surroundings, nodes: Floats, bounds: Bounds, cell: tuple[float, float]
 ) -> tuple[Floats, Bools]:
-    """Nodes, where lower ground goes on behind walls; and the cells that this changes."""
+    """Return nodes, where lower ground goes on behind walls, and the cells that this changes."""
     west, south, east, north = bounds
     low, high = around.walls.min(axis=1), around.walls.max(axis=1)
     margin = np.array(cell)
@@ -280,7 +288,7 @@ def _continued(
 
 
 def misses_of(heights: Floats, k: int) -> Floats:
-    """How far cells are from the terrain at most, (n, m), where each has k + 1 samples a side.
+    """Return the largest distances of cells from the terrain, (n, m), from k + 1 samples a side.
 
     MuJoCo parts each cell from its south-west to its north-east corner.
     """
@@ -302,7 +310,7 @@ def misses_of(heights: Floats, k: int) -> Floats:
 
 
 def _without_void(patch: HeightPatch) -> Iterator[HeightPatch]:
-    """Parts of a patch that have no cell without ground, as a height field has no holes."""
+    """Yield the parts of a patch without void cells, as a height field has no holes."""
     void = np.isnan(patch.misses)
     rows, columns = np.flatnonzero(void.any(axis=1)), np.flatnonzero(void.any(axis=0))
     if not len(rows) or not patch.used.any():
