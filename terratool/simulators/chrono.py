@@ -18,7 +18,7 @@ from terratool.definition.model import Surface
 from terratool.definition.presets import preset_of, property_of
 from terratool.simulators.pieces import write_pieces
 from terratool.simulators.scene import Material, Scene
-from terratool.simulators.targets import Written
+from terratool.simulators.targets import WrittenFiles
 from terratool.text.display import counted, json_text
 
 _FILE = "terrain.json"
@@ -48,7 +48,7 @@ _SOURCES = {
 """Source of each figure of SCM, and its conversion."""
 
 
-def write(scene: Scene, folder: Path) -> Written:
+def write(scene: Scene, folder: Path) -> WrittenFiles:
     """Write a terrain, an OBJ for each surface, and the soils, into a folder."""
     pieces = write_pieces(scene, folder)
     _write_json(
@@ -72,7 +72,7 @@ def write(scene: Scene, folder: Path) -> Written:
         },
     )
     faces = len(scene.mesh.faces)
-    return Written(
+    return WrittenFiles(
         summary=f"a patch for each of {counted(len(pieces), 'surface')}, of"
         f" {counted(faces, 'face')} together",
         language="python",
@@ -98,7 +98,7 @@ def write(scene: Scene, folder: Path) -> Written:
             " on PyPI.",
             "Patches are rigid. SCM takes one soil for all ground unless a program tells it which"
             " counts where (`RegisterSoilParametersCallback`).",
-            *_lacking(soils),
+            *_missing_figures(soils),
         ),
         facts={"patches": [one.name for one, _ in pieces], "faces": faces},
     )
@@ -138,7 +138,7 @@ def _si(value: Any, factor: float = 1.0) -> float | None:
     return None if value is UNSET else float(f"{factor * float(value):.12g}")
 
 
-def _lacking(soils: dict[str, dict[str, float | None]]) -> Iterator[str]:
+def _missing_figures(soils: dict[str, dict[str, float | None]]) -> Iterator[str]:
     """Yield a sentence on the surfaces without Bekker figures, if there are any."""
     without = [name for name, soil in soils.items() if soil["Bekker n"] is None]
     if without:

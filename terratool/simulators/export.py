@@ -16,7 +16,7 @@ import msgspec
 from terratool._version import __version__
 from terratool.errors import ReadError, WriteError
 from terratool.field.terrain import Terrain
-from terratool.mesh.formats.common import ascii_word, lines_of, plain_names
+from terratool.mesh.formats.common import is_ascii_word, lines_of, plain_names
 from terratool.output import (
     hold_signals,
     os_errors,
@@ -26,7 +26,7 @@ from terratool.output import (
 )
 from terratool.simulators.options import SceneOptions
 from terratool.simulators.scene import Material, Scene
-from terratool.simulators.targets import Target, Written, chosen, refuse_uninstalled
+from terratool.simulators.targets import Target, WrittenFiles, choose_targets, refuse_uninstalled
 from terratool.text.display import json_text, plain, printable
 from terratool.text.files import is_regular, open_file
 from terratool.traversability.judge import Judge
@@ -72,12 +72,12 @@ class ExportPlan:
         """Write the files of a terrain; arguments and errors are those of `export_simulators`."""
         source = self.source
         stem = "terrain" if source is None else source.stem
-        [name] = plain_names([stem], _in_name, "terrain")
+        [name] = plain_names([stem], _fits_name, "terrain")
         scene = Scene(terrain.written_out, name, self.options, progress, self.judge)
         for target in self.targets.values():
             target.check(scene)
         reports = []
-        with os_errors(self.folder), stop_on_signals(), _made(self.folder):
+        with os_errors(self.folder), stop_on_signals(), _make_folder(self.folder):
             for key, target in self.targets.items():
                 with part_folder(self.folder) as part:
                     written = target.write(scene, part)
@@ -86,7 +86,7 @@ class ExportPlan:
                     (part / README).write_text(_readme(scene, target, written), "utf-8")
                     text = json_text(msgspec.to_builtins(manifest, enc_hook=plain))
                     (part / MANIFEST).write_text(text + "\n", "utf-8")
-                    _put(part, self.folder / key)
+                    _put_in_place(part, self.folder / key)
                 reports.append(SimulatorReport(self.folder / key, manifest))
         return tuple(reports)
 
@@ -101,7 +101,7 @@ def plan_export(
 ) -> ExportPlan:
     """Check a request before there is a terrain; arguments, errors as of `export_simulators`."""
     options, folder = options or SceneOptions(), Path(folder)
-    wanted = chosen((targets,) if isinstance(targets, str) else tuple(targets))
+    wanted = choose_targets((targets,) if isinstance(targets, str) else tuple(targets))
     options.check()
     judge = None if options.vehicle is None else Judge.of(options.vehicle)
     source = None if source is None else Path(source)
@@ -144,7 +144,7 @@ def export_simulators(
 
 
 @contextlib.contextmanager
-def _made(folder: Path) -> Iterator[None]:
+def _make_folder(folder: Path) -> Iterator[None]:
     """Make a folder for the block, and remove it again if it is new and stays empty."""
     was_there = folder.exists()
     folder.mkdir(exist_ok=True)
@@ -156,9 +156,9 @@ def _made(folder: Path) -> Iterator[None]:
                 folder.rmdir()
 
 
-def _in_name(letter: str) -> bool:
+def _fits_name(letter: str) -> bool:
     """Whether a character may stand in the name of a terrain."""
-    return ascii_word(letter) or letter == "-"
+    return is_ascii_word(letter) or letter == "-"
 
 
 def _check_folders(folder: Path, targets: tuple[str, ...], overwrite: bool) -> None:
@@ -174,7 +174,7 @@ def _check_folders(folder: Path, targets: tuple[str, ...], overwrite: bool) -> N
         place = folder / name
         if not place.exists() and not place.is_symlink():
             continue
-        if place.is_symlink() or not place.is_dir() or not _earlier(place):
+        if place.is_symlink() or not place.is_dir() or not _earlier_files(place):
             raise WriteError(
                 f"{place}: was not written by terratool, as no {MANIFEST} in it says so.",
                 "Choose another folder, or remove it.",
@@ -183,7 +183,7 @@ def _check_folders(folder: Path, targets: tuple[str, ...], overwrite: bool) -> N
             raise WriteError(f"{place}: exists already.", "Choose another folder, or --overwrite.")
 
 
-def _earlier(place: Path) -> dict[str, Any]:
+def _earlier_files(place: Path) -> dict[str, Any]:
     """Return the SHA-256 of an earlier export's files by name; empty where there was none.
 
     The README and the manifest have None, as their hashes are not known.
@@ -205,7 +205,7 @@ def _is_own(place: Path, name: str) -> bool:
     return path.is_file() and path.resolve().is_relative_to(place.resolve())
 
 
-def _put(part: Path, place: Path) -> None:
+def _put_in_place(part: Path, place: Path) -> None:
     """Move new files to their place; files of an earlier export go, unless they were changed.
 
     Raises:
@@ -216,7 +216,7 @@ def _put(part: Path, place: Path) -> None:
         part.mkdir()  # whoever made it removes it
         return
     new = sorted(_files(part), key=lambda name: name == MANIFEST)
-    old = _earlier(place)
+    old = _earlier_files(place)
     for name in new:
         for path in (place / name, *(place / name).parents):
             if path == place:
@@ -255,7 +255,7 @@ def _hashes(folder: Path) -> dict[str, str]:
     return found
 
 
-def _manifest(scene: Scene, key: str, written: Written, source: Path | None) -> dict[str, Any]:
+def _manifest(scene: Scene, key: str, written: WrittenFiles, source: Path | None) -> dict[str, Any]:
     west, south, east, north = scene.terrain.bounds
     x, y, _ = scene.zero
     return {
@@ -276,7 +276,7 @@ def _manifest(scene: Scene, key: str, written: Written, source: Path | None) -> 
                 "color": list(one.color),
                 "sonar_reflectivity": one.reflectivity,
             }
-            for one in scene.used(written.meshed)
+            for one in scene.used_materials(written.meshed)
         },
         "losses": list(_losses(scene, written)),
         **({"mesh": msgspec.to_builtins(scene.loss, enc_hook=plain)} if written.meshed else {}),
@@ -315,7 +315,7 @@ def _sha256(path: str | Path) -> str:
         raise ReadError.of(path, error) from error
 
 
-def _losses(scene: Scene, written: Written) -> Iterator[str]:
+def _losses(scene: Scene, written: WrittenFiles) -> Iterator[str]:
     """Yield sentences on what the files lose."""
     if written.meshed:
         walls, lost = scene.loss.sentences()
@@ -330,7 +330,7 @@ def _losses(scene: Scene, written: Written) -> Iterator[str]:
         yield f"Friction {scene.options.friction:g} is assumed, as there is no fricAngle: {names}."
 
 
-def _readme(scene: Scene, target: Target, written: Written) -> str:
+def _readme(scene: Scene, target: Target, written: WrittenFiles) -> str:
     """Return the README: loading, content, frictions and losses of the files."""
     lines = [f"# {scene.name} in {target.title}", ""]
     for text in filter(None, (scene.terrain.descr, f"Here: {written.summary}.")):
@@ -349,6 +349,6 @@ def _readme(scene: Scene, target: Target, written: Written) -> str:
     return "\n".join([*lines_of("\n".join(lines)), ""])
 
 
-def _frictions(scene: Scene, written: Written) -> Sequence[Material]:
+def _frictions(scene: Scene, written: WrittenFiles) -> Sequence[Material]:
     """Return the materials whose friction is in the files."""
-    return scene.used(written.meshed) if written.frictions is None else written.frictions
+    return scene.used_materials(written.meshed) if written.frictions is None else written.frictions

@@ -9,7 +9,7 @@ from terratool.simulators.heightmap import HeightMap, write_heightmap
 from terratool.simulators.markup import child, comment, numbers, one_line, rgba, write_xml
 from terratool.simulators.pieces import write_pieces
 from terratool.simulators.scene import Material, Scene
-from terratool.simulators.targets import Written
+from terratool.simulators.targets import WrittenFiles
 from terratool.text.display import counted, length
 
 _VERSION = "1.7"
@@ -19,7 +19,7 @@ _STEP = 0.001
 """Time step of the world's physics, s."""
 
 
-def write(scene: Scene, folder: Path) -> Written:
+def write(scene: Scene, folder: Path) -> WrittenFiles:
     """Write a model, a world, and an OBJ for each surface or a picture of heights."""
     model = ET.Element("model", name=scene.name)
     if scene.terrain.descr:
@@ -27,9 +27,9 @@ def write(scene: Scene, folder: Path) -> Written:
     child(model, "static", "true")
     link = child(model, "link", name="terrain")
     if scene.options.heightmap:
-        written = _heightmap(scene, link, folder)
+        written = _add_heightmap(scene, link, folder)
     else:
-        written = _meshes(scene, link, folder)
+        written = _add_meshes(scene, link, folder)
     root = ET.Element("sdf", version=_VERSION)
     root.append(model)
     write_xml(root, folder / "model.sdf")
@@ -56,7 +56,7 @@ _UNREAD = (
 )
 
 
-def _meshes(scene: Scene, link: ET.Element, folder: Path) -> Written:
+def _add_meshes(scene: Scene, link: ET.Element, folder: Path) -> WrittenFiles:
     """Add a collision and a visual for each surface, both of one file with normals."""
     pieces = write_pieces(scene, folder)
     for one, file in pieces:
@@ -65,9 +65,9 @@ def _meshes(scene: Scene, link: ET.Element, folder: Path) -> Written:
             shape = child(link, kind, name=f"{one.word}_{kind}")
             child(shape, "pose", f"{numbers(scene.offset)} 0 0 0")
             child(child(child(shape, "geometry"), "mesh"), "uri", file)
-            _look(shape, one) if kind == "visual" else _touch(shape, one)
+            _add_color(shape, one) if kind == "visual" else _add_contact(shape, one)
     faces = len(scene.mesh.faces)
-    return Written(
+    return WrittenFiles(
         summary=f"a mesh for each of {counted(len(pieces), 'surface')} is seen and collides, of"
         f" {counted(faces, 'face')} together",
         language="sh",
@@ -83,7 +83,7 @@ def _meshes(scene: Scene, link: ET.Element, folder: Path) -> Written:
     )
 
 
-def _look(shape: ET.Element, one: Material) -> None:
+def _add_color(shape: ET.Element, one: Material) -> None:
     material = child(shape, "material")
     color = rgba(one.color)
     child(material, "ambient", color)
@@ -91,7 +91,7 @@ def _look(shape: ET.Element, one: Material) -> None:
     child(material, "specular", "0 0 0 1")
 
 
-def _touch(shape: ET.Element, one: Material) -> None:
+def _add_contact(shape: ET.Element, one: Material) -> None:
     if one.reflectivity is not None:
         child(shape, "laser_retro", f"{one.reflectivity:.6g}")
     friction, value = child(child(shape, "surface"), "friction"), f"{one.friction:.6g}"
@@ -105,7 +105,7 @@ def _touch(shape: ET.Element, one: Material) -> None:
     child(torsional, "coefficient", value)
 
 
-def _heightmap(scene: Scene, link: ET.Element, folder: Path) -> Written:
+def _add_heightmap(scene: Scene, link: ET.Element, folder: Path) -> WrittenFiles:
     """Add a picture of heights that is seen and collides."""
     found = write_heightmap(scene.terrain, folder / _PICTURE)
     west, south, east, north = scene.terrain.bounds
@@ -123,8 +123,8 @@ def _heightmap(scene: Scene, link: ET.Element, folder: Path) -> Written:
         child(heightmap, "uri", _PICTURE)
         child(heightmap, "size", numbers(size))
         child(heightmap, "pos", numbers((0.0, 0.0, 0.0) if collides else middle))
-        _touch(shape, one) if collides else _look(shape, one)
-    return Written(
+        _add_contact(shape, one) if collides else _add_color(shape, one)
+    return WrittenFiles(
         summary=f"a picture of {found.side} × {found.side} heights",
         language="sh",
         load=_LOAD,
@@ -165,7 +165,7 @@ def _picture_losses(
         lines.append(
             f"The void, {100 * found.void:.2g} % of the area, is ground at {length(found.low)}."
         )
-    if len(scene.used(False)) > 1:
+    if len(scene.used_materials(False)) > 1:
         lines.append(
             f"All of it has the friction and colour of {one.name}, which covers most of it."
         )

@@ -16,7 +16,7 @@ from terratool.raster.painter import Painter
 from terratool.raster.prefetch import TILE, prefetch, processors
 from terratool.simulators.cells import cell_grid
 from terratool.simulators.scene import Scene
-from terratool.simulators.targets import Written
+from terratool.simulators.targets import WrittenFiles
 from terratool.text.display import counted, length
 from terratool.traversability.results import GroundClass
 
@@ -47,15 +47,15 @@ _PLAY = (
 )
 
 
-def write(scene: Scene, folder: Path) -> Written:
+def write(scene: Scene, folder: Path) -> WrittenFiles:
     """Write the bag, a folder grid_map, into a folder.
 
     Raises:
         RequestError: `check` refuses the cells.
     """
-    grid = _cells(scene)
+    grid = _layer_grid(scene)
     scene.say("sampling cells")
-    layers, loss = _sampled(scene, grid)
+    layers, loss = _sample_layers(scene, grid)
     by, more, lacking = dict[str, Any](), "", ""
     verdict = scene.verdict
     if verdict is not None:
@@ -69,7 +69,7 @@ def write(scene: Scene, folder: Path) -> Written:
     middle = 0.5 * (west + east) - x, 0.5 * (south + north) - y
     scene.say("writing the bag")
     write_grid_maps(folder / BAG, [GridMap(grid, middle, layers)])
-    return Written(
+    return WrittenFiles(
         summary=f"{grid.width} × {grid.height} cells of {length(grid.resolution)}, "
         f"{counted(len(layers), 'layer')}",
         load=(f"ros2 bag play --loop --delay 1 {BAG}", f"ros2 topic info --verbose {TOPIC}"),
@@ -105,7 +105,7 @@ def check(scene: Scene) -> None:
         RequestError: the cells are too many or too large, or do not go with the vehicle.
     """
     scene.cells()
-    grid, layers = _cells(scene), len(_NAMES) + (scene.judge is not None)
+    grid, layers = _layer_grid(scene), len(_NAMES) + (scene.judge is not None)
     size = 4 * layers * grid.width * grid.height
     if size > MOST_BYTES:
         raise RequestError(
@@ -114,12 +114,12 @@ def check(scene: Scene) -> None:
         )
 
 
-def _cells(scene: Scene) -> Grid:
+def _layer_grid(scene: Scene) -> Grid:
     """Return the grid of the layers, by default of fewer cells than the vehicle judges."""
     return cell_grid(scene.terrain, scene.options.resolution, MOST)
 
 
-class _Part(NamedTuple):
+class _LayerWindow(NamedTuple):
     """Layers of a window.
 
     Attributes:
@@ -133,14 +133,14 @@ class _Part(NamedTuple):
     lost: LossCounts
 
 
-def _sampled(scene: Scene, grid: Grid) -> tuple[Layers, RasterLoss]:
+def _sample_layers(scene: Scene, grid: Grid) -> tuple[Layers, RasterLoss]:
     """Return layers at cell middles by name, (height, width) from the north; and their loss."""
     terrain, zero = scene.terrain, scene.zero[2]
     finder = LossFinder(terrain, grid)
     painter = Painter(terrain, grid, np.float64, slopes=True, labels=finder.for_walls)
-    frictions, colors = _tables(scene)
+    frictions, colors = _surface_tables(scene)
 
-    def made(window: Window) -> _Part:
+    def sample(window: Window) -> _LayerWindow:
         whole = finder.with_neighbours(window)
         planes = painter.paint(whole)
         lost = finder.of(window, planes)
@@ -157,11 +157,11 @@ def _sampled(scene: Scene, grid: Grid) -> tuple[Layers, RasterLoss]:
         bands[6] = planes.surfaces.astype(np.float32) - 1.0
         bands[7] = colors[planes.surfaces]
         bands[:, np.isnan(planes.heights)] = np.nan
-        return _Part(window, bands, lost)
+        return _LayerWindow(window, bands, lost)
 
     out = np.empty((len(_NAMES), grid.height, grid.width), np.float32)
     lost = LossCounts()
-    for window, bands, more in prefetch(made, grid.windows(TILE, TILE), processors()):
+    for window, bands, more in prefetch(sample, grid.windows(TILE, TILE), processors()):
         rows = slice(window.row, window.row + window.height)
         out[:, rows, window.column : window.column + window.width] = bands
         lost += more
@@ -169,7 +169,7 @@ def _sampled(scene: Scene, grid: Grid) -> tuple[Layers, RasterLoss]:
     return dict(zip(_NAMES, out, strict=True)), finder.statement(lost, nodata)
 
 
-def _tables(scene: Scene) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+def _surface_tables(scene: Scene) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Return frictions, and colours 0xRRGGBB in the bits of floats, by surface index plus 1."""
     materials = [scene.material(surface) for surface in range(-1, len(scene.terrain.surfaces))]
     frictions = np.array([one.friction for one in materials], np.float32)

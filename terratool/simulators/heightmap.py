@@ -77,7 +77,7 @@ def write_heightmap(terrain: Terrain, path: Path) -> HeightMap:
     extent = high - low if high > low else 1.0
     pixels = np.rint(np.where(np.isnan(heights), 0.0, (heights - low) / extent) * 255)
     path.write_bytes(png(pixels.astype(np.uint8)[:, :, None]))
-    points, rms, worst = _compared(terrain, low + pixels / 255 * extent)
+    points, rms, worst = _compare(terrain, low + pixels / 255 * extent)
     return HeightMap(
         side=side,
         low=low,
@@ -90,7 +90,7 @@ def write_heightmap(terrain: Terrain, path: Path) -> HeightMap:
     )
 
 
-def _compared(terrain: Terrain, heights: NDArray[np.float64]) -> tuple[int, float, float]:
+def _compare(terrain: Terrain, heights: NDArray[np.float64]) -> tuple[int, float, float]:
     """Compare heights, (side, side) from the north, with a terrain at random points.
 
     Returns:

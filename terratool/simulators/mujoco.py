@@ -14,12 +14,12 @@ from terratool.mesh.formats.common import points_of, shape_of
 from terratool.mesh.types import BuiltMesh
 from terratool.simulators.collision.build import Collision, collision_of
 from terratool.simulators.collision.height_patch import HeightPatch
-from terratool.simulators.collision.solids import Solid, rectangle
+from terratool.simulators.collision.solids import Solid, plan_rectangle
 from terratool.simulators.markup import child, comment, numbers, rgba, write_xml
 from terratool.simulators.options import SceneOptions
 from terratool.simulators.pieces import file_names
 from terratool.simulators.scene import Material, Scene
-from terratool.simulators.targets import Written
+from terratool.simulators.targets import WrittenFiles
 from terratool.text.display import counted, length
 
 _FILE = "terrain.xml"
@@ -66,7 +66,7 @@ _FLEXES = (
 )
 
 
-def write(scene: Scene, folder: Path) -> Written:
+def write(scene: Scene, folder: Path) -> WrittenFiles:
     """Write an MJCF, meshes to be seen, and height fields to collide with, into a folder."""
     root = ET.Element("mujoco", model=scene.name)
     if scene.terrain.descr:
@@ -77,9 +77,9 @@ def write(scene: Scene, folder: Path) -> Written:
     if scene.options.flex:
         summary, losses, facts = _add_flexes(scene, body)
     else:
-        summary, losses, facts = _Solids(scene, folder, asset, body).add()
+        summary, losses, facts = _CollisionGeoms(scene, folder, asset, body).add()
     write_xml(root, folder / _FILE)
-    return Written(
+    return WrittenFiles(
         summary=summary,
         language="python",
         load=(
@@ -132,7 +132,7 @@ def _contact(one: Material) -> dict[str, object]:
     }
 
 
-class _Solids:
+class _CollisionGeoms:
     """Writer of boxes, convex meshes and height fields into an MJCF."""
 
     def __init__(self, scene: Scene, folder: Path, asset: ET.Element, body: ET.Element) -> None:
@@ -142,7 +142,7 @@ class _Solids:
     def add(self) -> tuple[str, str, dict[str, object]]:
         """Add all geoms that collide; return a summary, a sentence on losses, and figures."""
         options, scene = self._scene.options, self._scene
-        built, error = self._to_cut()
+        built, error = self._mesh_to_cut()
         seam = _SEAM * options.max_error
         found = collision_of(scene.terrain, built, error, seam, options.max_geoms, scene.say)
         levels = built.mesh.vertices[:, 2]
@@ -152,7 +152,7 @@ class _Solids:
         for solid in found.solids:
             self._add_solid(solid)
         for patch in found.patches:
-            for surface in patch.worn:
+            for surface in patch.used_surfaces:
                 self._add_patch(patch, surface)
         counts = self._counts
         summary = (
@@ -161,7 +161,7 @@ class _Solids:
             f"{counted(counts['hfield'], 'height field')}"
         )
         solids = found.height + built.error
-        losses = _lost(found, solids, options, error, sum(counts.values()))
+        losses = _loss_sentence(found, solids, options, error, sum(counts.values()))
         return summary, losses, {
             **counts,
             "max_geoms": options.max_geoms,
@@ -171,7 +171,7 @@ class _Solids:
             "height_fields_error": found.worst,
         }  # fmt: skip
 
-    def _to_cut(self) -> tuple[BuiltMesh, float]:
+    def _mesh_to_cut(self) -> tuple[BuiltMesh, float]:
         """Return the mesh that solids are cut from, and the largest error of the solids."""
         built, error = self._scene.built, self._scene.options.max_error
         faces = len(built.mesh.faces)
@@ -183,24 +183,24 @@ class _Solids:
             return self._scene.mesh_within(_MESH_SHARE * error), error
         return built, error
 
-    def _named(self, kind: str) -> str:
+    def _next_name(self, kind: str) -> str:
         """Count a geom of a kind, and return its name."""
         self._counts[kind] += 1
         return f"collision_{kind}_{self._counts[kind] - 1}"
 
     def _add_solid(self, solid: Solid) -> None:
         contact = _contact(self._scene.material(solid.surface))
-        box = rectangle(solid)
+        box = plan_rectangle(solid)
         if box is not None:
             half = 0.5 * (box.top - self._base)
             turn = (math.cos(0.5 * box.turn), 0.0, 0.0, math.sin(0.5 * box.turn))
             child(
-                self._body, "geom", name=self._named("box"), type="box",
+                self._body, "geom", name=self._next_name("box"), type="box",
                 size=numbers((*box.half, half)), pos=numbers((*box.middle, box.top - half)),
                 **({"quat": numbers(turn)} if box.turn else {}), **contact,
             )  # fmt: skip
             return
-        name = self._named("mesh")
+        name = self._next_name("mesh")
         ring = np.concatenate([solid.top, solid.top[:1]])[:, :2]
         ring = shapely.get_coordinates(shapely.convex_hull(shapely.linestrings(ring)))[:-1]
         below = np.column_stack([ring, np.full(len(ring), self._base)])
@@ -212,13 +212,13 @@ class _Solids:
     def _add_patch(self, patch: HeightPatch, surface: int) -> None:
         used = patch.used & (patch.surfaces == surface)
         rows, columns = np.flatnonzero(used.any(axis=1)), np.flatnonzero(used.any(axis=0))
-        patch = patch.cropped(rows[0], rows[-1] + 1, columns[0], columns[-1] + 1)
+        patch = patch.crop(rows[0], rows[-1] + 1, columns[0], columns[-1] + 1)
         used = np.pad(patch.used & (patch.surfaces == surface), 1)
         nodes = used[:-1, :-1] | used[:-1, 1:] | used[1:, :-1] | used[1:, 1:]
         heights = np.where(nodes, patch.heights, self._sunk)
         west, south, east, north = patch.bounds
         low, high = float(heights.min()), float(heights.max())
-        name = self._named("hfield")
+        name = self._next_name("hfield")
         with open(self._folder / f"{name}.bin", "wb") as file:
             file.write(np.array(heights.shape, "<i4").tobytes())
             file.write((heights - low).astype("<f4").tobytes())
@@ -232,7 +232,7 @@ class _Solids:
         )  # fmt: skip
 
 
-def _lost(
+def _loss_sentence(
     found: Collision, solids: float, options: SceneOptions, allowed: float, geoms: int
 ) -> str:
     """Return a sentence on the distance of colliding geoms from the terrain.
@@ -264,7 +264,7 @@ def _lost(
 
 
 def _add_flexes(scene: Scene, body: ET.Element) -> tuple[str, str, dict[str, object]]:
-    """Add the mesh itself as rigid flexes, one for each surface; return as `_Solids.add`."""
+    """Add the mesh as rigid flexes, one for each surface; return as `_CollisionGeoms.add`."""
     points = points_of(scene.mesh)
     for part in scene.parts:
         one = scene.material(part.surface)

@@ -17,9 +17,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from terratool.simulators.obstacles import FREE, OCCUPIED, UNKNOWN, Limits, occupancy
+from terratool.simulators.obstacles import FREE, OCCUPIED, UNKNOWN, DrivingLimits, occupancy
 from terratool.simulators.scene import Scene
-from terratool.simulators.targets import Written
+from terratool.simulators.targets import WrittenFiles
 from terratool.text.display import length
 from terratool.traversability.results import GroundClass
 
@@ -58,7 +58,7 @@ def check(scene: Scene) -> None:
     scene.cells()
 
 
-def write(scene: Scene, folder: Path) -> Written:
+def write(scene: Scene, folder: Path) -> WrittenFiles:
     """Write map.yaml and map.pgm.
 
     Raises:
@@ -69,7 +69,7 @@ def write(scene: Scene, folder: Path) -> Written:
     side = length(grid.resolution)
     if verdict is None:
         scene.say("looking for slopes and walls")
-        cells = occupancy(terrain, grid, Limits.of(options.max_slope, options.max_step))
+        cells = occupancy(terrain, grid, DrivingLimits.of(options.max_slope, options.max_step))
         by: dict[str, Any] = {"max_slope": options.max_slope, "max_step": options.max_step}
         limits = f"slopes of {options.max_slope:g}° and steps of {length(options.max_step)}"
         notes = _LIMITS_NOTE.format(
@@ -88,7 +88,7 @@ def write(scene: Scene, folder: Path) -> Written:
     (folder / "map.yaml").write_text(_yaml(grid.resolution, origin), "utf-8", newline="\n")
     shares = {name: float((cells == value).mean()) for value, name in _NAMES.items()}
     said = ", ".join(f"{_percent(share)} {name}" for name, share in shares.items())
-    return Written(
+    return WrittenFiles(
         summary=f"{grid.width} × {grid.height} cells of {side} for {limits}: {said}",
         load=(
             "ros2 run nav2_map_server map_server --ros-args -p yaml_filename:=map.yaml",

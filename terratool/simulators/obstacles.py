@@ -40,7 +40,7 @@ _WALLS = 4
 Points = NDArray[np.float64]
 
 
-class Limits(NamedTuple):
+class DrivingLimits(NamedTuple):
     """Slopes and steps that a robot can drive.
 
     Attributes:
@@ -52,12 +52,12 @@ class Limits(NamedTuple):
     step: float
 
     @classmethod
-    def of(cls, max_slope: float, max_step: float) -> Limits:
+    def of(cls, max_slope: float, max_step: float) -> DrivingLimits:
         """Return the limits for a slope in degrees and a step in units of the terrain."""
         return cls(math.tan(math.radians(max_slope)) * (1.0 + _ROUNDING), max_step)
 
 
-class _Found(NamedTuple):
+class _WindowObstacles(NamedTuple):
     """Obstacles in a window of cells.
 
     Attributes:
@@ -73,7 +73,7 @@ class _Found(NamedTuple):
     walls: Points
 
 
-def occupancy(terrain: Terrain, grid: Grid, limits: Limits) -> NDArray[np.int8]:
+def occupancy(terrain: Terrain, grid: Grid, limits: DrivingLimits) -> NDArray[np.int8]:
     """Return `FREE`, `OCCUPIED` or `UNKNOWN` for each cell, (height, width), from the north.
 
     A cell is occupied if it has a slope that is too steep or a wall that is too high, be it
@@ -104,7 +104,7 @@ class ObstacleFinder:
     east and north.
     """
 
-    def __init__(self, terrain: Terrain, grid: Grid, limits: Limits) -> None:
+    def __init__(self, terrain: Terrain, grid: Grid, limits: DrivingLimits) -> None:
         terrain = terrain.written_out
         self._terrain, self._grid, self._limits = terrain, grid, limits
         self._least = max(0.5 * limits.step, _LEAST * grid.resolution)
@@ -122,7 +122,7 @@ class ObstacleFinder:
         self._lines = crest_lines(terrain.arrays)
         self._weights = curve_weights(terrain.arrays)
 
-    def find(self, window: Window) -> _Found:
+    def find(self, window: Window) -> _WindowObstacles:
         """Return the obstacles in the cells of a window."""
         nodes = Window(
             2 * window.row, 2 * window.column, 2 * window.height + 1, 2 * window.width + 1
@@ -143,7 +143,7 @@ class ObstacleFinder:
             steep[begin] |= high & (labels[end] == labels[begin])
         walls = np.concatenate([self._walls(heights, labels, x, y), self._crests(heights, x, y)])
         steep = steep[1:, :-1].reshape(window.height, 2, window.width, 2).any(axis=(1, 3))
-        return _Found(window, steep, self._holes(window, np.isnan(heights)), walls)
+        return _WindowObstacles(window, steep, self._holes(window, np.isnan(heights)), walls)
 
     def _holes(self, window: Window, hole: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Whether void or the outside is at a corner, side's middle or middle of cells, (h, w)."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from terratool.mesh.formats.common import (
     SurfacePart,
-    ascii_word,
+    is_ascii_word,
     plain_names,
     points_of,
     shape_of,
@@ -37,7 +37,7 @@ def write_pieces(scene: Scene, folder: Path) -> list[tuple[Material, str]]:
 
 def file_names(materials: Iterable[Material], ending: str) -> list[str]:
     """Return a file name for each material; case is dropped, as some systems do not tell it."""
-    names = plain_names([one.word.lower() for one in materials], ascii_word, "surface")
+    names = plain_names([one.word.lower() for one in materials], is_ascii_word, "surface")
     return [f"{name}.{ending}" for name in names]
 
 

@@ -18,7 +18,7 @@ from terratool.mesh.formats.common import (
     NO_COLOR,
     NO_NAME,
     SurfacePart,
-    ascii_word,
+    is_ascii_word,
     plain_names,
     surface_parts,
 )
@@ -162,7 +162,7 @@ class Scene:
     def _materials(self) -> Iterator[Material]:
         """Yield the materials in the order of `materials`."""
         types, assumed = self.terrain.surface_types, self.options.friction
-        words = plain_names([*types, NO_NAME], ascii_word, "surface")
+        words = plain_names([*types, NO_NAME], is_ascii_word, "surface")
         for (name, surface), word in zip(types.items(), words, strict=False):
             friction = friction_of(surface)
             known = math.isfinite(friction)
@@ -183,7 +183,7 @@ class Scene:
         """Return the material of a surface by its index; -1 is ground without a surface."""
         return self.materials[surface]
 
-    def used(self, meshed: bool = True) -> list[Material]:
+    def used_materials(self, meshed: bool = True) -> list[Material]:
         """Return the materials of the mesh's faces or, if not `meshed`, of elements and tracks.
 
         Ground without a surface is last, if there is any.

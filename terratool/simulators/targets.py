@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True)
-class Written:
+class WrittenFiles:
     """Account of the files that a writer has written.
 
     Attributes:
@@ -60,9 +60,9 @@ class Target:
     needs: tuple[str, str, str] | tuple[()] = ()
 
     @property
-    def write(self) -> Callable[[Scene, Path], Written]:
+    def write(self) -> Callable[[Scene, Path], WrittenFiles]:
         """Function that writes the files of a scene into an existing folder."""
-        writer: Callable[[Scene, Path], Written] = self._module.write
+        writer: Callable[[Scene, Path], WrittenFiles] = self._module.write
         return writer
 
     def check(self, scene: Scene) -> None:
@@ -90,7 +90,7 @@ TARGETS = {
 }
 
 
-def chosen(names: tuple[str, ...]) -> dict[str, Target]:
+def choose_targets(names: tuple[str, ...]) -> dict[str, Target]:
     """Return targets by name, in the order of the table; "all" is all of them.
 
     Raises:
@@ -102,11 +102,11 @@ def chosen(names: tuple[str, ...]) -> dict[str, Target]:
         )
     for name in names:
         if name not in TARGETS and name != "all":
-            raise RequestError(f"There is no target {shown(name)}.", _meant(name))
+            raise RequestError(f"There is no target {shown(name)}.", _hint_on(name))
     return {name: one for name, one in TARGETS.items() if name in names or "all" in names}
 
 
-def _meant(name: str) -> str:
+def _hint_on(name: str) -> str:
     """Return a hint on a name that is of no target."""
     from difflib import get_close_matches
 

@@ -52,12 +52,12 @@ def world_points_of(mesh: Mesh) -> NDArray[np.float64]:
     return points_of(mesh) + mesh.origin
 
 
-def ascii_word(character: str) -> bool:
+def is_ascii_word(character: str) -> bool:
     """Whether a character may stand in identifiers of any format."""
     return character.isascii() and (character.isalnum() or character == "_")
 
 
-def surface_parts(mesh: Mesh, allowed: Callable[[str], bool] = ascii_word) -> list[SurfacePart]:
+def surface_parts(mesh: Mesh, allowed: Callable[[str], bool] = is_ascii_word) -> list[SurfacePart]:
     """Return the faces of a mesh by surface, in order; faces without a surface come last.
 
     Args:
@@ -172,7 +172,7 @@ def plain_names(names: Iterable[str], allowed: Callable[[str], bool], other: str
     taken: set[str] = set()
     found = []
     for name in names:
-        plain = _plain(name, allowed)
+        plain = _plain_name(name, allowed)
         unique = plain = plain if plain.strip("_") else other
         count = 1
         while unique in taken:
@@ -183,7 +183,7 @@ def plain_names(names: Iterable[str], allowed: Callable[[str], bool], other: str
     return found
 
 
-def _plain(name: str, allowed: Callable[[str], bool]) -> str:
+def _plain_name(name: str, allowed: Callable[[str], bool]) -> str:
     """Return a name of allowed characters only, not empty where `name` is not."""
     letters: list[str] = []
     replaced = False
@@ -204,7 +204,7 @@ def lines_of(descr: str) -> Iterator[str]:
         yield "".join(letter if letter.isprintable() else "\ufffd" for letter in line).rstrip()
 
 
-def encodable(text: str) -> str:
+def encodable_text(text: str) -> str:
     """Return a text without halves of characters, which JSON may hold and UTF-8 may not."""
     return "".join("\ufffd" if "\ud800" <= letter <= "\udfff" else letter for letter in text)
 
@@ -222,7 +222,7 @@ def color_text(color: tuple[int, int, int]) -> str:
     return " ".join(f"{math.ceil(shade / 255 * 1e4) / 1e4:g}" for shade in color)
 
 
-def linear(color: tuple[int, int, int]) -> tuple[float, float, float]:
+def linear_color(color: tuple[int, int, int]) -> tuple[float, float, float]:
     """Return a colour in linear light, 0 to 1, after IEC 61966-2-1 (sRGB)."""
     red, green, blue = (
         shade / 255 / 12.92 if shade <= 10 else ((shade / 255 + 0.055) / 1.055) ** 2.4

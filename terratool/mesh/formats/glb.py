@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from terratool.errors import RequestError
 from terratool.mesh.formats.common import (
     SurfacePart,
-    encodable,
-    linear,
+    encodable_text,
+    linear_color,
     points_of,
     shape_of,
     surface_parts,
@@ -87,7 +87,7 @@ def write_glb(mesh: Mesh, path: Path, descr: str) -> None:
         materials.append(_material(part))
     extras: dict[str, object] = {"origin": mesh.origin.tolist(), "axes": "x, z, -y"}
     if descr:
-        extras["description"] = encodable(descr)
+        extras["description"] = encodable_text(descr)
     text = {
         "asset": {"version": "2.0", "generator": "terratool", "extras": extras},
         "scene": 0,
@@ -118,9 +118,9 @@ def write_glb(mesh: Mesh, path: Path, descr: str) -> None:
 def _material(part: SurfacePart) -> dict[str, object]:
     """Return a material of glTF: dull, in the colour of the surface, seen from both sides."""
     return {
-        "name": encodable(part.name),
+        "name": encodable_text(part.name),
         "pbrMetallicRoughness": {
-            "baseColorFactor": [*(round(shade, 6) for shade in linear(part.color)), 1],
+            "baseColorFactor": [*(round(shade, 6) for shade in linear_color(part.color)), 1],
             "metallicFactor": 0,
             "roughnessFactor": 1,
         },

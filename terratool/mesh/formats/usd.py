@@ -10,8 +10,8 @@ import numpy as np
 
 from terratool.errors import WriteError
 from terratool.mesh.formats.common import (
-    encodable,
-    linear,
+    encodable_text,
+    linear_color,
     points_of,
     shape_of,
     surface_parts,
@@ -48,12 +48,12 @@ def write_usd(
     stage.SetDefaultPrim(root)
     layer = stage.GetRootLayer()
     layer.customLayerData = {"terratool": {"origin": Gf.Vec3d(*mesh.origin.tolist())}}
-    layer.documentation = encodable(descr)
+    layer.documentation = encodable_text(descr)
 
     UsdGeom.Scope.Define(stage, "/Terrain/Materials")
     points = points_of(mesh)
     for part in surface_parts(mesh):
-        color = Gf.Vec3f(*linear(part.color))
+        color = Gf.Vec3f(*linear_color(part.color))
         material = UsdShade.Material.Define(stage, f"/Terrain/Materials/Material_{part.word}")
         shader = UsdShade.Shader.Define(stage, material.GetPath().AppendChild("Preview"))
         shader.CreateIdAttr("UsdPreviewSurface")
@@ -88,7 +88,7 @@ def write_usd(
             binding.Bind(material, UsdShade.Tokens.weakerThanDescendants, "physics")
         if part.surface >= 0:
             for named in (material, shape):
-                named.GetPrim().SetDisplayName(encodable(part.name))
+                named.GetPrim().SetDisplayName(encodable_text(part.name))
     try:
         layer.Export(str(path))
     except Tf.ErrorException as error:

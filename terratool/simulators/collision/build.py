@@ -22,7 +22,7 @@ from terratool.simulators.collision.patches import CELLS, Surroundings, lay_patc
 from terratool.simulators.collision.solids import (
     VOID,
     Budget,
-    Ground,
+    GroundTriangles,
     Solid,
     Tolerance,
     areas_of,
@@ -134,7 +134,7 @@ def collision_of(
     """
     task = _task_of(terrain, built, max_error, seam, say)
     spoilt = max(_SPOILT * float(np.ptp(built.mesh.vertices[:, 2])), 2.0 * max_error)
-    return task.covered(most, spoilt)
+    return task.cover_ground(most, spoilt)
 
 
 @dataclass(frozen=True)
@@ -163,7 +163,7 @@ class _Task:
     seam: float
     say: Callable[[str], object]
 
-    def covered(self, most: int, spoilt: float) -> Collision:
+    def cover_ground(self, most: int, spoilt: float) -> Collision:
         """Cover the ground by at most `most` geoms, or more where it would be off by `spoilt`."""
         ground, longest = self.around.ground, max(self.extent)
         rim = min(_RIM_OF_SEAM * self.seam, _RIM_OF_SIDE * longest)
@@ -180,27 +180,29 @@ class _Task:
         shapely.prepare(held)
         around = replace(self.around, held=held)
         # where there are too many parts at creases, height fields go on over creases
-        if self._left_at(around.sharp, done) > (1.0 - _FIELDS) * most - len(cutting.solids):
+        if self._count_left_at(around.sharp, done) > (1.0 - _FIELDS) * most - len(cutting.solids):
             around = replace(around, sharp=self.ends)
         self.say("laying height fields")
         laid = lay_patches(around, self.extent, int(_FIELDS * most), spoilt)
         index, pieces = rest_of([one.footing for one in laid], ground)
         left = (index < len(done)) & ~done[np.minimum(index, len(done) - 1)]
         index, pieces = index[left], pieces[left]
-        room = most - len(cutting.solids) - sum(len(one.footing.patch.worn) for one in laid)
-        height, found = self._rest(cutting, index, pieces, max(room, 1), spoilt)
+        room = (
+            most - len(cutting.solids) - sum(len(one.footing.patch.used_surfaces) for one in laid)
+        )
+        height, found = self._cover_rest(cutting, index, pieces, max(room, 1), spoilt)
         solids = cutting.solids + found
         laid = spread(laid, most - len(solids))
         patches = [one.footing.patch for one in laid if one.footing.patch.used.any()]
         return Collision(solids, patches, height, height > self.height)
 
-    def _left_at(self, edges: Floats, done: Bools) -> int:
+    def _count_left_at(self, edges: Floats, done: Bools) -> int:
         """Return the number of parts of the ground without a solid that touch edges, (n, 2, 2)."""
         _, near = self.around.ground.tree.query(shapely.linestrings(edges), "intersects")
         near = near[near < len(done)]
         return len(np.unique(self.groups[near[~done[near]]]))
 
-    def _rest(
+    def _cover_rest(
         self, cutting: _Cutting, index: Indices, pieces: Floats, room: int, spoilt: float
     ) -> tuple[float, list[Solid]]:
         """Cover parts of triangles; return the largest distance of solids from them, and solids.
@@ -217,7 +219,7 @@ class _Task:
         while True:
             budget = Budget(room, area)
             found = cutting.cover_all(pieces, labels, surfaces, height, budget)
-            if not budget.spent:
+            if not budget.is_spent:
                 best = height, found
             elif height >= spoilt:
                 room, spoiling = 2 * room, True
@@ -253,7 +255,7 @@ def _task_of(
     joints = _joints(triangles, surfaces, faces)
     rims, walls = _rims(mesh, extent), _wall_ends(mesh)
     void = _void(terrain, mesh, rims, extent)
-    ground = Ground(
+    ground = GroundTriangles(
         np.concatenate([triangles, void]),
         np.append(surfaces, np.full(len(void), VOID, np.int32)),
         np.concatenate([joints.sharp, walls, rims]),
@@ -280,7 +282,7 @@ class _Cutting:
         solids: solids so far.
     """
 
-    ground: Ground
+    ground: GroundTriangles
     done: Bools
     most: int
     seam: float
@@ -299,14 +301,14 @@ class _Cutting:
             return
         budget = Budget(most, float(areas_of(piece).sum()))
         found = cover(self.ground, [piece], [surface], self.tolerance(height), budget)
-        if not budget.spent:
+        if not budget.is_spent:
             self.solids += found
             self.done[part] = True
 
     def take_planes(self, joints: _Joints, area: float, height: float) -> None:
         """Make level ground, and plane slopes of at least an area, solids, the largest first."""
         triangles = self.ground.triangles[: len(self.done)]
-        parts = _parts(components(joints.pairs[joints.plane], len(self.done)))
+        parts = _indices_by_label(components(joints.pairs[joints.plane], len(self.done)))
         bent = np.zeros(len(self.done), np.bool_)
         bent[joints.pairs[joints.bent]] = True
         each = areas_of(triangles)
@@ -323,7 +325,7 @@ class _Cutting:
 
     def take_hills(self, groups: Ints, height: float) -> None:
         """Make connected ground solids, where these are few."""
-        for part in _parts(groups):
+        for part in _indices_by_label(groups):
             if len(part) <= _GROUP and not self.done[part].all():
                 self._take(part, height, 1 + len(part) // _LEAN)
 
@@ -331,7 +333,7 @@ class _Cutting:
         self, pieces: Floats, labels: Ints, surfaces: Ints, height: float, budget: Budget
     ) -> list[Solid]:
         """Return solids for triangles by label and surface; incomplete once the budget is spent."""
-        parts = _parts(labels)
+        parts = _indices_by_label(labels)
         worn = [int(surfaces[part[0]]) for part in parts]
         tolerance = self.tolerance(height)
         return cover(self.ground, [pieces[part] for part in parts], worn, tolerance, budget)
@@ -390,7 +392,7 @@ def _edges(faces: Ints) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     return edges, edges.min(axis=1) << 32 | edges.max(axis=1)
 
 
-def _parts(labels: Ints) -> list[NDArray[np.intp]]:
+def _indices_by_label(labels: Ints) -> list[NDArray[np.intp]]:
     """Return the indices of each label that is not negative, in the order of the labels."""
     order = np.argsort(labels, kind="stable")
     order = order[np.count_nonzero(labels < 0) :]

@@ -42,7 +42,7 @@ class _Crossings(NamedTuple):
     blocked: Bools
 
 
-def continued(nodes: Floats, walls: Floats, height: Height, least: float) -> Floats:
+def continue_ground(nodes: Floats, walls: Floats, height: Height, least: float) -> Floats:
     """Return heights at nodes, where those behind a wall go on with the lower ground before it.
 
     So a height field is right up to the foot of a wall. Whether the field is below all other
@@ -58,11 +58,11 @@ def continued(nodes: Floats, walls: Floats, height: Height, least: float) -> Flo
     for rows, columns in _LINKS:
         found = _crossings(walls, nodes.shape, (rows, columns))
         if len(found.row):
-            _pull(out, found, (rows, columns), height, least)
+            _lower_ends(out, found, (rows, columns), height, least)
             row, column = found.row + rows, found.column + columns
-            blocked = _blocked(found, nodes.shape, row, column)
+            blocked = _are_blocked(found, nodes.shape, row, column)
             back = _Crossings(row, column, 1.0 - found.last, 1.0 - found.first, blocked)
-            _pull(out, back, (-rows, -columns), height, least)
+            _lower_ends(out, back, (-rows, -columns), height, least)
     return out
 
 
@@ -95,17 +95,17 @@ def _crossings(walls: Floats, shape: tuple[int, ...], step: tuple[int, int]) -> 
     ends = np.append(new[1:], True)[: len(row)]
     row, column, first, last = row[new], column[new], part[new], part[ends]
     found = _Crossings(row, column, first, last, np.zeros(len(row), np.bool_))
-    return found._replace(blocked=_blocked(found, shape, row - rows, column - columns))
+    return found._replace(blocked=_are_blocked(found, shape, row - rows, column - columns))
 
 
-def _blocked(found: _Crossings, shape: tuple[int, ...], row: Indices, column: Indices) -> Bools:
+def _are_blocked(found: _Crossings, shape: tuple[int, ...], row: Indices, column: Indices) -> Bools:
     """Whether walls cross the links that begin at nodes, by row and column, within their ends."""
     crossed = np.zeros((shape[0] + 2, shape[1] + 2), np.bool_)
     crossed[found.row + 1, found.column + 1] = (found.first < 1.0) & (found.last > 0.0)
     return crossed[row + 1, column + 1]
 
 
-def _pull(
+def _lower_ends(
     out: Floats, found: _Crossings, step: tuple[int, int], height: Height, least: float
 ) -> None:
     """Lower the nodes at the far ends of links, if walls rise on the way to these."""

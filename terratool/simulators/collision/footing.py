@@ -10,7 +10,7 @@ import shapely
 from numpy.typing import NDArray
 
 from terratool.simulators.collision.height_patch import Bools, Floats, HeightPatch, Indices, runs
-from terratool.simulators.collision.solids import SLIVER, Ground
+from terratool.simulators.collision.solids import SLIVER, GroundTriangles
 
 _ON = 1e-6
 """Distance below which a point is on an edge, in parts of the triangle's height over the edge."""
@@ -32,7 +32,7 @@ class Footing(NamedTuple):
     parts: NDArray[Any]
 
 
-def footing_of(patch: HeightPatch, ground: Ground, error: float) -> Footing:
+def footing_of(patch: HeightPatch, ground: GroundTriangles, error: float) -> Footing:
     """Leave out the cells of a height field that are above the ground at walls.
 
     Cells at walls are used that are nowhere higher than the ground, and as high as some of it. No
@@ -50,7 +50,7 @@ def footing_of(patch: HeightPatch, ground: Ground, error: float) -> Footing:
     points, which = shapely.get_coordinates(pairs.shared, return_index=True)
     over = heights_of(halves[pairs.first[which]], points)
     over -= heights_of(ground.triangles[pairs.triangle[which]], points)
-    above, below = _most(over, which), _most(-over, which)
+    above, below = _maxima(over, which), _maxima(-over, which)
     cell = pairs.first // 2
     high = np.unique(pairs.first[above > error])
     higher = np.zeros(patch.near.shape, np.bool_)
@@ -67,12 +67,12 @@ def footing_of(patch: HeightPatch, ground: Ground, error: float) -> Footing:
     surfaces[row, column] = area.argmax(axis=1) - 1
     fits[row, column] = area.max(axis=1) > SLIVER
     nodes = at.reshape(-1, 3, 2)
-    used = _without(
+    used = _drop_groups(
         patch.used & fits & ~higher, np.concatenate([nodes[high], _ridges(nodes, edges)])
     )
     patch = replace(patch, used=used, surfaces=surfaces)
     apart = (below > error) & used[row[cell], column[cell]]
-    loose = _pairs(ground, runs(patch, patch.loose))
+    loose = _pairs(ground, runs(patch, patch.uncovered))
     return Footing(
         patch,
         np.concatenate([pairs.triangle[apart], loose.triangle]),
@@ -80,7 +80,7 @@ def footing_of(patch: HeightPatch, ground: Ground, error: float) -> Footing:
     )
 
 
-def measured(patch: HeightPatch, points: Floats) -> HeightPatch:
+def with_misses_at(patch: HeightPatch, points: Floats) -> HeightPatch:
     """Return a height field whose misses include those at points of the ground.
 
     Args:
@@ -120,7 +120,7 @@ def _ridges(nodes: Indices, high: Bools) -> Indices:
     return np.concatenate([both, both[:, 1:]], axis=1)
 
 
-def _without(used: Bools, wrong: Indices) -> Bools:
+def _drop_groups(used: Bools, wrong: Indices) -> Bools:
     """Drop used cells until no group of nodes, (n, 3, 2), is used as a whole."""
     used = np.pad(used, 1)
     while True:
@@ -152,7 +152,7 @@ class _Pairs:
     shared: NDArray[Any]
 
 
-def _pairs(ground: Ground, shapes: NDArray[Any]) -> _Pairs:
+def _pairs(ground: GroundTriangles, shapes: NDArray[Any]) -> _Pairs:
     """Return the pairs of shapes and triangles of the ground, by shape, then by triangle."""
     first, triangle = ground.tree.query(shapes, predicate="intersects")
     order = np.lexsort((triangle, first))
@@ -162,7 +162,7 @@ def _pairs(ground: Ground, shapes: NDArray[Any]) -> _Pairs:
     return _Pairs(first[some], triangle[some], shared[some])
 
 
-def _most(values: Floats, which: Indices) -> Floats:
+def _maxima(values: Floats, which: Indices) -> Floats:
     """Return the largest of the values of each index in `which`, which ascends."""
     begins = np.flatnonzero(np.append(True, np.diff(which) > 0))[: len(values)]
     return np.maximum.reduceat(values, begins) if len(values) else values
@@ -183,7 +183,7 @@ def _weights(triangles: Floats, points: Floats) -> Floats:
     return np.stack([1.0 - s - t, s, t], axis=1)
 
 
-def rest_of(footings: list[Footing], ground: Ground) -> tuple[Indices, Floats]:
+def rest_of(footings: list[Footing], ground: GroundTriangles) -> tuple[Indices, Floats]:
     """Return the ground that height fields do not stand for, as triangles.
 
     The parts of each triangle of the ground are replaced by their convex hull.

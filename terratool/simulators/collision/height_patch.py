@@ -54,17 +54,17 @@ class HeightPatch:
         return (east - west) / columns, (north - south) / rows
 
     @property
-    def loose(self) -> Bools:
+    def uncovered(self) -> Bools:
         """Cells whose ground neither the field nor a solid stands for, (n - 1, m - 1) bool."""
         return ~(self.used | self.held)
 
     @property
-    def worn(self) -> list[int]:
+    def used_surfaces(self) -> list[int]:
         """Indices of the surfaces of used cells, ascending."""
         worn: list[int] = np.unique(self.surfaces[self.used]).tolist()
         return worn
 
-    def cropped(self, bottom: int, top: int, left: int, right: int) -> HeightPatch:
+    def crop(self, bottom: int, top: int, left: int, right: int) -> HeightPatch:
         """Return rows of cells from `bottom` to before `top`, columns from `left` to `right`."""
         west, south, _, _ = self.bounds
         dx, dy = self.cell

@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 
 from terratool.definition.findings import Bounds
 from terratool.field.terrain import Terrain
-from terratool.simulators.collision.continuation import continued
-from terratool.simulators.collision.footing import Footing, footing_of, measured
+from terratool.simulators.collision.continuation import continue_ground
+from terratool.simulators.collision.footing import Footing, footing_of, with_misses_at
 from terratool.simulators.collision.height_patch import Bools, Floats, HeightPatch, Ints
-from terratool.simulators.collision.solids import VOID, Ground
+from terratool.simulators.collision.solids import VOID, GroundTriangles
 
 CELLS = 96
 """Cells of a height field along its longer side."""
@@ -59,7 +59,7 @@ class Surroundings:
     walls: Floats
     sharp: Floats
     held: shapely.Geometry
-    ground: Ground
+    ground: GroundTriangles
     max_error: float
 
     @cached_property
@@ -93,7 +93,7 @@ class Surroundings:
 
 
 @dataclass(frozen=True)
-class Laid:
+class LaidPatch:
     """A height field with measures of how well it stands for the ground.
 
     Attributes:
@@ -132,7 +132,7 @@ class Laid:
         return float(shapely.area(self.footing.parts).sum())
 
 
-def lay_patches(around: Surroundings, extent: Bounds, most: int, spoilt: float) -> list[Laid]:
+def lay_patches(around: Surroundings, extent: Bounds, most: int, spoilt: float) -> list[LaidPatch]:
     """Lay height fields over the ground that solids do not stand for.
 
     The worst fields are split in four, until all are good or they are too many: first those far
@@ -144,7 +144,7 @@ def lay_patches(around: Surroundings, extent: Bounds, most: int, spoilt: float) 
         most: most height fields, where these do not spoil the ground.
         spoilt: error above which the ground is spoilt, and more height fields are allowed.
     """
-    laid = list(_laid(around, extent))
+    laid = list(_lay(around, extent))
     far = spoilt - around.max_error
     laid = _split(laid, lambda one: max(one.excess - far, 0.0), max(most, _PLENTY))
     laid = _split(laid, lambda one: one.excess, int(_CURVED * most))
@@ -152,20 +152,22 @@ def lay_patches(around: Surroundings, extent: Bounds, most: int, spoilt: float) 
     return _split(laid, lambda one: one.rest, most)
 
 
-def spread(laid: list[Laid], most: int) -> list[Laid]:
+def spread(laid: list[LaidPatch], most: int) -> list[LaidPatch]:
     """Split the worst height fields away from walls, until there are `most`."""
-    most -= sum(len(one.footing.patch.worn) - len(one.patch.worn) for one in laid)
+    most -= sum(len(one.footing.patch.used_surfaces) - len(one.patch.used_surfaces) for one in laid)
     laid = _split(laid, lambda one: 0.0 if one.patch.near.any() else one.excess, most)
     return _split(laid, lambda one: 0.0 if one.patch.near.any() else one.border, most)
 
 
-def _laid(around: Surroundings, bounds: Bounds) -> Iterator[Laid]:
+def _lay(around: Surroundings, bounds: Bounds) -> Iterator[LaidPatch]:
     """Yield the height fields of a rectangle, the void left out."""
     for patch in _without_void(_patch(around, bounds)):
-        yield Laid(measured(patch, around.points), around)
+        yield LaidPatch(with_misses_at(patch, around.points), around)
 
 
-def _split(laid: list[Laid], badness: Callable[[Laid], float], most: int) -> list[Laid]:
+def _split(
+    laid: list[LaidPatch], badness: Callable[[LaidPatch], float], most: int
+) -> list[LaidPatch]:
     """Split the worst height field in four, until none is bad or they would be too many."""
     queue = [(-badness(one), number, one) for number, one in enumerate(laid)]
     heapq.heapify(queue)
@@ -178,7 +180,7 @@ def _split(laid: list[Laid], badness: Callable[[Laid], float], most: int) -> lis
             one
             for bottom, top in ((south, y), (y, north))
             for left, right in ((west, x), (x, east))
-            for one in _laid(worst.around, (left, bottom, right, top))
+            for one in _lay(worst.around, (left, bottom, right, top))
         ]
         size += _size(parts) - _size([worst])
         if (size > (_NODES, most)).any():
@@ -190,10 +192,12 @@ def _split(laid: list[Laid], badness: Callable[[Laid], float], most: int) -> lis
     return [one for _, _, one in sorted(queue, key=lambda item: item[1])]
 
 
-def _size(laid: list[Laid]) -> NDArray[np.intp]:
+def _size(laid: list[LaidPatch]) -> NDArray[np.intp]:
     """Return the number of nodes of height fields, and of fields, one for each surface: (2,)."""
     used = [one.patch for one in laid if one.patch.used.any()]
-    return np.array([sum(one.heights.size for one in used), sum(len(one.worn) for one in used)])
+    return np.array(
+        [sum(one.heights.size for one in used), sum(len(one.used_surfaces) for one in used)]
+    )
 
 
 def _patch(around: Surroundings, bounds: Bounds) -> HeightPatch:
@@ -208,8 +212,8 @@ def _patch(around: Surroundings, bounds: Bounds) -> HeightPatch:
     cell = (east - west) / columns, (north - south) / rows
     left, bottom = np.meshgrid(x[:-1:k], y[:-1:k])
     boxes = shapely.box(left, bottom, left + cell[0], bottom + cell[1])
-    low = _lowered(around, heights[::k, ::k], x[::k], y[::k])
-    nodes, near = _continued(around, low, bounds, cell)
+    low = _lower_at_walls(around, heights[::k, ::k], x[::k], y[::k])
+    nodes, near = _continue_behind_walls(around, low, bounds, cell)
     misses = misses_of(heights, k)
     # walls of the mesh are chords: the terrain's own walls may lie on their other side
     e = around.max_error
@@ -224,7 +228,7 @@ def _patch(around: Surroundings, bounds: Bounds) -> HeightPatch:
     )
 
 
-def _lowered(around: Surroundings, nodes: Floats, x: Floats, y: Floats) -> Floats:
+def _lower_at_walls(around: Surroundings, nodes: Floats, x: Floats, y: Floats) -> Floats:
     """Return heights at nodes, where those at a wall of the mesh are on the lower ground beside.
 
     The chord of a round wall has some of the higher ground before it.
@@ -253,7 +257,9 @@ def _surfaces(samples: Ints, k: int) -> tuple[Ints, Bools]:
     return samples[k // 2 :: k, k // 2 :: k], low != high
 
 
-def _void_cells(ground: Ground, left: Floats, bottom: Floats, cell: tuple[float, float]) -> Bools:
+def _void_cells(
+    ground: GroundTriangles, left: Floats, bottom: Floats, cell: tuple[float, float]
+) -> Bools:
     """Whether cells have any void, (n, m), however narrow."""
     found = np.zeros(left.shape, np.bool_)
     dx, dy = cell
@@ -268,7 +274,7 @@ def _void_cells(ground: Ground, left: Floats, bottom: Floats, cell: tuple[float,
     return found
 
 
-def _continued(
+def _continue_behind_walls(
     around: Surroundings, nodes: Floats, bounds: Bounds, cell: tuple[float, float]
 ) -> tuple[Floats, Bools]:
     """Return nodes, where lower ground goes on behind walls, and the cells that this changes."""
@@ -281,7 +287,7 @@ def _continued(
     def height(x: Floats, y: Floats) -> Floats:
         return around.height(west + x * cell[0], south + y * cell[1])
 
-    found = continued(nodes, walls, height, _STEP * around.max_error)
+    found = continue_ground(nodes, walls, height, _STEP * around.max_error)
     changed = (found != nodes) & np.isfinite(nodes)
     cells = changed[:-1, :-1] | changed[1:, :-1] | changed[:-1, 1:] | changed[1:, 1:]
     return found, cells
@@ -321,8 +327,8 @@ def _without_void(patch: HeightPatch) -> Iterator[HeightPatch]:
     around = [(0, bottom, 0, m), (top, n, 0, m), (bottom, top, 0, left), (bottom, top, right, m)]
     for a, b, c, d in around:
         if a < b and c < d:
-            yield from _without_void(patch.cropped(a, b, c, d))
-    middle = patch.cropped(bottom, top, left, right)
+            yield from _without_void(patch.crop(a, b, c, d))
+    middle = patch.crop(bottom, top, left, right)
     if min(middle.used.shape) < _FEWEST or np.isnan(middle.misses).all():
         yield replace(middle, used=np.zeros_like(middle.used))
         return
@@ -332,4 +338,4 @@ def _without_void(patch: HeightPatch) -> Iterator[HeightPatch]:
     else:
         halves = (0, n, 0, m // 2), (0, n, m // 2, m)
     for half in halves:
-        yield from _without_void(middle.cropped(*half))
+        yield from _without_void(middle.crop(*half))

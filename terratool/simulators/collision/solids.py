@@ -101,7 +101,7 @@ class _Plane(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Ground:
+class GroundTriangles:
     """The ground of a mesh as triangles, with spatial indices.
 
     Attributes:
@@ -164,14 +164,18 @@ class Budget:
     count: int = 0
 
     @property
-    def spent(self) -> bool:
+    def is_spent(self) -> bool:
         """Whether there are too many solids, or will be by far."""
         share = _FIRST_SHARE + _FAR * self.done / max(self.area, self.done, SLIVER)
         return self.count > min(share * self.most + _FIRST_SOLIDS, self.most)
 
 
 def cover(
-    ground: Ground, pieces: list[Floats], surfaces: list[int], tolerance: Tolerance, budget: Budget
+    ground: GroundTriangles,
+    pieces: list[Floats],
+    surfaces: list[int],
+    tolerance: Tolerance,
+    budget: Budget,
 ) -> list[Solid]:
     """Cover triangles by convex solids that rise above the ground by no more than is tolerated.
 
@@ -189,7 +193,7 @@ def cover(
     # the largest are cut first, and then taken from all over, so that a few tell of the whole
     parts = list(zip(pieces, surfaces, strict=True))
     sizes = [float(areas_of(piece).sum()) for piece in pieces]
-    while 0 < len(parts) < _PIECES and not budget.spent:
+    while 0 < len(parts) < _PIECES and not budget.is_spent:
         largest = int(np.argmax(sizes))
         piece, surface = parts.pop(largest)
         sizes.pop(largest)
@@ -197,19 +201,19 @@ def cover(
             parts.append((side, surface))
             sizes.append(float(areas_of(side).sum()))
     for k in sorted(range(len(parts)), key=lambda k: k * _GOLDEN % 1.0):
-        if not budget.spent:
-            found += _covered(ground, *parts[k], tolerance, budget)
+        if not budget.is_spent:
+            found += _cover_piece(ground, *parts[k], tolerance, budget)
     return found
 
 
-def _covered(
-    ground: Ground, piece: Floats, surface: int, tolerance: Tolerance, budget: Budget
+def _cover_piece(
+    ground: GroundTriangles, piece: Floats, surface: int, tolerance: Tolerance, budget: Budget
 ) -> list[Solid]:
     """Cover a piece by solids, each triangle by one of its own where that takes fewer."""
     found: list[Solid] = []
     for side in _solid_or_sides(ground, piece, surface, tolerance, budget, found):
-        if not budget.spent:
-            found += _covered(ground, side, surface, tolerance, budget)
+        if not budget.is_spent:
+            found += _cover_piece(ground, side, surface, tolerance, budget)
     if len(found) > len(piece):  # no better than each by itself
         each = [
             one for one in piece if areas_of(one[None])[0] > SLIVER and not _is_narrow(one[None])
@@ -220,7 +224,7 @@ def _covered(
 
 
 def _solid_or_sides(
-    ground: Ground,
+    ground: GroundTriangles,
     piece: Floats,
     surface: int,
     tolerance: Tolerance,
@@ -233,17 +237,17 @@ def _solid_or_sides(
     if not len(piece) or _is_narrow(piece):
         budget.done += float(areas.sum())
         return []
-    solid, bad = _as_one(ground, piece, surface, tolerance)
+    solid, bad = _single_solid(ground, piece, surface, tolerance)
     if solid is None:
-        return _divided(ground, piece, bad) if len(bad) else _bent(ground, piece)
+        return _cut_around(ground, piece, bad) if len(bad) else _cut_bent(ground, piece)
     budget.done += float(areas.sum())
     budget.count += 1
     found.append(solid)
     return []
 
 
-def _as_one(
-    ground: Ground, piece: Floats, surface: int, tolerance: Tolerance
+def _single_solid(
+    ground: GroundTriangles, piece: Floats, surface: int, tolerance: Tolerance
 ) -> tuple[Solid | None, Floats]:
     """Return the solid that stands for a piece, or triangles in the way of a plane one, if any."""
     corners = piece.reshape(-1, 3)
@@ -252,12 +256,12 @@ def _as_one(
     alone = len(piece) == 1
     if plane.miss <= tolerance.height or alone:
         hull = _hull(corners[:, :2])
-        bad = none if alone else _in_the_way(ground, hull, plane, surface, tolerance)
+        bad = none if alone else _obstructions(ground, hull, plane, surface, tolerance)
         if not len(bad):
             ring = shapely.get_coordinates(hull)[:-1]
             if not shapely.is_ccw(shapely.get_exterior_ring(hull)):
                 ring = ring[::-1]
-            return _under(ring, plane, corners, surface, tolerance.height), none
+            return _solid_under(ring, plane, corners, surface, tolerance.height), none
         return None, bad
     if not 3 < len(piece) <= _MOST:
         return None, none
@@ -282,7 +286,9 @@ def _fills(piece: Floats, shape: Any) -> bool:
     return bool(gaps.buffer(-0.5 * _NARROW, join_style="mitre").is_empty)
 
 
-def _under(ring: Floats, plane: _Plane, corners: Floats, surface: int, height: float) -> Solid:
+def _solid_under(
+    ring: Floats, plane: _Plane, corners: Floats, surface: int, height: float
+) -> Solid:
     """Return the solid below a plane within a ring; edges of a steep one are lowered to corners."""
     top = plane.at(ring)
     if plane.cosine < _STEEP:
@@ -305,8 +311,8 @@ def _is_narrow(piece: Floats) -> bool:
     return bool(hull.area <= 0.25 * _NARROW * hull.length)
 
 
-def _in_the_way(
-    ground: Ground, hull: Any, plane: _Plane, surface: int, tolerance: Tolerance
+def _obstructions(
+    ground: GroundTriangles, hull: Any, plane: _Plane, surface: int, tolerance: Tolerance
 ) -> Floats:
     """Return triangles of the ground that a plane within a polygon must not cover, (n, 3, 3)."""
     near = np.sort(ground.tree.query(hull, predicate="intersects"))
@@ -314,12 +320,17 @@ def _in_the_way(
     # where much is near, a sample of it tells enough
     for some in (near[:: max(1, len(near) // _CUT_SAMPLE)], near):
         if not len(bad):
-            bad = _wrong(ground, some, hull, plane, surface, tolerance)
+            bad = _obstructing_parts(ground, some, hull, plane, surface, tolerance)
     return bad
 
 
-def _wrong(
-    ground: Ground, near: Indices, hull: Any, plane: _Plane, surface: int, tolerance: Tolerance
+def _obstructing_parts(
+    ground: GroundTriangles,
+    near: Indices,
+    hull: Any,
+    plane: _Plane,
+    surface: int,
+    tolerance: Tolerance,
 ) -> Floats:
     """Return parts of given triangles that a plane within a polygon must not cover, (n, 3, 3)."""
     inner = hull.buffer(-tolerance.wall, join_style="mitre")
@@ -353,19 +364,19 @@ def _cosines(triangles: Floats) -> Floats:
     return np.asarray(np.abs(normals[:, 2]) / lengths)
 
 
-def _bent(ground: Ground, piece: Floats) -> list[Floats]:
+def _cut_bent(ground: GroundTriangles, piece: Floats) -> list[Floats]:
     """Cut a piece in two along a wall or crease in it, or across where it is bent most."""
     hull = _hull(piece.reshape(-1, 3)[:, :2])
     inner = hull.buffer(-_NARROW, join_style="mitre")
     near = np.sort(ground.sharp_tree.query(inner, predicate="intersects"))
-    best = _best_cut(piece, _within(piece, ground.sharp[near]), _flatness)
+    best = _best_cut(piece, _edges_within(piece, ground.sharp[near]), _flatness)
     if best is None:
-        best = _across(piece)
+        best = _line_across(piece)
     sides = _cut(piece, *best)
     return sides if len(sides) > 1 else [piece[:1], piece[1:]]
 
 
-def _within(piece: Floats, edges: Floats) -> Floats:
+def _edges_within(piece: Floats, edges: Floats) -> Floats:
     """Return the longest edges that a piece lies on both sides of, (k, 2, 2), up to `_CUTS`."""
     lengths = np.linalg.norm(edges[:, 1] - edges[:, 0], axis=1)
     edges = edges[np.argsort(-lengths, kind="stable")[:_CONSIDERED]]
@@ -419,7 +430,7 @@ def _best_cut(
     return None if best is None else best[1:]
 
 
-def _across(piece: Floats) -> tuple[Floats, float]:
+def _line_across(piece: Floats) -> tuple[Floats, float]:
     """Return normal and place of a cut across the way in which a piece is bent most, or a gap."""
     some = max(1, len(piece) // _BEND_SAMPLE)
     corners = piece[::some].reshape(-1, 3)
@@ -428,14 +439,14 @@ def _across(piece: Floats) -> tuple[Floats, float]:
     best: tuple[float, Floats, Floats] | None = None
     gap = 0.0, axes[:, 0], 0.0
     for normal in (axes[:, 1], axes[:, 0], np.array([1.0, 0.0]), np.array([0.0, 1.0])):
-        wide, at = _gap(piece[:, :, :2] @ normal)
+        wide, at = _widest_gap(piece[:, :, :2] @ normal)
         if wide > max(gap[0], _NARROW):
             gap = wide, normal, at
         along = corners[:, :2] @ normal
         # in many strips, as two are no better than one where the ground is a wave
         wide = np.ptp(corners[:, :2] @ [-normal[1], normal[0]])
         strips = int(np.clip(2.0 * np.ptp(along) / max(wide, 1e-300), _STRIPS, _MOST_STRIPS))
-        score = _misses(corners, along, strips).mean()
+        score = _strip_misses(corners, along, strips).mean()
         if best is None or score < best[0] - 1e-12:
             best = float(score), normal, along
     assert best is not None
@@ -451,7 +462,7 @@ def _across(piece: Floats) -> tuple[Floats, float]:
     return normal, min(cuts)[1]
 
 
-def _gap(along: Floats) -> tuple[float, float]:
+def _widest_gap(along: Floats) -> tuple[float, float]:
     """Return width and place of the widest gap between triangles, by corners along a line."""
     order = np.argsort(along.min(axis=1), kind="stable")
     ends, begins = (
@@ -464,7 +475,7 @@ def _gap(along: Floats) -> tuple[float, float]:
     return float(begins[widest] - ends[widest]), float(0.5 * (begins[widest] + ends[widest]))
 
 
-def _misses(points: Floats, along: Floats, strips: int) -> Floats:
+def _strip_misses(points: Floats, along: Floats, strips: int) -> Floats:
     """Return the miss of the plane of each strip of points, as of `_fit`; empty ones left out."""
     low, high = along.min(), along.max()
     strip = np.minimum((strips * (along - low) / max(high - low, 1e-300)).astype(int), strips - 1)
@@ -484,25 +495,25 @@ def _misses(points: Floats, along: Floats, strips: int) -> Floats:
     return np.asarray(0.5 * spread / np.sqrt(1.0 + a * a + b * b))
 
 
-def _divided(ground: Ground, piece: Floats, bad: Floats) -> list[Floats]:
+def _cut_around(ground: GroundTriangles, piece: Floats, bad: Floats) -> list[Floats]:
     """Cut a piece in two along an edge of the triangles in its way."""
     hull = _hull(piece.reshape(-1, 3)[:, :2])
     bad = bad[np.argsort(-areas_of(bad), kind="stable")[:_CONSIDERED]]
     outline = shapely.union_all(shapely.polygons(bad[:, :, :2]))
     outline = shapely.simplify(outline.intersection(hull), 1e-6)
 
-    def covered(piece: Floats, along: Floats) -> float:
+    def covered_area(piece: Floats, along: Floats) -> float:
         corners, along = piece.reshape(-1, 3)[:, :2], along.ravel()
         sides = corners[along >= -_SNAP], corners[along <= _SNAP]
         hulls = [_hull(side) for side in sides]
         return float(shapely.area(shapely.intersection(hulls, outline)).sum())
 
     edges = np.concatenate([*_edges(outline), np.empty((0, 2, 2))])
-    best = _best_cut(piece, edges, _uneven if len(piece) > _LARGE else covered)
-    return _bent(ground, piece) if best is None else _cut(piece, *best)
+    best = _best_cut(piece, edges, _imbalance if len(piece) > _LARGE else covered_area)
+    return _cut_bent(ground, piece) if best is None else _cut(piece, *best)
 
 
-def _uneven(_: Floats, along: Floats) -> float:
+def _imbalance(_: Floats, along: Floats) -> float:
     """Return the imbalance of corners on both sides of a cut; `along`: (n, 3) distances."""
     return abs(float(np.sign(along).sum()))
 
@@ -576,7 +587,7 @@ def areas_of(triangles: Floats) -> Floats:
     return np.asarray(0.5 * np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]))
 
 
-class Rectangle(NamedTuple):
+class PlanRectangle(NamedTuple):
     """A level rectangle seen from above.
 
     Attributes:
@@ -592,7 +603,7 @@ class Rectangle(NamedTuple):
     top: float
 
 
-def rectangle(solid: Solid) -> Rectangle | None:
+def plan_rectangle(solid: Solid) -> PlanRectangle | None:
     """Return the level rectangle that a solid is seen from above; None for another shape."""
     top = solid.top
     if not solid.flat or len(top) != 4 or np.ptp(top[:, 2]) > 1e-9:
@@ -608,7 +619,7 @@ def rectangle(solid: Solid) -> Rectangle | None:
     middle = corners.mean(axis=0).tolist()
     half = 0.5 * float(lengths[first]), 0.5 * float(lengths[(first + 1) % 4])
     turn = math.atan2(y, x)
-    return Rectangle(
+    return PlanRectangle(
         (middle[0], middle[1]),
         half,
         turn if abs(turn) * max(half) > 1e-7 else 0.0,
