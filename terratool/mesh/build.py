@@ -71,7 +71,7 @@ def build(
     finer = 1.0
     for _ in range(_PLANS):
         plan, loss = plan_of(terrain, max_error, bounds, least, finer)
-        segments = kernels.segments_of(plan.kept, np.flatnonzero(plan.frames["drawn"]))
+        segments = kernels.segments_of(plan.kernel_plan, np.flatnonzero(plan.frames["drawn"]))
         coarse = coarse_mesh(plan, segments)
         most = float(coarse.regions.polygon_errors.max(initial=0.0))
         if most <= _POLYGON_SHARE * max_error:
@@ -96,7 +96,7 @@ def coarse_mesh(
     """
     if bounds is None:
         bounds = plan.bounds.astype(np.int64)
-    keys_of = partial(kernels.region_keys, plan.kept)
+    keys_of = partial(kernels.region_keys, plan.kernel_plan)
     plane, keys = triangulate(segments, bounds, keys_of, boundary)
     ends = boundary.edges.reshape(-1, 2)
     first = 2 * np.arange(len(boundary.edges), dtype=np.int32)
@@ -108,7 +108,9 @@ def coarse_mesh(
     triangles = np.concatenate([along, plane.triangles + np.int32(len(ends))])
     regions, region_of = regions_of(plan, points, triangles, np.concatenate([own, keys]))
     region_of = region_of[len(along) :]
-    heights = kernels.corner_heights(plan.kept, regions, plane.points, plane.triangles, region_of)
+    heights = kernels.corner_heights(
+        plan.kernel_plan, regions, plane.points, plane.triangles, region_of
+    )
     seams.pin_heights(plane, boundary, triangle, corner, regions.voids[region_of], heights)
     return RegionMesh(plane, regions, region_of, heights)
 
@@ -141,7 +143,7 @@ def refine(
         The refined triangles, and a bound of their error, in units of the terrain.
     """
     plane, regions, region_of, heights = coarse
-    work = kernels.Refinement(plan.kept, regions, plane, region_of, heights, locked)
+    work = kernels.Refinement(plan.kernel_plan, regions, plane, region_of, heights, locked)
     for _ in range(_ROUNDS):
         while kernels.refine(work, plan.error - plan.tolerance, _BATCH):
             pass

@@ -64,11 +64,11 @@ def outlines_of(plan: MeshPlan, least: float, narrowest: float) -> tuple[RutOutl
     deepest = largest_depths(plan.arrays)
     if not deepest.any():  # nothing sinks anywhere
         near &= tracks.surface >= 0
-    narrow = near & (2.0 * _reaches(tracks) / plan.pitch < narrowest)
+    narrow = near & (2.0 * _half_widths(tracks) / plan.pitch < narrowest)
     shallow = near & ~narrow & (deepest <= least) if least > 0.0 else np.zeros_like(near)
     chosen = np.flatnonzero(near & ~narrow & ~shallow)
     edges, owners, offset = _edges(plan, chosen)
-    return _indexed(edges, owners), RutLoss(
+    return _index_outlines(edges, owners), RutLoss(
         wall_offset=offset * plan.pitch,
         narrow=int(narrow.sum()),
         shallow=int(shallow.sum()),
@@ -90,7 +90,7 @@ def without_tracks(tracks: TrackArrays, out: NDArray[np.int64]) -> TrackArrays:
     return tracks._replace(law=law, passes=passes, depths=np.concatenate([tracks.depths, level]))
 
 
-def _reaches(tracks: TrackArrays) -> Floats:
+def _half_widths(tracks: TrackArrays) -> Floats:
     """Return half the width of each track, (n,), in units of the terrain."""
     return np.asarray(tracks.segments["reach"][tracks.first[:-1]], np.float64)
 
@@ -98,7 +98,7 @@ def _reaches(tracks: TrackArrays) -> Floats:
 def _boxes(plan: MeshPlan) -> list[Floats]:
     """Return west, south, east and north of each track on the lattice, (n,) each."""
     segments, begins = plan.arrays.tracks.segments, plan.arrays.tracks.first[:-1].astype(np.int64)
-    reach = _reaches(plan.arrays.tracks)
+    reach = _half_widths(plan.arrays.tracks)
     low = [np.minimum(segments[axis], segments[f"end_{axis}"]) for axis in "xy"]
     high = [np.maximum(segments[axis], segments[f"end_{axis}"]) for axis in "xy"]
     sides = [np.minimum.reduceat(side, begins) - reach for side in low]
@@ -113,7 +113,7 @@ def _edges(
     import shapely
 
     tracks = plan.arrays.tracks
-    reaches = _reaches(tracks) / plan.pitch
+    reaches = _half_widths(tracks) / plan.pitch
     around = shapely.box(*plan.bounds)
     edges, owners = [np.empty((0, 4), np.int64)], [np.empty(0, np.uint32)]
     offset = 0.0
@@ -122,12 +122,12 @@ def _edges(
         allowed = max(min(plan.error / plan.pitch, _WIDEST * reach), _LEAST)
         quarter = 0.25 * math.pi / math.acos(1.0 - min(_ARC_SHARE * allowed / reach, 1.0))
         chords = min(max(math.ceil(quarter), _FEWEST_CHORDS), _MOST_CHORDS)
-        path, off_path = _leaner(_path(plan, track), _PATH_SHARE * allowed)
+        path, off_path = _simplify(_path(plan, track), _PATH_SHARE * allowed)
         # piece by piece: the outline of a whole path would be simplified by more than is allowed
         outline = shapely.buffer(_pieces(plan, path, reach), reach, quad_segs=chords)
         outline = shapely.set_precision(outline, 1.0)
-        outline, off_outline = _leaner(outline, _OUTLINE_SHARE * allowed)
-        found = _sides(shapely.intersection(outline, around, grid_size=1.0))
+        outline, off_outline = _simplify(outline, _OUTLINE_SHARE * allowed)
+        found = _ring_edges(shapely.intersection(outline, around, grid_size=1.0))
         if len(found):
             arc = reach * (1.0 - math.cos(0.25 * math.pi / chords))
             offset = max(offset, arc + off_path + off_outline)
@@ -157,7 +157,7 @@ def _pieces(plan: MeshPlan, path: Any, reach: float) -> Any:
     return shapely.multilinestrings(shapely.linestrings(ends[near]))
 
 
-def _leaner(shape: Any, tolerance: float) -> tuple[Any, float]:
+def _simplify(shape: Any, tolerance: float) -> tuple[Any, float]:
     """Return a line or area with fewer corners, and its offset: the tolerance or 0."""
     import shapely
 
@@ -167,7 +167,7 @@ def _leaner(shape: Any, tolerance: float) -> tuple[Any, float]:
     return lean, tolerance if fewer else 0.0
 
 
-def _sides(area: Any) -> NDArray[np.int64]:
+def _ring_edges(area: Any) -> NDArray[np.int64]:
     """Return the edges around an area, (n, 4) int64."""
     import shapely
 
@@ -179,7 +179,7 @@ def _sides(area: Any) -> NDArray[np.int64]:
     return np.asarray(edges[(edges[:, :2] != edges[:, 2:]).any(axis=1)])
 
 
-def _indexed(edges: NDArray[np.int64], owners: NDArray[np.uint32]) -> RutOutlines:
+def _index_outlines(edges: NDArray[np.int64], owners: NDArray[np.uint32]) -> RutOutlines:
     """Return edges with an index of the rows that they pass."""
     if not len(edges):
         return NO_OUTLINES

@@ -175,7 +175,7 @@ def _statement(
     grid: HeightGrid, walls: WallSummary, x: Floats, y: Floats, ground: Floats
 ) -> GridLoss:
     """Return the loss of a grid, compared with heights of the ground at points."""
-    off = _off(grid, x, y, ground)
+    off = _misses_at(grid, x, y, ground)
     worst = int(off.argmax())
     largest = float(off[worst])
     scaled = off / largest if largest else off
@@ -187,7 +187,7 @@ def _statement(
     )
 
 
-def _off(grid: HeightGrid, x: Floats, y: Floats, ground: Floats) -> Floats:
+def _misses_at(grid: HeightGrid, x: Floats, y: Floats, ground: Floats) -> Floats:
     """Return the distances of a grid from ground at world x and y, as `grid_misses` does."""
     heights = grid.heights[::-1].astype(np.float64)
     return grid_misses(heights, (x - grid.origin[0], y - grid.origin[1]), grid.spacing, ground)

@@ -445,7 +445,7 @@ class BudgetedMesh(NamedTuple):
         return self.built.error + max(self.built.loss.faintest, self.built.loss.ruts.deepest)
 
     @property
-    def whole(self) -> bool:
+    def is_whole(self) -> bool:
         """Whether nothing is left out because it changes heights too little."""
         return not (self.built.loss.faint or self.built.loss.ruts.shallow)
 
@@ -472,12 +472,12 @@ def within_budget(
     """
     top = max(relief, wanted)
     start = min(top, max(wanted, _POOR * relief))
-    fits = [_search(partial(_without, attempt, 0.0), wanted, start, top, most)]
+    fits = [_search(partial(_attempt_without, attempt, 0.0), wanted, start, top, most)]
     if fits[0].faces > most or fits[0].miss > max(_POOR * relief, 2 * wanted):
         for share in _FAINT:
             # at this error, all elements but the root are left out
             top = max(relief, wanted, 1.001 / share * largest)
-            fits.append(_search(partial(_without, attempt, share), wanted, top, top, most))
+            fits.append(_search(partial(_attempt_without, attempt, share), wanted, top, top, most))
     fewest = min(fit.faces for fit in fits)
     if fewest > most:
         raise RequestError(
@@ -487,7 +487,7 @@ def within_budget(
     return min((fit for fit in fits if fit.faces <= most), key=lambda fit: fit.miss)
 
 
-def _without(attempt: Attempt, share: float, error: float) -> BudgetedMesh:
+def _attempt_without(attempt: Attempt, share: float, error: float) -> BudgetedMesh:
     """Build a mesh without the elements that change heights by no more than `share` errors."""
     return BudgetedMesh(attempt(error, share * error), error, share * error)
 
@@ -516,12 +516,12 @@ def _search(
     while below is None and high.error > wanted:
         # faces are about as the inverse of the error
         error = high.error * min(max(high.faces / aim, _STRIDES[0]), _STRIDES[1])
-        if high.error <= _CLOSE * wanted or (high.built.error <= wanted and high.whole):
+        if high.error <= _CLOSE * wanted or (high.built.error <= wanted and high.is_whole):
             error = wanted  # not many more faces; or, where the mesh is exact, none
         elif high.faces >= ENOUGH * most:
             break
         error = max(error, wanted)
-        below, high = _narrowed(attempt(error), below, high, most)
+        below, high = _narrow(attempt(error), below, high, most)
     moved = 0  # times in a row that the same end has come nearer: above 0 for `high`
     for _ in range(BUILDS):
         if not below or high.faces >= ENOUGH * most or high.error <= _NEAR * below[0]:
@@ -530,14 +530,14 @@ def _search(
         # faces that go in steps are no power of anything
         share = 0.5 if abs(moved) > 2 else min(max(share, 0.1), 0.9)
         before = below
-        below, high = _narrowed(
+        below, high = _narrow(
             attempt(below[0] ** (1 - share) * high.error**share), below, high, most
         )
         moved = max(moved, 0) + 1 if below is before else min(moved, 0) - 1
     return high
 
 
-def _narrowed(
+def _narrow(
     fit: BudgetedMesh, below: tuple[float, int] | None, high: BudgetedMesh, most: int
 ) -> tuple[tuple[float, int] | None, BudgetedMesh]:
     """Return the error and faces of the last misfit, and the best fit, after one more try."""

@@ -136,12 +136,12 @@ class MeshLoss(
             )
         if self.ruts and self.ruts.wall_offset > 0:
             parts.append(f"sides of ruts lie up to {length(self.ruts.wall_offset)} aside")
-        parts += self._left_in_words()
+        parts += self._omission_phrases()
         if self.rounding > _NOTICED * self.allowed:
             parts.append(f"coordinates are rounded by up to {length(self.rounding)}")
         yield f"Lost: {'; '.join(parts) or 'nothing'}."
 
-    def _left_in_words(self) -> Iterator[str]:
+    def _omission_phrases(self) -> Iterator[str]:
         """Yield phrases on left-out elements and tracks."""
         left = self.left
         if left.small:
@@ -200,7 +200,7 @@ class GridLoss(Struct, frozen=True):
         yield f"Lost: {'; '.join(parts) or 'nothing'}."
 
 
-def joined_walls(one: WallSummary, other: WallSummary) -> WallSummary:
+def join_walls(one: WallSummary, other: WallSummary) -> WallSummary:
     """Return the walls of two meshes beside each other as one summary."""
     peaks = [walls.highest for walls in (one, other) if walls.highest]
     highest = max(peaks, key=lambda peak: peak.size, default=None)
@@ -224,7 +224,7 @@ def wall_summary(mesh: Mesh) -> WallSummary:
     edges, edge = np.unique(low * len(place) + high, return_inverse=True)
     edge = edge.reshape(-1)
 
-    ground = place[mesh.faces[upward(mesh)]]
+    ground = place[mesh.faces[is_ground(mesh)]]
     sides = np.concatenate([ground[:, [k, (k + 1) % 3]] for k in range(3)])
     keys = sides.min(axis=1) * len(place) + sides.max(axis=1)
     at = np.minimum(np.searchsorted(edges, keys), len(edges) - 1)
@@ -255,7 +255,7 @@ def wall_summary(mesh: Mesh) -> WallSummary:
     )
 
 
-def upward(mesh: Mesh) -> NDArray[np.bool_]:
+def is_ground(mesh: Mesh) -> NDArray[np.bool_]:
     """Whether faces are ground, (m,) bool: neither upright nor of the bottom of a solid."""
     a, b, c = (mesh.vertices[mesh.faces[:, k], :2] for k in range(3))
     u, v = b - a, c - a
@@ -293,7 +293,7 @@ def omitted_elements(
         arrays = arrays._replace(tracks=without_tracks(arrays.tracks, tracks))
     part = clip_bounds(terrain, bounds)
     anywhere = spread_points(part, POINTS)
-    points = _in_cells(terrain, out, part), anywhere, _along(terrain, tracks, part)
+    points = _points_in_cells(terrain, out, part), anywhere, _points_along(terrain, tracks, part)
     x, y = (np.concatenate(axis) for axis in zip(*points, strict=True))
     whole = terrain.height(x, y)
     change = np.abs(whole - batch_heights(arrays, fields.Field(arrays), x, y))
@@ -308,7 +308,9 @@ def omitted_elements(
     )
 
 
-def _in_cells(terrain: Terrain, which: NDArray[np.int64], part: Bounds) -> tuple[Floats, Floats]:
+def _points_in_cells(
+    terrain: Terrain, which: NDArray[np.int64], part: Bounds
+) -> tuple[Floats, Floats]:
     """Return x and y of points in the cells of elements that lie in a part of the world."""
     cells = terrain.cells()
     west, south = (np.maximum(cells[n][which], part[n]) for n in (0, 1))
@@ -331,7 +333,9 @@ def _in_cells(terrain: Terrain, which: NDArray[np.int64], part: Bounds) -> tuple
     return x.ravel(), y.ravel()
 
 
-def _along(terrain: Terrain, which: NDArray[np.int64], part: Bounds) -> tuple[Floats, Floats]:
+def _points_along(
+    terrain: Terrain, which: NDArray[np.int64], part: Bounds
+) -> tuple[Floats, Floats]:
     """Return x and y of points on the paths of tracks that lie in a part of the world."""
     segments = terrain.arrays.tracks.segments
     segments = segments[np.isin(segments["track"], which)]

@@ -194,7 +194,7 @@ class _Pieces(NamedTuple):
     cubics: NDArray[np.float64]
     radial: bool
 
-    def used(self, end: float = 1.0) -> NDArray[np.int64]:
+    def indices_before(self, end: float = 1.0) -> NDArray[np.int64]:
         """Return the indices of pieces that count before `end`, in t."""
         begin = 0.5 if self.radial else 0.0
         ends = np.append(self.starts[1:], 1.0)
@@ -206,7 +206,7 @@ class _Pieces(NamedTuple):
         before = (c1 + 2 * c2 + 3 * c3)[:-1] / self.lengths[:-1]
         return np.asarray(np.abs(c1[1:] / self.lengths[1:] - before))
 
-    def continuous(self, count: int) -> NDArray[np.float64]:
+    def values_without_steps(self, count: int) -> NDArray[np.float64]:
         """Return values at `count` + 1 evenly spaced t from 0 to 1, the steps taken out."""
         hulls = curve_hulls(self.cubics)
         offsets = np.concatenate([[0.0], np.cumsum(hulls[0, 1:] - hulls[3, :-1])])
@@ -267,14 +267,14 @@ def _axis(pieces: _Pieces) -> tuple[Any, NDArray[Any], NDArray[Any]]:
     record["constant"] = bool(hulls.max() - hulls.min() <= _NOTHING * size)
     record["linear"] = not cubics[:, 2:].any()
     slopes = _steepest(pieces)
-    record["slope"] = slopes[pieces.used()].max()
-    record["inner_slope"] = slopes[pieces.used(_INNER)].max()
+    record["slope"] = slopes[pieces.indices_before()].max()
+    record["inner_slope"] = slopes[pieces.indices_before(_INNER)].max()
     record["steep"] = record["slope"] > _STEEP * size
     bends = crease[np.isfinite(crease)]
     record["smallest_crease"] = bends[bends > 0].min(initial=np.inf)
     if radial and not record["linear"]:
-        steepest = float(np.abs(np.diff(pieces.continuous(_SECANTS))).max()) * _SECANTS
-        record["ringed"] = _is_ringed(pieces.continuous(2 * _FINE)[_FINE:], steepest)
+        steepest = float(np.abs(np.diff(pieces.values_without_steps(_SECANTS))).max()) * _SECANTS
+        record["ringed"] = _is_ringed(pieces.values_without_steps(2 * _FINE)[_FINE:], steepest)
     return record, lines, groups
 
 

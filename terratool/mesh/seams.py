@@ -78,8 +78,8 @@ def lay_seams(plan: MeshPlan, columns: int, rows: int) -> tuple[list[Seam], list
     Raises:
         RequestError: edges are too near to each other for a seam between them.
     """
-    across = [_find(plan, 1, row, rows, []) for row in range(1, rows)]
-    along = [_find(plan, 0, column, columns, across) for column in range(1, columns)]
+    across = [_find_line(plan, 1, row, rows, []) for row in range(1, rows)]
+    along = [_find_line(plan, 0, column, columns, across) for column in range(1, columns)]
     crossings = [line.at for line in along]
     across = [_with_vertices(line, crossings) for line in across]
     horizontal = [_with_heights(plan, line) for line in across]
@@ -94,7 +94,9 @@ def lay_seams(plan: MeshPlan, columns: int, rows: int) -> tuple[list[Seam], list
     return vertical, horizontal
 
 
-def _find(plan: MeshPlan, axis: int, number: int, count: int, others: Sequence[_Line]) -> _Line:
+def _find_line(
+    plan: MeshPlan, axis: int, number: int, count: int, others: Sequence[_Line]
+) -> _Line:
     """Return the first line that may be a seam, of those near its regular place."""
     low, high = plan.bounds[axis], plan.bounds[axis + 2]
     side = (high - low) / count
@@ -108,7 +110,7 @@ def _find(plan: MeshPlan, axis: int, number: int, count: int, others: Sequence[_
         # an irrational step: cells of all sizes have their edges at fractions
         at = round(wanted + reach * (2.0 * (((k + 0.5) * _GOLDEN) % 1.0) - 1.0))
         there = (begins <= at + CLEARANCE) & (ends >= at - CLEARANCE)
-        line = _line(plan, axis, at, kernels.segments_of(plan.kept, chosen[there]), others)
+        line = _line(plan, axis, at, kernels.segments_of(plan.kernel_plan, chosen[there]), others)
         if line is not None:
             return line
     raise RequestError(
@@ -142,13 +144,13 @@ def _line(
     if (np.abs(segments[:, [axis, axis + 2]] - at) <= CLEARANCE).any():
         return None
     passing = np.flatnonzero((segments[:, axis] < at) != (segments[:, axis + 2] < at))
-    passing = passing[np.argsort(_at(segments[passing], axis, at), kind="stable")]
+    passing = passing[np.argsort(_places_at(segments[passing], axis, at), kind="stable")]
     segments = segments[passing]
     first, slants = _bundles(segments, axis, at)
     if first is None:
         return None
     passes = passing_places(segments, axis, at)[first]
-    begins = np.floor(_at(segments, axis, at)[first]).astype(np.int64)
+    begins = np.floor(_places_at(segments, axis, at)[first]).astype(np.int64)
     bundle = np.searchsorted(first, np.arange(len(segments)), "right") - 1
     own = np.flatnonzero(passing < len(fixed))
     passes[bundle[own]] = fixed[passing[own]]
@@ -177,7 +179,7 @@ def _bundles(segments: Ints, axis: int, at: int) -> tuple[Ints | None, Floats]:
         segments[:, 3 - axis] - segments[:, 1 - axis],
     )
     slants = np.hypot(run, rise) / np.abs(run)
-    place = _at(segments, axis, at)
+    place = _places_at(segments, axis, at)
     steeper = np.maximum(slants[1:], slants[:-1])
     same = np.diff(place) <= _SAME * steeper
     if not _are_one(segments[:-1][same], segments[1:][same], axis, steeper[same]):
@@ -189,14 +191,14 @@ def _bundles(segments: Ints, axis: int, at: int) -> tuple[Ints | None, Floats]:
         return None, slants
     steeper = np.maximum(slants[1:], slants[:-1])
     for offset in (-CLEARANCE, CLEARANCE):  # the same order there: none cross in between
-        there = _at(segments, axis, at + offset)
+        there = _places_at(segments, axis, at + offset)
         low, high = np.minimum.reduceat(there, first), np.maximum.reduceat(there, first)
         if (low[1:] - high[:-1] < 0.5 * _SAME * steeper).any():
             return None, slants
     return first, slants
 
 
-def _at(segments: Ints, axis: int, at: int | Ints) -> Floats:
+def _places_at(segments: Ints, axis: int, at: int | Ints) -> Floats:
     """Return the places where lines through segments pass a line, (n,), not rounded."""
     begin, end = segments[:, axis], segments[:, axis + 2]
     low, high = segments[:, 1 - axis], segments[:, 3 - axis]
@@ -207,7 +209,7 @@ def _are_one(one: Ints, two: Ints, axis: int, slants: Floats) -> bool:
     """Whether pairs of segments run side by side as far as both go."""
     ends = np.sort(one[:, [axis, axis + 2]], axis=1), np.sort(two[:, [axis, axis + 2]], axis=1)
     for at in (np.maximum(ends[0][:, 0], ends[1][:, 0]), np.minimum(ends[0][:, 1], ends[1][:, 1])):
-        if (np.abs(_at(one, axis, at) - _at(two, axis, at)) > _WIDEST * slants).any():
+        if (np.abs(_places_at(one, axis, at) - _places_at(two, axis, at)) > _WIDEST * slants).any():
             return False
     return True
 
@@ -240,11 +242,13 @@ def _with_heights(plan: MeshPlan, line: _Line) -> Seam:
     points[:, axis], points[:, 1 - axis] = at, passes
     first = np.arange(len(passes) - 1, dtype=np.int32)
     stretches = np.column_stack([first, first, first + 1])  # their middles lie on the seam
-    keys = kernels.region_keys(plan.kept, points, stretches)
+    keys = kernels.region_keys(plan.kernel_plan, points, stretches)
     regions, region_of = regions_of(plan, points, stretches, keys)
     # vertices stay away from segments that pass at a slant
     clearance = np.maximum(np.ceil(3 * _SAME * slants), kernels.SHORTEST_SEAM)
-    ends, heights = kernels.divide_seam(plan.kept, regions, region_of, axis, at, passes, clearance)
+    ends, heights = kernels.divide_seam(
+        plan.kernel_plan, regions, region_of, axis, at, passes, clearance
+    )
     # heights that are one in a mesh are one number
     one = np.abs(heights[1:, 0] - heights[:-1, 1]) <= plan.tolerance
     heights[1:, 0] = np.where(one, heights[:-1, 1], heights[1:, 0])
@@ -323,8 +327,8 @@ def boundary_triangles(plane: Triangulation, boundary: TileBoundary) -> tuple[In
     on_seam = _on_sides(a, boundary.sides) & _on_sides(b, boundary.sides)
     on_seam = (on_seam & np.hstack([a == b, a == b])).any(axis=1)
     t, c, a, b = t[on_seam], c[on_seam], a[on_seam], b[on_seam]
-    ends = np.sort(np.column_stack([_packed(a), _packed(b)]), axis=1)
-    wanted = np.column_stack([_packed(boundary.edges[:, :2]), _packed(boundary.edges[:, 2:])])
+    ends = np.sort(np.column_stack([_pack(a), _pack(b)]), axis=1)
+    wanted = np.column_stack([_pack(boundary.edges[:, :2]), _pack(boundary.edges[:, 2:])])
     order, order_wanted = np.lexsort(ends.T), np.lexsort(wanted.T)
     if not np.array_equal(ends[order], wanted[order_wanted]):
         raise RuntimeError("a tile does not have the edges of its seams")
@@ -353,7 +357,7 @@ def pin_heights(
     """
     points, triangles, _ = plane
     after = (corner + 1) % 3
-    begins = _packed(points[triangles[triangle, corner]]) == _packed(boundary.edges[:, :2])
+    begins = _pack(points[triangles[triangle, corner]]) == _pack(boundary.edges[:, :2])
     ends = np.where(begins[:, None], boundary.heights, boundary.heights[:, ::-1])
 
     # the lowest and the highest height of each vertex; others that meet in it take the nearer one
@@ -370,7 +374,7 @@ def pin_heights(
     heights[triangle, corner], heights[triangle, after] = ends.T
 
 
-def _packed(points: Ints) -> Ints:
+def _pack(points: Ints) -> Ints:
     """Return one number for each vertex, (n,)."""
     return (points[:, 0] << 31) | points[:, 1]
 

@@ -29,7 +29,7 @@ from terratool.mesh.export import (
     write_mesh,
 )
 from terratool.mesh.formats.table import FORMATS, mesh_format
-from terratool.mesh.loss import MeshLoss, OmittedElements, WallSummary, joined_walls, wall_summary
+from terratool.mesh.loss import MeshLoss, OmittedElements, WallSummary, join_walls, wall_summary
 from terratool.mesh.normals import with_normals
 from terratool.mesh.plan import plan_of
 from terratool.mesh.seams import Seam, boundary_of, cut_segments, lay_seams
@@ -162,7 +162,7 @@ def faces_of(plan: MeshPlan) -> float:
             per_kind[k] += _PER_TWIST * changes[0] * changes[1]
     elements = arrays.elements[drawn]
     curved = (per_kind[elements["kind"]] * np.abs(elements["scale"])).sum() / plan.error
-    count = kernels.count_segments(plan.kept, drawn)
+    count = kernels.count_segments(plan.kernel_plan, drawn)
     ruts = _PER_EDGE * len(plan.outlines.edges)
     return float(_PER_SEGMENT * count + curved + ruts)
 
@@ -176,7 +176,7 @@ def build_tile(terrain: Terrain, layout: TileLayout, row: int, column: int) -> B
     whole, frames = layout.plan, layout.plan.frames
     footprints = whole.footprints
     near = ((footprints[:, :2] <= limits[2:]) & (footprints[:, 2:] >= limits[:2])).all(axis=1)
-    segments = kernels.segments_of(whole.kept, np.flatnonzero(near & (frames["drawn"] != 0)))
+    segments = kernels.segments_of(whole.kernel_plan, np.flatnonzero(near & (frames["drawn"] != 0)))
     boundary = boundary_of(limits, seams)
     coarse = coarse_mesh(whole, cut_segments(segments, limits, seams), boundary, np.array(limits))
     return finish(terrain, whole, layout.loss, coarse, boundary)
@@ -279,7 +279,7 @@ def export_tiles(
     if options.bounds is not None:
         check_bounds(options.bounds, terrain)
     form = mesh_format(Path(f"mesh{suffix}"), options.world)
-    _refuse(folder, overwrite)
+    _refuse_folder(folder, overwrite)
     wanted, chosen = options.error_for(terrain)
     layout = lay_out(terrain, wanted, count, options.bounds)
     rows, columns = layout.shape
@@ -293,7 +293,7 @@ def export_tiles(
             written: tuple[Path, ...] = ()
             if len(mesh.faces):
                 rounding = max(rounding, rounding_of(mesh))
-                standing = joined_walls(standing, wall_summary(mesh))
+                standing = join_walls(standing, wall_summary(mesh))
                 path = folder / f"mesh_{row:02}_{column:02}{suffix}"
                 if form.normals and options.normals:
                     mesh = with_normals(built)
@@ -338,12 +338,12 @@ def export_tiles(
     return report
 
 
-def _refuse(folder: Path, overwrite: bool) -> None:
+def _refuse_folder(folder: Path, overwrite: bool) -> None:
     """Refuse a folder that cannot be made, or that holds tiles unless they may be replaced."""
     if folder.exists() and not folder.is_dir():
         raise WriteError(f"{folder}: is no folder.", "Give the name of one for the tiles.")
     refuse_missing_folder(folder)
-    for path in (folder / INDEX, *_owned(folder)):
+    for path in (folder / INDEX, *_tile_files(folder)):
         refuse_existing(path, overwrite, named=False)
 
 
@@ -352,11 +352,11 @@ def _prepare(folder: Path) -> None:
     with os_errors(folder):
         folder.mkdir(exist_ok=True)
         (folder / INDEX).unlink(missing_ok=True)  # first: without it, tiles are not whole
-        for path in _owned(folder):
+        for path in _tile_files(folder):
             path.unlink()
 
 
-def _owned(folder: Path) -> list[Path]:
+def _tile_files(folder: Path) -> list[Path]:
     """Return the files and links in a folder that have names of tiles, sorted."""
     files = folder.iterdir() if folder.is_dir() else ()
     named = (path for path in files if _TILE.fullmatch(path.stem) and path.suffix in _SUFFIXES)

@@ -44,7 +44,7 @@ def regions_of(
         The regions, and (m,) the index of each triangle's region.
     """
     _, chosen, region_of = np.unique(keys, return_index=True, return_inverse=True)
-    found = kernels.describe_regions(plan.kept, points, triangles, chosen)
+    found = kernels.describe_regions(plan.kernel_plan, points, triangles, chosen)
     found["covering"] = found["covering"].view(COVERING_ELEMENT)
     found["voids"], found["affine"] = found["voids"].view(bool), found["affine"].view(bool)
     return Regions(**found), region_of.reshape(-1).astype(np.int32)

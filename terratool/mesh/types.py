@@ -255,7 +255,7 @@ class MeshPlan:
         return max(_LOW * self.error, self.rounding)
 
     @cached_property
-    def kept(self) -> kernels.Plan:
+    def kernel_plan(self) -> kernels.Plan:
         """The plan as kernels take it, checked once."""
         return kernels.Plan(self)
 
