@@ -66,7 +66,7 @@ def whole_file(
         for part in parts:
             refuse_existing(path.with_name(part.name), overwrite, named=False)
         with hold_signals():
-            for old in _beside(path, companions):
+            for old in _companions_of(path, companions):
                 old.unlink(missing_ok=True)
             for part in parts:
                 part.replace(path.with_name(part.name))
@@ -122,7 +122,7 @@ def part_folder(folder: Path) -> Iterator[Path]:
     """
     _remove_leftovers(folder)
     part = folder / part_name()
-    with removed_if_abandoned(part):
+    with remove_if_abandoned(part):
         try:
             part.mkdir()
             yield part
@@ -131,7 +131,7 @@ def part_folder(folder: Path) -> Iterator[Path]:
 
 
 @contextlib.contextmanager
-def removed_if_abandoned(part: Path) -> Iterator[None]:
+def remove_if_abandoned(part: Path) -> Iterator[None]:
     """Have `abandon_parts` remove a folder while the block lasts."""
     _parts.add(part)
     try:
@@ -163,7 +163,7 @@ def os_errors(path: Path) -> Iterator[None]:
         raise WriteError.of(path, error) from error
 
 
-def _processes() -> str:
+def _machine_mark() -> str:
     """Return a mark of the machine, or container, whose processes are known here: 8 hex digits."""
     try:
         namespace = os.readlink("/proc/self/ns/pid")  # noqa: PTH115, it is no path
@@ -175,7 +175,7 @@ def _processes() -> str:
     return f"{zlib.crc32(f'{platform.node()} {namespace} {started}'.encode()):08x}"
 
 
-_SELF = _processes()
+_SELF = _machine_mark()
 """Mark of this machine in the names of its temporaries."""
 _temporary = re.compile(
     re.escape(PART) + r"(?:tiles-)?" + re.escape(_SELF) + r"-([0-9]+)-[0-9a-f]{12}\.part"
@@ -197,11 +197,11 @@ def _remove_leftovers(folder: Path) -> None:
     with contextlib.suppress(OSError), os.scandir(folder) as entries:
         for entry in entries:
             match = _temporary(entry.name)
-            if match and not _runs(int(match[1])):
+            if match and not _is_running(int(match[1])):
                 shutil.rmtree(entry.path, ignore_errors=True)
 
 
-def _runs(process: int) -> bool:
+def _is_running(process: int) -> bool:
     """Whether a process of this machine is running; True where that cannot be known."""
     if os.name != "posix":  # a signal 0 would not be harmless
         return True
@@ -214,7 +214,7 @@ def _runs(process: int) -> bool:
     return True
 
 
-def _beside(path: Path, companions: tuple[str, ...]) -> list[Path]:
+def _companions_of(path: Path, companions: tuple[str, ...]) -> list[Path]:
     """Return the companions of a file, by suffixes as in `whole_file`."""
     return [
         path.with_name(path.name + suffix[1:]) if suffix[0] == "*" else path.with_suffix(suffix)
@@ -267,7 +267,7 @@ def refuse_existing(
         pass
     except OSError as error:
         raise WriteError.of(path, error, "Choose another name or folder.") from error
-    for companion in _beside(path, companions) if path.name else []:
+    for companion in _companions_of(path, companions) if path.name else []:
         refuse_existing(companion, overwrite, named=False)
     if path.is_dir():
         raise WriteError(f"{path}: is a folder.", "Give the name of a file.")
