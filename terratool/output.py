@@ -203,7 +203,7 @@ def _remove_leftovers(folder: Path) -> None:
 
 def _is_running(process: int) -> bool:
     """Whether a process of this machine is running; True where that cannot be known."""
-    if os.name != "posix":  # a signal 0 would not be harmless
+    if os.name != "posix":  # elsewhere signal 0 is not harmless
         return True
     try:
         os.kill(process, 0)
@@ -354,7 +354,7 @@ def hold_signals() -> Iterator[None]:
 
 @contextlib.contextmanager
 def _on_signals(handler: Callable[[int, FrameType | None], None], *names: str) -> Iterator[None]:
-    """Handle signals, by name, by a function while the block lasts, where the system has them."""
+    """Have a function handle signals, by name, while the block lasts, where the system can."""
     # only the main thread may set handlers; elsewhere its exception ends the work
     if threading.current_thread() is not threading.main_thread():
         yield

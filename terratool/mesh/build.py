@@ -86,7 +86,7 @@ def coarse_mesh(
     boundary: TileBoundary = seams.NO_SEAMS,
     bounds: NDArray[np.int64] | None = None,
 ) -> RegionMesh:
-    """Return triangles whose edges follow segments; beside a seam they are as in the tile beyond.
+    """Mesh the plane by triangles along segments; beside a seam they are as in the tile beyond.
 
     Args:
         plan: plan of the terrain.

@@ -109,7 +109,7 @@ def _boxes(plan: MeshPlan) -> list[Floats]:
 def _edges(
     plan: MeshPlan, chosen: NDArray[np.int64]
 ) -> tuple[NDArray[np.int64], NDArray[np.uint32], float]:
-    """Return edges of the outlines of tracks, the track of each, and their offset, in points."""
+    """Return edges of outlines, the track of each, and the largest offset, in points."""
     import shapely
 
     tracks = plan.arrays.tracks

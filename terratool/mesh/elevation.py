@@ -188,7 +188,7 @@ def _statement(
 
 
 def _misses_at(grid: HeightGrid, x: Floats, y: Floats, ground: Floats) -> Floats:
-    """Return the distances of a grid from ground at world x and y, as `grid_misses` does."""
+    """Return the distances of a grid from ground at world x and y, by `grid_misses`."""
     heights = grid.heights[::-1].astype(np.float64)
     return grid_misses(heights, (x - grid.origin[0], y - grid.origin[1]), grid.spacing, ground)
 

@@ -38,8 +38,8 @@ LEAST_SHARE, MOST_SHARE = 1e-5, 1e-3
 RELIEF_FACES = 2_000_000
 """Most faces, about, that the relief of rough surfaces takes by default: the error grows for it."""
 _FACES_PER_BEND = 2.0
-"""Faces of a rough unit of area, times error, over rms times squared cells per length: measured,
-where the error is no more than the rms."""
+"""Factor of area * rms * (cells per length)² / error in the number of faces of rough ground:
+measured, where the error is no more than the rms."""
 
 _WHOLE = "Ask terratool info what the terrain is."
 """Hint where all of a terrain is void."""
@@ -67,7 +67,7 @@ smooth ground, the second for boxes, whose number of faces no error changes."""
 Progress = Callable[[str], object]
 
 Attempt = Callable[[float, float], BuiltMesh]
-"""Function of a largest error, and of the change of heights below which elements are left out."""
+"""Function that builds a mesh from a largest error and the largest change by left-out elements."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -21,9 +21,9 @@ from terratool.text.display import counted, length
 POINTS = 500_000
 """Most points in cells of left-out elements, and as many anywhere, at which change is measured."""
 _NOTICED = 0.1
-"""Least rounding that is told, in parts of the allowed error."""
+"""Least rounding that is reported, in parts of the allowed error."""
 _NOISE = 1e-6
-"""Least difference of a grid that is told, in parts of the distance between two nodes."""
+"""Least difference of a grid that is reported, in parts of the distance between two nodes."""
 
 Floats = NDArray[np.float64]
 

@@ -30,13 +30,13 @@ _NOTHING = 1e-9
 _SAME = 1e-9
 """Largest difference of heights that is rounding, in parts of the most that an element adds."""
 _INNER = 1 - 1 / 128
-"""Largest t at which the slope of a disc is kept to: that of a dome has no bound beyond."""
+"""Largest t at which a disc's slope bounds its error: the slope of a dome has no bound beyond."""
 _SECANTS = 64
-"""Stretches of t whose slopes say whether rings are leaner."""
+"""Stretches of t whose slopes decide whether a disc is meshed in rings."""
 _STEEP = 1000.0
 """Slope above which a tangent is vertical, in largest values of the curve."""
 _FINE = 4096
-"""Samples of a curve, from middle to edge, that say whether rings are leaner."""
+"""Samples of a curve, from middle to edge, that decide whether a disc is meshed in rings."""
 _SHARE, _RINGED_SHARE = 0.1, 0.25
 """Shares of the error for polygons in place of discs without rings, and with rings."""
 _BAND, _WIDEST = 0.5, 0.1
@@ -50,7 +50,7 @@ def plan_of(
     least: float = 0.0,
     finer: float = 1.0,
 ) -> tuple[MeshPlan, PlanLoss]:
-    """Lay out the lattice over a terrain, or a part of it.
+    """Plan the mesh of a terrain, or of a part of it: lattice, elements, curves and ruts.
 
     Args:
         terrain: terrain to mesh.
@@ -150,7 +150,7 @@ def _choose_corners(plan: MeshPlan, finer: float) -> float:
     slope = 0.5 * axes["inner_slope"] * weight
     share = finer * np.where(axes["ringed"] != 0, _RINGED_SHARE, _SHARE)
     inside = share * plan.error / np.maximum(slope, share * radius)
-    with np.errstate(divide="ignore"):  # of what is far below a radius
+    with np.errstate(divide="ignore"):  # offsets far below a radius
         corners = math.pi / np.arccos(1.0 - np.minimum(inside, 1.0))
     corners = np.clip(4 * np.ceil(corners / 4), *CORNERS)
     # discs of one cell share their polygon; no sickle is left between two of them
@@ -160,7 +160,7 @@ def _choose_corners(plan: MeshPlan, finer: float) -> float:
     corners = most[cell.reshape(-1)]
     inside = 1.0 - np.cos(math.pi / corners)
     change = 0.5 * axes["slope"] * weight * inside
-    # where a disc ends too steeply for that, as a dome does, it is right but for so much sideways
+    # a disc that ends too steeply for that, as a dome does, is right but for a sideways offset
     steep = (change > 0.5 * plan.error) & (change > slope * inside)
     band = np.maximum(inside, np.minimum(_BAND * plan.error / radius, _WIDEST))
     plan.frames["corners"][discs] = corners

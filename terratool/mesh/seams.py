@@ -134,7 +134,7 @@ def _line(
     for other in others:
         if (np.abs(other.passes - at) < CLEARANCE * other.slants).any():
             return None
-    # the sides of all and other seams are segments that pass, too; they come first
+    # sides of the whole terrain and other seams pass, too; they come first
     b = plan.bounds.astype(np.int64)
     fixed = np.array([b[1 - axis], b[3 - axis], *(other.at for other in others)], np.int64)
     straight = np.empty((len(fixed), 4), np.int64)
@@ -190,7 +190,7 @@ def _bundles(segments: Ints, axis: int, at: int) -> tuple[Ints | None, Floats]:
     if (place[last] - place[first] > 4 * _SAME * slants).any():
         return None, slants
     steeper = np.maximum(slants[1:], slants[:-1])
-    for offset in (-CLEARANCE, CLEARANCE):  # the same order there: none cross in between
+    for offset in (-CLEARANCE, CLEARANCE):  # one order there: none cross in between
         there = _places_at(segments, axis, at + offset)
         low, high = np.minimum.reduceat(there, first), np.maximum.reduceat(there, first)
         if (low[1:] - high[:-1] < 0.5 * _SAME * steeper).any():
@@ -219,7 +219,7 @@ def passing_places(segments: Ints, axis: int, at: int) -> Ints:
     run = segments[:, axis + 2] - segments[:, axis]
     rise = (segments[:, 3 - axis] - segments[:, 1 - axis]) * np.sign(run)
     run = np.abs(run)
-    # twice the product of two numbers of 30 bits
+    # twice the product of two numbers of 30 bits fits in 64
     return np.asarray(
         segments[:, 1 - axis] + (2 * (at - segments[:, axis]) * rise + run) // (2 * run)
     )
@@ -360,7 +360,7 @@ def pin_heights(
     begins = _pack(points[triangles[triangle, corner]]) == _pack(boundary.edges[:, :2])
     ends = np.where(begins[:, None], boundary.heights, boundary.heights[:, ::-1])
 
-    # the lowest and the highest height of each vertex; others that meet in it take the nearer one
+    # lowest and highest height of each vertex; other corners there take the nearer one
     low, high = np.full(len(points), np.inf), np.full(len(points), -np.inf)
     solid = ~voids[triangle]
     for k, z in ((corner, ends[:, 0]), (after, ends[:, 1])):

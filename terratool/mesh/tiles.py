@@ -351,7 +351,7 @@ def _prepare(folder: Path) -> None:
     """Make a folder, or remove the index and tiles of an earlier export from it."""
     with os_errors(folder):
         folder.mkdir(exist_ok=True)
-        (folder / INDEX).unlink(missing_ok=True)  # first: without it, tiles are not whole
+        (folder / INDEX).unlink(missing_ok=True)  # first: tiles without an index are not whole
         for path in _tile_files(folder):
             path.unlink()
 

@@ -130,7 +130,7 @@ def delaunay(
 
     crossing = pythoncdt.IntersectingConstraintEdges
     resolve = crossing.NOT_ALLOWED if within else crossing.TRY_RESOLVE
-    # its stubs know buffers from Python 3.12 on only
+    # the stubs of pythoncdt know buffers from Python 3.12 on only
     vertex_buffer: Any = np.ascontiguousarray(points)
     for attempt in range(_ATTEMPTS):
         near = 0.0 if within else _NEAR * 2**attempt

@@ -31,7 +31,7 @@ def write(scene: Scene, folder: Path) -> WrittenFiles:
         contact = child(link, "contact")
         child(contact, "lateral_friction", value=f"{one.friction:.6g}")
         for kind in ("visual", "collision"):
-            # PyBullet takes the convex hull of a mesh unless this is there
+            # PyBullet takes the convex hull of a mesh that is not marked as concave
             shape = child(link, kind, **({"concave": "yes"} if kind == "collision" else {}))
             child(shape, "origin", xyz=place, rpy="0 0 0")
             child(child(shape, "geometry"), "mesh", filename=file)

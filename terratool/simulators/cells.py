@@ -14,7 +14,7 @@ MOST = 4096
 MOST_CELLS = 1 << 28
 """Most cells of a map; they take up to 2 GB."""
 _WHOLE = 1e-6
-"""Relative rounding up to which a cell is no larger than the terrain."""
+"""Relative excess over a side of the terrain up to which a cell is no larger than the side."""
 
 
 def cell_grid(terrain: Terrain, resolution: float | None, most: int = MOST) -> Grid:

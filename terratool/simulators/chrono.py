@@ -134,7 +134,7 @@ def _soil(surface: Surface | None) -> dict[str, float | None]:
 
 
 def _si(value: Any, factor: float = 1.0) -> float | None:
-    """Return a figure times a factor, to 12 digits, as the product adds some; None for UNSET."""
+    """Return a figure times a factor, rounded to 12 digits; None for UNSET."""
     return None if value is UNSET else float(f"{factor * float(value):.12g}")
 
 

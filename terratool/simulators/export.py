@@ -99,7 +99,7 @@ def plan_export(
     source: str | Path | None = None,
     overwrite: bool = False,
 ) -> ExportPlan:
-    """Check a request before there is a terrain; arguments, errors as of `export_simulators`."""
+    """Check a request before there is a terrain, with arguments of `export_simulators`."""
     options, folder = options or SceneOptions(), Path(folder)
     wanted = choose_targets((targets,) if isinstance(targets, str) else tuple(targets))
     options.check()
@@ -152,7 +152,7 @@ def _make_folder(folder: Path) -> Iterator[None]:
         yield
     finally:
         if not was_there:
-            with contextlib.suppress(OSError):  # as it holds something
+            with contextlib.suppress(OSError):  # it may hold something
                 folder.rmdir()
 
 

@@ -13,7 +13,7 @@ from terratool.simulators.targets import WrittenFiles
 from terratool.text.display import counted, length
 
 _VERSION = "1.7"
-"""Version of SDFormat: Ignition Citadel and all after it read it."""
+"""Version of SDFormat, which Ignition Citadel and all later ones read."""
 _PICTURE = "heights.png"
 _STEP = 0.001
 """Time step of the world's physics, s."""
@@ -115,7 +115,7 @@ def _add_heightmap(scene: Scene, link: ET.Element, folder: Path) -> WrittenFiles
     one = scene.material(found.surface)
     for kind in ("collision", "visual"):
         shape = child(link, kind, name=f"heights_{kind}")
-        # physics of Gazebo Sim reads the pose alone, its pictures <pos> alone
+        # physics of Gazebo Sim reads <pose> alone, its rendering <pos> alone
         collides = kind == "collision"
         if collides:
             child(shape, "pose", f"{numbers(middle)} 0 0 0")

@@ -48,7 +48,7 @@ _PLAY = (
 
 
 def write(scene: Scene, folder: Path) -> WrittenFiles:
-    """Write the bag, a folder grid_map, into a folder.
+    """Write the bag as a folder grid_map into a folder.
 
     Raises:
         RequestError: `check` refuses the cells.
@@ -170,7 +170,7 @@ def _sample_layers(scene: Scene, grid: Grid) -> tuple[Layers, RasterLoss]:
 
 
 def _surface_tables(scene: Scene) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Return frictions, and colours 0xRRGGBB in the bits of floats, by surface index plus 1."""
+    """Return tables by surface index + 1: friction, and 0xRRGGBB in the bits of a float32."""
     materials = [scene.material(surface) for surface in range(-1, len(scene.terrain.surfaces))]
     frictions = np.array([one.friction for one in materials], np.float32)
     colors = [red << 16 | green << 8 | blue for red, green, blue in (m.color for m in materials)]

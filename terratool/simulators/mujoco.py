@@ -73,7 +73,7 @@ def write(scene: Scene, folder: Path) -> WrittenFiles:
         comment(root, scene.terrain.descr)
     asset = child(root, "asset")
     body = child(child(root, "worldbody"), "body", name="terrain", pos=numbers(scene.offset))
-    _add_picture(scene, folder, asset, body)
+    _add_visuals(scene, folder, asset, body)
     if scene.options.flex:
         summary, losses, facts = _add_flexes(scene, body)
     else:
@@ -93,7 +93,7 @@ def write(scene: Scene, folder: Path) -> WrittenFiles:
     )
 
 
-def _add_picture(scene: Scene, folder: Path, asset: ET.Element, body: ET.Element) -> None:
+def _add_visuals(scene: Scene, folder: Path, asset: ET.Element, body: ET.Element) -> None:
     """Add a material and a mesh for each surface, to be seen; nothing collides with them."""
     points = points_of(scene.mesh)
     materials = [scene.material(part.surface) for part in scene.parts]
@@ -102,7 +102,7 @@ def _add_picture(scene: Scene, folder: Path, asset: ET.Element, body: ET.Element
         name = f"terrain_{one.word}"
         _write_msh(folder / file, *shape_of(points, part))
         child(asset, "material", name=name, rgba=rgba(one.color), specular=0, shininess=0)
-        # it is open, so only its faces can have a mass
+        # the mesh is open, so only its faces can have a mass
         child(asset, "mesh", name=name, file=file, inertia="shell")
         child(
             body, "geom", name=name, type="mesh", mesh=name, material=name, group=2,
@@ -133,7 +133,7 @@ def _contact(one: Material) -> dict[str, object]:
 
 
 class _CollisionGeoms:
-    """Writer of boxes, convex meshes and height fields into an MJCF."""
+    """Geoms that collide: boxes, convex meshes and height fields, as they are added to an MJCF."""
 
     def __init__(self, scene: Scene, folder: Path, asset: ET.Element, body: ET.Element) -> None:
         self._scene, self._folder, self._asset, self._body = scene, folder, asset, body
@@ -173,11 +173,11 @@ class _CollisionGeoms:
 
     def _mesh_to_cut(self) -> tuple[BuiltMesh, float]:
         """Return the mesh that solids are cut from, and the largest error of the solids."""
-        built, error = self._scene.built, self._scene.options.max_error
+        built, error = self._scene.built_mesh, self._scene.options.max_error
         faces = len(built.mesh.faces)
         if faces < _FINE:
             return self._scene.mesh_within(_MESH_SHARE * error), error
-        if faces > _MANY:  # so few geoms cannot stand for it within that error anyway
+        if faces > _MANY:  # few geoms cannot stand for so many faces within the error
             coarsest = _COARSEST * float(np.ptp(built.mesh.vertices[:, 2]))
             error = min(error * faces / _FINE, max(error, coarsest))
             return self._scene.mesh_within(_MESH_SHARE * error), error
@@ -256,7 +256,7 @@ def _loss_sentence(
         parts.append(f"height fields up to {length(found.worst)}, along z, as measured")
         if found.worst > wanted:
             parts[-1] += f", on {found.share_over(wanted):.2g} % of them by more than was asked"
-        if found.ragged:
+        if found.raggedness:
             parts.append(f"lines between surfaces on them up to {length(found.ragged)}, a cell")
     if geoms > most:
         parts.append(f"{counted(most, 'geom')} would be too far off, so there are {geoms:,}")

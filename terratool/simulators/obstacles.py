@@ -29,7 +29,7 @@ _WINDOW = 256
 _BESIDE = 1e-6
 """Distance of nodes to the north-east of the lines between cells, in sides of a cell."""
 _ACROSS = 1e-4
-"""Distance from a wall or crest at which the heights beside it are taken, in sides of a cell."""
+"""Distance from a wall (in cells) or crest (in steps of nodes) at which heights are compared."""
 _LEAST = 1e-6
 """Least height of a step, in sides of a cell, even where none is allowed."""
 _ROUNDING = 1e-6
@@ -146,13 +146,13 @@ class ObstacleFinder:
         return _WindowObstacles(window, steep, self._holes(window, np.isnan(heights)), walls)
 
     def _holes(self, window: Window, hole: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Whether void or the outside is at a corner, side's middle or middle of cells, (h, w)."""
+        """Whether cells have void or outside at corners or middles, (height, width) bool."""
         near = np.zeros((window.height, window.width), np.bool_)
         for row in range(3):
             for column in range(3):
                 near |= hole[row : row + 2 * window.height : 2, column:][:, : 2 * window.width : 2]
         rows, columns = np.nonzero(near)
-        # a hair within the cell: the nodes there may be those of its neighbours
+        # a hair within the cell, as nodes on its border may be those of neighbours
         within = (0.5 * self._grid.resolution - self._hair) * np.array([-1.0, 0.0, 1.0])
         x = self._grid.columns(window)[columns, None, None] + within[:, None]
         y = self._grid.rows(window)[rows, None, None] + within
@@ -164,7 +164,7 @@ class ObstacleFinder:
     ) -> Points:
         """Return x, y in the cells that walls between nodes stand in or go into, (n, 2)."""
         pairs, rises = kernels.find_candidates(labels, heights, len(y), len(x))
-        # where it rises less, slopes are too steep, or walls up and down, whose crests are seen
+        # where ground rises less, slopes are too steep, or walls lead up and down, with crests
         pairs = pairs[rises > self._limits.step - self._limits.slope * self._nodes.resolution]
         places, jumps = np.empty((len(pairs), _WALLS)), np.zeros((len(pairs), _WALLS))
         if len(pairs):

@@ -36,7 +36,7 @@ def write_pieces(scene: Scene, folder: Path) -> list[tuple[Material, str]]:
 
 
 def file_names(materials: Iterable[Material], ending: str) -> list[str]:
-    """Return a file name for each material; case is dropped, as some systems do not tell it."""
+    """Return a file name for each material, in lower case, as some systems ignore the case."""
     names = plain_names([one.word.lower() for one in materials], is_ascii_word, "surface")
     return [f"{name}.{ending}" for name in names]
 

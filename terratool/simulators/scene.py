@@ -71,7 +71,7 @@ class Scene:
     judge: Judge | None = None
 
     @cached_property
-    def built(self) -> BuiltMesh:
+    def built_mesh(self) -> BuiltMesh:
         """Mesh within the error of the options; coordinates are relative to its origin.
 
         Raises:
@@ -95,14 +95,14 @@ class Scene:
     @cached_property
     def mesh(self) -> Mesh:
         """Mesh within the error of the options, with normals."""
-        return with_normals(self.built)
+        return with_normals(self.built_mesh)
 
     @cached_property
     def loss(self) -> MeshLoss:
         """Loss of the mesh within the error of the options."""
         error = self.options.max_error
         return loss_of(
-            self.terrain, BudgetedMesh(self.built, error, 0.0), MeshOptions(error), error
+            self.terrain, BudgetedMesh(self.built_mesh, error, 0.0), MeshOptions(error), error
         )
 
     @cached_property
@@ -197,7 +197,7 @@ class Scene:
         is_void = [surface.void is True for surface in terrain.surface_types.values()]
         found = [self.material(index) for index in sorted(worn) if not is_void[index]]
         west, south, east, north = terrain.bounds
-        # a round or turned root leaves the corners, where there is no surface either
+        # a round or turned root leaves out the corners, where there is no surface either
         corners = terrain.sample([west, east, west, east], [south, south, north, north]).surface
         bare = sum(counts.values()) < terrain.elements or -1 in corners
         return found + [self.material(-1)] * bare

@@ -66,7 +66,7 @@ class Target:
         return writer
 
     def check(self, scene: Scene) -> None:
-        """Refuse a scene that cannot be written, in a moment.
+        """Refuse a scene that cannot be written, before any long work.
 
         Raises:
             RequestError: the scene cannot be written.

@@ -154,7 +154,7 @@ def _write(
     """Write rows of arrays as lines, by a kernel that puts the text of rows into a buffer."""
     arrays = tuple(np.ascontiguousarray(rows) for rows in arrays)
     count = len(arrays[0])
-    # a number has room for two of int32 and what stands between them
+    # the bytes of a number hold a float64, or two int32 with the text between them
     size = 3 * kernels.NUMBER_BYTES + 2 + len(before) + len(after)
     out = np.empty(min(_BLOCK, count) * size, np.uint8)
     texts = [np.frombuffer(text, np.uint8) for text in (before, after)]

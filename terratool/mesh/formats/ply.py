@@ -25,7 +25,7 @@ def write_ply(mesh: Mesh, path: Path, descr: str, world: bool = False) -> None:
     comments = [line.encode("ascii", "replace").decode() for line in descr.splitlines()]
     comments += [f"origin {'0 0 0' if world else origin_of(mesh)}", "z is up", "surface -1 is none"]
     comments += [f"surface {n} {json.dumps(name)}" for n, name in enumerate(mesh.names)]
-    # some readers look for these words anywhere
+    # some readers look for end_header anywhere
     comments = [line.replace("end_header", "end\\u005fheader") for line in comments]
     header = [
         "ply",

@@ -73,7 +73,7 @@ def write_usd(
         )
         shape.CreateDisplayColorPrimvar(UsdGeom.Tokens.constant).Set([color])
         UsdPhysics.CollisionAPI.Apply(shape.GetPrim())
-        # the triangles themselves, not their hull
+        # bodies collide with the triangles, not with their hull
         UsdPhysics.MeshCollisionAPI.Apply(shape.GetPrim()).CreateApproximationAttr(
             UsdPhysics.Tokens.none
         )

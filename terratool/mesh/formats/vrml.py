@@ -101,7 +101,7 @@ def write_elevation_grid(grid: HeightGrid, path: Path, descr: str) -> None:
             "        height [\n".encode()
         )
         for row in grid.heights:
-            # + 0 makes no -0
+            # + 0 turns -0 into 0
             file.write(
                 f"          {' '.join((row + np.float32(0)).astype(str).tolist())}\n".encode()
             )

@@ -69,7 +69,7 @@ _SPARE = 1.25
 _GROW = 2.0
 """Factor by which the error of solids grows while they are too many."""
 _CLOSE = 1.25
-"""Largest ratio of an error that suffices to one that does not at which the search ends."""
+"""Ratio of a sufficient error to an insufficient one below which the search ends."""
 _ENOUGH = 0.8
 """Share of the allowed solids above which the search for a smaller error ends."""
 
@@ -95,7 +95,7 @@ class Collision(NamedTuple):
         return max((patch.error for patch in self.patches), default=0.0)
 
     @property
-    def ragged(self) -> float:
+    def raggedness(self) -> float:
         """Largest offset of lines between surfaces on height fields: a cell's side; 0 if none."""
         mixed = [patch for patch in self.patches if (patch.used & patch.mixed).any()]
         return max((max(patch.cell) for patch in mixed), default=0.0)
@@ -246,7 +246,7 @@ def _task_of(
     seam: float,
     say: Callable[[str], object],
 ) -> _Task:
-    """Return the task of `collision_of`, whose arguments these are."""
+    """Return the task of covering a mesh, with arguments of `collision_of`."""
     mesh = built.mesh
     west, south, east, north = terrain.bounds
     extent = 0.0, 0.0, east - west, north - south
@@ -358,7 +358,7 @@ class _Joints(NamedTuple):
 
 
 def _joints(triangles: Floats, surfaces: Ints, faces: Ints) -> _Joints:
-    """Return the edges between triangles, (n, 3, 3), that are faces of vertices, (n, 3)."""
+    """Return the joints of triangles, (n, 3, 3), by the vertices of their faces, (n, 3)."""
     _, key = _edges(faces)
     order = np.argsort(key, kind="stable")
     same = np.flatnonzero(key[order][1:] == key[order][:-1])
@@ -367,7 +367,7 @@ def _joints(triangles: Floats, surfaces: Ints, faces: Ints) -> _Joints:
     normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     normals /= np.linalg.norm(normals, axis=1)[:, None]
     turn = np.linalg.norm(np.cross(normals[first], normals[second]), axis=1)
-    # the corner of the second that is not on the edge, over the plane of the first
+    # distance of the second triangle's free corner over the plane of the first one
     tip = triangles[second, (other // len(faces) + 2) % 3]
     over = ((tip - triangles[first, 0]) * normals[first]).sum(axis=1)
     alike = surfaces[first] == surfaces[second]

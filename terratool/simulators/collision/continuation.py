@@ -21,7 +21,7 @@ _ON = 1e-6
 _AWAY = 0.5
 """Least distance of a wall from the node before it for a slope between the two, in links."""
 _LEAST_AWAY = 0.1
-"""Least distance of a wall from the node before it where no earlier node can do, in links."""
+"""Least distance of a wall from the node before it if no earlier node gives a slope, in links."""
 
 
 class _Crossings(NamedTuple):
@@ -67,7 +67,7 @@ def continue_ground(nodes: Floats, walls: Floats, height: Height, least: float) 
 
 
 def _crossings(walls: Floats, shape: tuple[int, ...], step: tuple[int, int]) -> _Crossings:
-    """Return the links by a step in rows and columns that walls cross, in a grid of nodes."""
+    """Return the links that walls cross; each is a step in rows and columns between nodes."""
     rows, columns = step
     x, y = walls[:, :, 0], walls[:, :, 1]
     # links lie on lines where `line` is whole, and begin where `along` is
@@ -82,7 +82,7 @@ def _crossings(walls: Floats, shape: tuple[int, ...], step: tuple[int, int]) -> 
     nearest = np.round(place)
     place = np.where(np.abs(place - nearest) < _ON, nearest, place)
     begin = np.floor(place)
-    on = place == begin  # it crosses the link that ends here, too
+    on = place == begin  # the wall crosses the link that ends here, too
     begin, at = np.concatenate([begin, begin[on] - 1]), np.concatenate([at, at[on]])
     part = np.concatenate([place, place[on]]) - begin
     row = begin if rows else at
@@ -99,7 +99,7 @@ def _crossings(walls: Floats, shape: tuple[int, ...], step: tuple[int, int]) -> 
 
 
 def _are_blocked(found: _Crossings, shape: tuple[int, ...], row: Indices, column: Indices) -> Bools:
-    """Whether walls cross the links that begin at nodes, by row and column, within their ends."""
+    """Whether walls cross the links that begin at rows and columns, between their nodes."""
     crossed = np.zeros((shape[0] + 2, shape[1] + 2), np.bool_)
     crossed[found.row + 1, found.column + 1] = (found.first < 1.0) & (found.last > 0.0)
     return crossed[row + 1, column + 1]

@@ -22,17 +22,17 @@ from terratool.simulators.collision.solids import VOID, GroundTriangles
 CELLS = 96
 """Cells of a height field along its longer side."""
 _SAMPLES = 4
-"""Steps along a cell's side between the points at which it is compared with the terrain."""
+"""Points along a cell's side, one end excluded, at which it is compared with the terrain."""
 _CURVED = 0.75
 """Share of all height fields up to which curved ground and lines between surfaces split them."""
 _STEEP = 2.0
-"""Least cell, in errors, of a field that is split for its error: in smaller ones that is a step."""
+"""Least side of a cell, in errors, of a field split for its error; smaller ones err at steps."""
 _FINEST = 40.0
-"""Least cell, in errors, of a field that is split at lines between surfaces, or at walls."""
+"""Least side of a cell, in errors, of a field split at lines between surfaces, or at walls."""
 _STEP = 0.25
 """Least height of a wall, in errors."""
 _PLENTY = 600
-"""Least limit of the number of height fields where fewer would spoil the ground."""
+"""Height fields that are allowed at least, where fewer would spoil the ground."""
 _NODES = 4_000_000
 """Most nodes of all height fields together."""
 _FEWEST = 4

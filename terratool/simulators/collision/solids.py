@@ -48,9 +48,9 @@ _GOLDEN = 0.6180339887498949
 _FAR = 1.25
 """Abort a region when its solids exceed this many times its share."""
 _FIRST_SHARE = 0.2
-"""Share of all solids that a region may have beyond its own, as the first ones tell little."""
+"""Part of all solids that a region may have beyond its share, as its first ones tell little."""
 _FIRST_SOLIDS = 8
-"""Number of solids that a region may have beyond its share, as the first ones tell little."""
+"""Number of solids that a region may have beyond its share, as its first ones tell little."""
 _STEEP = 0.7
 """Cosine of a plane's slope below which its edges are lowered to the ground's."""
 _MOST = 20_000
@@ -214,7 +214,7 @@ def _cover_piece(
     for side in _solid_or_sides(ground, piece, surface, tolerance, budget, found):
         if not budget.is_spent:
             found += _cover_piece(ground, side, surface, tolerance, budget)
-    if len(found) > len(piece):  # no better than each by itself
+    if len(found) > len(piece):  # no better than one for each triangle
         each = [
             one for one in piece if areas_of(one[None])[0] > SLIVER and not _is_narrow(one[None])
         ]
@@ -335,7 +335,7 @@ def _obstructing_parts(
     """Return parts of given triangles that a plane within a polygon must not cover, (n, 3, 3)."""
     inner = hull.buffer(-tolerance.wall, join_style="mitre")
     found = ground.triangles[near]
-    # square to the flatter of the two: over level ground a steep plane is a burr
+    # distances are square to the flatter of the two: a steep plane over level ground is a burr
     cosines = np.maximum(plane.cosine, _cosines(found))[:, None]
     above = cosines * (plane.at(found) - found[:, :, 2])
     other = ground.surfaces[near] != surface
@@ -402,7 +402,7 @@ def _holds(piece: Floats, points: Floats) -> NDArray[np.bool_]:
 
 
 def _flatness(piece: Floats, along: Floats) -> float:
-    """Return the misses of planes on both sides of a cut, summed; `along`: (n, 3) distances."""
+    """Return the sum of planes' misses on both sides of a cut; `along`: (n, 3) distances."""
     east = along.mean(axis=1) > 0
     sides = piece[east].reshape(-1, 3), piece[~east].reshape(-1, 3)
     return sum(_fit(side).miss for side in sides if len(side))
@@ -431,7 +431,7 @@ def _best_cut(
 
 
 def _line_across(piece: Floats) -> tuple[Floats, float]:
-    """Return normal and place of a cut across the way in which a piece is bent most, or a gap."""
+    """Return normal and place of a cut in a gap, or across the way a piece is bent most."""
     some = max(1, len(piece) // _BEND_SAMPLE)
     corners = piece[::some].reshape(-1, 3)
     away = corners[:, :2] - corners[:, :2].mean(axis=0)
@@ -443,7 +443,7 @@ def _line_across(piece: Floats) -> tuple[Floats, float]:
         if wide > max(gap[0], _NARROW):
             gap = wide, normal, at
         along = corners[:, :2] @ normal
-        # in many strips, as two are no better than one where the ground is a wave
+        # many strips, as two are no better than one where the ground is a wave
         wide = np.ptp(corners[:, :2] @ [-normal[1], normal[0]])
         strips = int(np.clip(2.0 * np.ptp(along) / max(wide, 1e-300), _STRIPS, _MOST_STRIPS))
         score = _strip_misses(corners, along, strips).mean()
