@@ -257,7 +257,7 @@ def _loss_sentence(
         if found.worst > wanted:
             parts[-1] += f", on {found.share_over(wanted):.2g} % of them by more than was asked"
         if found.raggedness:
-            parts.append(f"lines between surfaces on them up to {length(found.ragged)}, a cell")
+            parts.append(f"lines between surfaces on them up to {length(found.raggedness)}, a cell")
     if geoms > most:
         parts.append(f"{counted(most, 'geom')} would be too far off, so there are {geoms:,}")
     return f"What collides: {'; '.join(parts)}."
