@@ -36,9 +36,9 @@ class Mesh:
     """Triangles with shared vertices.
 
     Attributes:
-        vertices: (n, 3) float64, relative to `origin`.
-        faces: (m, 3) int32, counter-clockwise seen from outside (from above for ground).
-        surfaces: (m,) int32 index into `names`, -1 for none.
+        vertices: (n, 3) float64 x, y, z, relative to `origin`, units of the terrain.
+        faces: (m, 3) int32 vertices, counter-clockwise from outside (from above for ground).
+        surfaces: (m,) int32 index into `names` of each face's surface, -1 for none.
         walls: (m,) bool, whether a face stands upright.
         origin: (3,) float64 world position of the local zero.
         names: names of the surfaces.
@@ -115,8 +115,8 @@ class HeightGrid:
     """Heights at evenly spaced nodes, rows from the north.
 
     Attributes:
-        heights: (n, m) float32.
-        surfaces: (n, m) int32 index into `names`, -1 for none.
+        heights: (n, m) float32 heights of the nodes, units of the terrain.
+        surfaces: (n, m) int32 index into `names` of each node's surface, -1 for none.
         spacing: distance of one node from the next along x and along y.
         origin: (3,) float64 world position of the south-west node at height 0.
         names: names of the surfaces.
