@@ -1,4 +1,4 @@
-"""What can go wrong, as exceptions that carry one sentence, a hint and an exit code."""
+"""Errors that a user can cause: exceptions with one sentence, a hint and an exit code."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ if TYPE_CHECKING:
     from terratool.definition.findings import Finding
 
 DAMAGED = "It may be cut short: write it again, or fetch it again."
-"""What to do about a file that ends too early, or whose parts do not fit together."""
+"""Hint for a file that ends too early, or whose parts do not fit together."""
 
 
 def reason(error: OSError) -> str:
-    """What the system says of an error."""
+    """Return the system's reason for an error, in lower case."""
     return (error.strerror or str(error)).lower()
 
 
@@ -42,7 +42,7 @@ class ReadError(TerratoolError):
     def of(
         cls, name: object, error: OSError, hint: str = "Check the path and its permissions."
     ) -> ReadError:
-        """The system does not read a file."""
+        """Return the error for a file that the system does not read."""
         return cls(f"{name}: cannot be read ({reason(error)}).", hint)
 
 
@@ -56,18 +56,18 @@ class WriteError(TerratoolError):
         error: OSError,
         hint: str = "Check the folder, its permissions and the space on the disk.",
     ) -> WriteError:
-        """The system does not write a file."""
+        """Return the error for a file that the system does not write."""
         return cls(f"{name}: cannot be written ({reason(error)}).", hint)
 
 
 class RequestError(TerratoolError):
-    """What was asked for makes no sense for this terrain."""
+    """A request makes no sense for this terrain."""
 
     exit_code = 2
 
 
 class DefinitionError(TerratoolError):
-    """The text was read, but it is no valid terrain or vehicle; `findings` says why."""
+    """A text was read, but is no valid terrain or vehicle; `findings` says why."""
 
     exit_code = 1
 
@@ -77,15 +77,15 @@ class DefinitionError(TerratoolError):
 
 
 class MissedError(TerratoolError):
-    """The result is not as good as was asked for, so that nothing was written."""
+    """A result is not as good as was asked for, so that nothing was written."""
 
     exit_code = 1
 
 
 def interruption(error: BaseException | None) -> BaseException | None:
-    """What stopped the work that ended in an error: Ctrl-C or a signal; None if nothing did.
+    """Return the Ctrl-C or signal among the causes of an error; None without one.
 
-    C code that is interrupted may fail of it by an error of its own.
+    C code that is interrupted may raise an error of its own.
     """
     while error is not None:
         if not isinstance(error, Exception):

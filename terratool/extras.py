@@ -1,4 +1,4 @@
-"""How what an extra brings is installed."""
+"""The command that installs an extra."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ import sys
 
 
 def install_command(*extras: str) -> str:
-    """The command that adds extras to this installation, for any shell.
+    """Return the command that adds extras to this installation, for any shell.
 
-    The interpreter in use runs pip, as another one would install for itself; what it has of
-    terratool stays, so nothing is looked for on an index but what is missing.
+    The interpreter in use runs pip, as another one would install for itself. The installed
+    terratool stays, so an index is asked for missing packages only.
 
     Args:
-        extras: names of them, as in pyproject.toml.
+        extras: names of extras, as in pyproject.toml.
     """
     python = sys.executable or "python"
     python = f'"{python}"' if " " in python else python

@@ -19,11 +19,11 @@ from uuid import uuid4
 from terratool.errors import WriteError
 
 PART = ".terratool-"
-"""How the names of what is not yet whole begin."""
+"""Prefix of the names of temporaries: files and folders that are not yet whole."""
 _parts: set[Path] = set()
-"""What `abandon_parts` removes."""
+"""Folders that `abandon_parts` removes."""
 _renaming = threading.RLock()
-"""Is held while names change that must change together."""
+"""Lock that is held while names change that must change together."""
 
 
 @contextlib.contextmanager
@@ -35,20 +35,20 @@ def whole_file(
     *,
     named: bool = True,
 ) -> Iterator[Path]:
-    """A temporary path, which takes the place of `path` when the block ends well.
+    """Yield a temporary path that takes the place of `path` when the block ends well.
 
-    What else is written into its folder takes its place beside `path`, just before. The temporary
-    is removed on any failure, Ctrl-C, SIGTERM and SIGHUP included. What a killed process has left
-    is removed by the next one that writes there.
+    Other files in the temporary's folder are moved beside `path` just before. The temporary is
+    removed on any failure, Ctrl-C, SIGTERM and SIGHUP included. Leftovers of a killed process are
+    removed by the next one that writes there.
 
     Args:
-        path: the file that is to be.
-        overwrite: whether it may be there already.
-        companions: suffixes of files that belong to it: instead of its own, or after its name
-            where they begin with a star; older ones are removed.
-        within: a folder on the same disk for the temporary; that of `path`, if not said.
-        named: whether the user named this very file: behind a link then stands what is meant. Any
-            other link is replaced, and never what it leads to.
+        path: file to write.
+        overwrite: whether `path` may exist.
+        companions: suffixes of files that belong to `path`, in place of its own suffix, or after
+            its name where they begin with a star; older companions are removed.
+        within: folder on the same disk for the temporary; that of `path` if None.
+        named: whether the user named this very file: then a link at `path` is followed. Any other
+            link is replaced, and its target left alone.
 
     Raises:
         WriteError: `path` exists and is not to be overwritten, or its folder cannot be written.
@@ -58,7 +58,7 @@ def whole_file(
     refuse_missing_folder(path)
     with os_errors(path), stop_on_signals(), part_folder(within or path.parent) as folder:
         yield folder / path.name
-        # what else there is goes first, as its reader comes by way of `path`
+        # other files go first, as their reader comes by way of `path`
         parts = sorted(folder.iterdir(), key=lambda part: part.name == path.name)
         for part in parts:
             with open(part, "rb+") as file:
@@ -66,7 +66,7 @@ def whole_file(
         for part in parts:
             refuse_existing(path.with_name(part.name), overwrite, named=False)
         with hold_signals():
-            for old in _beside(path, companions):
+            for old in _companions_of(path, companions):
                 old.unlink(missing_ok=True)
             for part in parts:
                 part.replace(path.with_name(part.name))
@@ -74,19 +74,19 @@ def whole_file(
 
 
 def target_of(path: str | Path, named: bool = True) -> Path:
-    """Where a file is written, without links: behind one at `path` itself only if it was named."""
+    """Return a file's path without links; a link at `path` itself is followed only if `named`."""
     path = Path(path)
     return Path(os.path.realpath(path)) if named else Path(os.path.realpath(path.parent), path.name)
 
 
 @contextlib.contextmanager
 def whole_folder(path: Path, overwrite: bool, own: Iterable[str]) -> Iterator[Path]:
-    """A temporary folder, which takes the place of `path` when the block ends well.
+    """Yield a temporary folder that takes the place of `path` when the block ends well.
 
     Args:
-        path: the folder that is to be.
-        overwrite: whether one of this kind may be there already.
-        own: names of files that such a folder has, and no others.
+        path: folder to write.
+        overwrite: whether a folder of this kind may exist.
+        own: names of all files that such a folder has.
 
     Raises:
         WriteError: `path` exists and is not to be overwritten, holds something else, or cannot be
@@ -104,7 +104,7 @@ def whole_folder(path: Path, overwrite: bool, own: Iterable[str]) -> Iterator[Pa
             if os.path.lexists(path):
                 path.replace(old)
             try:
-                if os.path.lexists(old):  # as something may have come since
+                if os.path.lexists(old):  # something may have come since
                     refuse_folder(old, overwrite, own, called=path)
                 (folder / path.name).replace(path)
             except BaseException:
@@ -116,13 +116,13 @@ def whole_folder(path: Path, overwrite: bool, own: Iterable[str]) -> Iterator[Pa
 
 @contextlib.contextmanager
 def part_folder(folder: Path) -> Iterator[Path]:
-    """A folder in another one for what is not yet whole; it is removed on leaving.
+    """Yield a temporary folder within another one; it is removed on leaving.
 
-    So are those that processes left there which are gone.
+    Temporaries of processes that are gone are removed, too.
     """
     _remove_leftovers(folder)
     part = folder / part_name()
-    with removed_if_abandoned(part):
+    with remove_if_abandoned(part):
         try:
             part.mkdir()
             yield part
@@ -131,7 +131,7 @@ def part_folder(folder: Path) -> Iterator[Path]:
 
 
 @contextlib.contextmanager
-def removed_if_abandoned(part: Path) -> Iterator[None]:
+def remove_if_abandoned(part: Path) -> Iterator[None]:
     """Have `abandon_parts` remove a folder while the block lasts."""
     _parts.add(part)
     try:
@@ -141,9 +141,9 @@ def removed_if_abandoned(part: Path) -> Iterator[None]:
 
 
 def abandon_parts() -> None:
-    """Remove all that is not yet whole, as the process is to end at once, by whatever thread.
+    """Remove all temporaries, as the process is to end at once; any thread may call.
 
-    Waits for blocks of `hold_signals`; after it, none begins.
+    The call waits for blocks of `hold_signals`; afterwards none begins.
     """
     _renaming.acquire()
     for part in list(_parts):
@@ -152,10 +152,10 @@ def abandon_parts() -> None:
 
 @contextlib.contextmanager
 def os_errors(path: Path) -> Iterator[None]:
-    """Errors of the system as ours.
+    """Turn the system's errors within the block into terratool's.
 
     Raises:
-        WriteError: the system raised one.
+        WriteError: the system raised an OSError.
     """
     try:
         yield
@@ -163,8 +163,8 @@ def os_errors(path: Path) -> Iterator[None]:
         raise WriteError.of(path, error) from error
 
 
-def _processes() -> str:
-    """A mark of the machine, or the container, whose processes are known here."""
+def _machine_mark() -> str:
+    """Return a mark of the machine, or container, whose processes are known here: 8 hex digits."""
     try:
         namespace = os.readlink("/proc/self/ns/pid")  # noqa: PTH115, it is no path
     except OSError:
@@ -175,17 +175,19 @@ def _processes() -> str:
     return f"{zlib.crc32(f'{platform.node()} {namespace} {started}'.encode()):08x}"
 
 
-_SELF = _processes()
+_SELF = _machine_mark()
+"""Mark of this machine in the names of its temporaries."""
 _temporary = re.compile(
     re.escape(PART) + r"(?:tiles-)?" + re.escape(_SELF) + r"-([0-9]+)-[0-9a-f]{12}\.part"
 ).fullmatch
+"""Match the name of a temporary of this machine; group 1 is the process."""
 
 
 def part_name(of: str = "") -> str:
-    """A new name for what is not yet whole, which says what process makes it.
+    """Return a new name of a temporary, with this machine and process in it.
 
     Args:
-        of: what it is of: "tiles-" or nothing.
+        of: prefix of a kind of temporary: "tiles-" or empty.
     """
     return f"{PART}{of}{_SELF}-{os.getpid()}-{uuid4().hex[:12]}.part"
 
@@ -195,12 +197,13 @@ def _remove_leftovers(folder: Path) -> None:
     with contextlib.suppress(OSError), os.scandir(folder) as entries:
         for entry in entries:
             match = _temporary(entry.name)
-            if match and not _runs(int(match[1])):
+            if match and not _is_running(int(match[1])):
                 shutil.rmtree(entry.path, ignore_errors=True)
 
 
-def _runs(process: int) -> bool:
-    if os.name != "posix":  # a signal 0 would not be harmless
+def _is_running(process: int) -> bool:
+    """Whether a process of this machine is running; True where that cannot be known."""
+    if os.name != "posix":  # elsewhere signal 0 is not harmless
         return True
     try:
         os.kill(process, 0)
@@ -211,8 +214,8 @@ def _runs(process: int) -> bool:
     return True
 
 
-def _beside(path: Path, companions: tuple[str, ...]) -> list[Path]:
-    """Files that belong to another one, by their names."""
+def _companions_of(path: Path, companions: tuple[str, ...]) -> list[Path]:
+    """Return the companions of a file, by suffixes as in `whole_file`."""
     return [
         path.with_name(path.name + suffix[1:]) if suffix[0] == "*" else path.with_suffix(suffix)
         for suffix in companions
@@ -220,7 +223,7 @@ def _beside(path: Path, companions: tuple[str, ...]) -> list[Path]:
 
 
 def _sync_folder(folder: Path) -> None:
-    """Have the new names in a folder survive a loss of power, where the system can."""
+    """Make the new names in a folder survive a loss of power, where the system can."""
     if hasattr(os, "O_DIRECTORY"):
         number = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
         try:
@@ -230,7 +233,7 @@ def _sync_folder(folder: Path) -> None:
 
 
 def is_same_file(one: str | Path, other: str | Path) -> bool:
-    """Whether two names are of one file, which is there."""
+    """Whether two paths name one file, which exists."""
     try:
         return Path(one).samefile(other)
     except (OSError, ValueError):
@@ -240,16 +243,17 @@ def is_same_file(one: str | Path, other: str | Path) -> bool:
 def refuse_existing(
     path: Path, overwrite: bool, companions: tuple[str, ...] = (), *, named: bool = True
 ) -> None:
-    """Refuse a path that is there already, or whose companions are, or that cannot be.
+    """Refuse a path that exists, has existing companions, or cannot be a file.
 
     Args:
-        path: the file that is to be.
-        overwrite: whether it may be there already.
-        companions: suffixes of files that belong to it, as `whole_file` has them.
-        named: whether a link may stand there that leads to nothing yet.
+        path: file to write.
+        overwrite: whether `path` and its companions may exist.
+        companions: suffixes of files that belong to `path`, as in `whole_file`.
+        named: whether `path` may be a link that leads to nothing yet.
 
     Raises:
-        WriteError: it is, and `overwrite` is not set; or it is a folder.
+        WriteError: `path` or a companion exists and `overwrite` is not set, or `path` is a folder,
+            no regular file, or no name in UTF-8.
     """
     try:
         if "\0" in str(path):
@@ -263,7 +267,7 @@ def refuse_existing(
         pass
     except OSError as error:
         raise WriteError.of(path, error, "Choose another name or folder.") from error
-    for companion in _beside(path, companions) if path.name else []:
+    for companion in _companions_of(path, companions) if path.name else []:
         refuse_existing(companion, overwrite, named=False)
     if path.is_dir():
         raise WriteError(f"{path}: is a folder.", "Give the name of a file.")
@@ -276,16 +280,16 @@ def refuse_existing(
 def refuse_folder(
     path: Path, overwrite: bool, own: Iterable[str], called: Path | None = None
 ) -> None:
-    """Refuse a folder that is there already, if it is to be kept or holds anything of others.
+    """Refuse a folder that exists, unless it may be replaced and holds its own files only.
 
     Args:
-        path: the folder.
-        overwrite: whether one of this kind may be replaced.
-        own: names of files that such a folder has, and no others.
-        called: what it is called; `path`, if not said.
+        path: folder to write.
+        overwrite: whether a folder of this kind may be replaced.
+        own: names of all files that such a folder has.
+        called: name of the folder in messages; `path` if None.
 
     Raises:
-        WriteError: it is; or it is no folder.
+        WriteError: the folder is refused, or `path` is no folder.
     """
     own, called = set(own), called or path
     if not path.is_dir():
@@ -304,10 +308,10 @@ def refuse_folder(
 
 
 def refuse_missing_folder(path: Path) -> None:
-    """Refuse a path in a folder that is not there.
+    """Refuse a path whose folder does not exist.
 
     Raises:
-        WriteError: it is not.
+        WriteError: the folder does not exist.
     """
     if not path.parent.is_dir():
         raise WriteError(
@@ -317,7 +321,7 @@ def refuse_missing_folder(path: Path) -> None:
 
 
 def free_bytes(path: Path) -> int:
-    """Free space, in bytes, on the disk that will hold `path`, or that holds the folder `path`."""
+    """Return the free bytes on the disk of a folder, or of a file that is to be written."""
     path = Path(os.path.realpath(path))
     return shutil.disk_usage(path if path.is_dir() else path.parent).free
 
@@ -335,7 +339,7 @@ def stop_on_signals() -> Iterator[None]:
 
 @contextlib.contextmanager
 def hold_signals() -> Iterator[None]:
-    """Have Ctrl-C, SIGTERM and SIGHUP wait for the end of the block, which is short."""
+    """Hold Ctrl-C, SIGTERM and SIGHUP until the end of the block, which is short."""
     held: list[int] = []
     try:
         with (
@@ -350,7 +354,7 @@ def hold_signals() -> Iterator[None]:
 
 @contextlib.contextmanager
 def _on_signals(handler: Callable[[int, FrameType | None], None], *names: str) -> Iterator[None]:
-    """Have signals handled so in the block, where the system has them."""
+    """Have a function handle signals, by name, while the block lasts, where the system can."""
     # only the main thread may set handlers; elsewhere its exception ends the work
     if threading.current_thread() is not threading.main_thread():
         yield

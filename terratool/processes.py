@@ -1,4 +1,4 @@
-"""Calls in a Python of their own, with little memory: a library may crash there, or eat it."""
+"""Calls in a Python process of their own, for libraries that may crash or use up the memory."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 
 
 def python_calling(module: str, function: str, *arguments: str) -> dict[str, Any]:
-    """What `subprocess` is given to call a function, which finds its arguments in `sys.argv`.
+    """Return arguments of `subprocess` to call a function, which reads its own in `sys.argv`.
 
     Modules are those of this process, and none of the current folder, which may be a stranger's.
     """
@@ -24,10 +24,10 @@ def python_calling(module: str, function: str, *arguments: str) -> dict[str, Any
 
 
 def limit_memory(most: int) -> None:
-    """Let this process have not much more memory than it has, where the system can.
+    """Limit the memory of this process to what it has and a little more, where the system can.
 
     Args:
-        most: bytes more.
+        most: further bytes that the process may take.
     """
     try:
         import resource

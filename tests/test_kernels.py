@@ -72,7 +72,7 @@ def known(kind: str) -> Any:
         return kernels.traversability.VehicleOnSamples(vehicle_params(ROVER), samples)
     plan, _ = plan_of(TERRAIN, 0.1)
     if kind == "Plan":
-        return plan.kept
+        return plan.kernel_plan
     assert kind == "Refinement"
     triangle = Triangulation(
         np.array([[0, 0], [1000, 0], [0, 1000]]),
@@ -82,7 +82,7 @@ def known(kind: str) -> Any:
     flag, nothing = np.zeros(1, bool), (np.zeros(2, np.int64), np.empty(0, COVERING_ELEMENT))
     region = Regions(*nothing, np.zeros(1, np.int32), flag, flag, np.zeros(1), np.zeros(1))
     return kernels.mesh.Refinement(
-        plan.kept, region, triangle, np.zeros(1, np.int32), np.zeros((1, 3)), np.full(4, -1)
+        plan.kernel_plan, region, triangle, np.zeros(1, np.int32), np.zeros((1, 3)), np.full(4, -1)
     )
 
 

@@ -19,7 +19,7 @@ from terratool.simulators.options import (
     MAX_STEP,
     SceneOptions,
 )
-from terratool.simulators.targets import TARGETS, chosen
+from terratool.simulators.targets import TARGETS, choose_targets
 
 if TYPE_CHECKING:
     from terratool.simulators.options import Origin
@@ -137,7 +137,7 @@ def command(
 
     if not folder:
         raise RequestError("DIR is empty.", "Name a folder.")
-    _refuse_idle(ctx, list(chosen(targets)))
+    _refuse_idle(ctx, list(choose_targets(targets)))
     wanted = SceneOptions(origin=_origin(options.pop("origin")), **options)
     source = None if file == "-" else file
     plan = plan_export(folder, targets, wanted, source=source, overwrite=overwrite)

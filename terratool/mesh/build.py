@@ -28,15 +28,15 @@ from terratool.mesh.types import (
 )
 
 _PLANS = 3
-"""Where discs overlap too much, their polygons are planned again, so often."""
+"""Most plans of a mesh: where discs overlap too much, their polygons become finer."""
 _POLYGON_SHARE = 0.6
-"""Discs that overlap may take up so much of the error by being polygons."""
+"""Largest share of the error that polygons in place of overlapping discs may take."""
 _ROUNDS = 8
-"""Where edges were split because the higher side changes, triangles are refined again, so often."""
+"""Most rounds of refining triangles and splitting edges at which the higher side changes."""
 _BATCH = 2_000
-"""So many triangles are examined before others get their turn, such as who interrupts."""
+"""Triangles that a kernel examines in one call, between which the user can interrupt."""
 GREY = 160, 160, 160
-"""The colour of surfaces that have none."""
+"""Colour (red, green, blue) of surfaces that have none."""
 
 Ints = NDArray[np.int32]
 
@@ -56,11 +56,13 @@ def build(
     faces and more. A mesh without a base has such edges, too, where its walls meet.
 
     Args:
-        terrain: the terrain.
-        max_error: the largest distance, along z, of the mesh from the terrain, in its units.
+        terrain: terrain to mesh.
+        max_error: largest distance, along z, of the mesh from the terrain, in units of the terrain.
         bounds: world rectangle west, south, east, north to mesh; the whole terrain if None.
-        least: elements that change heights by no more are left out, unless it is 0.
-        base: height of the base, in units of the terrain; "below" for `base_below`.
+        least: largest change of heights by elements that are left out, in units of the terrain; 0
+            leaves none out.
+        base: height of the base, in units of the terrain; "below" for `base_below`; None for ground
+            alone.
 
     Raises:
         ValueError: the error is not positive, or the bounds hold nothing of the terrain.
@@ -69,7 +71,7 @@ def build(
     finer = 1.0
     for _ in range(_PLANS):
         plan, loss = plan_of(terrain, max_error, bounds, least, finer)
-        segments = kernels.segments_of(plan.kept, np.flatnonzero(plan.frames["drawn"]))
+        segments = kernels.segments_of(plan.kernel_plan, np.flatnonzero(plan.frames["drawn"]))
         coarse = coarse_mesh(plan, segments)
         most = float(coarse.regions.polygon_errors.max(initial=0.0))
         if most <= _POLYGON_SHARE * max_error:
@@ -84,17 +86,17 @@ def coarse_mesh(
     boundary: TileBoundary = seams.NO_SEAMS,
     bounds: NDArray[np.int64] | None = None,
 ) -> RegionMesh:
-    """Triangles whose edges follow segments; beside a seam they are as in the tile beyond.
+    """Mesh the plane by triangles along segments; beside a seam they are as in the tile beyond.
 
     Args:
-        plan: the plan.
-        segments: (n, 4) int64 segments within the bounds.
-        boundary: what its sides have in common with other meshes.
+        plan: plan of the terrain.
+        segments: (n, 4) int64 x, y, x, y of segments within the bounds, on the lattice.
+        boundary: sides that the mesh shares with other tiles.
         bounds: (4,) west, south, east, north on the lattice; those of the plan if None.
     """
     if bounds is None:
         bounds = plan.bounds.astype(np.int64)
-    keys_of = partial(kernels.region_keys, plan.kept)
+    keys_of = partial(kernels.region_keys, plan.kernel_plan)
     plane, keys = triangulate(segments, bounds, keys_of, boundary)
     ends = boundary.edges.reshape(-1, 2)
     first = 2 * np.arange(len(boundary.edges), dtype=np.int32)
@@ -106,7 +108,9 @@ def coarse_mesh(
     triangles = np.concatenate([along, plane.triangles + np.int32(len(ends))])
     regions, region_of = regions_of(plan, points, triangles, np.concatenate([own, keys]))
     region_of = region_of[len(along) :]
-    heights = kernels.corner_heights(plan.kept, regions, plane.points, plane.triangles, region_of)
+    heights = kernels.corner_heights(
+        plan.kernel_plan, regions, plane.points, plane.triangles, region_of
+    )
     seams.pin_heights(plane, boundary, triangle, corner, regions.voids[region_of], heights)
     return RegionMesh(plane, regions, region_of, heights)
 
@@ -119,7 +123,7 @@ def finish(
     boundary: TileBoundary = seams.NO_SEAMS,
     base: float | Literal["below"] | None = None,
 ) -> BuiltMesh:
-    """Refine a coarse mesh and raise its walls; arguments as above."""
+    """Refine a coarse mesh and raise its walls; see `build` and `coarse_mesh` for arguments."""
     fine, error = refine(plan, coarse, boundary.sides)
     mesh, shell, moved = assemble(terrain, plan, fine, base)
     return BuiltMesh(mesh, shell, error + moved, loss)
@@ -131,15 +135,15 @@ def refine(
     """Refine triangles until they are within the error; split edges where the higher side changes.
 
     Args:
-        plan: the plan.
-        coarse: the triangles.
-        locked: (4,) the seams, as in `TileBoundary.sides`.
+        plan: plan of the terrain.
+        coarse: triangles to refine.
+        locked: (4,) int64 seams, as in `TileBoundary.sides`.
 
     Returns:
-        The triangles, and the largest error that there may be.
+        The refined triangles, and a bound of their error, in units of the terrain.
     """
     plane, regions, region_of, heights = coarse
-    work = kernels.Refinement(plan.kept, regions, plane, region_of, heights, locked)
+    work = kernels.Refinement(plan.kernel_plan, regions, plane, region_of, heights, locked)
     for _ in range(_ROUNDS):
         while kernels.refine(work, plan.error - plan.tolerance, _BATCH):
             pass
@@ -164,10 +168,10 @@ def assemble(
     """Make a mesh of triangles in the plane and the one-sided heights at their corners.
 
     Args:
-        terrain: the terrain.
-        plan: its plan.
-        parts: the triangles.
-        base: see `build`.
+        terrain: terrain of the mesh.
+        plan: plan of the terrain.
+        parts: triangles with heights.
+        base: height of the base, as in `build`.
 
     Returns:
         The mesh, the number of its faces that are ground or walls (skirt and base come after), and
@@ -236,19 +240,19 @@ def assemble(
 
 
 def base_below(lowest: float, highest: float, side: float) -> float:
-    """Where a base lies if none is given, in units of the terrain.
+    """Return the default height of a base, in units of the terrain.
 
-    Below the lowest level by a tenth of the relief, and by no less than a hundredth of the longer
-    side, so that flat ground becomes a plate.
+    The base is below the lowest level by a tenth of the relief, and by no less than a hundredth of
+    the longer side, so that flat ground becomes a plate.
     """
     return lowest - max(0.1 * (highest - lowest), 0.01 * side)
 
 
 def base_of(points: NDArray[np.int64], edges: Ints) -> Ints:
-    """Triangles between loops of edges, without another vertex: (b, 3), counter-clockwise.
+    """Return triangles between loops of edges, without another vertex, (b, 3), counter-clockwise.
 
     Args:
-        points: (n, 2) on the lattice.
+        points: (n, 2) vertices on the lattice.
         edges: (k, 2) indices of points; what is to be covered lies on one side of each.
     """
     if not len(edges):

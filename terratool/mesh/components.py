@@ -1,4 +1,4 @@
-"""What hangs together by edges."""
+"""Connected components of a graph."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from numpy.typing import NDArray
 
 
 def components(edges: NDArray[np.integer], count: int) -> NDArray[np.int32]:
-    """For each of so many things the least of those that it hangs together with.
+    """Return the connected component of each node, named by its least node.
 
     Args:
-        edges: (n, 2) indices of two things each.
-        count: so many things.
+        edges: (n, 2) pairs of nodes.
+        count: number of nodes.
 
     Returns:
-        (count,) int32.
+        (count,) int32 least node of each node's component.
     """
     roots = np.arange(count, dtype=np.int32)
     first, second = edges.T

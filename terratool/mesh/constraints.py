@@ -1,7 +1,7 @@
-"""The outlines of ruts on the lattice: what lies within half a width of a track's path.
+"""The outlines of ruts on the lattice: half a track's width to both sides of its path.
 
 Sides of ruts are straight where the path is, round ends and joins become chords, and a path of many
-short pieces has fewer on its outline, as far as it may be off.
+short pieces has fewer on its outline, within the tolerance.
 """
 
 from __future__ import annotations
@@ -18,17 +18,21 @@ from terratool.kernels import mesh as kernels
 from terratool.mesh.types import MeshPlan, RutLoss, RutOutlines
 
 _WIDEST = 0.15
-"""An outline may be off by so much of half the width of its track, however large the error."""
+"""Largest tolerance of an outline, in parts of half its width, however large the error."""
 _LEAST = 2.0
-"""It may be off by so many points of the lattice, however small the error."""
-_SHARES = 0.05, 0.65, 0.3
-"""The parts of that for fewer pieces of the path, fewer sides of the outline, and for chords."""
-_CHORDS = 2, 1024
-"""At least and at most so many chords for a quarter of a circle."""
+"""Least tolerance of an outline, in points of the lattice, however small the error."""
+_PATH_SHARE = 0.05
+"""Share of an outline's tolerance that goes to fewer pieces of the path."""
+_OUTLINE_SHARE = 0.65
+"""Share of an outline's tolerance that goes to fewer sides of the outline."""
+_ARC_SHARE = 0.3
+"""Share of an outline's tolerance that goes to chords in place of arcs."""
+_FEWEST_CHORDS, _MOST_CHORDS = 2, 1024
+"""Least and most chords for a quarter of a circle."""
 _STRAIGHT = 0.5
-"""What is off by no more, in points of the lattice, is a straight line."""
+"""Largest offset, in points of the lattice, of a line that counts as straight."""
 _ROWS = 4.0
-"""Edges pass about so many rows of the index, each."""
+"""Rows of the index that an edge passes, about."""
 
 Floats = NDArray[np.float64]
 
@@ -39,16 +43,17 @@ NO_OUTLINES = RutOutlines(
     np.zeros(1, np.int64),
     np.empty(0, np.uint32),
 )
-"""Those of a terrain without tracks."""
+"""Outlines of a terrain without tracks."""
 
 
 def outlines_of(plan: MeshPlan, least: float, narrowest: float) -> tuple[RutOutlines, RutLoss]:
-    """The outlines of the tracks of a plan, and what of them is lost.
+    """Return the outlines of the tracks of a plan, and the loss of ruts.
 
     Args:
-        plan: the plan, for its lattice, bounds and error.
-        least: tracks that by themselves make ruts no deeper than this are left out, unless it is 0.
-        narrowest: so are those with fewer points of the lattice in their width.
+        plan: plan, for its lattice, bounds and error.
+        least: largest depth of ruts, by one track alone, that are left out, in units of the
+            terrain; 0 leaves none out.
+        narrowest: least width of a track that is drawn, in points of the lattice.
     """
     tracks = plan.arrays.tracks
     if not len(tracks.passes):
@@ -59,11 +64,11 @@ def outlines_of(plan: MeshPlan, least: float, narrowest: float) -> tuple[RutOutl
     deepest = largest_depths(plan.arrays)
     if not deepest.any():  # nothing sinks anywhere
         near &= tracks.surface >= 0
-    narrow = near & (2.0 * _reaches(tracks) / plan.pitch < narrowest)
+    narrow = near & (2.0 * _half_widths(tracks) / plan.pitch < narrowest)
     shallow = near & ~narrow & (deepest <= least) if least > 0.0 else np.zeros_like(near)
     chosen = np.flatnonzero(near & ~narrow & ~shallow)
     edges, owners, offset = _edges(plan, chosen)
-    return _indexed(edges, owners), RutLoss(
+    return _index_outlines(edges, owners), RutLoss(
         wall_offset=offset * plan.pitch,
         narrow=int(narrow.sum()),
         shallow=int(shallow.sum()),
@@ -72,28 +77,28 @@ def outlines_of(plan: MeshPlan, least: float, narrowest: float) -> tuple[RutOutl
 
 
 def undrawn_tracks(plan: MeshPlan) -> NDArray[np.int64]:
-    """Indices of the tracks of which nothing is drawn: left out, or far from what is meshed."""
+    """Return indices of tracks that are not drawn: left out, or far from the meshed part, (n,)."""
     every = np.arange(len(plan.arrays.tracks.passes))
     return np.setdiff1d(every, plan.outlines.owners)
 
 
 def without_tracks(tracks: TrackArrays, out: NDArray[np.int64]) -> TrackArrays:
-    """The tracks, some of which leave no rut."""
+    """Return the tracks, of which those with indices `out` leave no rut."""
     level = np.where(np.isnan(tracks.depths[:1]), np.nan, 0.0)
     law, passes = tracks.law.copy(), tracks.passes.copy()
     law[out], passes[out] = len(tracks.depths), 0.0
     return tracks._replace(law=law, passes=passes, depths=np.concatenate([tracks.depths, level]))
 
 
-def _reaches(tracks: TrackArrays) -> Floats:
-    """Half the width of each track."""
+def _half_widths(tracks: TrackArrays) -> Floats:
+    """Return half the width of each track, (n,), in units of the terrain."""
     return np.asarray(tracks.segments["reach"][tracks.first[:-1]], np.float64)
 
 
 def _boxes(plan: MeshPlan) -> list[Floats]:
-    """West, south, east and north of each track, on the lattice."""
+    """Return west, south, east and north of each track on the lattice, (n,) each."""
     segments, begins = plan.arrays.tracks.segments, plan.arrays.tracks.first[:-1].astype(np.int64)
-    reach = _reaches(plan.arrays.tracks)
+    reach = _half_widths(plan.arrays.tracks)
     low = [np.minimum(segments[axis], segments[f"end_{axis}"]) for axis in "xy"]
     high = [np.maximum(segments[axis], segments[f"end_{axis}"]) for axis in "xy"]
     sides = [np.minimum.reduceat(side, begins) - reach for side in low]
@@ -104,25 +109,25 @@ def _boxes(plan: MeshPlan) -> list[Floats]:
 def _edges(
     plan: MeshPlan, chosen: NDArray[np.int64]
 ) -> tuple[NDArray[np.int64], NDArray[np.uint32], float]:
-    """Edges of the outlines of tracks, the track of each, and how far they are off, in points."""
+    """Return edges of outlines, the track of each, and the largest offset, in points."""
     import shapely
 
     tracks = plan.arrays.tracks
-    reaches = _reaches(tracks) / plan.pitch
+    reaches = _half_widths(tracks) / plan.pitch
     around = shapely.box(*plan.bounds)
     edges, owners = [np.empty((0, 4), np.int64)], [np.empty(0, np.uint32)]
     offset = 0.0
     for track in chosen.tolist():
         reach = float(reaches[track])
         allowed = max(min(plan.error / plan.pitch, _WIDEST * reach), _LEAST)
-        of_path, of_outline, of_arcs = (share * allowed for share in _SHARES)
-        quarter = 0.25 * math.pi / math.acos(1.0 - min(of_arcs / reach, 1.0))
-        chords = min(max(math.ceil(quarter), _CHORDS[0]), _CHORDS[1])
-        path, off_path = _leaner(_path(plan, track), of_path)
+        quarter = 0.25 * math.pi / math.acos(1.0 - min(_ARC_SHARE * allowed / reach, 1.0))
+        chords = min(max(math.ceil(quarter), _FEWEST_CHORDS), _MOST_CHORDS)
+        path, off_path = _simplify(_path(plan, track), _PATH_SHARE * allowed)
         # piece by piece: the outline of a whole path would be simplified by more than is allowed
         outline = shapely.buffer(_pieces(plan, path, reach), reach, quad_segs=chords)
-        outline, off_outline = _leaner(shapely.set_precision(outline, 1.0), of_outline)
-        found = _sides(shapely.intersection(outline, around, grid_size=1.0))
+        outline = shapely.set_precision(outline, 1.0)
+        outline, off_outline = _simplify(outline, _OUTLINE_SHARE * allowed)
+        found = _ring_edges(shapely.intersection(outline, around, grid_size=1.0))
         if len(found):
             arc = reach * (1.0 - math.cos(0.25 * math.pi / chords))
             offset = max(offset, arc + off_path + off_outline)
@@ -132,7 +137,7 @@ def _edges(
 
 
 def _path(plan: MeshPlan, track: int) -> Any:
-    """The path of a track as a line on the lattice."""
+    """Return the path of a track as a line on the lattice."""
     import shapely
 
     tracks = plan.arrays.tracks
@@ -142,7 +147,7 @@ def _path(plan: MeshPlan, track: int) -> Any:
 
 
 def _pieces(plan: MeshPlan, path: Any, reach: float) -> Any:
-    """The straight pieces of a path that come near to what is meshed, each a line of its own."""
+    """Return the straight pieces of a path near the meshed part, each a line of its own."""
     import shapely
 
     points = shapely.get_coordinates(path)
@@ -152,8 +157,8 @@ def _pieces(plan: MeshPlan, path: Any, reach: float) -> Any:
     return shapely.multilinestrings(shapely.linestrings(ends[near]))
 
 
-def _leaner(shape: Any, tolerance: float) -> tuple[Any, float]:
-    """A line or an area with fewer corners, and how far it is off: the tolerance or nothing."""
+def _simplify(shape: Any, tolerance: float) -> tuple[Any, float]:
+    """Return a line or area with fewer corners, and its offset: the tolerance or 0."""
     import shapely
 
     plain = shapely.simplify(shape, _STRAIGHT)
@@ -162,8 +167,8 @@ def _leaner(shape: Any, tolerance: float) -> tuple[Any, float]:
     return lean, tolerance if fewer else 0.0
 
 
-def _sides(area: Any) -> NDArray[np.int64]:
-    """The edges around an area, (n, 4) int64."""
+def _ring_edges(area: Any) -> NDArray[np.int64]:
+    """Return the edges around an area, (n, 4) int64."""
     import shapely
 
     parts = shapely.get_parts(area)
@@ -174,8 +179,8 @@ def _sides(area: Any) -> NDArray[np.int64]:
     return np.asarray(edges[(edges[:, :2] != edges[:, 2:]).any(axis=1)])
 
 
-def _indexed(edges: NDArray[np.int64], owners: NDArray[np.uint32]) -> RutOutlines:
-    """Edges with an index of the rows that they pass."""
+def _index_outlines(edges: NDArray[np.int64], owners: NDArray[np.uint32]) -> RutOutlines:
+    """Return edges with an index of the rows that they pass."""
     if not len(edges):
         return NO_OUTLINES
     low, high = float(edges[:, [1, 3]].min()), float(edges[:, [1, 3]].max())

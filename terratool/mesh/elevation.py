@@ -1,4 +1,4 @@
-"""A terrain as a grid of heights in a VRML file, where it is plain enough for that."""
+"""Export of a terrain without void as a grid of heights in a VRML file."""
 
 from __future__ import annotations
 
@@ -21,10 +21,11 @@ from terratool.output import whole_file
 
 SUFFIX = ".wrl"
 STEPS_PER_CELL = 10
+"""Steps of a grid in the smallest cell, if no resolution is given."""
 STEPS = 128, 512
-"""A grid whose resolution was left to us has at least and at most so many steps along its longer
-side."""
+"""Least and most steps of a grid along its longer side, if no resolution is given."""
 _MOST_NODES = 1 << 26
+"""Most nodes of a grid."""
 
 Floats = NDArray[np.float64]
 
@@ -35,16 +36,16 @@ class ElevationGridReport(
     kw_only=True,
     rename={"chosen": "resolution_chosen", "statement": "losses"},
 ):
-    """What was written as a grid of heights. Lengths are in units of the terrain.
+    """Report on an exported grid of heights. Lengths are in units of the terrain.
 
     Attributes:
-        files: the one that was written.
+        files: file that was written.
         bounds: west, south, east, north of the outermost nodes, in the world.
         origin: world position of the file's zero.
         columns, rows: number of nodes from west to east and from south to north.
-        spacing: from one node to the next along x and along y.
-        chosen: who chose the resolution, in words.
-        statement: what it loses.
+        spacing: distance of one node from the next along x and along y.
+        chosen: reason for the resolution, in words.
+        statement: loss of the grid.
     """
 
     format_version: int = 1
@@ -73,16 +74,17 @@ def export_elevation_grid(
     to the next.
 
     Args:
-        terrain: the terrain.
-        path: the file, a .wrl.
-        resolution: the longest distance between two neighbouring nodes; if not said, a tenth of the
-            smallest cell, within 128 to 512 steps along the longer side.
+        terrain: terrain to write.
+        path: file to write, a .wrl.
+        resolution: longest distance between two neighbouring nodes, in units of the terrain; if
+            None, a tenth of the smallest cell, within 128 to 512 steps along the longer side.
         bounds: world rectangle west, south, east, north; the whole terrain if None.
-        overwrite: whether the file may be there already.
+        overwrite: whether the file may exist.
 
     Raises:
         WriteError: the file exists, or cannot be written.
-        RequestError: it is no .wrl, there is void in it, or the resolution or bounds make no sense.
+        RequestError: the file is no .wrl, the part has void, or the resolution or bounds make no
+            sense.
     """
     path = Path(path)
     terrain = terrain.written_out
@@ -112,7 +114,7 @@ def export_elevation_grid(
         stored = heights.astype(np.float32)
     if not np.isfinite(stored).all():
         raise RequestError(f"{path.name}: some heights are beyond float32.")
-    # walls are found whatever the error of a mesh
+    # a mesh has all walls, whatever its error
     coarse = build(terrain, max(float(np.ptp(heights)), 1.0), bounds).mesh
     grid = HeightGrid(
         heights=stored,
@@ -138,7 +140,7 @@ def export_elevation_grid(
 
 
 def _default_resolution(terrain: Terrain, part: Bounds) -> tuple[float, str]:
-    """A distance between nodes, and in words why."""
+    """Return the default distance between nodes, and its reason in words."""
     side = max(part[2] - part[0], part[3] - part[1])
     wanted = side / (terrain.smallest_cell / STEPS_PER_CELL)
     steps = min(max(wanted, STEPS[0]), STEPS[1])
@@ -148,7 +150,7 @@ def _default_resolution(terrain: Terrain, part: Bounds) -> tuple[float, str]:
 
 
 def _nodes(part: Bounds, resolution: float) -> tuple[Floats, Floats]:
-    """The x and the y of the nodes, ascending."""
+    """Return x and y of the nodes, ascending."""
     if not (math.isfinite(resolution) and resolution > 0):
         raise RequestError(
             f"The resolution is {resolution:g}.",
@@ -172,8 +174,8 @@ def _nodes(part: Bounds, resolution: float) -> tuple[Floats, Floats]:
 def _statement(
     grid: HeightGrid, walls: WallSummary, x: Floats, y: Floats, ground: Floats
 ) -> GridLoss:
-    """What a grid loses, compared with the ground at some points."""
-    off = _off(grid, x, y, ground)
+    """Return the loss of a grid, compared with heights of the ground at points."""
+    off = _misses_at(grid, x, y, ground)
     worst = int(off.argmax())
     largest = float(off[worst])
     scaled = off / largest if largest else off
@@ -185,8 +187,8 @@ def _statement(
     )
 
 
-def _off(grid: HeightGrid, x: Floats, y: Floats, ground: Floats) -> Floats:
-    """How far a grid is from the ground at points, whichever way its squares are halved."""
+def _misses_at(grid: HeightGrid, x: Floats, y: Floats, ground: Floats) -> Floats:
+    """Return the distances of a grid from ground at world x and y, by `grid_misses`."""
     heights = grid.heights[::-1].astype(np.float64)
     return grid_misses(heights, (x - grid.origin[0], y - grid.origin[1]), grid.spacing, ground)
 
@@ -194,13 +196,13 @@ def _off(grid: HeightGrid, x: Floats, y: Floats, ground: Floats) -> Floats:
 def grid_misses(
     heights: Floats, points: tuple[Floats, Floats], spacing: tuple[float, float], ground: Floats
 ) -> Floats:
-    """How far a grid is from the ground at points, whichever way its squares are halved.
+    """Return the distances of a grid from ground, (k,), whichever way its squares are halved.
 
     Args:
-        heights: (n, m) of its nodes, rows from the south.
-        points: x and y from the node in the south-west, (k,) each.
-        spacing: from one node to the next along x and along y.
-        ground: (k,) heights there.
+        heights: (n, m) heights of the nodes, rows from the south.
+        points: x and y of points from the node in the south-west, (k,) each.
+        spacing: distance of one node from the next along x and along y.
+        ground: (k,) heights of the ground at the points.
     """
     rows, columns = heights.shape
     east, north = points[0] / spacing[0], points[1] / spacing[1]

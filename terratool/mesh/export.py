@@ -1,4 +1,4 @@
-"""The one way from a terrain to a mesh in a file: built, written, and its loss measured."""
+"""Export of a terrain as a mesh in a file, with its loss measured."""
 
 from __future__ import annotations
 
@@ -32,58 +32,59 @@ from terratool.report.numbers import metres
 from terratool.report.wording import counted
 
 DEFAULT_ERROR = 5e-3
-"""The largest error, if not said, in units of the terrain: half of the centimetre that a small
-wheel notices, and that range sensors tell from noise …"""
+"""Default of the largest error, in units of the terrain: half of the centimetre that a small wheel
+notices, and that range sensors tell from noise."""
 LEAST_SHARE, MOST_SHARE = 1e-5, 1e-3
-"""… but at least and at most these parts of the longer side, or faces would be too many or few."""
+"""Least and largest default error, in parts of the longer side, against too many or few faces."""
 
 RELIEF_FACES = 2_000_000
-"""By default the relief of rough surfaces takes about so many faces at most: the error grows …"""
+"""Most faces, about, that the relief of rough surfaces takes by default: the error grows for it."""
 _FACES_PER_BEND = 2.0
-"""… as a unit of area takes this many faces, times rms times squared cells per length, over the
-error: measured, where the error is no more than the rms."""
+"""Factor of area * rms * (cells per length)² / error in the number of faces of rough ground:
+measured, where the error is no more than the rms."""
 
 _WHOLE = "Ask terratool info what the terrain is."
-"""What to do where all of a terrain is void."""
+"""Hint where all of a terrain is void."""
 
 BUILDS = 8
-"""So many meshes are built between an error that is too large and one that is too small."""
+"""Most meshes that are built between an error that is too large and one that is too small."""
 ENOUGH = 0.95
-"""A mesh with this part of the faces that it may have is good enough."""
+"""Share of the allowed faces with which a mesh is good enough."""
 _AIM = 0.975
+"""Share of the allowed faces that the search aims at."""
 _SPREAD = 1 << 14
-"""At so many points it is looked which surface lies there."""
+"""Points at which surfaces are sampled for the error of their relief."""
 _STRIDES = 0.125, 0.5
-"""By these factors, at the least and the most, an error becomes smaller that is too large."""
+"""Least and largest factor by which too large an error becomes smaller in one step."""
 _CLOSE = 1.2
-"""What is wanted is tried when an error is larger by no more than this factor."""
+"""Largest ratio of an error to the wanted one at which the wanted one is tried next."""
 _NEAR = 1.01
-"""Two errors that differ by no more than this factor are the same."""
+"""Largest ratio of two errors that count as the same."""
 _POOR = 0.05
-"""An error of more than this part of the relief is compared with leaving elements out."""
+"""Largest error, in parts of the relief, that is not compared with leaving elements out."""
 _FAINT = 0.5, 5.0
-"""Elements that change heights by no more than so many errors may be left out: the first of these
-is better for smooth ground, the second for boxes, whose number of faces no error changes."""
+"""Largest changes of heights, in errors, by elements that may be left out: the first is better for
+smooth ground, the second for boxes, whose number of faces no error changes."""
 
 Progress = Callable[[str], object]
 
 Attempt = Callable[[float, float], BuiltMesh]
-"""Builds a mesh with a largest error, leaving out elements that change heights by no more than …"""
+"""Function that builds a mesh from a largest error and the largest change by left-out elements."""
 
 
 @dataclass(frozen=True, slots=True)
 class MeshOptions:
-    """What is wanted of a mesh.
+    """Options of a mesh. Lengths are in units of the terrain.
 
     Attributes:
-        max_error: the largest distance, along z, of the ground from the terrain; if not said,
-            0.005, but from 1/100,000 to 1/1000 of the longer side, and more where rough surfaces
-            would take more than `RELIEF_FACES`.
-        max_faces: the mesh has no more faces: its error grows, and elements are left out if that
-            is not enough.
+        max_error: largest distance, along z, of the ground from the terrain; if None, 0.005, but
+            from 1/100,000 to 1/1000 of the longer side, and more where rough surfaces would take
+            more than `RELIEF_FACES`.
+        max_faces: most faces of the mesh: its error grows, and elements are left out if that is not
+            enough; no limit if None.
         bounds: world rectangle west, south, east, north; the whole terrain if None.
-        solid: whether to close it by sides and a bottom.
-        base: height of the bottom; somewhat below the lowest ground, if not said.
+        solid: whether sides and a bottom close the mesh.
+        base: height of the bottom; somewhat below the lowest ground if None.
         world: whether coordinates are those of the world rather than near 0.
         normals: whether a format that has a place for normals gets them.
     """
@@ -97,10 +98,10 @@ class MeshOptions:
     normals: bool = True
 
     def check(self, tiles: bool = False) -> None:
-        """Refuse numbers that make no sense for any terrain, and for tiles what is about one mesh.
+        """Refuse numbers outside their range, and for tiles options that are about one mesh.
 
         Raises:
-            RequestError: which one it is.
+            RequestError: an option is refused.
         """
         error, faces, base = self.max_error, self.max_faces, self.base
         for name, given in (("--max-faces", faces is not None), ("--solid", self.solid)):
@@ -122,7 +123,7 @@ class MeshOptions:
             raise RequestError(f"The base is at {base:g}.", "Give a height.")
 
     def error_for(self, terrain: Terrain) -> tuple[float, str]:
-        """The largest error, and in words who chose it."""
+        """Return the largest error, and its reason in words."""
         if self.max_error is not None:
             return self.max_error, "as asked"
         error, chosen = self._default_error(terrain)
@@ -132,7 +133,7 @@ class MeshOptions:
         return error, chosen
 
     def _default_error(self, terrain: Terrain) -> tuple[float, str]:
-        """The largest error by the extent, and in words why."""
+        """Return the largest error by the extent, and its reason in words."""
         west, south, east, north = clip_bounds(terrain, self.bounds)
         longer = max(east - west, north - south)
         if longer * LEAST_SHARE > DEFAULT_ERROR:
@@ -143,7 +144,7 @@ class MeshOptions:
 
 
 def _error_of_relief(terrain: Terrain, bounds: Bounds | None) -> float:
-    """The error with which the relief of rough surfaces takes RELIEF_FACES faces; 0 without any."""
+    """Return the error with which rough surfaces take `RELIEF_FACES` faces; 0 without any."""
     if not terrain.is_rough:
         return 0.0
     west, south, east, north = part = clip_bounds(terrain, bounds)
@@ -155,7 +156,7 @@ def _error_of_relief(terrain: Terrain, bounds: Bounds | None) -> float:
 
 
 class ExportReport(Struct, frozen=True, kw_only=True):
-    """What an export has written."""
+    """Base of the reports on exports."""
 
     def to_json(self) -> dict[str, Any]:
         """Plain values, ready for JSON."""
@@ -168,19 +169,19 @@ class MeshReport(
     kw_only=True,
     rename={"walls": "wall_faces", "chosen": "error_chosen", "statement": "losses"},
 ):
-    """What an export has written, and what it could not keep. Lengths are in units of the terrain.
+    """Report on an exported mesh and its loss. Lengths are in units of the terrain.
 
     Attributes:
-        files: that were written, the one that was asked for first.
-        bounds: west, south, east, north of what is meshed, in the world.
+        files: files that were written, the one that was asked for first.
+        bounds: west, south, east, north of the meshed part, in the world.
         origin: world position of the file's zero.
-        faces: number of all faces.
-        walls: number of those that stand upright.
+        faces: number of faces.
+        walls: number of faces that stand upright.
         vertices: number of vertices.
-        surfaces: number of faces by name of the surface, of those that have any.
-        base: where the base of a solid lies; None for ground alone.
-        chosen: who chose the largest error, in words.
-        statement: what it shows, and what it loses.
+        surfaces: number of faces by name of their surface; faces without one are left out.
+        base: height of the base of a solid; None for ground alone.
+        chosen: reason for the largest error, in words.
+        statement: accuracy and loss of the mesh.
     """
 
     format_version: int = 1
@@ -208,16 +209,16 @@ def export_mesh(
     """Write a terrain, or a part of it, as a mesh with walls.
 
     Args:
-        terrain: the terrain.
-        path: the file; its suffix names the format.
-        options: what is wanted of the mesh.
-        overwrite: whether files may be there already.
-        progress: is called with words that say how far it is.
+        terrain: terrain to write.
+        path: file to write; its suffix names the format.
+        options: options of the mesh.
+        overwrite: whether files may exist.
+        progress: function that is called with a phrase at each step.
 
     Raises:
         WriteError: a file exists, or cannot be written.
-        RequestError: there is no ground, what was asked for makes no sense, or the format cannot
-            hold it.
+        RequestError: there is no ground, an option makes no sense, or the format cannot hold the
+            mesh.
     """
     path = Path(path)
     terrain = terrain.written_out
@@ -255,7 +256,7 @@ def export_mesh(
     if form.normals and options.normals:
         mesh = with_normals(fit.built)
     files = write_mesh(mesh, path, overwrite, terrain.descr, options.world)
-    if not path.is_symlink():  # then they are where the user says
+    if not path.is_symlink():  # then the files are where the user says
         files = path, *(path.with_name(file.name) for file in files[1:])
     counts = np.bincount(mesh.surfaces[mesh.surfaces >= 0], minlength=len(mesh.names)).tolist()
     x, y, z = (0.0, 0.0, 0.0) if options.world else mesh.origin.tolist()
@@ -274,12 +275,12 @@ def export_mesh(
 
 
 def no_ground(hint: str = _WHOLE) -> RequestError:
-    """What is said where there is nothing to be written."""
+    """Return the error for a mesh without ground."""
     return RequestError("There is no ground to be written: all of it is void.", hint)
 
 
 def loss_of(terrain: Terrain, fit: BudgetedMesh, options: MeshOptions, wanted: float) -> MeshLoss:
-    """What a mesh shows of a terrain, and what it loses, where an error was wanted."""
+    """Return the loss of a mesh of a terrain that was to have an error `wanted`."""
     built = fit.built
     left = omitted_elements(terrain, built, fit.error, options.bounds, fit.least)
     return MeshLoss(
@@ -298,16 +299,16 @@ def loss_of(terrain: Terrain, fit: BudgetedMesh, options: MeshOptions, wanted: f
 
 
 def relief_of(terrain: Terrain, bounds: Bounds | None) -> float:
-    """How much higher the highest place may be than the lowest one, in units of the terrain."""
+    """Return a bound of the highest minus the lowest height, in units of the terrain."""
     low, high, _ = height_range(terrain, bounds)
     return high - low if low is not None and high is not None else 0.0
 
 
 def collapse_degenerate(built: BuiltMesh) -> BuiltMesh:
-    """The same with one vertex, not two, for the ends of each edge that has no length in a file.
+    """Merge the two ends of each edge that has no length in a file.
 
     Faces along such an edge are left out, so that a closed mesh stays closed. Vertices that lie at
-    the same place and share no edge stay apart.
+    one place and share no edge stay apart.
     """
     mesh = built.mesh
     roots = _roots(mesh)
@@ -329,8 +330,8 @@ def collapse_degenerate(built: BuiltMesh) -> BuiltMesh:
 
 
 def _roots(mesh: Mesh) -> NDArray[np.int32] | None:
-    """For each vertex the one that stands for it; None if each stands for itself."""
-    with np.errstate(over="ignore"):  # what is too large for a file is refused later
+    """Return the vertex that stands for each vertex, (n,); None if each stands for itself."""
+    with np.errstate(over="ignore"):  # coordinates too large for a file are refused later
         points = points_of(mesh)
     points[~np.isfinite(points)] = np.nan
     ends = []
@@ -353,21 +354,21 @@ def write_mesh(
     *,
     named: bool = True,
 ) -> tuple[Path, ...]:
-    """Write a mesh in the format that the suffix of `path` names; returns the files, it first.
+    """Write a mesh in the format that the suffix of `path` names; return the files, `path` first.
 
-    All formats hold the same float32 coordinates relative to the origin of the mesh, and say what
-    the origin is.
+    All formats hold the same float32 coordinates relative to the origin of the mesh, and name the
+    origin.
 
     Args:
-        mesh: at least one face.
-        path: the file that is to be.
-        overwrite: whether it may be there already.
-        descr: what the terrain is, in words.
+        mesh: mesh of at least one face.
+        path: file to write.
+        overwrite: whether the file may exist.
+        descr: description of the terrain.
         world: whether coordinates are those of the world, in float64.
-        named: whether the user named this very file, as `whole_file` has it.
+        named: whether the user named this very file, as in `whole_file`.
 
     Raises:
-        RequestError: no format has that suffix, or it cannot hold this mesh.
+        RequestError: no format has the suffix, or the format cannot hold the mesh.
         WriteError: `path` exists and is not to be overwritten, or its folder cannot be written.
     """
     path = target_of(path, named)
@@ -387,17 +388,17 @@ def write_mesh(
 def check_request(
     path: str | Path, overwrite: bool = False, world: bool = False, *, named: bool = True
 ) -> MeshFormat:
-    """Refuse what can be known to fail before there is a mesh; returns the format.
+    """Refuse a request that is bound to fail, before there is a mesh; return the format.
 
     Args:
-        path: the file that is to be.
-        overwrite: whether it may be there already.
+        path: file to write.
+        overwrite: whether the file may exist.
         world: whether coordinates are those of the world.
-        named: whether the user named this very file, as `whole_file` has it.
+        named: whether the user named this very file, as in `whole_file`.
 
     Raises:
-        RequestError: no format has that suffix, it cannot hold coordinates of the world, what it
-            needs is not installed, or it cannot name the files beside it.
+        RequestError: no format has the suffix, the format cannot hold coordinates of the world, a
+            package is not installed, or the format cannot name the files beside `path`.
         WriteError: `path` exists and is not to be overwritten, or its folder does not exist.
     """
     path = target_of(path, named)
@@ -414,7 +415,7 @@ def check_request(
 
 
 def rounding_of(mesh: Mesh) -> float:
-    """How far a coordinate of a file is from that of the mesh, at most."""
+    """Return the largest distance of a coordinate in a file from that of the mesh."""
     return float(np.abs(points_of(mesh) - mesh.vertices).max())
 
 
@@ -422,7 +423,13 @@ def rounding_of(mesh: Mesh) -> float:
 
 
 class BudgetedMesh(NamedTuple):
-    """A mesh, the error that it was to have, and what left-out elements were to change at most."""
+    """A mesh for a budget of faces.
+
+    Attributes:
+        built: mesh.
+        error: largest error that the mesh was to have.
+        least: largest change of heights by elements that were to be left out; 0 for none.
+    """
 
     built: BuiltMesh
     error: float
@@ -435,11 +442,11 @@ class BudgetedMesh(NamedTuple):
 
     @property
     def miss(self) -> float:
-        """How far the mesh is from the terrain, about."""
+        """Distance of the mesh from the terrain, about: error and elements that are left out."""
         return self.built.error + max(self.built.loss.faintest, self.built.loss.ruts.deepest)
 
     @property
-    def whole(self) -> bool:
+    def is_whole(self) -> bool:
         """Whether nothing is left out because it changes heights too little."""
         return not (self.built.loss.faint or self.built.loss.ruts.shallow)
 
@@ -447,7 +454,7 @@ class BudgetedMesh(NamedTuple):
 def within_budget(
     attempt: Attempt, wanted: float, relief: float, largest: float, most: int
 ) -> BudgetedMesh:
-    """The mesh with the smallest error that has at most so many faces, as far as a few tries tell.
+    """Return the mesh with the smallest error and at most `most` faces, as far as a few tries tell.
 
     First all elements stay, and only the error grows, to all of the relief if need be. Walls stay
     whatever the error, so that may not be enough, or be a poor bargain: then elements that change
@@ -455,23 +462,23 @@ def within_budget(
     small ones, so that no mesh is built with very many more faces than there may be.
 
     Args:
-        attempt: builds a mesh.
-        wanted: the error that would be good enough.
+        attempt: function that builds a mesh.
+        wanted: error that is good enough.
         relief: difference of the highest and the lowest height, about.
-        largest: no less than what any element but the root changes a height by.
-        most: so many faces.
+        largest: bound of the change of a height by any element but the root.
+        most: most faces.
 
     Raises:
-        RequestError: there are more, whatever is left out.
+        RequestError: there are more faces, whatever is left out.
     """
     top = max(relief, wanted)
     start = min(top, max(wanted, _POOR * relief))
-    fits = [_search(partial(_without, attempt, 0.0), wanted, start, top, most)]
+    fits = [_search(partial(_attempt_without, attempt, 0.0), wanted, start, top, most)]
     if fits[0].faces > most or fits[0].miss > max(_POOR * relief, 2 * wanted):
         for share in _FAINT:
             # at this error, all elements but the root are left out
             top = max(relief, wanted, 1.001 / share * largest)
-            fits.append(_search(partial(_without, attempt, share), wanted, top, top, most))
+            fits.append(_search(partial(_attempt_without, attempt, share), wanted, top, top, most))
     fewest = min(fit.faces for fit in fits)
     if fewest > most:
         raise RequestError(
@@ -481,22 +488,22 @@ def within_budget(
     return min((fit for fit in fits if fit.faces <= most), key=lambda fit: fit.miss)
 
 
-def _without(attempt: Attempt, share: float, error: float) -> BudgetedMesh:
-    """A mesh without the elements that change heights by no more than so many errors."""
+def _attempt_without(attempt: Attempt, share: float, error: float) -> BudgetedMesh:
+    """Build a mesh without the elements that change heights by no more than `share` errors."""
     return BudgetedMesh(attempt(error, share * error), error, share * error)
 
 
 def _search(
     attempt: Callable[[float], BudgetedMesh], wanted: float, start: float, top: float, most: int
 ) -> BudgetedMesh:
-    """The fit with the smallest error that was found, or the one at the top if none fits.
+    """Return the fit with the smallest error that was found, or the one at the top if none fits.
 
     Args:
-        attempt: builds a mesh with a largest error.
-        wanted: the smallest error to try.
-        start: the first one.
-        top: the largest one.
-        most: so many faces.
+        attempt: function of a largest error that builds a mesh.
+        wanted: smallest error to try.
+        start: first error to try.
+        top: largest error to try.
+        most: most faces.
     """
     aim = _AIM * most
     below: tuple[float, int] | None = None
@@ -510,13 +517,13 @@ def _search(
     while below is None and high.error > wanted:
         # faces are about as the inverse of the error
         error = high.error * min(max(high.faces / aim, _STRIDES[0]), _STRIDES[1])
-        if high.error <= _CLOSE * wanted or (high.built.error <= wanted and high.whole):
+        if high.error <= _CLOSE * wanted or (high.built.error <= wanted and high.is_whole):
             error = wanted  # not many more faces; or, where the mesh is exact, none
         elif high.faces >= ENOUGH * most:
             break
         error = max(error, wanted)
-        below, high = _narrowed(attempt(error), below, high, most)
-    moved = 0  # how often in a row the same end has come nearer
+        below, high = _narrow(attempt(error), below, high, most)
+    moved = 0  # times in a row that the same end has come nearer: above 0 for `high`
     for _ in range(BUILDS):
         if not below or high.faces >= ENOUGH * most or high.error <= _NEAR * below[0]:
             break
@@ -524,15 +531,15 @@ def _search(
         # faces that go in steps are no power of anything
         share = 0.5 if abs(moved) > 2 else min(max(share, 0.1), 0.9)
         before = below
-        below, high = _narrowed(
+        below, high = _narrow(
             attempt(below[0] ** (1 - share) * high.error**share), below, high, most
         )
         moved = max(moved, 0) + 1 if below is before else min(moved, 0) - 1
     return high
 
 
-def _narrowed(
+def _narrow(
     fit: BudgetedMesh, below: tuple[float, int] | None, high: BudgetedMesh, most: int
 ) -> tuple[tuple[float, int] | None, BudgetedMesh]:
-    """The error with too many faces and the best fit, after one more try."""
+    """Return the error and faces of the last misfit, and the best fit, after one more try."""
     return (below, fit) if fit.faces <= most else ((fit.error, fit.faces), high)

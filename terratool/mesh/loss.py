@@ -1,4 +1,4 @@
-"""What a mesh shows and what it loses: measured, for programs, and in sentences for people."""
+"""Loss of a mesh: measured, as records for programs and sentences for people."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ from terratool.report.numbers import metres
 from terratool.report.wording import counted
 
 POINTS = 500_000
-"""What is left out is measured at up to so many points in its cells, and at as many anywhere."""
+"""Most points in cells of left-out elements, and as many anywhere, at which change is measured."""
 _NOTICED = 0.1
-"""Rounding is said from this part of the allowed error on."""
+"""Least rounding that is reported, in parts of the allowed error."""
 _NOISE = 1e-6
-"""Differences are said from here on, in parts of the distance between two nodes."""
+"""Least difference of a grid that is reported, in parts of the distance between two nodes."""
 
 Floats = NDArray[np.float64]
 
 
 class Peak(Struct, frozen=True):
-    """The largest of something, and where in the world it is."""
+    """The largest of some lengths, with its world x and y."""
 
     size: float
     x: float
@@ -38,7 +38,7 @@ class Peak(Struct, frozen=True):
 
 
 class HighestWall(Peak, frozen=True):
-    """The highest wall, and where in the world it is."""
+    """The highest wall, with its height and its world x and y."""
 
     size: float = field(name="height")
 
@@ -47,9 +47,9 @@ class WallSummary(Struct, frozen=True):
     """The walls of a mesh. Lengths are in units of the terrain.
 
     Attributes:
-        length: seen from above.
-        area: of their faces.
-        highest: the highest one; None without walls.
+        length: length of all walls, seen from above.
+        area: area of the faces of all walls.
+        highest: highest wall; None without walls.
     """
 
     length: float = 0.0
@@ -57,7 +57,7 @@ class WallSummary(Struct, frozen=True):
     highest: HighestWall | None = None
 
     def phrase(self) -> str:
-        """Walls in words."""
+        """Return the walls in words."""
         if not self.highest:
             return "none"
         return (
@@ -67,14 +67,14 @@ class WallSummary(Struct, frozen=True):
 
 
 class OmittedElements(Struct, frozen=True, rename={"change": "largest_change"}):
-    """Elements that a mesh leaves out, and how much they matter.
+    """Elements that a mesh leaves out, with their change of heights.
 
     Attributes:
-        small: how many were left out because their cells are too small for the mesh.
-        faint: how many because they change heights too little …
-        faintest: … and no less than what the highest of these changes them by.
-        points: at how many points it was measured what all of them together change …
-        change: … and the largest change that was found; None without points.
+        small: number of elements left out because their cells are too small for the mesh.
+        faint: number of elements left out because they change heights too little.
+        faintest: bound of the change of heights by any faint element.
+        points: number of points at which the change by all elements together was measured.
+        change: largest change that was measured; None without points.
     """
 
     small: int = 0
@@ -95,22 +95,22 @@ class MeshLoss(
         "left": "left_out",
     },
 ):
-    """What a mesh shows, and what it loses. Lengths are in units of the terrain.
+    """Accuracy and loss of a mesh. Lengths are in units of the terrain.
 
     Attributes:
-        wanted: the largest error that was asked for.
-        allowed: the largest error that there might be, to keep to `max_faces`.
-        error: the one that was reached: no point of the ground is farther, along z, from the
-            terrain without what is left out.
-        max_faces: how many faces there were to be at most, if that was said.
-        miss: how far the ground is from the whole terrain: the error and what is left out; a bound
-            where nothing is left out, …
-        miss_measured: … otherwise as far as was measured.
-        wall_offset: how far inside of its arc the wall of a disc stands, at most.
-        rounding: how far a coordinate of the file is from that of the mesh, at most.
-        walls: its walls, without the outer sides of a solid.
-        left: what is left out.
-        ruts: what is lost of ruts; none for a terrain without tracks.
+        wanted: largest error that was asked for.
+        allowed: largest error that was allowed, to keep to `max_faces`.
+        error: largest error that was reached: no point of the ground is farther, along z, from the
+            terrain without the left-out elements.
+        max_faces: most faces that were allowed; None for no limit.
+        miss: distance of the ground from the whole terrain: the error and the measured change by
+            left-out elements.
+        miss_measured: whether `miss` was measured; a bound if False, as nothing is left out.
+        wall_offset: largest distance of a disc's wall to the inside of its arc.
+        rounding: largest distance of a coordinate in the file from that of the mesh.
+        walls: walls of the ground, without the outer sides of a solid.
+        left: elements that are left out.
+        ruts: loss of ruts; UNSET for a terrain without tracks.
     """
 
     wanted: float
@@ -126,7 +126,7 @@ class MeshLoss(
     ruts: RutLoss | UnsetType = UNSET
 
     def sentences(self) -> Iterator[str]:
-        """All of it in lines of text."""
+        """Yield a sentence on walls and one on losses."""
         yield f"Walls: {self.walls.phrase()}."
         parts = [f"the ground is up to {metres(self.error)} off the terrain"] * (self.error > 0)
         if self.error > self.allowed:
@@ -137,12 +137,13 @@ class MeshLoss(
             )
         if self.ruts and self.ruts.wall_offset > 0:
             parts.append(f"sides of ruts lie up to {metres(self.ruts.wall_offset)} aside")
-        parts += self._left_in_words()
+        parts += self._omission_phrases()
         if self.rounding > _NOTICED * self.allowed:
             parts.append(f"coordinates are rounded by up to {metres(self.rounding)}")
         yield f"Lost: {'; '.join(parts) or 'nothing'}."
 
-    def _left_in_words(self) -> Iterator[str]:
+    def _omission_phrases(self) -> Iterator[str]:
+        """Yield phrases on left-out elements and tracks."""
         left = self.left
         if left.small:
             yield f"{counted(left.small, 'element')} too small for the mesh left out"
@@ -166,13 +167,13 @@ class MeshLoss(
 
 
 class GridLoss(Struct, frozen=True):
-    """What a grid of heights loses. Lengths are in units of the terrain.
+    """Loss of a grid of heights. Lengths are in units of the terrain.
 
     Attributes:
-        walls: those of the terrain, which become ramps.
-        points: at how many points the grid was compared with the terrain …
-        miss: … and the largest difference, whichever way viewers halve the squares.
-        rms: the root of the mean of the squares of these differences.
+        walls: walls of the terrain, which become ramps.
+        points: number of points at which the grid was compared with the terrain.
+        miss: largest difference at the points, whichever way viewers halve the squares.
+        rms: root mean square of the differences at the points.
     """
 
     walls: WallSummary
@@ -181,10 +182,10 @@ class GridLoss(Struct, frozen=True):
     rms: float
 
     def sentences(self, spacing: float) -> Iterator[str]:
-        """All of it in a line of text.
+        """Yield a sentence on losses.
 
         Args:
-            spacing: the longer one of the distances between two neighbouring nodes.
+            spacing: longer one of the distances between two neighbouring nodes.
         """
         parts = []
         if self.walls.highest:
@@ -200,17 +201,18 @@ class GridLoss(Struct, frozen=True):
         yield f"Lost: {'; '.join(parts) or 'nothing'}."
 
 
-def joined_walls(one: WallSummary, other: WallSummary) -> WallSummary:
-    """The walls of two meshes beside each other."""
+def join_walls(one: WallSummary, other: WallSummary) -> WallSummary:
+    """Return the walls of two meshes beside each other as one summary."""
     peaks = [walls.highest for walls in (one, other) if walls.highest]
     highest = max(peaks, key=lambda peak: peak.size, default=None)
     return WallSummary(one.length + other.length, one.area + other.area, highest)
 
 
 def wall_summary(mesh: Mesh) -> WallSummary:
-    """The walls between the ground on both sides of them; not the outer sides of a solid.
+    """Return a summary of walls with ground on both sides, not of the outer sides of a solid.
 
-    A strip of wall stands over one edge of the ground; its faces share that edge seen from above.
+    A strip of wall stands over one edge of the ground, which all faces of the strip share, seen
+    from above.
     """
     if not mesh.walls.any():
         return WallSummary()
@@ -223,7 +225,7 @@ def wall_summary(mesh: Mesh) -> WallSummary:
     edges, edge = np.unique(low * len(place) + high, return_inverse=True)
     edge = edge.reshape(-1)
 
-    ground = place[mesh.faces[upward(mesh)]]
+    ground = place[mesh.faces[is_ground(mesh)]]
     sides = np.concatenate([ground[:, [k, (k + 1) % 3]] for k in range(3)])
     keys = sides.min(axis=1) * len(place) + sides.max(axis=1)
     at = np.minimum(np.searchsorted(edges, keys), len(edges) - 1)
@@ -254,8 +256,8 @@ def wall_summary(mesh: Mesh) -> WallSummary:
     )
 
 
-def upward(mesh: Mesh) -> NDArray[np.bool_]:
-    """Which faces are ground: neither upright nor, as the bottom of a solid, seen from below."""
+def is_ground(mesh: Mesh) -> NDArray[np.bool_]:
+    """Whether faces are ground, (m,) bool: neither upright nor of the bottom of a solid."""
     a, b, c = (mesh.vertices[mesh.faces[:, k], :2] for k in range(3))
     u, v = b - a, c - a
     up: NDArray[np.bool_] = ~mesh.walls & (u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0] > 0)
@@ -265,18 +267,18 @@ def upward(mesh: Mesh) -> NDArray[np.bool_]:
 def omitted_elements(
     terrain: Terrain, built: BuiltMesh, error: float, bounds: Bounds | None, least: float
 ) -> OmittedElements:
-    """What is left out of a mesh changes together, measured on the terrain without it.
+    """Return the elements that a mesh leaves out, with their measured change of heights.
 
     Half of the points lie in the cells of elements, at corners, edges, middles and in between, and
-    half are spread over all that is meshed. Of more cells than points those of the highest
+    half are spread over the meshed part. Where cells outnumber points, those of the highest
     elements are taken. More points lie along the paths of tracks.
 
     Args:
-        terrain: the terrain.
-        built: a mesh of it.
-        error: the largest error that it was to have.
-        bounds: the part that was meshed; all of it if None.
-        least: elements that change heights by no more were to be left out.
+        terrain: terrain of the mesh.
+        built: mesh.
+        error: largest error that the mesh was to have.
+        bounds: world rectangle that was meshed; the whole terrain if None.
+        least: largest change of heights by elements that were to be left out; 0 for none.
     """
     loss = built.loss
     if not loss.small + loss.faint + loss.ruts.narrow + loss.ruts.shallow:
@@ -292,7 +294,7 @@ def omitted_elements(
         arrays = arrays._replace(tracks=without_tracks(arrays.tracks, tracks))
     part = clip_bounds(terrain, bounds)
     anywhere = spread_points(part, POINTS)
-    points = _in_cells(terrain, out, part), anywhere, _along(terrain, tracks, part)
+    points = _points_in_cells(terrain, out, part), anywhere, _points_along(terrain, tracks, part)
     x, y = (np.concatenate(axis) for axis in zip(*points, strict=True))
     whole = terrain.height(x, y)
     change = np.abs(whole - batch_heights(arrays, fields.Field(arrays), x, y))
@@ -307,8 +309,10 @@ def omitted_elements(
     )
 
 
-def _in_cells(terrain: Terrain, which: NDArray[np.int64], part: Bounds) -> tuple[Floats, Floats]:
-    """Points in the cells of elements, as far as they lie in the part."""
+def _points_in_cells(
+    terrain: Terrain, which: NDArray[np.int64], part: Bounds
+) -> tuple[Floats, Floats]:
+    """Return x and y of points in the cells of elements that lie in a part of the world."""
     cells = terrain.cells()
     west, south = (np.maximum(cells[n][which], part[n]) for n in (0, 1))
     east, north = (np.minimum(cells[n][which], part[n]) for n in (2, 3))
@@ -330,8 +334,10 @@ def _in_cells(terrain: Terrain, which: NDArray[np.int64], part: Bounds) -> tuple
     return x.ravel(), y.ravel()
 
 
-def _along(terrain: Terrain, which: NDArray[np.int64], part: Bounds) -> tuple[Floats, Floats]:
-    """Points on the paths of tracks, as far as they lie in the part."""
+def _points_along(
+    terrain: Terrain, which: NDArray[np.int64], part: Bounds
+) -> tuple[Floats, Floats]:
+    """Return x and y of points on the paths of tracks that lie in a part of the world."""
     segments = terrain.arrays.tracks.segments
     segments = segments[np.isin(segments["track"], which)]
     segments = segments[:: -(-len(segments) // POINTS) or 1]

@@ -9,9 +9,9 @@ from terratool.mesh.types import BuiltMesh, CornerNormals, Mesh
 
 
 def with_normals(built: BuiltMesh) -> Mesh:
-    """The mesh of a terrain with normals at its corners.
+    """Return the mesh of a terrain with normals at its corners.
 
-    Faces around a vertex share one, the mean of theirs by area (H. Gouraud, Continuous shading of
+    Faces around a vertex share a normal, the mean of all by area (H. Gouraud, Continuous shading of
     curved surfaces, IEEE Transactions on Computers C-20, 1971), unless an edge between them is a
     crease: where they turn by more than 45 degrees, or where a smooth surface could not turn so
     much without being farther from one of them than the mesh is from its terrain. Walls are flat.

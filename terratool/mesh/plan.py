@@ -1,4 +1,4 @@
-"""From a terrain to the plan of its mesh: the lattice, where elements lie, where curves bend."""
+"""From a terrain to the plan of its mesh: the lattice, the elements on it, and bends of curves."""
 
 from __future__ import annotations
 
@@ -18,29 +18,29 @@ from terratool.mesh.constraints import NO_OUTLINES, outlines_of
 from terratool.mesh.types import AXIS, FRAME, GROUP, LINE, PIECE_BOUNDS, MeshPlan, PlanLoss
 
 LATTICE = 30
-"""Vertices lie on a lattice of 2^30 points a side: products of two such numbers fit in 64 bits, so
-which side of an edge a vertex lies on is known exactly."""
+"""Exponent of the lattice, which has 2^30 points a side: products of two such numbers fit in 64
+bits, so the side of an edge on which a vertex lies is known exactly."""
 SMALLEST = 256.0
-"""Elements narrower than so many points of the lattice are left out."""
+"""Least width of an element that is drawn, in points of the lattice."""
 CORNERS = 8, 4096
-"""The polygon that stands for a disc has at least and at most so many corners."""
+"""Least and most corners of the polygon that stands for a disc."""
 
 _NOTHING = 1e-9
-"""A step or a crease this small, in parts of the curve's largest value, is rounding."""
+"""Largest step or crease that is rounding, in parts of the curve's largest value."""
 _SAME = 1e-9
-"""Heights that differ by less, in parts of the most that an element adds to one, are rounding."""
+"""Largest difference of heights that is rounding, in parts of the most that an element adds."""
 _INNER = 1 - 1 / 128
-"""The slope of a disc beyond this t need not be kept to: that of a dome has no bound there."""
+"""Largest t at which a disc's slope bounds its error: the slope of a dome has no bound beyond."""
 _SECANTS = 64
-"""Whether rings are leaner depends on the slope over so many stretches of t."""
+"""Stretches of t whose slopes decide whether a disc is meshed in rings."""
 _STEEP = 1000.0
-"""A curve with a slope of so many times its largest value has a vertical tangent."""
+"""Slope above which a tangent is vertical, in largest values of the curve."""
 _FINE = 4096
-"""Curves are sampled so finely to know whether rings are leaner."""
+"""Samples of a curve, from middle to edge, that decide whether a disc is meshed in rings."""
 _SHARE, _RINGED_SHARE = 0.1, 0.25
-"""The part of the error that may come from polygons instead of discs; from those with rings."""
+"""Shares of the error for polygons in place of discs without rings, and with rings."""
 _BAND, _WIDEST = 0.5, 0.1
-"""A disc that ends steeply is right but for so much sideways: in errors, and at most in radii."""
+"""Largest sideways offsets of a disc that ends steeply, in errors, and in radii."""
 
 
 def plan_of(
@@ -50,14 +50,15 @@ def plan_of(
     least: float = 0.0,
     finer: float = 1.0,
 ) -> tuple[MeshPlan, PlanLoss]:
-    """Lay out the lattice over a terrain, or a part of it.
+    """Plan the mesh of a terrain, or of a part of it: lattice, elements, curves and ruts.
 
     Args:
-        terrain: the terrain.
-        max_error: the largest error of a height, in units of the terrain.
+        terrain: terrain to mesh.
+        max_error: largest error of a height, in units of the terrain.
         bounds: world rectangle west, south, east, north to mesh; the whole terrain if None.
-        least: elements and tracks that change heights by no more are left out, unless it is 0.
-        finer: discs may miss by so many times what they may if they stand alone.
+        least: largest change of heights by elements and tracks that are left out, in units of the
+            terrain; 0 leaves none out.
+        finer: factor of the error that a disc may have if it stands alone, 0 to 1.
 
     Raises:
         ValueError: the error is not positive, or the bounds hold nothing of the terrain.
@@ -100,11 +101,12 @@ def plan_of(
 def _on_lattice(
     rectangles: NDArray[np.float64], origin: NDArray[np.float64], pitch: float
 ) -> NDArray[np.float64]:
-    """World rectangles on the lattice, both (4, n)."""
+    """Return world rectangles, (4, n), rounded to the lattice, (4, n)."""
     return np.asarray(np.rint((rectangles - np.tile(origin, 2)[:, None]) / pitch))
 
 
 def _frames(terrain: Terrain, origin: NDArray[np.float64], pitch: float) -> NDArray[Any]:
+    """Return the FRAME of each element, none marked as drawn."""
     cells = _on_lattice(terrain.cells(), origin, pitch)
     frames = np.zeros(cells.shape[1], FRAME)
     frames["low"], frames["high"] = cells[:2].T, cells[2:].T
@@ -115,7 +117,7 @@ def _frames(terrain: Terrain, origin: NDArray[np.float64], pitch: float) -> NDAr
 
 
 def _choose_elements(plan: MeshPlan, largest: NDArray[np.float64], least: float) -> PlanLoss:
-    """Mark the elements that are drawn; says what is left out."""
+    """Mark the elements that are drawn; return the loss of the others."""
     frames, kinds = plan.frames, plan.arrays.elements["kind"]
     low, high = frames["low"], frames["high"]
     footprints, bounds = plan.footprints, plan.bounds
@@ -134,9 +136,9 @@ def _choose_elements(plan: MeshPlan, largest: NDArray[np.float64], least: float)
 
 
 def _choose_corners(plan: MeshPlan, finer: float) -> float:
-    """Choose the polygons that stand for discs; says how far inside of its arc a side is at most.
+    """Choose the polygons that stand for discs; return the largest distance of a side from its arc.
 
-    In units of the terrain.
+    Distances are in units of the terrain, to the inside of the arc.
     """
     kinds = plan.arrays.elements["kind"]
     discs = (plan.arrays.kinds["combine"][kinds] == COMBINE["radial"]) & (plan.frames["drawn"] != 0)
@@ -148,7 +150,7 @@ def _choose_corners(plan: MeshPlan, finer: float) -> float:
     slope = 0.5 * axes["inner_slope"] * weight
     share = finer * np.where(axes["ringed"] != 0, _RINGED_SHARE, _SHARE)
     inside = share * plan.error / np.maximum(slope, share * radius)
-    with np.errstate(divide="ignore"):  # of what is far below a radius
+    with np.errstate(divide="ignore"):  # offsets far below a radius
         corners = math.pi / np.arccos(1.0 - np.minimum(inside, 1.0))
     corners = np.clip(4 * np.ceil(corners / 4), *CORNERS)
     # discs of one cell share their polygon; no sickle is left between two of them
@@ -158,7 +160,7 @@ def _choose_corners(plan: MeshPlan, finer: float) -> float:
     corners = most[cell.reshape(-1)]
     inside = 1.0 - np.cos(math.pi / corners)
     change = 0.5 * axes["slope"] * weight * inside
-    # where a disc ends too steeply for that, as a dome does, it is right but for so much sideways
+    # a disc that ends too steeply for that, as a dome does, is right but for a sideways offset
     steep = (change > 0.5 * plan.error) & (change > slope * inside)
     band = np.maximum(inside, np.minimum(_BAND * plan.error / radius, _WIDEST))
     plan.frames["corners"][discs] = corners
@@ -168,7 +170,7 @@ def _choose_corners(plan: MeshPlan, finer: float) -> float:
 
 
 class _CurveTables(NamedTuple):
-    """The tables of a plan that are about curves, see MeshPlan."""
+    """The tables of a plan that are about curves, as in MeshPlan."""
 
     axes: NDArray[Any]
     lines: NDArray[Any]
@@ -178,12 +180,12 @@ class _CurveTables(NamedTuple):
 
 
 class _Pieces(NamedTuple):
-    """The pieces of a curve but for one of no length at the end, which is the height of a line.
+    """The pieces of a curve, without one of no length at the end, which is the height of a line.
 
     Attributes:
-        starts: (n,) where they begin, in t.
-        lengths: (n,) in t.
-        cubics: (n, 4) coefficients over [0, 1].
+        starts: (n,) t at which each piece begins.
+        lengths: (n,) length of each piece, in t.
+        cubics: (n, 4) coefficients of each piece over [0, 1], from the constant on.
         radial: whether the curve is that of a disc: only its right half counts.
     """
 
@@ -192,20 +194,20 @@ class _Pieces(NamedTuple):
     cubics: NDArray[np.float64]
     radial: bool
 
-    def used(self, end: float = 1.0) -> NDArray[np.int64]:
-        """Indices of those that count before `end`."""
+    def indices_before(self, end: float = 1.0) -> NDArray[np.int64]:
+        """Return the indices of pieces that count before `end`, in t."""
         begin = 0.5 if self.radial else 0.0
         ends = np.append(self.starts[1:], 1.0)
         return np.flatnonzero((ends > begin) & (self.starts < end))
 
     def kinks(self) -> NDArray[np.float64]:
-        """How much the slope jumps from each piece to the next, (n - 1,)."""
+        """Return the jumps of the slope from each piece to the next without sign, (n - 1,)."""
         c1, c2, c3 = self.cubics.T[1:]
         before = (c1 + 2 * c2 + 3 * c3)[:-1] / self.lengths[:-1]
         return np.asarray(np.abs(c1[1:] / self.lengths[1:] - before))
 
-    def continuous(self, count: int) -> NDArray[np.float64]:
-        """Values at `count` evenly spaced t and at 1, without the steps."""
+    def values_without_steps(self, count: int) -> NDArray[np.float64]:
+        """Return values at `count` + 1 evenly spaced t from 0 to 1, the steps taken out."""
         hulls = curve_hulls(self.cubics)
         offsets = np.concatenate([[0.0], np.cumsum(hulls[0, 1:] - hulls[3, :-1])])
         t = np.linspace(0.0, 1.0, count + 1)
@@ -215,6 +217,7 @@ class _Pieces(NamedTuple):
 
 
 def _curve_tables(arrays: FieldArrays) -> _CurveTables:
+    """Return the tables of all curves, each curve once."""
     axes = np.zeros((len(arrays.kinds), 2), AXIS)
     tables: list[tuple[NDArray[Any], ...]] = []
     counts = np.zeros(4, np.int64)
@@ -239,7 +242,7 @@ def _curve_tables(arrays: FieldArrays) -> _CurveTables:
 
 
 def _axis(pieces: _Pieces) -> tuple[Any, NDArray[Any], NDArray[Any]]:
-    """The AXIS of a curve, its lines and its groups."""
+    """Return the AXIS of a curve, its LINEs and its GROUPs."""
     starts, lengths, cubics, radial = pieces
     hulls = curve_hulls(cubics)
     size = float(np.abs(hulls).max())
@@ -264,33 +267,33 @@ def _axis(pieces: _Pieces) -> tuple[Any, NDArray[Any], NDArray[Any]]:
     record["constant"] = bool(hulls.max() - hulls.min() <= _NOTHING * size)
     record["linear"] = not cubics[:, 2:].any()
     slopes = _steepest(pieces)
-    record["slope"] = slopes[pieces.used()].max()
-    record["inner_slope"] = slopes[pieces.used(_INNER)].max()
+    record["slope"] = slopes[pieces.indices_before()].max()
+    record["inner_slope"] = slopes[pieces.indices_before(_INNER)].max()
     record["steep"] = record["slope"] > _STEEP * size
     bends = crease[np.isfinite(crease)]
     record["smallest_crease"] = bends[bends > 0].min(initial=np.inf)
     if radial and not record["linear"]:
-        steepest = float(np.abs(np.diff(pieces.continuous(_SECANTS))).max()) * _SECANTS
-        record["ringed"] = _is_ringed(pieces.continuous(2 * _FINE)[_FINE:], steepest)
+        steepest = float(np.abs(np.diff(pieces.values_without_steps(_SECANTS))).max()) * _SECANTS
+        record["ringed"] = _is_ringed(pieces.values_without_steps(2 * _FINE)[_FINE:], steepest)
     return record, lines, groups
 
 
 def _steepest(pieces: _Pieces) -> NDArray[np.float64]:
-    """Bounds of the slope of each piece without sign, (n,)."""
+    """Return bounds of the slope of each piece without sign, (n,)."""
     c1, c2, c3 = pieces.cubics.T[1:]
-    # Bézier's points of the slope, a parabola; no point of it is beyond them
+    # Bézier's points of the slope, a parabola; no slope is beyond them
     slopes = np.abs([c1, c1 + c2, c1 + 2 * c2 + 3 * c3]) / pieces.lengths
     return np.asarray(slopes.max(axis=0))
 
 
 def _bends(pieces: _Pieces) -> NDArray[np.float64]:
-    """Bounds of the second derivative of each piece without sign, (n,)."""
+    """Return bounds of the second derivative of each piece without sign, (n,)."""
     c2, c3 = pieces.cubics.T[2:]
     return np.asarray(np.abs([2 * c2, 2 * c2 + 6 * c3]).max(axis=0) / pieces.lengths**2)
 
 
 def _piece_bounds(pieces: _Pieces) -> NDArray[Any]:
-    """PIECE_BOUNDS of a curve."""
+    """Return the PIECE_BOUNDS of a curve, level by level."""
     hulls = curve_hulls(pieces.cubics)
     level = np.zeros(len(pieces.starts), PIECE_BOUNDS)
     level["low"], level["high"] = hulls.min(axis=0), hulls.max(axis=0)
@@ -307,7 +310,7 @@ def _piece_bounds(pieces: _Pieces) -> NDArray[Any]:
 
 
 def _turns(pieces: _Pieces) -> NDArray[np.float64]:
-    """How much the slope of a curve jumps and varies up to each piece, (n, 2)."""
+    """Return sums of the slope's jumps, and of its variation, up to each piece, (n, 2)."""
     varied = (_bends(pieces) * pieces.lengths)[:-1]
     turns = np.zeros((len(pieces.starts), 2))
     np.cumsum(np.column_stack([pieces.kinks(), varied]), axis=0, out=turns[1:])
@@ -318,8 +321,8 @@ def _is_ringed(values: NDArray[np.float64], steepest: float) -> bool:
     """Whether a disc needs fewer triangles in rings than in triangles of equal sides.
 
     Args:
-        values: (n,) of its curve, evenly spaced from the middle to the edge.
-        steepest: its steepest secant, in t.
+        values: (n,) values of the disc's curve, evenly spaced from the middle to the edge.
+        steepest: steepest secant of the curve, in t.
     """
     r = np.linspace(0.0, 1.0, len(values))
     step = r[1]

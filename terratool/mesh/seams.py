@@ -1,4 +1,4 @@
-"""Where a terrain is cut into tiles, and the vertices on the cuts, which the tiles share."""
+"""Seams between the tiles of a terrain, and the vertices on them, which the tiles share."""
 
 from __future__ import annotations
 
@@ -16,15 +16,18 @@ from terratool.mesh.types import MeshPlan, TileBoundary, Triangulation
 NO_SEAMS = TileBoundary(np.full(4, -1), np.empty((0, 4), np.int64), np.empty((0, 2)))
 """The boundary of a mesh that stands alone."""
 CLEARANCE = 16
-"""No segment ends this near to a seam, and no two cross, in points of the lattice."""
+"""Least distance of a segment's end, or of a crossing, from a seam, in points of the lattice."""
 _SAME = 3.0
-"""Segments that are so near to each other, in points of the lattice, pass a seam at one vertex …"""
+"""Largest distance of segments that pass a seam at one vertex, in points of the lattice."""
 _WIDEST = 64.0
-"""… if they stay this near as far as both go; what lies between them is a crack of walls."""
+"""Largest distance, as far as both go, of segments that pass a seam at one vertex, in points of the
+lattice; between them lies a crack of walls."""
 _TRIES = 400
+"""Most places that are tried for a seam."""
 _SPREAD = 0.125
-"""Seams are sought within this part of a tile from where they should be, half to each side."""
+"""Width in which a seam is sought around its regular place, in parts of a tile."""
 _GOLDEN = 0.6180339887498949
+"""Golden ratio: order in which places for a seam are tried."""
 
 Ints = NDArray[np.int64]
 Floats = NDArray[np.float64]
@@ -34,12 +37,13 @@ class Seam(NamedTuple):
     """A line that tiles meet in.
 
     Attributes:
-        axis: 0 if x is the same all along, 1 if y is.
-        at: this x or y, on the lattice.
-        passes: (n,) where along the line segments pass, seams cross, and it begins and ends.
-        begins: (n,) what passes from here on, up to the next of them, has its vertex at `passes`.
-        places: (m,) where along the line its vertices are, `passes` included; ascending.
-        heights: (m - 1, 2) float64, at the two ends of each of its edges.
+        axis: 0 if x is constant along the line, 1 if y is.
+        at: constant x or y of the line, on the lattice.
+        passes: (n,) places along the line of its ends, of passing segments and of other seams.
+        begins: (n,) places from which on, up to the next one, segments pass at a vertex of
+            `passes`.
+        places: (m,) places of all vertices along the line, `passes` included, ascending.
+        heights: (m - 1, 2) float64 heights at the two ends of each edge.
     """
 
     axis: int
@@ -51,7 +55,15 @@ class Seam(NamedTuple):
 
 
 class _Line(NamedTuple):
-    """A seam of which only the place is known; `slants` is how steeply segments pass, (n,)."""
+    """A seam of which only the place is known.
+
+    Attributes:
+        axis: 0 if x is constant along the line, 1 if y is.
+        at: constant x or y of the line, on the lattice.
+        passes: (n,) places along the line, as in `Seam`.
+        begins: (n,) places along the line, as in `Seam`.
+        slants: (n,) steepest slant of passing segments, their length for a step across the line.
+    """
 
     axis: int
     at: int
@@ -61,13 +73,13 @@ class _Line(NamedTuple):
 
 
 def lay_seams(plan: MeshPlan, columns: int, rows: int) -> tuple[list[Seam], list[Seam]]:
-    """The seams between columns of tiles, from west to east, and between rows, south to north.
+    """Return the seams between columns of tiles, west to east, and between rows, south to north.
 
     Raises:
         RequestError: edges are too near to each other for a seam between them.
     """
-    across = [_find(plan, 1, row, rows, []) for row in range(1, rows)]
-    along = [_find(plan, 0, column, columns, across) for column in range(1, columns)]
+    across = [_find_line(plan, 1, row, rows, []) for row in range(1, rows)]
+    along = [_find_line(plan, 0, column, columns, across) for column in range(1, columns)]
     crossings = [line.at for line in along]
     across = [_with_vertices(line, crossings) for line in across]
     horizontal = [_with_heights(plan, line) for line in across]
@@ -82,8 +94,10 @@ def lay_seams(plan: MeshPlan, columns: int, rows: int) -> tuple[list[Seam], list
     return vertical, horizontal
 
 
-def _find(plan: MeshPlan, axis: int, number: int, count: int, others: Sequence[_Line]) -> _Line:
-    """A line for a seam, as near to where it should be as the first that may be one."""
+def _find_line(
+    plan: MeshPlan, axis: int, number: int, count: int, others: Sequence[_Line]
+) -> _Line:
+    """Return the first line that may be a seam, of those near its regular place."""
     low, high = plan.bounds[axis], plan.bounds[axis + 2]
     side = (high - low) / count
     wanted = low + number * side
@@ -96,7 +110,7 @@ def _find(plan: MeshPlan, axis: int, number: int, count: int, others: Sequence[_
         # an irrational step: cells of all sizes have their edges at fractions
         at = round(wanted + reach * (2.0 * (((k + 0.5) * _GOLDEN) % 1.0) - 1.0))
         there = (begins <= at + CLEARANCE) & (ends >= at - CLEARANCE)
-        line = _line(plan, axis, at, kernels.segments_of(plan.kept, chosen[there]), others)
+        line = _line(plan, axis, at, kernels.segments_of(plan.kernel_plan, chosen[there]), others)
         if line is not None:
             return line
     raise RequestError(
@@ -108,19 +122,19 @@ def _find(plan: MeshPlan, axis: int, number: int, count: int, others: Sequence[_
 def _line(
     plan: MeshPlan, axis: int, at: int, segments: Ints, others: Sequence[_Line]
 ) -> _Line | None:
-    """A line as a seam, or None if it may not be one.
+    """Return a line as a seam, or None if it may not be one.
 
     Args:
-        plan: the plan.
-        axis: 0 if x is the same all along, 1 if y is.
-        at: this x or y.
-        segments: (n, 4) segments, all that are near.
-        others: seams that it crosses.
+        plan: plan of the terrain.
+        axis: 0 if x is constant along the line, 1 if y is.
+        at: constant x or y of the line, on the lattice.
+        segments: (n, 4) segments, all that are near the line.
+        others: seams that the line crosses.
     """
     for other in others:
         if (np.abs(other.passes - at) < CLEARANCE * other.slants).any():
             return None
-    # the sides of all and other seams are segments that pass, too; they come first
+    # sides of the whole terrain and other seams pass, too; they come first
     b = plan.bounds.astype(np.int64)
     fixed = np.array([b[1 - axis], b[3 - axis], *(other.at for other in others)], np.int64)
     straight = np.empty((len(fixed), 4), np.int64)
@@ -130,13 +144,13 @@ def _line(
     if (np.abs(segments[:, [axis, axis + 2]] - at) <= CLEARANCE).any():
         return None
     passing = np.flatnonzero((segments[:, axis] < at) != (segments[:, axis + 2] < at))
-    passing = passing[np.argsort(_at(segments[passing], axis, at), kind="stable")]
+    passing = passing[np.argsort(_places_at(segments[passing], axis, at), kind="stable")]
     segments = segments[passing]
     first, slants = _bundles(segments, axis, at)
     if first is None:
         return None
     passes = passing_places(segments, axis, at)[first]
-    begins = np.floor(_at(segments, axis, at)[first]).astype(np.int64)
+    begins = np.floor(_places_at(segments, axis, at)[first]).astype(np.int64)
     bundle = np.searchsorted(first, np.arange(len(segments)), "right") - 1
     own = np.flatnonzero(passing < len(fixed))
     passes[bundle[own]] = fixed[passing[own]]
@@ -148,23 +162,24 @@ def _line(
 
 
 def _bundles(segments: Ints, axis: int, at: int) -> tuple[Ints | None, Floats]:
-    """Segments that pass a line at one vertex: the first of each such bundle, and how they slant.
+    """Bundle segments that pass a line at one vertex.
 
     Args:
         segments: (n, 4) segments that pass the line, in the order in which they do.
-        axis: of the line.
-        at: where it is.
+        axis: 0 if x is constant along the line, 1 if y is.
+        at: constant x or y of the line, on the lattice.
 
     Returns:
-        The indices, or None if some are neither one nor apart; (m,) the steepest slant of each,
-        as the length of a segment for each step from one side of the line to the other.
+        (m,) indices of the bundles' first segments, or None if some segments are neither one nor
+        apart; (m,) steepest slant of each bundle, the length of a segment for a step across the
+        line.
     """
     run, rise = (
         segments[:, axis + 2] - segments[:, axis],
         segments[:, 3 - axis] - segments[:, 1 - axis],
     )
     slants = np.hypot(run, rise) / np.abs(run)
-    place = _at(segments, axis, at)
+    place = _places_at(segments, axis, at)
     steeper = np.maximum(slants[1:], slants[:-1])
     same = np.diff(place) <= _SAME * steeper
     if not _are_one(segments[:-1][same], segments[1:][same], axis, steeper[same]):
@@ -175,43 +190,43 @@ def _bundles(segments: Ints, axis: int, at: int) -> tuple[Ints | None, Floats]:
     if (place[last] - place[first] > 4 * _SAME * slants).any():
         return None, slants
     steeper = np.maximum(slants[1:], slants[:-1])
-    for offset in (-CLEARANCE, CLEARANCE):  # the same order there: none cross in between
-        there = _at(segments, axis, at + offset)
+    for offset in (-CLEARANCE, CLEARANCE):  # one order there: none cross in between
+        there = _places_at(segments, axis, at + offset)
         low, high = np.minimum.reduceat(there, first), np.maximum.reduceat(there, first)
         if (low[1:] - high[:-1] < 0.5 * _SAME * steeper).any():
             return None, slants
     return first, slants
 
 
-def _at(segments: Ints, axis: int, at: int | Ints) -> Floats:
-    """Where lines through segments pass a line, (n,), not rounded."""
+def _places_at(segments: Ints, axis: int, at: int | Ints) -> Floats:
+    """Return the places where lines through segments pass a line, (n,), not rounded."""
     begin, end = segments[:, axis], segments[:, axis + 2]
     low, high = segments[:, 1 - axis], segments[:, 3 - axis]
     return np.asarray(low + (at - begin) / (end - begin) * (high - low))
 
 
 def _are_one(one: Ints, two: Ints, axis: int, slants: Floats) -> bool:
-    """Whether segments run side by side as far as both go."""
+    """Whether pairs of segments run side by side as far as both go."""
     ends = np.sort(one[:, [axis, axis + 2]], axis=1), np.sort(two[:, [axis, axis + 2]], axis=1)
     for at in (np.maximum(ends[0][:, 0], ends[1][:, 0]), np.minimum(ends[0][:, 1], ends[1][:, 1])):
-        if (np.abs(_at(one, axis, at) - _at(two, axis, at)) > _WIDEST * slants).any():
+        if (np.abs(_places_at(one, axis, at) - _places_at(two, axis, at)) > _WIDEST * slants).any():
             return False
     return True
 
 
 def passing_places(segments: Ints, axis: int, at: int) -> Ints:
-    """Where segments pass a line, (n,), rounded to the lattice from their exact places."""
+    """Return the places where segments pass a line, (n,), exact ones rounded to the lattice."""
     run = segments[:, axis + 2] - segments[:, axis]
     rise = (segments[:, 3 - axis] - segments[:, 1 - axis]) * np.sign(run)
     run = np.abs(run)
-    # twice the product of two numbers of 30 bits
+    # twice the product of two numbers of 30 bits fits in 64
     return np.asarray(
         segments[:, 1 - axis] + (2 * (at - segments[:, axis]) * rise + run) // (2 * run)
     )
 
 
 def _with_vertices(line: _Line, places: Sequence[int]) -> _Line:
-    """The same with vertices where others cross it."""
+    """Return a line with further vertices at places, where other seams cross."""
     more = np.array(places, np.int64)
     passes = np.append(line.passes, more)
     order = np.argsort(passes)
@@ -221,29 +236,31 @@ def _with_vertices(line: _Line, places: Sequence[int]) -> _Line:
 
 
 def _with_heights(plan: MeshPlan, line: _Line) -> Seam:
-    """Heights along a seam, with as many vertices as they need."""
+    """Return a line as a seam with heights, and with as many vertices as these need."""
     axis, at, passes, begins, slants = line
     points = np.empty((len(passes), 2), np.int64)
     points[:, axis], points[:, 1 - axis] = at, passes
     first = np.arange(len(passes) - 1, dtype=np.int32)
     stretches = np.column_stack([first, first, first + 1])  # their middles lie on the seam
-    keys = kernels.region_keys(plan.kept, points, stretches)
+    keys = kernels.region_keys(plan.kernel_plan, points, stretches)
     regions, region_of = regions_of(plan, points, stretches, keys)
     # vertices stay away from segments that pass at a slant
     clearance = np.maximum(np.ceil(3 * _SAME * slants), kernels.SHORTEST_SEAM)
-    ends, heights = kernels.divide_seam(plan.kept, regions, region_of, axis, at, passes, clearance)
-    # what is one height in a mesh is one number
+    ends, heights = kernels.divide_seam(
+        plan.kernel_plan, regions, region_of, axis, at, passes, clearance
+    )
+    # heights that are one in a mesh are one number
     one = np.abs(heights[1:, 0] - heights[:-1, 1]) <= plan.tolerance
     heights[1:, 0] = np.where(one, heights[:-1, 1], heights[1:, 0])
     return Seam(axis, at, passes, begins, np.concatenate([passes[:1], ends]), heights)
 
 
 def boundary_of(bounds: Sequence[int], seams: Sequence[Seam | None]) -> TileBoundary:
-    """The boundary of a tile.
+    """Return the boundary of a tile.
 
     Args:
-        bounds: west, south, east, north of the tile.
-        seams: on its west, south, east and north side; None where there is no tile beyond.
+        bounds: west, south, east, north of the tile, on the lattice.
+        seams: seams on the west, south, east and north side; None where no tile is beyond.
     """
     sides = np.full(4, -1)
     edges, heights = [np.empty((0, 4), np.int64)], [np.empty((0, 2))]
@@ -264,12 +281,12 @@ def boundary_of(bounds: Sequence[int], seams: Sequence[Seam | None]) -> TileBoun
 
 
 def cut_segments(segments: Ints, bounds: Sequence[int], seams: Sequence[Seam | None]) -> Ints:
-    """What of segments lies within a tile, (n, 4); they end in the vertices of its seams.
+    """Return the parts of segments within a tile, (n, 4), which end in vertices of its seams.
 
     Args:
-        segments: (n, 4) segments, as they are in the whole.
-        bounds: west, south, east, north of the tile.
-        seams: on its west, south, east and north side.
+        segments: (n, 4) segments of the whole terrain.
+        bounds: west, south, east, north of the tile, on the lattice.
+        seams: seams on the west, south, east and north side; None where no tile is beyond.
     """
     west, south, east, north = bounds
     low, high = segments[:, :2], segments[:, 2:]
@@ -299,7 +316,7 @@ def cut_segments(segments: Ints, bounds: Sequence[int], seams: Sequence[Seam | N
 
 
 def boundary_triangles(plane: Triangulation, boundary: TileBoundary) -> tuple[Ints, Ints]:
-    """The triangle beside each edge of a boundary, (n,), and which of its corners begins the edge.
+    """Return the triangle beside each edge of a boundary, (n,), and its corner that begins it.
 
     Raises:
         RuntimeError: the triangles have other edges on the seams.
@@ -310,8 +327,8 @@ def boundary_triangles(plane: Triangulation, boundary: TileBoundary) -> tuple[In
     on_seam = _on_sides(a, boundary.sides) & _on_sides(b, boundary.sides)
     on_seam = (on_seam & np.hstack([a == b, a == b])).any(axis=1)
     t, c, a, b = t[on_seam], c[on_seam], a[on_seam], b[on_seam]
-    ends = np.sort(np.column_stack([_packed(a), _packed(b)]), axis=1)
-    wanted = np.column_stack([_packed(boundary.edges[:, :2]), _packed(boundary.edges[:, 2:])])
+    ends = np.sort(np.column_stack([_pack(a), _pack(b)]), axis=1)
+    wanted = np.column_stack([_pack(boundary.edges[:, :2]), _pack(boundary.edges[:, 2:])])
     order, order_wanted = np.lexsort(ends.T), np.lexsort(wanted.T)
     if not np.array_equal(ends[order], wanted[order_wanted]):
         raise RuntimeError("a tile does not have the edges of its seams")
@@ -328,22 +345,22 @@ def pin_heights(
     voids: NDArray[np.bool_],
     heights: NDArray[np.float64],
 ) -> None:
-    """Give the corners of triangles that are vertices of a boundary the heights that it has there.
+    """Give the corners of triangles at vertices of a boundary the heights of the boundary.
 
     Args:
-        plane: m triangles.
-        boundary: n edges.
-        triangle: (n,) which is beside each edge.
-        corner: (n,) which of its corners begins the edge.
-        voids: (m,) whether there is no ground in each triangle.
-        heights: (m, 3) of their corners; changed.
+        plane: triangulation of m triangles.
+        boundary: boundary of n edges.
+        triangle: (n,) index of the triangle beside each edge.
+        corner: (n,) corner of the triangle, 0 to 2, that begins each edge.
+        voids: (m,) bool, whether a triangle has no ground.
+        heights: (m, 3) heights at the corners of triangles; changed in place.
     """
     points, triangles, _ = plane
     after = (corner + 1) % 3
-    begins = _packed(points[triangles[triangle, corner]]) == _packed(boundary.edges[:, :2])
+    begins = _pack(points[triangles[triangle, corner]]) == _pack(boundary.edges[:, :2])
     ends = np.where(begins[:, None], boundary.heights, boundary.heights[:, ::-1])
 
-    # the lowest and the highest height of each vertex; others that meet in it take the nearer one
+    # lowest and highest height of each vertex; other corners there take the nearer one
     low, high = np.full(len(points), np.inf), np.full(len(points), -np.inf)
     solid = ~voids[triangle]
     for k, z in ((corner, ends[:, 0]), (after, ends[:, 1])):
@@ -357,8 +374,8 @@ def pin_heights(
     heights[triangle, corner], heights[triangle, after] = ends.T
 
 
-def _packed(points: Ints) -> Ints:
-    """One number for each vertex, (n,)."""
+def _pack(points: Ints) -> Ints:
+    """Return one number for each vertex, (n,)."""
     return (points[:, 0] << 31) | points[:, 1]
 
 

@@ -1,4 +1,4 @@
-"""Meshes of terrains too large for one: tiles that fit each other to the last bit, and an index."""
+"""Meshes of large terrains: tiles that fit each other to the last bit, and an index."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from terratool.mesh.export import (
     write_mesh,
 )
 from terratool.mesh.formats.table import FORMATS, mesh_format
-from terratool.mesh.loss import MeshLoss, OmittedElements, WallSummary, joined_walls, wall_summary
+from terratool.mesh.loss import MeshLoss, OmittedElements, WallSummary, join_walls, wall_summary
 from terratool.mesh.normals import with_normals
 from terratool.mesh.plan import plan_of
 from terratool.mesh.seams import Seam, boundary_of, cut_segments, lay_seams
@@ -43,30 +43,32 @@ from terratool.output import (
 )
 
 TILE_FACES = 1_000_000
-"""Faces of a tile, about, if not said."""
+"""Default number of faces of a tile, about."""
 INDEX = "tiles.json"
-"""The name of the index."""
+"""File name of the index."""
 VERSION = 1
-"""Of what the index holds."""
+"""Version of the index's format."""
 _TILE = re.compile(r"mesh_\d{2,}_\d{2,}")
 _SUFFIXES = {*FORMATS, *(end for form in FORMATS.values() for end in form.companions)}
 _PER_SEGMENT = 3.5
+"""Faces for each segment, about."""
 _PER_EDGE = 5.0
+"""Faces for each edge of a rut, about."""
 _PER_BEND = 4.0
+"""Factor of the faces that `faces_of` expects for bent elements."""
 _PER_TWIST = 0.6
-"""Faces, about: for each segment, each edge of a rut, and where elements are bent or twisted
-(`faces_of`)."""
+"""Factor of the faces that `faces_of` expects for twisted elements."""
 
 
 @dataclass(frozen=True, slots=True)
 class TileCount:
-    """How many tiles are wanted.
+    """Number of tiles that are wanted.
 
     Attributes:
-        faces: how many faces a tile should have, about; it may be several times as many where the
-            terrain is bent or crowded.
-        rows: how many rows of tiles there are, instead.
-        columns: how many columns.
+        faces: number of faces of a tile, about; several times as many where the terrain is bent or
+            crowded.
+        rows: number of rows of tiles; chosen by `faces` if None.
+        columns: number of columns of tiles; chosen by `faces` if None.
     """
 
     faces: int = TILE_FACES
@@ -75,13 +77,13 @@ class TileCount:
 
 
 class TileLayout(NamedTuple):
-    """How a terrain is cut.
+    """Division of a terrain into tiles.
 
     Attributes:
-        plan: of the whole.
-        loss: what it leaves out.
-        columns: the seams between columns of tiles, from west to east.
-        rows: the seams between rows of tiles, from south to north.
+        plan: plan of the whole terrain.
+        loss: loss of the plan.
+        columns: seams between columns of tiles, from west to east.
+        rows: seams between rows of tiles, from south to north.
     """
 
     plan: MeshPlan
@@ -91,11 +93,11 @@ class TileLayout(NamedTuple):
 
     @property
     def shape(self) -> tuple[int, int]:
-        """Number of rows and of columns."""
+        """Number of rows and of columns of tiles."""
         return len(self.rows) + 1, len(self.columns) + 1
 
     def limits(self, row: int, column: int) -> tuple[list[int], list[Seam | None]]:
-        """West, south, east and north of a tile on the lattice, and the seams there."""
+        """Return west, south, east and north of a tile on the lattice, and the seams there."""
         up = len(self.rows) - row  # rows count from the north
         columns: list[Seam | None] = [None, *self.columns, None]
         rows: list[Seam | None] = [None, *self.rows, None]
@@ -106,7 +108,7 @@ class TileLayout(NamedTuple):
         ], sides
 
     def bounds(self, row: int, column: int) -> NDArray[np.float64]:
-        """West, south, east and north of a tile, in the world."""
+        """Return west, south, east and north of a tile in the world, (4,)."""
         limits, _ = self.limits(row, column)
         return np.asarray(np.tile(self.plan.origin, 2) + np.array(limits) * self.plan.pitch)
 
@@ -120,9 +122,9 @@ def lay_out(
     """Cut a terrain into tiles.
 
     Args:
-        terrain: the terrain.
-        max_error: the largest distance, along z, of the mesh from the terrain, in its units.
-        count: how many tiles there are.
+        terrain: terrain to cut.
+        max_error: largest distance, along z, of the mesh from the terrain, in units of the terrain.
+        count: number of tiles.
         bounds: world rectangle west, south, east, north to mesh; the whole terrain if None.
 
     Raises:
@@ -142,7 +144,7 @@ def lay_out(
 
 
 def faces_of(plan: MeshPlan) -> float:
-    """How many faces the mesh of a plan has, about.
+    """Return the number of faces of the mesh of a plan, about.
 
     A curve needs ∫ √(|f''| / 8E) dt chords, a triangle for each two of both directions; a product
     of two straight curves that change by Δx and Δy is a saddle, and needs some ΔxΔy / E. Where the
@@ -160,29 +162,28 @@ def faces_of(plan: MeshPlan) -> float:
             per_kind[k] += _PER_TWIST * changes[0] * changes[1]
     elements = arrays.elements[drawn]
     curved = (per_kind[elements["kind"]] * np.abs(elements["scale"])).sum() / plan.error
-    count = kernels.count_segments(plan.kept, drawn)
+    count = kernels.count_segments(plan.kernel_plan, drawn)
     ruts = _PER_EDGE * len(plan.outlines.edges)
     return float(_PER_SEGMENT * count + curved + ruts)
 
 
 def build_tile(terrain: Terrain, layout: TileLayout, row: int, column: int) -> BuiltMesh:
-    """Mesh a tile: what it shares with others is the same in all of them to the last bit.
+    """Mesh a tile: edges that tiles share are the same in both to the last bit.
 
-    Its vertices are relative to the origin of the whole; what it says is left out is that of the
-    whole.
+    Vertices are relative to the origin of the whole terrain, and the loss is that of the whole.
     """
     limits, seams = layout.limits(row, column)
     whole, frames = layout.plan, layout.plan.frames
     footprints = whole.footprints
     near = ((footprints[:, :2] <= limits[2:]) & (footprints[:, 2:] >= limits[:2])).all(axis=1)
-    segments = kernels.segments_of(whole.kept, np.flatnonzero(near & (frames["drawn"] != 0)))
+    segments = kernels.segments_of(whole.kernel_plan, np.flatnonzero(near & (frames["drawn"] != 0)))
     boundary = boundary_of(limits, seams)
     coarse = coarse_mesh(whole, cut_segments(segments, limits, seams), boundary, np.array(limits))
     return finish(terrain, whole, layout.loss, coarse, boundary)
 
 
 def build_tiles(terrain: Terrain, layout: TileLayout) -> Iterator[tuple[int, int, BuiltMesh]]:
-    """Row, column and mesh of each tile, row by row from the north-west, one at a time."""
+    """Yield row, column and mesh of each tile, row by row from the north-west, one at a time."""
     rows, columns = layout.shape
     for row in range(rows):
         for column in range(columns):
@@ -193,10 +194,10 @@ class MeshTile(NamedTuple):
     """A tile that was written, as the index has it.
 
     Attributes:
-        row, column: which one, counted from the north-west.
-        files: their names, that of the mesh first; none where there is no ground.
-        bounds: world rectangle west, south, east, north.
-        faces: their number.
+        row, column: row and column of the tile, from 0 in the north-west.
+        files: names of the tile's files, that of the mesh first; empty where there is no ground.
+        bounds: world rectangle west, south, east, north of the tile.
+        faces: number of faces of the tile.
     """
 
     row: int
@@ -212,17 +213,17 @@ class MeshTilesReport(
     kw_only=True,
     rename={"walls": "wall_faces", "chosen": "error_chosen", "statement": "losses"},
 ):
-    """What was written.
+    """Report on exported tiles. Lengths are in units of the terrain.
 
     Attributes:
-        index: where the index is.
-        bounds: world rectangle west, south, east, north of all.
+        index: path of the index.
+        bounds: world rectangle west, south, east, north of all tiles.
         origin: world position that the coordinates in all files are relative to.
-        rows, columns: how many of tiles there are.
-        faces, walls: number of the faces of all tiles, and of those that stand upright.
-        chosen: who chose the largest error, in words.
-        statement: what the tiles show, and what they lose.
-        tiles: row by row from the north-west; not in the JSON, but in the index.
+        rows, columns: number of rows and of columns of tiles.
+        faces, walls: number of faces of all tiles, and of faces that stand upright.
+        chosen: reason for the largest error, in words.
+        statement: accuracy and loss of all tiles.
+        tiles: tiles row by row from the north-west; not in the JSON, but in the index.
     """
 
     format_version: int = 1
@@ -239,7 +240,7 @@ class MeshTilesReport(
     tiles: tuple[MeshTile, ...]
 
     def to_json(self) -> dict[str, Any]:
-        """Plain values, ready for JSON."""
+        """Return plain values, ready for JSON, without the tiles."""
         return {key: value for key, value in ExportReport.to_json(self).items() if key != "tiles"}
 
 
@@ -259,26 +260,26 @@ def export_tiles(
     time is in memory. The index is written last, so that where it is, all tiles are whole.
 
     Args:
-        terrain: the terrain.
-        folder: where the tiles go; is made if need be.
-        suffix: of a format of meshes, such as ".obj".
-        options: what is wanted of the mesh; a limit of faces or a solid cannot be.
-        count: how many tiles there are.
-        overwrite: whether tiles and an index may be there already; they are removed.
-        progress: is called with how many tiles are done and how many there are, and the faces so
-            far; may raise to stop.
+        terrain: terrain to write.
+        folder: folder of the tiles; it is made where it is missing.
+        suffix: suffix of a format of meshes, such as ".obj".
+        options: options of the mesh; a limit of faces and a solid are refused.
+        count: number of tiles.
+        overwrite: whether tiles and an index may exist; they are removed.
+        progress: function that is called with the number of tiles that are done, of all tiles, and
+            of faces so far; it may raise to stop.
 
     Raises:
-        RequestError: the options make no sense, there is no ground, no such format, or no place for
-            a seam.
-        WriteError: something is there already, or cannot be written.
+        RequestError: an option makes no sense, or there is no ground, no format of the suffix, or
+            no place for a seam.
+        WriteError: a tile or index exists, or cannot be written.
     """
     options.check(tiles=True)
     folder = Path(folder).absolute()
     if options.bounds is not None:
         check_bounds(options.bounds, terrain)
     form = mesh_format(Path(f"mesh{suffix}"), options.world)
-    _refuse(folder, overwrite)
+    _refuse_folder(folder, overwrite)
     wanted, chosen = options.error_for(terrain)
     layout = lay_out(terrain, wanted, count, options.bounds)
     rows, columns = layout.shape
@@ -292,7 +293,7 @@ def export_tiles(
             written: tuple[Path, ...] = ()
             if len(mesh.faces):
                 rounding = max(rounding, rounding_of(mesh))
-                standing = joined_walls(standing, wall_summary(mesh))
+                standing = join_walls(standing, wall_summary(mesh))
                 path = folder / f"mesh_{row:02}_{column:02}{suffix}"
                 if form.normals and options.normals:
                     mesh = with_normals(built)
@@ -337,33 +338,33 @@ def export_tiles(
     return report
 
 
-def _refuse(folder: Path, overwrite: bool) -> None:
-    """Refuse a folder that cannot be, or that holds tiles already."""
+def _refuse_folder(folder: Path, overwrite: bool) -> None:
+    """Refuse a folder that cannot be made, or that holds tiles unless they may be replaced."""
     if folder.exists() and not folder.is_dir():
         raise WriteError(f"{folder}: is no folder.", "Give the name of one for the tiles.")
     refuse_missing_folder(folder)
-    for path in (folder / INDEX, *_owned(folder)):
+    for path in (folder / INDEX, *_tile_files(folder)):
         refuse_existing(path, overwrite, named=False)
 
 
 def _prepare(folder: Path) -> None:
-    """Make a folder, without an index and tiles of an earlier run."""
+    """Make a folder, or remove the index and tiles of an earlier export from it."""
     with os_errors(folder):
         folder.mkdir(exist_ok=True)
-        (folder / INDEX).unlink(missing_ok=True)  # first: without it, tiles are not whole
-        for path in _owned(folder):
+        (folder / INDEX).unlink(missing_ok=True)  # first: tiles without an index are not whole
+        for path in _tile_files(folder):
             path.unlink()
 
 
-def _owned(folder: Path) -> list[Path]:
-    """Files in a folder that have the names of tiles, and links."""
+def _tile_files(folder: Path) -> list[Path]:
+    """Return the files and links in a folder that have names of tiles, sorted."""
     files = folder.iterdir() if folder.is_dir() else ()
     named = (path for path in files if _TILE.fullmatch(path.stem) and path.suffix in _SUFFIXES)
     return sorted(path for path in named if path.is_file() or path.is_symlink())
 
 
 def _index_of(report: MeshTilesReport) -> str:
-    """The index as JSON, a line for each tile."""
+    """Return the index as JSON, with a line for each tile."""
     head = {
         "version": VERSION,
         "bounds": report.bounds,

@@ -1,4 +1,4 @@
-"""The plane, cut along segments into triangles, and these grouped into regions."""
+"""Triangulation of the plane along segments, and regions of its triangles."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from terratool.mesh.types import (
 )
 
 _ROUNDS = 8
-"""Vertices are welded and edges led through them so often at most."""
+"""Most rounds of welding vertices and leading edges through them."""
 _NEAR = 1.5
-"""Vertices this near to a segment, in points of the lattice, are on it."""
+"""Distance below which a vertex is on a segment, in points of the lattice."""
 _ATTEMPTS = 8
-"""So often crossings are sought, each time in another order, with twice the distance."""
+"""Most attempts to insert edges, each in another order and with crossings twice as wide."""
 _NONE = 0xFFFFFFFF
-"""Stands for no triangle in pythoncdt."""
+"""Index of no triangle in pythoncdt."""
 
 Ints = NDArray[np.int64]
 
@@ -32,19 +32,19 @@ Ints = NDArray[np.int64]
 def regions_of(
     plan: MeshPlan, points: Ints, triangles: NDArray[np.int32], keys: Ints
 ) -> tuple[Regions, NDArray[np.int32]]:
-    """The regions of triangles with keys, each as it is in its first triangle.
+    """Return the regions of triangles by key, each as it is in its first triangle.
 
     Args:
-        plan: the plan.
-        points: (n, 2) on the lattice.
-        triangles: (m, 3).
-        keys: (m,) the same for triangles of one region.
+        plan: plan of the terrain.
+        points: (n, 2) vertices on the lattice.
+        triangles: (m, 3) indices of vertices.
+        keys: (m,) keys, equal for triangles of one region.
 
     Returns:
-        The regions, and (m,) the index of each triangle's.
+        The regions, and (m,) the index of each triangle's region.
     """
     _, chosen, region_of = np.unique(keys, return_index=True, return_inverse=True)
-    found = kernels.describe_regions(plan.kept, points, triangles, chosen)
+    found = kernels.describe_regions(plan.kernel_plan, points, triangles, chosen)
     found["covering"] = found["covering"].view(COVERING_ELEMENT)
     found["voids"], found["affine"] = found["voids"].view(bool), found["affine"].view(bool)
     return Regions(**found), region_of.reshape(-1).astype(np.int32)
@@ -56,17 +56,17 @@ def triangulate(
     keys_of: Callable[[Ints, NDArray[np.int32]], Ints],
     boundary: TileBoundary,
 ) -> tuple[Triangulation, Ints]:
-    """Cut a rectangle along segments.
+    """Triangulate a rectangle along segments.
 
     Args:
         segments: (n, 4) int64 x, y, x, y on the lattice, in the rectangle.
         limits: (4,) west, south, east, north of the rectangle.
-        keys_of: (m,) keys of triangles from points and triangles, the same wherever no edge is
-            needed between two of them.
-        boundary: its seams; they meet segments at their vertices only.
+        keys_of: function of points and triangles that returns keys, (m,), equal wherever no edge is
+            needed between two triangles.
+        boundary: seams of the rectangle, which meet segments at vertices of the seams only.
 
     Returns:
-        The triangles and their keys.
+        The triangulation, and (m,) keys of its triangles.
     """
     west, south, east, north = limits.tolist()
     around = [[west, south, west, north], [west, south, east, south]]
@@ -86,7 +86,7 @@ def triangulate(
 
 
 def _index(segments: Ints) -> tuple[Ints, Ints]:
-    """Vertices of segments, each once, and the segments as (n, 2) indices, each once."""
+    """Return vertices of segments, each once, and segments as indices, (n, 2), each once."""
     ends = segments.reshape(-1, 2)
     # one number sorts faster than two
     packed, index = np.unique((ends[:, 0] << 31) | ends[:, 1], return_inverse=True)
@@ -95,13 +95,14 @@ def _index(segments: Ints) -> tuple[Ints, Ints]:
 
 
 def _unique_edges(edges: Ints, count: int) -> Ints:
+    """Return edges, (n, 2) indices of `count` vertices, each once, those of no length left out."""
     low, high = edges.min(axis=1), edges.max(axis=1)
     packed = np.unique((low * count + high)[low != high])
     return np.column_stack([packed // count, packed % count])
 
 
 def _weld(points: Ints, edges: Ints, limits: Ints, seams: Ints, near: int) -> tuple[Ints, Ints]:
-    """Make vertices that are next to each other on the lattice one."""
+    """Merge vertices that are next to each other on the lattice; return vertices and edges."""
     order = np.lexsort((points[:, 1], points[:, 0]))
     rank = np.empty(len(order), np.int64)
     rank[order] = np.arange(len(order))
@@ -117,19 +118,19 @@ def _weld(points: Ints, edges: Ints, limits: Ints, seams: Ints, near: int) -> tu
 def delaunay(
     points: NDArray[np.float64], edges: Ints, within: bool = False
 ) -> tuple[NDArray[np.float64], NDArray[np.int32], NDArray[np.int32]]:
-    """Constrained Delaunay triangulation of the convex hull; crossings become vertices.
+    """Return the constrained Delaunay triangulation of the convex hull; crossings become vertices.
 
-    If `within`, edges do not cross, and the triangles lie within loops of them: on one side of each
-    edge. Then no vertex is added.
+    If `within`, edges must not cross, and the triangles lie within loops of edges: on one side of
+    each edge. Then no vertex is added.
 
     Returns:
-        The arrays of a Triangulation, but the points are not rounded.
+        The arrays of a Triangulation, the points not rounded to the lattice.
     """
     import pythoncdt
 
     crossing = pythoncdt.IntersectingConstraintEdges
     resolve = crossing.NOT_ALLOWED if within else crossing.TRY_RESOLVE
-    # its stubs know buffers from Python 3.12 on only
+    # the stubs of pythoncdt know buffers from Python 3.12 on only
     vertex_buffer: Any = np.ascontiguousarray(points)
     for attempt in range(_ATTEMPTS):
         near = 0.0 if within else _NEAR * 2**attempt
@@ -157,7 +158,7 @@ def delaunay(
 
 
 def _borders(triangles: NDArray[np.int32], neighbours: NDArray[np.int32], keys: Ints) -> Ints:
-    """Edges between triangles with different keys, and of the hull: (n, 2)."""
+    """Return the edges between triangles with different keys, and of the hull, (n, 2)."""
     beyond = np.where(neighbours < 0, keys[:, None] ^ 1, keys[neighbours])
     border = keys[:, None] != beyond
     border &= (neighbours < 0) | (np.arange(len(triangles))[:, None] < neighbours)
@@ -166,11 +167,11 @@ def _borders(triangles: NDArray[np.int32], neighbours: NDArray[np.int32], keys: 
 
 
 def _bend(edges: Ints, thin: Ints, count: int) -> Ints:
-    """Lead edges through vertices that are next to them: thin triangles have none for a side.
+    """Lead edges through vertices next to them, so that no edge is a side of a thin triangle.
 
     Args:
         edges: (n, 2) indices of vertices.
-        thin: (k, 3) the longest side of each thin triangle, and its other corner.
+        thin: (k, 3) both ends of the longest side of each thin triangle, and its other corner.
         count: number of vertices.
     """
     a, b, c = thin.T

@@ -1,4 +1,4 @@
-"""What a mesh is, and the arrays that it is built from: every dtype and meaning, named once."""
+"""Meshes, and the arrays that they are built from: every dtype and meaning, named once."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from terratool.kernels import field as fields
 from terratool.kernels import mesh as kernels
 
 _LOW = 0.01
-"""Walls are left out that are lower than this part of the error; files of float32 lose them."""
+"""Least height of a wall, in parts of the error; files of float32 lose lower ones."""
 
 
 @dataclass(frozen=True, slots=True)
 class CornerNormals:
-    """Which way the surface faces at the corners of faces.
+    """Normals of the surface at the corners of faces.
 
     Attributes:
         directions: (n, 3) float32 different unit vectors, to three decimals.
-        corners: (m, 3) int32 index of that of each corner of each face.
+        corners: (m, 3) int32 index of the direction at each corner of each face.
     """
 
     directions: NDArray[np.float32]
@@ -36,15 +36,15 @@ class Mesh:
     """Triangles with shared vertices.
 
     Attributes:
-        vertices: (n, 3) float64, relative to `origin`.
-        faces: (m, 3) int32, counter-clockwise seen from outside (from above for ground).
-        surfaces: (m,) int32 index into `names`, -1 for none.
+        vertices: (n, 3) float64 x, y, z, relative to `origin`, units of the terrain.
+        faces: (m, 3) int32 vertices, counter-clockwise from outside (from above for ground).
+        surfaces: (m,) int32 index into `names` of each face's surface, -1 for none.
         walls: (m,) bool, whether a face stands upright.
         origin: (3,) float64 world position of the local zero.
         names: names of the surfaces.
-        colors: (k, 3) uint8 colours of the names.
-        frictions: (k,) float64 coefficients of friction of the names, NaN where it is not known.
-        normals: those of its corners; None leaves them to whoever shows it.
+        colors: (k, 3) uint8 colours (red, green, blue) of the surfaces.
+        frictions: (k,) float64 coefficients of friction of the surfaces, NaN for unknown ones.
+        normals: normals at the corners; None leaves them to whoever shows the mesh.
     """
 
     vertices: NDArray[np.float64]
@@ -59,13 +59,13 @@ class Mesh:
 
 
 class RutLoss(Struct, frozen=True, rename={"wall_offset": "beside"}):
-    """What a mesh loses of the ruts of a terrain. Lengths are in its units.
+    """Loss of the ruts of a terrain by a mesh. Lengths are in units of the terrain.
 
     Attributes:
-        wall_offset: how far from where it should be a side of a rut stands, at most.
+        wall_offset: largest distance of a rut's side from its true place.
         narrow: number of tracks left out because they are too narrow for the mesh.
-        shallow: number of those left out because they make no deeper ruts than was asked …
-        deepest: … and the deepest that one of them makes by itself.
+        shallow: number of tracks left out because their ruts are no deeper than was asked for.
+        deepest: depth of the deepest rut that a shallow track makes by itself.
     """
 
     wall_offset: float = 0.0
@@ -75,15 +75,14 @@ class RutLoss(Struct, frozen=True, rename={"wall_offset": "beside"}):
 
 
 class PlanLoss(NamedTuple):
-    """What a plan leaves out, and how far it moves walls.
+    """Loss of a plan: elements that are left out, and offsets of walls, in units of the terrain.
 
     Attributes:
-        wall_offset: how far inside of its arc the wall of a disc stands, at most, in units of the
-            terrain.
+        wall_offset: largest distance of a disc's wall to the inside of its arc.
         small: number of elements left out because their cells are too small for the lattice.
-        faint: number of elements left out because they change heights by no more than was asked …
-        faintest: … and the most that one of them does.
-        ruts: what is lost of ruts.
+        faint: number of elements left out because they change heights no more than was asked for.
+        faintest: largest change of heights by a faint element.
+        ruts: loss of ruts.
     """
 
     wall_offset: float = 0.0
@@ -98,11 +97,11 @@ class BuiltMesh:
     """A mesh, and how well it shows its terrain.
 
     Attributes:
-        mesh: the mesh.
-        shell: so many of its faces, the first, are ground and walls; of a solid, skirt and base
-            come after them.
-        error: no less than the distance, along z, of the ground from the terrain anywhere.
-        loss: what it leaves out of the terrain.
+        mesh: mesh of the terrain.
+        shell: number of the first faces that are ground and walls; skirt and base of a solid come
+            after them.
+        error: bound of the distance, along z, of the ground from the terrain, in its units.
+        loss: loss of the plan.
     """
 
     mesh: Mesh
@@ -116,12 +115,12 @@ class HeightGrid:
     """Heights at evenly spaced nodes, rows from the north.
 
     Attributes:
-        heights: (n, m) float32.
-        surfaces: (n, m) int32 index into `names`, -1 for none.
-        spacing: from one node to the next along x and along y.
+        heights: (n, m) float32 heights of the nodes, units of the terrain.
+        surfaces: (n, m) int32 index into `names` of each node's surface, -1 for none.
+        spacing: distance of one node from the next along x and along y.
         origin: (3,) float64 world position of the south-west node at height 0.
         names: names of the surfaces.
-        colors: (k, 3) uint8 colours of the names.
+        colors: (k, 3) uint8 colours (red, green, blue) of the surfaces.
     """
 
     heights: NDArray[np.float32]
@@ -134,54 +133,54 @@ class HeightGrid:
 
 FRAME = np.dtype(
     [
-        ("low", np.float64, 2),  # the element's cell begins here, on the lattice …
-        ("high", np.float64, 2),  # … and ends here
+        ("low", np.float64, 2),  # where the element's cell begins, on the lattice
+        ("high", np.float64, 2),  # where the element's cell ends, on the lattice
         ("per", np.float64, 2),  # 1 / (high - low)
-        ("weight", np.float64, 2),  # how much a height changes where a curve changes by 1
-        ("corners", np.uint32),  # of the polygon that stands for a disc
+        ("weight", np.float64, 2),  # change of a height where a curve changes by 1
+        ("corners", np.uint32),  # corners of the polygon that stands for a disc
         ("drawn", np.uint8),  # large enough for the lattice, and in the part that is meshed
-        ("straight_from", np.float64),  # from this t on a disc that ends too steeply is straight
+        ("straight_from", np.float64),  # t from which on a disc that ends too steeply is straight
     ],
     align=True,
 )
-"""Where an element's cell lies, in units of the lattice. Members of two are along x and y."""
+"""Place of an element's cell, in points of the lattice. Members of two are along x and y."""
 
 AXIS = np.dtype(
     [
-        ("line", np.uint32),  # the first of its lines …
-        ("lines", np.uint32),  # … and their number
-        ("group", np.uint32),  # the first of its groups
-        ("constant", np.uint8),  # the same value everywhere
-        ("linear", np.uint8),  # all of its pieces are straight
-        ("inner_slope", np.float64),  # no less than its slope anywhere but close to the end
-        ("slope", np.float64),  # no less than its slope anywhere
-        ("steep", np.uint8),  # its tangent is, or almost, vertical somewhere
-        ("ringed", np.uint8),  # of a disc: rings make a leaner mesh than triangles of equal sides
-        ("smallest_crease", np.float64),  # of those that are no steps
-        ("first_bounds", np.uint32),  # the first of its rows of PIECE_BOUNDS …
-        ("pieces", np.uint32),  # … and how many there are of each level
-        ("turn", np.uint32),  # the first of its turns
+        ("line", np.uint32),  # index of the first line
+        ("lines", np.uint32),  # number of lines
+        ("group", np.uint32),  # index of the first group
+        ("constant", np.uint8),  # one value everywhere
+        ("linear", np.uint8),  # straight pieces only
+        ("inner_slope", np.float64),  # bound of the slope without sign but close to the end
+        ("slope", np.float64),  # bound of the slope without sign
+        ("steep", np.uint8),  # a tangent is vertical somewhere, or almost
+        ("ringed", np.uint8),  # for a disc: rings make a leaner mesh than triangles of equal sides
+        ("smallest_crease", np.float64),  # smallest crease that is no step
+        ("first_bounds", np.uint32),  # index of the first row of PIECE_BOUNDS
+        ("pieces", np.uint32),  # number of rows of PIECE_BOUNDS at each level
+        ("turn", np.uint32),  # index of the first turn
     ],
     align=True,
 )
-"""One curve of a kind: (kinds, 2)."""
+"""One curve of a kind, along x or y: (kinds, 2)."""
 
 LINE = np.dtype([("t", np.float64), ("crease", np.float64), ("group", np.uint32)], align=True)
-"""Where a curve bends or steps: the crease is how far the chord over it misses, in units of the
-curve, infinite for a step; the group is the one that begins at or before it."""
+"""Bend or step of a curve at t: the crease is the distance of the chord over the bend, in units of
+the curve, infinite for a step; the group is the one that begins at or before t."""
 
 PIECE_BOUNDS = np.dtype(
     [("low", np.float64), ("high", np.float64), ("slope", np.float64), ("bend", np.float64)],
     align=True,
 )
 """Bounds of the values of pieces of a curve, and of its first and second derivative without sign.
-Level k of a curve's rows is about 2^k pieces each, beginning with each piece that has them."""
+Rows of level k are about 2^k pieces each, beginning with each piece that is followed by as many."""
 
 GROUP = np.dtype(
     [("low", np.float64), ("high", np.float64), ("first", np.int64), ("last", np.int64)],
     align=True,
 )
-"""A stretch of a curve between two vertical steps: its t and its pieces."""
+"""A stretch of a curve between two vertical steps: first and last t, first and last piece."""
 
 COVERING_ELEMENT = np.dtype([("element", np.uint32), ("group", np.uint32, 2)])
 """An element that covers a region, and the groups of its curves that hold there."""
@@ -193,11 +192,11 @@ class RutOutlines(NamedTuple):
     """The outlines of ruts on the lattice, and an index of the rows that their edges pass.
 
     Attributes:
-        edges: (n, 4) int64 x, y, x, y, closed around what each track holds.
-        owners: (n,) uint32, the track of each.
-        frame: (2,) float64, south of the index, and its rows for each point of the lattice.
-        offsets: (rows + 1,) int64, for each row where its edges begin in `entries`.
-        entries: uint32, indices of edges.
+        edges: (n, 4) int64 x, y, x, y, closed around the ruts of each track.
+        owners: (n,) uint32 index of each edge's track.
+        frame: (2,) float64 south end of the index, and rows for each point of the lattice.
+        offsets: (rows + 1,) int64 index in `entries` where the edges of each row begin.
+        entries: uint32 indices of edges, row by row.
     """
 
     edges: NDArray[np.int64]
@@ -209,28 +208,28 @@ class RutOutlines(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class MeshPlan:
-    """What the kernels need to know of a field to mesh it.
+    """Description of a field for the kernels that mesh it.
 
     Attributes:
-        field: the compiled field …
-        arrays: … and its arrays.
-        frames: (elements,) FRAME.
-        footprints: (elements, 4) float64, on the lattice the rectangles around their footprints:
-            west, south, east, north.
-        polygon_errors: (elements,) float64, the most that the polygon that stands for a disc
-            changes the height inside of it.
-        axes: (kinds, 2) AXIS.
+        field: compiled field.
+        arrays: arrays of the field.
+        frames: (elements,) FRAME of each element.
+        footprints: (elements, 4) float64 west, south, east, north of the footprints, on the
+            lattice.
+        polygon_errors: (elements,) float64 largest change of a disc's heights by the polygon that
+            stands for the disc.
+        axes: (kinds, 2) AXIS of each curve.
         lines: LINE of all curves.
         groups: GROUP of all curves.
         piece_bounds: PIECE_BOUNDS of all curves.
-        turns: (n, 2) float64, for each piece how much its curve's slope jumps up to its begin,
-            and how much it varies within the pieces before.
-        origin: (2,) float64, world position of the lattice's zero.
-        pitch: side of the lattice; a power of two.
-        bounds: (4,) float64 the rectangle that is meshed, on the lattice.
-        error: the largest error of a height, in units of the terrain.
-        rounding: how much two heights may differ by rounding, in units of the terrain.
-        outlines: those of the ruts.
+        turns: (n, 2) float64 sum of the jumps of a curve's slope up to the begin of each piece, and
+            of its variation within the pieces before.
+        origin: (2,) float64 world position of the lattice's zero.
+        pitch: distance between points of the lattice, in units of the terrain; a power of two.
+        bounds: (4,) float64 west, south, east, north of the meshed rectangle, on the lattice.
+        error: largest error of a height, in units of the terrain.
+        rounding: largest difference of two heights by rounding, in units of the terrain.
+        outlines: outlines of the ruts.
     """
 
     field: fields.Field
@@ -252,12 +251,12 @@ class MeshPlan:
 
     @property
     def tolerance(self) -> float:
-        """How much two heights may differ and still be one, in units of the terrain."""
+        """Largest difference of two heights that count as one, in units of the terrain."""
         return max(_LOW * self.error, self.rounding)
 
     @cached_property
-    def kept(self) -> kernels.Plan:
-        """The same, checked and kept, as kernels take it."""
+    def kernel_plan(self) -> kernels.Plan:
+        """The plan as kernels take it, checked once."""
         return kernels.Plan(self)
 
 
@@ -265,9 +264,10 @@ class Triangulation(NamedTuple):
     """Triangles in the plane.
 
     Attributes:
-        points: (n, 2) int64 on the lattice.
-        triangles: (m, 3) int32, counter-clockwise.
-        neighbours: (m, 3) int32, the triangle beyond the edge from corner c to the next; -1: none.
+        points: (n, 2) int64 vertices on the lattice.
+        triangles: (m, 3) int32 indices of vertices, counter-clockwise.
+        neighbours: (m, 3) int32 index of the triangle beyond the edge from each corner to the next,
+            -1 for none.
     """
 
     points: NDArray[np.int64]
@@ -276,14 +276,14 @@ class Triangulation(NamedTuple):
 
 
 class TileBoundary(NamedTuple):
-    """What the sides of a tile have in common with the tiles beyond.
+    """Sides that a tile shares with the tiles beyond.
 
     Attributes:
         sides: (4,) int64 x, y, x, y of the west, south, east and north side; -1 where no tile is
             beyond.
-        edges: (n, 4) int64 x, y, x, y on the lattice, all edges that lie on those sides; each from
+        edges: (n, 4) int64 x, y, x, y on the lattice of all edges on the shared sides, each from
             west to east or south to north.
-        heights: (n, 2) float64 of the ground at their two ends.
+        heights: (n, 2) float64 heights of the ground at the two ends of each edge.
     """
 
     sides: NDArray[np.int64]
@@ -295,13 +295,13 @@ class Regions(NamedTuple):
     """Parts of the plane that the same elements and the same tracks cover.
 
     Attributes:
-        offsets: (n + 1,) int64, where the covering elements of each begin.
-        covering: COVERING_ELEMENT.
-        surfaces: (n,) int32, index of the surface, -1 for none.
-        voids: (n,) bool, whether there is no ground.
-        affine: (n,) bool, whether the heights of all its elements are known to be affine there.
-        polygon_errors: (n,) float64, how much its discs change the height by being polygons.
-        rut_depths: (n,) float64.
+        offsets: (n + 1,) int64 index in `covering` where the elements of each region begin.
+        covering: COVERING_ELEMENT of all regions.
+        surfaces: (n,) int32 index of the surface, -1 for none.
+        voids: (n,) bool, whether a region has no ground.
+        affine: (n,) bool, whether the heights of all elements of a region are known to be affine.
+        polygon_errors: (n,) float64 change of heights by the polygons that stand for discs.
+        rut_depths: (n,) float64 depth of the ruts, in units of the terrain.
     """
 
     offsets: NDArray[np.int64]
@@ -317,10 +317,10 @@ class RegionMesh(NamedTuple):
     """Triangles in the plane, each in a region, with heights.
 
     Attributes:
-        triangulation: m triangles.
-        regions: the regions.
-        region_of: (m,) int32, the region of each triangle.
-        heights: (m, 3) float64, at the corners of each triangle as its own region has them.
+        triangulation: triangulation of m triangles.
+        regions: regions of the triangles.
+        region_of: (m,) int32 index of each triangle's region.
+        heights: (m, 3) float64 heights at the corners of each triangle, within its own region.
     """
 
     triangulation: Triangulation

@@ -25,7 +25,7 @@ from terratool.io.pam import COMPANIONS, xml_bytes
 from terratool.output import (
     refuse_existing,
     refuse_missing_folder,
-    removed_if_abandoned,
+    remove_if_abandoned,
     stop_on_signals,
     whole_file,
 )
@@ -147,7 +147,7 @@ def export_mosaic(
         )
         refuse_full_disk(folder, grid, files, RasterFormat("GTiff"), finished)
         scratch = journal.begin(overwrite)
-        stack.enter_context(removed_if_abandoned(scratch))
+        stack.enter_context(remove_if_abandoned(scratch))
         stack.callback(remove_scratch, scratch)
         tiler = TileMaker(terrain, tiling, scratch)
         statistics, kept = _add_up(make_tiles(tiler, jobs), tiling, jobs, journal, progress)

@@ -1,1 +1,1 @@
-"""What simulators and the training in them take: terrains for them, and terrains made for them."""
+"""Terrains as files for simulators and navigation: models, maps and messages."""

@@ -9,29 +9,29 @@ from terratool.report.wording import counted
 from terratool.simulators.markup import child, comment, numbers, rgba, write_xml
 from terratool.simulators.pieces import write_pieces
 from terratool.simulators.scene import Scene
-from terratool.simulators.targets import Written
+from terratool.simulators.targets import WrittenFiles
 
 _FILE = "terrain.urdf"
 _ROOT = "terrain"
 
 
-def write(scene: Scene, folder: Path) -> Written:
+def write(scene: Scene, folder: Path) -> WrittenFiles:
     """Write a URDF, and an OBJ for each surface, into a folder."""
     robot = ET.Element("robot", name=scene.name)
     if scene.terrain.descr:
         comment(robot, scene.terrain.descr)
-    _massless(child(robot, "link", name=_ROOT))
+    _add_zero_mass(child(robot, "link", name=_ROOT))
     pieces = write_pieces(scene, folder)
     place = numbers(scene.offset)
     for one, file in pieces:
         comment(robot, f"surface {one.name}: friction {one.friction:.4g}, {one.derivation}")
-        # the prefix keeps a surface from being called as the root is
+        # the prefix keeps a surface from having the name of the root
         link = child(robot, "link", name=f"surface_{one.word}")
-        _massless(link)
+        _add_zero_mass(link)
         contact = child(link, "contact")
         child(contact, "lateral_friction", value=f"{one.friction:.6g}")
         for kind in ("visual", "collision"):
-            # PyBullet takes the convex hull of a mesh unless this is there
+            # PyBullet takes the convex hull of a mesh that is not marked as concave
             shape = child(link, kind, **({"concave": "yes"} if kind == "collision" else {}))
             child(shape, "origin", xyz=place, rpy="0 0 0")
             child(child(shape, "geometry"), "mesh", filename=file)
@@ -43,7 +43,7 @@ def write(scene: Scene, folder: Path) -> Written:
         child(joint, "child", link=f"surface_{one.word}")
     write_xml(robot, folder / _FILE)
     faces = len(scene.mesh.faces)
-    return Written(
+    return WrittenFiles(
         summary=f"{counted(len(pieces), 'link')} to collide with, of {counted(faces, 'face')}",
         language="python",
         load=(
@@ -72,8 +72,8 @@ _NOTES = (
 )
 
 
-def _massless(link: ET.Element) -> None:
-    """Without this PyBullet assumes a mass, and says so."""
+def _add_zero_mass(link: ET.Element) -> None:
+    """Give a link no mass; without that PyBullet assumes one, and says so."""
     inertial = child(link, "inertial")
     child(inertial, "mass", value=0)
     child(inertial, "inertia", ixx=0, ixy=0, ixz=0, iyy=0, iyz=0, izz=0)

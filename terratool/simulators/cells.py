@@ -8,24 +8,25 @@ from terratool.raster.grid import Grid, count_pixels, refuse_resolution, resolut
 from terratool.report.wording import counted
 
 DEFAULT_SIDE = 0.05
-"""The side of a cell if none is said, in units of the terrain: what maps of Nav2 mostly have …"""
+"""Default side of a cell, units of the terrain: that of most maps of Nav2."""
 MOST = 4096
-"""… and at most so many cells on the longer side."""
+"""Most cells on the longer side, if no resolution is given."""
 MOST_CELLS = 1 << 28
-"""So many take up to 2 GB."""
+"""Most cells of a map; they take up to 2 GB."""
 _WHOLE = 1e-6
-"""What is larger by no more, in parts of it, is as large."""
+"""Relative excess over a side of the terrain up to which a cell is no larger than the side."""
 
 
 def cell_grid(terrain: Terrain, resolution: float | None, most: int = MOST) -> Grid:
-    """Cells that cover all of a terrain, counted from its south-west corner.
+    """Return a grid of cells that covers all of a terrain, counted from its south-west corner.
 
-    Where their side does not divide that of the terrain, the last ones reach over its edge.
+    Where a cell's side does not divide that of the terrain, the last cells reach over its edge.
 
     Args:
-        terrain: the ground.
-        resolution: side of a cell; if None `DEFAULT_SIDE`, or what makes …
-        most: … so many cells on the longer side.
+        terrain: terrain to cover.
+        resolution: side of a cell, units of the terrain; if None `DEFAULT_SIDE`, or more where that
+            makes too many cells.
+        most: most cells on the longer side, if `resolution` is None.
 
     Raises:
         RequestError: the resolution is no number above 0, is larger than a side of the terrain, or

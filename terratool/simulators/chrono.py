@@ -20,7 +20,7 @@ from terratool.report.documents import json_text
 from terratool.report.wording import counted
 from terratool.simulators.pieces import write_pieces
 from terratool.simulators.scene import Material, Scene
-from terratool.simulators.targets import Written
+from terratool.simulators.targets import WrittenFiles
 
 _FILE = "terrain.json"
 _SOILS = "scm.json"
@@ -35,6 +35,7 @@ _UNITS = {
     "Elastic K": "Pa/m",
     "Damping R": "Pa*s/m",
 }
+"""Unit of each figure of SCM."""
 _SOURCES = {
     "Bekker Kphi": "kphi of the preset, kN/m^(n+2), times 1000",
     "Bekker Kc": "kc of the preset, kN/m^(n+1), times 1000",
@@ -45,10 +46,10 @@ _SOURCES = {
     "Elastic K": "not known; choose it larger than Bekker Kphi",
     "Damping R": "not known; 0 is the SCM of its authors",
 }
-"""Where each figure comes from, and how it is converted."""
+"""Source of each figure of SCM, and its conversion."""
 
 
-def write(scene: Scene, folder: Path) -> Written:
+def write(scene: Scene, folder: Path) -> WrittenFiles:
     """Write a terrain, an OBJ for each surface, and the soils, into a folder."""
     pieces = write_pieces(scene, folder)
     _write_json(
@@ -72,7 +73,7 @@ def write(scene: Scene, folder: Path) -> Written:
         },
     )
     faces = len(scene.mesh.faces)
-    return Written(
+    return WrittenFiles(
         summary=f"a patch for each of {counted(len(pieces), 'surface')}, of"
         f" {counted(faces, 'face')} together",
         language="python",
@@ -98,7 +99,7 @@ def write(scene: Scene, folder: Path) -> Written:
             " on PyPI.",
             "Patches are rigid. SCM takes one soil for all ground unless a program tells it which"
             " counts where (`RegisterSoilParametersCallback`).",
-            *_lacking(soils),
+            *_missing_figures(soils),
         ),
         facts={"patches": [one.name for one, _ in pieces], "faces": faces},
     )
@@ -118,7 +119,7 @@ def _patch(scene: Scene, one: Material, file: str) -> dict[str, Any]:
 
 
 def _soil(surface: Surface | None) -> dict[str, float | None]:
-    """Figures of SCM by name, in SI units; None for what is not known."""
+    """Return the figures of SCM by name, in SI units; None for an unknown figure."""
     found: dict[str, float | None] = dict.fromkeys(_UNITS)
     if surface is None:
         return found
@@ -134,12 +135,12 @@ def _soil(surface: Surface | None) -> dict[str, float | None]:
 
 
 def _si(value: Any, factor: float = 1.0) -> float | None:
-    """A figure times a factor, without the digits that the product adds."""
+    """Return a figure times a factor, rounded to 12 digits; None for UNSET."""
     return None if value is UNSET else float(f"{factor * float(value):.12g}")
 
 
-def _lacking(soils: dict[str, dict[str, float | None]]) -> Iterator[str]:
-    """Which surfaces have no Bekker figures, in a sentence."""
+def _missing_figures(soils: dict[str, dict[str, float | None]]) -> Iterator[str]:
+    """Yield a sentence on the surfaces without Bekker figures, if there are any."""
     without = [name for name, soil in soils.items() if soil["Bekker n"] is None]
     if without:
         yield (

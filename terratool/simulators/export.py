@@ -1,4 +1,4 @@
-"""The one way from a terrain to the files of simulators: written, explained, and listed."""
+"""Export of a terrain to simulators: files, a README and a manifest for each."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from msgspec import UNSET, Struct, UnsetType
 from terratool._version import __version__
 from terratool.errors import ReadError, WriteError
 from terratool.field.terrain import Terrain
-from terratool.mesh.formats.common import ascii_word, lines_of, plain_names
+from terratool.mesh.formats.common import is_ascii_word, lines_of, plain_names
 from terratool.mesh.loss import MeshLoss
 from terratool.output import (
     hold_signals,
@@ -30,7 +30,7 @@ from terratool.report.markup import escaped_markdown, markdown_row
 from terratool.report.numbers import spelled
 from terratool.simulators.options import SceneOptions
 from terratool.simulators.scene import Material, Scene
-from terratool.simulators.targets import Target, Written, chosen, refuse_uninstalled
+from terratool.simulators.targets import Target, WrittenFiles, choose_targets, refuse_uninstalled
 from terratool.text.display import printable
 from terratool.text.files import is_regular, open_file
 from terratool.traversability.judge import Judge
@@ -41,11 +41,11 @@ README = "README.md"
 
 @dataclass(frozen=True, slots=True)
 class SimulatorReport:
-    """What was written for one simulator.
+    """Files that were written for one simulator.
 
     Attributes:
-        folder: it is all in here.
-        manifest: what the manifest says.
+        folder: folder that holds all of the files.
+        manifest: content of the manifest, ready for JSON.
     """
 
     folder: Path
@@ -54,14 +54,14 @@ class SimulatorReport:
 
 @dataclass(frozen=True, slots=True)
 class ExportPlan:
-    """Files for simulators, of which all is checked that can be without the terrain.
+    """Request for files of simulators, checked as far as that needs no terrain.
 
     Attributes:
-        folder: of the folders.
-        targets: the simulators, by name.
-        options: what is wanted.
-        judge: the vehicle that the options name.
-        source: the file of the definition; None where it has none.
+        folder: parent of the simulators' folders.
+        targets: simulators by name.
+        options: options of the files.
+        judge: judge by the vehicle that the options name; None without a vehicle.
+        source: file of the definition; None where it came from no file.
     """
 
     folder: Path
@@ -73,15 +73,15 @@ class ExportPlan:
     def write(
         self, terrain: Terrain, progress: Callable[[str], object] = lambda _: None
     ) -> tuple[SimulatorReport, ...]:
-        """Write a terrain; arguments and errors are those of `export_simulators`."""
+        """Write the files of a terrain; arguments and errors are those of `export_simulators`."""
         source = self.source
         stem = "terrain" if source is None else source.stem
-        [name] = plain_names([stem], _in_name, "terrain")
+        [name] = plain_names([stem], _fits_name, "terrain")
         scene = Scene(terrain.written_out, name, self.options, progress, self.judge)
         for target in self.targets.values():
             target.check(scene)
         reports = []
-        with os_errors(self.folder), stop_on_signals(), _made(self.folder):
+        with os_errors(self.folder), stop_on_signals(), _make_folder(self.folder):
             for key, target in self.targets.items():
                 with part_folder(self.folder) as part:
                     written = target.write(scene, part)
@@ -89,7 +89,7 @@ class ExportPlan:
                     manifest["files"] = _hashes(part)
                     (part / README).write_text(_readme(scene, target, written), "utf-8")
                     (part / MANIFEST).write_text(json_text(manifest) + "\n", "utf-8")
-                    _put(part, self.folder / key)
+                    _put_in_place(part, self.folder / key)
                 reports.append(SimulatorReport(self.folder / key, manifest))
         return tuple(reports)
 
@@ -102,9 +102,9 @@ def plan_export(
     source: str | Path | None = None,
     overwrite: bool = False,
 ) -> ExportPlan:
-    """Check what can be checked before there is a terrain; as of `export_simulators`."""
+    """Check a request before there is a terrain, with arguments of `export_simulators`."""
     options, folder = options or SceneOptions(), Path(folder)
-    wanted = chosen((targets,) if isinstance(targets, str) else tuple(targets))
+    wanted = choose_targets((targets,) if isinstance(targets, str) else tuple(targets))
     options.check()
     judge = None if options.vehicle is None else Judge.of(options.vehicle)
     source = None if source is None else Path(source)
@@ -128,18 +128,18 @@ def export_simulators(
     """Write a terrain for simulators, each into a folder of its own with a README and a manifest.
 
     Args:
-        terrain: the terrain.
-        folder: where the folders go; it is made where it is missing.
-        targets: the name of a simulator, or names of several; "all" is every one.
-        options: what is wanted.
-        source: the definition; its name is that of the terrain in the files.
-        overwrite: whether folders that an earlier run has written are written again.
-        progress: is called with words that say how far it is.
+        terrain: terrain to write.
+        folder: parent of the simulators' folders; it is made where it is missing.
+        targets: name of a simulator, or names of several; "all" is every one.
+        options: options of the files; the defaults if None.
+        source: file of the definition, after which the terrain is named in the files.
+        overwrite: whether folders of an earlier export are written again.
+        progress: function that is called with a phrase at each step.
 
     Raises:
-        RequestError: a target is unknown or not installed, or what was asked for makes no sense.
+        RequestError: a target is unknown or not installed, or an option makes no sense.
         ReadError: the definition's or the vehicle's file cannot be read.
-        DefinitionError: it has errors.
+        DefinitionError: the vehicle's file has errors.
         WriteError: a folder is there already, holds something else, or cannot be written.
     """
     plan = plan_export(folder, targets, options, source=source, overwrite=overwrite)
@@ -147,28 +147,28 @@ def export_simulators(
 
 
 @contextlib.contextmanager
-def _made(folder: Path) -> Iterator[None]:
-    """Have a folder there; it goes again if nothing comes to be in it."""
+def _make_folder(folder: Path) -> Iterator[None]:
+    """Make a folder for the block, and remove it again if it is new and stays empty."""
     was_there = folder.exists()
     folder.mkdir(exist_ok=True)
     try:
         yield
     finally:
         if not was_there:
-            with contextlib.suppress(OSError):  # as it holds something
+            with contextlib.suppress(OSError):  # it may hold something
                 folder.rmdir()
 
 
-def _in_name(letter: str) -> bool:
+def _fits_name(letter: str) -> bool:
     """Whether a character may stand in the name of a terrain."""
-    return ascii_word(letter) or letter == "-"
+    return is_ascii_word(letter) or letter == "-"
 
 
 def _check_folders(folder: Path, targets: tuple[str, ...], overwrite: bool) -> None:
-    """Refuse what can be known to fail before there are files.
+    """Refuse folders that cannot be written, before there are files.
 
     Raises:
-        WriteError: a folder is there already and not to be written again, or holds files of others.
+        WriteError: a folder exists and is not to be written again, or holds files of others.
     """
     refuse_missing_folder(folder)
     if folder.exists() and not folder.is_dir():
@@ -177,7 +177,7 @@ def _check_folders(folder: Path, targets: tuple[str, ...], overwrite: bool) -> N
         place = folder / name
         if not place.exists() and not place.is_symlink():
             continue
-        if place.is_symlink() or not place.is_dir() or not _earlier(place):
+        if place.is_symlink() or not place.is_dir() or not _earlier_files(place):
             raise WriteError(
                 f"{place}: was not written by terratool, as no {MANIFEST} in it says so.",
                 "Choose another folder, or remove it.",
@@ -186,10 +186,10 @@ def _check_folders(folder: Path, targets: tuple[str, ...], overwrite: bool) -> N
             raise WriteError(f"{place}: exists already.", "Choose another folder, or --overwrite.")
 
 
-def _earlier(place: Path) -> dict[str, Any]:
-    """Names of the files that an earlier run has written, and their SHA-256; none where it has not.
+def _earlier_files(place: Path) -> dict[str, Any]:
+    """Return the SHA-256 of an earlier export's files by name; empty where there was none.
 
-    Those of the README and of the manifest itself are not known.
+    The README and the manifest have None, as their hashes are not known.
     """
     if (place / MANIFEST).is_symlink():
         return {}
@@ -203,23 +203,23 @@ def _earlier(place: Path) -> dict[str, Any]:
 
 
 def _is_own(place: Path, name: str) -> bool:
-    """Whether a file lies in a folder; a manifest may have been written by anyone."""
+    """Whether a name, from a manifest that anyone may have written, is of a file in a folder."""
     path = place / name
     return path.is_file() and path.resolve().is_relative_to(place.resolve())
 
 
-def _put(part: Path, place: Path) -> None:
-    """Give what is written its place; what an earlier run had written goes, unless it was changed.
+def _put_in_place(part: Path, place: Path) -> None:
+    """Move new files to their place; files of an earlier export go, unless they were changed.
 
     Raises:
-        WriteError: something of others is in the way, or a link out of the folder.
+        WriteError: a file of others, or a link out of the folder, is in the way.
     """
     if not place.exists():
         part.replace(place)
-        part.mkdir()  # as it is removed
+        part.mkdir()  # whoever made it removes it
         return
     new = sorted(_files(part), key=lambda name: name == MANIFEST)
-    old = _earlier(place)
+    old = _earlier_files(place)
     for name in new:
         for path in (place / name, *(place / name).parents):
             if path == place:
@@ -240,7 +240,7 @@ def _put(part: Path, place: Path) -> None:
 
 
 def _files(folder: Path) -> list[str]:
-    """Names of all files in a folder, in order, with forward slashes."""
+    """Return the names of all files in a folder, sorted, with forward slashes."""
     return sorted(
         (Path(where) / name).relative_to(folder).as_posix()
         for where, _, names in os.walk(folder)
@@ -249,7 +249,7 @@ def _files(folder: Path) -> list[str]:
 
 
 def _hashes(folder: Path) -> dict[str, str]:
-    """SHA-256 of all files in a folder by name; they are on the disk afterwards."""
+    """Return the SHA-256 of all files in a folder by name, and sync them to the disk."""
     found = {}
     for name in _files(folder):
         with open(folder / name, "rb+") as file:
@@ -292,7 +292,7 @@ class Manifest(Document, frozen=True, kw_only=True):
     mesh: MeshLoss | UnsetType = UNSET
 
 
-def _manifest(scene: Scene, key: str, written: Written, source: Path | None) -> dict[str, Any]:
+def _manifest(scene: Scene, key: str, written: WrittenFiles, source: Path | None) -> dict[str, Any]:
     """The keys of all manifests, then those that a simulator has for itself."""
     west, south, east, north = scene.terrain.bounds
     x, y, _ = scene.zero
@@ -308,7 +308,7 @@ def _manifest(scene: Scene, key: str, written: Written, source: Path | None) -> 
             one.name: ManifestSurface(
                 one.word, one.friction, one.derivation, one.color, one.reflectivity
             )
-            for one in scene.used(written.meshed)
+            for one in scene.used_materials(written.meshed)
         },
         losses=tuple(_losses(scene, written)),
         mesh=scene.loss if written.meshed else UNSET,
@@ -317,10 +317,10 @@ def _manifest(scene: Scene, key: str, written: Written, source: Path | None) -> 
 
 
 def _refuse_missing(path: Path) -> None:
-    """Refuse a definition that is not there.
+    """Refuse a definition that cannot be found.
 
     Raises:
-        ReadError: it is not.
+        ReadError: the file cannot be found.
     """
     try:
         path.stat()
@@ -344,8 +344,8 @@ def _sha256(path: str | Path) -> str:
         raise ReadError.of(path, error) from error
 
 
-def _losses(scene: Scene, written: Written) -> Iterator[str]:
-    """What files lose, in sentences."""
+def _losses(scene: Scene, written: WrittenFiles) -> Iterator[str]:
+    """Yield sentences on what the files lose."""
     if written.meshed:
         walls, lost = scene.loss.sentences()
         yield walls
@@ -359,8 +359,8 @@ def _losses(scene: Scene, written: Written) -> Iterator[str]:
         yield f"Friction {scene.options.friction:g} is assumed, as there is no fricAngle: {names}."
 
 
-def _readme(scene: Scene, target: Target, written: Written) -> str:
-    """How to load the files, what they are, and what they lose."""
+def _readme(scene: Scene, target: Target, written: WrittenFiles) -> str:
+    """Return the README: loading, content, frictions and losses of the files."""
     lines = [f"# {scene.name} in {target.title}", ""]
     for text in filter(None, (scene.terrain.descr, f"Here: {written.summary}.")):
         lines += [text, ""]
@@ -378,6 +378,6 @@ def _readme(scene: Scene, target: Target, written: Written) -> str:
     return "\n".join([*lines_of("\n".join(lines)), ""])
 
 
-def _frictions(scene: Scene, written: Written) -> Sequence[Material]:
-    """The surfaces whose friction is in the files."""
-    return scene.used(written.meshed) if written.frictions is None else written.frictions
+def _frictions(scene: Scene, written: WrittenFiles) -> Sequence[Material]:
+    """Return the materials whose friction is in the files."""
+    return scene.used_materials(written.meshed) if written.frictions is None else written.frictions

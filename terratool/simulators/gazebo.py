@@ -11,15 +11,16 @@ from terratool.simulators.heightmap import HeightMap, write_heightmap
 from terratool.simulators.markup import child, comment, numbers, one_line, rgba, write_xml
 from terratool.simulators.pieces import write_pieces
 from terratool.simulators.scene import Material, Scene
-from terratool.simulators.targets import Written
+from terratool.simulators.targets import WrittenFiles
 
 _VERSION = "1.7"
-"""Of SDFormat: what Ignition Citadel and all after it read."""
+"""Version of SDFormat, which Ignition Citadel and all later ones read."""
 _PICTURE = "heights.png"
 _STEP = 0.001
+"""Time step of the world's physics, s."""
 
 
-def write(scene: Scene, folder: Path) -> Written:
+def write(scene: Scene, folder: Path) -> WrittenFiles:
     """Write a model, a world, and an OBJ for each surface or a picture of heights."""
     model = ET.Element("model", name=scene.name)
     if scene.terrain.descr:
@@ -27,9 +28,9 @@ def write(scene: Scene, folder: Path) -> Written:
     child(model, "static", "true")
     link = child(model, "link", name="terrain")
     if scene.options.heightmap:
-        written = _heightmap(scene, link, folder)
+        written = _add_heightmap(scene, link, folder)
     else:
-        written = _meshes(scene, link, folder)
+        written = _add_meshes(scene, link, folder)
     root = ET.Element("sdf", version=_VERSION)
     root.append(model)
     write_xml(root, folder / "model.sdf")
@@ -56,8 +57,8 @@ _UNREAD = (
 )
 
 
-def _meshes(scene: Scene, link: ET.Element, folder: Path) -> Written:
-    """A collision and a visual for each surface, of one file with normals."""
+def _add_meshes(scene: Scene, link: ET.Element, folder: Path) -> WrittenFiles:
+    """Add a collision and a visual for each surface, both of one file with normals."""
     pieces = write_pieces(scene, folder)
     for one, file in pieces:
         comment(link, f"surface {one.name}: friction {one.friction:.4g}, {one.derivation}")
@@ -65,9 +66,9 @@ def _meshes(scene: Scene, link: ET.Element, folder: Path) -> Written:
             shape = child(link, kind, name=f"{one.word}_{kind}")
             child(shape, "pose", f"{numbers(scene.offset)} 0 0 0")
             child(child(child(shape, "geometry"), "mesh"), "uri", file)
-            _look(shape, one) if kind == "visual" else _touch(shape, one)
+            _add_color(shape, one) if kind == "visual" else _add_contact(shape, one)
     faces = len(scene.mesh.faces)
-    return Written(
+    return WrittenFiles(
         summary=f"a mesh for each of {counted(len(pieces), 'surface')} is seen and collides, of"
         f" {counted(faces, 'face')} together",
         language="sh",
@@ -83,7 +84,7 @@ def _meshes(scene: Scene, link: ET.Element, folder: Path) -> Written:
     )
 
 
-def _look(shape: ET.Element, one: Material) -> None:
+def _add_color(shape: ET.Element, one: Material) -> None:
     material = child(shape, "material")
     color = rgba(one.color)
     child(material, "ambient", color)
@@ -91,7 +92,7 @@ def _look(shape: ET.Element, one: Material) -> None:
     child(material, "specular", "0 0 0 1")
 
 
-def _touch(shape: ET.Element, one: Material) -> None:
+def _add_contact(shape: ET.Element, one: Material) -> None:
     if one.reflectivity is not None:
         child(shape, "laser_retro", f"{one.reflectivity:.6g}")
     friction, value = child(child(shape, "surface"), "friction"), f"{one.friction:.6g}"
@@ -105,8 +106,8 @@ def _touch(shape: ET.Element, one: Material) -> None:
     child(torsional, "coefficient", value)
 
 
-def _heightmap(scene: Scene, link: ET.Element, folder: Path) -> Written:
-    """A picture of heights that is seen and collides."""
+def _add_heightmap(scene: Scene, link: ET.Element, folder: Path) -> WrittenFiles:
+    """Add a picture of heights that is seen and collides."""
     found = write_heightmap(scene.terrain, folder / _PICTURE)
     west, south, east, north = scene.terrain.bounds
     size = east - west, north - south, found.range
@@ -115,7 +116,7 @@ def _heightmap(scene: Scene, link: ET.Element, folder: Path) -> Written:
     one = scene.material(found.surface)
     for kind in ("collision", "visual"):
         shape = child(link, kind, name=f"heights_{kind}")
-        # physics of Gazebo Sim reads the pose alone, its pictures <pos> alone
+        # physics of Gazebo Sim reads <pose> alone, its rendering <pos> alone
         collides = kind == "collision"
         if collides:
             child(shape, "pose", f"{numbers(middle)} 0 0 0")
@@ -123,8 +124,8 @@ def _heightmap(scene: Scene, link: ET.Element, folder: Path) -> Written:
         child(heightmap, "uri", _PICTURE)
         child(heightmap, "size", numbers(size))
         child(heightmap, "pos", numbers((0.0, 0.0, 0.0) if collides else middle))
-        _touch(shape, one) if collides else _look(shape, one)
-    return Written(
+        _add_contact(shape, one) if collides else _add_color(shape, one)
+    return WrittenFiles(
         summary=f"a picture of {found.side} × {found.side} heights",
         language="sh",
         load=_LOAD,
@@ -165,7 +166,7 @@ def _picture_losses(
         lines.append(
             f"The void, {per_cent(found.void, 2)} of the area, is ground at {metres(found.low)}."
         )
-    if len(scene.used(False)) > 1:
+    if len(scene.used_materials(False)) > 1:
         lines.append(
             f"All of it has the friction and colour of {one.name}, which covers most of it."
         )
@@ -188,7 +189,7 @@ def _config(scene: Scene) -> ET.Element:
 
 
 def _world(scene: Scene, model: ET.Element) -> ET.Element:
-    """A world with the model in it, so that no path has to be set for it."""
+    """Return a world that holds the model, so that no path has to be set to open it."""
     root = ET.Element("sdf", version=_VERSION)
     world = child(root, "world", name=scene.name)
     physics = child(world, "physics", name="steps", type="ode")

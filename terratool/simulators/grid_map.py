@@ -19,14 +19,14 @@ from terratool.report.numbers import metres
 from terratool.report.wording import counted
 from terratool.simulators.cells import cell_grid
 from terratool.simulators.scene import Scene
-from terratool.simulators.targets import Written
+from terratool.simulators.targets import WrittenFiles
 from terratool.traversability.results import GroundClass
 
 MOST = 1024
-"""The longer side has at most so many cells, if no resolution is given."""
+"""Most cells on the longer side, if no resolution is given."""
 BAG = "grid_map"
 GO, CAUTION, NO_GO = 1.0, 0.5, 0.0
-"""Values of the layer "traversability"."""
+"""Values of the layer "traversability" for ground that is go, caution and no-go."""
 
 _NAMES = (
     "elevation", "normal_x", "normal_y", "normal_z", "slope", "friction", "surface", "color",
@@ -49,15 +49,15 @@ _PLAY = (
 )
 
 
-def write(scene: Scene, folder: Path) -> Written:
-    """Write a folder grid_map, which is the bag.
+def write(scene: Scene, folder: Path) -> WrittenFiles:
+    """Write the bag as a folder grid_map into a folder.
 
     Raises:
-        RequestError: as of `check`.
+        RequestError: `check` refuses the cells.
     """
-    grid = _cells(scene)
+    grid = _layer_grid(scene)
     scene.say("sampling cells")
-    layers, loss = _sampled(scene, grid)
+    layers, loss = _sample_layers(scene, grid)
     by, more, lacking = dict[str, Any](), "", ""
     verdict = scene.verdict
     if verdict is not None:
@@ -71,7 +71,7 @@ def write(scene: Scene, folder: Path) -> Written:
     middle = 0.5 * (west + east) - x, 0.5 * (south + north) - y
     scene.say("writing the bag")
     write_grid_maps(folder / BAG, [GridMap(grid, middle, layers)])
-    return Written(
+    return WrittenFiles(
         summary=f"{grid.width} × {grid.height} cells of {metres(grid.resolution)}, "
         f"{counted(len(layers), 'layer')}",
         load=(f"ros2 bag play --loop --delay 1 {BAG}", f"ros2 topic info --verbose {TOPIC}"),
@@ -101,13 +101,13 @@ def write(scene: Scene, folder: Path) -> Written:
 
 
 def check(scene: Scene) -> None:
-    """Refuse cells that no message can have.
+    """Refuse cells that no message can hold.
 
     Raises:
-        RequestError: there are too many, they are too large, or they do not go with the vehicle.
+        RequestError: the cells are too many or too large, or do not go with the vehicle.
     """
     scene.cells()
-    grid, layers = _cells(scene), len(_NAMES) + (scene.judge is not None)
+    grid, layers = _layer_grid(scene), len(_NAMES) + (scene.judge is not None)
     size = 4 * layers * grid.width * grid.height
     if size > MOST_BYTES:
         raise RequestError(
@@ -116,27 +116,33 @@ def check(scene: Scene) -> None:
         )
 
 
-def _cells(scene: Scene) -> Grid:
-    """Those of the layers: fewer than those that the vehicle judges."""
+def _layer_grid(scene: Scene) -> Grid:
+    """Return the grid of the layers, by default of fewer cells than the vehicle judges."""
     return cell_grid(scene.terrain, scene.options.resolution, MOST)
 
 
-class _Part(NamedTuple):
-    """What a window has: bands (layers, height, width) float32, and what they lose."""
+class _LayerWindow(NamedTuple):
+    """Layers of a window.
+
+    Attributes:
+        window: window of the grid.
+        bands: (layers, height, width) float32 values at the middles of cells.
+        lost: counts of what the cells lose.
+    """
 
     window: Window
     bands: NDArray[np.float32]
     lost: LossCounts
 
 
-def _sampled(scene: Scene, grid: Grid) -> tuple[Layers, RasterLoss]:
-    """Layers of what is at the middles of cells, (height, width) from the north; what they lose."""
+def _sample_layers(scene: Scene, grid: Grid) -> tuple[Layers, RasterLoss]:
+    """Return layers at cell middles by name, (height, width) from the north; and their loss."""
     terrain, zero = scene.terrain, scene.zero[2]
     finder = LossFinder(terrain, grid)
     painter = Painter(terrain, grid, np.float64, slopes=True, labels=finder.for_walls)
-    frictions, colors = _tables(scene)
+    frictions, colors = _surface_tables(scene)
 
-    def made(window: Window) -> _Part:
+    def sample(window: Window) -> _LayerWindow:
         whole = finder.with_neighbours(window)
         planes = painter.paint(whole)
         lost = finder.of(window, planes)
@@ -153,11 +159,11 @@ def _sampled(scene: Scene, grid: Grid) -> tuple[Layers, RasterLoss]:
         bands[6] = planes.surfaces.astype(np.float32) - 1.0
         bands[7] = colors[planes.surfaces]
         bands[:, np.isnan(planes.heights)] = np.nan
-        return _Part(window, bands, lost)
+        return _LayerWindow(window, bands, lost)
 
     out = np.empty((len(_NAMES), grid.height, grid.width), np.float32)
     lost = LossCounts()
-    for window, bands, more in prefetch(made, grid.windows(TILE, TILE), processors()):
+    for window, bands, more in prefetch(sample, grid.windows(TILE, TILE), processors()):
         rows = slice(window.row, window.row + window.height)
         out[:, rows, window.column : window.column + window.width] = bands
         lost += more
@@ -165,8 +171,8 @@ def _sampled(scene: Scene, grid: Grid) -> tuple[Layers, RasterLoss]:
     return dict(zip(_NAMES, out, strict=True)), finder.statement(lost, nodata)
 
 
-def _tables(scene: Scene) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Frictions and colours, in the bits of floats, by the index of a surface and one."""
+def _surface_tables(scene: Scene) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Return tables by surface index + 1: friction, and 0xRRGGBB in the bits of a float32."""
     materials = [scene.material(surface) for surface in range(-1, len(scene.terrain.surfaces))]
     frictions = np.array([one.friction for one in materials], np.float32)
     colors = [red << 16 | green << 8 | blue for red, green, blue in (m.color for m in materials)]
@@ -174,6 +180,7 @@ def _tables(scene: Scene) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
 
 
 def _traversability(classes: NDArray[np.uint8]) -> NDArray[np.float32]:
+    """Return the layer "traversability" of ground classes; NaN for unknown ground."""
     values = np.full(len(GroundClass), NO_GO, np.float32)
     values[GroundClass.GO], values[GroundClass.CAUTION] = GO, CAUTION
     values[GroundClass.UNKNOWN] = np.nan

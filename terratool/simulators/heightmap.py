@@ -15,26 +15,27 @@ from terratool.io.png import png
 from terratool.report.numbers import metres
 
 _SIDES = 129, 257, 513, 1025
-"""Heights a side: one more than a power of 2, as Gazebo wants it."""
+"""Possible heights a side, one more than a power of 2, as Gazebo wants it; the fewest are taken."""
 _FINE = 0.1
-"""The fewest are taken that lie no farther apart, in units of the terrain."""
+"""Widest spacing of heights, units of the terrain, where a side allows it."""
 _POINTS = 20_000
-"""At so many random points the picture is held against the terrain."""
+"""Random points at which the picture is compared with the terrain."""
 _SEED = 8
+"""Seed of the random points."""
 
 
 class HeightMap(NamedTuple):
-    """A picture of heights, and what it loses.
+    """A picture of heights, and its loss. Lengths are in units of the terrain.
 
     Attributes:
         side: pixels a side.
         low: height of black.
-        range: how much higher white is, above 0.
-        surface: index of that which covers most of the ground; -1 for none.
-        points: at so many random points with ground it was held against the terrain:
-        rms: root of the mean square difference,
-        worst: the largest one.
-        void: share of the area without ground.
+        range: height of white above black, above 0.
+        surface: index of the surface that covers most of the ground; -1 for none.
+        points: number of random points with ground, where the picture was compared.
+        rms: root mean square difference from the terrain at `points`.
+        worst: largest difference from the terrain at `points`.
+        void: share of the area without ground, 0 to 1.
     """
 
     side: int
@@ -48,10 +49,10 @@ class HeightMap(NamedTuple):
 
 
 def write_heightmap(terrain: Terrain, path: Path) -> HeightMap:
-    """Write heights as a square PNG of 8 bits: black is the lowest, 255 the highest one.
+    """Write heights as a square PNG of 8 bits: black is the lowest height, white the highest.
 
     Pixels are heights at points that are spaced evenly from border to border, the first row in the
-    north. What has no ground is black.
+    north. Points without ground are black.
 
     Raises:
         RequestError: there is no ground.
@@ -76,7 +77,7 @@ def write_heightmap(terrain: Terrain, path: Path) -> HeightMap:
     extent = high - low if high > low else 1.0
     pixels = np.rint(np.where(np.isnan(heights), 0.0, (heights - low) / extent) * 255)
     path.write_bytes(png(pixels.astype(np.uint8)[:, :, None]))
-    points, rms, worst = _compared(terrain, low + pixels / 255 * extent)
+    points, rms, worst = _compare(terrain, low + pixels / 255 * extent)
     return HeightMap(
         side=side,
         low=low,
@@ -89,10 +90,11 @@ def write_heightmap(terrain: Terrain, path: Path) -> HeightMap:
     )
 
 
-def _compared(terrain: Terrain, heights: NDArray[np.float64]) -> tuple[int, float, float]:
-    """At how many random points with ground (side, side) heights, from the north, are compared.
+def _compare(terrain: Terrain, heights: NDArray[np.float64]) -> tuple[int, float, float]:
+    """Compare heights, (side, side) from the north, with a terrain at random points.
 
-    And the root mean square of what they differ by, and the largest.
+    Returns:
+        The number of points with ground, the root mean square difference, and the largest one.
     """
     west, south, east, north = terrain.bounds
     side = len(heights)

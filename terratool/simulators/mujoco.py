@@ -16,32 +16,32 @@ from terratool.report.numbers import metres
 from terratool.report.wording import counted
 from terratool.simulators.collision.build import Collision, collision_of
 from terratool.simulators.collision.height_patch import HeightPatch
-from terratool.simulators.collision.solids import Solid, rectangle
+from terratool.simulators.collision.solids import Solid, plan_rectangle
 from terratool.simulators.markup import child, comment, numbers, rgba, write_xml
 from terratool.simulators.options import SceneOptions
 from terratool.simulators.pieces import file_names
 from terratool.simulators.scene import Material, Scene
-from terratool.simulators.targets import Written
+from terratool.simulators.targets import WrittenFiles
 
 _FILE = "terrain.xml"
 _BELOW = 1.0
-"""Solids reach so far below the lowest ground, in units of the terrain …"""
+"""Least depth of the base of solids below the lowest ground, units of the terrain."""
 _PART = 0.1
-"""… and no less than this part of the relief."""
+"""Least depth of the base of solids below the lowest ground, in parts of the relief."""
 _SINK = 8.0
-"""What a height field leaves out lies so many reliefs below: so its sides are steep."""
+"""Depth of a height field's unused nodes, in reliefs, so that its sides are steep."""
 _FINE = 500_000
-"""Where the mesh to be seen has fewer faces, solids are cut from a finer one …"""
+"""Least faces of the seen mesh that solids are cut from; below, a finer mesh is built."""
 _MESH_SHARE = 0.5
-"""… within this part of the error."""
+"""Share of the solids' error that a mesh may have which is built for cutting."""
 _MANY = 1_500_000
-"""Where it has more, they are cut from a coarser one …"""
+"""Most faces of the seen mesh that solids are cut from; above, a coarser mesh is built."""
 _COARSEST = 0.02
-"""… but not for an error of more than this part of the relief."""
+"""Largest error that solids get from a coarser mesh, in parts of the relief."""
 _SEAM = 10.0
-"""How far a solid may reach into another surface of the same height, in errors."""
+"""Largest reach of a solid into another surface of the same height, in errors."""
 _ROLLING = "0.005 0.0001"
-"""Torsional and rolling friction: MuJoCo's own."""
+"""Torsional and rolling friction: MuJoCo's defaults."""
 
 _ATTACHED = (
     "Into a model of yours: put its file into this folder and write"
@@ -67,20 +67,20 @@ _FLEXES = (
 )
 
 
-def write(scene: Scene, folder: Path) -> Written:
+def write(scene: Scene, folder: Path) -> WrittenFiles:
     """Write an MJCF, meshes to be seen, and height fields to collide with, into a folder."""
     root = ET.Element("mujoco", model=scene.name)
     if scene.terrain.descr:
         comment(root, scene.terrain.descr)
     asset = child(root, "asset")
     body = child(child(root, "worldbody"), "body", name="terrain", pos=numbers(scene.offset))
-    _add_picture(scene, folder, asset, body)
+    _add_visuals(scene, folder, asset, body)
     if scene.options.flex:
         summary, losses, facts = _add_flexes(scene, body)
     else:
-        summary, losses, facts = _Solids(scene, folder, asset, body).add()
+        summary, losses, facts = _CollisionGeoms(scene, folder, asset, body).add()
     write_xml(root, folder / _FILE)
-    return Written(
+    return WrittenFiles(
         summary=summary,
         language="python",
         load=(
@@ -94,8 +94,8 @@ def write(scene: Scene, folder: Path) -> Written:
     )
 
 
-def _add_picture(scene: Scene, folder: Path, asset: ET.Element, body: ET.Element) -> None:
-    """Add a material and a mesh for each surface, which nothing collides with."""
+def _add_visuals(scene: Scene, folder: Path, asset: ET.Element, body: ET.Element) -> None:
+    """Add a material and a mesh for each surface, to be seen; nothing collides with them."""
     points = points_of(scene.mesh)
     materials = [scene.material(part.surface) for part in scene.parts]
     files = file_names(materials, "msh")
@@ -103,7 +103,7 @@ def _add_picture(scene: Scene, folder: Path, asset: ET.Element, body: ET.Element
         name = f"terrain_{one.word}"
         _write_msh(folder / file, *shape_of(points, part))
         child(asset, "material", name=name, rgba=rgba(one.color), specular=0, shininess=0)
-        # it is open, so only its faces can have a mass
+        # the mesh is open, so only its faces can have a mass
         child(asset, "mesh", name=name, file=file, inertia="shell")
         child(
             body, "geom", name=name, type="mesh", mesh=name, material=name, group=2,
@@ -112,9 +112,9 @@ def _add_picture(scene: Scene, folder: Path, asset: ET.Element, body: ET.Element
 
 
 def _write_msh(path: Path, vertices: NDArray[np.float32], faces: NDArray[np.int32]) -> None:
-    """MuJoCo's own binary mesh: numbers of vertices, normals, texture points, faces; then these.
+    """Write MuJoCo's binary mesh: counts of vertices, normals, texture points, faces; then these.
 
-    It wants four vertices at least.
+    MuJoCo wants four vertices at least, so the first ones are repeated.
     """
     vertices = np.concatenate([vertices, vertices[: max(0, 4 - len(vertices))]])
     with open(path, "wb") as file:
@@ -124,7 +124,7 @@ def _write_msh(path: Path, vertices: NDArray[np.float32], faces: NDArray[np.int3
 
 
 def _contact(one: Material) -> dict[str, object]:
-    """What says how a surface collides: it is not seen, and its friction comes first."""
+    """Return attributes of a geom that collides, is not seen, and whose friction counts first."""
     return {
         "rgba": f"{rgba(one.color)[:-1]}0",
         "group": 3,
@@ -133,17 +133,17 @@ def _contact(one: Material) -> dict[str, object]:
     }
 
 
-class _Solids:
-    """Boxes, convex meshes and height fields, as they are added to an MJCF."""
+class _CollisionGeoms:
+    """Geoms that collide: boxes, convex meshes and height fields, as they are added to an MJCF."""
 
     def __init__(self, scene: Scene, folder: Path, asset: ET.Element, body: ET.Element) -> None:
         self._scene, self._folder, self._asset, self._body = scene, folder, asset, body
         self._counts = {"box": 0, "mesh": 0, "hfield": 0}
 
     def add(self) -> tuple[str, str, dict[str, object]]:
-        """Add what collides; says what it is, what is lost, and figures."""
+        """Add all geoms that collide; return a summary, a sentence on losses, and figures."""
         options, scene = self._scene.options, self._scene
-        built, error = self._to_cut()
+        built, error = self._mesh_to_cut()
         seam = _SEAM * options.max_error
         found = collision_of(scene.terrain, built, error, seam, options.max_geoms, scene.say)
         levels = built.mesh.vertices[:, 2]
@@ -153,7 +153,7 @@ class _Solids:
         for solid in found.solids:
             self._add_solid(solid)
         for patch in found.patches:
-            for surface in patch.worn:
+            for surface in patch.used_surfaces:
                 self._add_patch(patch, surface)
         counts = self._counts
         summary = (
@@ -162,7 +162,7 @@ class _Solids:
             f"{counted(counts['hfield'], 'height field')}"
         )
         solids = found.height + built.error
-        losses = _lost(found, solids, options, error, sum(counts.values()))
+        losses = _loss_sentence(found, solids, options, error, sum(counts.values()))
         return summary, losses, {
             **counts,
             "max_geoms": options.max_geoms,
@@ -172,39 +172,40 @@ class _Solids:
             "height_fields_error": found.worst,
         }  # fmt: skip
 
-    def _to_cut(self) -> tuple[BuiltMesh, float]:
-        """The mesh that solids are cut from, and how far they may be from the terrain."""
-        built, error = self._scene.built, self._scene.options.max_error
+    def _mesh_to_cut(self) -> tuple[BuiltMesh, float]:
+        """Return the mesh that solids are cut from, and the largest error of the solids."""
+        built, error = self._scene.built_mesh, self._scene.options.max_error
         faces = len(built.mesh.faces)
         if faces < _FINE:
             return self._scene.mesh_within(_MESH_SHARE * error), error
-        if faces > _MANY:  # so few geoms cannot stand for it within that error anyway
+        if faces > _MANY:  # few geoms cannot stand for so many faces within the error
             coarsest = _COARSEST * float(np.ptp(built.mesh.vertices[:, 2]))
             error = min(error * faces / _FINE, max(error, coarsest))
             return self._scene.mesh_within(_MESH_SHARE * error), error
         return built, error
 
-    def _named(self, kind: str) -> str:
+    def _next_name(self, kind: str) -> str:
+        """Count a geom of a kind, and return its name."""
         self._counts[kind] += 1
         return f"collision_{kind}_{self._counts[kind] - 1}"
 
     def _add_solid(self, solid: Solid) -> None:
         contact = _contact(self._scene.material(solid.surface))
-        box = rectangle(solid)
+        box = plan_rectangle(solid)
         if box is not None:
             half = 0.5 * (box.top - self._base)
             turn = (math.cos(0.5 * box.turn), 0.0, 0.0, math.sin(0.5 * box.turn))
             child(
-                self._body, "geom", name=self._named("box"), type="box",
+                self._body, "geom", name=self._next_name("box"), type="box",
                 size=numbers((*box.half, half)), pos=numbers((*box.middle, box.top - half)),
                 **({"quat": numbers(turn)} if box.turn else {}), **contact,
             )  # fmt: skip
             return
-        name = self._named("mesh")
+        name = self._next_name("mesh")
         ring = np.concatenate([solid.top, solid.top[:1]])[:, :2]
         ring = shapely.get_coordinates(shapely.convex_hull(shapely.linestrings(ring)))[:-1]
         below = np.column_stack([ring, np.full(len(ring), self._base)])
-        middle = solid.top.mean(axis=0)  # vertices are near it, as MuJoCo keeps them in float32
+        middle = solid.top.mean(axis=0)  # vertices are near zero, as MuJoCo keeps them in float32
         corners = np.concatenate([solid.top, below]) - middle
         child(self._asset, "mesh", name=name, vertex=numbers(corners.ravel()))
         child(self._body, "geom", name=name, type="mesh", mesh=name, pos=numbers(middle), **contact)
@@ -212,13 +213,13 @@ class _Solids:
     def _add_patch(self, patch: HeightPatch, surface: int) -> None:
         used = patch.used & (patch.surfaces == surface)
         rows, columns = np.flatnonzero(used.any(axis=1)), np.flatnonzero(used.any(axis=0))
-        patch = patch.cropped(rows[0], rows[-1] + 1, columns[0], columns[-1] + 1)
+        patch = patch.crop(rows[0], rows[-1] + 1, columns[0], columns[-1] + 1)
         used = np.pad(patch.used & (patch.surfaces == surface), 1)
         nodes = used[:-1, :-1] | used[:-1, 1:] | used[1:, :-1] | used[1:, 1:]
         heights = np.where(nodes, patch.heights, self._sunk)
         west, south, east, north = patch.bounds
         low, high = float(heights.min()), float(heights.max())
-        name = self._named("hfield")
+        name = self._next_name("hfield")
         with open(self._folder / f"{name}.bin", "wb") as file:
             file.write(np.array(heights.shape, "<i4").tobytes())
             file.write((heights - low).astype("<f4").tobytes())
@@ -232,10 +233,18 @@ class _Solids:
         )  # fmt: skip
 
 
-def _lost(
+def _loss_sentence(
     found: Collision, solids: float, options: SceneOptions, allowed: float, geoms: int
 ) -> str:
-    """How far what collides is from the terrain, in words; solids were allowed some error first."""
+    """Return a sentence on the distance of colliding geoms from the terrain.
+
+    Args:
+        found: solids and height fields.
+        solids: largest distance of solids from the terrain.
+        options: options of the files.
+        allowed: error that solids were allowed before there were too many.
+        geoms: number of geoms.
+    """
     wanted, most = options.max_error, options.max_geoms
     parts = []
     if found.solids:
@@ -248,15 +257,15 @@ def _lost(
         parts.append(f"height fields up to {metres(found.worst)}, along z, as measured")
         if found.worst > wanted:
             parts[-1] += f", on {found.share_over(wanted):.2g} % of them by more than was asked"
-        if found.ragged:
-            parts.append(f"lines between surfaces on them up to {metres(found.ragged)}, a cell")
+        if found.raggedness:
+            parts.append(f"lines between surfaces on them up to {metres(found.raggedness)}, a cell")
     if geoms > most:
         parts.append(f"{counted(most, 'geom')} would be too far off, so there are {geoms:,}")
     return f"What collides: {'; '.join(parts)}."
 
 
 def _add_flexes(scene: Scene, body: ET.Element) -> tuple[str, str, dict[str, object]]:
-    """Add the mesh itself as rigid flexes, one for each surface; answers as `_Solids.add`."""
+    """Add the mesh as rigid flexes, one for each surface; return as `_CollisionGeoms.add`."""
     points = points_of(scene.mesh)
     for part in scene.parts:
         one = scene.material(part.surface)

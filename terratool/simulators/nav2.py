@@ -1,7 +1,7 @@
-"""A map for Nav2: a picture of cells that are free, occupied or unknown, and what it stands for.
+"""A map for Nav2: a picture of cells that are free, occupied or unknown, and its metadata.
 
 The conventions are those of nav2_map_server (github.com/ros-navigation/navigation2,
-`nav2_map_server/src/map_io.cpp`: `loadMapFromFile`), the same as of map_server in ROS 1
+`nav2_map_server/src/map_io.cpp`: `loadMapFromFile`), which are those of map_server in ROS 1
 (wiki.ros.org/map_server): the first row of pixels is the north; `origin` is where the lower left
 pixel has its lower left corner; a pixel of brightness b is occupied to p = (255 − b)/255. Above
 `occupied_thresh` that is occupied, below `free_thresh` free, and between them unknown. 205 is
@@ -18,13 +18,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terratool.report.numbers import metres, never_quite
-from terratool.simulators.obstacles import FREE, OCCUPIED, UNKNOWN, Limits, occupancy
+from terratool.simulators.obstacles import FREE, OCCUPIED, UNKNOWN, DrivingLimits, occupancy
 from terratool.simulators.scene import Scene
-from terratool.simulators.targets import Written
+from terratool.simulators.targets import WrittenFiles
 from terratool.traversability.results import GroundClass
 
 BRIGHTNESS = {FREE: 254, OCCUPIED: 0, UNKNOWN: 205}
-"""Of pixels, as map_saver writes them."""
+"""Brightness of pixels by occupancy, as map_saver writes them."""
 
 _NAMES = {FREE: "free", OCCUPIED: "occupied", UNKNOWN: "unknown"}
 
@@ -53,23 +53,23 @@ def check(scene: Scene) -> None:
     """Refuse cells that no map can have.
 
     Raises:
-        RequestError: there are too many, they are too large, or they do not go with the vehicle.
+        RequestError: the cells are too many or too large, or do not go with the vehicle.
     """
     scene.cells()
 
 
-def write(scene: Scene, folder: Path) -> Written:
+def write(scene: Scene, folder: Path) -> WrittenFiles:
     """Write map.yaml and map.pgm.
 
     Raises:
-        RequestError: as of `check`.
+        RequestError: `check` refuses the cells.
     """
     options, terrain = scene.options, scene.terrain
     grid, verdict = scene.cells(), scene.verdict
     side = metres(grid.resolution)
     if verdict is None:
         scene.say("looking for slopes and walls")
-        cells = occupancy(terrain, grid, Limits.of(options.max_slope, options.max_step))
+        cells = occupancy(terrain, grid, DrivingLimits.of(options.max_slope, options.max_step))
         by: dict[str, Any] = {"max_slope": options.max_slope, "max_step": options.max_step}
         limits = f"slopes of {options.max_slope:g}° and steps of {metres(options.max_step)}"
         notes = _LIMITS_NOTE.format(
@@ -88,7 +88,7 @@ def write(scene: Scene, folder: Path) -> Written:
     (folder / "map.yaml").write_text(_yaml(grid.resolution, origin), "utf-8", newline="\n")
     shares = {name: float((cells == value).mean()) for value, name in _NAMES.items()}
     said = ", ".join(f"{never_quite(share)} {name}" for name, share in shares.items())
-    return Written(
+    return WrittenFiles(
         summary=f"{grid.width} × {grid.height} cells of {side} for {limits}: {said}",
         load=(
             "ros2 run nav2_map_server map_server --ros-args -p yaml_filename:=map.yaml",
@@ -129,7 +129,7 @@ def _limits_losses(resolution: float) -> tuple[str, ...]:
 
 
 def _write_pgm(path: Path, cells: NDArray[np.int8]) -> None:
-    """A picture of cells, (height, width) from the north."""
+    """Write a picture of cells, (height, width) from the north."""
     height, width = cells.shape
     pixels = np.full(cells.shape, BRIGHTNESS[UNKNOWN], np.uint8)
     for value, brightness in BRIGHTNESS.items():

@@ -22,43 +22,50 @@ from terratool.raster.painter import Painter
 from terratool.raster.prefetch import prefetch, processors
 
 FREE, OCCUPIED, UNKNOWN = 0, 100, -1
-"""What a cell is, as `nav_msgs/OccupancyGrid` has it."""
+"""Values of cells, those of `nav_msgs/OccupancyGrid`."""
 
 _WINDOW = 256
-"""Cells of a window, along each side."""
+"""Side of a window, in cells."""
 _BESIDE = 1e-6
-"""Lines between cells are looked at so far to the east and north of them, in cells."""
+"""Distance of nodes to the north-east of the lines between cells, in sides of a cell."""
 _ACROSS = 1e-4
-"""A wall is looked for again so far on both sides of its place, in cells."""
+"""Distance from a wall (in cells) or crest (in steps of nodes) at which heights are compared."""
 _LEAST = 1e-6
-"""What is lower, in cells, is no step, even where none is allowed."""
+"""Least height of a step, in sides of a cell, even where none is allowed."""
 _ROUNDING = 1e-6
-"""A slope beyond the limit by no more, in parts of it, is at the limit."""
+"""Relative rounding up to which a slope beyond the limit is at the limit."""
 _WALLS = 4
-"""So many walls between two places count."""
+"""Most walls that count between two nodes."""
 
 Points = NDArray[np.float64]
 
 
-class Limits(NamedTuple):
-    """What a robot can do.
+class DrivingLimits(NamedTuple):
+    """Slopes and steps that a robot can drive.
 
     Attributes:
         slope: tangent of the steepest slope.
-        step: highest wall, in units of the terrain.
+        step: height of the highest step, units of the terrain.
     """
 
     slope: float
     step: float
 
     @classmethod
-    def of(cls, max_slope: float, max_step: float) -> Limits:
-        """From degrees and units of the terrain."""
+    def of(cls, max_slope: float, max_step: float) -> DrivingLimits:
+        """Return the limits for a slope in degrees and a step in units of the terrain."""
         return cls(math.tan(math.radians(max_slope)) * (1.0 + _ROUNDING), max_step)
 
 
-class _Found(NamedTuple):
-    """What is known of a window: its cells, (height, width) bool each, and (n, 2) x, y of walls."""
+class _WindowObstacles(NamedTuple):
+    """Obstacles in a window of cells.
+
+    Attributes:
+        window: window of the grid.
+        steep: (height, width) bool, whether a cell has a slope that is too steep.
+        unknown: (height, width) bool, whether void or the outside reaches into a cell.
+        walls: (n, 2) float64 x, y of walls that are too high, perhaps in cells beside the window.
+    """
 
     window: Window
     steep: NDArray[np.bool_]
@@ -66,12 +73,12 @@ class _Found(NamedTuple):
     walls: Points
 
 
-def occupancy(terrain: Terrain, grid: Grid, limits: Limits) -> NDArray[np.int8]:
-    """What each cell is: `FREE`, `OCCUPIED` or `UNKNOWN`; (height, width), rows from the north.
+def occupancy(terrain: Terrain, grid: Grid, limits: DrivingLimits) -> NDArray[np.int8]:
+    """Return `FREE`, `OCCUPIED` or `UNKNOWN` for each cell, (height, width), from the north.
 
-    Occupied is a cell with a slope that is too steep or a wall that is too high, be it narrower
-    than the cell. A wall on the line between two cells is that of the upper one. Unknown is what is
-    left of cells that void or the outside reach into.
+    A cell is occupied if it has a slope that is too steep or a wall that is too high, be it
+    narrower than the cell. A wall on the line between two cells is that of the upper one. Other
+    cells are unknown if void or the outside reaches into them.
     """
     finder = ObstacleFinder(terrain, grid, limits)
     out = np.empty((grid.height, grid.width), np.int8)
@@ -82,7 +89,7 @@ def occupancy(terrain: Terrain, grid: Grid, limits: Limits) -> NDArray[np.int8]:
         cells[found.steep] = OCCUPIED
         out[row : row + found.window.height, column : column + found.window.width] = cells
         walls.append(found.walls)
-    for places in walls:  # they may stand in the cells of other windows
+    for places in walls:  # a wall may stand in a cell of another window
         columns, rows = np.floor((places - (grid.west, grid.south)) / grid.resolution).T
         rows = grid.height - 1 - np.clip(rows, 0, grid.height - 1).astype(np.int64)
         out[rows, np.clip(columns, 0, grid.width - 1).astype(np.int64)] = OCCUPIED
@@ -90,14 +97,14 @@ def occupancy(terrain: Terrain, grid: Grid, limits: Limits) -> NDArray[np.int8]:
 
 
 class ObstacleFinder:
-    """Looks at windows of cells; may be used by several threads at a time.
+    """Finder of obstacles in windows of cells; several threads may use one at a time.
 
     Each cell has four nodes: its south-west corner, the middles of its south and west side, and its
-    own middle, all a hair to the north-east of there. The nodes of the cells to the east and north
-    end its lines.
+    own middle, all a hair to the north-east of there. Lines run from them to the next nodes to the
+    east and north.
     """
 
-    def __init__(self, terrain: Terrain, grid: Grid, limits: Limits) -> None:
+    def __init__(self, terrain: Terrain, grid: Grid, limits: DrivingLimits) -> None:
         terrain = terrain.written_out
         self._terrain, self._grid, self._limits = terrain, grid, limits
         self._least = max(0.5 * limits.step, _LEAST * grid.resolution)
@@ -115,8 +122,8 @@ class ObstacleFinder:
         self._lines = crest_lines(terrain.arrays)
         self._weights = curve_weights(terrain.arrays)
 
-    def find(self, window: Window) -> _Found:
-        """Look at the cells of a window."""
+    def find(self, window: Window) -> _WindowObstacles:
+        """Return the obstacles in the cells of a window."""
         nodes = Window(
             2 * window.row, 2 * window.column, 2 * window.height + 1, 2 * window.width + 1
         )
@@ -136,16 +143,16 @@ class ObstacleFinder:
             steep[begin] |= high & (labels[end] == labels[begin])
         walls = np.concatenate([self._walls(heights, labels, x, y), self._crests(heights, x, y)])
         steep = steep[1:, :-1].reshape(window.height, 2, window.width, 2).any(axis=(1, 3))
-        return _Found(window, steep, self._holes(window, np.isnan(heights)), walls)
+        return _WindowObstacles(window, steep, self._holes(window, np.isnan(heights)), walls)
 
     def _holes(self, window: Window, hole: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Which cells have void, or the outside, at a corner, the middle of a side or their own."""
+        """Whether cells have void or outside at corners or middles, (height, width) bool."""
         near = np.zeros((window.height, window.width), np.bool_)
         for row in range(3):
             for column in range(3):
                 near |= hole[row : row + 2 * window.height : 2, column:][:, : 2 * window.width : 2]
         rows, columns = np.nonzero(near)
-        # a hair within the cell: the nodes there may be those of its neighbours
+        # a hair within the cell, as nodes on its border may be those of neighbours
         within = (0.5 * self._grid.resolution - self._hair) * np.array([-1.0, 0.0, 1.0])
         x = self._grid.columns(window)[columns, None, None] + within[:, None]
         y = self._grid.rows(window)[rows, None, None] + within
@@ -155,9 +162,9 @@ class ObstacleFinder:
     def _walls(
         self, heights: NDArray[np.float64], labels: NDArray[np.uint32], x: Points, y: Points
     ) -> Points:
-        """Places in the cells that walls between nodes stand in, or go into; (n, 2)."""
+        """Return x, y in the cells that walls between nodes stand in or go into, (n, 2)."""
         pairs, rises = kernels.find_candidates(labels, heights, len(y), len(x))
-        # where it rises less, slopes are too steep, or walls up and down, whose crests are seen
+        # where ground rises less, slopes are too steep, or walls lead up and down, with crests
         pairs = pairs[rises > self._limits.step - self._limits.slope * self._nodes.resolution]
         places, jumps = np.empty((len(pairs), _WALLS)), np.zeros((len(pairs), _WALLS))
         if len(pairs):
@@ -172,18 +179,18 @@ class ObstacleFinder:
         # of two cells the upper one has the wall
         place = places[index, which] + np.sign(jumps[index, which]) * self._hair
         at = np.where(along == 1.0, place[:, None], np.column_stack([x[columns], y[rows]]))
-        # a line between two cells is that of the one to the north or east: into the other one …
+        # a line between two cells is that of the one to the north or east
         between = np.where(down[:, 0], columns, len(y) - 1 - rows) % 2 == 0
         along, beside = along[between], at[between]
         beside = beside - (1.0 - along) * 2.0 * self._hair
-        # … the wall may go on
+        # the wall may go on into the other cell
         across = along * _ACROSS * self._grid.resolution
         rise = self._terrain.height(*(beside + across).T)
         rise -= self._terrain.height(*(beside - across).T)
         return np.concatenate([at, beside[np.abs(rise) > self._limits.step]])
 
     def _crests(self, heights: NDArray[np.float64], x: Points, y: Points) -> Points:
-        """Places that stand out between nodes, with a wall or a slope beside them; (n, 2)."""
+        """Return x, y of crests between nodes with too high a wall or too steep a slope, (n, 2)."""
         side = self._nodes.resolution
         row, column, _, east, north = kernels.find_crests(
             self._terrain.field, self._lines, self._weights, x, y, side, self._least,

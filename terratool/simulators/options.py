@@ -1,4 +1,4 @@
-"""What is wanted of the files of a simulator, and what is taken where nothing is said."""
+"""Options of the files for simulators, and their defaults."""
 
 from __future__ import annotations
 
@@ -10,34 +10,35 @@ from typing import Literal
 from terratool.errors import RequestError
 
 DEFAULT_ERROR = 0.002
-"""The largest error if none is said, in units of the terrain: bodies that roll notice more."""
+"""Default of the largest error, units of the terrain: bodies that roll notice more."""
 ASSUMED_FRICTION = 0.7
-"""The friction of what has no friction angle: of tyres on dry, firm ground, about."""
+"""Friction of surfaces without a friction angle: about that of tyres on dry, firm ground."""
 
 MAX_GEOMS = 2000
-"""MuJoCo's steps take longer with more."""
+"""Default of the most geoms: MuJoCo's steps take longer with more."""
 MAX_SLOPE, MAX_STEP = 20.0, 0.1
-"""What can be driven if no vehicle is named: degrees, and units of the terrain."""
+"""Default limits of slope (degrees) and step (units of the terrain), if no vehicle is named."""
 
 Origin = Literal["local", "center", "world"] | tuple[float, float, float]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SceneOptions:
-    """What is wanted of the files of a simulator. Lengths are in units of the terrain.
+    """Options of the files for simulators. Lengths are in units of the terrain.
 
     Attributes:
-        max_error: how far the ground may be from the terrain, along z.
-        origin: where zero is: the south-west corner, the middle, the zero of the world, or a point
-            of the world.
-        friction: the coefficient of surfaces without a friction angle.
-        max_geoms: MuJoCo: at most so many solids and height fields collide.
-        flex: MuJoCo: the exact mesh collides as one rigid flex, in place of them.
-        heightmap: Gazebo: a picture of heights in place of the mesh.
-        vehicle: Nav2 and grid_map: the file of the vehicle whose verdict decides.
-        max_slope: Nav2: degrees that can be driven, without a vehicle …
-        max_step: … and the step.
-        resolution: Nav2 and grid_map: the side of a cell.
+        max_error: largest distance of the ground from the terrain, along z, above 0.
+        origin: zero of the files: the south-west corner, the middle, the zero of the world, or a
+            point of the world.
+        friction: coefficient of friction of surfaces without a friction angle, from 0 on.
+        max_geoms: MuJoCo: most solids and height fields that collide, from 1 on.
+        flex: MuJoCo: whether the exact mesh collides as rigid flexes, in place of solids and height
+            fields.
+        heightmap: Gazebo: whether a picture of heights replaces the mesh.
+        vehicle: Nav2 and grid_map: file of the vehicle whose verdict decides; None for no vehicle.
+        max_slope: Nav2: steepest slope that can be driven without a vehicle, above 0 and below 90°.
+        max_step: Nav2: highest step that can be driven without a vehicle, from 0 on.
+        resolution: Nav2 and grid_map: side of a cell; chosen by the size of the terrain if None.
     """
 
     max_error: float = DEFAULT_ERROR
@@ -55,7 +56,7 @@ class SceneOptions:
         """Refuse numbers that make no sense for any terrain.
 
         Raises:
-            RequestError: which one it is.
+            RequestError: a number is outside its range.
         """
         from terratool.raster.grid import refuse_resolution
 

@@ -1,4 +1,4 @@
-"""The mesh of a scene as files: one for each surface."""
+"""The mesh of a scene as files, one for each surface."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from terratool.mesh.formats.common import (
     SurfacePart,
-    ascii_word,
+    is_ascii_word,
     plain_names,
     points_of,
     shape_of,
@@ -23,10 +23,10 @@ from terratool.simulators.scene import Material, Scene
 def write_pieces(scene: Scene, folder: Path) -> list[tuple[Material, str]]:
     """Write an OBJ with normals for each surface, with vertices of its own.
 
-    Coordinates are those of the mesh: `scene.offset` brings them to where they belong.
+    Coordinates are those of the mesh; `scene.offset` moves them to their place in the files.
 
     Returns:
-        the material of each surface, and the name of its file.
+        Material and file name of each surface.
     """
     materials = [scene.material(part.surface) for part in scene.parts]
     files = file_names(materials, "obj")
@@ -36,13 +36,13 @@ def write_pieces(scene: Scene, folder: Path) -> list[tuple[Material, str]]:
 
 
 def file_names(materials: Iterable[Material], ending: str) -> list[str]:
-    """A file for each material; some systems take Sand.obj and sand.obj for one."""
-    names = plain_names([one.word.lower() for one in materials], ascii_word, "surface")
+    """Return a file name for each material, in lower case, as some systems ignore the case."""
+    names = plain_names([one.word.lower() for one in materials], is_ascii_word, "surface")
     return [f"{name}.{ending}" for name in names]
 
 
 def _piece(mesh: Mesh, part: SurfacePart, one: Material) -> Mesh:
-    """The faces of one surface as a mesh."""
+    """Return the faces of one surface as a mesh."""
     vertices, faces = shape_of(points_of(mesh), part)
     normals = None
     if mesh.normals and part.normals is not None:

@@ -1,4 +1,4 @@
-"""A terrain as simulators see it: its mesh, where zero is, and what its surfaces are like."""
+"""A terrain as simulators see it: its mesh, its zero, and the materials of its surfaces."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from terratool.mesh.formats.common import (
     NO_COLOR,
     NO_NAME,
     SurfacePart,
-    ascii_word,
+    is_ascii_word,
     plain_names,
     surface_parts,
 )
@@ -34,15 +34,15 @@ from terratool.traversability.judge import Judge, Verdict
 
 
 class Material(NamedTuple):
-    """What a simulator is told of a surface.
+    """Figures of a surface for simulators.
 
     Attributes:
-        name: as in the definition; `NO_NAME` for ground without a surface.
-        word: the name in letters, digits and `_` of ASCII, different from those of others.
-        color: red, green, blue.
-        friction: the coefficient.
-        derivation: where it comes from, in words.
-        reflectivity: of sonar, 0 to 1; None where it is not known.
+        name: name in the definition; `NO_NAME` for ground without a surface.
+        word: name in letters, digits and `_` of ASCII, different from those of other materials.
+        color: red, green, blue, 0 to 255.
+        friction: coefficient of friction.
+        derivation: source of the friction, in words.
+        reflectivity: reflectivity for sonar, 0 to 1; None where it is not known.
     """
 
     name: str
@@ -55,14 +55,14 @@ class Material(NamedTuple):
 
 @dataclass(frozen=True)
 class Scene:
-    """A terrain, and what is wanted of it.
+    """A terrain to be written for simulators, with its mesh, materials and cells.
 
     Attributes:
-        terrain: the terrain, with all parts written out.
-        name: what it is called, in letters, digits, `_`, `-` of ASCII.
-        options: what is wanted.
-        say: is called with words that say how far it is.
-        judge: the vehicle that is named there, if one is.
+        terrain: terrain with all parts written out.
+        name: name of the terrain in the files, in letters, digits, `_`, `-` of ASCII.
+        options: options of the files.
+        say: function that is called with a phrase at each step.
+        judge: judge by the vehicle that the options name; None without a vehicle.
     """
 
     terrain: Terrain
@@ -72,8 +72,8 @@ class Scene:
     judge: Judge | None = None
 
     @cached_property
-    def built(self) -> BuiltMesh:
-        """The mesh within the error that was asked for; coordinates are relative to its origin.
+    def built_mesh(self) -> BuiltMesh:
+        """Mesh within the error of the options; coordinates are relative to its origin.
 
         Raises:
             RequestError: there is no ground.
@@ -81,7 +81,7 @@ class Scene:
         return self.mesh_within(self.options.max_error)
 
     def mesh_within(self, error: float) -> BuiltMesh:
-        """The mesh within an error.
+        """Return the mesh within an error, units of the terrain.
 
         Raises:
             RequestError: there is no ground.
@@ -95,27 +95,27 @@ class Scene:
 
     @cached_property
     def mesh(self) -> Mesh:
-        """The mesh within the error that was asked for, with normals."""
-        return with_normals(self.built)
+        """Mesh within the error of the options, with normals."""
+        return with_normals(self.built_mesh)
 
     @cached_property
     def loss(self) -> MeshLoss:
-        """What that mesh shows, and what it loses."""
+        """Loss of the mesh within the error of the options."""
         error = self.options.max_error
         return loss_of(
-            self.terrain, BudgetedMesh(self.built, error, 0.0), MeshOptions(error), error
+            self.terrain, BudgetedMesh(self.built_mesh, error, 0.0), MeshOptions(error), error
         )
 
     @cached_property
     def parts(self) -> list[SurfacePart]:
-        """The faces of the mesh by surface, those of no surface last."""
+        """Faces of the mesh by surface, those of no surface last."""
         return surface_parts(self.mesh)
 
     def cells(self) -> Grid:
-        """Cells for a map for navigation; the vehicle, if there is one, can judge them.
+        """Return the cells of a map for navigation, which the vehicle, if there is one, can judge.
 
         Raises:
-            RequestError: they are as `cell_grid` refuses them, or too coarse or too fine for the
+            RequestError: `cell_grid` refuses the cells, or they are too coarse or too fine for the
                 vehicle.
         """
         grid = cell_grid(self.terrain, self.options.resolution)
@@ -125,10 +125,10 @@ class Scene:
 
     @cached_property
     def verdict(self) -> Verdict | None:
-        """What the vehicle makes of `cells`; None without a vehicle.
+        """Verdict of the vehicle on `cells`; None without a vehicle.
 
         Raises:
-            RequestError: as of `cells`.
+            RequestError: `cells` refuses the cells.
         """
         if self.judge is None:
             return None
@@ -136,7 +136,7 @@ class Scene:
 
     @property
     def zero(self) -> tuple[float, float, float]:
-        """World position of the zero of the files."""
+        """World position x, y, z of the zero of the files."""
         west, south, east, north = self.terrain.bounds
         match self.options.origin:
             case "local":
@@ -150,19 +150,20 @@ class Scene:
 
     @property
     def offset(self) -> tuple[float, float, float]:
-        """Where the zero of the mesh, the south-west corner at height 0, lies in the files."""
+        """Position in the files of the zero of the mesh, the south-west corner at height 0."""
         west, south, _, _ = self.terrain.bounds
         x, y, z = self.zero
         return west - x, south - y, -z
 
     @cached_property
     def materials(self) -> tuple[Material, ...]:
-        """Those of all surfaces by their index, void or not; last is that of ground without one."""
+        """Materials of all surfaces, void or not, by index; the last is for ground without one."""
         return tuple(self._materials())
 
     def _materials(self) -> Iterator[Material]:
+        """Yield the materials in the order of `materials`."""
         types, assumed = self.terrain.surface_types, self.options.friction
-        words = plain_names([*types, NO_NAME], ascii_word, "surface")
+        words = plain_names([*types, NO_NAME], is_ascii_word, "surface")
         for (name, surface), word in zip(types.items(), words, strict=False):
             friction = friction_of(surface)
             known = math.isfinite(friction)
@@ -180,11 +181,11 @@ class Scene:
         )
 
     def material(self, surface: int) -> Material:
-        """That of a surface by its index; of -1 that of ground without one."""
+        """Return the material of a surface by its index; -1 is ground without a surface."""
         return self.materials[surface]
 
-    def used(self, meshed: bool = True) -> list[Material]:
-        """Those of the faces of the mesh; or, without a mesh, of all elements and tracks.
+    def used_materials(self, meshed: bool = True) -> list[Material]:
+        """Return the materials of the mesh's faces or, if not `meshed`, of elements and tracks.
 
         Ground without a surface is last, if there is any.
         """
@@ -193,18 +194,18 @@ class Scene:
         terrain, counts = self.terrain, self.terrain.count_by_surface()
         worn = {index for index, count in enumerate(counts.values()) if count}
         worn.update(terrain.arrays.tracks.surface.tolist())
-        worn.discard(-1)  # of tracks that leave the ground its own
+        worn.discard(-1)  # tracks that leave the ground its own surface
         is_void = [surface.void is True for surface in terrain.surface_types.values()]
         found = [self.material(index) for index in sorted(worn) if not is_void[index]]
         west, south, east, north = terrain.bounds
-        # a round or turned root leaves the corners, where there is no surface either
+        # a round or turned root leaves out the corners, where there is no surface either
         corners = terrain.sample([west, east, west, east], [south, south, north, north]).surface
         bare = sum(counts.values()) < terrain.elements or -1 in corners
         return found + [self.material(-1)] * bare
 
 
 def _derivation(surface: Any) -> str:
-    """Where the friction of a surface comes from."""
+    """Return the source of the friction of a surface, in words."""
     own = surface.fric_angle
     if isinstance(own, tuple):
         ends = f"fricAngle {own[0]:g}° to {own[1]:g}°"

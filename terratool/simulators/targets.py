@@ -1,4 +1,4 @@
-"""Simulators that files can be written for, by name."""
+"""The simulators that files can be written for, by name."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True)
-class Written:
-    """What a writer says of its files.
+class WrittenFiles:
+    """Account of the files that a writer has written.
 
     Attributes:
-        summary: what they are, in a few words.
-        load: lines of a program or shell that load them.
-        language: of these lines.
-        notes: what else one has to know, each a paragraph.
-        losses: what the files cannot hold, or hold only roughly, each a sentence.
+        summary: the files in a few words.
+        load: lines of a program or shell that load the files.
+        language: language of `load`, as Markdown names it.
+        notes: further paragraphs for whoever uses the files.
+        losses: sentences on what the files cannot hold, or hold only roughly.
         facts: figures for programs, ready for JSON.
-        meshed: whether they hold the mesh of the scene.
-        frictions: the surfaces whose friction they hold; None for all that the scene uses.
+        meshed: whether the files hold the mesh of the scene.
+        frictions: materials whose friction the files hold; None for all that the scene uses.
     """
 
     summary: str
@@ -46,14 +46,14 @@ class Written:
 
 @dataclass(frozen=True, slots=True)
 class Target:
-    """A simulator.
+    """A simulator that files can be written for.
 
     Attributes:
-        title: what it is called.
-        writer: the module in `terratool.simulators` whose `write` puts files into a folder; its
+        title: name of the simulator for people.
+        writer: module in `terratool.simulators` whose `write` puts files into a folder; its
             `check`, if it has one, refuses in a moment what cannot be written.
-        needs: what has to be installed, as it is imported, as it is called, and the extra of
-            terratool that has it; empty for nothing.
+        needs: module that has to be installed, its package, and the extra of terratool that has
+            it; empty for nothing.
     """
 
     title: str
@@ -61,16 +61,16 @@ class Target:
     needs: tuple[str, str, str] | tuple[()] = ()
 
     @property
-    def write(self) -> Callable[[Scene, Path], Written]:
-        """Writes the files of a scene into a folder that is there."""
-        writer: Callable[[Scene, Path], Written] = self._module.write
+    def write(self) -> Callable[[Scene, Path], WrittenFiles]:
+        """Function that writes the files of a scene into an existing folder."""
+        writer: Callable[[Scene, Path], WrittenFiles] = self._module.write
         return writer
 
     def check(self, scene: Scene) -> None:
-        """Refuse in a moment what cannot be written of a scene.
+        """Refuse a scene that cannot be written, before any long work.
 
         Raises:
-            RequestError: why it cannot.
+            RequestError: the scene cannot be written.
         """
         if hasattr(self._module, "check"):
             self._module.check(scene)
@@ -91,11 +91,11 @@ TARGETS = {
 }
 
 
-def chosen(names: tuple[str, ...]) -> dict[str, Target]:
-    """Targets by name, in the order of the table; "all" is all of them.
+def choose_targets(names: tuple[str, ...]) -> dict[str, Target]:
+    """Return targets by name, in the order of the table; "all" is all of them.
 
     Raises:
-        RequestError: there is no such target, or none is named.
+        RequestError: a name is of no target, or no target is named.
     """
     if not names:
         raise RequestError(
@@ -103,12 +103,12 @@ def chosen(names: tuple[str, ...]) -> dict[str, Target]:
         )
     for name in names:
         if name not in TARGETS and name != "all":
-            raise RequestError(f"There is no target {shown(name)}.", _meant(name))
+            raise RequestError(f"There is no target {shown(name)}.", _hint_on(name))
     return {name: one for name, one in TARGETS.items() if name in names or "all" in names}
 
 
-def _meant(name: str) -> str:
-    """What to do about the name of a target that there is not."""
+def _hint_on(name: str) -> str:
+    """Return a hint on a name that is of no target."""
     from difflib import get_close_matches
 
     known = [*TARGETS, "all"]
@@ -122,10 +122,10 @@ def _meant(name: str) -> str:
 
 
 def refuse_uninstalled(targets: Mapping[str, Target]) -> None:
-    """Refuse targets that cannot be written here.
+    """Refuse targets that need a package which is not installed.
 
     Raises:
-        RequestError: what some of them need is not installed.
+        RequestError: a package is not installed.
     """
     missing = {
         name: one.needs[1:]
@@ -143,5 +143,5 @@ def refuse_uninstalled(targets: Mapping[str, Target]) -> None:
 
 
 def _as_options(names: Sequence[str]) -> str:
-    """Targets as a command is told them."""
+    """Return targets as options of a command."""
     return " ".join(f"--target {name}" for name in names)

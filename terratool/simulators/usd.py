@@ -11,12 +11,12 @@ from terratool.mesh.formats.usd import write_usd
 from terratool.mesh.types import Mesh
 from terratool.report.wording import counted
 from terratool.simulators.scene import Scene
-from terratool.simulators.targets import Written
+from terratool.simulators.targets import WrittenFiles
 
 _FILE = "terrain.usdc"
 
 
-def write(scene: Scene, folder: Path) -> Written:
+def write(scene: Scene, folder: Path) -> WrittenFiles:
     """Write a USD layer into a folder.
 
     Raises:
@@ -25,7 +25,7 @@ def write(scene: Scene, folder: Path) -> Written:
     mesh = _with_materials(scene)
     write_usd(mesh, folder / _FILE, scene.terrain.descr, scene.offset)
     prims = [f"/Terrain/Surface_{part.word}" for part in scene.parts]
-    return Written(
+    return WrittenFiles(
         summary=f"a Mesh for each of {counted(len(prims), 'surface')} collides, of"
         f" {counted(len(mesh.faces), 'face')} together",
         language="python",
@@ -51,7 +51,7 @@ def write(scene: Scene, folder: Path) -> Written:
 
 
 def _with_materials(scene: Scene) -> Mesh:
-    """The mesh with friction everywhere: assumed where none is known, and without a surface."""
+    """Return the mesh with friction everywhere: assumed where unknown, and without a surface."""
     mesh, (*own, none) = scene.mesh, scene.materials
     return replace(
         mesh,

@@ -289,7 +289,7 @@ def test_triangles_are_refined_a_few_at_a_time(monkeypatch: pytest.MonkeyPatch) 
 @pytest.mark.parametrize("name", ["groups", "piece_bounds", "turns", "axes"])
 def test_plans_that_lead_nowhere_are_refused(name: str) -> None:
     plan, _ = plan_of(terrain_of(random_definition(3, 30, {**STRAIGHT, **CURVED})), 1e-3)
-    assert isinstance(plan.kept, kernels.Plan)
+    assert isinstance(plan.kernel_plan, kernels.Plan)
     with pytest.raises(TypeError, match="leads nowhere"):
         kernels.Plan(replace(plan, **{name: getattr(plan, name)[:-1]}))
 

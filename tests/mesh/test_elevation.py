@@ -13,7 +13,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from terratool.mesh.elevation import _off, export_elevation_grid
+from terratool.mesh.elevation import _misses_at, export_elevation_grid
 from terratool.mesh.types import HeightGrid
 from tests.conftest import terrain_of
 from tests.meshes import HILL, box, exported, flat
@@ -118,8 +118,8 @@ def test_either_way_of_halving_squares_counts() -> None:
     )  # fmt: skip
     x, y = np.array([0.5, 0.9, 0.1]), np.array([0.5, 0.9, 0.9])
     # the one diagonal goes from the south-west to the high corner, the other misses it
-    assert _off(grid, x, y, np.zeros(3)) == pytest.approx([0.5, 0.9, 0.1])
-    assert _off(grid, x, y, np.array([0.5, 0.9, 0.1])) == pytest.approx([0.5, 0.1, 0.1])
+    assert _misses_at(grid, x, y, np.zeros(3)) == pytest.approx([0.5, 0.9, 0.1])
+    assert _misses_at(grid, x, y, np.array([0.5, 0.9, 0.1])) == pytest.approx([0.5, 0.1, 0.1])
 
 
 def test_colors_of_a_grid(tmp_path: Path) -> None:

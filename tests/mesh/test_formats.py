@@ -19,8 +19,8 @@ import pytest
 from terratool.errors import RequestError, WriteError
 from terratool.mesh.export import collapse_degenerate, write_mesh
 from terratool.mesh.formats.common import (
-    ascii_word,
     color_text,
+    is_ascii_word,
     plain_names,
     write_faces,
     write_points,
@@ -428,7 +428,7 @@ def test_colors_read_back() -> None:
 def test_names() -> None:
     """Different names stay different, whatever is left of them."""
     names = ["a", "a", "a_2", "ä", "b c", "b  c", "砂", "土", "_", "x__y", ""]
-    assert plain_names(names, ascii_word, "surface") == [
+    assert plain_names(names, is_ascii_word, "surface") == [
         "a", "a_2", "a_2_2", "a_3", "b_c", "b_c_2", "surface", "surface_2", "surface_3", "x__y",
         "surface_4",
     ]  # fmt: skip

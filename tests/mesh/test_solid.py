@@ -240,7 +240,7 @@ def test_any_heights_make_a_solid(seed: int) -> None:
     rng = np.random.default_rng(seed)
     terrain = terrain_of(oblong(seed, random_definition(seed, 30, STRAIGHT)))
     plan, loss = plan_of(terrain, 1e-3)
-    segments = kernels.segments_of(plan.kept, np.flatnonzero(plan.frames["drawn"]))
+    segments = kernels.segments_of(plan.kernel_plan, np.flatnonzero(plan.frames["drawn"]))
     coarse = coarse_mesh(plan, segments)
     triangles = coarse.triangulation.triangles
     count = len(triangles)

@@ -296,7 +296,7 @@ class TestSeams:
     def test_no_segment_ends_near_them_and_none_runs_along(self, seed: int) -> None:
         _, _, _, layout = wild(seed)
         plan = layout.plan
-        drawn = kernels.segments_of(plan.kept, np.arange(len(plan.frames)))
+        drawn = kernels.segments_of(plan.kernel_plan, np.arange(len(plan.frames)))
         for seam in (*layout.columns, *layout.rows):
             ends = drawn[:, [seam.axis, seam.axis + 2]]
             assert np.abs(ends - seam.at).min() > seams.CLEARANCE
@@ -341,7 +341,7 @@ class TestSeams:
         root = {"type": "b", "cells": [4, 4], "children": [box(0, 0), box(2, 45)]}
         terrain = terrain_of({"size": 4, "elemTypes": {"b": {"x": [1]}}, "elemTree": root})
         plan = lay_out(terrain, 0.1, TileCount(rows=1, columns=1)).plan
-        drawn = kernels.segments_of(plan.kept, np.arange(3))
+        drawn = kernels.segments_of(plan.kernel_plan, np.arange(3))
         unit = round(1 / plan.pitch)
         # two more that cross in (3.5, 3.5), one of them steep
         crossing = np.array([[6, 6, 8, 8], [6, 8, 8, 6]]) * unit // 2

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 import shapely
 
-from terratool.simulators.collision.continuation import continued
-from terratool.simulators.collision.footing import footing_of, measured, rest_of
+from terratool.simulators.collision.continuation import continue_ground
+from terratool.simulators.collision.footing import footing_of, rest_of, with_misses_at
 from terratool.simulators.collision.height_patch import HeightPatch
-from terratool.simulators.collision.solids import Ground, areas_of
+from terratool.simulators.collision.solids import GroundTriangles, areas_of
 
 
 @pytest.mark.parametrize("angle", [0.0, 90.0, 180.0, -90.0, 33.0, 45.0, 110.0, 250.0])
@@ -37,7 +37,7 @@ def test_a_plane_goes_on_under_a_plateau(angle: float, place: float) -> None:
     x, y = np.meshgrid(np.arange(13.0), np.arange(11.0))
     foot = middle + edge * across
     walls = np.array([[foot - 30 * along, foot + 30 * along]])
-    found = continued(height(x, y), walls, height, 0.01)
+    found = continue_ground(height(x, y), walls, height, 0.01)
     away = behind(x, y)
     low = found < height(x, y) - 1.0
     assert not low[away < -1e-6].any()
@@ -62,10 +62,10 @@ def test_a_fence_pulls_no_node_and_a_ditch_none() -> None:
         x, y = np.meshgrid(np.arange(8.0), np.arange(5.0))
         walls = np.array([[[at, -1.0], [at, 6.0]] for at in (3.4, 3.6)])
         nodes = height(x, y)
-        assert np.array_equal(continued(nodes, walls, height, 0.01), nodes)
+        assert np.array_equal(continue_ground(nodes, walls, height, 0.01), nodes)
 
 
-def strips(heights: dict[tuple[float, float], float]) -> Ground:
+def strips(heights: dict[tuple[float, float], float]) -> GroundTriangles:
     """Level strips from west to east by their ends; 5 long from south to north."""
     found = []
     for (west, east), z in heights.items():
@@ -73,7 +73,7 @@ def strips(heights: dict[tuple[float, float], float]) -> Ground:
         found += [[a, b, c], [a, c, d]]
     ends = [x for one in heights for x in one]
     sharp = [[[x, 0.0], [x, 5.0]] for x in sorted(set(ends))]
-    return Ground(np.array(found, float), np.zeros(len(found), np.int32), np.array(sharp))
+    return GroundTriangles(np.array(found, float), np.zeros(len(found), np.int32), np.array(sharp))
 
 
 def level(z: float, near: slice) -> HeightPatch:
@@ -127,7 +127,9 @@ def test_nothing_stands_in_slanting_ditches(seed: int) -> None:
         for one in shapely.constrained_delaunay_triangles(shape).geoms:
             corners = shapely.get_coordinates(shapely.geometry.polygon.orient(one))[:3]
             triangles.append(np.column_stack([corners, np.full(3, z)]))
-    ground = Ground(np.array(triangles), np.zeros(len(triangles), np.int32), np.empty((0, 2, 2)))
+    ground = GroundTriangles(
+        np.array(triangles), np.zeros(len(triangles), np.int32), np.empty((0, 2, 2))
+    )
     patch = level(0.0, slice(0, 8))
     cells = shapely.box(*np.meshgrid(np.arange(8), np.arange(5)), *np.meshgrid(
         np.arange(1, 9), np.arange(1, 6)
@@ -168,7 +170,7 @@ def test_cells_are_held_against_corners_of_the_ground() -> None:
     points = rng.uniform((1.5, 0.5), (4.5, 2.0), (200, 2))
     points = points[np.argsort(points[:, 0])]
     off = rng.uniform(-0.1, 0.1, 200)
-    found = measured(patch, np.column_stack([points, 3 * points[:, 0] - points[:, 1] + off]))
+    found = with_misses_at(patch, np.column_stack([points, 3 * points[:, 0] - points[:, 1] + off]))
     expected = np.zeros(shape)
     for (east, north), by in zip(points.tolist(), off.tolist(), strict=True):
         if 2 <= east <= 4 and 1 <= north <= 1.75:

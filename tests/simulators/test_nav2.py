@@ -23,7 +23,7 @@ from terratool.errors import ReadError, RequestError
 from terratool.field.terrain import Terrain
 from terratool.simulators.cells import cell_grid
 from terratool.simulators.export import export_simulators
-from terratool.simulators.obstacles import FREE, OCCUPIED, UNKNOWN, Limits, occupancy
+from terratool.simulators.obstacles import FREE, OCCUPIED, UNKNOWN, DrivingLimits, occupancy
 from terratool.simulators.options import SceneOptions
 from terratool.text.source import Source
 from tests.commands import ROOT, call, run
@@ -119,7 +119,7 @@ def exported(terrain: Terrain, folder: Path, **options: Any) -> tuple[Map, dict[
 def cells_of(terrain: Terrain, side: float, slope: float = 20.0, step: float = 0.1) -> Any:
     """What cells are, rows from the south."""
     grid = cell_grid(terrain, side)
-    return occupancy(terrain, grid, Limits.of(slope, step))[::-1]
+    return occupancy(terrain, grid, DrivingLimits.of(slope, step))[::-1]
 
 
 @pytest.mark.parametrize("origin", ["world", "local", (3.0, -7.5, 1.0)])

@@ -60,16 +60,16 @@ def test_ground_that_will_take_too_many_is_given_up_early() -> None:
     for times, ends in ((10.0, True), (1.0, False), (0.5, False)):
         budget = Budget(most=200, area=40.0)
         for _ in range(int(200 * times)):
-            if budget.spent:
+            if budget.is_spent:
                 break
             budget.count += 1
             budget.done += 40.0 / (200 * times)
-        assert budget.spent == ends
+        assert budget.is_spent == ends
         assert not ends or budget.done < 0.2 * budget.area
 
 
 def test_all_that_is_allowed_may_be_used_and_no_more() -> None:
     budget = Budget(most=200, area=40.0, done=39.0, count=200)
-    assert not budget.spent
+    assert not budget.is_spent
     budget.count += 1
-    assert budget.spent
+    assert budget.is_spent

@@ -55,7 +55,7 @@ def test_the_estimate_is_what_comes_of_it(
     terrain = site(strewn(count, extent)).terrain
     told = effort_of(terrain, 0.05)
     plan, _ = plan_of(terrain, 0.05)
-    segments = kernels.segments_of(plan.kept, np.flatnonzero(plan.frames["drawn"]))
+    segments = kernels.segments_of(plan.kernel_plan, np.flatnonzero(plan.frames["drawn"]))
     coarse = coarse_mesh(plan, segments)
     sizes = np.diff(coarse.regions.offsets)
     faces = len(build(terrain, 0.05).mesh.faces)

@@ -1,4 +1,4 @@
-"""What the formats have in common: surfaces, names, colours, comments, numbers."""
+"""Surfaces, names, colours, comments and numbers for all formats of meshes."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from terratool.kernels import mesh as kernels
 from terratool.mesh.types import HeightGrid, Mesh
 
 NO_COLOR = (128, 128, 128)
-"""Colour of faces without a surface."""
+"""Colour (red, green, blue) of faces without a surface."""
 
 NO_NAME = "none"
-"""Name of what is made of them, where there must be one."""
+"""Name of faces without a surface, where a format wants one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,9 +27,9 @@ class SurfacePart:
 
     Attributes:
         surface: index into the names of the mesh; -1 for none.
-        name: of the surface, as in the definition; `NO_NAME` for none.
-        word: the name in characters that a format allows; different from those of other parts.
-        color: of the surface.
+        name: name of the surface in the definition; `NO_NAME` for none.
+        word: name in characters that a format allows, different from those of other parts.
+        color: red, green, blue of the surface, 0 to 255.
         faces: (m, 3) int32 indices of vertices of the mesh.
         normals: (m, 3) int32 indices of normals of the mesh, if that has any.
     """
@@ -43,29 +43,29 @@ class SurfacePart:
 
 
 def points_of(mesh: Mesh) -> NDArray[np.float32]:
-    """Vertices as all files have them: (n, 3) float32, relative to the origin of the mesh."""
+    """Return vertices as all files have them, (n, 3) float32, relative to the mesh's origin."""
     return np.ascontiguousarray(mesh.vertices, np.float32)
 
 
 def world_points_of(mesh: Mesh) -> NDArray[np.float64]:
-    """The same vertices where they are in the world: (n, 3) float64."""
+    """Return vertices in the world, (n, 3) float64: those of `points_of` plus the origin."""
     return points_of(mesh) + mesh.origin
 
 
-def ascii_word(character: str) -> bool:
-    """Whether a character may stand in identifiers everywhere."""
+def is_ascii_word(character: str) -> bool:
+    """Whether a character may stand in identifiers of any format."""
     return character.isascii() and (character.isalnum() or character == "_")
 
 
-def surface_parts(mesh: Mesh, allowed: Callable[[str], bool] = ascii_word) -> list[SurfacePart]:
-    """A mesh by its surfaces, in their order; what has none comes last.
+def surface_parts(mesh: Mesh, allowed: Callable[[str], bool] = is_ascii_word) -> list[SurfacePart]:
+    """Return the faces of a mesh by surface, in order; faces without a surface come last.
 
     Args:
-        mesh: the mesh.
-        allowed: which characters may stand in words.
+        mesh: mesh to part.
+        allowed: function that says whether a character may stand in words.
     """
     count = len(mesh.names)
-    # -1 is the last of so many
+    # faces without a surface come last
     places = np.where(mesh.surfaces < 0, np.int32(count), mesh.surfaces)
     counts = np.bincount(places, minlength=count + 1)
     ends = np.cumsum(counts)
@@ -96,7 +96,7 @@ def surface_parts(mesh: Mesh, allowed: Callable[[str], bool] = ascii_word) -> li
 def shape_of(
     points: NDArray[np.float32], part: SurfacePart
 ) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
-    """A part with vertices of its own, (n, 3), and faces of these, (m, 3).
+    """Return the vertices of a part alone, (n, 3), and its faces as indices of these, (m, 3).
 
     Programs that take parts for separate meshes copy all vertices that a part can see.
     """
@@ -104,20 +104,20 @@ def shape_of(
 
 
 def face_colors(mesh: Mesh) -> NDArray[np.uint8]:
-    """Colour of each face, (m, 3)."""
-    # -1 is the last one
+    """Return the colour of each face, (m, 3) uint8."""
+    # -1 is the last colour
     table = np.concatenate([mesh.colors.reshape(-1, 3), np.array([NO_COLOR], np.uint8)])
     return table[mesh.surfaces]
 
 
 _BLOCK = 1 << 15
-"""Lines that are made at a time: few enough for their text to stay in the cache."""
+"""Lines that are made at a time, few enough for their text to stay in the cache."""
 
 
 def write_points(
     file: BinaryIO, points: NDArray[Any], before: bytes = b"", after: bytes = b"\n"
 ) -> None:
-    """Write points, (n, 3), as lines.
+    """Write points, (n, 3), as lines of text.
 
     Each float32 is the shortest number that reads back as the same, each float64 has 15 digits.
     """
@@ -132,9 +132,10 @@ def write_faces(
     after: bytes = b"\n",
     normals: NDArray[np.int32] | None = None,
 ) -> None:
-    """Write faces, (m, 3), as lines; the first vertex has the number `first`.
+    """Write faces, (m, 3), as lines of text; the first vertex has the number `first`.
 
-    With normals, (m, 3), each corner is vertex//normal, and the first normal has that number, too.
+    With normals, (m, 3), each corner is vertex//normal, and the first normal has the number
+    `first`, too.
     """
     if normals is None:
         _write(file, (faces,), kernels.put_faces, (first,), before, after)
@@ -150,9 +151,10 @@ def _write(
     before: bytes,
     after: bytes,
 ) -> None:
+    """Write rows of arrays as lines, by a kernel that puts the text of rows into a buffer."""
     arrays = tuple(np.ascontiguousarray(rows) for rows in arrays)
     count = len(arrays[0])
-    # a number has room for two of int32 and what stands between them
+    # the bytes of a number hold a float64, or two int32 with the text between them
     size = 3 * kernels.NUMBER_BYTES + 2 + len(before) + len(after)
     out = np.empty(min(_BLOCK, count) * size, np.uint8)
     texts = [np.frombuffer(text, np.uint8) for text in (before, after)]
@@ -162,15 +164,15 @@ def _write(
 
 
 def plain_names(names: Iterable[str], allowed: Callable[[str], bool], other: str) -> list[str]:
-    """Different names of allowed characters only, as close to `names` as they allow.
+    """Return different names of allowed characters only, as close to `names` as possible.
 
-    Letters lose their accents where only so they are allowed, and runs of others become one `_`;
-    where nothing is left it is `other`; and equal ones are numbered.
+    Letters lose accents that are not allowed, and runs of other characters become one `_`. A name
+    of which nothing is left becomes `other`, and equal names are numbered.
     """
     taken: set[str] = set()
     found = []
     for name in names:
-        plain = _plain(name, allowed)
+        plain = _plain_name(name, allowed)
         unique = plain = plain if plain.strip("_") else other
         count = 1
         while unique in taken:
@@ -181,8 +183,8 @@ def plain_names(names: Iterable[str], allowed: Callable[[str], bool], other: str
     return found
 
 
-def _plain(name: str, allowed: Callable[[str], bool]) -> str:
-    """A name of allowed characters only."""
+def _plain_name(name: str, allowed: Callable[[str], bool]) -> str:
+    """Return a name of allowed characters only, not empty where `name` is not."""
     letters: list[str] = []
     replaced = False
     for character in name:
@@ -197,31 +199,31 @@ def _plain(name: str, allowed: Callable[[str], bool]) -> str:
 
 
 def lines_of(descr: str) -> Iterator[str]:
-    """The lines of a description, of characters that can be seen and encoded."""
+    """Yield the lines of a description, of printable characters only."""
     for line in descr.splitlines():
         yield "".join(letter if letter.isprintable() else "\ufffd" for letter in line).rstrip()
 
 
-def encodable(text: str) -> str:
-    """A text as it is, but for halves of characters, which JSON may hold and UTF-8 may not."""
+def encodable_text(text: str) -> str:
+    """Return a text without halves of characters, which JSON may hold and UTF-8 may not."""
     return "".join("\ufffd" if "\ud800" <= letter <= "\udfff" else letter for letter in text)
 
 
 def origin_of(mesh: Mesh | HeightGrid) -> str:
-    """World position of the local zero, each number as the shortest that reads back as the same."""
+    """Return the world position of the local zero, each number the shortest that reads back."""
     return " ".join(repr(number).removesuffix(".0") for number in mesh.origin.tolist())
 
 
 def color_text(color: tuple[int, int, int]) -> str:
-    """A colour as three numbers from 0 to 1.
+    """Return a colour as three numbers from 0 to 1.
 
-    They are rounded up, so that a reader finds the same byte again, be it by rounding or cutting.
+    Numbers are rounded up, so that a reader finds the same byte again by rounding or cutting.
     """
     return " ".join(f"{math.ceil(shade / 255 * 1e4) / 1e4:g}" for shade in color)
 
 
-def linear(color: tuple[int, int, int]) -> tuple[float, float, float]:
-    """A colour in linear light, as IEC 61966-2-1 (sRGB) has it."""
+def linear_color(color: tuple[int, int, int]) -> tuple[float, float, float]:
+    """Return a colour in linear light, 0 to 1, after IEC 61966-2-1 (sRGB)."""
     red, green, blue = (
         shade / 255 / 12.92 if shade <= 10 else ((shade / 255 + 0.055) / 1.055) ** 2.4
         for shade in color
@@ -230,12 +232,12 @@ def linear(color: tuple[int, int, int]) -> tuple[float, float, float]:
 
 
 def overview(points: NDArray[np.float32]) -> tuple[str, str]:
-    """Where a camera sees all points, from the south and above; and its turn about x from down.
+    """Return the position of a camera that sees all points, and its turn about x, in radians.
 
-    Cameras of VRML and X3D look along -z, and z is up here: so that is a look at the ground.
+    The camera is in the south and above. Cameras of VRML and X3D look along -z, which is down here.
     """
     low, high = points.min(axis=0).astype(np.float64), points.max(axis=0).astype(np.float64)
-    # their field of view is an eighth of a circle
+    # the field of view of cameras is an eighth of a circle
     distance = 0.5 / math.sin(math.pi / 8) * float(np.linalg.norm(high - low))
     tilt = math.pi / 3
     x, y, z = ((low + high) / 2).tolist()

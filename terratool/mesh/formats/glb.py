@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from terratool.errors import RequestError
 from terratool.mesh.formats.common import (
     SurfacePart,
-    encodable,
-    linear,
+    encodable_text,
+    linear_color,
     points_of,
     shape_of,
     surface_parts,
@@ -29,12 +29,12 @@ _LIMIT = 1 << 32
 def write_glb(mesh: Mesh, path: Path, descr: str) -> None:
     """Write a GLB: one mesh, one primitive and one material per surface, y up.
 
-    What is (x, y, z) in the mesh is (x, z, -y) in the file. There are no normals, so that viewers
+    A point (x, y, z) of the mesh is (x, z, -y) in the file. There are no normals, so that viewers
     shade each face flat. The extras of the asset hold the origin, in the axes of the mesh (those of
     a node may be no lists for assimp).
 
     Raises:
-        RequestError: it would be larger than 4 GB.
+        RequestError: the file would be larger than 4 GB.
     """
     arrays: list[NDArray[Any]] = []
     views: list[dict[str, object]] = []
@@ -44,7 +44,7 @@ def write_glb(mesh: Mesh, path: Path, descr: str) -> None:
     size = 0
 
     def add(array: NDArray[Any], target: int, accessor: dict[str, object]) -> int:
-        """Append an array; returns the number of its accessor."""
+        """Append an array; return the number of its accessor."""
         nonlocal size
         arrays.append(array)
         views.append(
@@ -87,7 +87,7 @@ def write_glb(mesh: Mesh, path: Path, descr: str) -> None:
         materials.append(_material(part))
     extras: dict[str, object] = {"origin": mesh.origin.tolist(), "axes": "x, z, -y"}
     if descr:
-        extras["description"] = encodable(descr)
+        extras["description"] = encodable_text(descr)
     text = {
         "asset": {"version": "2.0", "generator": "terratool", "extras": extras},
         "scene": 0,
@@ -116,11 +116,11 @@ def write_glb(mesh: Mesh, path: Path, descr: str) -> None:
 
 
 def _material(part: SurfacePart) -> dict[str, object]:
-    """A material of glTF: dull, in the colour of the surface, seen from both sides."""
+    """Return a material of glTF: dull, in the colour of the surface, seen from both sides."""
     return {
-        "name": encodable(part.name),
+        "name": encodable_text(part.name),
         "pbrMetallicRoughness": {
-            "baseColorFactor": [*(round(shade, 6) for shade in linear(part.color)), 1],
+            "baseColorFactor": [*(round(shade, 6) for shade in linear_color(part.color)), 1],
             "metallicFactor": 0,
             "roughnessFactor": 1,
         },

@@ -22,10 +22,10 @@ def write_obj(mesh: Mesh, path: Path, descr: str, world: bool = False) -> None:
     """Write an OBJ and its MTL: one group and one material per surface, z up, normals if any.
 
     Names are words of letters, digits, `_`, `-` and `.`, since neither file can quote; the true
-    ones stand in comments. In coordinates of the `world` numbers have 15 digits.
+    names stand in comments. Coordinates of the `world` have 15 digits.
     """
     materials = path.with_suffix(".mtl")
-    parts = surface_parts(mesh, _in_name)
+    parts = surface_parts(mesh, _fits_name)
     with open(path, "wb") as file:
         for line in lines_of(descr):
             file.write(f"# {line}\n".encode())
@@ -47,6 +47,6 @@ def write_obj(mesh: Mesh, path: Path, descr: str, world: bool = False) -> None:
             file.write(f"newmtl {part.word}\nKa {color}\nKd {color}\nKs 0 0 0\nillum 1\n".encode())
 
 
-def _in_name(character: str) -> bool:
+def _fits_name(character: str) -> bool:
     """Whether a character may stand in the name of a group or a material."""
     return character.isalnum() or character in "_-."

@@ -14,8 +14,8 @@ _BLOCK = 1 << 14
 
 
 def write_stl(mesh: Mesh, path: Path, descr: str) -> None:
-    """Write a binary STL, z up; its header holds the origin and what fits of `descr`."""
-    # a text that began with "solid" would be an STL of text
+    """Write a binary STL, z up; the header holds the origin and as much of `descr` as fits."""
+    # readers take a file that begins with "solid" for an STL of text
     header = f"STL, z up, origin {origin_of(mesh)}; {' '.join(descr.split())}".rstrip("; ")
     points = points_of(mesh)
     with open(path, "wb") as file:

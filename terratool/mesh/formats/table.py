@@ -22,16 +22,17 @@ from terratool.mesh.types import Mesh
 
 @dataclass(frozen=True, slots=True)
 class MeshFormat:
-    """A file format.
+    """A file format of meshes.
 
     Attributes:
-        write: puts a mesh and a description into a file.
-        write_world: the same in coordinates of the world, where float64 can be kept.
-        companions: suffixes of files that it puts beside.
+        write: function that writes a mesh and a description to a file.
+        write_world: function that writes coordinates of the world, in float64; None where the
+            format cannot keep them.
+        companions: suffixes of the files that are written beside.
         surfaces: whether a file says which faces belong to which surface.
-        normals: whether a file has the normals of a mesh, if that has any.
-        module, package, extra: what has to be installed for it, as it is imported, as it is called,
-            and the extra of terratool that has it; empty for nothing.
+        normals: whether a file has the normals of a mesh, if the mesh has any.
+        module, package, extra: module that has to be installed, its package, and the extra of
+            terratool that has it; empty for nothing.
     """
 
     write: Callable[[Mesh, Path, str], None]
@@ -61,15 +62,15 @@ FORMATS = {
 
 
 def mesh_format(path: Path, world: bool = False) -> MeshFormat:
-    """The format that a file's name asks for.
+    """Return the format of a file by its suffix.
 
     Args:
-        path: the file.
+        path: file to write.
         world: whether coordinates are those of the world.
 
     Raises:
-        RequestError: it names none that can be written, the format cannot hold coordinates of the
-            world, or what it needs is not installed.
+        RequestError: no format has the suffix, the format cannot hold coordinates of the world, or
+            a package is not installed.
     """
     suffix = path.suffix.lower()
     if suffix not in FORMATS:

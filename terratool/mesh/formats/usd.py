@@ -10,8 +10,8 @@ import numpy as np
 
 from terratool.errors import WriteError
 from terratool.mesh.formats.common import (
-    encodable,
-    linear,
+    encodable_text,
+    linear_color,
     points_of,
     shape_of,
     surface_parts,
@@ -25,12 +25,12 @@ def write_usd(
     """Write a .usda or .usdc: a Mesh and a Material per surface, z up, in metres and kilograms.
 
     Prims are named after the surfaces, in letters, digits and `_` of ASCII; their display names are
-    the true ones. The origin stands in the layer's custom data; `place` is where it lies in the
+    the true ones. The origin stands in the layer's custom data; `place` is its position in the
     stage.
 
     Bodies collide with the triangles of each Mesh as they are. A surface whose friction is known
     has it as static and dynamic friction, without restitution, in its Material, which is bound for
-    physics, too. There is no PhysicsScene: that belongs to the stage that refers to the terrain.
+    physics, too. There is no PhysicsScene, which belongs to the stage that refers to the terrain.
 
     Raises:
         WriteError: the file cannot be written.
@@ -48,12 +48,12 @@ def write_usd(
     stage.SetDefaultPrim(root)
     layer = stage.GetRootLayer()
     layer.customLayerData = {"terratool": {"origin": Gf.Vec3d(*mesh.origin.tolist())}}
-    layer.documentation = encodable(descr)
+    layer.documentation = encodable_text(descr)
 
     UsdGeom.Scope.Define(stage, "/Terrain/Materials")
     points = points_of(mesh)
     for part in surface_parts(mesh):
-        color = Gf.Vec3f(*linear(part.color))
+        color = Gf.Vec3f(*linear_color(part.color))
         material = UsdShade.Material.Define(stage, f"/Terrain/Materials/Material_{part.word}")
         shader = UsdShade.Shader.Define(stage, material.GetPath().AppendChild("Preview"))
         shader.CreateIdAttr("UsdPreviewSurface")
@@ -73,7 +73,7 @@ def write_usd(
         )
         shape.CreateDisplayColorPrimvar(UsdGeom.Tokens.constant).Set([color])
         UsdPhysics.CollisionAPI.Apply(shape.GetPrim())
-        # the triangles themselves, not their hull
+        # bodies collide with the triangles, not with their hull
         UsdPhysics.MeshCollisionAPI.Apply(shape.GetPrim()).CreateApproximationAttr(
             UsdPhysics.Tokens.none
         )
@@ -88,11 +88,11 @@ def write_usd(
             binding.Bind(material, UsdShade.Tokens.weakerThanDescendants, "physics")
         if part.surface >= 0:
             for named in (material, shape):
-                named.GetPrim().SetDisplayName(encodable(part.name))
+                named.GetPrim().SetDisplayName(encodable_text(part.name))
     try:
         layer.Export(str(path))
     except Tf.ErrorException as error:
-        # each of its lines ends in what the system says, within quotes
+        # each line of the message ends in the system's reason, within quotes
         found = re.search(r": ([^:'\n]+)'$", str(error), re.MULTILINE)
         raise WriteError(
             f"{path.name}: cannot be written ({found[1].lower() if found else 'by USD'}).",

@@ -101,7 +101,7 @@ def write_elevation_grid(grid: HeightGrid, path: Path, descr: str) -> None:
             "        height [\n".encode()
         )
         for row in grid.heights:
-            # + 0 makes no -0
+            # + 0 turns -0 into 0
             file.write(
                 f"          {' '.join((row + np.float32(0)).astype(str).tolist())}\n".encode()
             )
@@ -118,7 +118,7 @@ def write_elevation_grid(grid: HeightGrid, path: Path, descr: str) -> None:
 def _begin(
     file: BinaryIO, what: Mesh | HeightGrid, points: NDArray[np.float32], descr: str
 ) -> None:
-    """Write what comes before the terrain: what it is, where, and a viewpoint that sees all."""
+    """Write the head of a file: a description, the origin, and a viewpoint that sees all."""
     place, tilt = overview(points)
     lines = list(lines_of(descr))
     file.write(b"#VRML V2.0 utf8\n")
@@ -139,5 +139,5 @@ def _begin(
 
 
 def _string(text: str) -> str:
-    """A string of VRML."""
+    """Return a text as a string of VRML."""
     return '"' + text.replace("\\", "\\\\").replace('"', '\\"') + '"'

@@ -68,5 +68,5 @@ def write_x3d(mesh: Mesh, path: Path, descr: str) -> None:
 
 
 def _comment(text: str) -> str:
-    """A text as a JSON string for a comment, which must not hold two hyphens in a row."""
+    """Return a text as a JSON string for a comment, which must not hold two hyphens in a row."""
     return json_text(text).replace("--", "-\\u002d")

@@ -1,1 +1,1 @@
-"""Ground as few convex solids and height fields, for simulators that collide only with such."""
+"""Ground as few convex solids and height fields, for simulators that collide with no others."""

@@ -1,4 +1,4 @@
-"""Cover the ground of a mesh: plane ground, hills, height fields, and what is left at walls."""
+"""Cover the ground of a mesh: plane ground, hills, height fields, and the rest at walls."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from terratool.simulators.collision.patches import CELLS, Surroundings, lay_patc
 from terratool.simulators.collision.solids import (
     VOID,
     Budget,
-    Ground,
+    GroundTriangles,
     Solid,
     Tolerance,
     areas_of,
@@ -32,55 +32,57 @@ from terratool.simulators.collision.solids import (
 )
 
 _VALLEY = 0.3
-"""Ground is parted along valleys where its normal turns by more than this, a sine …"""
+"""Sine of the turn of normals above which an edge is a valley, along which ground is parted."""
 _CREASE = 0.9
-"""… and a height field leaves out cells with such a crease."""
+"""Sine of the turn of normals above which an edge is a crease, which height fields leave out."""
 _FLAT = 1e-5
-"""Normals that turn by no more are the same …"""
+"""Sine of the turn of normals below which two triangles are parallel."""
 _LEVEL = 1e-7
-"""… if corners are no farther from the plane, in units of the terrain."""
+"""Distance of a corner from a plane below which it lies in the plane, units of the terrain."""
 _FACET = 0.03
-"""A plane has fewer than three triangles only where the normals around it turn by more."""
+"""Least sine of the turn of normals around a plane of fewer than three triangles."""
 _PLAIN = 4.0
-"""Plane slopes of more than so many cells of the coarsest height field are solids."""
+"""Least area of a plane slope that becomes solids, in cells of the coarsest height field."""
 _GROUP = 20_000
-"""Ground that hangs together of more triangles is for height fields …"""
+"""Most triangles of connected ground that becomes solids; more are left to height fields."""
 _LEAN = 8
-"""… and so is that where a solid stands for fewer of them than this."""
+"""Least triangles per solid of ground that becomes solids; others are left to height fields."""
 _SHARE = 0.5
-"""Plane and hilly ground may take this part of all that there may be …"""
+"""Share of all solids and height fields that plane and hilly ground may take."""
 _FIELDS = 1 / 3
-"""… and height fields this part."""
-_RIM = 0.05, 1e-3
-"""No solid reaches over the void by more than these parts of a seam and of the longer side."""
+"""Share of all solids and height fields that height fields may take."""
+_RIM_OF_SEAM = 0.05
+"""Largest reach of a solid over the void, in parts of a seam."""
+_RIM_OF_SIDE = 1e-3
+"""Largest reach of a solid over the void, in parts of the longer side."""
 _SPOILT = 0.1
-"""Ground is spoilt where it is off by more than this part of the relief: then there are more."""
+"""Error above which ground is spoilt, in parts of the relief: more solids are then allowed."""
 _BORDER = 1e-8
-"""What is nearer to the border of the terrain than this part of its side is on it."""
+"""Distance below which an edge is on the border of the terrain, in parts of its longer side."""
 _HAIR = 1e-7
-"""What is held is enlarged by this, so that rounding leaves no slits."""
+"""Width by which ground with solids is enlarged, so that rounding leaves no slits."""
 _DEEP = -1e6
-"""The height of what is no ground."""
+"""Height of the triangles of the void, units of the terrain."""
 _LEAST = 0.1
-"""Solids may take no less of the error than this part."""
+"""Least share of the error that is left to solids, whatever the mesh takes of it."""
 _SPARE = 1.25
-"""Ground at walls may take so many times as many solids as it has parts."""
+"""Solids that ground at walls may take for each of its parts."""
 _GROW = 2.0
-"""Where there are too many of them, their error grows by this factor until there are not …"""
+"""Factor by which the error of solids grows while they are too many."""
 _CLOSE = 1.25
-"""… and is then sought between the two, until these are no farther apart than by this one …"""
+"""Ratio of a sufficient error to an insufficient one below which the search ends."""
 _ENOUGH = 0.8
-"""… or this part of all that there may be is used."""
+"""Share of the allowed solids above which the search for a smaller error ends."""
 
 
 class Collision(NamedTuple):
-    """What stands for the ground.
+    """Solids and height fields that stand for the ground.
 
     Attributes:
-        solids: convex.
+        solids: convex solids.
         patches: height fields.
-        height: how far a roof of a solid may be from the mesh, square to it …
-        raised: … and whether that is more than was wanted, as they were too many.
+        height: largest distance of a solid's roof from the mesh, square to it.
+        raised: whether `height` is more than was wanted, as the solids were too many.
     """
 
     solids: list[Solid]
@@ -90,17 +92,17 @@ class Collision(NamedTuple):
 
     @property
     def worst(self) -> float:
-        """How far any height field is from the terrain, along z, as measured."""
+        """Largest measured distance of a height field from the terrain, along z; 0 without any."""
         return max((patch.error for patch in self.patches), default=0.0)
 
     @property
-    def ragged(self) -> float:
-        """How far from the line between two surfaces one may end and the other begin: a cell."""
+    def raggedness(self) -> float:
+        """Largest offset of lines between surfaces on height fields: a cell's side; 0 if none."""
         mixed = [patch for patch in self.patches if (patch.used & patch.mixed).any()]
         return max((max(patch.cell) for patch in mixed), default=0.0)
 
     def share_over(self, error: float) -> float:
-        """On how much of them they are by more than so much, in percent of their area."""
+        """Return the percentage of the height fields' area that is off by more than an error."""
         over = whole = 0.0
         for patch in self.patches:
             cell = math.prod(patch.cell)
@@ -117,23 +119,23 @@ def collision_of(
     most: int,
     say: Callable[[str], object] = lambda _: None,
 ) -> Collision:
-    """Cover the ground of a mesh by at most so many solids and height fields.
+    """Cover the ground of a mesh by at most `most` solids and height fields.
 
-    Plane ground, and hills, become solids. Height fields are laid over the rest, but for upper
-    edges of walls, creases and the void, which becomes solids, too. If these are too many, they
-    may be farther from the ground. Where that spoils it, there are more.
+    Plane ground and hills become solids. Height fields are laid over the rest, but for the ground
+    at upper edges of walls, creases and the void, which becomes solids, too. If solids are too
+    many, they may be farther from the ground. Where that spoils the ground, there are more.
 
     Args:
-        terrain: the terrain.
-        built: its mesh; solids may take what its error leaves.
-        max_error: how far they may be from the terrain.
-        seam: how far a solid may reach into another surface of the same height.
-        most: so many.
-        say: is called with words that say how far it is.
+        terrain: terrain of the mesh.
+        built: mesh; the error of solids is what its own leaves.
+        max_error: largest distance of solids and height fields from the terrain.
+        seam: largest reach of a solid into another surface of the same height.
+        most: most solids and height fields.
+        say: function that is called with a phrase at each step.
     """
     task = _task_of(terrain, built, max_error, seam, say)
     spoilt = max(_SPOILT * float(np.ptp(built.mesh.vertices[:, 2])), 2.0 * max_error)
-    return task.covered(most, spoilt)
+    return task.cover_ground(most, spoilt)
 
 
 @dataclass(frozen=True)
@@ -141,15 +143,15 @@ class _Task:
     """The ground of a mesh, to be covered.
 
     Attributes:
-        around: what height fields have to know of it.
-        triangles: (n, 3, 3) its triangles, without those of the void.
-        joints: edges between these.
-        groups: (n,) what hangs together without valleys.
-        ends: (k, 2, 2) edges where height fields cannot go on, whatever it costs.
-        extent: west, south, east, north of it.
-        height: how far solids may be from it.
-        seam: how far one may reach into another surface.
-        say: is called with words that say how far it is.
+        around: ground and edges for height fields.
+        triangles: (n, 3, 3) float64 corners of the ground's triangles, those of the void left out.
+        joints: edges between the triangles.
+        groups: (n,) int32 labels of ground that is connected without valleys.
+        ends: (k, 2, 2) float64 edges that no height field may cross, whatever that costs.
+        extent: west, south, east, north of the ground.
+        height: largest distance of solids from the ground.
+        seam: largest reach of a solid into another surface of the same height.
+        say: function that is called with a phrase at each step.
     """
 
     around: Surroundings
@@ -162,10 +164,10 @@ class _Task:
     seam: float
     say: Callable[[str], object]
 
-    def covered(self, most: int, spoilt: float) -> Collision:
-        """What stands for the ground: at most so many, or more where it would be spoilt."""
+    def cover_ground(self, most: int, spoilt: float) -> Collision:
+        """Cover the ground by at most `most` geoms, or more where it would be off by `spoilt`."""
         ground, longest = self.around.ground, max(self.extent)
-        rim = min(_RIM[0] * self.seam, _RIM[1] * longest)
+        rim = min(_RIM_OF_SEAM * self.seam, _RIM_OF_SIDE * longest)
         done = np.zeros(len(self.triangles), np.bool_)
         cutting = _Cutting(ground, done, int(_SHARE * most), self.seam, rim)
         self.say("finding plane ground")
@@ -178,33 +180,35 @@ class _Task:
         held = held.buffer(_HAIR, join_style="mitre")
         shapely.prepare(held)
         around = replace(self.around, held=held)
-        # where there are too many parts at creases, height fields go on over these
-        if self._left_at(around.sharp, done) > (1.0 - _FIELDS) * most - len(cutting.solids):
+        # where there are too many parts at creases, height fields go on over creases
+        if self._count_left_at(around.sharp, done) > (1.0 - _FIELDS) * most - len(cutting.solids):
             around = replace(around, sharp=self.ends)
         self.say("laying height fields")
         laid = lay_patches(around, self.extent, int(_FIELDS * most), spoilt)
         index, pieces = rest_of([one.footing for one in laid], ground)
         left = (index < len(done)) & ~done[np.minimum(index, len(done) - 1)]
         index, pieces = index[left], pieces[left]
-        room = most - len(cutting.solids) - sum(len(one.footing.patch.worn) for one in laid)
-        height, found = self._rest(cutting, index, pieces, max(room, 1), spoilt)
+        room = (
+            most - len(cutting.solids) - sum(len(one.footing.patch.used_surfaces) for one in laid)
+        )
+        height, found = self._cover_rest(cutting, index, pieces, max(room, 1), spoilt)
         solids = cutting.solids + found
         laid = spread(laid, most - len(solids))
         patches = [one.footing.patch for one in laid if one.footing.patch.used.any()]
         return Collision(solids, patches, height, height > self.height)
 
-    def _left_at(self, edges: Floats, done: Bools) -> int:
-        """How many parts of the ground without a solid touch edges, (n, 2, 2)."""
+    def _count_left_at(self, edges: Floats, done: Bools) -> int:
+        """Return the number of parts of the ground without a solid that touch edges, (n, 2, 2)."""
         _, near = self.around.ground.tree.query(shapely.linestrings(edges), "intersects")
         near = near[near < len(done)]
         return len(np.unique(self.groups[near[~done[near]]]))
 
-    def _rest(
+    def _cover_rest(
         self, cutting: _Cutting, index: Indices, pieces: Floats, room: int, spoilt: float
     ) -> tuple[float, list[Solid]]:
-        """Solids for parts of triangles, and how far they may be from these at most.
+        """Cover parts of triangles; return the largest distance of solids from them, and solids.
 
-        Where there are too many the error grows; where that spoils the ground, there may be more.
+        Where solids are too many the error grows; where that spoils the ground, more are allowed.
         """
         labels, surfaces = self.groups[index], self.around.ground.surfaces[index]
         area, fewest = float(areas_of(pieces).sum()), len(np.unique(labels))
@@ -216,7 +220,7 @@ class _Task:
         while True:
             budget = Budget(room, area)
             found = cutting.cover_all(pieces, labels, surfaces, height, budget)
-            if not budget.spent:
+            if not budget.is_spent:
                 best = height, found
             elif height >= spoilt:
                 room, spoiling = 2 * room, True
@@ -243,6 +247,7 @@ def _task_of(
     seam: float,
     say: Callable[[str], object],
 ) -> _Task:
+    """Return the task of covering a mesh, with arguments of `collision_of`."""
     mesh = built.mesh
     west, south, east, north = terrain.bounds
     extent = 0.0, 0.0, east - west, north - south
@@ -251,7 +256,7 @@ def _task_of(
     joints = _joints(triangles, surfaces, faces)
     rims, walls = _rims(mesh, extent), _wall_ends(mesh)
     void = _void(terrain, mesh, rims, extent)
-    ground = Ground(
+    ground = GroundTriangles(
         np.concatenate([triangles, void]),
         np.append(surfaces, np.full(len(void), VOID, np.int32)),
         np.concatenate([joints.sharp, walls, rims]),
@@ -270,15 +275,15 @@ class _Cutting:
     """The ground while it is cut into solids.
 
     Attributes:
-        ground: the ground; its last triangles are those of the void.
-        done: (n,) whether a triangle of a mesh has its solid.
-        most: so many solids plane ground and hills may have.
-        seam: how far a solid may reach into another surface of the same height.
-        rim: how far over the void.
-        solids: those that are there.
+        ground: ground; its last triangles are those of the void.
+        done: (n,) bool, whether a triangle of the mesh has its solid.
+        most: most solids of plane ground and hills.
+        seam: largest reach of a solid into another surface of the same height.
+        rim: largest reach of a solid over the void.
+        solids: solids so far.
     """
 
-    ground: Ground
+    ground: GroundTriangles
     done: Bools
     most: int
     seam: float
@@ -286,25 +291,25 @@ class _Cutting:
     solids: list[Solid] = field(default_factory=list)
 
     def tolerance(self, height: float) -> Tolerance:
-        """What solids may do whose roofs may be so far from the ground."""
+        """Return the tolerance of solids with roofs up to `height` from the ground."""
         return Tolerance(height, 0.5 * height, self.seam, self.rim)
 
     def _take(self, part: NDArray[np.intp], height: float, most: int) -> None:
-        """A part of the ground becomes solids, if no more than so many."""
+        """Make a part of the ground solids, if it takes at most `most`."""
         most = min(most, self.most - len(self.solids))
         piece, surface = self.ground.triangles[part], int(self.ground.surfaces[part[0]])
         if most <= 0:
             return
         budget = Budget(most, float(areas_of(piece).sum()))
         found = cover(self.ground, [piece], [surface], self.tolerance(height), budget)
-        if not budget.spent:
+        if not budget.is_spent:
             self.solids += found
             self.done[part] = True
 
     def take_planes(self, joints: _Joints, area: float, height: float) -> None:
-        """Level ground becomes solids, and plane slopes larger than so much, the largest first."""
+        """Make level ground, and plane slopes of at least an area, solids, the largest first."""
         triangles = self.ground.triangles[: len(self.done)]
-        parts = _parts(components(joints.pairs[joints.plane], len(self.done)))
+        parts = _indices_by_label(components(joints.pairs[joints.plane], len(self.done)))
         bent = np.zeros(len(self.done), np.bool_)
         bent[joints.pairs[joints.bent]] = True
         each = areas_of(triangles)
@@ -320,30 +325,30 @@ class _Cutting:
                 self._take(part, height, self.most)
 
     def take_hills(self, groups: Ints, height: float) -> None:
-        """Ground that hangs together becomes solids, if these are few."""
-        for part in _parts(groups):
+        """Make connected ground solids, where these are few."""
+        for part in _indices_by_label(groups):
             if len(part) <= _GROUP and not self.done[part].all():
                 self._take(part, height, 1 + len(part) // _LEAN)
 
     def cover_all(
         self, pieces: Floats, labels: Ints, surfaces: Ints, height: float, budget: Budget
     ) -> list[Solid]:
-        """Solids for triangles that have a label and a surface each; not all if that is spent."""
-        parts = _parts(labels)
+        """Return solids for triangles by label and surface; incomplete once the budget is spent."""
+        parts = _indices_by_label(labels)
         worn = [int(surfaces[part[0]]) for part in parts]
         tolerance = self.tolerance(height)
         return cover(self.ground, [pieces[part] for part in parts], worn, tolerance, budget)
 
 
 class _Joints(NamedTuple):
-    """Edges between two triangles of one surface, and what they are.
+    """Edges between two triangles, and their kinds.
 
     Attributes:
-        pairs: (n, 2) the two triangles.
-        plane: (n,) bool, whether they lie in one plane.
-        smooth: (n,) bool, whether there is no valley.
-        bent: (n,) bool, whether normals turn a little.
-        sharp: (k, 2, 2) ends of those with a crease, of any surface.
+        pairs: (n, 2) int64 indices of the two triangles of each edge.
+        plane: (n,) bool, whether both have one surface and lie in one plane.
+        smooth: (n,) bool, whether both have one surface and no valley between them.
+        bent: (n,) bool, whether both have one surface and their normals turn a little.
+        sharp: (k, 2, 2) float64 ends of creases, between any surfaces.
     """
 
     pairs: NDArray[np.int64]
@@ -354,6 +359,7 @@ class _Joints(NamedTuple):
 
 
 def _joints(triangles: Floats, surfaces: Ints, faces: Ints) -> _Joints:
+    """Return the joints of triangles, (n, 3, 3), by the vertices of their faces, (n, 3)."""
     _, key = _edges(faces)
     order = np.argsort(key, kind="stable")
     same = np.flatnonzero(key[order][1:] == key[order][:-1])
@@ -362,7 +368,7 @@ def _joints(triangles: Floats, surfaces: Ints, faces: Ints) -> _Joints:
     normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     normals /= np.linalg.norm(normals, axis=1)[:, None]
     turn = np.linalg.norm(np.cross(normals[first], normals[second]), axis=1)
-    # the corner of the second that is not on the edge, over the plane of the first
+    # distance of the second triangle's free corner over the plane of the first one
     tip = triangles[second, (other // len(faces) + 2) % 3]
     over = ((tip - triangles[first, 0]) * normals[first]).sum(axis=1)
     alike = surfaces[first] == surfaces[second]
@@ -379,16 +385,16 @@ def _joints(triangles: Floats, surfaces: Ints, faces: Ints) -> _Joints:
 
 
 def _edges(faces: Ints) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """The edges of faces, (3 n, 2), first those from corner 0 to 1; and a number for each, (3 n,).
+    """Return the edges of faces, (3 n, 2), first those from corner 0 to 1, and keys, (3 n,).
 
-    Edges between the same two vertices have the same number, whichever way they go.
+    Edges between two vertices have one key, whichever way they go.
     """
     edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]).astype(np.int64)
     return edges, edges.min(axis=1) << 32 | edges.max(axis=1)
 
 
-def _parts(labels: Ints) -> list[NDArray[np.intp]]:
-    """The indices of each label that is not negative, in the order of their first."""
+def _indices_by_label(labels: Ints) -> list[NDArray[np.intp]]:
+    """Return the indices of each label that is not negative, in the order of the labels."""
     order = np.argsort(labels, kind="stable")
     order = order[np.count_nonzero(labels < 0) :]
     begins = np.flatnonzero(np.diff(labels[order])) + 1
@@ -396,7 +402,7 @@ def _parts(labels: Ints) -> list[NDArray[np.intp]]:
 
 
 def _wall_ends(mesh: Mesh) -> Floats:
-    """(n, 2, 2) where the faces of walls stand."""
+    """Return the ends of walls' faces seen from above, (n, 2, 2)."""
     corners = mesh.vertices[mesh.faces[mesh.walls]][:, :, :2]
     longest = np.argmax([((corners[:, k] - corners[:, k - 1]) ** 2).sum(1) for k in range(3)], 0)
     at = np.arange(len(corners))
@@ -404,7 +410,7 @@ def _wall_ends(mesh: Mesh) -> Floats:
 
 
 def _rims(mesh: Mesh, extent: Bounds) -> Floats:
-    """(n, 2, 2) edges where the ground ends, but for the rim of the terrain."""
+    """Return the edges where the ground ends, (n, 2, 2), but for the border of the terrain."""
     edges, key = _edges(mesh.faces)
     _, first, count = np.unique(key, return_index=True, return_counts=True)
     ends = mesh.vertices[edges[first[count == 1]]][:, :, :2]
@@ -418,7 +424,7 @@ def _rims(mesh: Mesh, extent: Bounds) -> Floats:
 
 
 def _void(terrain: Terrain, mesh: Mesh, rims: Floats, extent: Bounds) -> Floats:
-    """Triangles far below where there is no ground, (n, 3, 3)."""
+    """Return triangles far below where there is no ground, (n, 3, 3)."""
     if not len(rims):
         return np.empty((0, 3, 3))
     lines = [*shapely.linestrings(rims), shapely.box(*extent).exterior]

@@ -1,4 +1,4 @@
-"""Lower ground that goes on under higher: heights at the nodes of a height field near walls."""
+"""Continuation of lower ground behind walls, for the nodes of a height field."""
 
 from __future__ import annotations
 
@@ -10,28 +10,29 @@ import numpy as np
 from terratool.simulators.collision.height_patch import Bools, Floats, Indices
 
 Height = Callable[[Floats, Floats], Floats]
+"""Function that returns heights of the ground at x and y, in columns and rows of nodes."""
 
 _LINKS = (0, 1), (1, 0), (1, 1)
-"""From a node to the next ones, in rows and columns: MuJoCo parts a cell along the last."""
+"""Steps from a node to linked ones, in rows and columns: MuJoCo parts a cell along the last."""
 _ASIDE = 1e-4
-"""Heights on both sides of a wall are taken so far from it, in parts of a link."""
+"""Distance from a wall at which the heights beside it are taken, in parts of a link."""
 _ON = 1e-6
-"""A wall that is nearer to a node than this goes through it."""
+"""Distance from a node below which a wall goes through it, in parts of a link."""
 _AWAY = 0.5
-"""A slope is taken between a wall and a node that is no nearer than this …"""
+"""Least distance of a wall from the node before it for a slope between the two, in links."""
 _LEAST_AWAY = 0.1
-"""… or than this, if there is no other node."""
+"""Least distance of a wall from the node before it if no earlier node gives a slope, in links."""
 
 
 class _Crossings(NamedTuple):
     """Links that walls cross.
 
     Attributes:
-        row: (n,) of the node where each begins.
-        column: (n,) of it.
-        first: (n,) where the first wall crosses it, from 0 to 1.
-        last: (n,) where the last one does.
-        blocked: (n,) whether a wall crosses the link before it, between its nodes.
+        row: (n,) row of the node where each link begins.
+        column: (n,) column of the node where each link begins.
+        first: (n,) place of the first wall on each link, from 0 to 1.
+        last: (n,) place of the last wall on each link, from 0 to 1.
+        blocked: (n,) bool, whether a wall crosses the link before each one, between its nodes.
     """
 
     row: Indices
@@ -41,31 +42,32 @@ class _Crossings(NamedTuple):
     blocked: Bools
 
 
-def continued(nodes: Floats, walls: Floats, height: Height, least: float) -> Floats:
-    """Heights at nodes, where those behind a wall go on with the lower ground before it.
+def continue_ground(nodes: Floats, walls: Floats, height: Height, least: float) -> Floats:
+    """Return heights at nodes, where those behind a wall go on with the lower ground before it.
 
-    So a height field is right up to the foot of a wall. Whether it is below all other ground is
-    not looked at.
+    So a height field is right up to the foot of a wall. Whether the field is below all other
+    ground is not checked.
 
     Args:
         nodes: (n, m) heights of the ground, rows from the south.
-        walls: (k, 2, 2) their ends seen from above; x and y count columns and rows.
-        height: the ground at such x and y.
-        least: lower steps are none.
+        walls: (k, 2, 2) ends of walls seen from above; x and y count columns and rows.
+        height: function that returns heights of the ground at such x and y.
+        least: least height of a wall; lower steps are ignored.
     """
     out = nodes.copy()
     for rows, columns in _LINKS:
         found = _crossings(walls, nodes.shape, (rows, columns))
         if len(found.row):
-            _pull(out, found, (rows, columns), height, least)
+            _lower_ends(out, found, (rows, columns), height, least)
             row, column = found.row + rows, found.column + columns
-            blocked = _blocked(found, nodes.shape, row, column)
+            blocked = _are_blocked(found, nodes.shape, row, column)
             back = _Crossings(row, column, 1.0 - found.last, 1.0 - found.first, blocked)
-            _pull(out, back, (-rows, -columns), height, least)
+            _lower_ends(out, back, (-rows, -columns), height, least)
     return out
 
 
 def _crossings(walls: Floats, shape: tuple[int, ...], step: tuple[int, int]) -> _Crossings:
+    """Return the links that walls cross; each is a step in rows and columns between nodes."""
     rows, columns = step
     x, y = walls[:, :, 0], walls[:, :, 1]
     # links lie on lines where `line` is whole, and begin where `along` is
@@ -80,7 +82,7 @@ def _crossings(walls: Floats, shape: tuple[int, ...], step: tuple[int, int]) -> 
     nearest = np.round(place)
     place = np.where(np.abs(place - nearest) < _ON, nearest, place)
     begin = np.floor(place)
-    on = place == begin  # it crosses the link that ends here, too
+    on = place == begin  # the wall crosses the link that ends here, too
     begin, at = np.concatenate([begin, begin[on] - 1]), np.concatenate([at, at[on]])
     part = np.concatenate([place, place[on]]) - begin
     row = begin if rows else at
@@ -93,20 +95,20 @@ def _crossings(walls: Floats, shape: tuple[int, ...], step: tuple[int, int]) -> 
     ends = np.append(new[1:], True)[: len(row)]
     row, column, first, last = row[new], column[new], part[new], part[ends]
     found = _Crossings(row, column, first, last, np.zeros(len(row), np.bool_))
-    return found._replace(blocked=_blocked(found, shape, row - rows, column - columns))
+    return found._replace(blocked=_are_blocked(found, shape, row - rows, column - columns))
 
 
-def _blocked(found: _Crossings, shape: tuple[int, ...], row: Indices, column: Indices) -> Bools:
-    """Whether walls cross links, by where these begin, between their nodes."""
+def _are_blocked(found: _Crossings, shape: tuple[int, ...], row: Indices, column: Indices) -> Bools:
+    """Whether walls cross the links that begin at rows and columns, between their nodes."""
     crossed = np.zeros((shape[0] + 2, shape[1] + 2), np.bool_)
     crossed[found.row + 1, found.column + 1] = (found.first < 1.0) & (found.last > 0.0)
     return crossed[row + 1, column + 1]
 
 
-def _pull(
+def _lower_ends(
     out: Floats, found: _Crossings, step: tuple[int, int], height: Height, least: float
 ) -> None:
-    """Lower the nodes at the far ends of links, if walls rise on the way to them."""
+    """Lower the nodes at the far ends of links, if walls rise on the way to these."""
     rows, columns = step
 
     def at(part: Floats | float) -> Floats:

@@ -1,4 +1,4 @@
-"""Height fields at walls: what of them stands for lower ground and rises nowhere above any."""
+"""Height fields at walls: their cells that stand for lower ground and rise above none."""
 
 from __future__ import annotations
 
@@ -10,21 +10,21 @@ import shapely
 from numpy.typing import NDArray
 
 from terratool.simulators.collision.height_patch import Bools, Floats, HeightPatch, Indices, runs
-from terratool.simulators.collision.solids import SLIVER, Ground
+from terratool.simulators.collision.solids import SLIVER, GroundTriangles
 
 _ON = 1e-6
-"""A point is on an edge that is nearer, in parts of the height of the triangle over it."""
+"""Distance below which a point is on an edge, in parts of the triangle's height over the edge."""
 HALVES = np.array([[[0, 0], [0, 1], [1, 1]], [[0, 0], [1, 1], [1, 0]]])
-"""Rows and columns of the nodes of the two triangles of a cell, as MuJoCo parts it."""
+"""Rows and columns of the nodes of a cell's two triangles, (2, 3, 2), as MuJoCo parts it."""
 
 
 class Footing(NamedTuple):
-    """A height field at walls.
+    """A height field at walls, and the ground that it does not stand for.
 
     Attributes:
-        patch: what is left of it.
-        triangles: (n,) indices of those of the ground that it does not stand for, more than once …
-        parts: … and (n,) the polygons where it does not.
+        patch: height field, the cells above the ground left out.
+        triangles: (n,) indices of triangles of the ground; some occur more than once.
+        parts: (n,) polygons in which the height field does not stand for these triangles.
     """
 
     patch: HeightPatch
@@ -32,16 +32,16 @@ class Footing(NamedTuple):
     parts: NDArray[Any]
 
 
-def footing_of(patch: HeightPatch, ground: Ground, error: float) -> Footing:
-    """Leave out of a height field what is above the ground at walls.
+def footing_of(patch: HeightPatch, ground: GroundTriangles, error: float) -> Footing:
+    """Leave out the cells of a height field that are above the ground at walls.
 
     Cells at walls are used that are nowhere higher than the ground, and as high as some of it. No
     triangle or edge that is higher somewhere keeps all its nodes.
 
     Args:
-        patch: the height field.
-        ground: the ground, void included.
-        error: how far it may be off.
+        patch: height field.
+        ground: all of the ground, void included.
+        error: largest distance of the height field from the ground, along z.
     """
     row, column = np.nonzero(patch.near & np.isfinite(patch.misses))
     at = np.stack([row, column], axis=1)[:, None, None] + HALVES  # (n, 2, 3, 2)
@@ -50,7 +50,7 @@ def footing_of(patch: HeightPatch, ground: Ground, error: float) -> Footing:
     points, which = shapely.get_coordinates(pairs.shared, return_index=True)
     over = heights_of(halves[pairs.first[which]], points)
     over -= heights_of(ground.triangles[pairs.triangle[which]], points)
-    above, below = _most(over, which), _most(-over, which)
+    above, below = _maxima(over, which), _maxima(-over, which)
     cell = pairs.first // 2
     high = np.unique(pairs.first[above > error])
     higher = np.zeros(patch.near.shape, np.bool_)
@@ -67,12 +67,12 @@ def footing_of(patch: HeightPatch, ground: Ground, error: float) -> Footing:
     surfaces[row, column] = area.argmax(axis=1) - 1
     fits[row, column] = area.max(axis=1) > SLIVER
     nodes = at.reshape(-1, 3, 2)
-    used = _without(
+    used = _drop_groups(
         patch.used & fits & ~higher, np.concatenate([nodes[high], _ridges(nodes, edges)])
     )
     patch = replace(patch, used=used, surfaces=surfaces)
     apart = (below > error) & used[row[cell], column[cell]]
-    loose = _pairs(ground, runs(patch, patch.loose))
+    loose = _pairs(ground, runs(patch, patch.uncovered))
     return Footing(
         patch,
         np.concatenate([pairs.triangle[apart], loose.triangle]),
@@ -80,12 +80,12 @@ def footing_of(patch: HeightPatch, ground: Ground, error: float) -> Footing:
     )
 
 
-def measured(patch: HeightPatch, points: Floats) -> HeightPatch:
-    """A height field that knows how far its cells are from points of the ground, too.
+def with_misses_at(patch: HeightPatch, points: Floats) -> HeightPatch:
+    """Return a height field whose misses include those at points of the ground.
 
     Args:
-        patch: the height field.
-        points: (n, 3), x rising.
+        patch: height field.
+        points: (n, 3) points of the ground, x ascending.
     """
     west, south, east, north = patch.bounds
     begin, end = np.searchsorted(points[:, 0], (west, east))
@@ -103,9 +103,9 @@ def measured(patch: HeightPatch, points: Floats) -> HeightPatch:
 
 
 def _ridges(nodes: Indices, high: Bools) -> Indices:
-    """Edges that are higher than the ground on both sides, by their nodes, the last one twice.
+    """Return edges that are higher than the ground on both sides, by nodes, the last one twice.
 
-    Where it is so on one side only, the edge stands on a wall.
+    An edge that is higher on one side only stands on a wall.
 
     Args:
         nodes: (n, 3, 2) rows and columns of the nodes of triangles.
@@ -120,8 +120,8 @@ def _ridges(nodes: Indices, high: Bools) -> Indices:
     return np.concatenate([both, both[:, 1:]], axis=1)
 
 
-def _without(used: Bools, wrong: Indices) -> Bools:
-    """The used cells that leave no group of nodes, (n, 3, 2), all of them."""
+def _drop_groups(used: Bools, wrong: Indices) -> Bools:
+    """Drop used cells until no group of nodes, (n, 3, 2), is used as a whole."""
     used = np.pad(used, 1)
     while True:
         nodes = used[:-1, :-1] | used[1:, :-1] | used[:-1, 1:] | used[1:, 1:]
@@ -139,12 +139,12 @@ def _without(used: Bools, wrong: Indices) -> Bools:
 
 @dataclass(frozen=True)
 class _Pairs:
-    """Shapes and triangles of the ground that share some area.
+    """Pairs of a shape and a triangle of the ground that share some area.
 
     Attributes:
-        first: (n,) index of the shape.
-        triangle: (n,) index of the triangle.
-        shared: (n,) polygons.
+        first: (n,) index of each pair's shape.
+        triangle: (n,) index of each pair's triangle.
+        shared: (n,) polygons of the shared area.
     """
 
     first: Indices
@@ -152,7 +152,8 @@ class _Pairs:
     shared: NDArray[Any]
 
 
-def _pairs(ground: Ground, shapes: NDArray[Any]) -> _Pairs:
+def _pairs(ground: GroundTriangles, shapes: NDArray[Any]) -> _Pairs:
+    """Return the pairs of shapes and triangles of the ground, by shape, then by triangle."""
     first, triangle = ground.tree.query(shapes, predicate="intersects")
     order = np.lexsort((triangle, first))
     first, triangle = first[order], triangle[order]
@@ -161,19 +162,19 @@ def _pairs(ground: Ground, shapes: NDArray[Any]) -> _Pairs:
     return _Pairs(first[some], triangle[some], shared[some])
 
 
-def _most(values: Floats, which: Indices) -> Floats:
-    """The largest of the values of each index; these rise."""
+def _maxima(values: Floats, which: Indices) -> Floats:
+    """Return the largest of the values of each index in `which`, which ascends."""
     begins = np.flatnonzero(np.append(True, np.diff(which) > 0))[: len(values)]
     return np.maximum.reduceat(values, begins) if len(values) else values
 
 
 def heights_of(triangles: Floats, points: Floats) -> Floats:
-    """Heights of the planes of triangles, one for each point."""
+    """Return the heights of triangles' planes, (n, 3, 3), at points, one for each, (n,)."""
     return np.asarray((_weights(triangles, points) * triangles[:, :, 2]).sum(axis=1))
 
 
 def _weights(triangles: Floats, points: Floats) -> Floats:
-    """How much of each corner points are, seen from above, (n, 3): 0 on the edge opposite to it."""
+    """Return barycentric coordinates of points, one a triangle, seen from above, (n, 3)."""
     a, b, c = np.moveaxis(triangles[:, :, :2], 1, 0)
     u, v, away = b - a, c - a, points - a
     size = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
@@ -182,15 +183,17 @@ def _weights(triangles: Floats, points: Floats) -> Floats:
     return np.stack([1.0 - s - t, s, t], axis=1)
 
 
-def rest_of(footings: list[Footing], ground: Ground) -> tuple[Indices, Floats]:
-    """What height fields do not stand for: of each triangle the convex hull of that, in triangles.
+def rest_of(footings: list[Footing], ground: GroundTriangles) -> tuple[Indices, Floats]:
+    """Return the ground that height fields do not stand for, as triangles.
+
+    The parts of each triangle of the ground are replaced by their convex hull.
 
     Args:
-        footings: of all height fields.
+        footings: footings of all height fields.
         ground: all of the ground.
 
     Returns:
-        (n,) the indices of those that they are parts of, and (n, 3, 3).
+        (n,) indices of the triangles of the ground, and (n, 3, 3) corners of parts of these.
     """
     triangle = np.concatenate([one.triangles for one in footings])
     parts = np.concatenate([one.parts for one in footings])
@@ -205,7 +208,7 @@ def rest_of(footings: list[Footing], ground: Ground) -> tuple[Indices, Floats]:
 
 
 def _fans(polygons: NDArray[Any]) -> tuple[Floats, Indices]:
-    """The triangles, (n, 3, 2), from the first corner of convex polygons; and of which they are."""
+    """Part convex polygons into triangles, (n, 3, 2), and the index of each one's polygon, (n,)."""
     corners, of = shapely.get_coordinates(polygons, return_index=True)
     begins = np.flatnonzero(np.append(True, np.diff(of) > 0))[: len(polygons)]
     count = np.diff(np.append(begins, len(corners))) - 3  # the first corner is the last, too

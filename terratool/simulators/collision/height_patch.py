@@ -1,4 +1,4 @@
-"""A height field of a simulator: where it lies, and which of its cells stand for ground."""
+"""A height field of a simulator, with its place, and its cells that stand for ground."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ class HeightPatch:
     """A height field: heights at evenly spaced nodes, where it has any ground.
 
     Attributes:
-        bounds: west, south, east, north of its nodes.
-        heights: (n, m) float64, rows from the south.
-        used: (n - 1, m - 1) bool, the cells that it stands for.
-        held: (n - 1, m - 1) bool, those that something else stands for.
-        near: (n - 1, m - 1) bool, those at walls, where only lower ground is meant.
-        surfaces: (n - 1, m - 1) int32 of these, -1 for none.
-        mixed: (n - 1, m - 1) bool, those of several surfaces.
-        misses: (n - 1, m - 1) how far they are from the terrain, as measured; NaN at the void.
+        bounds: west, south, east, north of the outermost nodes.
+        heights: (n, m) float64 heights of the nodes, rows from the south.
+        used: (n - 1, m - 1) bool, whether the field stands for a cell's ground.
+        held: (n - 1, m - 1) bool, whether solids stand for a cell's ground.
+        near: (n - 1, m - 1) bool, whether a cell is at a wall, where only lower ground is meant.
+        surfaces: (n - 1, m - 1) int32 index of a cell's surface, -1 for none.
+        mixed: (n - 1, m - 1) bool, whether a cell has several surfaces.
+        misses: (n - 1, m - 1) float64 measured distance from the terrain; NaN at the void.
     """
 
     bounds: Bounds
@@ -43,29 +43,29 @@ class HeightPatch:
 
     @property
     def error(self) -> float:
-        """How far any used cell is from the terrain, as measured, but for those at walls."""
+        """Largest measured distance of a used cell from the terrain, but for cells at walls."""
         return float(self.misses[self.used & ~self.near].max(initial=0.0))
 
     @property
     def cell(self) -> tuple[float, float]:
-        """The width and height of its cells."""
+        """Width and height of a cell."""
         west, south, east, north = self.bounds
         rows, columns = self.used.shape
         return (east - west) / columns, (north - south) / rows
 
     @property
-    def loose(self) -> Bools:
-        """The cells that nothing stands for."""
+    def uncovered(self) -> Bools:
+        """Cells whose ground neither the field nor a solid stands for, (n - 1, m - 1) bool."""
         return ~(self.used | self.held)
 
     @property
-    def worn(self) -> list[int]:
-        """The surfaces of used cells."""
+    def used_surfaces(self) -> list[int]:
+        """Indices of the surfaces of used cells, ascending."""
         worn: list[int] = np.unique(self.surfaces[self.used]).tolist()
         return worn
 
-    def cropped(self, bottom: int, top: int, left: int, right: int) -> HeightPatch:
-        """The rows from `bottom` to before `top`, and columns likewise."""
+    def crop(self, bottom: int, top: int, left: int, right: int) -> HeightPatch:
+        """Return rows of cells from `bottom` to before `top`, columns from `left` to `right`."""
         west, south, _, _ = self.bounds
         dx, dy = self.cell
         part = slice(bottom, top), slice(left, right)
@@ -81,14 +81,14 @@ class HeightPatch:
         )
 
     def at(self, row: Indices, column: Indices) -> Floats:
-        """Nodes by row and column, (…, 3)."""
+        """Return x, y, z of nodes by row and column, (…, 3)."""
         west, south, _, _ = self.bounds
         dx, dy = self.cell
         return np.stack([west + column * dx, south + row * dy, self.heights[row, column]], axis=-1)
 
 
 def runs(patch: HeightPatch, cells: Bools) -> NDArray[Any]:
-    """Rectangles of cells side by side from west to east."""
+    """Return polygons of cells, those side by side from west to east as one rectangle."""
     west, south, _, _ = patch.bounds
     dx, dy = patch.cell
     row, column = np.nonzero(cells)

@@ -1,4 +1,4 @@
-"""Height fields, where ground is curved and no wall is near, split where they are worst."""
+"""Height fields for curved ground, split where they are worst."""
 
 from __future__ import annotations
 
@@ -14,43 +14,44 @@ from numpy.typing import NDArray
 
 from terratool.definition.findings import Bounds
 from terratool.field.terrain import Terrain
-from terratool.simulators.collision.continuation import continued
-from terratool.simulators.collision.footing import Footing, footing_of, measured
+from terratool.simulators.collision.continuation import continue_ground
+from terratool.simulators.collision.footing import Footing, footing_of, with_misses_at
 from terratool.simulators.collision.height_patch import Bools, Floats, HeightPatch, Ints
-from terratool.simulators.collision.solids import VOID, Ground
+from terratool.simulators.collision.solids import VOID, GroundTriangles
 
 CELLS = 96
 """Cells of a height field along its longer side."""
 _SAMPLES = 4
-"""Each cell is held against the terrain at so many points a side, and its end."""
+"""Points along a cell's side, one end excluded, at which it is compared with the terrain."""
 _CURVED = 0.75
-"""This part of all height fields may be split where ground is curved."""
+"""Share of all height fields up to which curved ground and lines between surfaces split them."""
 _STEEP = 2.0
-"""Cells of so many errors are not split: what is wrong in them is a step, or nearly."""
+"""Least side of a cell, in errors, of a field split for its error; smaller ones err at steps."""
 _FINEST = 40.0
-"""Cells of so many errors are not split for what is left at walls."""
+"""Least side of a cell, in errors, of a field split at lines between surfaces, or at walls."""
 _STEP = 0.25
-"""Steps that are lower than this part of the error are no walls."""
+"""Least height of a wall, in errors."""
 _PLENTY = 600
-"""So many may be where the ground would be spoilt by fewer."""
+"""Height fields that are allowed at least, where fewer would spoil the ground."""
 _NODES = 4_000_000
-"""So many nodes all height fields have together, about."""
+"""Most nodes of all height fields together."""
 _FEWEST = 4
-"""Beside the void, fewer rows of cells are no height field."""
+"""Least rows and columns of cells of a height field."""
 
 
 @dataclass(frozen=True)
 class Surroundings:
-    """What height fields stand for, and what they keep away from.
+    """Ground that height fields stand for, and edges that they keep away from.
 
     Attributes:
-        terrain: its heights.
-        corner: (2,) float64, world position of the zero of …
-        walls: … (k, 2, 2) float64 their ends …
-        sharp: … (m, 2, 2) those of all that height fields leave out: walls, the void, creases …
-        held: … and what needs no height field, prepared.
+        terrain: terrain, for heights and surfaces.
+        corner: (2,) float64 world position of the zero of all other coordinates.
+        walls: (k, 2, 2) float64 ends of walls, seen from above.
+        sharp: (m, 2, 2) float64 ends of the edges that height fields leave out: walls, creases and
+            those of the void.
+        held: prepared area of the ground that has solids.
         ground: all of the ground, void included.
-        max_error: how far they may be from it, along z.
+        max_error: largest distance of height fields from the terrain, along z.
     """
 
     terrain: Terrain
@@ -58,30 +59,30 @@ class Surroundings:
     walls: Floats
     sharp: Floats
     held: shapely.Geometry
-    ground: Ground
+    ground: GroundTriangles
     max_error: float
 
     @cached_property
     def points(self) -> Floats:
-        """All corners of the ground, (n, 3), x rising."""
+        """Corners of the ground, each once, (n, 3) float64, x ascending."""
         return np.unique(self.ground.triangles.reshape(-1, 3), axis=0)
 
     @cached_property
     def wall_tree(self) -> shapely.STRtree:
-        """The walls, by place."""
+        """Spatial index of the walls."""
         return shapely.STRtree(shapely.linestrings(self.walls))
 
     @cached_property
     def sharp_tree(self) -> shapely.STRtree:
-        """What is left out, by place."""
+        """Spatial index of the edges that height fields leave out."""
         return shapely.STRtree(shapely.linestrings(self.sharp))
 
     def height(self, x: Floats, y: Floats) -> Floats:
-        """Heights of the terrain."""
+        """Return heights of the terrain at x and y; NaN at the void."""
         return np.asarray(self.terrain.height(x + self.corner[0], y + self.corner[1]))
 
     def surface(self, x: Floats, y: Floats) -> Ints:
-        """Indices of its surfaces at all columns x of rows y, which rise."""
+        """Return surface indices at columns x and rows y, which ascend, (rows, columns)."""
         near = self.ground.tree.query(shapely.box(x[0], y[0], x[-1], y[-1]))
         worn = np.unique(self.ground.surfaces[near])
         worn = worn[worn != VOID]
@@ -92,27 +93,32 @@ class Surroundings:
 
 
 @dataclass(frozen=True)
-class Laid:
-    """A height field, and what is to be asked of it."""
+class LaidPatch:
+    """A height field with measures of how well it stands for the ground.
+
+    Attributes:
+        patch: height field.
+        around: ground and edges around it.
+    """
 
     patch: HeightPatch
     around: Surroundings
 
     @cached_property
     def footing(self) -> Footing:
-        """It without what is above the ground at walls."""
+        """The height field without cells above the ground at walls."""
         return footing_of(self.patch, self.around.ground, self.around.max_error)
 
     @property
     def excess(self) -> float:
-        """How much farther than it may be from the terrain it is away from walls."""
+        """Error above the allowed one, away from walls; 0 if its cells are too small to split."""
         if min(self.patch.cell) < _STEEP * self.around.max_error:
             return 0.0
         return max(self.patch.error - self.around.max_error, 0.0)
 
     @property
     def border(self) -> float:
-        """The area of cells of several surfaces, where lines between these are ragged."""
+        """Area of cells of several surfaces; 0 if the cells are too small to split."""
         if min(self.patch.cell) < _FINEST * self.around.max_error:
             return 0.0
         mixed = self.patch.used & self.patch.mixed
@@ -120,25 +126,25 @@ class Laid:
 
     @property
     def rest(self) -> float:
-        """The area of the ground at walls that it does not stand for."""
+        """Area of ground at walls without height field; 0 if the cells are too small to split."""
         if min(self.patch.cell) < _FINEST * self.around.max_error:
             return 0.0
         return float(shapely.area(self.footing.parts).sum())
 
 
-def lay_patches(around: Surroundings, extent: Bounds, most: int, spoilt: float) -> list[Laid]:
-    """Height fields for all that solids do not hold.
+def lay_patches(around: Surroundings, extent: Bounds, most: int, spoilt: float) -> list[LaidPatch]:
+    """Lay height fields over the ground that solids do not stand for.
 
-    They are split in four where they are worst, until they are good or too many: first where they
-    are far from the ground, then where surfaces meet, then where much ground at walls is left.
+    The worst fields are split in four, until all are good or they are too many: first those far
+    from the ground, then those where surfaces meet, then those with much ground left at walls.
 
     Args:
-        around: what they stand for.
-        extent: west, south, east, north of it.
-        most: no more than so many, if that can be …
-        spoilt: … and none is farther from the ground than this.
+        around: ground and edges around the height fields.
+        extent: west, south, east, north of the ground.
+        most: most height fields, where these do not spoil the ground.
+        spoilt: error above which the ground is spoilt, and more height fields are allowed.
     """
-    laid = list(_laid(around, extent))
+    laid = list(_lay(around, extent))
     far = spoilt - around.max_error
     laid = _split(laid, lambda one: max(one.excess - far, 0.0), max(most, _PLENTY))
     laid = _split(laid, lambda one: one.excess, int(_CURVED * most))
@@ -146,20 +152,23 @@ def lay_patches(around: Surroundings, extent: Bounds, most: int, spoilt: float) 
     return _split(laid, lambda one: one.rest, most)
 
 
-def spread(laid: list[Laid], most: int) -> list[Laid]:
-    """Height fields, split where they are worst and no wall is, up to so many."""
-    most -= sum(len(one.footing.patch.worn) - len(one.patch.worn) for one in laid)
+def spread(laid: list[LaidPatch], most: int) -> list[LaidPatch]:
+    """Split the worst height fields away from walls, until there are `most`."""
+    most -= sum(len(one.footing.patch.used_surfaces) - len(one.patch.used_surfaces) for one in laid)
     laid = _split(laid, lambda one: 0.0 if one.patch.near.any() else one.excess, most)
     return _split(laid, lambda one: 0.0 if one.patch.near.any() else one.border, most)
 
 
-def _laid(around: Surroundings, bounds: Bounds) -> Iterator[Laid]:
+def _lay(around: Surroundings, bounds: Bounds) -> Iterator[LaidPatch]:
+    """Yield the height fields of a rectangle, the void left out."""
     for patch in _without_void(_patch(around, bounds)):
-        yield Laid(measured(patch, around.points), around)
+        yield LaidPatch(with_misses_at(patch, around.points), around)
 
 
-def _split(laid: list[Laid], badness: Callable[[Laid], float], most: int) -> list[Laid]:
-    """Height fields in four where they are worst, until none is bad or they would be too many."""
+def _split(
+    laid: list[LaidPatch], badness: Callable[[LaidPatch], float], most: int
+) -> list[LaidPatch]:
+    """Split the worst height field in four, until none is bad or they would be too many."""
     queue = [(-badness(one), number, one) for number, one in enumerate(laid)]
     heapq.heapify(queue)
     number, size = len(queue), _size(laid)
@@ -171,7 +180,7 @@ def _split(laid: list[Laid], badness: Callable[[Laid], float], most: int) -> lis
             one
             for bottom, top in ((south, y), (y, north))
             for left, right in ((west, x), (x, east))
-            for one in _laid(worst.around, (left, bottom, right, top))
+            for one in _lay(worst.around, (left, bottom, right, top))
         ]
         size += _size(parts) - _size([worst])
         if (size > (_NODES, most)).any():
@@ -183,13 +192,16 @@ def _split(laid: list[Laid], badness: Callable[[Laid], float], most: int) -> lis
     return [one for _, _, one in sorted(queue, key=lambda item: item[1])]
 
 
-def _size(laid: list[Laid]) -> NDArray[np.intp]:
-    """How many nodes height fields have, and how many they are, one for each surface."""
+def _size(laid: list[LaidPatch]) -> NDArray[np.intp]:
+    """Return the number of nodes of height fields, and of fields, one for each surface: (2,)."""
     used = [one.patch for one in laid if one.patch.used.any()]
-    return np.array([sum(one.heights.size for one in used), sum(len(one.worn) for one in used)])
+    return np.array(
+        [sum(one.heights.size for one in used), sum(len(one.used_surfaces) for one in used)]
+    )
 
 
 def _patch(around: Surroundings, bounds: Bounds) -> HeightPatch:
+    """Return the height field of a rectangle, compared with the terrain."""
     west, south, east, north = bounds
     longer = max(east - west, north - south)
     columns = max(_FEWEST, round(CELLS * (east - west) / longer))
@@ -200,10 +212,10 @@ def _patch(around: Surroundings, bounds: Bounds) -> HeightPatch:
     cell = (east - west) / columns, (north - south) / rows
     left, bottom = np.meshgrid(x[:-1:k], y[:-1:k])
     boxes = shapely.box(left, bottom, left + cell[0], bottom + cell[1])
-    low = _lowered(around, heights[::k, ::k], x[::k], y[::k])
-    nodes, near = _continued(around, low, bounds, cell)
+    low = _lower_at_walls(around, heights[::k, ::k], x[::k], y[::k])
+    nodes, near = _continue_behind_walls(around, low, bounds, cell)
     misses = misses_of(heights, k)
-    # walls of the mesh are chords: what is true ground beside them may lie on the other side
+    # walls of the mesh are chords: the terrain's own walls may lie on their other side
     e = around.max_error
     wide = shapely.box(left - e, bottom - e, left + cell[0] + e, bottom + cell[1] + e)
     sharp, _ = around.sharp_tree.query(wide.ravel(), predicate="intersects")
@@ -216,10 +228,10 @@ def _patch(around: Surroundings, bounds: Bounds) -> HeightPatch:
     )
 
 
-def _lowered(around: Surroundings, nodes: Floats, x: Floats, y: Floats) -> Floats:
-    """Heights at nodes, where those at a wall of the mesh are on the lower ground beside it.
+def _lower_at_walls(around: Surroundings, nodes: Floats, x: Floats, y: Floats) -> Floats:
+    """Return heights at nodes, where those at a wall of the mesh are on the lower ground beside.
 
-    A chord of a round wall has some of the higher ground before it.
+    The chord of a round wall has some of the higher ground before it.
     """
     if not len(around.walls):
         return nodes
@@ -236,7 +248,7 @@ def _lowered(around: Surroundings, nodes: Floats, x: Floats, y: Floats) -> Float
 
 
 def _surfaces(samples: Ints, k: int) -> tuple[Ints, Bools]:
-    """The surfaces in the middle of cells, (n, m), and whether they have several."""
+    """Return surfaces at cell middles, (n, m) int32, and whether cells have several, (n, m)."""
     n, m = samples.shape
     low, high = (
         least.reduce([samples[j : n - k + j : k, i : m - k + i : k] for j, i in np.ndindex(k, k)])
@@ -245,7 +257,9 @@ def _surfaces(samples: Ints, k: int) -> tuple[Ints, Bools]:
     return samples[k // 2 :: k, k // 2 :: k], low != high
 
 
-def _void_cells(ground: Ground, left: Floats, bottom: Floats, cell: tuple[float, float]) -> Bools:
+def _void_cells(
+    ground: GroundTriangles, left: Floats, bottom: Floats, cell: tuple[float, float]
+) -> Bools:
     """Whether cells have any void, (n, m), however narrow."""
     found = np.zeros(left.shape, np.bool_)
     dx, dy = cell
@@ -260,10 +274,10 @@ def _void_cells(ground: Ground, left: Floats, bottom: Floats, cell: tuple[float,
     return found
 
 
-def _continued(
+def _continue_behind_walls(
     around: Surroundings, nodes: Floats, bounds: Bounds, cell: tuple[float, float]
 ) -> tuple[Floats, Bools]:
-    """Nodes, where lower ground goes on behind walls; and the cells that this changes."""
+    """Return nodes, where lower ground goes on behind walls, and the cells that this changes."""
     west, south, east, north = bounds
     low, high = around.walls.min(axis=1), around.walls.max(axis=1)
     margin = np.array(cell)
@@ -273,14 +287,14 @@ def _continued(
     def height(x: Floats, y: Floats) -> Floats:
         return around.height(west + x * cell[0], south + y * cell[1])
 
-    found = continued(nodes, walls, height, _STEP * around.max_error)
+    found = continue_ground(nodes, walls, height, _STEP * around.max_error)
     changed = (found != nodes) & np.isfinite(nodes)
     cells = changed[:-1, :-1] | changed[1:, :-1] | changed[:-1, 1:] | changed[1:, 1:]
     return found, cells
 
 
 def misses_of(heights: Floats, k: int) -> Floats:
-    """How far cells are from the terrain at most, (n, m), where each has k + 1 samples a side.
+    """Return the largest distances of cells from the terrain, (n, m), from k + 1 samples a side.
 
     MuJoCo parts each cell from its south-west to its north-east corner.
     """
@@ -302,7 +316,7 @@ def misses_of(heights: Floats, k: int) -> Floats:
 
 
 def _without_void(patch: HeightPatch) -> Iterator[HeightPatch]:
-    """Parts of a patch that have no cell without ground, as a height field has no holes."""
+    """Yield the parts of a patch without void cells, as a height field has no holes."""
     void = np.isnan(patch.misses)
     rows, columns = np.flatnonzero(void.any(axis=1)), np.flatnonzero(void.any(axis=0))
     if not len(rows) or not patch.used.any():
@@ -313,8 +327,8 @@ def _without_void(patch: HeightPatch) -> Iterator[HeightPatch]:
     around = [(0, bottom, 0, m), (top, n, 0, m), (bottom, top, 0, left), (bottom, top, right, m)]
     for a, b, c, d in around:
         if a < b and c < d:
-            yield from _without_void(patch.cropped(a, b, c, d))
-    middle = patch.cropped(bottom, top, left, right)
+            yield from _without_void(patch.crop(a, b, c, d))
+    middle = patch.crop(bottom, top, left, right)
     if min(middle.used.shape) < _FEWEST or np.isnan(middle.misses).all():
         yield replace(middle, used=np.zeros_like(middle.used))
         return
@@ -324,4 +338,4 @@ def _without_void(patch: HeightPatch) -> Iterator[HeightPatch]:
     else:
         halves = (0, n, 0, m // 2), (0, n, m // 2, m)
     for half in halves:
-        yield from _without_void(middle.cropped(*half))
+        yield from _without_void(middle.crop(*half))

@@ -1,4 +1,4 @@
-"""Ground as convex solids: few that stand for many triangles of a mesh, within an error."""
+"""Ground as convex solids: a few stand for many triangles of a mesh, within an error."""
 
 from __future__ import annotations
 
@@ -19,52 +19,54 @@ Ints = NDArray[np.int32]
 Indices = NDArray[np.intp]
 
 VOID = -2
-"""In place of a surface: there is no ground."""
+"""Index of a surface that stands for no ground."""
 
 SLIVER = 1e-9
-"""Smaller areas are nothing, in square units of the terrain."""
+"""Least area that counts, square units of the terrain."""
 _SNAP = 1e-7
-"""What is nearer to a cut than this is on it."""
+"""Distance below which a point is on a cut, or two heights are one, units of the terrain."""
 _NARROW = 2e-5
-"""No strips narrower than this are cut off, in units of the terrain; a gap of it is none."""
+"""Least width of strips that are cut off, and of gaps that count, units of the terrain."""
 _CUTS = 12
-"""So many edges of what is in the way are tried as cuts."""
+"""Most edges that are tried as cuts of a piece."""
 _CONSIDERED = 256
-"""So many triangles of what is in the way are looked at, or walls and creases, the largest."""
+"""Most obstructing triangles, or walls and creases, that are considered, the largest first."""
 _SHARES = 0.5, 0.25, 0.75, 0.375, 0.625
-"""Where bent ground is cut, in parts of its width …"""
+"""Places where cuts of bent ground are tried, in parts of its width."""
 _STRIPS = 16
-"""… across the direction in which so many strips of it are flattest, or more where it is long …"""
+"""Least strips of a piece whose flatness says in which direction it is bent."""
 _MOST_STRIPS = 512
-"""… but no more than these."""
-_TOLD = 4096
-"""So many triangles, about, tell how ground is bent …"""
-_WAY = 32_768
-"""… and so many what is in the way, and where it is cut best."""
-_SAMPLE = 64
-"""Ground is cut into so many pieces first, if it takes as many …"""
+"""Most strips of a piece whose flatness says in which direction it is bent."""
+_BEND_SAMPLE = 4096
+"""Triangles of a piece, about, that say in which direction it is bent."""
+_CUT_SAMPLE = 32_768
+"""Triangles, about, among which obstructions are sought, and that say where a cut is best."""
+_PIECES = 64
+"""Pieces into which ground is cut before each is covered by itself."""
 _GOLDEN = 0.6180339887498949
-"""… and of these each is far from the one before."""
+"""Golden ratio: order of pieces in which each is far from the one before."""
 _FAR = 1.25
-"""Ground is given up once it has so many times the solids that its share may have …"""
-_FIRST = 0.2, 8
-"""… and this part of all of them, and so many, as the first ones tell little of the rest."""
+"""Abort a region when its solids exceed this many times its share."""
+_FIRST_SHARE = 0.2
+"""Part of all solids that a region may have beyond its share, as its first ones tell little."""
+_FIRST_SOLIDS = 8
+"""Number of solids that a region may have beyond its share, as its first ones tell little."""
 _STEEP = 0.7
-"""Planes of a smaller cosine may end far above the ground at their edge."""
+"""Cosine of a plane's slope below which its edges are lowered to the ground's."""
 _MOST = 20_000
-"""Ground of more triangles is no hill."""
+"""Most triangles of a piece that becomes one solid with a convex roof."""
 _LARGE = 2_048
-"""Ground of more triangles is halved first, as to cut off one solid by one takes long."""
+"""Most triangles of a piece whose cuts are scored by obstructions; larger ones are halved."""
 
 
 class Solid(NamedTuple):
-    """All that lies between a convex roof and the base far below.
+    """A convex solid between a roof and the base far below.
 
     Attributes:
-        top: (n, 3) float64 corners of the roof, which is the upper part of their convex hull; of a
-            flat one they go round counter-clockwise seen from above.
-        flat: whether they lie in a plane.
-        surface: index of its surface, -1 for none.
+        top: (n, 3) float64 corners of the roof, which is the upper part of their convex hull; those
+            of a flat roof are counter-clockwise seen from above.
+        flat: whether the corners lie in a plane.
+        surface: index of the surface, -1 for none.
     """
 
     top: Floats
@@ -73,9 +75,14 @@ class Solid(NamedTuple):
 
 
 class _Plane(NamedTuple):
-    """z = a x + b y + c, and how far the corners of what it stands for are from it at most.
+    """A plane z = a x + b y + c that stands for points.
 
-    Distances are square to it: where ground is steep, along z they say little.
+    Attributes:
+        a: slope along x.
+        b: slope along y.
+        c: height at x = y = 0.
+        miss: largest distance of the points, square to the plane: where ground is steep, distances
+            along z say little.
     """
 
     a: float
@@ -85,22 +92,22 @@ class _Plane(NamedTuple):
 
     @property
     def cosine(self) -> float:
-        """Of its slope."""
+        """Cosine of the slope."""
         return 1.0 / math.sqrt(1.0 + self.a * self.a + self.b * self.b)
 
     def at(self, points: Floats) -> Floats:
-        """Its heights at points, (…, 2 or 3)."""
+        """Return heights of the plane at points, (…, 2 or 3)."""
         return np.asarray(self.a * points[..., 0] + self.b * points[..., 1] + self.c)
 
 
 @dataclass(frozen=True)
-class Ground:
-    """The ground of a mesh.
+class GroundTriangles:
+    """The ground of a mesh as triangles, with spatial indices.
 
     Attributes:
         triangles: (n, 3, 3) float64 corners, counter-clockwise seen from above.
-        surfaces: (n,) int32, -1 for none, VOID where there is no ground but far below.
-        sharp: (k, 2, 2) ends of walls and creases, seen from above.
+        surfaces: (n,) int32 surface indices, -1 for none, VOID where the ground is far below.
+        sharp: (k, 2, 2) float64 ends of walls and creases, seen from above.
     """
 
     triangles: Floats
@@ -109,29 +116,29 @@ class Ground:
 
     @cached_property
     def tree(self) -> shapely.STRtree:
-        """The triangles seen from above, by place."""
+        """Spatial index of the triangles seen from above."""
         return shapely.STRtree(shapely.polygons(self.triangles[:, :, :2]))
 
     @cached_property
     def void_tree(self) -> shapely.STRtree:
-        """The triangles of the void, by place."""
+        """Spatial index of the triangles of the void."""
         void = self.triangles[self.surfaces == VOID]
         return shapely.STRtree(shapely.polygons(void[:, :, :2]))
 
     @cached_property
     def sharp_tree(self) -> shapely.STRtree:
-        """Walls and creases, by place."""
+        """Spatial index of walls and creases."""
         return shapely.STRtree(shapely.linestrings(self.sharp))
 
 
 class Tolerance(NamedTuple):
-    """How far a solid may stand out.
+    """Largest distances by which a solid may stand out, units of the terrain.
 
     Attributes:
-        height: of the ground, square to it.
-        wall: of an edge over lower ground.
-        seam: of an edge over other ground of about the same height.
-        rim: of an edge over the void.
+        height: distance of the roof from the ground, square to it.
+        wall: reach of an edge over lower ground.
+        seam: reach of an edge over another surface of about the same height.
+        rim: reach of an edge over the void.
     """
 
     height: float
@@ -142,13 +149,13 @@ class Tolerance(NamedTuple):
 
 @dataclass
 class Budget:
-    """How many solids there may be, and how far it is.
+    """Number of solids that some ground may take, and progress in covering it.
 
     Attributes:
-        most: so many.
-        area: of all that they are for, seen from above.
-        done: of what has them.
-        count: so many there are.
+        most: most solids.
+        area: area of the ground, seen from above.
+        done: area of the ground that is covered.
+        count: number of solids so far.
     """
 
     most: int
@@ -157,33 +164,36 @@ class Budget:
     count: int = 0
 
     @property
-    def spent(self) -> bool:
-        """Whether there are too many, or will be by far."""
-        part, more = _FIRST
-        by_now = (part + _FAR * self.done / max(self.area, self.done, SLIVER)) * self.most + more
-        return self.count > min(by_now, self.most)
+    def is_spent(self) -> bool:
+        """Whether there are too many solids, or will be by far."""
+        share = _FIRST_SHARE + _FAR * self.done / max(self.area, self.done, SLIVER)
+        return self.count > min(share * self.most + _FIRST_SOLIDS, self.most)
 
 
 def cover(
-    ground: Ground, pieces: list[Floats], surfaces: list[int], tolerance: Tolerance, budget: Budget
+    ground: GroundTriangles,
+    pieces: list[Floats],
+    surfaces: list[int],
+    tolerance: Tolerance,
+    budget: Budget,
 ) -> list[Solid]:
     """Cover triangles by convex solids that rise above the ground by no more than is tolerated.
 
-    A solid may lie under other, higher ground. What is bent is cut where that straightens it most,
-    and where a solid would stand over lower ground it is cut along the edge of that.
+    A solid may lie under other, higher ground. Bent ground is cut where that straightens it most;
+    a piece whose solid would stand over lower ground is cut along the edge of that ground.
 
     Args:
         ground: all of the ground.
-        pieces: (m, 3, 3) triangles, or parts of them, that hang together.
-        surfaces: those of the pieces.
-        tolerance: how far solids may stand out.
-        budget: is changed; once it is spent, what is found is not all.
+        pieces: connected triangles, or parts of triangles, (m, 3, 3) each.
+        surfaces: surface index of each piece.
+        tolerance: largest distances by which solids may stand out.
+        budget: budget of all pieces, which is updated; once it is spent, solids are missing.
     """
     found: list[Solid] = []
-    # the largest are cut first, and then taken from all over: so a part of it tells of the whole
+    # the largest are cut first, and then taken from all over, so that a few tell of the whole
     parts = list(zip(pieces, surfaces, strict=True))
     sizes = [float(areas_of(piece).sum()) for piece in pieces]
-    while 0 < len(parts) < _SAMPLE and not budget.spent:
+    while 0 < len(parts) < _PIECES and not budget.is_spent:
         largest = int(np.argmax(sizes))
         piece, surface = parts.pop(largest)
         sizes.pop(largest)
@@ -191,19 +201,20 @@ def cover(
             parts.append((side, surface))
             sizes.append(float(areas_of(side).sum()))
     for k in sorted(range(len(parts)), key=lambda k: k * _GOLDEN % 1.0):
-        if not budget.spent:
-            found += _covered(ground, *parts[k], tolerance, budget)
+        if not budget.is_spent:
+            found += _cover_piece(ground, *parts[k], tolerance, budget)
     return found
 
 
-def _covered(
-    ground: Ground, piece: Floats, surface: int, tolerance: Tolerance, budget: Budget
+def _cover_piece(
+    ground: GroundTriangles, piece: Floats, surface: int, tolerance: Tolerance, budget: Budget
 ) -> list[Solid]:
+    """Cover a piece by solids, each triangle by one of its own where that takes fewer."""
     found: list[Solid] = []
     for side in _solid_or_sides(ground, piece, surface, tolerance, budget, found):
-        if not budget.spent:
-            found += _covered(ground, side, surface, tolerance, budget)
-    if len(found) > len(piece):  # no better than each by itself
+        if not budget.is_spent:
+            found += _cover_piece(ground, side, surface, tolerance, budget)
+    if len(found) > len(piece):  # no better than one for each triangle
         each = [
             one for one in piece if areas_of(one[None])[0] > SLIVER and not _is_narrow(one[None])
         ]
@@ -213,44 +224,44 @@ def _covered(
 
 
 def _solid_or_sides(
-    ground: Ground,
+    ground: GroundTriangles,
     piece: Floats,
     surface: int,
     tolerance: Tolerance,
     budget: Budget,
     found: list[Solid],
 ) -> list[Floats]:
-    """Adds the solid that stands for a piece, or else cuts it."""
+    """Add the solid that stands for a piece to `found`, or else cut the piece into sides."""
     areas = areas_of(piece)
     piece = piece[areas > SLIVER]
     if not len(piece) or _is_narrow(piece):
         budget.done += float(areas.sum())
         return []
-    solid, bad = _as_one(ground, piece, surface, tolerance)
+    solid, bad = _single_solid(ground, piece, surface, tolerance)
     if solid is None:
-        return _divided(ground, piece, bad) if len(bad) else _bent(ground, piece)
+        return _cut_around(ground, piece, bad) if len(bad) else _cut_bent(ground, piece)
     budget.done += float(areas.sum())
     budget.count += 1
     found.append(solid)
     return []
 
 
-def _as_one(
-    ground: Ground, piece: Floats, surface: int, tolerance: Tolerance
+def _single_solid(
+    ground: GroundTriangles, piece: Floats, surface: int, tolerance: Tolerance
 ) -> tuple[Solid | None, Floats]:
-    """The solid that stands for a piece, or what is in the way of a plane one, if anything is."""
+    """Return the solid that stands for a piece, or triangles in the way of a plane one, if any."""
     corners = piece.reshape(-1, 3)
     plane = _fit(corners)
     none = np.empty((0, 3, 3))
     alone = len(piece) == 1
     if plane.miss <= tolerance.height or alone:
         hull = _hull(corners[:, :2])
-        bad = none if alone else _in_the_way(ground, hull, plane, surface, tolerance)
+        bad = none if alone else _obstructions(ground, hull, plane, surface, tolerance)
         if not len(bad):
             ring = shapely.get_coordinates(hull)[:-1]
             if not shapely.is_ccw(shapely.get_exterior_ring(hull)):
                 ring = ring[::-1]
-            return _under(ring, plane, corners, surface, tolerance.height), none
+            return _solid_under(ring, plane, corners, surface, tolerance.height), none
         return None, bad
     if not 3 < len(piece) <= _MOST:
         return None, none
@@ -266,7 +277,7 @@ def _as_one(
 
 
 def _fills(piece: Floats, shape: Any) -> bool:
-    """Whether a piece covers a shape, but for gaps that are none."""
+    """Whether a piece covers a shape, but for gaps too narrow to count."""
     triangles = shapely.polygons(piece[:, :, :2])
     shapely.prepare(shape)
     if shape.area - shapely.area(shapely.intersection(triangles, shape)).sum() <= SLIVER:
@@ -275,8 +286,10 @@ def _fills(piece: Floats, shape: Any) -> bool:
     return bool(gaps.buffer(-0.5 * _NARROW, join_style="mitre").is_empty)
 
 
-def _under(ring: Floats, plane: _Plane, corners: Floats, surface: int, height: float) -> Solid:
-    """The solid below a plane within a ring of corners; where it is steep, no burr rises there."""
+def _solid_under(
+    ring: Floats, plane: _Plane, corners: Floats, surface: int, height: float
+) -> Solid:
+    """Return the solid below a plane within a ring; edges of a steep one are lowered to corners."""
     top = plane.at(ring)
     if plane.cosine < _STEEP:
         place = (corners[None, :, :2] == ring[:, None]).all(axis=2)
@@ -288,36 +301,41 @@ def _under(ring: Floats, plane: _Plane, corners: Floats, surface: int, height: f
 
 
 def _hull(points: Floats) -> Any:
-    """The convex hull of points, (n, 2); as a line they take less time than one by one."""
+    """Return the convex hull of points, (n, 2), by way of a line, which is faster."""
     return shapely.convex_hull(shapely.linestrings(np.concatenate([points, points[:1]])))
 
 
 def _is_narrow(piece: Floats) -> bool:
-    """Whether a piece is narrower everywhere than anything that counts."""
+    """Whether a piece is everywhere too narrow to count."""
     hull = _hull(piece.reshape(-1, 3)[:, :2])
     return bool(hull.area <= 0.25 * _NARROW * hull.length)
 
 
-def _in_the_way(
-    ground: Ground, hull: Any, plane: _Plane, surface: int, tolerance: Tolerance
+def _obstructions(
+    ground: GroundTriangles, hull: Any, plane: _Plane, surface: int, tolerance: Tolerance
 ) -> Floats:
-    """Triangles of the ground that a plane within a polygon must not cover: (n, 3, 3)."""
+    """Return triangles of the ground that a plane within a polygon must not cover, (n, 3, 3)."""
     near = np.sort(ground.tree.query(hull, predicate="intersects"))
     bad = np.empty((0, 3, 3))
-    # where much is in the way, a part of it tells enough
-    for some in (near[:: max(1, len(near) // _WAY)], near):
+    # where much is near, a sample of it tells enough
+    for some in (near[:: max(1, len(near) // _CUT_SAMPLE)], near):
         if not len(bad):
-            bad = _wrong(ground, some, hull, plane, surface, tolerance)
+            bad = _obstructing_parts(ground, some, hull, plane, surface, tolerance)
     return bad
 
 
-def _wrong(
-    ground: Ground, near: Indices, hull: Any, plane: _Plane, surface: int, tolerance: Tolerance
+def _obstructing_parts(
+    ground: GroundTriangles,
+    near: Indices,
+    hull: Any,
+    plane: _Plane,
+    surface: int,
+    tolerance: Tolerance,
 ) -> Floats:
-    """What of some triangles of the ground a plane within a polygon must not cover: (n, 3, 3)."""
+    """Return parts of given triangles that a plane within a polygon must not cover, (n, 3, 3)."""
     inner = hull.buffer(-tolerance.wall, join_style="mitre")
     found = ground.triangles[near]
-    # square to the flatter of the two: over level ground a steep plane is a burr
+    # distances are square to the flatter of the two: a steep plane over level ground is a burr
     cosines = np.maximum(plane.cosine, _cosines(found))[:, None]
     above = cosines * (plane.at(found) - found[:, :, 2])
     other = ground.surfaces[near] != surface
@@ -340,26 +358,26 @@ def _wrong(
 
 
 def _cosines(triangles: Floats) -> Floats:
-    """Of the slopes of triangles, (n,)."""
+    """Return the cosines of the slopes of triangles, (n,)."""
     normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     lengths = np.maximum(np.linalg.norm(normals, axis=1), 1e-300)
     return np.asarray(np.abs(normals[:, 2]) / lengths)
 
 
-def _bent(ground: Ground, piece: Floats) -> list[Floats]:
-    """A piece cut in two along a wall or crease in it, or across where it is bent most."""
+def _cut_bent(ground: GroundTriangles, piece: Floats) -> list[Floats]:
+    """Cut a piece in two along a wall or crease in it, or across where it is bent most."""
     hull = _hull(piece.reshape(-1, 3)[:, :2])
     inner = hull.buffer(-_NARROW, join_style="mitre")
     near = np.sort(ground.sharp_tree.query(inner, predicate="intersects"))
-    best = _best_cut(piece, _within(piece, ground.sharp[near]), _flatness)
+    best = _best_cut(piece, _edges_within(piece, ground.sharp[near]), _flatness)
     if best is None:
-        best = _across(piece)
+        best = _line_across(piece)
     sides = _cut(piece, *best)
     return sides if len(sides) > 1 else [piece[:1], piece[1:]]
 
 
-def _within(piece: Floats, edges: Floats) -> Floats:
-    """Edges that a piece lies on both sides of, (k, 2, 2): as many as are tried, the longest."""
+def _edges_within(piece: Floats, edges: Floats) -> Floats:
+    """Return the longest edges that a piece lies on both sides of, (k, 2, 2), up to `_CUTS`."""
     lengths = np.linalg.norm(edges[:, 1] - edges[:, 0], axis=1)
     edges = edges[np.argsort(-lengths, kind="stable")[:_CONSIDERED]]
     found = edges[:0]
@@ -377,14 +395,14 @@ def _within(piece: Floats, edges: Floats) -> Floats:
 
 
 def _holds(piece: Floats, points: Floats) -> NDArray[np.bool_]:
-    """Whether points lie in a piece seen from above, (k,)."""
+    """Whether points lie in a piece seen from above, (k,) bool."""
     inside = np.empty(len(points), np.bool_)
     kernels.covered_points(piece.reshape(-1, 9), points, inside)
     return inside
 
 
 def _flatness(piece: Floats, along: Floats) -> float:
-    """How far the two sides of a cut are from planes; (n, 3) are distances of its corners."""
+    """Return the sum of planes' misses on both sides of a cut; `along`: (n, 3) distances."""
     east = along.mean(axis=1) > 0
     sides = piece[east].reshape(-1, 3), piece[~east].reshape(-1, 3)
     return sum(_fit(side).miss for side in sides if len(side))
@@ -393,10 +411,10 @@ def _flatness(piece: Floats, along: Floats) -> float:
 def _best_cut(
     piece: Floats, edges: Floats, score: Callable[[Floats, Floats], float]
 ) -> tuple[Floats, float] | None:
-    """The normal and place of the cut along an edge with the least score; None if none cuts."""
+    """Return normal and place of the cut along an edge with the least score; None if none cuts."""
     lengths = np.linalg.norm(edges[:, 1] - edges[:, 0], axis=1)
     best: tuple[float, Floats, float] | None = None
-    some = piece[:: max(1, len(piece) // _WAY)]
+    some = piece[:: max(1, len(piece) // _CUT_SAMPLE)]
     for i in np.argsort(-lengths, kind="stable")[:_CUTS].tolist():
         if lengths[i] < 1e-6:
             break
@@ -412,23 +430,23 @@ def _best_cut(
     return None if best is None else best[1:]
 
 
-def _across(piece: Floats) -> tuple[Floats, float]:
-    """The normal and place of the cut across the direction in which a piece is bent most."""
-    some = max(1, len(piece) // _TOLD)
+def _line_across(piece: Floats) -> tuple[Floats, float]:
+    """Return normal and place of a cut in a gap, or across the way a piece is bent most."""
+    some = max(1, len(piece) // _BEND_SAMPLE)
     corners = piece[::some].reshape(-1, 3)
     away = corners[:, :2] - corners[:, :2].mean(axis=0)
     _, axes = np.linalg.eigh(away.T @ away)
     best: tuple[float, Floats, Floats] | None = None
     gap = 0.0, axes[:, 0], 0.0
     for normal in (axes[:, 1], axes[:, 0], np.array([1.0, 0.0]), np.array([0.0, 1.0])):
-        wide, at = _gap(piece[:, :, :2] @ normal)
+        wide, at = _widest_gap(piece[:, :, :2] @ normal)
         if wide > max(gap[0], _NARROW):
             gap = wide, normal, at
         along = corners[:, :2] @ normal
-        # in many strips, as two are no better than one where the ground is a wave
+        # many strips, as two are no better than one where the ground is a wave
         wide = np.ptp(corners[:, :2] @ [-normal[1], normal[0]])
         strips = int(np.clip(2.0 * np.ptp(along) / max(wide, 1e-300), _STRIPS, _MOST_STRIPS))
-        score = _misses(corners, along, strips).mean()
+        score = _strip_misses(corners, along, strips).mean()
         if best is None or score < best[0] - 1e-12:
             best = float(score), normal, along
     assert best is not None
@@ -444,8 +462,8 @@ def _across(piece: Floats) -> tuple[Floats, float]:
     return normal, min(cuts)[1]
 
 
-def _gap(along: Floats) -> tuple[float, float]:
-    """How wide the widest gap between triangles is, by their extents along a line; and where."""
+def _widest_gap(along: Floats) -> tuple[float, float]:
+    """Return width and place of the widest gap between triangles, by corners along a line."""
     order = np.argsort(along.min(axis=1), kind="stable")
     ends, begins = (
         np.maximum.accumulate(along.max(axis=1)[order])[:-1],
@@ -457,8 +475,8 @@ def _gap(along: Floats) -> tuple[float, float]:
     return float(begins[widest] - ends[widest]), float(0.5 * (begins[widest] + ends[widest]))
 
 
-def _misses(points: Floats, along: Floats, strips: int) -> Floats:
-    """How far points in each strip are from their plane at most, as `_fit` says; without empty."""
+def _strip_misses(points: Floats, along: Floats, strips: int) -> Floats:
+    """Return the miss of the plane of each strip of points, as of `_fit`; empty ones left out."""
     low, high = along.min(), along.max()
     strip = np.minimum((strips * (along - low) / max(high - low, 1e-300)).astype(int), strips - 1)
     order = np.argsort(strip, kind="stable")
@@ -477,30 +495,31 @@ def _misses(points: Floats, along: Floats, strips: int) -> Floats:
     return np.asarray(0.5 * spread / np.sqrt(1.0 + a * a + b * b))
 
 
-def _divided(ground: Ground, piece: Floats, bad: Floats) -> list[Floats]:
-    """A piece cut in two along an edge of what is in its way."""
+def _cut_around(ground: GroundTriangles, piece: Floats, bad: Floats) -> list[Floats]:
+    """Cut a piece in two along an edge of the triangles in its way."""
     hull = _hull(piece.reshape(-1, 3)[:, :2])
     bad = bad[np.argsort(-areas_of(bad), kind="stable")[:_CONSIDERED]]
     outline = shapely.union_all(shapely.polygons(bad[:, :, :2]))
     outline = shapely.simplify(outline.intersection(hull), 1e-6)
 
-    def covered(piece: Floats, along: Floats) -> float:
+    def covered_area(piece: Floats, along: Floats) -> float:
         corners, along = piece.reshape(-1, 3)[:, :2], along.ravel()
         sides = corners[along >= -_SNAP], corners[along <= _SNAP]
         hulls = [_hull(side) for side in sides]
         return float(shapely.area(shapely.intersection(hulls, outline)).sum())
 
     edges = np.concatenate([*_edges(outline), np.empty((0, 2, 2))])
-    best = _best_cut(piece, edges, _uneven if len(piece) > _LARGE else covered)
-    return _bent(ground, piece) if best is None else _cut(piece, *best)
+    best = _best_cut(piece, edges, _imbalance if len(piece) > _LARGE else covered_area)
+    return _cut_bent(ground, piece) if best is None else _cut(piece, *best)
 
 
-def _uneven(_: Floats, along: Floats) -> float:
-    """How far a cut is from halving a piece; (n, 3) are distances of its corners."""
+def _imbalance(_: Floats, along: Floats) -> float:
+    """Return the imbalance of corners on both sides of a cut; `along`: (n, 3) distances."""
     return abs(float(np.sign(along).sum()))
 
 
 def _edges(shape: Any) -> Iterator[Floats]:
+    """Yield the edges of each line around a shape, (n, 2, 2)."""
     for line in shapely.get_parts(shapely.boundary(shapely.get_parts(shape))):
         for one in shapely.get_parts(line):
             points = shapely.get_coordinates(one)
@@ -508,12 +527,13 @@ def _edges(shape: Any) -> Iterator[Floats]:
 
 
 def _cut(piece: Floats, normal: Floats, at: float) -> list[Floats]:
+    """Cut a piece by a line, given by normal and place; return the sides with triangles."""
     sides = _clip(piece, piece[:, :, :2] @ normal - at, _SNAP)
     return [side for side in sides if len(side)]
 
 
 def _fit(points: Floats) -> _Plane:
-    """The plane of least squares, moved to the middle of the highest and the lowest point."""
+    """Return the plane of least squares, moved midway between highest and lowest point."""
     middle = points.mean(axis=0)
     x, y, z = (points - middle).T
     xx, xy, yy = float(x @ x), float(x @ y), float(y @ y)
@@ -529,12 +549,12 @@ def _fit(points: Floats) -> _Plane:
 
 
 def _clip(triangles: Floats, distance: Floats, snap: float) -> tuple[Floats, Floats]:
-    """Triangles cut where a linear function is 0: where it is positive, and where negative.
+    """Cut triangles where a linear function is 0; return the positive and the negative side.
 
     Args:
-        triangles: (n, 3, 3).
-        distance: (n, 3) the function at their corners.
-        snap: what is nearer to 0 is 0.
+        triangles: (n, 3, 3) corners of triangles.
+        distance: (n, 3) values of the function at the corners.
+        snap: largest magnitude of a value that counts as 0.
     """
     distance = np.where(np.abs(distance) <= snap, 0.0, distance)
     above = ~(distance < 0).any(axis=1)
@@ -547,7 +567,7 @@ def _clip(triangles: Floats, distance: Floats, snap: float) -> tuple[Floats, Flo
         single = (d > 0).sum(axis=1) == 1
         for one in (True, False) if len(d) else ():
             e, p = d[single == one], cut[single == one]
-            # the corner that stands alone comes first: here, or beyond
+            # the corner that is alone on its side comes first
             first = np.argmax(e, axis=1) if one else np.argmin(e, axis=1)
             order = (first[:, None] + np.arange(3)) % 3
             e = np.take_along_axis(e, order, axis=1)
@@ -562,19 +582,19 @@ def _clip(triangles: Floats, distance: Floats, snap: float) -> tuple[Floats, Flo
 
 
 def areas_of(triangles: Floats) -> Floats:
-    """Areas of triangles, (n, 3, 3), seen from above; (n,)."""
+    """Return areas of triangles, (n, 3, 3), seen from above, (n,)."""
     a, b = np.moveaxis(triangles[:, 1:, :2] - triangles[:, :1, :2], 1, 0)
     return np.asarray(0.5 * np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]))
 
 
-class Rectangle(NamedTuple):
+class PlanRectangle(NamedTuple):
     """A level rectangle seen from above.
 
     Attributes:
-        middle: x and y.
-        half: half of its two sides.
-        turn: radians, counter-clockwise, from x to the first side.
-        top: its height.
+        middle: x and y of the middle.
+        half: half lengths of the first and the second side.
+        turn: angle from x to the first side, radians, counter-clockwise.
+        top: height of the rectangle.
     """
 
     middle: tuple[float, float]
@@ -583,8 +603,8 @@ class Rectangle(NamedTuple):
     top: float
 
 
-def rectangle(solid: Solid) -> Rectangle | None:
-    """What a solid is seen from above, however turned; None for another shape."""
+def plan_rectangle(solid: Solid) -> PlanRectangle | None:
+    """Return the level rectangle that a solid is seen from above; None for another shape."""
     top = solid.top
     if not solid.flat or len(top) != 4 or np.ptp(top[:, 2]) > 1e-9:
         return None
@@ -594,12 +614,12 @@ def rectangle(solid: Solid) -> Rectangle | None:
     skew = np.abs((sides * np.roll(sides, -1, axis=0)).sum(axis=1)) / lengths
     if skew.max() > 1e-6:
         return None
-    first = int(np.argmax(sides[:, 0] / lengths))  # that which points most to the east
+    first = int(np.argmax(sides[:, 0] / lengths))  # the side that points most to the east
     x, y = sides[first].tolist()
     middle = corners.mean(axis=0).tolist()
     half = 0.5 * float(lengths[first]), 0.5 * float(lengths[(first + 1) % 4])
     turn = math.atan2(y, x)
-    return Rectangle(
+    return PlanRectangle(
         (middle[0], middle[1]),
         half,
         turn if abs(turn) * max(half) > 1e-7 else 0.0,
