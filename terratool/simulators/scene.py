@@ -29,7 +29,7 @@ from terratool.raster.grid import Grid
 from terratool.simulators.cells import cell_grid
 from terratool.simulators.options import SceneOptions
 from terratool.text.display import counted, length
-from terratool.traversability.judge import Judge, Verdict
+from terratool.traversability.judge import CellVerdict, Judge
 
 
 class Material(NamedTuple):
@@ -123,7 +123,7 @@ class Scene:
         return grid
 
     @cached_property
-    def verdict(self) -> Verdict | None:
+    def verdict(self) -> CellVerdict | None:
         """What the vehicle makes of `cells`; None without a vehicle.
 
         Raises:

@@ -37,10 +37,12 @@ from terratool.traversability.results import COLORS, GroundClass, Reason, Verdic
 from terratool.traversability.tiles import part_of
 
 CLASS, NUMBER = "class", "number"
+"""Contents of bands: classes with names, or measured numbers."""
 
 VERDICT = Bands(
     (Layer("verdict", ("verdict, best heading",), "", CLASS, mean=""),), np.dtype(np.uint8)
 )
+"""Band of the main file: the `GroundClass` of each pixel."""
 CLASSES = Bands(
     tuple(
         Layer(name, (name,), "", CLASS, mean="")
@@ -48,6 +50,7 @@ CLASSES = Bands(
     ),
     np.dtype(np.uint8),
 )
+"""Bands of the file `-classes`: `Verdict` and `Reason` of the best and worst heading."""
 NUMBERS = Bands(
     tuple(
         Layer(name, (name,), unit, NUMBER)
@@ -70,16 +73,18 @@ NUMBERS = Bands(
     ),
     np.dtype(np.float32),
 )
-"""Slopes are positive nose up and left side up."""
+"""Bands of the file `-numbers`. Slopes are positive nose up and left side up."""
 CHANCES = replace(
     NUMBERS, layers=(*NUMBERS.layers, Layer("chance", ("probability of go, best heading",), "1"))
 )
-"""`NUMBERS` where figures of soils are ranges."""
+"""Bands of the file `-numbers` where figures of soils are ranges: `NUMBERS` and a probability."""
 
 _SUFFIXES = ("", "-classes", "-numbers")
+"""Endings of the stems of a map's files, in the order of `_files`."""
 
 
 def _files(sampled: bool) -> tuple[Bands, ...]:
+    """Bands of each file of a map, for soils that are `sampled` or not."""
     return VERDICT, CLASSES, CHANCES if sampled else NUMBERS
 
 
@@ -87,9 +92,9 @@ class MapBands(NamedTuple):
     """A window of a map, (bands, height, width) each.
 
     Attributes:
-        verdict: uint8 `Verdict`, of `VERDICT` before it is known where the vehicle gets to.
-        classes: uint8, of `CLASSES`.
-        numbers: float32, of `NUMBERS` or `CHANCES`, NaN for what is not known or has no limit.
+        verdict: uint8 `Verdict`, from which `VERDICT` follows once connected ground is known.
+        classes: uint8 bands of `CLASSES`.
+        numbers: float32 bands of `NUMBERS` or `CHANCES`; NaN where a number is unknown or infinite.
     """
 
     verdict: NDArray[Any]
@@ -98,27 +103,27 @@ class MapBands(NamedTuple):
 
 
 def empty_bands(flat: tuple[int, int], sampled: bool) -> MapBands:
-    """Room for the pixels of rows and columns, with soils that are `sampled` or not."""
+    """Uninitialised bands of a (height, width) window, for soils that are `sampled` or not."""
     return MapBands(*(np.empty((file.count, *flat), file.dtype) for file in _files(sampled)))
 
 
 def map_paths(path: str | Path) -> list[Path]:
-    """The files of a map: verdicts of the best headings, other classes, numbers."""
+    """Paths of a map's files: verdicts of the best headings, other classes, numbers."""
     path = Path(path)
     return [path.with_name(f"{path.stem}{suffix}{path.suffix}") for suffix in _SUFFIXES]
 
 
 class MapFiles:
-    """The files of a map while they are written; they take their places when the stack ends well.
+    """The files of a map while they are written.
 
     Args:
-        stack: of what is written.
+        stack: exit stack at whose end, unless it fails, the files take their places.
         terrain: the ground.
-        grid: the pixels.
-        sampled: whether they have a probability of go.
-        path: a .tif, of the verdicts.
-        overwrite: whether the files may be there already.
-        threads: that compress them.
+        grid: pixels of the map.
+        sampled: whether pixels have a probability of go.
+        path: path of the verdicts, a .tif.
+        overwrite: whether the files may exist already.
+        threads: number of threads that compress.
 
     Raises:
         RequestError: the file is no .tif.
@@ -143,14 +148,14 @@ class MapFiles:
         self._statistics = [BandStatistics()] * _files(sampled)[-1].count
 
     def write(self, window: Window, bands: MapBands) -> None:
-        """Write all of a window but what it takes to know the whole map for; windows in order."""
+        """Write the classes and numbers of a window; windows come in order, row by row."""
         for file, pixels in zip(self._files[1:], bands[1:], strict=True):
             file.write(window, pixels)
         found = map(band_statistics, bands.numbers)
         self._statistics = list(map(operator.add, self._statistics, found))
 
     def finish(self, classes: NDArray[np.uint8]) -> None:
-        """Write what each pixel is."""
+        """Write the `GroundClass` of each pixel, (height, width) uint8, and the statistics."""
         for window in self._files[0].extent.cut(TILE, TILE):
             self._files[0].write(window, classes[None, *part_of(window)])
         self._files[-1].finish(self._statistics)
@@ -173,10 +178,10 @@ def refuse_map(terrain: Terrain, grid: Grid, sampled: bool, path: Path, overwrit
 
 
 def refuse_full_disk_of_maps(grids: Sequence[Grid], path: Path, sampled: bool) -> None:
-    """Refuse maps that do not all fit on the disk together; `path` is beside them.
+    """Refuse maps that do not all fit on the disk together; `path` is in their folder.
 
     Raises:
-        WriteError: they do not.
+        WriteError: the maps do not fit.
     """
     largest = max(grids, key=lambda grid: grid.width * grid.height)
     refuse_full_disk(path, largest, _files(sampled) * len(grids), raster_format(path, cog=True))
@@ -184,7 +189,7 @@ def refuse_full_disk_of_maps(grids: Sequence[Grid], path: Path, sampled: bool) -
 
 @contextlib.contextmanager
 def _cog(path: Path, extent: RasterExtent, bands: Bands, threads: int) -> Iterator[GeoTiff]:
-    """A cloud-optimised GeoTIFF: a plain one first, which is copied when it is complete."""
+    """Open a cloud-optimised GeoTIFF for writing: a plain one that is copied when complete."""
     first, plain = path.with_name(f"{path.stem}.first.tif"), Compression()
     with geotiff(first, extent, bands, plain, threads) as file:
         if bands is VERDICT:
