@@ -1,4 +1,4 @@
-"""From a terrain and a vehicle to a report: figures, map, routes, reach, and one verdict."""
+"""The assessment of a vehicle on a terrain: figures, map, routes, reach, and one verdict."""
 
 from __future__ import annotations
 
@@ -67,13 +67,16 @@ _MAP = (
     "headings; what happens between them is not looked at. With more headings more of the ground "
     "may be reached, and less be cut off."
 )
+"""Assumption of every report on its map."""
 _ROUTE = (
     "A route goes from pixel to pixel, backs up, and turns on the spot; its time and energy are "
     "sums over that, without acceleration and with motors that lose nothing. Turns are those on "
     "level ground of the surface under the vehicle's middle."
 )
+"""Assumption of reports on routes."""
 
 Point = tuple[float, float]
+"""World x and y, m."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,6 +14,7 @@ from terratool.text.display import shown
 from terratool.traversability.results import Extreme, GroundClass, TraversabilityReport, Verdict
 
 _Value = float | None
+"""A value of a figure; None if unknown or meaningless."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,7 +86,9 @@ not go. `no-go`: the verdict is no-go. `unknown`: the verdict is unknown, or som
 _OPERATORS: dict[str, Callable[[float, float], bool]] = {
     ">": operator.gt, ">=": operator.ge, "<": operator.lt, "<=": operator.le,
 }  # fmt: skip
+"""Comparisons of a figure with a limit, by sign."""
 _COMPARISON = re.compile(r"\s*([^<>=!\s]*)\s*([<>=!]+)\s*(\S*)\s*")
+"""Pattern of a name, a sign and a number."""
 
 
 @dataclass(frozen=True, slots=True)

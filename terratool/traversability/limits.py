@@ -358,7 +358,7 @@ def judge_level(vehicle: Vehicle, need: SlopeDemand) -> Judgement:
 
 
 def share_of(size: float, limit: float) -> float:
-    """The share of a limit that a size takes; 0 for a size up to 0, else infinity for no limit."""
+    """The share of a limit that a size takes; 0 for sizes up to 0, infinity for limits up to 0."""
     if size <= 0.0:
         return 0.0
     return size / limit if limit > 0.0 else math.inf

@@ -305,7 +305,7 @@ class Location:
 
 @dataclass(frozen=True, slots=True)
 class Extreme:
-    """Where a measure along a route is largest or smallest.
+    """The largest or smallest value of a measure along a route, with its place.
 
     Attributes:
         value: the largest or smallest value, in the measure's unit.

@@ -34,6 +34,7 @@ from terratool.traversability.vehicle import Soil, Vehicle, Wheel
 from terratool.traversability.wheel import LARGEST, Numbers
 
 _REQUIRED = (("cohesion", "cohesion"), ("fricAngle", "fric_angle"), ("sinkage", "sinkage"))
+"""Keys of a surface that a verdict needs, with their attributes."""
 
 ASSUMPTIONS = (
     "Static: no dynamics, no momentum, no shocks.",
@@ -303,7 +304,7 @@ def slip_curve(vehicle: Vehicle, soil: Soil, climb: float | None) -> SlipCurve |
     slopes = {math.radians(step * CURVE_STEP) for step in steps} | {climb or 0.0}
     found = []
     for slope in sorted(slopes):
-        # the climb is where something ends: looked at from below
+        # driving ends at the climb itself, so its slip is computed just below
         need = slope_demand(vehicle, soil, slope - _BELOW * (slope == climb))
         found.append((slope, need.slip if need.drives else math.nan))
     return SlipCurve(*zip(*found, strict=True))

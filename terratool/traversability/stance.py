@@ -147,7 +147,7 @@ def vehicle_footprint(
     """
     wheels = wheel_layout(vehicle)
     x, y = wheels.x - vehicle.middle, wheels.y
-    # obliquely the next reference point is farther away, and what is between must be seen, too
+    # oblique headings have farther reference points, and no ground between these may be missed
     by_heading = tuple(
         _heading_footprint(vehicle, x, y, resolution, apart / max(map(abs, d)), d)
         for d in directions(headings)
@@ -158,7 +158,7 @@ def vehicle_footprint(
     for footprint in by_heading:
         east, north = _rotate(corners, footprint.direction)
         sides.append((-east.min(), -north.min(), east.max(), north.max()))
-    # wheels that look for steps, and what shows how high these are, reach farthest
+    # lanes ahead of wheels, and the rises that measure steps there, reach farthest
     largest = float(wheels.wheels.radius.max())
     reach = max(largest, math.sqrt(2.0) * apart)
     farthest = math.hypot(max(front, rear), side) + reach + 2.5 * largest
@@ -217,7 +217,7 @@ def _heading_footprint(
         return FootprintRectangle.of(begin, end, body, resolution, direction)
 
     front, rear = vehicle.front, vehicle.rear
-    # between the wheels' middles: what wheels would touch there reaches as far as they do
+    # places between the wheels' middles: supports there reach out as far as the wheels do
     length, across = half or radius, 0.5 * (vehicle.track_width or width)
     places, _ = _rectangle(-length, length, across, resolution, direction)
     apart = max(1, round(math.sqrt(len(places) / PLACES)))
@@ -408,7 +408,7 @@ class GroundPainter:
         for radius in self._radii:
             here = _meet_walls(walls, same, radius)
             found = here.jumps >= self._least
-            # where no wall is found the ground itself may still be too steep
+            # ground without a wall may still be too steep
             here.jumps[steep & ~found] = np.inf
             kept |= found
             met.append(here)
@@ -544,10 +544,10 @@ def wheel_gaps(walls: Walls, radius: float) -> Gaps:
     _, _, index, line, place, jump = walls
     width, rise = np.diff(place), np.abs(np.diff(np.abs(jump)))
     gap = (np.diff(line) == 0) & (jump[:-1] < 0.0) & (jump[1:] > 0.0)
-    # obliquely a wheel may touch both edges of what is wider along the axis
+    # an oblique wheel may touch both edges of a gap that is wider along the axis
     gap &= (width < 4.0 * radius) & (rise < radius)
     at = np.flatnonzero(gap)
-    # where a pair has two the wider one counts: it is put last
+    # the wider one of a pair's two gaps counts: it is put last
     at = at[np.argsort(width[at], kind="stable")]
     lean = _leans(walls, at)
     for wall in (at, at + 1):

@@ -19,7 +19,7 @@ _CLOSE = 1e-10
 _LEAST = 1e-4
 """Angle below which a step counts as none, rad."""
 _MOMENTS = np.linspace(1.0, 0.0, 3)
-"""Moments of a climb that are checked: the wheel's angle at the edge, as a share of the first."""
+"""Moments of a climb: angles of the wheel at the edge, as shares of that at first touch."""
 _MOST = 1e9
 """Thrust beyond that of any motor, in weights of the vehicle; stands for infinity."""
 
@@ -183,7 +183,7 @@ def _reason(axles: _Axles, index: int, angle: float, friction: float) -> str:
     """
     touch = np.array([angle])
     strong = axles._replace(thrust=np.full_like(axles.thrust, math.inf))
-    # without bounds friction could hold what falls over, by wheels that pull at each other
+    # with boundless friction, wheels that pull at each other could hold a falling vehicle
     helped = _passes(strong, index, touch, 1.01 * friction + 0.01)[0]
     if not helped and axles.driven.any():
         return "tip-over"
@@ -207,7 +207,7 @@ def _climb(axles: _Axles, index: int, touch: NDArray[np.float64]) -> _Climb:
     """The moments of an axle's climbs up steps that its wheels touch at angles, (m, 1) rad."""
     height = step_height(axles.radius[index], touch)
     turned = touch * _MOMENTS
-    # middles of wheels behind the edge; wheels of other axles may be at it, too, if they are near
+    # middles of wheels behind the edge; wheels of near axles may be at the edge, too
     behind = axles.radius[index] * np.sin(turned)[..., None] - (axles.x - axles.x[index])
     room = np.sqrt(np.maximum(height * (2.0 * axles.radius - height), 0.0))[:, None]
     lower, at_edge = behind > room, (behind > 0.0) & (behind <= room)
@@ -238,7 +238,7 @@ def _holds(axles: _Axles, climb: _Climb, friction: float) -> NDArray[np.bool_]:
     angle, cosine = climb.angle[..., None, None, :], np.cos(climb.angle)[..., None, None, :]
     start, end = axles.sharing[:-1, None], axles.sharing[1:, None]
     with np.errstate(divide="ignore", invalid="ignore"):
-        # the load at which an axle's motors give as much as friction
+        # the load at which motor and friction limit an axle's thrust alike
         equal = axles.thrust * np.cos(climb.angle - cone) / np.sin(cone)
         part = (equal[..., None, :] - start[:, 0]) / (end - start)[:, 0]
     part = np.clip(np.nan_to_num(part, nan=0.0), 0.0, 1.0)

@@ -546,7 +546,7 @@ class _Sweep:
         standing = Standing(wheels, near, corners, footprint.shares, footprint.fit)
         kernels.stand(phased, self._heights, self.first, standing, plane)
         if self._ground.slope_x is not None and self._ground.slope_y is not None:
-            # wheels in a row say nothing of a plane: they take the ground's own slope under them
+            # wheels in a row fix no plane: they take the ground's own slope under them
             treads = np.concatenate(
                 [
                     self.phases_of(wheel + footprint.treads[size].under.offsets)

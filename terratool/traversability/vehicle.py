@@ -317,8 +317,8 @@ def vehicle_of(text: VehicleText, name: str = "") -> Vehicle:
         for axle in text.all_axles
         if axle.x is not UNSET
     ]
-    given = _given(text)
-    overhangs, margins = _given(text.overhang), _given(text.margins)
+    given = _set_members(text)
+    overhangs, margins = _set_members(text.overhang), _set_members(text.margins)
     for angle in margins.keys() & {"tip", "slope"}:
         margins[angle] = math.radians(margins[angle])
     return Vehicle(
@@ -327,11 +327,11 @@ def vehicle_of(text: VehicleText, name: str = "") -> Vehicle:
         axles=tuple(sorted(placed, key=lambda axle: -axle.x)),
         gravity=text.acceleration,
         track_width=given["track"],
-        cog_height=_given(text.cog)["height"],
+        cog_height=_set_members(text.cog)["height"],
         front=_overhang(overhangs, "front", given["clearance"]),
         rear=_overhang(overhangs, "rear", given["clearance"]),
         margins=Margins(**margins),
-        thresholds=Thresholds(**_given(text.classes)),
+        thresholds=Thresholds(**_set_members(text.classes)),
         name=name,
         **{key: given[key] for key in _PLAIN if key in given},
     )
@@ -339,7 +339,7 @@ def vehicle_of(text: VehicleText, name: str = "") -> Vehicle:
 
 def wheel_of(text: WheelsText) -> Wheel:
     """Convert a wheel's text without errors to SI units."""
-    given = _given(text)
+    given = _set_members(text)
     lugs, pressure = 0.0, math.inf
     if text.known_kind == "lugged":
         lugs = LUGS * given["radius"]
@@ -364,7 +364,7 @@ def _own_wheel(text: VehicleText, axle: AxleText, common: Wheel) -> Wheel | None
     return None if own == common else own
 
 
-def _given(text: Struct) -> dict[str, Any]:
+def _set_members(text: Struct) -> dict[str, Any]:
     """Members of a text that are set, by name of attribute; absent ones are left out."""
     members = structs.asdict(text).items()
     return {name: value for name, value in members if value is not UNSET}

@@ -36,6 +36,7 @@ _TRIED = 64
 """Number of places of a line that are tried for a label."""
 
 Floats = NDArray[np.float64]
+"""An array of float64."""
 
 
 class _LabelPlace(NamedTuple):

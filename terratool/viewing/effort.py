@@ -27,6 +27,7 @@ _STEPS = 8
 """Number of bisections between an error that is too small and one that is not."""
 
 Floats = NDArray[np.float64]
+"""An array of float64."""
 
 
 class Effort(NamedTuple):

@@ -275,7 +275,7 @@ def _handler(page: bytes, state: LiveState) -> type[http.server.BaseHTTPRequestH
                 return
             self.server.clients.set_waiting(self.connection, False)
             port = self.server.server_port
-            # another name may lead here from a page of somebody else (DNS rebinding)
+            # a page of another site may use a name that resolves to this machine (DNS rebinding)
             if self.headers.get("Host") not in (f"{HOST}:{port}", f"localhost:{port}"):
                 self._answer(403, b"This page is served to this machine alone.", "text/plain")
                 return

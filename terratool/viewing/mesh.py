@@ -32,7 +32,7 @@ from terratool.viewing.effort import Allowed, allowed_error
 FACES = 200_000
 """Approximate number of faces of smooth ground on a page; walls come on top."""
 LIVE_FACES = 40_000
-"""As FACES, for a live page, which asks the field itself for values under the pointer."""
+"""Approximate number of faces as FACES, for a live page, which samples the field itself."""
 MOST_FACES = 2_000_000
 """Most faces of a mesh, walls included, by default; the lowest elements are left out beyond.
 
@@ -66,7 +66,9 @@ _RARELY = 0.99
 """Share of the places whose error of slopes is not above `slope_error`."""
 
 Ints = NDArray[np.int64]
+"""An array of int64."""
 Floats = NDArray[np.float64]
+"""An array of float64."""
 Progress = Callable[[str], object]
 """A function that is called with words on the step that begins."""
 Attempt = Callable[[float, float], BudgetedMesh]
@@ -295,7 +297,7 @@ def faces_of(terrain: Terrain, built: BuiltMesh, *, from_field: bool = True) -> 
     flat = across / np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-300)
     found = terrain.sample(middle[:, 0], middle[:, 1])
     element, surface = found.element.copy(), found.surface.astype(np.int64)
-    # a wall faces its lower side: the ground it bounds is behind it, or behind its arc for a chord
+    # a wall faces its lower side: the ground that it bounds is behind it, or behind a chord's arc
     walls = np.flatnonzero(mesh.walls)
     wide = np.linalg.norm(plane[walls] - middle[walls, None], axis=2).max(axis=1)
     surface[walls] = mesh.surfaces[walls]

@@ -47,7 +47,7 @@ class RenderOptions:
         legend: whether a legend of the colours is drawn.
         bare: whether all letters, axes and legends are left out.
         size: number of pixels of the longer side.
-        dpi: pixels per inch; letters have the same size in inches whatever it is.
+        dpi: pixels per inch; letters keep their size in inches.
     """
 
     layer: str = "surface"

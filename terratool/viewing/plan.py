@@ -153,7 +153,7 @@ def draw_plan(
         check_bounds(options.bounds, terrain)
     part = clip_bounds(terrain, options.bounds)
     sides = part[2] - part[0], part[3] - part[1]
-    # the legend is known only when the ground is painted, and that takes its place from the legend
+    # the ground's room depends on the legend, whose width must be known before painting
     room = (150.0 if options.layer == "surface" else 110.0) if options.has_legend else 0.0
     if options.has_legend and options.layer == "surface":
         from terratool.viewing.sheet import Swatch

@@ -41,7 +41,7 @@ _PER_DETAIL = 4.0
 _LEAST_PARTS, _MOST_PARTS = 16, 4096
 """Fewest and most samples for an element that the line crosses."""
 _MOST_PLACES = 1 << 20
-"""Approximate most samples for all elements that the line crosses."""
+"""Most samples, about, for all elements that the line crosses."""
 _HALVINGS = 64
 """Number of halvings that always suffice for two doubles to be neighbours."""
 _ROUNDS = 8
@@ -58,6 +58,7 @@ _LEAST_RELIEF = 0.04
 """Least range of heights that a section shows, as a share of its length."""
 
 Floats = NDArray[np.float64]
+"""An array of float64."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -215,7 +216,7 @@ def _first_distances(terrain: Terrain, line: Line, length: float) -> Floats:
         details = finest_details(whole.arrays, east - west, north - south)[crossed]
         across = (leave - enter)[crossed] * length
         parts = np.clip(_PER_DETAIL * across / details, _LEAST_PARTS, _MOST_PARTS)
-        # where there are too many, each has fewer
+        # too many samples are reduced for each element alike
         parts = np.maximum(parts * min(1.0, _MOST_PLACES / max(1.0, float(parts.sum()))), 2.0)
         for index, count in zip(crossed.tolist(), parts.astype(int).tolist(), strict=True):
             found.append(np.linspace(enter[index], leave[index], count + 1) * length)
@@ -239,7 +240,7 @@ def _find_jumps(probe: _LineProbe, places: Floats, level: float) -> tuple[Floats
         is_wall = (jump > level) & (jump > _STEEPER * slope * (end - begin))
         is_wall |= np.isnan(before.height) != np.isnan(behind.height)
         found.append((begin[is_wall], end[is_wall]))
-        # others may stand on both sides
+        # other walls may stand on both sides
         low, high = (
             np.concatenate([low[is_wall], end[is_wall]]),
             np.concatenate([begin[is_wall], high[is_wall]]),

@@ -45,7 +45,7 @@ class PageScene:
     """A terrain for a page.
 
     Attributes:
-        facts: all that the page shows besides arrays, for JSON.
+        facts: names, numbers, lines and verdicts of the page besides arrays, for JSON.
         arrays: (n, columns) int64 arrays within 32 bits, by name.
     """
 

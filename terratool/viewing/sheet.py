@@ -269,7 +269,7 @@ class Sheet:
         from matplotlib.backends.backend_agg import RendererAgg
         from matplotlib.font_manager import FontProperties
 
-        # as pixels are drawn, whose letters are set wider than those of outlines
+        # measured as Agg draws pixels: its letters are set wider than outlines
         letters = FontProperties(size=size, weight=weight)
         untyped: Any = RendererAgg
         renderer = untyped(1, 1, self.dpi)

@@ -21,7 +21,7 @@ Preference = Literal["length", "time", "energy", "margin"]
 """A quantity that a route minimises; `margin` prices small margins."""
 
 PREFERENCES: tuple[Preference, ...] = get_args(Preference)
-"""All preferences."""
+"""The preferences, in the order of messages."""
 
 TURN_LENGTH = 0.01
 """Weight of a metre that the wheels run in turning, where the shortest way is wanted."""

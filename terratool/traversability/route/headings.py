@@ -174,7 +174,7 @@ class _Passable:
 
     def cells_around(self, start: Cell) -> NDArray[np.bool_]:
         """Cells that neighbouring ones lead to from a start, and their neighbours."""
-        # eight headings without a place where one is barred: the moves are those to neighbours
+        # eight headings at each free cell, none elsewhere: moves then lead to all free neighbours
         bits = np.where(self.some, np.uint8(255), np.uint8(0))
         reached = spread(bits, 8, begin_at(bits, start)) != 0
         padded = np.pad(reached, 1)

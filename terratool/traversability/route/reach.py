@@ -69,7 +69,7 @@ def spread(
     fresh, reached = begin & bits, np.zeros_like(bits)
     direction = kernels.AGAINST if against else kernels.ALONG
     moves = moves_of(headings)
-    _report_parts(
+    _run_in_parts(
         bits.size * headings,
         lambda states: kernels.flood(moves, direction, bits, turns, fresh, reached, states),
         progress,
@@ -77,7 +77,7 @@ def spread(
     return reached
 
 
-def _report_parts(states: int, go_on: Callable[[int], int], progress: Progress | None) -> None:
+def _run_in_parts(states: int, go_on: Callable[[int], int], progress: Progress | None) -> None:
     """Run `go_on`, a kernel over at most `states` states, in parts, and report after each.
 
     Between parts a user can stop it.
@@ -138,7 +138,7 @@ def begin_in_largest(
     """
     moves, parts = moves_of(headings), np.zeros((2, 3), np.int64)
     begin, reached = np.zeros_like(bits), np.zeros_like(bits)
-    _report_parts(
+    _run_in_parts(
         bits.size * headings,
         lambda states: kernels.find_parts(moves, bits, turns, begin, reached, parts, states),
         progress,

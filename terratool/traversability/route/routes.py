@@ -238,7 +238,7 @@ class RouteSearch:
             return _with_way(route, graph_path(self.found.states, on.survey), on)
         nearest = _nearest_marked(on.terrain, on.survey, self.found.reached, ends[1])
         between = barriers(on, _least_resistance(on, *ends))
-        # a cell may be driven to, and the very place in it be on no ground
+        # the goal's cell may be reachable although the goal itself has no ground
         bars = between or (_barrier_at(on, goal, ends[1]),)
         return _with_barriers(route, bars, nearest, note)
 
