@@ -22,11 +22,11 @@ class WheelArrays(NamedTuple):
     """The wheels of a vehicle as one array per attribute of `Wheel`, (n,) float64 each.
 
     Attributes:
-        radius: r, m, without lugs.
-        width: b, m.
+        radius: radius r, m, without lugs.
+        width: width b, m.
         shear_length: length along which a wheel shears the ground under no load, m.
         patch_pressure: mean pressure on hard ground, Pa; infinity for a rigid rim.
-        exit_ratio: −θ2/θ1.
+        exit_ratio: ratio −θ2/θ1 of exit and entry angle.
         max_torque: largest torque of the motor, N m; infinity where it is not limited.
         slips: whether slip counts, for all wheels.
     """

@@ -154,18 +154,18 @@ class Figures:
         surface: name of the surface.
         preset: name of the preset that the surface takes its soil from; empty for none.
         missing: keys that the surface lacks; if there are any, all numbers are None.
-        load: W, N.
-        cohesion: c, Pa.
-        friction: φ, rad.
-        sinkage_rate: k, m/N.
-        shear_modulus: K, m; None where all strength is mobilised.
-        sinkage: z, m.
+        load: load W, N.
+        cohesion: cohesion c, Pa.
+        friction: friction angle φ, rad.
+        sinkage_rate: sinkage per load k, m/N.
+        shear_modulus: shear modulus K, m; None where all strength is mobilised.
+        sinkage: sinkage z, m.
         contact_length: length of the ground that the wheel touches, r sin θ1, m.
         contact_area: contact length times the wheel's width, m².
         pressure: mean pressure on the contact area, Pa.
-        normal_stress: σmax at the largest thrust, Pa.
-        shear_stress: τmax, Pa.
-        entry_angle: θ1, rad, at rest.
+        normal_stress: peak normal stress σmax at the largest thrust, Pa.
+        shear_stress: peak shear stress τmax at the largest thrust, Pa.
+        entry_angle: entry angle θ1 at rest, rad, from the downward vertical.
         strength: shear strength of the soil in the model `paper`, c + σ tan φ, Pa, with the σ that
             the motor's largest torque makes, or σmax where that is not limited.
         motor_stress: τ of the motor's largest torque in the model `paper`, Pa.

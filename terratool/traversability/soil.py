@@ -86,7 +86,7 @@ def bekker_sinkage(preset: Preset, wheel: Wheel, load: Any) -> Numbers:
     Args:
         preset: a soil with n, kc and kφ in kN and m.
         wheel: a wheel with width b and diameter D = 2 r, m.
-        load: W, N, a number or an array.
+        load: load W, N, a number or an array.
     """
     n = preset.exponent
     stiffness = (3.0 - n) * (preset.cohesive + wheel.width * preset.frictional)
@@ -112,7 +112,7 @@ def soil_of(name: str, surface: Surface, wheel: Wheel, load: float) -> Soil | No
         name: name of the surface, for messages.
         surface: a surface that is not void.
         wheel: a wheel, of which radius and width count.
-        load: W, N, above 0.
+        load: load W, N, above 0.
 
     Raises:
         RequestError: a number is beyond 1e30 in size.

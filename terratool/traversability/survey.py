@@ -65,8 +65,8 @@ class VehicleParams(NamedTuple):
         layout: the wheels.
         fit_along, fit_across: (wheels,) tilt of the body ahead and to the left for a rise under
             each wheel, 1/m.
-        weight: N.
-        slip: the slip that is no-go.
+        weight: weight, N.
+        slip: smallest slip that is no-go.
         slope_margin: margin of slopes, rad.
         clearance, front, rear: room for ground and sinkage under the body and its overhangs, m.
         roughness: largest roughness, m.

@@ -24,9 +24,9 @@ class Soil:
     """The soil of a surface; numbers, or arrays that broadcast together.
 
     Attributes:
-        cohesion: c, Pa, 0 or more.
-        friction: φ, rad, 0 or more and below π/2.
-        sinkage: k, m/N, 0 or more; 0 is rigid ground. z = k·W.
+        cohesion: cohesion c, Pa, 0 or more.
+        friction: friction angle φ, rad, 0 or more and below π/2.
+        sinkage: sinkage per load k, m/N, 0 or more; 0 is rigid ground. z = k·W.
         shear_modulus: K of Janosi and Hanamoto, m, above 0; 0 where it is not known, and then all
             of the shear strength is mobilised whatever the slip.
         factors: factors of k for each wheel of a vehicle, in the order of its layout; all are 1 if
@@ -64,8 +64,8 @@ class Wheel:
     """A wheel: a rigid rim, with or without lugs, or a tyre.
 
     Attributes:
-        radius: r, m, without lugs.
-        width: b, m.
+        radius: radius r, m, without lugs.
+        width: width b, m.
         max_torque: largest torque of its motor, N m; infinity where it is not limited.
         max_slip: largest slip at which it may be driven, above 0 and up to 1.
         grouser_height: height of its lugs, m; 0 for a smooth rim.

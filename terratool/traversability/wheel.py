@@ -83,8 +83,8 @@ class Contact:
     """The contact of a wheel with the soil, in the shape that loads and soils broadcast to.
 
     Attributes:
-        sinkage: z, m.
-        entry_angle: θ1, rad, from the downward vertical at which the wheel enters the soil.
+        sinkage: sinkage z, m.
+        entry_angle: angle θ1 at which the wheel enters the soil, rad, from the downward vertical.
         effective_area: Q, area on which the mean stresses act, m².
         length: r sin θ1, length of the contact ahead of the axle, m.
         area: length times b, m²; 0 on rigid ground.
@@ -109,8 +109,8 @@ class Traction:
 
     Attributes:
         mobilised: A, share of the strength that the slip mobilises.
-        normal_stress: σm, Pa; 0 on rigid ground.
-        shear_stress: τm, Pa; 0 on rigid ground.
+        normal_stress: peak normal stress σm, Pa; 0 on rigid ground.
+        shear_stress: peak shear stress τm, Pa; 0 on rigid ground.
         thrust: forward part of the shear stress, N.
         resistance: backward part of the normal stress, N.
         drawbar: DP, thrust less resistance, N.
@@ -136,10 +136,10 @@ class Demand:
 
     Attributes:
         torque: torque, N m; below 0 where the wheel is held back.
-        utilisation: U, share of the soil's strength that is used: 1 and more is immobile,
+        utilisation: share U of the soil's strength that is used: 1 and more is immobile,
             infinity where no strength would do.
-        slip: s; above 1 is immobile. 0 where K is not known (the rule is A = 1), on rigid ground
-            and for a wheel that is held back.
+        slip: slip s; above 1 is immobile. 0 where K is not known (the rule is A = 1), on rigid
+            ground and for a wheel that is held back.
         sinkage: sinkage at that slip, m.
     """
 
@@ -169,10 +169,10 @@ def contact(load: Any, soil: Soil, wheel: Wheel, slip: Any = 0.0) -> Contact:
     of a tyre if that is more. Cohesion acts on l b, in the model `paper` on Q.
 
     Args:
-        load: W, N.
+        load: load W, N.
         soil: numbers or arrays.
         wheel: a wheel.
-        slip: s, from 0 to 1.
+        slip: slip s, from 0 to 1.
     """
     shape, (weights, rate, slips) = flatten(load, soil.sinkage, slip)
     sinkage, entry, effective, shear, sheared = kernels.contacts(weights, rate, slips, wheel).T
@@ -279,8 +279,8 @@ def identify(normal_stress: Any, shear_stress: Any, mobilised: Any = 1.0) -> tup
     The rows are [A, A σm]·[c, tan φ] = τm, as in Iagnemma, Shibly and Dubowsky 2002.
 
     Args:
-        normal_stress: (n,) σm, Pa.
-        shear_stress: (n,) τm, Pa.
+        normal_stress: (n,) peak normal stresses σm, Pa.
+        shear_stress: (n,) peak shear stresses τm, Pa.
         mobilised: (n,) or one A; 1 where all of the strength acts.
 
     Raises:
@@ -357,7 +357,7 @@ def demand(load: Any, soil: Soil, wheel: Wheel, pull: Any = 0.0) -> Demand:
     The motor does not count here: compare `torque` with `wheel.max_torque`.
 
     Args:
-        load: W, N, 0 or more.
+        load: load W, N, 0 or more.
         soil: numbers or arrays.
         wheel: a wheel, of which the sizes count.
         pull: F, N: 0 on the level; m g sin α/N on a slope; more with wheels to tow.
