@@ -33,7 +33,7 @@ from terratool.traversability.route.graph import (
     rates,
     turning_arc,
 )
-from terratool.traversability.route.reach import begin_in_largest, connected, heading_bits
+from terratool.traversability.route.reach import begin_in_largest, connected_cells, heading_bits
 from terratool.traversability.route.routes import MOST_STATES, plan_route, route_grid
 from terratool.traversability.survey import Surveyor
 from terratool.traversability.tiles import survey as survey_all
@@ -232,7 +232,7 @@ if __name__ == "__main__":
     bits = heading_bits(drivable(site(600 if quick else 1200)))
     seconds = medians(
         {
-            "reach": lambda: connected(bits, HEADINGS, begin_in_largest(bits, HEADINGS)),
+            "reach": lambda: connected_cells(bits, HEADINGS, begin_in_largest(bits, HEADINGS)),
             "label": lambda: label(bits != 0, np.ones((3, 3))),
         },
         5,

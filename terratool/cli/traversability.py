@@ -269,7 +269,7 @@ def _told(result: Reports, checks: list[Condition], wants_json: bool) -> int:
         (check.text.strip(), f"{report.vehicle.name}: " * several + why)
         for report in reports
         for check in checks
-        if (why := check.held(report))
+        if (why := check.why_met(report))
     ]
     lost = not all(route.holds for report in reports for route in report.routes)
     nowhere = any(report.reach is not None and report.reach.note for report in reports)

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from terratool.traversability.vehicle import Vehicle
     from terratool.viewing.mesh import PageOptions
     from terratool.viewing.places import Site
-    from terratool.viewing.scene import Scene
+    from terratool.viewing.scene import PageScene
 
 Routes = tuple[tuple[float, float, float, float], ...]
 _SUFFIXES = (".html", ".htm")
@@ -105,7 +105,7 @@ def command(
     Ctrl-C. Where FILE is broken it keeps the last good picture, with the findings beside it.
     """
     from terratool.viewing.mesh import PageOptions
-    from terratool.viewing.pages import three
+    from terratool.viewing.pages import three_js
 
     if watch and output is not None:
         raise click.UsageError("--watch serves the page, and --output writes it. Drop one of them.")
@@ -119,7 +119,7 @@ def command(
     options = PageOptions(max_error, max_faces, live=watch)
     options.check()
     path = None if output is None else _checked_output(output, file, overwrite)
-    three()
+    three_js()
     vehicle = vehicle_from(values) if wheeled else None
     if watch:
         _follow(file, options, vehicle, routes, port or 0, not no_open)
@@ -160,7 +160,7 @@ def _write(
         path = _temporary(file) if path is None else path
         with whole_file(path, overwrite) as part:
             part.write_text(text, encoding="utf-8", newline="\n")
-    told = scene.told
+    told = scene.facts
     within = f"{counted(len(scene.arrays['elements']), 'face')} within {metres(told['error'])}"
     if told["measured"]:
         within += ", as far as measured"
@@ -209,7 +209,7 @@ def _temporary(file: str) -> Path:
 
 def _scene(
     site: Site, options: PageOptions, vehicle: Vehicle | None, routes: Routes, status: Status
-) -> Scene:
+) -> PageScene:
     from terratool.viewing.scene import scene_of
 
     report = None if vehicle is None else _judged(site, vehicle, routes, status)
@@ -230,14 +230,14 @@ def _follow(
     opens: bool,
 ) -> NoReturn:  # fmt: skip
     from terratool.text.source import read_source
-    from terratool.viewing.live import Followed, LiveState, PageServer, follow
+    from terratool.viewing.live import FollowedFile, LiveState, PageServer, follow
     from terratool.viewing.pages import page_of
 
     read_source(file, named=False)  # what is no file is none to follow
     state = LiveState()
     told = _teller(file)
 
-    def scene(site: Site) -> Scene:
+    def scene(site: Site) -> PageScene:
         with Status(f"drawing {called(file)}") as status:
             return _scene(site, options, vehicle, routes, status)
 
@@ -246,7 +246,7 @@ def _follow(
         flush()
         if opens and not _open(server.url):
             say("No browser can be opened here. Open this address in yours.", err=True)
-        follow(state, Followed(file, library_roots(), has_roughness()), scene, told)
+        follow(state, FollowedFile(file, library_roots(), has_roughness()), scene, told)
 
 
 def _teller(file: str) -> Callable[[TerratoolError | None], object]:

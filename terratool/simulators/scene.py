@@ -30,7 +30,7 @@ from terratool.report.numbers import metres
 from terratool.report.wording import counted
 from terratool.simulators.cells import cell_grid
 from terratool.simulators.options import SceneOptions
-from terratool.traversability.judge import Judge, Verdict
+from terratool.traversability.judge import Judge
 
 
 class Material(NamedTuple):
@@ -124,7 +124,7 @@ class Scene:
         return grid
 
     @cached_property
-    def verdict(self) -> Verdict | None:
+    def verdict(self) -> CellVerdict | None:
         """Verdict of the vehicle on `cells`; None without a vehicle.
 
         Raises:

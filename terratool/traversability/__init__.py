@@ -1,1 +1,1 @@
-"""Whether a vehicle can drive on a terrain, where not, and why."""
+"""Traversability: whether a vehicle can drive on a terrain, where not, and why."""

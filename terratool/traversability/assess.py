@@ -1,4 +1,4 @@
-"""From a terrain and a vehicle to a report: figures, map, routes, reach, and one verdict."""
+"""The assessment of a vehicle on a terrain: figures, map, routes, reach, and one verdict."""
 
 from __future__ import annotations
 
@@ -37,11 +37,11 @@ from terratool.traversability.results import (
     TraversabilityReport,
     Verdict,
 )
-from terratool.traversability.route.barriers import Site, cannot_stand
+from terratool.traversability.route.barriers import RouteSite, cannot_stand_note
 from terratool.traversability.route.graph import Preference, check_preference, drivable, turnable
 from terratool.traversability.route.headings import Progress, WayFinder, finer_headings
 from terratool.traversability.route.paths import cell_of, check_inside
-from terratool.traversability.route.reach import begin_in_largest, connected, heading_bits
+from terratool.traversability.route.reach import begin_in_largest, connected_cells, heading_bits
 from terratool.traversability.route.routes import (
     MOST_STATES,
     can_stand,
@@ -55,48 +55,54 @@ from terratool.traversability.tiles import SurveyTiles, part_of, survey_window
 from terratool.traversability.vehicle import Vehicle
 
 MOST_PIXELS = 1024
-"""The longer side of a map that goes into no file has at most so many pixels by default."""
+"""Most pixels on the longer side of a map that goes into no file, by default."""
 
 _PIXELS_PER_CORRELATION = 2.0
-"""With fewer the relief of a rough surface is not seen as wheels meet it."""
+"""Fewest ground pixels per correlation length that show the relief of a rough surface to wheels."""
 _AROUND = 32
-"""Pixels on each side of a place where the vehicle cannot stand, among which another is found."""
+"""Pixels searched on each side of a blocked place for one where the vehicle can stand."""
 _NEARLY_ALL = 0.9
-"""That only some of the ground was looked at is not said from this share on."""
+"""Smallest share of judged pixels for which no note says that only some were judged."""
 
 _MAP = (
     "The map judges the vehicle at rest with its middle at each pixel's centre and each of the "
     "headings; what happens between them is not looked at. With more headings more of the ground "
     "may be reached, and less be cut off."
 )
+"""Assumption of every report on its map."""
 _ROUTE = (
     "A route goes from pixel to pixel, backs up, and turns on the spot; its time and energy are "
     "sums over that, without acceleration and with motors that lose nothing. Turns are those on "
     "level ground of the surface under the vehicle's middle."
 )
+"""Assumption of reports on routes."""
 
 Point = tuple[float, float]
+"""World x and y, m."""
 
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """What is wanted.
+    """A request: which map, routes and reach of a vehicle to find out.
 
     Attributes:
-        routes: x and y of the start and of the goal of each.
-        waypoints: (n, 2) float64 of each way that is to be checked.
+        routes: x and y of the start and of the goal of each route, m.
+        waypoints: (n, 2) float64 points of each way that is to be checked, m.
         returns: whether the ways back are wanted, too.
-        start: the place from which the ground counts; its largest part if None.
-        prefer: what routes are to be the least of.
-        resolution: of the map, and of routes where that is not too fine; chosen if None.
-        why: in words, it has that resolution; for a note.
-        bounds: west, south, east, north of the part that counts; all if None.
-        headings: at each place; HEADINGS if None, and more where these show no way.
-        mapped: whether the whole ground is to be judged; it is where there are no routes, or a
-            start.
+        start: x and y of the place from which reachable ground counts, m; the largest part of the
+            ground counts if None.
+        prefer: the quantity that routes minimise.
+        resolution: side of a pixel of the map, m, and of routes where that is not too fine; chosen
+            if None.
+        why: reason for that resolution, in words, for a note.
+        bounds: west, south, east, north of the part that counts, m; the whole terrain if None.
+        headings: number of headings at each place; HEADINGS if None, and more where these show no
+            way.
+        mapped: whether the whole ground is to be judged; without routes, or with a start, it always
+            is.
         threads: number of threads; as many as there are processors if None.
-        samples: of the soils, where figures of these are ranges.
-        seed: of what draws them.
+        samples: number of samples of the soils, where their figures are ranges.
+        seed: seed of the generator that draws the samples.
     """
 
     routes: tuple[tuple[float, float, float, float], ...] = ()
@@ -115,7 +121,7 @@ class Request:
 
     @property
     def travels(self) -> bool:
-        """Whether there are ways to be looked for, or to be checked."""
+        """Whether there are routes to plan or waypoints to check."""
         return bool(self.routes or self.waypoints)
 
     @property
@@ -126,14 +132,16 @@ class Request:
 
 @dataclass(frozen=True, slots=True)
 class PreparedRequest:
-    """A request that has been checked, and what will answer it.
+    """A checked request, with the surveyor, map builder and route finder that will answer it.
 
     Attributes:
-        terrain, vehicle, request: what is wanted.
-        surveyor: of the map, or of routes where there is no map.
-        builder: of the map; None where there is none.
-        ways: what looks for routes; None where there are none.
-        notes: sentences on how they were chosen.
+        terrain: the ground, with all parts written out.
+        vehicle: the vehicle that is judged.
+        request: the request, checked.
+        surveyor: surveyor of the map's pixels, or of the routes' where there is no map.
+        builder: builder of the map; None where no map is wanted.
+        ways: finder of routes; None where no routes are wanted.
+        notes: sentences on how grids and headings were chosen.
         draws: samples of the soils; None where no figures are ranges.
     """
 
@@ -148,22 +156,22 @@ class PreparedRequest:
 
     @property
     def grid(self) -> Grid:
-        """Of the map, or of routes where there is no map."""
+        """Pixels of the map, or of routes where there is no map."""
         return self.surveyor.grid
 
     @property
     def tiles(self) -> SurveyTiles | None:
-        """The survey for routes; None where there are none."""
+        """Tiles of the survey for routes; None where no routes are wanted."""
         return None if self.ways is None else self.ways.tiles
 
     @property
-    def shared(self) -> bool:
-        """Whether map and routes have one survey."""
+    def shares_survey(self) -> bool:
+        """Whether map and routes are judged on one grid, by one survey."""
         return self.tiles is not None and self.tiles.survey.grid == self.grid
 
     @property
     def pixels(self) -> int | None:
-        """That will be judged; None where only the search will show how many."""
+        """Number of pixels that will be judged; None where the search for routes decides it."""
         return self.grid.width * self.grid.height if self.builder else None
 
 
@@ -177,10 +185,15 @@ def prepare_assessment(
 ) -> PreparedRequest:
     """Check a request, and choose its grids, before any long work.
 
-    `map_path` is where the map will be written, if anywhere.
+    Args:
+        terrain: the ground.
+        vehicle: the vehicle that is judged.
+        request: the wanted map, routes and reach.
+        map_path: path of the .tif that the map will be written to; None for no file.
+        overwrite: whether the map's files may exist already.
 
     Raises:
-        RequestError: what is asked for lies outside the terrain, or makes no sense.
+        RequestError: a place lies outside the terrain or its part, or an option makes no sense.
         WriteError: the map exists already, or does not fit on the disk.
         DefinitionError: the map has a CRS, which is unknown.
     """
@@ -210,9 +223,13 @@ def prepare_assessment(
 
 
 class _Grids(NamedTuple):
-    """The grids of the map and of routes, None where there are none, and their headings.
+    """The grids of the map and of routes, and their headings.
 
-    The two are one where the routes' is not too fine for the map.
+    Attributes:
+        grid: pixels of the map, or of routes where no map is wanted.
+        routes: pixels of routes, the map's own where these are fine enough; None without routes.
+        headings: number of headings at each place.
+        notes: sentences on how grids and headings were chosen.
     """
 
     grid: Grid
@@ -222,16 +239,16 @@ class _Grids(NamedTuple):
 
 
 def chosen_resolution(terrain: Terrain, vehicle: Vehicle, request: Request, written: bool) -> float:
-    """The resolution that a request has, or gets; `written` is whether the map goes into a file.
+    """The resolution that a request has, or gets, m; `written` says that the map goes into a file.
 
     Raises:
-        RequestError: what is asked for lies outside the terrain, or is too large.
+        RequestError: the bounds lie outside the terrain, or are too large for the pixels.
     """
     return _grids(terrain.written_out, vehicle, request, written).grid.resolution
 
 
 def _grids(terrain: Terrain, vehicle: Vehicle, request: Request, written: bool) -> _Grids:
-    """Choose the grids, and say so."""
+    """Choose the grids of the map and of routes, with notes on the choice."""
     routes, note = None, ""
     if not request.travels:
         grid, why = _map_grid(terrain, vehicle, request, written)
@@ -271,7 +288,7 @@ def _grids(terrain: Terrain, vehicle: Vehicle, request: Request, written: bool) 
 
 
 def _fewest_headings(terrain: Terrain, vehicle: Vehicle, request: Request, grid: Grid) -> int:
-    """HEADINGS, or so many that the vehicle can stand at the place to start from, if any do."""
+    """The fewest headings with which the vehicle can stand at the start; HEADINGS if none do."""
     start = request.start
     if start is None:
         return HEADINGS
@@ -285,30 +302,31 @@ def _fewest_headings(terrain: Terrain, vehicle: Vehicle, request: Request, grid:
 
 
 def first_look(prepared: PreparedRequest) -> Iterator[str]:
-    """Sentences on what cannot be found, as far as a look at starts and goals shows it."""
+    """Sentences on routes and reach that fail as the vehicle cannot stand at a start or goal."""
     start = prepared.request.start
     for x0, y0, x1, y1 in prepared.request.routes:
         for what, place in (("start", (x0, y0)), ("goal", (x1, y1))):
-            why = _cannot_stand(prepared, f"the route's {what}", place, prepared.tiles)
+            why = _cannot_stand_note(prepared, f"the route's {what}", place, prepared.tiles)
             if why and not (prepared.ways and prepared.ways.stands(place)):
                 yield f"There is no such route. {why}"
-    if start is not None and (why := _no_start(prepared, start)):
+    if start is not None and (why := _no_start_note(prepared, start)):
         yield f"Nothing can be reached. {why}"
 
 
-def _no_start(prepared: PreparedRequest, start: Point) -> str:
-    """Why the vehicle cannot stand at the place to start from; empty where it can."""
-    tiles = prepared.tiles if prepared.shared else None
-    return _cannot_stand(prepared, "the place to start from", start, tiles)
+def _no_start_note(prepared: PreparedRequest, start: Point) -> str:
+    """Sentences on why the vehicle cannot stand at the request's start; empty where it can."""
+    tiles = prepared.tiles if prepared.shares_survey else None
+    return _cannot_stand_note(prepared, "the place to start from", start, tiles)
 
 
-def _cannot_stand(
+def _cannot_stand_note(
     prepared: PreparedRequest, what: str, place: Point, tiles: SurveyTiles | None
 ) -> str:
-    """Why the vehicle cannot stand at a place, and where it can nearby; empty where it can.
+    """Sentences on why the vehicle cannot stand at a place, and where it can; empty where it can.
 
-    That is looked for in the tile that holds the place; without tiles, around it on the map's
-    pixels. It lies in the largest part there, not on top of the wall that bars it.
+    The place nearby is searched in the tile that holds the place, or without tiles around it on
+    the map's pixels. It lies in the largest connected part there, not on top of the wall that
+    bars the vehicle.
     """
     terrain = prepared.terrain
     if tiles is not None:
@@ -327,12 +345,14 @@ def _cannot_stand(
         window = tiles.survey.grid.whole
     if can_stand(terrain, tiles.survey, place, (row, column)):
         return ""
-    why = cannot_stand(Site.of(terrain, prepared.vehicle, tiles), what, place, (row, column))
+    why = cannot_stand_note(
+        RouteSite.of(terrain, prepared.vehicle, tiles), what, place, (row, column)
+    )
     bits = heading_bits(drivable(tiles.survey, part_of(window)))
     headings, at = tiles.survey.headings, part_of(window)
     turns = turnable(tiles.survey, turnings(terrain, prepared.vehicle), at)
     begin = begin_in_largest(bits, headings, turns=turns)
-    part = connected(bits, headings, begin, turns=turns).returned
+    part = connected_cells(bits, headings, begin, turns=turns).returned
     if not part.any():
         return why
     rows, columns = np.nonzero(part)
@@ -357,12 +377,13 @@ def assess(
     Each window of the ground is judged once, for the map, for routes and for the picture.
 
     Args:
-        prepared: what is wanted, from `prepare_assessment`.
-        name: what the terrain is called, for people.
-        map_path: a .tif for the map; other files of it go beside it.
-        overwrite: whether files may be there already.
-        progress: is told what is being done, and how many pixels are.
-        stack: the map's files take their places when it ends, if given.
+        prepared: the checked request, from `prepare_assessment`.
+        name: name of the terrain, for people.
+        map_path: path of a .tif for the map, beside which its other files go; None for no file.
+        overwrite: whether the map's files may exist already.
+        progress: called with the number of pixels done; its `say` names the step.
+        stack: exit stack at whose end the map's files take their places; None for the end of this
+            call.
 
     Raises:
         RequestError: a figure of a surface is too large.
@@ -378,8 +399,8 @@ def assess(
             replace(one, chances=level_chances(one.surface, draws, vehicle)) for one in figures
         )
     with nullcontext(stack) if stack else ExitStack() as opened:
-        mapped = _mapped(prepared, map_path, overwrite, progress, opened)
-        routes = _routed(prepared, progress)
+        mapped = _judge_map(prepared, map_path, overwrite, progress, opened)
+        routes = _plan_routes(prepared, progress)
     return TraversabilityReport(
         terrain=name,
         descr=terrain.descr,
@@ -400,9 +421,9 @@ def assess(
         notes=(
             f"Computed with the model {vehicle.model}.",
             *prepared.notes,
-            *_looked_at(prepared),
-            *_finer(prepared, routes),
-            *_sampled(draws),
+            *_coverage_note(prepared),
+            *_headings_note(prepared, routes),
+            *_sampling_note(draws),
         ),
         geojson=geojson_head(terrain),
         sampling=None
@@ -411,17 +432,19 @@ def assess(
     )
 
 
-class _Mapped(NamedTuple):
+class _MapResult(NamedTuple):
+    """A map in numbers and as a picture, and the reach that was asked for, None if it was not."""
+
     summary: MapSummary
     reach: Reach | None
     preview: Preview
 
 
-def _mapped(
+def _judge_map(
     prepared: PreparedRequest, map_path: str | Path | None, overwrite: bool,
     progress: Progress | None, stack: ExitStack,
-) -> _Mapped | None:  # fmt: skip
-    """Judge the whole ground, and write it; None where nobody wants that."""
+) -> _MapResult | None:  # fmt: skip
+    """Judge the whole ground, and write its map; None where no map is wanted."""
     terrain, builder, start = prepared.terrain, prepared.builder, prepared.request.start
     if builder is None:
         return None
@@ -430,7 +453,7 @@ def _mapped(
         files = MapFiles(
             stack, terrain, builder.grid, builder.sampled, Path(map_path), overwrite, threads
         )
-    if prepared.shared:
+    if prepared.shares_survey:
         assert prepared.tiles is not None
         prepared.tiles.progress = progress
         prepared.tiles.complete()
@@ -451,13 +474,13 @@ def _mapped(
         files.finish(classes)
     reach = None
     if start is not None:
-        note = "" if found.reached.any() else _no_start(prepared, start)
+        note = "" if found.reached.any() else _no_start_note(prepared, start)
         reach = reach_of(terrain, start, found, builder.ground, note)
-    return _Mapped(builder.summary(classes, found, start), reach, builder.preview(classes))
+    return _MapResult(builder.summary(classes, found, start), reach, builder.preview(classes))
 
 
-def _routed(prepared: PreparedRequest, progress: Progress | None) -> tuple[Route, ...]:
-    """The ways that were asked for, and those back."""
+def _plan_routes(prepared: PreparedRequest, progress: Progress | None) -> tuple[Route, ...]:
+    """Plan the requested routes and check the waypoints, each with its way back if wanted."""
     request, finder = prepared.request, prepared.ways
     if finder is None:
         return ()
@@ -480,8 +503,8 @@ def _routed(prepared: PreparedRequest, progress: Progress | None) -> tuple[Route
     return tuple(found)
 
 
-def _looked_at(prepared: PreparedRequest) -> Iterator[str]:
-    """What was not looked at, where there is no map."""
+def _coverage_note(prepared: PreparedRequest) -> Iterator[str]:
+    """A note on the share of the ground that was judged, where there is no map."""
     if prepared.builder is not None or prepared.tiles is None:
         return
     known, grid = prepared.tiles.known, prepared.grid
@@ -494,8 +517,8 @@ def _looked_at(prepared: PreparedRequest) -> Iterator[str]:
     )
 
 
-def _finer(prepared: PreparedRequest, routes: Sequence[Route]) -> Iterator[str]:
-    """That the map does not show what routes with more headings reach."""
+def _headings_note(prepared: PreparedRequest, routes: Sequence[Route]) -> Iterator[str]:
+    """A note where a route takes more headings than the map, which then shows less reached."""
     ways = [way for route in routes for way in (route, route.back) if way is not None]
     most = max((way.headings for way in ways if way.found), default=0)
     if prepared.builder is not None and most > prepared.builder.headings:
@@ -505,8 +528,8 @@ def _finer(prepared: PreparedRequest, routes: Sequence[Route]) -> Iterator[str]:
         )
 
 
-def _sampled(draws: Draws | None) -> Iterator[str]:
-    """How ranges of soils count."""
+def _sampling_note(draws: Draws | None) -> Iterator[str]:
+    """A note on how soil figures that are ranges were sampled."""
     if draws is None:
         return
     names = listed([shown(name) for name in draws.surfaces])
@@ -519,11 +542,11 @@ def _sampled(draws: Draws | None) -> Iterator[str]:
 
 
 def verdict_of(summary: MapSummary | None, routes: Sequence[Route]) -> Verdict:
-    """The verdict of the worst route; without one, of the ground.
+    """The verdict of the worst route; without routes, of the ground.
 
-    Ground that is all go is go. Where some of it can be driven to, and left again, and is go or
-    caution, it is caution. What is left is no-go, or unknown where nothing else is. The edge of
-    the terrain, where the vehicle would stand over it, counts only where there is nothing else.
+    Ground that is all go is go. Ground with connected pixels that are go or caution is
+    caution. Other ground is no-go, or unknown if all of it is unknown. Pixels where the vehicle
+    would stand over the edge of the terrain count only where there are no others.
     """
     if routes:
         return max((route.verdict for route in routes), key=RANKS.__getitem__)
@@ -538,6 +561,7 @@ def verdict_of(summary: MapSummary | None, routes: Sequence[Route]) -> Verdict:
 
 
 def _route_grid(terrain: Terrain, vehicle: Vehicle, request: Request) -> tuple[Grid, str]:
+    """The pixels for routes, and a note on their size."""
     return route_grid(
         terrain, vehicle, headings=request.headings or HEADINGS, bounds=request.bounds
     )
@@ -546,6 +570,7 @@ def _route_grid(terrain: Terrain, vehicle: Vehicle, request: Request) -> tuple[G
 def _map_grid(
     terrain: Terrain, vehicle: Vehicle, request: Request, written: bool
 ) -> tuple[Grid, str]:
+    """The pixels of the map, and in words why they have their size."""
     if request.resolution is not None:
         return grid_over(terrain, request.resolution, request.bounds), request.why
     most = DEFAULT_PIXELS if written else MOST_PIXELS
@@ -556,6 +581,7 @@ def _map_grid(
 
 
 def _places(request: Request) -> Iterator[tuple[str, Point]]:
+    """All places of a request, x and y in m, each with its name for messages."""
     for x0, y0, x1, y1 in request.routes:
         yield "The route's start", (x0, y0)
         yield "The route's goal", (x1, y1)

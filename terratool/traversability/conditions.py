@@ -14,18 +14,20 @@ from terratool.text.display import shown
 from terratool.traversability.results import Extreme, GroundClass, TraversabilityReport, Verdict
 
 _Value = float | None
+"""A value of a figure; None if unknown or meaningless."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Figure:
-    """A number of a report that may be compared.
+    """A number of a report that conditions may compare with a limit.
 
     Attributes:
-        values: all that there are of it; None where there is one that is not known, or means
-            nothing, as the length of a way that there is not.
-        needs: what must have been asked for, "map", "route" or "reach"; empty for nothing.
-        unit: of the number, for people.
-        is_share: whether it lies between 0 and 1.
+        values: all values of the number in a report; None for one that is unknown or meaningless,
+            such as the length of a route that was not found.
+        needs: the part of the report that has it, "map", "route" or "reach"; empty for every
+            report.
+        unit: unit of the number, for people.
+        is_share: whether the number lies between 0 and 1.
     """
 
     values: Callable[[TraversabilityReport], Iterable[_Value]]
@@ -35,22 +37,25 @@ class _Figure:
 
 
 def _value(extreme: Extreme | None) -> _Value:
+    """The value of an extreme; None for no extreme."""
     return None if extreme is None else extreme.value
 
 
 def _steepest(report: TraversabilityReport) -> list[_Value]:
+    """The steepest slope of each route, degrees, without sign."""
     values = [_value(route.steepest) for route in report.routes]
     return [None if value is None else math.degrees(abs(value)) for value in values]
 
 
 def _sinkage(report: TraversabilityReport) -> list[_Value]:
-    """Along the routes; without one that of each surface, where it is known."""
+    """The deepest sinkage of each route, m; without routes, the known sinkage of each surface."""
     if report.routes:
         return [_value(route.softest) for route in report.routes]
     return [one.sinkage for one in report.surfaces if one.sinkage is not None]
 
 
 def _fraction(ground: GroundClass, report: TraversabilityReport) -> list[_Value]:
+    """The share of a class in the map's ground, from 0 to 1; None without a map."""
     return [report.summary.fraction(ground) if report.summary else None]
 
 
@@ -69,20 +74,21 @@ FIGURES: dict[str, _Figure] = {
     "steepest": _Figure(_steepest, "route", "°"),
     "sinkage": _Figure(_sinkage, unit=" m"),
 }
-"""What may be compared with a number, by name."""
+"""Figures of a report that conditions may compare, by name."""
 
 WORDS = {"no-route": "route", "caution": "", "no-go": "", "unknown": "map"}
-"""Conditions that are a word, and what must have been asked for.
+"""Conditions that are a word, and the part of the report that each needs, as `_Figure.needs`.
 
 `no-route`: a route cannot be driven, or the way back that was asked for. `caution`: the verdict is
-not go. `no-go`: it is no-go.
-`unknown`: it is unknown, or some of the map is.
+not go. `no-go`: the verdict is no-go. `unknown`: the verdict is unknown, or some of the map is.
 """
 
 _OPERATORS: dict[str, Callable[[float, float], bool]] = {
     ">": operator.gt, ">=": operator.ge, "<": operator.lt, "<=": operator.le,
 }  # fmt: skip
+"""Comparisons of a figure with a limit, by sign."""
 _COMPARISON = re.compile(r"\s*([^<>=!\s]*)\s*([<>=!]+)\s*(\S*)\s*")
+"""Pattern of a name, a sign and a number."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,10 +96,10 @@ class Condition:
     """A word, or a figure compared with a number.
 
     Attributes:
-        text: as it was given.
+        text: the condition as the user wrote it.
         name: the word, or the name of the figure.
         comparison: ">", ">=", "<" or "<="; empty for a word.
-        limit: what the figure is compared with.
+        limit: the number that the figure is compared with; 0 for a word.
     """
 
     text: str
@@ -103,14 +109,14 @@ class Condition:
 
     @property
     def needs(self) -> str:
-        """What must be asked for, "map", "route" or "reach"; empty for nothing."""
+        """The part of a report that it needs, "map", "route" or "reach"; empty for every report."""
         return FIGURES[self.name].needs if self.comparison else WORDS[self.name]
 
-    def held(self, report: TraversabilityReport) -> str:
-        """Why it holds, in words; empty where it does not.
+    def why_met(self, report: TraversabilityReport) -> str:
+        """Say why a report meets the condition; empty where it does not.
 
-        A figure that is not known, as the length of a way that there is not, holds: a limit on it
-        is not kept.
+        A condition on an unknown figure, such as the length of a route that was not found, is met:
+        nothing shows that the limit is kept.
         """
         if not self.comparison:
             return _why(self.name, report)
@@ -125,10 +131,10 @@ class Condition:
 
 
 def parse(text: str) -> Condition:
-    """A condition from its text.
+    """Parse a condition, such as `no-go-fraction>0.3`.
 
     Raises:
-        RequestError: it is none; the message says what is wrong with it.
+        RequestError: the text is no condition; the message says why.
     """
     word = text.strip()
     if word in WORDS:
@@ -157,6 +163,7 @@ def parse(text: str) -> Condition:
 
 
 def _why(word: str, report: TraversabilityReport) -> str:
+    """Say why a report meets a condition that is a word; empty where it does not."""
     if word == "no-route":
         lost = sum(not route.holds for route in report.routes)
         count = len(report.routes)
@@ -172,10 +179,12 @@ def _why(word: str, report: TraversabilityReport) -> str:
 
 
 def _error(text: str, what: str, hint: str) -> RequestError:
+    """The error for a text that is no condition, for the reason `what`."""
     return RequestError(f"--fail-on {shown(text)}: {what}.", hint)
 
 
 def _hint(word: str, known: list[str]) -> str:
+    """A sentence that names the known word nearest to a word, or all known words."""
     from difflib import get_close_matches
 
     close = get_close_matches(word, known, 1)

@@ -1,4 +1,4 @@
-"""A vehicle that says where it can be driven, for maps whose cells follow from that."""
+"""Cells judged by a vehicle, for maps of robots that follow from where it can be driven."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True)
-class Verdict:
-    """What cells are to a vehicle whose middle stands there.
+class CellVerdict:
+    """Cells judged by a vehicle whose middle stands at their centres.
 
     Attributes:
-        vehicle: its name.
+        vehicle: name of the vehicle.
         grid: the cells.
         classes: (height, width) uint8 `GroundClass`, rows from the north; UNKNOWN where there is no
             ground.
-        lacking: which surfaces lack a soil, in sentences; empty where none does.
-        facts: who judged, and how many cells are what, for a manifest.
+        lacking: sentences on surfaces without a soil; empty where all have one.
+        facts: the vehicle's file, the resolution and the cells by class, for a manifest.
     """
 
     vehicle: str
@@ -42,14 +42,14 @@ class Verdict:
 
     @property
     def drivable(self) -> NDArray[np.bool_]:
-        """Where it can be driven to, and away from again."""
+        """Cells that are go or caution, (height, width) bool, rows from the north."""
         classes = self.classes
         return np.asarray((classes == GroundClass.GO) | (classes == GroundClass.CAUTION))
 
     def at_middles(self, grid: Grid) -> NDArray[np.uint8]:
-        """Those at the middles of other cells; beyond these here all is UNKNOWN.
+        """Classes at the middles of another grid's cells, (height, width), rows from the north.
 
-        (height, width), rows from the north.
+        Cells north or east of this grid are UNKNOWN.
         """
         own = self.grid
         columns = np.floor((grid.columns(grid.whole) - own.west) / own.resolution).astype(np.int64)
@@ -63,18 +63,23 @@ class Verdict:
 
 @dataclass(frozen=True, slots=True)
 class Judge:
-    """A vehicle, and what a manifest says of its file."""
+    """A vehicle that judges cells.
+
+    Attributes:
+        vehicle: the vehicle.
+        file: name and SHA-256 of the vehicle's file, for a manifest.
+    """
 
     vehicle: Vehicle
     file: Mapping[str, str]
 
     @classmethod
     def of(cls, path: str | Path) -> Judge:
-        """The vehicle of a file.
+        """Read the vehicle of a file.
 
         Raises:
-            ReadError: it cannot be read.
-            DefinitionError: it has errors, or is a terrain.
+            ReadError: the file cannot be read.
+            DefinitionError: the file has errors, or is a terrain.
         """
         vehicle, path = load_vehicle(path), Path(path)
         file = {"file": path.name}
@@ -84,7 +89,7 @@ class Judge:
         return cls(vehicle, file)
 
     def surveyor(self, terrain: Terrain, grid: Grid) -> Surveyor:
-        """What measures cells for the vehicle; made in a moment.
+        """The surveyor that measures a grid's cells for the vehicle; none are measured yet.
 
         Raises:
             RequestError: the cells are too coarse or too fine for the vehicle.
@@ -93,13 +98,15 @@ class Judge:
 
         return Surveyor(terrain, self.vehicle, grid)
 
-    def verdict(self, terrain: Terrain, grid: Grid, progress: Callable[[str], object]) -> Verdict:
-        """Judge cells, with the headings of a map of traversability.
+    def verdict(
+        self, terrain: Terrain, grid: Grid, progress: Callable[[str], object]
+    ) -> CellVerdict:
+        """Judge the cells of a grid at `HEADINGS` headings.
 
         Args:
             terrain: the ground, with all parts written out.
             grid: the cells.
-            progress: is called with words that say how far it is.
+            progress: called with words that say how many percent are done.
 
         Raises:
             RequestError: the cells are too coarse or too fine for the vehicle.
@@ -113,12 +120,12 @@ class Judge:
         builder = MapBuilder(terrain, surveyor, False, turnings(terrain, vehicle))
         total, done = grid.width * grid.height, 0
 
-        def told(more: int) -> None:
+        def report(more: int) -> None:
             nonlocal done
             done += more
             progress(f"judging {vehicle.name}, {100 * done // total} %")
 
-        stream_map(surveyor, builder, None, processors(), told)
+        stream_map(surveyor, builder, None, processors(), report)
         classes, _ = builder.classes(None, vehicle.area)
         classes[~builder.ground] = GroundClass.UNKNOWN
         counts = np.bincount(classes.ravel(), minlength=len(GroundClass)).tolist()
@@ -135,4 +142,4 @@ class Judge:
         facts = {
             "vehicle": dict(self.file), "judged_resolution": grid.resolution, "classes": by_class,
         }  # fmt: skip
-        return Verdict(vehicle.name, grid, classes, lacking, facts)
+        return CellVerdict(vehicle.name, grid, classes, lacking, facts)

@@ -19,7 +19,17 @@ from terratool.traversability.wheel import under_wheels
 
 
 class WheelArrays(NamedTuple):
-    """Wheels, member by member, (n,) each, and whether they slip."""
+    """The wheels of a vehicle as one array per attribute of `Wheel`, (n,) float64 each.
+
+    Attributes:
+        radius: radius r, m, without lugs.
+        width: width b, m.
+        shear_length: length along which a wheel shears the ground under no load, m.
+        patch_pressure: mean pressure on hard ground, Pa; infinity for a rigid rim.
+        exit_ratio: ratio −θ2/θ1 of exit and entry angle.
+        max_torque: largest torque of the motor, N m; infinity where it is not limited.
+        slips: whether slip counts, for all wheels.
+    """
 
     radius: NDArray[np.float64]
     width: NDArray[np.float64]
@@ -31,7 +41,7 @@ class WheelArrays(NamedTuple):
 
     @classmethod
     def of(cls, wheels: Sequence[Wheel]) -> WheelArrays:
-        """From wheels, one by one."""
+        """Gather the attributes of wheels, in their order."""
         rows = [
             (w.radius, w.width, w.shear_length, w.patch_pressure, w.exit_ratio, w.max_torque)
             for w in wheels
@@ -45,16 +55,16 @@ class WheelLayout:
     """The wheels of a vehicle, one by one: axles from the front, on each from left to right.
 
     Attributes:
-        x: (n,) m ahead of the centre of gravity.
-        y: (n,) m to the left of it.
-        driven: (n,) bool.
-        ahead: (n,) int64, the wheel in whose track it runs; -1 for none.
+        x: (n,) distances ahead of the centre of gravity, m.
+        y: (n,) distances to the left of the centre of gravity, m.
+        driven: (n,) bool, whether a wheel is driven.
+        ahead: (n,) int64, index of the wheel in whose track a wheel runs; -1 for none.
         multipass: a of z_n = z_1 n^(1/a), for wheels that run one behind the other.
-        shares: (n, 3) of the weight that a wheel bears for each part of gravity's direction, down,
-            forward and to the left.
-        edges: (m, 3) of the polygon of the supports: direction outwards, forward and to the left,
-            and the angle (rad) at which the vehicle tips over it.
-        wheels: their sizes, and what their motors give.
+        shares: (n, 3) shares of the weight that a wheel bears for each component of gravity's
+            direction: down, forward and to the left.
+        edges: (m, 3) edges of the polygon of the supports: outward direction, forward and to the
+            left, and the angle at which the vehicle tips over the edge, rad.
+        wheels: sizes and torques of the wheels.
     """
 
     x: NDArray[np.float64]
@@ -68,7 +78,7 @@ class WheelLayout:
 
 
 def wheel_layout(vehicle: Vehicle) -> WheelLayout:
-    """The wheels of a vehicle and how they share its weight.
+    """The wheels of a vehicle, with the shares of its weight that each bears.
 
     A rigid body on equal springs: loads differ linearly from wheel to wheel, along and across. For
     two axles that is W_front = (m g/L)(l_r cos α − h_cg sin α) and W_rear = (m g/L)(l_f cos α +
@@ -76,11 +86,10 @@ def wheel_layout(vehicle: Vehicle) -> WheelLayout:
     each side, and one in the middle where their number is odd.
 
     Returns:
-        The layout. All loads are those of level ground where nothing can differ (one axle, or
-        no track).
+        The layout. With one axle, or no track, loads do not change with the slope that way.
 
     Raises:
-        RequestError: it has no wheels.
+        RequestError: the vehicle has no wheels.
     """
     x, y, driven = [], [], []
     for axle in vehicle.axles:
@@ -113,7 +122,7 @@ def wheel_layout(vehicle: Vehicle) -> WheelLayout:
 
 
 def _ahead(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.int64]:
-    """For each wheel the nearest one before it that runs in the same line; -1 for none."""
+    """Index of the nearest wheel ahead of each in the same line, (n,) int64; -1 for none."""
     out = np.full(len(x), -1, np.int64)
     for index in range(len(x)):
         before = np.flatnonzero((y[:index] == y[index]) & (x[:index] > x[index]))
@@ -123,7 +132,7 @@ def _ahead(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.int64]:
 
 
 def wheel_loads(vehicle: Vehicle, pitch: float = 0.0, roll: float = 0.0) -> NDArray[np.float64]:
-    """Loads of all wheels, N, (n,), as in the layout.
+    """Loads of all wheels, N, (n,) float64 in the order of the layout.
 
     The body stands on a plane that rises at `pitch` (rad) where it heads (nose up) and at `roll` to
     its left (left side up). A wheel that would be pulled up bears 0.
@@ -132,10 +141,10 @@ def wheel_loads(vehicle: Vehicle, pitch: float = 0.0, roll: float = 0.0) -> NDAr
 
 
 def tip_over(vehicle: Vehicle) -> tuple[float, float, float]:
-    """The slopes (rad) at which it tips over: to a side, backwards when nose up, forwards.
+    """Slopes at which a vehicle tips over, rad: to a side, backwards (nose up) and forwards.
 
-    atan((track/2)/h_cg) and atan(x/h_cg), x from the centre of gravity to the axle downhill; where
-    supports are no rectangle, about the edge that is nearest. π/2 where it never does.
+    atan((track/2)/h_cg) and atan(x/h_cg), x from the centre of gravity to the axle downhill. Where
+    the supports are no rectangle, the nearest edge counts. π/2 where the vehicle never tips over.
     """
     if vehicle.is_single:
         return (math.pi / 2,) * 3
@@ -150,16 +159,16 @@ def tip_over(vehicle: Vehicle) -> tuple[float, float, float]:
 
 
 def tip_edges(vehicle: Vehicle, wheels: WheelLayout) -> NDArray[np.float64]:
-    """The edges of a layout with what the vehicle keeps in reserve taken off, for `tipping`."""
+    """Edges of a layout, (m, 3), their tip-over angles less the vehicle's margin, rad."""
     edges = wheels.edges.copy()
     edges[:, 2] -= vehicle.margins.tip
     return edges
 
 
 def _edges(x: NDArray[np.float64], y: NDArray[np.float64], height: float) -> NDArray[np.float64]:
-    """The edges of the convex hull of the supports, (m, 3); none for a wheel by itself.
+    """Edges of the convex hull of the supports, (m, 3) as in `WheelLayout`; none for one wheel.
 
-    Supports in a row can only tip over its ends: the rest is up to who balances it.
+    Supports in a row tip only over the ends of the row; a balancing driver holds it sideways.
     """
     points = sorted(set(zip(x.tolist(), y.tolist(), strict=True)))
     if len(points) < 2:
@@ -190,18 +199,18 @@ def _edges(x: NDArray[np.float64], y: NDArray[np.float64], height: float) -> NDA
 
 
 def _turn(a: tuple[float, float], b: tuple[float, float], c: tuple[float, float]) -> float:
-    """Above 0 where the way from a over b to c turns to the left."""
+    """Twice the signed area of the triangle a, b, c, m²; above 0 where a, b, c turn left."""
     return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 
 
 @dataclass(frozen=True, slots=True)
 class SteepestSlope:
-    """The largest slope.
+    """The steepest slope on which a vehicle drives or stands.
 
     Attributes:
-        angle: rad; 0 where it cannot even be on the level.
-        possible: whether it can be on the level.
-        reason: what binds there; what forbids it where it is not possible.
+        angle: the slope, rad; 0 where level ground is too much already.
+        possible: whether level ground is possible.
+        reason: the measure that binds on that slope, or on the level where it is not possible.
     """
 
     angle: float
@@ -210,27 +219,29 @@ class SteepestSlope:
 
 
 def climb(vehicle: Vehicle, soil: Soil, max_slip: float | None = None) -> SteepestSlope:
-    """The largest slope that it climbs straight up: the root of Σ DP − Σ R = m g sin α.
+    """The steepest slope that a vehicle climbs straight up: the root of Σ DP − Σ R = m g sin α.
 
     Loads are those of the slope. Each driven wheel pushes with the same share of the soil's
-    strength: all of it where K is not known, else what a slip mobilises in the one that mobilises
-    least, the best of some slips up to `max_slip`; with its motor's limit where that is less. Each
-    towed wheel resists. A wheel that lifts ends the search, and so does one that sinks in to its
-    axle. Margins are not taken off. `max_slip` is that of the wheel if None.
+    strength: all of it where K is not known, else the share that a slip mobilises in the wheel that
+    mobilises least, for the best of some slips up to `max_slip` (the wheel's own if None). A motor
+    at its limit pushes less. Each towed wheel resists. A wheel that lifts, or sinks in to its axle,
+    ends the search. Margins are not taken off.
     """
     return _steepest(vehicle, soil, False, vehicle.wheel.max_slip if max_slip is None else max_slip)
 
 
 def side_slip(vehicle: Vehicle, soil: Soil) -> SteepestSlope:
-    """The largest slope across which it does not slip: Σ (c b l + W tan φ) = m g sin β.
+    """The steepest slope across which a vehicle does not slip: Σ (c b l + W tan φ) = m g sin β.
 
     l is the shear length (r sin θ1 in the model `paper`), from the loads on the slope; with equal
-    loads that is N c b l + m g cos β tan φ = m g sin β. Derived; wheels hold as they do along.
+    loads that is N c b l + m g cos β tan φ = m g sin β. Derived here; wheels are taken to hold
+    across as they do along.
     """
     return _steepest(vehicle, soil, True, 1.0)
 
 
 def _steepest(vehicle: Vehicle, soil: Soil, across: bool, slip: float) -> SteepestSlope:
+    """The steepest slope, across or straight up, with slips up to `slip`."""
     layout, soils = wheel_layout(vehicle), under_wheels(soil)
     found = kernels.steepest(across, layout, vehicle.weight, soils, slip)
     angle = found["angle"]
@@ -238,13 +249,13 @@ def _steepest(vehicle: Vehicle, soil: Soil, across: bool, slip: float) -> Steepe
 
 
 class Measure(NamedTuple):
-    """One thing that may bind.
+    """A measured quantity as a share of its limit.
 
     Attributes:
-        reason: what it is.
-        share: of its limit, not NaN; infinity where nothing would help.
-        go: up to this share it is go.
-        strict: whether the limit itself is no-go.
+        reason: the quantity.
+        share: share of the limit, not NaN; infinity where nothing would help.
+        go: largest share that is go.
+        strict: whether a share of exactly 1 is no-go.
     """
 
     reason: Reason
@@ -254,11 +265,11 @@ class Measure(NamedTuple):
 
 
 class Judgement(NamedTuple):
-    """What follows from measures.
+    """The verdict that follows from measures.
 
     Attributes:
-        verdict: the worst.
-        reason: the measure that binds: of those with that verdict, the largest share.
+        verdict: the worst verdict of all measures.
+        reason: the binding measure: the largest share among those with that verdict.
         utilisation: the largest share that any measure takes of its limit.
     """
 
@@ -268,7 +279,7 @@ class Judgement(NamedTuple):
 
 
 def judge(measures: Sequence[Measure]) -> Judgement:
-    """The worst verdict of measures, and the one that binds."""
+    """Judge measures: their worst verdict, and the measure that binds."""
     reasons, shares, go, strict = zip(*measures, strict=True)
     verdict, reason, utilisation = kernels.judge(
         np.array(shares, np.float64), np.array(go, np.float64), np.array(strict, np.bool_),
@@ -278,21 +289,21 @@ def judge(measures: Sequence[Measure]) -> Judgement:
 
 
 def slip_limit(vehicle: Vehicle) -> float:
-    """The slip that is no-go: where caution ends, or the wheel's largest slip if that is less."""
+    """Largest slip before no-go: where caution ends, or the wheel's largest slip if less."""
     return min(vehicle.wheel.max_slip, vehicle.thresholds.caution_slip)
 
 
 class SlopeDemand(NamedTuple):
-    """What the wheels of a vehicle need to drive along a slope, the largest of all each.
+    """The demand of a vehicle that drives up a slope: for each quantity the largest of all wheels.
 
     Attributes:
-        torque: N m.
-        torque_used: share of what its motor gives.
-        utilisation: of the soil's strength.
-        slip: 0 where it is not known.
-        sinkage: m.
-        depth: share of its radius that a wheel sinks in.
-        lifts: whether a wheel would be pulled up.
+        torque: torque of a wheel, N m.
+        torque_used: share of its motor's largest torque.
+        utilisation: share of the soil's strength that the push takes.
+        slip: slip of a wheel; 0 where it is not known.
+        sinkage: sinkage of a wheel, m.
+        depth: sinkage of a wheel as a share of its radius.
+        lifts: whether any wheel bears no load.
     """
 
     torque: float
@@ -305,15 +316,15 @@ class SlopeDemand(NamedTuple):
 
     @property
     def drives(self) -> bool:
-        """Whether wheels, soil and motors give that."""
+        """Whether wheels, soil and motors meet the demand."""
         able = self.utilisation <= 1.0 and self.slip <= 1.0 and self.torque_used <= 1.0
         return able and self.depth < 1.0 and not self.lifts
 
 
 def slope_demand(vehicle: Vehicle, soil: Soil, slope: float = 0.0) -> SlopeDemand:
-    """What the wheels need to drive straight up a slope, rad, below 0 downhill.
+    """The demand of driving straight up a slope, rad, below 0 downhill.
 
-    They bear what they do on that slope, and push m g sin α and what towed ones resist.
+    Loads are those of the slope. Driven wheels push m g sin α and the resistance of towed wheels.
     """
     layout = wheel_layout(vehicle)
     loads = kernels.wheel_loads(layout, vehicle.weight, slope, 0.0)
@@ -327,12 +338,12 @@ def slope_demand(vehicle: Vehicle, soil: Soil, slope: float = 0.0) -> SlopeDeman
 
 
 def level_demand(vehicle: Vehicle, soil: Soil) -> SlopeDemand:
-    """What the wheels need to roll on the level."""
+    """The demand of rolling on level ground."""
     return slope_demand(vehicle, soil)
 
 
 def judge_level(vehicle: Vehicle, need: SlopeDemand) -> Judgement:
-    """The verdict on level ground: of the wheels, and of the body over wheels that have sunk in."""
+    """Judge a demand on level ground: traction, slip, torque, sinkage, and the body's clearance."""
     limits, slip = vehicle.thresholds, slip_limit(vehicle)
     measures = [
         Measure(Reason.TRACTION, need.utilisation, limits.utilisation, True),
@@ -347,7 +358,7 @@ def judge_level(vehicle: Vehicle, need: SlopeDemand) -> Judgement:
 
 
 def share_of(size: float, limit: float) -> float:
-    """The share that a size takes of a limit: 0 where it is 0 or less, infinity beyond no limit."""
+    """The share of a limit that a size takes; 0 for sizes up to 0, infinity for limits up to 0."""
     if size <= 0.0:
         return 0.0
     return size / limit if limit > 0.0 else math.inf

@@ -1,4 +1,4 @@
-"""A traversability map: a verdict for each pixel, and what adds up of it."""
+"""A traversability map: a verdict for each pixel, connected ground, and a summary."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ from terratool.traversability.route.reach import (
     begin_in_largest,
     bits_type,
     can_turn_back,
-    connected,
+    connected_cells,
     heading_bits,
     place_in,
 )
@@ -47,19 +47,21 @@ from terratool.traversability.turning import Turning
 from terratool.traversability.vehicle import Vehicle
 
 MOST = 10.0
-"""Shares of limits beyond that are written as that."""
+"""Largest share of a limit that is written; larger ones are written as this."""
 
 PICTURE = 1600
-"""The longer side of a map for a picture has at most so many pixels."""
+"""Most pixels on the longer side of a map for a picture."""
 
 _WHEEL_PART = 4
+"""Pixels of a map per wheel radius by default."""
 
 
 def map_bands(measures: WindowMeasures, inside: NDArray[np.bool_]) -> MapBands:
-    """One number for all headings of a pixel; nothing where a pixel is not `inside` the terrain.
+    """Reduce the measures of all headings to one number for each pixel and band of a map.
 
-    The best heading is that of the best verdict, and of those the one with the most in reserve;
-    the worst likewise. Of equals it is the first from north.
+    The best heading has the best verdict, and among equal verdicts the most in reserve; the worst
+    heading has the worst verdict, and the least in reserve. Of equals the first from north counts.
+    Pixels not `inside` the terrain, (height, width), are NaN, or 0 in bands of integers.
     """
     share = measures.numbers[:, kernels.UTILISATION].astype(np.float64)
     reserve = np.ones_like(share)
@@ -108,12 +110,12 @@ def map_bands(measures: WindowMeasures, inside: NDArray[np.bool_]) -> MapBands:
 def default_resolution(
     terrain: Terrain, vehicle: Vehicle, bounds: Bounds | None = None, most: int = DEFAULT_PIXELS
 ) -> tuple[float, str]:
-    """A resolution for a map, and in words why: a quarter of the wheel's radius, within reason.
+    """A resolution for a map, m, and in words why: a quarter of the wheel's radius, or coarser.
 
-    `most` is how many pixels the longer side of the bounds, or of the terrain, may have.
+    `most` is the largest number of pixels on the longer side of the bounds, or of the terrain.
 
     Raises:
-        RequestError: the bounds are empty or miss the terrain; or so many pixels are too few.
+        RequestError: the bounds are empty or miss the terrain; or `most` pixels are too few.
     """
     finest = vehicle.wheel.radius / _WHEEL_PART
     if bounds is not None:
@@ -134,16 +136,16 @@ def default_resolution(
 
 
 class MapBuilder:
-    """Gathers a map from windows, which several threads may bring in any order.
+    """A map that is built from windows, which several threads may bring in any order.
 
-    Memory is 5 bytes for each pixel, or one more where there are more than 8 headings; 60 where
-    all bands are kept, and 4 more where soils are sampled.
+    Memory is 5 bytes for each pixel, one byte more for over 8 headings; 60 bytes where all bands
+    are kept, and 4 more where soils are sampled.
 
     Args:
         terrain: the ground.
-        surveyor: that judges it: its grid and headings count.
+        surveyor: the surveyor, whose grid and headings the map has.
         keep: whether all bands are kept.
-        turns: what turning takes on each surface, by id; it can everywhere if there are none.
+        turns: turning on the spot on each surface, by id; possible everywhere if empty.
     """
 
     def __init__(
@@ -167,7 +169,7 @@ class MapBuilder:
         )
 
     def take(self, window: Window, measures: WindowMeasures) -> MapBands:
-        """Take what was found out about a window; what the files have of it."""
+        """Add the measures of a window to the map; return its bands for files."""
         west, south, east, north = self.terrain.bounds
         x, y = self.grid.columns(window), self.grid.rows(window)
         inside = ((y >= south) & (y <= north))[:, None] & ((x >= west) & (x <= east))[None]
@@ -193,13 +195,13 @@ class MapBuilder:
         return bands
 
     def bands(self, window: Window) -> MapBands:
-        """What was kept of a window."""
+        """Bands of a window that were kept."""
         assert self.kept is not None
         parts = (whole[:, *part_of(window)] for whole in self.kept)
         return MapBands(*map(np.ascontiguousarray, parts))
 
     def preview(self, classes: NDArray[np.uint8]) -> Preview:
-        """The map for a picture: one pixel of each few, the first from the north-west."""
+        """The map for a picture, thinned by a stride from the north-west."""
         grid, stride = self.grid, self._stride
         size, (height, width) = grid.resolution * stride, self._heights.shape
         north = grid.bounds[3]
@@ -213,20 +215,20 @@ class MapBuilder:
     def classes(
         self, begin: Bits | None, area: float, progress: Callable[[float], object] | None = None
     ) -> tuple[NDArray[np.uint8], Connected]:
-        """What each pixel is, (height, width) uint8 `GroundClass`, and what is connected.
+        """Classes of the pixels, (height, width) uint8 `GroundClass`, and the connected ground.
 
         Args:
             begin: states from which the vehicle sets out; the largest part of the ground if None,
                 unless it is smaller than the vehicle.
-            area: of the vehicle, seen from above, m².
-            progress: is told what share more of the pixels is done.
+            area: area of the vehicle seen from above, m².
+            progress: called with the further share of the pixels that is done.
         """
         floods = 3 if begin is None else 2
         tell = (lambda more: progress(more / floods)) if progress else None
         turns, first = self._turns(), begin
         if first is None:
             first = begin_in_largest(self.bits, self.headings, tell, turns)
-        found = connected(self.bits, self.headings, first, tell, turns)
+        found = connected_cells(self.bits, self.headings, first, tell, turns)
         classes = self.verdict.copy()
         drives = self.bits != 0
         least = area / self.grid.resolution**2
@@ -243,11 +245,11 @@ class MapBuilder:
         return classes, found
 
     def _turns(self) -> Turns:
-        """Where the vehicle can turn, by the surface under its middle."""
+        """Pixels where the vehicle can turn on the spot, (height, width) bool; None for all."""
         return None if self._able.all() else self._able[self.surfaces]
 
     def largest(self, found: Connected) -> LargestPart | None:
-        """The part that was found; None where there is none."""
+        """The largest part, from the connected ground that was found; None where there is none."""
         if not found.returned.any():
             return None
         row, column = place_in(self.bits, self.headings, found, self._turns())
@@ -260,7 +262,13 @@ class MapBuilder:
         self, classes: NDArray[np.uint8], found: Connected,
         start: tuple[float, float] | None = None,
     ) -> MapSummary:  # fmt: skip
-        """The pixels with ground, counted, and what is connected to a start, or largest."""
+        """Count pixels with ground by class, reason and surface, and find the largest part.
+
+        Args:
+            classes: (height, width) uint8 `GroundClass`.
+            found: connected ground.
+            start: x and y from which ground counts as reached, m; None for the largest part.
+        """
         ground, names = self.ground, ("", *self.terrain.surfaces)
         here, judged = classes[ground], classes <= GroundClass.NO_GO
         worst = np.where(judged, self.worst, classes)[ground]
@@ -282,7 +290,7 @@ class MapBuilder:
         )
 
     def chances(self) -> dict[float, int]:
-        """Pixels with ground by the largest of `CHANCE_BOUNDS` that their probability reaches."""
+        """Number of pixels with ground by the largest of `CHANCE_BOUNDS` they reach."""
         assert self.chance is not None
         known = self.chance[self.ground & np.isfinite(self.chance)]
         found, counted = {}, 0
@@ -294,6 +302,7 @@ class MapBuilder:
 
 
 def _by_ground(counts: NDArray[np.int64]) -> dict[GroundClass, int]:
+    """Label counts by class."""
     return dict(zip(GroundClass, counts.tolist(), strict=True))
 
 
@@ -304,9 +313,9 @@ def stream_map(
     threads: int,
     progress: Callable[[int], object] | None = None,
 ) -> None:
-    """Judge tile by tile, write what is known of each, and keep what is needed in the end."""
+    """Judge a grid tile by tile: give each to the builder, and its bands to the files."""
 
-    def made(window: Window) -> tuple[Window, MapBands]:
+    def judge_tile(window: Window) -> tuple[Window, MapBands]:
         whole = empty_bands((window.height, window.width), builder.sampled)
         for inner in surveyor.windows(window):
             bands = builder.take(inner, surveyor.measure(inner))
@@ -317,7 +326,7 @@ def stream_map(
                 target[:, *part_of(local)] = pixels
         return window, whole
 
-    for window, bands in prefetch(made, builder.grid.windows(TILE, TILE), threads):
+    for window, bands in prefetch(judge_tile, builder.grid.windows(TILE, TILE), threads):
         if files:
             files.write(window, bands)
         if progress:
@@ -325,5 +334,5 @@ def stream_map(
 
 
 def begin_of(builder: MapBuilder, start: tuple[float, float] | None) -> Bits | None:
-    """The states from which the vehicle sets out; None for no start."""
+    """States at a start from which the vehicle sets out, headings as bits; None for no start."""
     return None if start is None else begin_from(builder.bits, builder.terrain, builder.grid, start)

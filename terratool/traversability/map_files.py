@@ -54,12 +54,14 @@ NUMBERS = Bands(tuple(_NUMBERS), tuple(_NUMBERS.values()), np.dtype(np.float32))
 CHANCES = Bands(
     (*NUMBERS.names, "probability of go, best heading"), (*NUMBERS.units, "1"), NUMBERS.dtype
 )
-"""`NUMBERS` where figures of soils are ranges."""
+"""Bands of the file `-numbers` where figures of soils are ranges: `NUMBERS` and a probability."""
 
 _SUFFIXES = ("", "-classes", "-numbers")
+"""Endings of the stems of a map's files, in the order of `_files`."""
 
 
 def _files(sampled: bool) -> tuple[Bands, ...]:
+    """Bands of each file of a map, for soils that are `sampled` or not."""
     return VERDICT, CLASSES, CHANCES if sampled else NUMBERS
 
 
@@ -67,9 +69,9 @@ class MapBands(NamedTuple):
     """A window of a map, (bands, height, width) each.
 
     Attributes:
-        verdict: uint8 `Verdict`, of `VERDICT` before it is known where the vehicle gets to.
-        classes: uint8, of `CLASSES`.
-        numbers: float32, of `NUMBERS` or `CHANCES`, NaN for what is not known or has no limit.
+        verdict: uint8 `Verdict`, from which `VERDICT` follows once connected ground is known.
+        classes: uint8 bands of `CLASSES`.
+        numbers: float32 bands of `NUMBERS` or `CHANCES`; NaN where a number is unknown or infinite.
     """
 
     verdict: NDArray[Any]
@@ -78,27 +80,27 @@ class MapBands(NamedTuple):
 
 
 def empty_bands(flat: tuple[int, int], sampled: bool) -> MapBands:
-    """Room for the pixels of rows and columns, with soils that are `sampled` or not."""
+    """Uninitialised bands of a (height, width) window, for soils that are `sampled` or not."""
     return MapBands(*(np.empty((file.count, *flat), file.dtype) for file in _files(sampled)))
 
 
 def map_paths(path: str | Path) -> list[Path]:
-    """The files of a map: verdicts of the best headings, other classes, numbers."""
+    """Paths of a map's files: verdicts of the best headings, other classes, numbers."""
     path = Path(path)
     return [path.with_name(f"{path.stem}{suffix}{path.suffix}") for suffix in _SUFFIXES]
 
 
 class MapFiles:
-    """The files of a map while they are written; they take their places when the stack ends well.
+    """The files of a map while they are written.
 
     Args:
-        stack: of what is written.
+        stack: exit stack at whose end, unless it fails, the files take their places.
         terrain: the ground.
-        grid: the pixels.
-        sampled: whether they have a probability of go.
-        path: a .tif, of the verdicts.
-        overwrite: whether the files may be there already.
-        threads: that compress them.
+        grid: pixels of the map.
+        sampled: whether pixels have a probability of go.
+        path: path of the verdicts, a .tif.
+        overwrite: whether the files may exist already.
+        threads: number of threads that compress.
 
     Raises:
         RequestError: the file is no .tif.
@@ -123,7 +125,7 @@ class MapFiles:
         self._statistics = [BandStatistics()] * _files(sampled)[-1].count
 
     def write(self, window: Window, bands: MapBands) -> None:
-        """Write all of a window but what it takes to know the whole map for; windows in order."""
+        """Write the classes and numbers of a window; windows come in order, row by row."""
         for file, pixels in zip(self._files[1:], bands[1:], strict=True):
             file.write(pixels, window.row, window.column)
         found = map(band_statistics, bands.numbers)
@@ -154,10 +156,10 @@ def refuse_map(terrain: Terrain, grid: Grid, sampled: bool, path: Path, overwrit
 
 
 def refuse_full_disk_of_maps(grids: Sequence[Grid], path: Path, sampled: bool) -> None:
-    """Refuse maps that do not all fit on the disk together; `path` is beside them.
+    """Refuse maps that do not all fit on the disk together; `path` is in their folder.
 
     Raises:
-        WriteError: they do not.
+        WriteError: the maps do not fit.
     """
     largest = max(grids, key=lambda grid: grid.width * grid.height)
     refuse_full_disk(path, largest, _files(sampled) * len(grids), raster_format(path, cog=True))
@@ -165,7 +167,7 @@ def refuse_full_disk_of_maps(grids: Sequence[Grid], path: Path, sampled: bool) -
 
 @contextlib.contextmanager
 def _cog(path: Path, extent: RasterExtent, bands: Bands, threads: int) -> Iterator[GeoTiff]:
-    """A cloud-optimised GeoTIFF: a plain one first, which is copied when it is complete."""
+    """Open a cloud-optimised GeoTIFF for writing: a plain one that is copied when complete."""
     first, plain = path.with_name(f"{path.stem}.first.tif"), Compression()
     with terrain_tiff(first, extent, bands, tile_options(bands.dtype, plain, threads)) as file:
         if bands is VERDICT:

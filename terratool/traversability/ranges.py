@@ -1,4 +1,4 @@
-"""Samples of the soils whose figures are ranges, and how sure the shares of such samples are."""
+"""Samples of soils whose figures are ranges, and probabilities of driving on these."""
 
 from __future__ import annotations
 
@@ -20,24 +20,27 @@ from terratool.traversability.survey import SoilSamples, soil_table
 from terratool.traversability.vehicle import Soil, Vehicle
 
 SAMPLES = 256
+"""Default number of samples."""
 LEAST_SAMPLES, MOST_SAMPLES = 16, 1024
+"""Smallest and largest number of samples."""
 MOST_SEED = 2**63 - 1
+"""Largest seed."""
 
 _TAIL = 0.05
-"""Share of samples beyond each end of an interval."""
+"""Share of samples beyond each end of the interval of climbs."""
 _STEPS = 33
-"""Frictions of a range for which the highest step is worked out; it is interpolated in between."""
+"""Number of frictions of a range at which the highest step is computed, not interpolated."""
 
 
 @dataclass(frozen=True, slots=True)
 class Draws:
-    """Samples of the surfaces of a terrain.
+    """Samples of the surfaces of a terrain that have ranges.
 
     Attributes:
-        samples: their number.
-        seed: of the generator.
-        surfaces: those that have ranges, by name, sample by sample, with numbers in their place.
-        ranges: the figures that were drawn.
+        samples: number of samples.
+        seed: seed of the generator.
+        surfaces: (samples,) copies of each surface with numbers in the place of ranges, by name.
+        ranges: ranges that were sampled.
     """
 
     samples: int
@@ -47,12 +50,12 @@ class Draws:
 
     @property
     def error(self) -> float:
-        """How far a share of the samples is off at most, 19 times of 20."""
+        """Largest error of a share of the samples, at 95 % confidence."""
         return share_error(self.samples)
 
 
 def share_error(samples: int) -> float:
-    """Half of the interval that holds 95 % of a share's estimates by so many samples, at worst.
+    """Largest error of a share that is estimated by a number of samples, at 95 % confidence.
 
     1.96 √(p (1 − p)/n) with p = ½, as if samples were independent. They are stratified, which never
     makes the variance of a share larger by more than n/(n − 1), and mostly less (Owen, "Monte Carlo
@@ -63,11 +66,11 @@ def share_error(samples: int) -> float:
 
 
 def draw(terrain: Terrain, samples: int = SAMPLES, seed: int = 0) -> Draws | None:
-    """Samples of all surfaces that have ranges; None where none has.
+    """Sample all surfaces that have ranges; None where none has.
 
     A Latin hypercube (McKay, Beckman and Conover 1979): of each figure one value lies in each of
-    `samples` equal parts of its range, in an order of its own. What a figure gets depends on the
-    seed and on the names of surface and key alone, so that other surfaces do not change it.
+    `samples` equal parts of its range, in an order of its own. The values of a figure depend on
+    the seed and on the names of surface and key alone, so that other surfaces do not change them.
 
     Raises:
         RequestError: the number of samples or the seed makes no sense.
@@ -84,7 +87,7 @@ def draw(terrain: Terrain, samples: int = SAMPLES, seed: int = 0) -> Draws | Non
         if not surface.ranges:
             continue
         figures = {
-            attribute: _stratified(name, attribute, ends, samples, seed).tolist()
+            attribute: _stratified_values(name, attribute, ends, samples, seed).tolist()
             for attribute, ends in surface.ranges.items()
         }
         surfaces[name] = tuple(
@@ -96,10 +99,10 @@ def draw(terrain: Terrain, samples: int = SAMPLES, seed: int = 0) -> Draws | Non
     return Draws(samples, seed, surfaces, ranges_of(terrain.surface_types))
 
 
-def _stratified(
+def _stratified_values(
     name: str, attribute: str, ends: Pair, samples: int, seed: int
 ) -> NDArray[np.float64]:
-    """A value in each of so many equal parts of a range, in any order."""
+    """Draw a value in each of `samples` equal parts of a range, in random order; (samples,)."""
     words = [seed & 0xFFFFFFFF, seed >> 32, *f"{name}/{attribute}".encode()]
     generator = np.random.Generator(np.random.PCG64(np.random.SeedSequence(words)))
     places = (generator.permutation(samples) + generator.random(samples)) / samples
@@ -108,12 +111,12 @@ def _stratified(
 
 
 def sampled_soils(name: str, draws: Draws, vehicle: Vehicle) -> tuple[Soil | None, ...]:
-    """The soil of a surface, sample by sample; None where it lacks something."""
+    """The soil of a surface, sample by sample; None where the surface lacks a key."""
     return tuple(soil_under(name, surface, vehicle) for surface in draws.surfaces[name])
 
 
 def soil_samples(terrain: Terrain, vehicle: Vehicle, draws: Draws) -> SoilSamples:
-    """Soils by sample and by id, the index of the surface and one."""
+    """Sampled soils of a terrain, by sample and by id, the surface's index and one."""
     soils, steps = soil_table(terrain, vehicle)
     tables = [
         np.repeat(np.asarray(values)[None], draws.samples, axis=0) for values in (*soils, steps)
@@ -135,16 +138,16 @@ def soil_samples(terrain: Terrain, vehicle: Vehicle, draws: Draws) -> SoilSample
 
 
 def _steps(vehicle: Vehicle, friction: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The highest steps by friction, m: of a few exactly, in between interpolated."""
+    """Highest steps by coefficient of friction, m: computed at `_STEPS`, else interpolated."""
     low, high = float(friction.min()), float(friction.max())
     known = np.linspace(low, high, _STEPS) if low < high else np.array([low])
     return np.interp(friction, known, [step_of(vehicle, one).height for one in known.tolist()])
 
 
 def level_chances(name: str, draws: Draws, vehicle: Vehicle) -> Chances | None:
-    """How likely a vehicle can drive on a surface with ranges, level ground; None without ranges.
+    """Probabilities of driving on level ground of a surface with ranges; None without ranges.
 
-    Climbs are less the vehicle's margins, as those of `surface_figures`.
+    Climbs have the vehicle's margins taken off, as in `surface_figures`.
     """
     if name not in draws.surfaces:
         return None

@@ -1,4 +1,4 @@
-"""Results about a vehicle on a terrain: verdicts, their reasons, routes, reports."""
+"""Results about a vehicle on a terrain: verdicts, reasons, routes, maps, reports."""
 
 from __future__ import annotations
 
@@ -14,12 +14,13 @@ from terratool.raster.grid import Grid
 from terratool.traversability.vehicle import Vehicle
 
 HEADINGS = 8
-"""Headings of a survey by default: 0 is north, then clockwise."""
+"""Default number of headings of a survey, clockwise from north."""
 FINER_HEADINGS = (16, 32)
-"""Where nobody has chosen a number and these show no way, so many are tried one after the other.
+"""Numbers of headings tried in turn where HEADINGS show no route and the user chose no number.
 
-64 are not: their moves are longer, and bends that 32 do not show are not shown by them."""
+64 headings are not tried: their moves are longer, and show no bends that 32 headings miss."""
 MOST_HEADINGS = 64
+"""Largest number of headings of a survey."""
 
 
 _GROUNDS = ("unknown", "go", "caution", "no-go", "cut-off", "edge", "one-way")
@@ -27,7 +28,7 @@ _SIGNS = "?✔!✘⊘▫→"
 
 
 class Verdict(IntEnum):
-    """Whether the vehicle can be driven; the larger, the worse."""
+    """Verdict on driving the vehicle at a place; see `RANKS` for which is worse."""
 
     UNKNOWN = 0
     GO = 1
@@ -46,13 +47,13 @@ class Verdict(IntEnum):
 
 
 RANKS = np.array([2, 0, 1, 3], np.uint8)
-"""What is worse, by `Verdict`: what is not known is worse than caution and better than no-go."""
+"""Rank of each `Verdict`, the larger, the worse: go, caution, unknown, no-go."""
 
 
 class GroundClass(IntEnum):
-    """What a place is to the vehicle: the verdict of its best heading, and whether it gets there.
+    """Class of a place on a map: the verdict of its best heading, and whether it is connected.
 
-    The first four are those of `Verdict`.
+    The first four have the names and numbers of `Verdict`.
     """
 
     UNKNOWN = 0
@@ -83,17 +84,20 @@ COLORS: dict[GroundClass, tuple[int, int, int]] = {
     GroundClass.EDGE: (228, 228, 228),
     GroundClass.ONE_WAY: (246, 214, 96),
 }
-"""Distinct for any kind of colour vision; the verdicts in grey, too: L* 88, 65, 31, unknown 65."""
+"""Red, green, blue of each class, from 0 to 255, distinct for any kind of colour vision.
+
+In grey the verdicts differ, too: L* 88, 65, 31, unknown 65."""
 
 _LABELS = (
     "nothing", "no ground", "edge of the terrain", "soil unknown", "traction", "motor torque",
     "slip", "sinkage", "side-slip", "tip-over", "step", "high-centred", "approach or departure",
     "roughness", "turning on the spot",
 )  # fmt: skip
+"""Names of the measures, by `Reason`."""
 
 
 class Reason(IntEnum):
-    """What binds: the measure that is nearest to its limit, or farthest beyond it."""
+    """The measure that binds: the one nearest to its limit, or farthest beyond it."""
 
     NONE = 0
     NO_GROUND = 1
@@ -113,7 +117,7 @@ class Reason(IntEnum):
 
     @property
     def label(self) -> str:
-        """For people, and the names of classes in files."""
+        """Name of the measure, for people and in files."""
         return _LABELS[self]
 
 
@@ -122,13 +126,13 @@ kernels.check_enumerations(Verdict, Reason)
 
 @dataclass(frozen=True, slots=True)
 class SlipCurve:
-    """The slip of a vehicle that drives straight up a slope, or down, by the slope.
+    """Slip against slope of a vehicle that drives straight up or down, (n,) each.
 
-    Every half degree, and at the largest climb.
+    Slopes lie half a degree apart, with the largest climb among them.
 
     Attributes:
-        slope: rad, rising; below 0 downhill.
-        slip: of the driven wheel that slips most; NaN where it cannot drive.
+        slope: slopes, rad, rising; below 0 downhill.
+        slip: slip of the driven wheel that slips most; NaN where the vehicle cannot drive.
     """
 
     slope: tuple[float, ...]
@@ -137,13 +141,14 @@ class SlipCurve:
 
 @dataclass(frozen=True, slots=True)
 class Chances:
-    """How likely a vehicle can drive on level ground of a surface, as shares of samples.
+    """Probabilities of driving on level ground of a surface, as shares of samples of its soil.
 
     Attributes:
-        go: it is go.
-        drives: it is go or caution.
-        climb_low, climb_high: 5 % of the samples climb less, and 5 % more, rad; None where it
-            cannot even drive on the level.
+        go: probability of go, from 0 to 1.
+        drives: probability of go or caution, from 0 to 1.
+        climb_low: climb that 5 % of the samples stay below, rad; None where the vehicle cannot
+            even drive on the level.
+        climb_high: climb that 5 % of the samples exceed, rad; None like `climb_low`.
     """
 
     go: float
@@ -154,53 +159,58 @@ class Chances:
 
 @dataclass(frozen=True, slots=True)
 class Figures:
-    """A surface and a wheel: what ground and vehicle do to each other on it.
+    """Figures of a vehicle on level ground of a surface, and the slopes and steps that it takes.
 
     Numbers are None where they mean nothing (a rigid surface has no contact area), or cannot be
     known (`missing` says what the surface lacks). Forces are those of the wheel that bears most.
 
     Attributes:
-        surface: its name.
-        preset: the soil that it takes its figures from; empty for none.
-        missing: parameters that it lacks; then all else is None.
-        load: W, N.
-        cohesion: c, Pa.
-        friction: φ, rad.
-        sinkage_rate: k, m/N.
-        shear_modulus: K, m; None where all strength is mobilised.
-        sinkage: z, m.
-        contact_length: r sin θ1, of the ground that it touches, m.
-        contact_area: that times the width, m².
-        pressure: mean, Pa.
-        normal_stress: σmax at the largest thrust, Pa.
-        shear_stress: τmax, Pa.
-        entry_angle: θ1, rad, at rest.
-        strength: in the model `paper` c + σ tan φ, Pa: what the soil bears, with the σ that the
-            motor's largest torque makes, or σmax where that is not limited.
-        motor_stress: in the model `paper` τ of the motor's largest torque, Pa.
-        limit_torque: that belongs to σmax and τmax, N m.
-        thrust, resistance, drawbar: at the largest torque and slip allowed, N.
-        torque: needed on the level, N m.
-        utilisation: of the strength on the level.
-        slip: on the level; None where it is not known.
-        climb: largest slope, rad; None where it cannot even drive on the level.
-        climb_binding: what binds there.
-        cross_slope: largest, rad.
-        cross_slope_binding: what binds there.
-        step: highest, m.
-        step_binding: what binds there, in words.
-        step_axle: that does not get up a higher one, 1 for the foremost; None where it is the body,
-            or the wheel is by itself.
-        gap: widest, m.
-        verdict: on level ground.
-        reason: what binds on level ground.
-        warnings: sentences.
-        slip_curve: None where slip is not known.
-        chances: where some figures of the soil are ranges; all else is that of their middles.
-        turning: moment that resists turning on the spot, N m; as far as it gets where it cannot.
-        turning_work: of the wheels for a quarter turn, J; None where it cannot turn.
-        turning_slip: of its treads meanwhile; likewise.
-        turning_binding: what forbids it.
+        surface: name of the surface.
+        preset: name of the preset that the surface takes its soil from; empty for none.
+        missing: keys that the surface lacks; if there are any, all numbers are None.
+        load: load W, N.
+        cohesion: cohesion c, Pa.
+        friction: friction angle φ, rad.
+        sinkage_rate: sinkage per load k, m/N.
+        shear_modulus: shear modulus K, m; None where all strength is mobilised.
+        sinkage: sinkage z, m.
+        contact_length: length of the ground that the wheel touches, r sin θ1, m.
+        contact_area: contact length times the wheel's width, m².
+        pressure: mean pressure on the contact area, Pa.
+        normal_stress: peak normal stress σmax at the largest thrust, Pa.
+        shear_stress: peak shear stress τmax at the largest thrust, Pa.
+        entry_angle: entry angle θ1 at rest, rad, from the downward vertical.
+        strength: shear strength of the soil in the model `paper`, c + σ tan φ, Pa, with the σ that
+            the motor's largest torque makes, or σmax where that is not limited.
+        motor_stress: τ of the motor's largest torque in the model `paper`, Pa.
+        limit_torque: torque that belongs to σmax and τmax, N m.
+        thrust: thrust at the largest torque and slip allowed, N.
+        resistance: resistance at the largest torque and slip allowed, N.
+        drawbar: drawbar pull at the largest torque and slip allowed, N.
+        torque: torque needed on the level, N m.
+        utilisation: share of the soil's strength used on the level.
+        slip: slip on the level; None where it is not known.
+        climb: steepest slope that is climbed, rad; None where the vehicle cannot even drive on the
+            level.
+        climb_binding: measure that binds at the climb.
+        cross_slope: steepest cross-slope, rad.
+        cross_slope_binding: measure that binds at the cross-slope.
+        step: height of the highest step that is climbed, m.
+        step_binding: measure that binds at the step, in words.
+        step_axle: axle that does not get up a higher step, 1 for the foremost; None where the body
+            does not, or the wheel is by itself.
+        gap: width of the widest gap that is crossed, m.
+        verdict: verdict on level ground.
+        reason: measure that binds on level ground.
+        warnings: sentences on what is unusual.
+        slip_curve: slip against slope; None where slip is not known.
+        chances: probabilities where figures of the soil are ranges, whose middles all other
+            figures take; None where none are.
+        turning: moment that resists turning on the spot, N m; the largest that is reached where the
+            vehicle cannot turn.
+        turning_work: work of the wheels for a quarter turn, J; None where the vehicle cannot turn.
+        turning_slip: slip of the treads in a turn; None where the vehicle cannot turn.
+        turning_binding: measure that forbids turning.
     """
 
     surface: str
@@ -255,19 +265,20 @@ class Survey:
 
     Attributes:
         grid: the pixels.
-        heights: (height, width) float32, NaN where there is no ground.
+        heights: (height, width) float32 m, NaN where there is no ground.
         surfaces: (height, width) index of the surface and one, 0 for none.
         verdict: uint8 `Verdict`.
-        reason: uint8 `Reason`; NONE only where the verdict is UNKNOWN for want of nothing.
+        reason: uint8 `Reason` of the measure that binds; NONE where the verdict is UNKNOWN although
+            nothing is missing.
         utilisation: float32, the largest share that any measure takes of its limit: 1 is the
             limit, infinity where nothing would help; NaN where the verdict is unknown. The margin
             is 1 − it.
         pitch: float32 rad, nose up is positive.
         roll: float32 rad, left side up is positive.
-        sinkage: float32 m, of the wheel that sinks deepest.
-        slip: float32, of the worst wheel; NaN where it is not known.
-        energy: float32 J for each metre of ground, all wheels, motors without loss; infinity where
-            it does not move.
+        sinkage: float32 sinkage of the wheel that sinks deepest, m.
+        slip: float32 slip of the wheel that slips most; NaN where it is not known.
+        energy: float32 energy of all wheels for each metre of ground, J/m, motors without loss;
+            infinity where the vehicle does not move.
     """
 
     grid: Grid
@@ -284,7 +295,7 @@ class Survey:
 
     @property
     def headings(self) -> int:
-        """Their number."""
+        """Number of headings."""
         return len(self.verdict)
 
 
@@ -293,10 +304,10 @@ class Location:
     """A place on the terrain.
 
     Attributes:
-        x, y: world.
-        height: z; None where there is no ground.
-        surface: its name; empty for none.
-        element: JSON pointer of what decides the surface; empty for none.
+        x, y: world coordinates, m.
+        height: height of the ground, m; None where there is no ground.
+        surface: name of the surface; empty for none.
+        element: JSON pointer of the element that decides the surface; empty for none.
     """
 
     x: float
@@ -308,12 +319,12 @@ class Location:
 
 @dataclass(frozen=True, slots=True)
 class Extreme:
-    """Where a measure along a route is largest or smallest.
+    """The largest or smallest value of a measure along a route, with its place.
 
     Attributes:
-        value: of the measure.
-        place: where.
-        reason: what binds, for margins.
+        value: the largest or smallest value, in the measure's unit.
+        place: place of that value.
+        reason: the measure that binds, for margins; NONE for others.
     """
 
     value: float
@@ -323,21 +334,21 @@ class Extreme:
 
 @dataclass(frozen=True, slots=True)
 class RouteProfile:
-    """Samples along a route, (n,) float64 each where nothing else stands.
+    """Samples along a route, (n,) float64 each unless another type is given.
 
     Attributes:
-        x, y: world.
+        x, y: world coordinates, m.
         heading: degrees clockwise from north.
-        distance: m along the ground as seen from above.
-        height: of the ground.
-        sinkage: m.
-        pitch, roll: rad.
-        slip: NaN where unknown.
-        utilisation: share of the nearest limit.
+        distance: distance along the route as seen from above, m.
+        height: height of the ground, m.
+        sinkage: sinkage of the wheel that sinks deepest, m.
+        pitch, roll: rad; nose up and left side up are positive.
+        slip: slip of the wheel that slips most; NaN where unknown.
+        utilisation: largest share that any measure takes of its limit.
         verdict: uint8 `Verdict`.
         reason: uint8 `Reason`.
-        surface: tuple of names, empty for none.
-        element: tuple of JSON pointers of what decides the surface, empty for none.
+        surface: tuple of names of surfaces, empty for none.
+        element: tuple of JSON pointers of the elements that decide the surface, empty for none.
     """
 
     x: NDArray[np.float64]
@@ -358,14 +369,14 @@ class RouteProfile:
 
 @dataclass(frozen=True, slots=True)
 class Barrier:
-    """What bars the way at one place.
+    """A stretch of a way that bars the vehicle.
 
     Attributes:
-        place: the first place on the way of least resistance where it cannot be driven.
-        reason: what binds there.
-        bars: what decides the ground there, for people: element and surface, and how steep it is
-            where that matters.
-        width: m of the way that cannot be driven there.
+        place: first place of the stretch, on the way of least resistance.
+        reason: measure that binds there.
+        bars: element and surface that decide the ground there, for people, with the slope where
+            that matters.
+        width: length of the stretch, m.
     """
 
     place: Location
@@ -376,35 +387,38 @@ class Barrier:
 
 @dataclass(frozen=True, slots=True)
 class Route:
-    """A way from a start to a goal, or why there is none.
+    """A route from a start to a goal, or the barriers where there is none.
 
     Attributes:
-        start, goal: where from and to.
+        start, goal: first and last place.
         found: whether there is a way.
-        planned: whether it was searched for; False for waypoints that were checked.
-        verdict: the worst along it; caution at least where it is one-way; with a way back the
-            worse of both, no-go where that was asked for and there is none.
+        planned: whether a way was searched for; False for waypoints that were checked.
+        verdict: worst verdict along the way; caution at least where it is one-way; with a way back
+            the worse of both, no-go where that was asked for and there is none.
         length: m over ground, heights included; None if there is no way.
-        energy: J, with what is drawn all the time; None if there is no way.
-        time: s; None if there is no way.
-        steepest: the pitch of the largest size, rad, nose up is positive.
+        energy: energy of the wheels, and of the power drawn all the time, J; None if there is no
+            way.
+        time: driving time, s; None if there is no way.
+        steepest: pitch of the largest size, rad, nose up is positive.
         softest: deepest sinkage, m.
         tightest: smallest margin, 1 − utilisation.
-        profile: along it; along what was checked even if it cannot be driven; None if there is no
-            way.
-        barriers: where it is cut off, in the order of the way; none if there is a way.
-        reached: the reachable place that is nearest to the goal; None if there is a way.
-        note: a sentence where there is more to say, as that the goal itself cannot be driven.
-        one_way: whether it cannot be driven back the same way, by backing up or turning round.
-        against: what bars the same way back, from the goal on; none where that can be driven.
-        back: the best way back; None where it was not asked for.
-        headings: at each place of the survey that shows this.
-        tried_headings: numbers of headings with which it was looked for, one after the other.
-        ruled_out_headings: with no number of headings up to this one is there a way; None where
-            that is not known.
-        chance: probability that all of it is go; None where no figures of soils are ranges.
-        least_chance: the smallest probability of go along it; likewise.
-        turning: the part of the energy that turns on the spot take, J; None if there is no way.
+        profile: samples along the way, or along checked waypoints even if they cannot be driven;
+            None if there is no way.
+        barriers: barriers in the order of the way; none if there is a way.
+        reached: reachable place that is nearest to the goal; None if there is a way.
+        note: a sentence on anything special, such as a goal that itself cannot be driven; else
+            empty.
+        one_way: whether the way cannot be driven back, by backing up or turning round.
+        against: barriers on the same way back, from the goal on; none where that can be driven.
+        back: best way back; None where it was not asked for.
+        headings: number of headings at each place of the survey that shows the way.
+        tried_headings: numbers of headings that the search tried, in turn.
+        ruled_out_headings: largest number of headings up to which it is known that there is no way;
+            None where that is not known.
+        chance: probability that the whole way is go; None where no figures of soils are ranges.
+        least_chance: smallest probability of go along the way; None where no figures of soils are
+            ranges.
+        turning: part of the energy that turns on the spot take, J; None if there is no way.
     """
 
     start: Location
@@ -440,14 +454,14 @@ class Route:
 
 @dataclass(frozen=True, slots=True)
 class Reach:
-    """How much of a terrain can be reached from a place, and returned from.
+    """The part of a terrain that can be reached from a place, and returned from.
 
     Attributes:
-        start: where from.
-        share: of all pixels with ground.
+        start: place that the vehicle starts from.
+        share: share of all pixels with ground that can be reached.
         returnable: share of all pixels with ground that can be reached and left again to the start.
-        cells: (height, width) bool, which pixels; rows from the north.
-        note: a sentence where there is more to say: that the vehicle cannot stand at the start.
+        cells: (height, width) bool, pixels that can be reached; rows from the north.
+        note: a sentence where the vehicle cannot stand at the start; else empty.
     """
 
     start: Location
@@ -458,7 +472,7 @@ class Reach:
 
 
 CHANCE_BOUNDS = (0.95, 0.5, 0.05, 0.0)
-"""Probabilities of go from which on ground is counted together."""
+"""Lower bounds of the classes in which ground is counted by its probability of go."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -466,8 +480,8 @@ class LargestPart:
     """The largest connected part of the ground.
 
     Attributes:
-        place: x and y of a place in it, from which all of it can be reached.
-        share: of all pixels with ground, those that can be reached, and left again to it.
+        place: x and y of a place in the part, m, from which all of the part can be reached.
+        share: share of all pixels with ground that the part has.
     """
 
     place: tuple[float, float]
@@ -480,14 +494,14 @@ class MapSummary:
 
     Attributes:
         grid: the pixels.
-        headings: their number.
-        counts: pixels by `GroundClass`.
-        worst_counts: likewise, with the verdict of their worst heading where they are go, caution,
-            no-go or unknown.
-        reasons: pixels that are caution or no-go at their best heading by `Reason`.
-        by_surface: for each surface's name ("" for none) its counts by `GroundClass`.
-        start: where what can be reached begins; None for the largest part of the ground.
-        largest: that part; None where there is a start, or no part.
+        headings: number of headings at each pixel.
+        counts: number of pixels by `GroundClass`.
+        worst_counts: number of pixels by `GroundClass`, where those that are go, caution, no-go or
+            unknown have the verdict of their worst heading.
+        reasons: number of pixels that are caution or no-go at their best heading, by `Reason`.
+        by_surface: number of pixels by `GroundClass`, by the surface's name ("" for none).
+        start: x and y from which ground counts as reached, m; None for the largest part.
+        largest: largest connected part; None where there is a start, or no part.
         chances: pixels with ground by the largest of `CHANCE_BOUNDS` that the probability of go
             reaches, where it is known; None where no figures of soils are ranges.
     """
@@ -504,16 +518,16 @@ class MapSummary:
 
     @property
     def pixels(self) -> int:
-        """With ground."""
+        """Number of pixels with ground."""
         return sum(self.counts.values())
 
     def fraction(self, ground: GroundClass) -> float:
-        """Share of the pixels with ground that are this; 0 where there are none."""
+        """Share of the pixels with ground that are of a class; 0 where no pixel has ground."""
         return fraction_of(self.counts, ground)
 
 
 def fraction_of(counts: dict[GroundClass, int], ground: GroundClass) -> float:
-    """Share of counted pixels that are this; 0 where there are none."""
+    """Share of counted pixels that are of a class; 0 where none are counted."""
     total = sum(counts.values())
     return counts.get(ground, 0) / total if total else 0.0
 
@@ -523,10 +537,10 @@ class Preview:
     """A map for a picture.
 
     Attributes:
-        grid: the pixels; of a large map one for several.
-        heights: (height, width) float32, NaN where there is no ground.
-        ground: (height, width) uint8, `GroundClass`.
-        crs: name of the reference system of its coordinates; empty for none.
+        grid: pixels of the picture, each for several of a large map.
+        heights: (height, width) float32 m, NaN where there is no ground.
+        ground: (height, width) uint8 `GroundClass`.
+        crs: name of the coordinates' reference system; empty for none.
     """
 
     grid: Grid
@@ -537,13 +551,13 @@ class Preview:
 
 @dataclass(frozen=True, slots=True)
 class Sampling:
-    """How figures of soils that are ranges were sampled.
+    """Sampling of the figures of soils that are ranges.
 
     Attributes:
-        samples: their number.
-        seed: of the generator.
-        error: how far a share of the samples is off at most, 19 times of 20.
-        ranges: name of the surface, key, least and largest value of each.
+        samples: number of samples.
+        seed: seed of the generator.
+        error: largest error of a share of the samples, at 95 % confidence.
+        ranges: name of the surface, key, least and largest value of each range.
     """
 
     samples: int
@@ -554,23 +568,23 @@ class Sampling:
 
 @dataclass(frozen=True, slots=True)
 class TraversabilityReport:
-    """All that one run has found out.
+    """The results of one run for a vehicle on a terrain.
 
     Attributes:
         terrain: name of the definition's file.
-        descr: of the terrain.
-        bounds: of it, west, south, east, north.
+        descr: description of the terrain.
+        bounds: west, south, east, north of the terrain, m.
         vehicle: the vehicle.
-        surfaces: a row for each.
-        summary: of the map; None where only routes were asked for.
-        verdict: of the whole: of the worst route if there is one, else of the map.
-        routes: as asked for.
-        reach: if asked for.
-        preview: the map, coarse enough for a picture; None where no picture is wanted.
-        assumptions: sentences.
-        notes: sentences on how it was computed: resolutions, and who chose them.
+        surfaces: figures of each surface.
+        summary: the map in numbers; None where only routes were asked for.
+        verdict: verdict of the worst route; without routes, of the map.
+        routes: routes and checked waypoints, in the order of the request.
+        reach: ground that can be reached; None where it was not asked for.
+        preview: the map, coarse enough for a picture; None where no map is wanted.
+        assumptions: assumptions of the models, in sentences.
+        notes: sentences on how the results were computed: resolutions, and why.
         geojson: a feature collection without features, with the terrain's reference system.
-        sampling: of soils; None where no figures are ranges.
+        sampling: sampling of the soils; None where no figures are ranges.
     """
 
     terrain: str
@@ -590,7 +604,7 @@ class TraversabilityReport:
 
     @property
     def drives(self) -> bool:
-        """Whether the vehicle can: go or caution."""
+        """Whether the vehicle can drive: the verdict is go or caution."""
         return self.verdict in (Verdict.GO, Verdict.CAUTION)
 
     @property

@@ -1,4 +1,4 @@
-"""A vehicle drives along a path, and its wheels leave tracks in the definition."""
+"""Ruts: tracks that the wheels of a vehicle on a path leave in the definition."""
 
 from __future__ import annotations
 
@@ -30,33 +30,35 @@ from terratool.traversability.soil import bekker_sinkage
 from terratool.traversability.vehicle import Vehicle, Wheel
 
 SHARPEST = math.radians(20.0)
-"""A turn of the path up to this is driven through, a sharper one is made on the spot …"""
+"""Sharpest turn of a path that is driven through, rad; sharper ones are made on the spot."""
 TURN_STEP = math.radians(10.0)
-"""… in steps of at most this."""
+"""Largest step of a turn on the spot, rad."""
 
 Points = NDArray[np.float64]
+"""Points (n, 2), or numbers (n,), in world units."""
 
 SHARE = 0.2
-"""Wheel lines are simplified by this share of a wheel's width."""
+"""Default tolerance of wheel lines, in widths of the narrowest wheel."""
 _SAMPLES = 2_000_000
-"""Samples along the wheels' lines at most."""
+"""Most samples along a wheel's line."""
 _DIGITS = 6
+"""Significant digits of depths and loads in a definition."""
 
 
 def wheel_paths(vehicle: Vehicle, path: Points, tolerance: float) -> list[tuple[int, Points]]:
-    """The line that each wheel rolls along, seen from above.
+    """The lines that the wheels roll along, seen from above.
 
     The vehicle is a rigid body that turns by skidding: its middle stays on the path, and it heads
     along the path, at a point where the path bends a little halfway between the two directions.
 
     Args:
         vehicle: the vehicle; wheels of one axle are spread evenly over the track.
-        path: (n, 2) world, without repeated points.
-        tolerance: the lines are simplified by no more than this.
+        path: (n, 2) world coordinates, m, without repeated points.
+        tolerance: largest distance by which the lines are simplified, m.
 
     Returns:
-        For each wheel its index in the `wheel_layout` and its line, (m, 2); of wheels
-        that the layout has at one place only the first.
+        Index in the `wheel_layout` and line, (m, 2), of each wheel; of several wheels at one place
+        only the first.
     """
     places, headings = _poses(path)
     ahead = np.column_stack([np.sin(headings), np.cos(headings)])
@@ -66,13 +68,13 @@ def wheel_paths(vehicle: Vehicle, path: Points, tolerance: float) -> list[tuple[
     for index, place in enumerate(zip(wheels.x.tolist(), wheels.y.tolist(), strict=True)):
         first.setdefault(place, index)
     return [
-        (index, simplified(places + (x - vehicle.middle) * ahead - y * right, tolerance))
+        (index, simplify(places + (x - vehicle.middle) * ahead - y * right, tolerance))
         for (x, y), index in first.items()
     ]
 
 
 def _poses(path: Points) -> tuple[Points, Points]:
-    """Places (n, 2), and headings (n,) in radians clockwise from north, one after another."""
+    """Poses along a path: places (n, 2), and headings (n,), rad clockwise from north."""
     legs = np.diff(path, axis=0)
     headings = np.arctan2(legs[:, 0], legs[:, 1])
     places, turned = [path[0]], [headings[0]]
@@ -89,8 +91,8 @@ def _poses(path: Points) -> tuple[Points, Points]:
     return np.array([*places, path[-1]]), np.array([*turned, headings[-1]])
 
 
-def simplified(line: Points, tolerance: float) -> Points:
-    """A polyline with fewer vertices, none of the others farther from it than the tolerance.
+def simplify(line: Points, tolerance: float) -> Points:
+    """Leave out vertices of a polyline that lie within a tolerance, m, of the line that remains.
 
     The algorithm of Ramer (1972) and of Douglas and Peucker (1973); the ends stay.
     """
@@ -121,12 +123,12 @@ def distances(points: Points, begin: Points, end: Points) -> Points:
 
 @dataclass(frozen=True, slots=True)
 class Rut:
-    """What wheels do to a surface.
+    """The ruts of a drive on a surface.
 
     Attributes:
-        surface: its name.
-        length: m of the wheels' lines on it.
-        depth: of the deepest first pass, m.
+        surface: name of the surface.
+        length: length of the wheels' lines on the surface, m.
+        depth: depth of the deepest first pass, m.
     """
 
     surface: str
@@ -136,15 +138,15 @@ class Rut:
 
 @dataclass(frozen=True, slots=True)
 class Deformed:
-    """What a drive leaves.
+    """The tracks of a definition after a drive.
 
     Attributes:
-        tracks: all tracks of the definition, those that were there first.
-        added: number of new ones.
-        again: number of those that were there already and have been driven along again.
-        length: m of the wheels' lines.
-        points: their vertices.
-        ruts: a row for each surface.
+        tracks: all tracks, old ones first.
+        added: number of new tracks.
+        again: number of old tracks that have been driven along again.
+        length: length of the wheels' lines, m.
+        points: number of vertices of the wheels' lines.
+        ruts: ruts on each surface, by name.
         ranged: names of surfaces whose sinkage is a range, of which the middle counts.
     """
 
@@ -169,27 +171,27 @@ def deform(
 ) -> Deformed:
     """Drive a vehicle along a path.
 
-    Each wheel bears the load that it has on level ground, and its track is as wide as it is. The
-    depth is z = k·W by the surface, as docs/format.md says; where the soil is a preset, k is that
-    of the preset for this wheel and load, and stands in the track.
+    Each wheel bears its load on level ground, and its track has its width. The depth is z = k·W, k
+    of the surface, as docs/format.md says; where the soil is a preset, the depth by Bekker for this
+    wheel and load stands in the track.
 
     Args:
-        checked: the terrain, as `terratool.check` and `load_checked` have it.
+        checked: a terrain from `terratool.check` or `load_checked`.
         vehicle: the vehicle.
-        path: (n, 2) world, where its middle drives.
-        passes: how many times.
-        surface: that the ruts get; none if None.
-        multipass: exponent of the multipass law; that of the format if None.
-        tolerance: by which wheel lines are simplified, m; a fifth of the narrowest wheel's width if
-            None.
+        path: (n, 2) world coordinates of the way of the vehicle's middle, m.
+        passes: number of passes.
+        surface: name of the surface that the ruts get; they keep that of the ground if None.
+        multipass: exponent of the multipass law; the default of the format if None.
+        tolerance: largest distance by which wheel lines are simplified, m; a fifth of the narrowest
+            wheel's width if None.
 
     Raises:
         DefinitionError: the terrain has errors.
         RequestError: the path is too short, leaves the terrain or its ground, or lies on a surface
-            of which nobody knows how deep wheels sink.
-        MissedError: a wheel would sink by its radius.
+            without a sinkage.
+        MissedError: a wheel would sink by its radius or more.
     """
-    path = _distinct(path)
+    path = _drop_repeats(path)
     if checked.terrain is None:
         raise refusal(checked)
     definition = checked.terrain
@@ -215,14 +217,14 @@ def deform(
         for name, length in found.items():
             depth, is_preset = _depth(name, surfaces[name], wheel, load)
             if is_preset:
-                presets[name] = _rounded(depth)
+                presets[name] = _round_number(depth)
             lengths[name] = lengths.get(name, 0.0) + length
             deepest[name] = max(deepest.get(name, 0.0), depth)
         fresh.append(
             Track(
-                path=_written(line, min(tolerance, SHARE * wheel.width)),
+                path=_round_line(line, min(tolerance, SHARE * wheel.width)),
                 width=wheel.width,
-                load=_rounded(load * 1e-3),
+                load=_round_number(load * 1e-3),
                 depth=presets or UNSET,
                 passes=UNSET if passes == 1 else passes,
                 multipass=UNSET if multipass is None else multipass,
@@ -230,7 +232,7 @@ def deform(
             )
         )
     before = () if definition.tracks is UNSET else definition.tracks
-    tracks, added, again = _merged(before, fresh)
+    tracks, added, again = _merge_tracks(before, fresh)
     return Deformed(
         tracks,
         added,
@@ -242,8 +244,12 @@ def deform(
     )
 
 
-def _distinct(path: NDArray[np.float64]) -> NDArray[np.float64]:
-    """A path without repeated points."""
+def _drop_repeats(path: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Leave out points of a path, (n, 2), that repeat the point before.
+
+    Raises:
+        RequestError: fewer than two points are left.
+    """
     moved = np.concatenate([[True], (np.diff(path, axis=0) != 0.0).any(axis=1)])
     if np.count_nonzero(moved) < 2:
         raise RequestError(
@@ -254,7 +260,11 @@ def _distinct(path: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _surfaces_along(ground: Terrain, line: NDArray[np.float64], spacing: float) -> dict[str, float]:
-    """Metres of a line on each surface, sampled in steps of about `spacing`."""
+    """Length of a line on each surface, m, by name, from samples about `spacing` m apart.
+
+    Raises:
+        RequestError: the line leaves the terrain or its ground, or some ground has no surface.
+    """
     lengths = np.hypot(*np.diff(line, axis=0).T)
     if lengths.sum() / spacing > _SAMPLES:
         spacing = lengths.sum() / _SAMPLES
@@ -292,11 +302,11 @@ def _surfaces_along(ground: Terrain, line: NDArray[np.float64], spacing: float) 
 
 
 def _depth(name: str, surface: Surface, wheel: Wheel, load: float) -> tuple[float, bool]:
-    """How deep a wheel sinks, m, and whether a preset says so.
+    """Depth of a wheel's first pass on a surface, m, and whether a preset gives it.
 
     Raises:
-        RequestError: nothing says how deep.
-        MissedError: deeper than its radius.
+        RequestError: the surface has neither sinkage nor preset.
+        MissedError: the depth is the wheel's radius or more.
     """
     preset = preset_of(surface)
     if surface.sinkage is not UNSET:
@@ -317,8 +327,8 @@ def _depth(name: str, surface: Surface, wheel: Wheel, load: float) -> tuple[floa
     return depth, surface.sinkage is UNSET
 
 
-def _written(line: NDArray[np.float64], tolerance: float) -> tuple[tuple[float, float], ...]:
-    """A line with as many decimals as it needs: rounding moves x and y by a quarter at most."""
+def _round_line(line: NDArray[np.float64], tolerance: float) -> tuple[tuple[float, float], ...]:
+    """Round a line, (n, 2): x and y move by a quarter of the tolerance, m, at most."""
     decimals = max(0, math.ceil(-math.log10(0.5 * tolerance)))
     rounded = [(round(x, decimals) + 0.0, round(y, decimals) + 0.0) for x, y in line.tolist()]
     kept = [rounded[0]]
@@ -326,12 +336,19 @@ def _written(line: NDArray[np.float64], tolerance: float) -> tuple[tuple[float, 
     return tuple(kept)
 
 
-def _rounded(value: float) -> float:
+def _round_number(value: float) -> float:
+    """Round a number to `_DIGITS` significant digits."""
     return float(f"{value:.{_DIGITS}g}")
 
 
-def _merged(known: tuple[Track, ...], fresh: list[Track]) -> tuple[tuple[Track, ...], int, int]:
-    """Old tracks and new ones; what has the same path and wheel is one track with more passes."""
+def _merge_tracks(
+    known: tuple[Track, ...], fresh: list[Track]
+) -> tuple[tuple[Track, ...], int, int]:
+    """Merge tracks: one with the path and wheel of another adds to its passes.
+
+    Returns:
+        All tracks, the number of new ones, and the number of old ones with more passes.
+    """
     tracks = list(known)
     places = {_track_key(track): i for i, track in enumerate(tracks)}
     again: set[int] = set()
@@ -348,7 +365,7 @@ def _merged(known: tuple[Track, ...], fresh: list[Track]) -> tuple[tuple[Track, 
 
 
 def _track_key(track: Track) -> Any:
-    """A track without its passes and its name, hashable: the same for those in the same line."""
+    """A hashable key of a track, equal for tracks that differ in passes and name only."""
     depth: Any = track.depth
     if isinstance(depth, dict):
         depth = tuple(sorted(depth.items()))
@@ -356,6 +373,7 @@ def _track_key(track: Track) -> Any:
 
 
 def _passes(track: Track) -> int:
+    """Number of passes of a track, 1 by default."""
     return 1 if track.passes is UNSET else track.passes
 
 
@@ -366,16 +384,16 @@ def write_deformed(
     overwrite: bool = False,
     library_roots: tuple[str, ...] = (),
 ) -> int:
-    """Write the text of the definition at `path` with other tracks; all else stays byte for byte.
+    """Write the definition at `path` with the tracks after a drive, all other text unchanged.
 
     The output is gzipped if its name ends with .gz.
 
     Returns:
-        By how many bytes the text has grown.
+        Growth of the text, bytes.
 
     Raises:
-        DefinitionError: with the tracks it would not be valid.
-        WriteError: it cannot be written.
+        DefinitionError: the definition would not be valid with the tracks.
+        WriteError: the output cannot be written.
     """
     source = read_source(path)
     tracks = msgspec.to_builtins(deformed.tracks)

@@ -1,4 +1,4 @@
-"""The soil of each surface, and what it and a vehicle do to each other, in figures."""
+"""The soil of each surface, and figures of a vehicle on it: sinkage, thrust, climb, steps."""
 
 from __future__ import annotations
 
@@ -33,7 +33,8 @@ from terratool.traversability.turning import Turning, turn_on_spot
 from terratool.traversability.vehicle import Soil, Vehicle, Wheel
 from terratool.traversability.wheel import LARGEST, Numbers
 
-_NEEDED = (("cohesion", "cohesion"), ("fricAngle", "fric_angle"), ("sinkage", "sinkage"))
+_REQUIRED = (("cohesion", "cohesion"), ("fricAngle", "fric_angle"), ("sinkage", "sinkage"))
+"""Keys of a surface that a verdict needs, with their attributes."""
 
 ASSUMPTIONS = (
     "Static: no dynamics, no momentum, no shocks.",
@@ -47,7 +48,7 @@ ASSUMPTIONS = (
     "A step is rigid and has the friction of its surface; while an axle climbs it, motors give "
     "what holds the vehicle best.",
 )
-"""Sentences for the end of every report."""
+"""Assumptions of every report, in sentences."""
 
 BY_MODEL = {
     "slip": (
@@ -63,25 +64,29 @@ BY_MODEL = {
         "Coulomb's strength acts whatever the slip.",
     ),
 }
-"""Sentences for reports that are computed with a model."""
+"""Assumptions of each model of wheel and soil, in sentences."""
 
 
-CURVE_STEP, CURVE_LOW, CURVE_BEYOND = 0.5, -10.0, 2.0
-"""Of slip against slope, degrees: from one slope to the next, where it begins, and how far beyond
-the largest climb it ends."""
+CURVE_STEP = 0.5
+"""Degrees from one slope to the next of a slip curve."""
+CURVE_LOW = -10.0
+"""First slope of a slip curve, degrees."""
+CURVE_BEYOND = 2.0
+"""Degrees by which a slip curve goes beyond the largest climb."""
 _BELOW = 1e-9
+"""Radians below the largest climb at which its slip is computed."""
 
 
 def bekker_sinkage(preset: Preset, wheel: Wheel, load: Any) -> Numbers:
-    """How far a rigid wheel sinks into a soil, m, by Bekker 1969.
+    """Sinkage of a rigid wheel in a soil, m, by Bekker 1969.
 
     z = [3 W/((3 − n)(kc + b kφ) √D)]^(2/(2n + 1)), from the pressure p = (kc/b + kφ) zⁿ under a
     plate, the arc taken as a parabola: good where z is small beside D.
 
     Args:
-        preset: n, kc and kφ in kN and m.
-        wheel: b and D = 2 r.
-        load: W, N.
+        preset: a soil with n, kc and kφ in kN and m.
+        wheel: a wheel with width b and diameter D = 2 r, m.
+        load: load W, N, a number or an array.
     """
     n = preset.exponent
     stiffness = (3.0 - n) * (preset.cohesive + wheel.width * preset.frictional)
@@ -91,23 +96,23 @@ def bekker_sinkage(preset: Preset, wheel: Wheel, load: Any) -> Numbers:
 
 
 def missing_of(surface: Surface) -> tuple[str, ...]:
-    """Keys of what a surface lacks for a verdict; none if it has them or a preset."""
+    """Keys of a definition that a surface lacks for a verdict; none if it has a preset."""
     if preset_of(surface) is not None:
         return ()
-    return tuple(key for key, attribute in _NEEDED if getattr(surface, attribute) is UNSET)
+    return tuple(key for key, attribute in _REQUIRED if getattr(surface, attribute) is UNSET)
 
 
 def soil_of(name: str, surface: Surface, wheel: Wheel, load: float) -> Soil | None:
-    """The soil of a surface; None if it lacks something (`missing_of`).
+    """The soil of a surface under a wheel; None if a key is missing (`missing_of`).
 
-    What a surface says counts, then what its preset has. A preset's k is z/W of Bekker's z for
+    Figures of the surface come before those of its preset. A preset's k is z/W of Bekker's z for
     this wheel and load, and stays so for other loads.
 
     Args:
-        name: of the surface, for messages.
-        surface: not a void one.
-        wheel: radius and width.
-        load: W, N, above 0.
+        name: name of the surface, for messages.
+        surface: a surface that is not void.
+        wheel: a wheel, of which radius and width count.
+        load: load W, N, above 0.
 
     Raises:
         RequestError: a number is beyond 1e30 in size.
@@ -132,8 +137,11 @@ def soil_of(name: str, surface: Surface, wheel: Wheel, load: float) -> Soil | No
     return Soil.of(*numbers.values())
 
 
-def governing(vehicle: Vehicle) -> tuple[Wheel, float]:
-    """The driven wheel that bears most on the level, and its load, N; of all wheels if none is."""
+def governing_wheel(vehicle: Vehicle) -> tuple[Wheel, float]:
+    """The driven wheel that bears most on the level, and its load, N.
+
+    All wheels count where none is driven.
+    """
     layout = wheel_layout(vehicle)
     loads = vehicle.weight * layout.shares[:, 0]
     counts = layout.driven if layout.driven.any() else np.ones(len(loads), np.bool_)
@@ -142,20 +150,20 @@ def governing(vehicle: Vehicle) -> tuple[Wheel, float]:
 
 
 def soil_under(name: str, surface: Surface, vehicle: Vehicle) -> Soil | None:
-    """The soil of a surface under a vehicle; None if it lacks something (`missing_of`).
+    """The soil of a surface under a vehicle; None if a key is missing (`missing_of`).
 
-    A preset's k is that for the wheel of `governing` and its load, and those alike; wheels of other
-    sizes have factors, which are those for their own loads on the level.
+    A preset's k is z/W for the wheel of `governing_wheel`, its load and its size. Wheels of other
+    sizes have factors of k, for their own loads on the level.
 
     Args:
-        name: of the surface, for messages.
-        surface: not a void one.
-        vehicle: with its wheels.
+        name: name of the surface, for messages.
+        surface: a surface that is not void.
+        vehicle: the vehicle.
 
     Raises:
         RequestError: a number is beyond 1e30 in size.
     """
-    wheel, load = governing(vehicle)
+    wheel, load = governing_wheel(vehicle)
     soil, preset = soil_of(name, surface, wheel, load), preset_of(surface)
     sizes = {(one.radius, one.width) for one in vehicle.all_wheels}
     bekker = preset is not None and surface.sinkage is UNSET and not preset.is_hard
@@ -170,10 +178,9 @@ def soil_under(name: str, surface: Surface, vehicle: Vehicle) -> Soil | None:
 
 
 def soils(terrain: Terrain, vehicle: Vehicle) -> tuple[Soil | None, ...]:
-    """The soil of each surface of a terrain, by id: the index of the surface and one.
+    """The soil of each surface of a terrain (`soil_under`), by id: the surface's index and one.
 
-    As `soil_under` has them. None for no surface (the first), for void ones, and for those that
-    lack something.
+    None for id 0, no surface, for void surfaces, and for surfaces that lack a key.
     """
     return (
         None,
@@ -185,9 +192,9 @@ def soils(terrain: Terrain, vehicle: Vehicle) -> tuple[Soil | None, ...]:
 
 
 def turnings(terrain: Terrain, vehicle: Vehicle) -> tuple[Turning, ...]:
-    """Turning on the spot on each surface of a terrain, by id: the index of the surface and one.
+    """Turning on the spot on each surface of a terrain, by id: the surface's index and one.
 
-    Where the soil is not known it is free but for the time of its arc.
+    On unknown soil a turn takes no work, only the time of its arc.
     """
     unknown = Turning(run=0.5 * math.hypot(vehicle.track_width, vehicle.wheelbase))
     return tuple(
@@ -196,18 +203,18 @@ def turnings(terrain: Terrain, vehicle: Vehicle) -> tuple[Turning, ...]:
 
 
 def surface_figures(name: str, surface: Surface, vehicle: Vehicle) -> Figures:
-    """The figures of a surface, for the driven wheel that bears most on the level.
+    """Figures of a vehicle on a surface, for the driven wheel that bears most on the level.
 
-    Climb, cross-slope, step and verdict are those of the whole vehicle, with its margins taken
-    off. Slip is limited by the wheel's largest or by where caution ends, whichever is less.
+    Climb, cross-slope, step and verdict hold for the whole vehicle, its margins taken off. Slip is
+    limited by `slip_limit`.
 
     Raises:
-        RequestError: the vehicle or the soil has a number that the formulas do not hold for.
+        RequestError: a number of the vehicle or the soil is outside the formulas' range.
     """
     if surface.void is True:
         return Figures(name, verdict=Verdict.NO_GO, reason=Reason.NO_GROUND)
     preset = "" if surface.preset is UNSET else surface.preset
-    wheel, load = governing(vehicle)
+    wheel, load = governing_wheel(vehicle)
     soil = soil_under(name, surface, vehicle)
     if soil is None:
         return Figures(
@@ -277,7 +284,7 @@ def surface_figures(name: str, surface: Surface, vehicle: Vehicle) -> Figures:
 
 
 def _cannot_turn(surface: str, turning: Turning) -> tuple[str, ...]:
-    """A sentence where a vehicle cannot turn on the spot."""
+    """A sentence on a surface where a vehicle cannot turn on the spot; none where it can."""
     if turning.possible:
         return ()
     on, by = shown(surface), turning.reason.label
@@ -285,10 +292,10 @@ def _cannot_turn(surface: str, turning: Turning) -> tuple[str, ...]:
 
 
 def slip_curve(vehicle: Vehicle, soil: Soil, climb: float | None) -> SlipCurve | None:
-    """Slip against slope, to a little beyond the largest climb, rad, or the level if there is none.
+    """Slip against slope, up to a little beyond the largest climb, rad, or the level if None.
 
-    On each slope it is that of `slope_demand`, without the margin that the climb keeps in reserve.
-    None where slip is not known: in the model `paper`, and without K.
+    The slip on each slope is that of `slope_demand`, without the margin that the climb keeps in
+    reserve. None where slip is not known: in the model `paper`, and without K.
     """
     if not (vehicle.wheel.slips and soil.shear_modulus > 0.0):
         return None
@@ -297,7 +304,7 @@ def slip_curve(vehicle: Vehicle, soil: Soil, climb: float | None) -> SlipCurve |
     slopes = {math.radians(step * CURVE_STEP) for step in steps} | {climb or 0.0}
     found = []
     for slope in sorted(slopes):
-        # the climb is where something ends: looked at from below
+        # driving ends at the climb itself, so its slip is computed just below
         need = slope_demand(vehicle, soil, slope - _BELOW * (slope == climb))
         found.append((slope, need.slip if need.drives else math.nan))
     return SlipCurve(*zip(*found, strict=True))
@@ -306,7 +313,10 @@ def slip_curve(vehicle: Vehicle, soil: Soil, climb: float | None) -> SlipCurve |
 def largest_slope(
     found: SteepestSlope, tips: float, vehicle: Vehicle
 ) -> tuple[float | None, Reason]:
-    """A slope less its margins, or that at which it tips over; None if not even the level."""
+    """The steepest slope less margins, rad, or the tip-over slope `tips` if less, and why.
+
+    None where the vehicle cannot even be on the level.
+    """
     if not found.possible:
         return None, found.reason
     angle, tips = found.angle - vehicle.margins.slope, tips - vehicle.margins.tip
@@ -314,7 +324,7 @@ def largest_slope(
 
 
 def _remarks(vehicle: Vehicle, soil: Soil, load: float) -> tuple[str, ...]:
-    """Sentences on wheels that are not like the one of the figures."""
+    """A sentence on towed wheels that bear more than the wheel of the figures."""
     layout = wheel_layout(vehicle)
     loads = np.where(layout.driven, 0.0, vehicle.weight * layout.shares[:, 0])
     if not loads.max() > load:

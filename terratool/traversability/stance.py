@@ -1,4 +1,4 @@
-"""What a vehicle covers of a grid, heading by heading, and the ground on which it stands there."""
+"""Footprints of a vehicle on a grid, heading by heading, and the ground under them."""
 
 from __future__ import annotations
 
@@ -20,30 +20,32 @@ from terratool.traversability.limits import wheel_layout
 from terratool.traversability.vehicle import Vehicle
 
 Offsets = NDArray[np.int64]
+"""Offsets of pixels, (n, 2): rows to the south and columns to the east."""
 
 PLACES = 256
-"""Roughness is taken from at most about so many places of a footprint, evenly spread."""
+"""Approximate number of evenly spread places of a footprint that roughness is taken from."""
 
 _NEAR = 1e-9
-"""What is so near to an edge, in pixels, lies on it."""
+"""Distance up to which a point lies on an edge, pixels."""
 STEEP = 1.0
 """Tangent from which on a face counts as a step even if the model has no wall there."""
 _LEANING = 3.0
-"""A wall that shifts by more pixels from line to line is another one."""
+"""Most pixels by which a wall shifts from line to line; one farther off is another wall."""
 LOW_CREST = 1.0 / 2000.0
-"""Crests that stand out by less than this share of the wheel's radius are left out."""
+"""Height below which crests are left out, in radii of the smallest wheel."""
 _WALLS = 4
-"""So many walls between two pixels count."""
+"""Most walls that count between two pixels."""
 
 
-class Rectangle(NamedTuple):
-    """A part of the body or a wheel, seen from above.
+class FootprintRectangle(NamedTuple):
+    """A rectangle of a footprint: a part of the body, or a wheel, seen from above.
 
     Attributes:
-        offsets: of the pixels whose centres lie in it; none if there is no such part.
-        begin, end: how far ahead of the reference point it lies, or the wheel's middle, m.
-        side: how far it reaches to each side, m.
-        met: offsets of the pixels that lie in it with some part, whose crests may be in it.
+        offsets: offsets of the pixels whose centres lie in the rectangle; none for a part that the
+            vehicle lacks.
+        begin, end: its ends, m ahead of the reference point, or of the wheel's middle.
+        side: half of its width, m.
+        met: offsets of the pixels that overlap the rectangle, whose crests may lie in it.
     """
 
     offsets: Offsets
@@ -56,8 +58,8 @@ class Rectangle(NamedTuple):
     def of(
         cls, begin: float, end: float, side: float, resolution: float,
         direction: tuple[float, float],
-    ) -> Rectangle:  # fmt: skip
-        """Of what lies from `begin` to `end` ahead and up to `side` to each side, m."""
+    ) -> FootprintRectangle:  # fmt: skip
+        """The rectangle from `begin` to `end` ahead and up to `side` to each side, m."""
         offsets, _ = _rectangle(begin, end, side, resolution, direction)
         more = 0.5 * resolution * (abs(direction[0]) + abs(direction[1]))
         met, _ = _rectangle(begin - more, end + more, side + more, resolution, direction)
@@ -65,38 +67,39 @@ class Rectangle(NamedTuple):
 
 
 class Tread(NamedTuple):
-    """What wheels of one size cover.
+    """The pixels under, and ahead of, the wheels of one size.
 
     Attributes:
-        radius: of the wheels, m.
-        under: one of them.
-        lift: (n,) float32, how far its circle stands above its lowest point there, m, not above 0.
-        lane: what such wheels have ahead of them and their middles: up to a radius, or to the next
+        radius: radius of the wheels, m.
+        under: rectangle of one wheel.
+        lift: (n,) float32, minus the height of the wheel's circle above its lowest point at the
+            pixels of `under`, m.
+        lane: offsets of the pixels from the wheels' middles to a radius ahead, or to the next
             reference point in that direction if that is farther.
     """
 
     radius: float
-    under: Rectangle
+    under: FootprintRectangle
     lift: NDArray[np.float32]
     lane: Offsets
 
 
 @dataclass(frozen=True, slots=True)
 class HeadingFootprint:
-    """What a vehicle with a heading covers; offsets are (n, 2), rows to the south and columns.
+    """The footprint of a vehicle with a heading; see `Offsets` for its pixels.
 
     Attributes:
         direction: unit vector of the heading, east and north.
-        wheels: middle of each wheel, at the nearest pixel.
-        corners: (wheels, 4, 2) pixels around the middle of each wheel.
-        shares: (wheels, 4) of each of these in what lies right at the middle, along straight lines.
-        fit: (3, wheels) float64: what the ground under the wheels says of the plane that is fitted
-            to it: its height at the reference point, dz/dx to the east, dz/dy to the north.
-        treads: of wheels of each size, the smallest radius first.
+        wheels: (wheels, 2) offset of the pixel nearest to the middle of each wheel.
+        corners: (wheels, 4, 2) offsets of the pixels around the middle of each wheel.
+        shares: (wheels, 4) weights of the corners in the bilinear height at the wheel's middle.
+        fit: (3, wheels) float64 that maps heights under the wheels to the plane fitted to them: its
+            height at the reference point, dz/dx to the east, dz/dy to the north.
+        treads: treads of the wheels of each size, the smallest radius first.
         sizes: (wheels,) int64, the index of each wheel's tread.
-        body: under the body between the outermost axles.
-        front, rear: under the overhangs.
-        places: where roughness is taken.
+        body: rectangle under the body between the outermost axles.
+        front, rear: rectangles under the overhangs.
+        places: offsets at which roughness is taken.
     """
 
     direction: tuple[float, float]
@@ -106,43 +109,45 @@ class HeadingFootprint:
     fit: NDArray[np.float64]
     treads: tuple[Tread, ...]
     sizes: NDArray[np.int64]
-    body: Rectangle
-    front: Rectangle
-    rear: Rectangle
+    body: FootprintRectangle
+    front: FootprintRectangle
+    rear: FootprintRectangle
     places: Offsets
 
 
 @dataclass(frozen=True, slots=True)
 class VehicleFootprint:
-    """A vehicle on ground of a resolution.
+    """The footprints of a vehicle on ground of a resolution, for all headings.
 
     Attributes:
-        resolution: of the ground, m.
-        by_heading: for each heading, clockwise from north; the second half are the opposite ones.
-        sides: (headings, 4) m, how far the vehicle reaches west, south, east and north of its
-            reference point.
-        halo: pixels beyond the outermost reference points that may matter.
-        shared: whether opposite headings have the same wheels, body and places.
+        resolution: side of a pixel of ground, m.
+        by_heading: footprint of each heading, clockwise from north.
+        sides: (headings, 4) extents west, south, east and north of the reference point, m.
+        halo: number of pixels beyond the outermost reference points that may matter.
+        is_symmetric: whether opposite headings have the same wheels, body and places.
     """
 
     resolution: float
     by_heading: tuple[HeadingFootprint, ...]
     sides: NDArray[np.float64]
     halo: int
-    shared: bool
+    is_symmetric: bool
 
 
 def vehicle_footprint(
     vehicle: Vehicle, resolution: float, apart: float, headings: int
 ) -> VehicleFootprint:
-    """What a vehicle covers at each of some headings.
+    """The footprints of a vehicle at a number of headings, as on level ground.
 
-    Seen from above as on level ground: slopes do not shorten it. The ground has pixels of
-    `resolution`, m; reference points are so far `apart` along the axes, m.
+    Args:
+        vehicle: the vehicle.
+        resolution: side of a pixel of ground, m.
+        apart: distance of reference points along the axes, m.
+        headings: number of headings, a multiple of 4.
     """
     wheels = wheel_layout(vehicle)
     x, y = wheels.x - vehicle.middle, wheels.y
-    # obliquely the next reference point is farther away, and what is between must be seen, too
+    # oblique headings have farther reference points, and no ground between these may be missed
     by_heading = tuple(
         _heading_footprint(vehicle, x, y, resolution, apart / max(map(abs, d)), d)
         for d in directions(headings)
@@ -151,9 +156,9 @@ def vehicle_footprint(
     corners = np.array([(front, side), (front, -side), (-rear, side), (-rear, -side)])
     sides = []
     for footprint in by_heading:
-        east, north = _turned(corners, footprint.direction)
+        east, north = _rotate(corners, footprint.direction)
         sides.append((-east.min(), -north.min(), east.max(), north.max()))
-    # wheels that look for steps, and what shows how high these are, reach farthest
+    # lanes ahead of wheels, and the rises that measure steps there, reach farthest
     largest = float(wheels.wheels.radius.max())
     reach = max(largest, math.sqrt(2.0) * apart)
     farthest = math.hypot(max(front, rear), side) + reach + 2.5 * largest
@@ -166,7 +171,7 @@ def vehicle_footprint(
 
 
 def directions(headings: int) -> list[tuple[float, float]]:
-    """Unit vectors east and north, clockwise from north; opposite ones are exactly so."""
+    """Unit vectors of headings, east and north, clockwise from north; opposites are exact."""
     angles = (2.0 * math.pi * n / headings for n in range(headings // 4))
     quarter = [(math.sin(angle), math.cos(angle)) for angle in angles]
     east = [(north, -east) for east, north in quarter]
@@ -174,10 +179,10 @@ def directions(headings: int) -> list[tuple[float, float]]:
     return half + [(-east + 0.0, -north + 0.0) for east, north in half]
 
 
-def _turned(
+def _rotate(
     points: NDArray[np.float64], direction: tuple[float, float]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """East and north of points given ahead and to the left."""
+    """East and north, (n,) each, of points (n, 2) that are given ahead and to the left."""
     along, left = points.T
     return along * direction[0] - left * direction[1], along * direction[1] + left * direction[0]
 
@@ -190,11 +195,12 @@ def _heading_footprint(
     apart: float,
     direction: tuple[float, float],
 ) -> HeadingFootprint:
+    """The footprint of a vehicle with a heading, its wheels at x ahead and y to the left, m."""
     each = [(wheel.radius, wheel.width) for wheel in vehicle.all_wheels]
     kinds = sorted(set(each))
     sizes = np.array([kinds.index(size) for size in each])
     radius, width = kinds[-1]
-    east, north = _turned(np.column_stack([x, y]), direction)
+    east, north = _rotate(np.column_stack([x, y]), direction)
     exact = np.column_stack([-north, east]) / resolution
     wheels = _nearest(exact)
     corners, shares = _corners(exact)
@@ -204,14 +210,14 @@ def _heading_footprint(
     )
     half, body = 0.5 * vehicle.wheelbase, 0.5 * vehicle.body_width
 
-    def under(begin: float, end: float, height: float) -> Rectangle:
+    def under(begin: float, end: float, height: float) -> FootprintRectangle:
         if not (body > 0.0 and begin <= end and math.isfinite(height)):
             nothing = np.empty((0, 2), np.int64)
-            return Rectangle(nothing, 0.0, 0.0, 0.0, nothing)
-        return Rectangle.of(begin, end, body, resolution, direction)
+            return FootprintRectangle(nothing, 0.0, 0.0, 0.0, nothing)
+        return FootprintRectangle.of(begin, end, body, resolution, direction)
 
     front, rear = vehicle.front, vehicle.rear
-    # between the wheels' middles: what wheels would touch there reaches as far as they do
+    # places between the wheels' middles: supports there reach out as far as the wheels do
     length, across = half or radius, 0.5 * (vehicle.track_width or width)
     places, _ = _rectangle(-length, length, across, resolution, direction)
     apart = max(1, round(math.sqrt(len(places) / PLACES)))
@@ -228,11 +234,11 @@ def _tread(
     size: tuple[float, float], wheels: Offsets, resolution: float, apart: float,
     direction: tuple[float, float],
 ) -> Tread:  # fmt: skip
-    """What wheels of a radius and width cover that stand at pixels; m."""
+    """The tread of wheels of a radius and a width, m, that stand at pixels."""
     radius, width = size
     # a lane is at least as wide as a line of pixels
     side = max(0.5 * width, 0.5 * resolution * (abs(direction[0]) + abs(direction[1])) - _NEAR)
-    under = Rectangle.of(-radius, radius, side, resolution, direction)
+    under = FootprintRectangle.of(-radius, radius, side, resolution, direction)
     _, along = _rectangle(-radius, radius, side, resolution, direction)
     strip, _ = _rectangle(0.0, max(radius, apart), side, resolution, direction)
     lane = np.unique((wheels[:, None] + strip[None]).reshape(-1, 2), axis=0)
@@ -241,13 +247,13 @@ def _tread(
 
 
 def _nearest(pixels: NDArray[np.float64]) -> Offsets:
-    """Nearest whole numbers, halves towards 0, so that opposite places have opposite ones."""
+    """Nearest whole numbers, halves towards 0, so that opposite places have opposite pixels."""
     whole: Offsets = (np.sign(pixels) * np.ceil(np.abs(pixels) - 0.5 - _NEAR)).astype(np.int64)
     return whole
 
 
 def _corners(pixels: NDArray[np.float64]) -> tuple[Offsets, NDArray[np.float64]]:
-    """Pixels around places, (n, 4, 2), and their shares in these, (n, 4)."""
+    """Pixels around places, (n, 4, 2), and their bilinear weights there, (n, 4)."""
     near = np.round(pixels)
     pixels = np.where(np.abs(pixels - near) < _NEAR, near, pixels)
     low = np.floor(pixels)
@@ -261,9 +267,9 @@ def _corners(pixels: NDArray[np.float64]) -> tuple[Offsets, NDArray[np.float64]]
 def _rectangle(
     begin: float, end: float, side: float, resolution: float, direction: tuple[float, float]
 ) -> tuple[Offsets, NDArray[np.float64]]:
-    """Pixels from `begin` to `end` ahead and up to `side` to each side, and how far ahead each is.
+    """Pixels from `begin` to `end` ahead and up to `side` to each side, and their m ahead.
 
-    By rows from the north, the edges included.
+    Rows come from the north; pixels on the edges count.
     """
     most = math.ceil((max(abs(begin), abs(end)) + side) / resolution) + 1
     rows, columns = np.mgrid[-most : most + 1, -most : most + 1]
@@ -275,7 +281,7 @@ def _rectangle(
 
 
 def _fit(vehicle: Vehicle, wheels: NDArray[np.float64], resolution: float) -> NDArray[np.float64]:
-    """Least squares of a plane over the wheels; a level one where they stand in a row."""
+    """The matrix `HeadingFootprint.fit` for least squares; a level plane for wheels in a row."""
     places = np.column_stack([np.ones(len(wheels)), wheels[:, 1], -wheels[:, 0]])
     if vehicle.wheelbase == 0.0 or vehicle.track_width == 0.0 or np.linalg.matrix_rank(places) < 3:
         return np.vstack([np.full((1, len(wheels)), 1.0 / len(wheels)), np.zeros((2, len(wheels)))])
@@ -286,10 +292,10 @@ class Gaps(NamedTuple):
     """Trenches so narrow that a wheel touches both of their edges, (pairs,) each.
 
     Attributes:
-        width: along the axis of the pair, m; infinity for no such trench.
-        rise: of the one edge above the other, m.
-        lean: how far the wall shifts along the axis from its line of pixels to the next one, to the
-            south or the east, in pixels.
+        width: width along the axis of the pair, m; infinity for no such trench.
+        rise: height of the one edge above the other, m.
+        lean: shift of the wall along the axis from its line of pixels to the next one, to the south
+            or the east, pixels.
     """
 
     width: NDArray[np.float64]
@@ -298,12 +304,12 @@ class Gaps(NamedTuple):
 
 
 class MetWalls(NamedTuple):
-    """What wheels of a radius meet at pairs of pixels, (pairs,).
+    """Walls and trenches that wheels of a radius meet at pairs of pixels.
 
     Attributes:
-        jumps: heights of walls, m, or of the step that a wheel meets where another one follows
-            close by; infinity for a face without one.
-        gaps: between these walls.
+        jumps: (pairs,) heights of walls, m, or of the step that a wheel meets where another wall
+            follows close by; infinity for a face without a wall.
+        gaps: trenches between these walls.
     """
 
     jumps: NDArray[np.float64]
@@ -311,14 +317,14 @@ class MetWalls(NamedTuple):
 
 
 class Crests(NamedTuple):
-    """Where ground between the centres of pixels stands out, (n,), as in `kernels.find_crests`.
+    """Crests: places between the centres of pixels where ground stands out, (n,) each.
 
-    A pixel has up to two such places.
+    A pixel has up to two crests. `kernels.find_crests` finds them.
 
     Attributes:
-        row, column: int64, of the pixel.
-        height: float32, m.
-        east, north: float32, how far from the pixel's centre it lies, m.
+        row, column: int64 row and column of the pixel.
+        height: float32 height of the ground, m.
+        east, north: float32 distances from the pixel's centre, m.
     """
 
     row: NDArray[np.int64]
@@ -333,7 +339,7 @@ class Ruts(NamedTuple):
 
     Attributes:
         first: z_1, depth of the deepest first pass, m.
-        passes: n.
+        passes: n, number of passes.
         exponent: a of z_n = z_1 n^(1/a).
     """
 
@@ -343,18 +349,18 @@ class Ruts(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Ground:
-    """What lies in a window of the fine grid.
+class StanceGround:
+    """The ground in a window of the fine grid.
 
     Attributes:
         heights: (height, width) float32, minus infinity where there is no ground.
         surfaces: index of the surface and one, 0 for none.
-        slope_x, slope_y: float32, 0 where there is no ground; None where not asked for.
-        pairs: neighbours with a wall or a steep face between them: twice the index of the first
-            pixel, and one for a pair from north to south.
-        met: what wheels of each size meet at these.
-        crests: what stands out between the centres of pixels.
-        ruts: None where no pixel has any.
+        slope_x, slope_y: float32 dz/dx and dz/dy, 0 where there is no ground; None if not wanted.
+        pairs: (pairs,) neighbours with a wall or a steep face between them, as twice the index of
+            the first pixel, plus one for a pair from north to south.
+        met: walls and trenches that wheels of each size meet at the pairs.
+        crests: crests between the centres of pixels.
+        ruts: ruts of wheels; None where no pixel has any.
     """
 
     heights: NDArray[np.float32]
@@ -368,10 +374,16 @@ class Ground:
 
 
 class GroundPainter:
-    """Paints windows of ground; may be used by several threads at a time.
+    """A painter of windows of ground; several threads may use it at a time.
 
-    Windows may reach beyond the grid; no pixel depends on the window. Walls and faces lower than
-    `least`, m, are left out. `radii` are those of the wheels, m, as in `HeadingFootprint.treads`.
+    Windows may reach beyond the grid; no pixel depends on the window.
+
+    Args:
+        terrain: the ground.
+        grid: the fine grid.
+        least: height below which walls and faces are left out, m.
+        slopes: whether slopes are wanted.
+        radii: radii of the wheels, m, as in `HeadingFootprint.treads`.
     """
 
     def __init__(
@@ -384,40 +396,41 @@ class GroundPainter:
         self._lines = crest_lines(terrain.arrays)
         self._weights = curve_weights(terrain.arrays)
 
-    def paint(self, window: Window) -> Ground:
-        """The ground of a window."""
+    def paint(self, window: Window) -> StanceGround:
+        """Paint the ground of a window."""
         planes = self._painter.paint(window)
         assert planes.surfaces is not None and planes.labels is not None
         heights = planes.heights
         pairs, same = _rises(heights, planes.labels, self._least, self._grid.resolution)
-        walls = self._walls(window, pairs[~same])
+        walls = self._find_walls(window, pairs[~same])
         steep = _rise(heights, pairs) > STEEP * self._grid.resolution
         kept, met = steep.copy(), []
         for radius in self._radii:
-            here = _met(walls, same, radius)
+            here = _meet_walls(walls, same, radius)
             found = here.jumps >= self._least
-            # where no wall is found the ground itself may still be too steep
+            # ground without a wall may still be too steep
             here.jumps[steep & ~found] = np.inf
             kept |= found
             met.append(here)
         pairs = pairs[kept]
-        crests = self._crests(window, heights)
+        crests = self._find_crests(window, heights)
         hole = np.isnan(heights)
         if hole.any():
             heights[hole] = -np.inf
             for slope in (planes.slope_x, planes.slope_y):
                 if slope is not None:
                     slope[hole] = 0.0
-        return Ground(
+        return StanceGround(
             heights, planes.surfaces, planes.slope_x, planes.slope_y, pairs,
             tuple(
                 MetWalls(here.jumps[kept], Gaps(*(plane[kept] for plane in here.gaps)))
                 for here in met
             ),
-            crests, self._ruts(window, planes.surfaces),
+            crests, self._find_ruts(window, planes.surfaces),
         )  # fmt: skip
 
-    def _ruts(self, window: Window, surfaces: NDArray[Any]) -> Ruts | None:
+    def _find_ruts(self, window: Window, surfaces: NDArray[Any]) -> Ruts | None:
+        """Find the ruts in a window; None where no pixel has any."""
         found = Ruts(*np.empty((3, *surfaces.shape), np.float32))
         y = np.ascontiguousarray(self._grid.rows(window)[::-1])
         any_there = kernels.find_ruts(
@@ -425,7 +438,8 @@ class GroundPainter:
         )
         return found if any_there else None
 
-    def _crests(self, window: Window, heights: NDArray[np.float32]) -> Crests:
+    def _find_crests(self, window: Window, heights: NDArray[np.float32]) -> Crests:
+        """Find the crests in a window."""
         return Crests(
             *kernels.find_crests(
                 self._terrain.field, self._lines, self._weights, self._grid.columns(window),
@@ -434,7 +448,8 @@ class GroundPainter:
             )
         )  # fmt: skip
 
-    def _walls(self, window: Window, pairs: NDArray[np.int64]) -> Walls:
+    def _find_walls(self, window: Window, pairs: NDArray[np.int64]) -> Walls:
+        """Find up to `_WALLS` walls between the pixels of each pair."""
         places, jumps = np.empty((len(pairs), _WALLS)), np.zeros((len(pairs), _WALLS))
         if len(pairs):
             with self._finders.one() as finder:
@@ -446,15 +461,15 @@ class GroundPainter:
 
 
 class Walls(NamedTuple):
-    """Walls in pairs of pixels, line of pixels by line, along each in order.
+    """Walls in pairs of pixels, sorted by lines of pixels and along each line.
 
     Attributes:
-        pairs: how many these are.
+        pairs: number of pairs.
         pixel: side of a pixel, m.
         pair: (n,) index of the pair.
         line: (n,) twice the row of a pair along x, twice the column and one of a pair along y.
-        place: (n,) where along its axis a wall stands, m.
-        jump: (n,) how much the ground rises there along the axis, m.
+        place: (n,) position of a wall along its axis, m.
+        jump: (n,) rise of the ground at the wall along the axis, m, below 0 for a fall.
     """
 
     pairs: int
@@ -472,13 +487,13 @@ def walls_in_order(
     jumps: NDArray[np.float64],
     pixel: float,
 ) -> Walls:
-    """Walls line by line.
+    """Sort walls by lines of pixels and along each line.
 
     Args:
-        pairs: as in `Ground`.
-        width: of the window, pixels.
-        places: (pairs, walls) where each wall stands along its axis, m.
-        jumps: (pairs, walls) how much the ground rises there along it, m; 0 for no wall.
+        pairs: (pairs,) pairs of pixels, as in `StanceGround`.
+        width: width of the window, pixels.
+        places: (pairs, walls) position of each wall along its axis, m.
+        jumps: (pairs, walls) rise of the ground at each wall along the axis, m; 0 for no wall.
         pixel: side of a pixel, m.
     """
     index, which = np.nonzero(jumps)
@@ -489,19 +504,19 @@ def walls_in_order(
     return Walls(len(pairs), pixel, index[order], line[order], place[order], jump[order])
 
 
-def steps_met(walls: Walls, radius: float) -> NDArray[np.float64]:
-    """The step that a wheel meets at each pair: its highest wall, or more if two stand close by.
+def wheel_steps(walls: Walls, radius: float) -> NDArray[np.float64]:
+    """The step that a wheel meets at each pair: its highest wall, or more if two are close.
 
     A wheel that touches the edges of two walls, the upper one h above the other and t behind it,
-    touches the upper at γ + β from the downward vertical: tan γ = h/t, sin β = √(t² + h²)/D. That
-    is so if t² < 2 r h − h²; where they stand farther apart it rolls up one after the other.
+    touches the upper at γ + β from the downward vertical: tan γ = h/t, sin β = √(t² + h²)/D. A
+    wheel touches both if t² < 2 r h − h²; else it rolls up one wall after the other.
 
     Args:
-        walls: by pairs.
-        radius: of the wheels, m.
+        walls: walls in pairs of pixels.
+        radius: radius of the wheels, m.
 
     Returns:
-        (pairs,) heights, m; 0 without a wall.
+        (pairs,) heights of steps, m; 0 without a wall.
     """
     _, _, index, line, place, jump = walls
     met = np.zeros(walls.pairs)
@@ -518,21 +533,21 @@ def steps_met(walls: Walls, radius: float) -> NDArray[np.float64]:
     return met
 
 
-def gaps_met(walls: Walls, radius: float) -> Gaps:
-    """The trenches whose walls stand in pairs: a wall down, then one up, both touched by a wheel.
+def wheel_gaps(walls: Walls, radius: float) -> Gaps:
+    """The trenches that a wheel meets: a wall down, then one up, near enough to touch both.
 
     Args:
-        walls: by pairs.
-        radius: of the wheels, m.
+        walls: walls in pairs of pixels.
+        radius: radius of the wheels, m.
     """
     gaps = Gaps(np.full(walls.pairs, np.inf), *np.zeros((2, walls.pairs)))
     _, _, index, line, place, jump = walls
     width, rise = np.diff(place), np.abs(np.diff(np.abs(jump)))
     gap = (np.diff(line) == 0) & (jump[:-1] < 0.0) & (jump[1:] > 0.0)
-    # obliquely a wheel may touch both edges of what is wider along the axis
+    # an oblique wheel may touch both edges of a gap that is wider along the axis
     gap &= (width < 4.0 * radius) & (rise < radius)
     at = np.flatnonzero(gap)
-    # where a pair has two the wider one counts: it is put last
+    # the wider one of a pair's two gaps counts: it is put last
     at = at[np.argsort(width[at], kind="stable")]
     lean = _leans(walls, at)
     for wall in (at, at + 1):
@@ -541,17 +556,17 @@ def gaps_met(walls: Walls, radius: float) -> Gaps:
     return gaps
 
 
-def _met(walls: Walls, same: NDArray[np.bool_], radius: float) -> MetWalls:
-    """What wheels meet at pairs, of which those that are not of the `same` label have walls."""
+def _meet_walls(walls: Walls, same: NDArray[np.bool_], radius: float) -> MetWalls:
+    """The walls and trenches that wheels meet at pairs; pairs of the `same` label have none."""
     jumps, gaps = np.full(len(same), np.inf), np.zeros((3, len(same)))
     gaps[0] = np.inf
-    jumps[~same] = steps_met(walls, radius)
-    gaps[:, ~same] = gaps_met(walls, radius)
+    jumps[~same] = wheel_steps(walls, radius)
+    gaps[:, ~same] = wheel_gaps(walls, radius)
     return MetWalls(jumps, Gaps(*gaps))
 
 
 def _leans(walls: Walls, at: NDArray[np.int64]) -> NDArray[np.float64]:
-    """How far walls shift from one line of pixels to the next, in pixels; 0 if it is not known."""
+    """Shifts of walls from one line of pixels to the next, pixels; 0 where unknown."""
     lean = np.zeros(len(at))
     if not len(at):
         return lean
@@ -579,7 +594,7 @@ def _leans(walls: Walls, at: NDArray[np.int64]) -> NDArray[np.float64]:
 def _rises(
     heights: NDArray[np.float32], labels: NDArray[np.uint32], least: float, resolution: float
 ) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-    """Pairs that rise enough for a step, ascending, and whether they are of one label."""
+    """Pairs of pixels that rise enough for a step, ascending, and whether both have one label."""
     pairs, same = [], []
     for down in (0, 1):
         first = np.s_[:-1] if down else np.s_[:, :-1]
@@ -593,6 +608,7 @@ def _rises(
 
 
 def _rise(heights: NDArray[np.float32], pairs: NDArray[np.int64]) -> NDArray[np.float32]:
+    """Height differences of the pixels of pairs, m, without sign."""
     flat, pixel = heights.reshape(-1), pairs >> 1
     other = pixel + np.where(pairs & 1, heights.shape[1], 1)
     return np.asarray(np.abs(flat[other] - flat[pixel]), np.float32)

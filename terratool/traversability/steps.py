@@ -13,26 +13,26 @@ from numpy.typing import NDArray
 from terratool.traversability.vehicle import Vehicle
 
 _PARTS = 16
-"""Steps that are tried at a time, in equal parts of the angle, from low to high."""
+"""Number of steps that are tried at a time, in equal parts of the angle."""
 _CLOSE = 1e-10
-"""To so many rad the angle is found, and what is lower than that of …"""
+"""Accuracy of the angle of the highest step, rad."""
 _LEAST = 1e-4
-"""… so many rad is no step."""
+"""Angle below which a step counts as none, rad."""
 _MOMENTS = np.linspace(1.0, 0.0, 3)
-"""Of a climb: the angle of the wheel at the edge, in that where it first touches it."""
+"""Moments of a climb: angles of the wheel at the edge, as shares of that at first touch."""
 _MOST = 1e9
-"""More than motors give, in weights of the vehicle."""
+"""Thrust beyond that of any motor, in weights of the vehicle; stands for infinity."""
 
 
 @dataclass(frozen=True, slots=True)
 class StepLimit:
-    """The highest step, and what limits it.
+    """The highest step that a vehicle, or an axle, gets up.
 
     Attributes:
-        height: m.
-        reason: in words.
-        axle: that does not get up a higher one, from the front, 0 or more; None where it is the
-            body, or the wheel is by itself.
+        height: height of the step, m.
+        reason: measure that limits the height, in words.
+        axle: index from the front of the axle that gets up no higher step; None where the body
+            limits the height, or the wheel is by itself.
     """
 
     height: float
@@ -44,14 +44,14 @@ class _Axles(NamedTuple):
     """The axles of a vehicle, (n,) each, from the front.
 
     Attributes:
-        x: m ahead of the centre of gravity.
-        above: how far the middles of wheels lie above it on level ground, m.
-        radius: m.
-        driven: bool.
-        thrust: what the motors of all its wheels give, in weights of the vehicle.
-        tilt: (n,) how much a metre under each tilts the body.
-        sharing: (k, n) shares of the weight as it moves from the rearmost to the foremost axle;
-            in between they are linear.
+        x: distances ahead of the centre of gravity, m.
+        above: heights of the wheels' middles over the centre of gravity on level ground, m.
+        radius: radii of the wheels, m.
+        driven: bool, whether an axle is driven.
+        thrust: largest thrust of all motors of an axle, in weights of the vehicle.
+        tilt: tilt of the body for a rise under each axle, 1/m.
+        sharing: (k, n) shares of the weight, as it moves from the rearmost to the foremost axle,
+            at the places between which they are linear.
     """
 
     x: NDArray[np.float64]
@@ -64,14 +64,14 @@ class _Axles(NamedTuple):
 
 
 class _Climb(NamedTuple):
-    """Moments of climbs, (...) or (..., n) for each axle.
+    """Moments of climbs, (...) each, or (..., n) for each axle.
 
     Attributes:
-        height: of the step, m.
-        angle: (..., n) of the contact from the downward vertical, rad; 0 on level ground.
+        height: (...) height of the step, m.
+        angle: (..., n) angle of the contact from the downward vertical, rad; 0 on level ground.
         lower: (..., n) bool, whether the axle stands on the lower level.
-        arm: (..., n) of the contact ahead of the edge, m.
-        gravity: of the centre of gravity ahead of the edge, m.
+        arm: (..., n) distance of the contact ahead of the edge, m.
+        gravity: (...) distance of the centre of gravity ahead of the edge, m.
     """
 
     height: NDArray[np.float64]
@@ -87,16 +87,16 @@ def step_height(radius: Any, angle: Any) -> Any:
 
 
 def gap_width(radius: float, step: float) -> float:
-    """Gap over which a wheel rolls that climbs a step: 2 r sin α, α that of the step."""
+    """Widest gap, m, for a wheel that climbs a step, m: 2 r sin α, α the angle at the step."""
     share = min(max(step / radius, 0.0), 1.0)
     return 2.0 * radius * math.sqrt(share * (2.0 - share))
 
 
 @lru_cache(maxsize=256)
 def step_of(vehicle: Vehicle, friction: float) -> StepLimit:
-    """The highest step that a vehicle gets up with a friction μ: that of the axle that gets least.
+    """The highest step that a vehicle gets up with a friction μ: the least of its axles' steps.
 
-    Not beyond the clearance less its margin. The step's margin is taken off at the end.
+    The clearance less its margin limits it, too. The step's margin is taken off at the end.
     """
     limits = list(axle_steps(vehicle, friction))
     if not vehicle.is_single:
@@ -106,22 +106,23 @@ def step_of(vehicle: Vehicle, friction: float) -> StepLimit:
 
 
 def axle_steps(vehicle: Vehicle, friction: float) -> tuple[StepLimit, ...]:
-    """The highest step that each axle gets up with a friction μ, and what limits it; (n,).
+    """The highest step that each axle gets up with a friction μ, (n,).
 
-    Up to the radius of the smallest wheel. Axles ahead stand on the upper level, those behind on
-    the lower one, and the body is tilted accordingly. At every moment of the climb there are forces
-    in all contacts that hold the vehicle, each within friction (on the normal at towed wheels) and
-    what motors give. Loads differ linearly from wheel to wheel, as those of a rigid body on equal
-    springs; with two axles that is statics. Derived.
+    Steps end at the radius of the smallest wheel. Axles ahead stand on the upper level, those
+    behind on the lower one, and the body is tilted accordingly. At every moment of the climb there
+    are forces in all contacts that hold the vehicle, each within friction (on the normal at towed
+    wheels) and the motors' torque. Loads differ linearly from wheel to wheel, as those of a rigid
+    body on equal springs; with two axles that is statics. Derived here.
 
     Raises:
-        RequestError: it has no wheels.
+        RequestError: the vehicle has no wheels.
     """
     axles = _axles(vehicle)
-    return tuple(_highest(axles, index, friction) for index in range(len(axles.x)))
+    return tuple(_highest_step(axles, index, friction) for index in range(len(axles.x)))
 
 
 def _axles(vehicle: Vehicle) -> _Axles:
+    """The axles of a vehicle as arrays."""
     wheels = [vehicle.wheel_of(axle) for axle in vehicle.axles]
     x = np.array([axle.x for axle in vehicle.axles], np.float64)
     count = np.array([axle.wheels for axle in vehicle.axles], np.float64)
@@ -134,15 +135,17 @@ def _axles(vehicle: Vehicle) -> _Axles:
         np.array([axle.driven for axle in vehicle.axles]),
         count * torque / radius / vehicle.weight,
         count * ahead / spread if spread > 0.0 else np.zeros_like(x),
-        _sharing(x, count),
+        _load_shares(x, count),
     )  # fmt: skip
 
 
-def _sharing(x: NDArray[np.float64], count: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Shares of a weight that moves ahead, (k, n), wherever an axle begins or ceases to bear.
+def _load_shares(x: NDArray[np.float64], count: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Shares of the axles in a weight that moves ahead, (k, n), see `_Axles.sharing`.
 
-    A body on equal springs loads wheels linearly, and those that it would pull up not at all. So
-    the shares of an axle are as its wheels times the distance to the one that just bears nothing.
+    There is a row for each place at which an axle begins or ceases to bear. A body on equal
+    springs loads wheels linearly; wheels that it would pull up bear nothing. So the share of an
+    axle is proportional to its number of wheels times its distance to the axle that just bears
+    nothing.
     """
     if x[0] == x[-1]:
         return np.tile(count / count.sum(), (2, 1))
@@ -152,8 +155,8 @@ def _sharing(x: NDArray[np.float64], count: NDArray[np.float64]) -> NDArray[np.f
     return np.asarray(shares / shares.sum(axis=1, keepdims=True))
 
 
-def _highest(axles: _Axles, index: int, friction: float) -> StepLimit:
-    """The lowest step that an axle does not get up, looked for from below."""
+def _highest_step(axles: _Axles, index: int, friction: float) -> StepLimit:
+    """The highest step that an axle gets up, searched from below."""
     radius = axles.radius[index]
     smallest = int(np.argmin(axles.radius))
     low, high = 0.0, math.acos(1.0 - axles.radius[smallest] / radius)
@@ -163,42 +166,48 @@ def _highest(axles: _Axles, index: int, friction: float) -> StepLimit:
         passed = _passes(axles, index, angles, friction)
         if not stuck and passed.all():
             which = index if radius == axles.radius[smallest] else smallest
-            return StepLimit(float(axles.radius[smallest]), "wheel radius", _named(axles, which))
+            return StepLimit(
+                float(axles.radius[smallest]), "wheel radius", _axle_index(axles, which)
+            )
         stuck = True
         first = int(np.argmin(passed)) if not passed.all() else _PARTS - 1
         low, high = (low, *angles)[first], angles[first]
     height = float(step_height(radius, low)) if low > _LEAST else 0.0
-    return StepLimit(height, _reason(axles, index, high, friction), _named(axles, index))
+    return StepLimit(height, _reason(axles, index, high, friction), _axle_index(axles, index))
 
 
 def _reason(axles: _Axles, index: int, angle: float, friction: float) -> str:
-    """What would have to be more so that an axle gets up a step that is a little too high."""
+    """The measure, in words, that limits an axle at a step that is a little too high.
+
+    `angle` is that of the step, rad.
+    """
     touch = np.array([angle])
     strong = axles._replace(thrust=np.full_like(axles.thrust, math.inf))
-    # without bounds friction could hold what falls over, by wheels that pull at each other
+    # with boundless friction, wheels that pull at each other could hold a falling vehicle
     helped = _passes(strong, index, touch, 1.01 * friction + 0.01)[0]
     if not helped and axles.driven.any():
         return "tip-over"
     return "motor torque" if _passes(strong, index, touch, friction)[0] else "friction"
 
 
-def _named(axles: _Axles, index: int) -> int | None:
+def _axle_index(axles: _Axles, index: int) -> int | None:
+    """An index of an axle; None where there is but one."""
     return index if len(axles.x) > 1 else None
 
 
 def _passes(
     axles: _Axles, index: int, angles: NDArray[np.float64], friction: float
 ) -> NDArray[np.bool_]:
-    """Whether an axle gets up steps that its wheels first touch at some angles, (m,) rad."""
+    """Whether an axle gets up steps that its wheels first touch at angles, (m,) rad."""
     held = _holds(axles, _climb(axles, index, angles[:, None]), friction)
     return np.asarray(held.all(axis=1))
 
 
 def _climb(axles: _Axles, index: int, touch: NDArray[np.float64]) -> _Climb:
-    """The moments of an axle's climbs up steps that it touches at some angles, (m, 1) rad."""
+    """The moments of an axle's climbs up steps that its wheels touch at angles, (m, 1) rad."""
     height = step_height(axles.radius[index], touch)
     turned = touch * _MOMENTS
-    # middles of wheels behind the edge; wheels of other axles may be at it, too, if they are near
+    # middles of wheels behind the edge; wheels of near axles may be at the edge, too
     behind = axles.radius[index] * np.sin(turned)[..., None] - (axles.x - axles.x[index])
     room = np.sqrt(np.maximum(height * (2.0 * axles.radius - height), 0.0))[:, None]
     lower, at_edge = behind > room, (behind > 0.0) & (behind <= room)
@@ -219,17 +228,17 @@ def _climb(axles: _Axles, index: int, touch: NDArray[np.float64]) -> _Climb:
 def _holds(axles: _Axles, climb: _Climb, friction: float) -> NDArray[np.bool_]:
     """Whether forces in all contacts can hold the vehicle, (...).
 
-    Forces in weights of the vehicle. Those along the ground act at two heights, that of the edge
-    and the lower level, and their moment about the edge says which sum of those on the lower level
-    belongs to which loads. Along the loads all is linear piece by piece, and so is what each
-    contact can give ahead and back: X is within V tan(δ − α) and −V tan(δ + α) by friction, within
-    (±Tmax/r − V sin α)/cos α by its motor.
+    Forces are in weights of the vehicle. Forces along the ground act at two heights, of the edge
+    and of the lower level. Their moment about the edge gives the sum of those on the lower level
+    for each distribution of loads. This sum, and the force ahead or back that each contact can
+    bear, are piecewise linear in the loads: X is within V tan(δ − α) and −V tan(δ + α) by friction,
+    and within (±Tmax/r − V sin α)/cos α by the motor.
     """
     cone = np.arctan(friction) * axles.driven
     angle, cosine = climb.angle[..., None, None, :], np.cos(climb.angle)[..., None, None, :]
     start, end = axles.sharing[:-1, None], axles.sharing[1:, None]
     with np.errstate(divide="ignore", invalid="ignore"):
-        # the load at which an axle's motors give as much as friction
+        # the load at which motor and friction limit an axle's thrust alike
         equal = axles.thrust * np.cos(climb.angle - cone) / np.sin(cone)
         part = (equal[..., None, :] - start[:, 0]) / (end - start)[:, 0]
     part = np.clip(np.nan_to_num(part, nan=0.0), 0.0, 1.0)
@@ -253,15 +262,15 @@ def _holds(axles: _Axles, climb: _Climb, friction: float) -> NDArray[np.bool_]:
         np.sum(ahead, axis=-1, where=~lower) + push,
         np.sum(back, axis=-1, where=~lower) - push,
     ])  # fmt: skip
-    return _somewhere(margins[..., :-1], margins[..., 1:])
+    return _hold_together(margins[..., :-1], margins[..., 1:])
 
 
-def _somewhere(start: NDArray[np.float64], end: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Whether numbers that are linear between two points are all 0 or more at one place.
+def _hold_together(start: NDArray[np.float64], end: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Whether numbers that are linear between two points are all 0 or more at one place, (...).
 
     Args:
-        start: (numbers, ..., pieces, points).
-        end: likewise.
+        start: (numbers, ..., pieces, points) values at the first point of each piece.
+        end: (numbers, ..., pieces, points) values at the last point of each piece.
     """
     with np.errstate(divide="ignore", invalid="ignore"):
         root = start / (start - end)

@@ -1,4 +1,4 @@
-"""A vehicle at the pixels of a window, by heading: how it stands there, and whether it can."""
+"""A vehicle at the pixels of a window, heading by heading: its stance, measures and verdict."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ from terratool.traversability.limits import (
 from terratool.traversability.results import HEADINGS, MOST_HEADINGS
 from terratool.traversability.soil import soils
 from terratool.traversability.stance import (
-    Ground,
+    FootprintRectangle,
     GroundPainter,
     HeadingFootprint,
     Offsets,
-    Rectangle,
+    StanceGround,
     VehicleFootprint,
     vehicle_footprint,
 )
@@ -36,41 +36,42 @@ from terratool.traversability.vehicle import Vehicle
 from terratool.traversability.wheel import SoilArrays
 
 ROUGH = 0.5
-"""Share of the wheel's radius, or of the clearance if that is less, that roughness may take."""
+"""Limit of roughness, as a share of the smallest wheel's radius or of the clearance if less."""
 
 _ANY = 1e9
-"""A friction that ends no climb."""
+"""Coefficient of friction at which no step is too slippery."""
 
 _FINE = 0.5
-"""Ground has pixels no larger than this share of the wheel's radius, or a smaller one's radius …"""
+"""Largest side of a ground pixel, in radii of the vehicle's `wheel`; see `_coarsest_ground`."""
 _MOST_PARTS = 65
-"""… so many for a pixel of the grid, along each side, but no more."""
+"""Most fine ground pixels per grid pixel and side."""
 _MOST_ACROSS = 512
-"""A vehicle covers no more pixels than that from end to end."""
+"""Most ground pixels that a vehicle covers from end to end."""
 _LEAST = 0.02
-"""Walls lower than this share of the wheel's radius are roughness."""
+"""Height below which walls are roughness, in radii of the smallest wheel."""
 _DETREND = 1.5
-"""A step is what a wheel rises within so many radii before and behind a wall."""
+"""Radii before and behind a wall within which the rise of a wheel is a step."""
 
 _WINDOW = (128, 512)
+"""Most rows and columns of a window that is measured at once."""
 _FINE_PIXELS = 1 << 22
-"""Pixels of ground that are swept at a time; with what is found out of them some 200 MB."""
+"""Most ground pixels that are measured at once; with their measures some 200 MB."""
 
 
 class VehicleParams(NamedTuple):
     """A vehicle in SI units, its margins taken off.
 
     Attributes:
-        layout: of its wheels.
-        fit_along, fit_across: (wheels,) how much a metre under each wheel tilts the body, ahead and
-            to the left.
-        weight: N.
-        slip: the slip that is no-go.
-        slope_margin: rad.
-        clearance, front, rear: what ground and sinkage may take under the body and its overhangs.
-        roughness: m.
-        go_traction, go_slip, go_torque, go_geometry: shares up to which it is go.
-        factors: (soils, wheels) of k, or (0, wheels) where all are 1.
+        layout: the wheels.
+        fit_along, fit_across: (wheels,) tilt of the body ahead and to the left for a rise under
+            each wheel, 1/m.
+        weight: weight, N.
+        slip: smallest slip that is no-go.
+        slope_margin: margin of slopes, rad.
+        clearance, front, rear: room for ground and sinkage under the body and its overhangs, m.
+        roughness: largest roughness, m.
+        go_traction, go_slip, go_torque, go_geometry: largest shares of limits that are go.
+        factors: (soils, wheels) factors of k, or (0, wheels) where all are 1.
     """
 
     layout: WheelLayout
@@ -91,7 +92,7 @@ class VehicleParams(NamedTuple):
 
 
 def vehicle_params(vehicle: Vehicle, factors: NDArray[np.float64] | None = None) -> VehicleParams:
-    """A vehicle for the kernels; factors of k by soil and wheel, all 1 if None."""
+    """Parameters of a vehicle for the kernels, with factors of k by soil and wheel, 1 if None."""
     wheels = wheel_layout(vehicle)
     limits, margins = vehicle.thresholds, vehicle.margins
     slip, ahead = slip_limit(vehicle), wheels.x - wheels.x.mean()
@@ -121,9 +122,9 @@ def sinkage_factors(terrain: Terrain, vehicle: Vehicle) -> NDArray[np.float64] |
 
 
 def soil_table(terrain: Terrain, vehicle: Vehicle) -> tuple[SoilArrays, NDArray[np.float64]]:
-    """Soils by id, the index of the surface and one, and the highest step on each, m.
+    """Soils by id, the surface's index and one, and the highest step on each, m.
 
-    That of a soil that is not known is the highest that any would permit.
+    Unknown soils are NaN; their step is the highest that any friction permits.
     """
     rows = []
     for soil in soils(terrain, vehicle):
@@ -138,7 +139,7 @@ def soil_table(terrain: Terrain, vehicle: Vehicle) -> tuple[SoilArrays, NDArray[
 
 
 class SoilSamples(NamedTuple):
-    """Members of `SoilArrays`, and the highest step on each, m, (samples, surfaces + 1) each."""
+    """Sampled soils, (samples, surfaces + 1) float64 each: `SoilArrays`, and highest steps, m."""
 
     cohesion: NDArray[np.float64]
     tan_friction: NDArray[np.float64]
@@ -149,19 +150,19 @@ class SoilSamples(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class WindowMeasures:
-    """All that is found out about a window, (headings, height, width) but for the first two.
+    """Measures of a vehicle in a window, (headings, height, width) unless another shape is given.
 
     Attributes:
-        heights: (height, width) float32, NaN where there is no ground.
+        heights: (height, width) float32 m, NaN where there is no ground.
         surfaces: (height, width) index of the surface and one, 0 for none.
         verdict, reason: uint8 `Verdict` and `Reason`.
-        numbers: (headings, kernels.PLANES, height, width) float32.
-        step: float32, highest ahead of a wheel, m.
-        rough: float32, RMS distance of the ground from its plane, m; NaN where it is not known.
-        clearance: float32, left under the body, m; infinity where nothing can touch, NaN where
-            it stands nowhere.
-        overhang: float32, left under the overhangs, m; likewise.
-        chance: (height, width) float32, share of the samples of the soils on which some heading is
+        numbers: (headings, kernels.PLANES, height, width) float32, planes by the kernels' numbers.
+        step: float32 height of the highest step ahead of a wheel, m.
+        rough: float32 RMS distance of the ground from its plane, m; NaN where it is not known.
+        clearance: float32 room left under the body, m; infinity where nothing can touch, NaN where
+            the vehicle cannot stand.
+        overhang: float32 room left under the overhangs, m; infinity and NaN like `clearance`.
+        chance: (height, width) float32 share of the samples of the soils on which some heading is
             go; None where soils are not sampled.
     """
 
@@ -178,21 +179,25 @@ class WindowMeasures:
 
 
 class Stance(NamedTuple):
-    """What a vehicle with a heading stands on at the reference points of a window.
+    """The stance of a vehicle with a heading at the reference points of a window.
+
+    Planes of the ground are laid out as (rows, phases, columns), see
+    kernels/traversability/sweeps.hpp.
 
     Attributes:
-        plane: (3, height, width) float32: height of the plane through the wheels' supports, NaN
-            where one has none, and its slopes to the east and the north.
-        bump: (height, width) float32, how far the ground stands above that under the body, m.
-        front: likewise under its front overhang.
-        rear: likewise under its rear overhang.
-        rough: RMS distance of the ground from its plane, m; NaN where it is not known.
-        step: highest step ahead of the wheels, m.
+        plane: (3, height, width) float32: height of the plane through the wheels' supports, m, NaN
+            where a wheel has none, and its slopes to the east and the north.
+        bump: (height, width) float32 height of the ground above the plane under the body, m.
+        front: (height, width) float32 height above the plane under the front overhang, m.
+        rear: (height, width) float32 height above the plane under the rear overhang, m.
+        rough: (height, width) float32 RMS distance of the ground from its plane, m; NaN where it is
+            not known.
+        step: (height, width) float32 highest step ahead of the wheels, m.
         beyond: (height, width) bool, whether the vehicle reaches beyond the terrain.
-        surfaces: of the ground, (rows, phases, columns) as in kernels/traversability/sweeps.hpp.
-        first_pass, passes, exponent: likewise, as in `Ruts`; None where there are none.
-        first: row of the first reference points in these.
-        wheels: (wheels, 3) where these stand in them.
+        surfaces: (rows, phases, columns) surfaces of the ground, index and one.
+        first_pass, passes, exponent: (rows, phases, columns) `Ruts` of the ground; None for none.
+        first: row of the first reference points in the planes of the ground.
+        wheels: (wheels, 3) row, phase and column of each wheel, from a reference point.
     """
 
     plane: NDArray[np.float32]
@@ -211,7 +216,7 @@ class Stance(NamedTuple):
 
 
 class Verdicts(NamedTuple):
-    """What `judge_cells` finds out: `WindowMeasures` of one heading."""
+    """Output of `kernels.judge_cells`: verdict, reason and numbers of one heading."""
 
     verdict: NDArray[np.uint8]
     reason: NDArray[np.uint8]
@@ -219,23 +224,23 @@ class Verdicts(NamedTuple):
 
 
 def coarsest_resolution(vehicle: Vehicle) -> float:
-    """The largest side of a pixel that a vehicle can be judged on."""
+    """The largest side of a grid pixel that a vehicle can be judged on, m."""
     return _MOST_PARTS * _coarsest_ground(vehicle)
 
 
 def _coarsest_ground(vehicle: Vehicle) -> float:
-    """The largest side of a pixel of ground, m."""
+    """The largest side of a ground pixel for a vehicle, m."""
     return min(_FINE * vehicle.wheel.radius, vehicle.smallest_radius)
 
 
 def finest_resolution(vehicle: Vehicle) -> float:
-    """The smallest side of a pixel of ground that a vehicle can be judged on."""
+    """The smallest side of a ground pixel that a vehicle can be judged on, m."""
     front, rear, _ = vehicle.rectangle
     return (front + rear) / _MOST_ACROSS
 
 
 def parts_of(vehicle: Vehicle, resolution: float) -> int:
-    """Pixels of ground for one of a grid along each side: odd, so that their centres agree.
+    """Ground pixels per grid pixel and side: odd, so that their centres agree.
 
     Raises:
         RequestError: the resolution is too coarse or too fine for the vehicle.
@@ -260,14 +265,14 @@ def parts_of(vehicle: Vehicle, resolution: float) -> int:
 
 
 class Surveyor:
-    """Finds out about windows of a grid; may be used by several threads at a time.
+    """A surveyor that measures windows of a grid; several threads may use it at a time.
 
     Args:
         terrain: the ground.
         vehicle: a vehicle, or a wheel by itself.
-        grid: the pixels.
-        headings: a multiple of 4 from 4 to 64.
-        samples: of the soils, if some of these are ranges and that matters.
+        grid: pixels to be measured.
+        headings: number of headings, a multiple of 4 from 4 to 64.
+        samples: samples of the soils; None where these are not ranges, or that does not matter.
 
     Raises:
         RequestError: the resolution does not go with the vehicle, or the number of headings makes
@@ -304,16 +309,13 @@ class Surveyor:
             self._on_samples = kernels.VehicleOnSamples(params, samples)
 
     def windows(self, window: Window) -> Iterator[Window]:
-        """Windows that cover a larger one, each not too large to be measured at once."""
+        """Cut a window into windows that are small enough to be measured at once."""
         side = max(math.isqrt(_FINE_PIXELS) // self._parts - 2 * self._halo, 16)
         return window.cut(min(_WINDOW[0], side), min(_WINDOW[1], side))
 
     def measure(self, window: Window, *, sampled: bool = True) -> WindowMeasures:
-        """All that is found out about a window of the grid.
-
-        Samples of the soils are looked at if they are `sampled`.
-        """
-        sweep = self._swept(window)
+        """Measure a window of the grid; with the probability of go, if soils are `sampled`."""
+        sweep = self._sweep_of(window)
         flat = (window.height, window.width)
         deep = (self.headings, *flat)
         numbers = np.empty((self.headings, kernels.PLANES, *flat), np.float32)
@@ -331,11 +333,13 @@ class Surveyor:
             overhang, None if go is None else self._shares(go),
         )  # fmt: skip
 
-    def going(self, window: Window, headings: Collection[int]) -> NDArray[np.uint64] | None:
-        """On which samples of the soils some headings are go, as bits; None where none are sampled.
+    def samples_passing(
+        self, window: Window, headings: Collection[int]
+    ) -> NDArray[np.uint64] | None:
+        """Samples of the soils on which headings are go; None where none are sampled.
 
         Returns:
-            (headings, height, width, words), those that were asked for in their order.
+            (headings, height, width, words) uint64, one bit for each sample.
         """
         flat = (window.height, window.width)
         none = self._no_samples(flat)
@@ -344,33 +348,34 @@ class Surveyor:
         marked = {heading: none.copy() for heading in headings}
         verdict, reason = np.empty((2, *flat), np.uint8)
         out = Verdicts(verdict, reason, np.empty((kernels.PLANES, *flat), np.float32))
-        for heading, stance in self._stances(self._swept(window), window, headings):
+        for heading, stance in self._stances(self._sweep_of(window), window, headings):
             self._judge(heading, stance, out, marked[heading])
         return np.array(list(marked.values()))
 
     def _judge(
         self, heading: int, stance: Stance, out: Verdicts, go: NDArray[np.uint64] | None
     ) -> None:
-        """Judge a heading, and mark the samples on which it is go."""
+        """Judge a heading into `out`, and set the bits of samples on which it is go in `go`."""
         direction = self._footprint.by_heading[heading].direction
         kernels.judge_cells(self._on_soils, stance, *direction, out)
         if go is not None and self._on_samples is not None:
             kernels.judge_samples(self._on_samples, stance, *direction, out.verdict, go)
 
     def _no_samples(self, flat: tuple[int, int]) -> NDArray[np.uint64] | None:
-        """A set of samples for each place, (height, width, words): none of them."""
+        """Empty sets of samples, (height, width, words) uint64; None where none are sampled."""
         if self.samples is None:
             return None
         return np.zeros((*flat, -(-len(self.samples.steps) // 64)), np.uint64)
 
     def _shares(self, go: NDArray[np.uint64]) -> NDArray[np.float32]:
-        """How many of the samples are in each set, (height, width), as shares."""
+        """Shares of the samples that are in each set, (height, width) float32 from 0 to 1."""
         assert self.samples is not None
         counts = np.empty(go.shape[:2], np.uint32)
         kernels.count_samples(go, counts)
         return (counts / len(self.samples.steps)).astype(np.float32)
 
-    def _swept(self, window: Window) -> _Sweep:
+    def _sweep_of(self, window: Window) -> _Sweep:
+        """The ground of a window and the halo around it, for sweeps."""
         parts, halo = self._parts, self._halo
         around = Window(
             parts * (window.row - halo), parts * (window.column - halo),
@@ -381,7 +386,7 @@ class Surveyor:
     def _stances(
         self, sweep: _Sweep, window: Window, headings: Collection[int] | None = None
     ) -> Iterator[tuple[int, Stance]]:
-        """What the vehicle stands on, heading by heading; only some of them if these are given."""
+        """Indices and stances of headings, each with its opposite; of all headings if None."""
         half = self.headings // 2
         for turn in range(half):
             wanted = [h for h in (turn, turn + half) if headings is None or h in headings]
@@ -393,7 +398,7 @@ class Surveyor:
             body = None
             for heading in wanted:
                 footprint = self._footprint.by_heading[heading]
-                if body is None or not self._footprint.shared:
+                if body is None or not self._footprint.is_symmetric:
                     body = sweep.body(footprint, supports)
                 plane, bump, rough = body
                 yield heading, Stance(
@@ -402,13 +407,13 @@ class Surveyor:
                     sweep.bump(footprint, footprint.rear, plane),
                     rough, sweep.step_ahead(footprint, steps),
                     self._reaches_beyond(window, heading),
-                    sweep.ids, *sweep.ruts, sweep.first, sweep.placed(footprint.wheels),
+                    sweep.ids, *sweep.ruts, sweep.first, sweep.phases_of(footprint.wheels),
                 )  # fmt: skip
 
     def _clearances(
         self, stance: Stance, numbers: NDArray[np.float32]
     ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """What is left of the clearance, and of that under the overhangs, m."""
+        """Room left under the body, and under the overhangs, (height, width) float32 each, m."""
         vehicle = self.vehicle
         down = 1.0 / np.sqrt(1.0 + stance.plane[1] ** 2 + stance.plane[2] ** 2)
         sunk = np.nan_to_num(numbers[kernels.SINKAGE], nan=0.0)
@@ -423,7 +428,7 @@ class Surveyor:
         return left[0], np.minimum(left[1], left[2])
 
     def _reaches_beyond(self, window: Window, heading: int) -> NDArray[np.bool_]:
-        """Where the vehicle reaches beyond the terrain."""
+        """Whether the vehicle reaches beyond the terrain, (height, width) bool."""
         west, south, east, north = self.terrain.bounds
         to_west, to_south, to_east, to_north = self._footprint.sides[heading]
         x, y = self.grid.columns(window), self.grid.rows(window)
@@ -434,7 +439,7 @@ class Surveyor:
 
 
 class BodyPart(NamedTuple):
-    """A rectangle under the body, as in kernels/traversability/sweeps.hpp; m."""
+    """A heading, and a rectangle under the body, m, as in kernels/traversability/sweeps.hpp."""
 
     east: float
     north: float
@@ -444,7 +449,7 @@ class BodyPart(NamedTuple):
 
 
 class GapsOfWheels(NamedTuple):
-    """`Gaps`, and the sides of wheels and pixels, as in kernels/traversability/sweeps.hpp."""
+    """Trenches as in `Gaps`, the wheel's radius and the pixel's side, m, for the kernels."""
 
     width: NDArray[np.float64]
     rise: NDArray[np.float64]
@@ -454,7 +459,7 @@ class GapsOfWheels(NamedTuple):
 
 
 class Standing(NamedTuple):
-    """How wheels stand on the pixels around them, as in kernels/traversability/sweeps.hpp."""
+    """Wheels on the pixels around them, as in kernels/traversability/sweeps.hpp."""
 
     wheels: Offsets
     nearest: Offsets
@@ -464,41 +469,49 @@ class Standing(NamedTuple):
 
 
 class _Sweep:
-    """The ground of a window, laid out for sweeps of a footprint over it."""
+    """The ground of a window, laid out for sweeps of a footprint over it.
 
-    def __init__(self, surveyor: Surveyor, window: Window, ground: Ground) -> None:
+    Attributes:
+        first: row of the first reference points in the planes of the ground.
+        ids: (rows, phases, columns) surfaces of the ground, index and one.
+        ruts: members of `Ruts`, (rows, phases, columns) each; None where there are none.
+        surfaces: (height, width) surfaces at the reference points.
+        heights: (height, width) float32 heights at the reference points, m; NaN for no ground.
+    """
+
+    def __init__(self, surveyor: Surveyor, window: Window, ground: StanceGround) -> None:
         self._parts, self._halo = surveyor._parts, surveyor._halo
         self._surveyor, self._ground = surveyor, ground
         self._shape = (window.height, window.width)
         self.first = self._parts * self._halo + self._parts // 2
-        self._heights = self._phased(ground.heights)
-        self.ids = self._phased(ground.surfaces)
+        self._heights = self._to_phases(ground.heights)
+        self.ids = self._to_phases(ground.surfaces)
         self.ruts: tuple[Any, Any, Any] = (None, None, None)
         if ground.ruts is not None:
-            first, passes, exponent = map(self._phased, ground.ruts)
+            first, passes, exponent = map(self._to_phases, ground.ruts)
             self.ruts = (first, passes, exponent)
         middle = np.zeros(2, np.int64)
         self.surfaces = self._at(self.ids, middle)
         heights = self._at(self._heights, middle)
         self.heights = np.where(np.isneginf(heights), np.float32(np.nan), heights)
 
-    def _phased(self, plane: NDArray[Any]) -> NDArray[Any]:
-        """(rows, phases, columns) of (rows, columns)."""
+    def _to_phases(self, plane: NDArray[Any]) -> NDArray[Any]:
+        """Lay a plane (rows, columns) out as (rows, phases, columns)."""
         rows, columns = plane.shape
         return np.ascontiguousarray(
             plane.reshape(rows, columns // self._parts, self._parts).transpose(0, 2, 1)
         )
 
-    def placed(self, offsets: Offsets) -> Offsets:
-        """Rows, phases and columns of offsets."""
+    def phases_of(self, offsets: Offsets) -> Offsets:
+        """Rows, phases and columns of offsets from a reference point, (n, 3)."""
         column = self._parts // 2 + offsets[:, 1]
         return np.column_stack(
             [offsets[:, 0], column % self._parts, self._halo + column // self._parts]
         )
 
     def _at(self, plane: NDArray[Any], offset: Offsets) -> NDArray[Any]:
-        """What lies at one offset of all reference points."""
-        row, phase, column = self.placed(offset[None])[0]
+        """Values of a plane at one offset from all reference points, (height, width)."""
+        row, phase, column = self.phases_of(offset[None])[0]
         height, width = self._shape
         first = self.first + row
         return plane[
@@ -506,55 +519,56 @@ class _Sweep:
         ].copy()
 
     def _empty(self) -> NDArray[np.float32]:
+        """An uninitialised plane of the window."""
         return np.empty(self._shape, np.float32)
 
     def _shifts(self, offsets: Offsets) -> NDArray[np.float32]:
-        """How far east and north offsets are, m, (n, 2)."""
+        """East and north of offsets, m, (n, 2) float32."""
         resolution = self._surveyor._fine.resolution
         return np.asarray(offsets[:, ::-1] * (resolution, -resolution), np.float32)
 
     def body(
         self, footprint: HeadingFootprint, supports: list[NDArray[np.float32]]
     ) -> tuple[NDArray[np.float32], Any, Any]:
-        """The plane that the vehicle stands on, what rises above it under the body, roughness.
+        """The plane that the vehicle stands on, the bump under its body, and the roughness.
 
-        Rough is what the smallest wheels would touch.
+        Roughness is measured on the supports of the smallest wheels. `Stance` gives the shapes.
         """
-        # those of each size one below the other: the rows of a wheel are those of its size
-        planes = [self._phased(plane) for plane in supports]
+        # supports of each size one below the other: a wheel's rows are those of its size
+        planes = [self._to_phases(plane) for plane in supports]
         phased = planes[0] if len(planes) == 1 else np.concatenate(planes)
         plane = np.empty((3, *self._shape), np.float32)
-        wheels = self.placed(footprint.wheels)
-        corners = self.placed(footprint.corners.reshape(-1, 2))
+        wheels = self.phases_of(footprint.wheels)
+        corners = self.phases_of(footprint.corners.reshape(-1, 2))
         near, down = wheels.copy(), len(self._heights) * footprint.sizes
         near[:, 0] += down
         corners[:, 0] += np.repeat(down, 4)
         standing = Standing(wheels, near, corners, footprint.shares, footprint.fit)
         kernels.stand(phased, self._heights, self.first, standing, plane)
         if self._ground.slope_x is not None and self._ground.slope_y is not None:
-            # wheels in a row say nothing of a plane: they take the ground's own slope under them
+            # wheels in a row fix no plane: they take the ground's own slope under them
             treads = np.concatenate(
                 [
-                    self.placed(wheel + footprint.treads[size].under.offsets)
+                    self.phases_of(wheel + footprint.treads[size].under.offsets)
                     for wheel, size in zip(footprint.wheels, footprint.sizes, strict=True)
                 ]
             )
             for axis, slope in enumerate((self._ground.slope_x, self._ground.slope_y), 1):
-                kernels.mean(self._phased(slope), self.first, treads, plane[axis])
+                kernels.mean(self._to_phases(slope), self.first, treads, plane[axis])
         places = self._shifts(footprint.places)
         rough = self._empty()
         kernels.roughness(
-            phased, self.first, self.placed(footprint.places), places, plane,
+            phased, self.first, self.phases_of(footprint.places), places, plane,
             _inverse_moments(places), rough,
         )  # fmt: skip
         return plane, self.bump(footprint, footprint.body, plane), rough
 
     def bump(
-        self, footprint: HeadingFootprint, under: Rectangle, plane: NDArray[np.float32]
+        self, footprint: HeadingFootprint, under: FootprintRectangle, plane: NDArray[np.float32]
     ) -> NDArray[np.float32]:
-        """How far the ground stands above the plane under a part of the body, m."""
+        """Height of the ground above the plane under a part of the body, (height, width), m."""
         out = self._empty()
-        offsets = self.placed(under.offsets), self._shifts(under.offsets)
+        offsets = self.phases_of(under.offsets), self._shifts(under.offsets)
         kernels.bumps(self._heights, self.first, *offsets, plane, out)
         if len(self._ground.crests.row) and len(under.met):
             body = BodyPart(*footprint.direction, under.begin, under.end, under.side)
@@ -565,9 +579,10 @@ class _Sweep:
         return out
 
     def supports(self, footprint: HeadingFootprint) -> list[NDArray[np.float32]]:
-        """How high the lowest point of a wheel of each size stands at every pixel of the ground, m.
+        """Height of the lowest point of a wheel of each size at every pixel of the ground, m.
 
-        Minus infinity where there is no ground, and along the edges, where not all of it is known.
+        Minus infinity where there is no ground, and along the edges, where the ground beyond is
+        not known.
         """
         found = []
         for tread in footprint.treads:
@@ -583,9 +598,9 @@ class _Sweep:
     def steps(
         self, footprint: HeadingFootprint, supports: list[NDArray[np.float32]]
     ) -> list[NDArray[np.float32]]:
-        """Steps that wheels of each size with a heading, or its opposite, meet, phased.
+        """Steps that wheels of each size meet with a heading or its opposite, by phases, m.
 
-        There are none where there are no walls.
+        The list is empty where there are no walls.
         """
         found: list[NDArray[np.float32]] = []
         if not len(self._ground.pairs):
@@ -598,23 +613,23 @@ class _Sweep:
             kernels.raise_steps(
                 plane, self._ground.pairs, met.jumps, gaps, *footprint.direction, strides, steps
             )
-            found.append(self._phased(steps))
+            found.append(self._to_phases(steps))
         return found
 
     def step_ahead(
         self, footprint: HeadingFootprint, steps: list[NDArray[np.float32]]
     ) -> NDArray[np.float32]:
-        """The highest step ahead of the wheels, m."""
+        """The highest step ahead of the wheels, (height, width) float32, m."""
         most = np.zeros(self._shape, np.float32)
         for tread, plane in zip(footprint.treads, steps, strict=False):
             out = self._empty()
-            kernels.highest(plane, self.first, self.placed(tread.lane), out)
+            kernels.highest(plane, self.first, self.phases_of(tread.lane), out)
             np.maximum(most, out, out=most)
         return most
 
 
 def _inverse_moments(places: NDArray[np.float32]) -> NDArray[np.float32]:
-    """The inverse of the second moments of places about the middle: xx, xy, yy; 0 for a line."""
+    """Inverse of the second moments of places about the middle, 1/m²: xx, xy, yy; 0 for a line."""
     moments = places.astype(np.float64).T @ places
     inverted = np.linalg.pinv if np.linalg.matrix_rank(moments) < 2 else np.linalg.inv
     return np.asarray(inverted(moments)[[0, 0, 1], [0, 1, 1]], np.float32)

@@ -1,4 +1,4 @@
-"""A survey that is made tile by tile as it is asked for, each tile once."""
+"""A survey that is computed tile by tile on demand, each tile once."""
 
 from __future__ import annotations
 
@@ -25,8 +25,10 @@ _PLANES = {
     "utilisation": kernels.UTILISATION, "pitch": kernels.PITCH, "roll": kernels.ROLL,
     "sinkage": kernels.SINKAGE, "slip": kernels.SLIP, "energy": kernels.ENERGY,
 }  # fmt: skip
+"""Planes of `WindowMeasures.numbers` by the attribute of `Survey` that holds them."""
 
 Take = Callable[[Window, WindowMeasures], object]
+"""A function that is called with a window and its measures."""
 
 
 def survey(
@@ -37,15 +39,15 @@ def survey(
     *,
     threads: int | None = None,
 ) -> Survey:
-    """A vehicle at the pixel centres of a grid.
+    """Survey a vehicle at all pixel centres of a grid.
 
-    Memory is that of the result (26 bytes for each pixel and heading) and of ground under windows.
+    Memory is that of the result, 26 bytes for each pixel and heading, and of the windows at work.
 
     Args:
         terrain: the ground.
         vehicle: a vehicle, or a wheel by itself.
-        grid: the pixels.
-        headings: a multiple of 4 from 4 to 64.
+        grid: pixels of the survey.
+        headings: number of headings, a multiple of 4 from 4 to 64.
         threads: number of threads; as many as there are processors if None.
 
     Raises:
@@ -56,24 +58,24 @@ def survey(
 
 
 def survey_window(surveyor: Surveyor, window: Window) -> Survey:
-    """As `survey`, of a window of a surveyor's grid alone."""
+    """Survey a window of a surveyor's grid; its own grid is the window's."""
     whole, side = surveyor.grid, surveyor.grid.resolution
     grid = Grid(
         whole.west + window.column * side,
         whole.south + (whole.height - window.row - window.height) * side,
         side, window.height, window.width,
     )  # fmt: skip
-    found = _blank(surveyor, grid)
+    found = _empty_survey(surveyor, grid)
     for inner in surveyor.windows(window):
         local = Window(
             inner.row - window.row, inner.column - window.column, inner.height, inner.width
         )
-        _put(found, part_of(local), surveyor.measure(inner, sampled=False))
+        _store(found, part_of(local), surveyor.measure(inner, sampled=False))
     return found
 
 
-def _blank(surveyor: Surveyor, grid: Grid) -> Survey:
-    """A survey of nothing; memory that is 0 is not taken until it is written to."""
+def _empty_survey(surveyor: Surveyor, grid: Grid) -> Survey:
+    """A survey of zeros; the system takes no memory for zeros before they are overwritten."""
     flat = (grid.height, grid.width)
     deep = (surveyor.headings, *flat)
     return Survey(
@@ -86,8 +88,8 @@ def _blank(surveyor: Surveyor, grid: Grid) -> Survey:
     )
 
 
-def _put(survey: Survey, part: Any, found: WindowMeasures) -> None:
-    """Put what was found out about a window into a survey."""
+def _store(survey: Survey, part: Any, found: WindowMeasures) -> None:
+    """Store the measures of a window in a part of a survey."""
     survey.heights[part], survey.surfaces[part] = found.heights, found.surfaces
     survey.verdict[:, *part], survey.reason[:, *part] = found.verdict, found.reason
     for name, plane in _PLANES.items():
@@ -95,21 +97,20 @@ def _put(survey: Survey, part: Any, found: WindowMeasures) -> None:
 
 
 class SurveyTiles:
-    """A survey of which only what was asked for is known; its other cells mean nothing.
+    """A survey of which only tiles on demand are computed; cells of other tiles mean nothing.
 
-    Memory is that of the survey, 26 bytes for each cell and heading, where tiles are known.
+    Memory is 26 bytes for each cell and heading of computed tiles.
 
     Attributes:
-        survey: all of it.
-        known: (rows, columns) bool, tiles that were made.
-        side: of a tile, in cells.
-        progress: is called with the number of cells of each window that is made.
+        survey: the whole survey.
+        known: (rows, columns) bool, tiles that are computed.
+        side: side of a tile, cells.
+        progress: called with the number of cells of each window that is computed; None for none.
 
     Args:
-        surveyor: of a vehicle on a terrain, on the cells of the survey.
+        surveyor: surveyor of a vehicle on a terrain, on the cells of the survey.
         threads: number of threads; as many as there are processors if None.
-        take: is called, by several threads, with each window that is made and all that was found
-            out about it.
+        take: called, by several threads, with each window that is computed and its measures.
     """
 
     def __init__(
@@ -121,11 +122,11 @@ class SurveyTiles:
         self.side = TILE
         self.progress: Callable[[int], object] | None = None
         self.known = np.zeros((-(-grid.height // TILE), -(-grid.width // TILE)), np.bool_)
-        self.survey = _blank(surveyor, grid)
+        self.survey = _empty_survey(surveyor, grid)
 
     @classmethod
     def of(cls, survey: Survey | SurveyTiles) -> SurveyTiles:
-        """Of a survey that is all known."""
+        """Wrap a survey that is known as a whole; tiles are returned as they are."""
         if isinstance(survey, SurveyTiles):
             return survey
         tiles = cls.__new__(cls)
@@ -142,10 +143,11 @@ class SurveyTiles:
         return self._window(row, column, 1)
 
     def tile_of(self, cell: tuple[int, int]) -> Window:
-        """The cells of the tile that holds one."""
+        """The cells of the tile that holds a cell, given by row and column."""
         return self._window(cell[0] // self.side, cell[1] // self.side, 1)
 
     def _window(self, row: int, column: int, count: int) -> Window:
+        """The cells of `count` tiles side by side, from the tile in a row and column."""
         grid = self.survey.grid
         top, left = row * self.side, column * self.side
         return Window(
@@ -154,14 +156,15 @@ class SurveyTiles:
         )  # fmt: skip
 
     def make(self, tile: int, goal: tuple[int, int]) -> list[int]:
-        """Make a tile, and as many of those beside it as there are other threads.
+        """Compute a tile, and with other threads those beside it that are nearer to a cell `goal`.
 
-        These are the ones that lie nearer to the cell `goal`. The tiles that were made.
+        Returns:
+            Indices of the tiles that were computed.
         """
         height, width = self.known.shape
         row, column = divmod(tile, width)
 
-        def far(at: tuple[int, int]) -> float:
+        def distance(at: tuple[int, int]) -> float:
             return float(
                 np.hypot(
                     (at[0] + 0.5) * self.side - goal[0] - 0.5,
@@ -173,14 +176,14 @@ class SurveyTiles:
             (r, c)
             for r in range(max(row - 1, 0), min(row + 2, height))
             for c in range(max(column - 1, 0), min(column + 2, width))
-            if not self.known[r, c] and far((r, c)) < far((row, column))
+            if not self.known[r, c] and distance((r, c)) < distance((row, column))
         ]
-        wanted = [(row, column), *sorted(beside, key=far)[: self._threads - 1]]
+        wanted = [(row, column), *sorted(beside, key=distance)[: self._threads - 1]]
         self._make([self._window(r, c, 1) for r, c in wanted])
         return [r * width + c for r, c in wanted]
 
     def complete(self, rows: ArrayLike = (), columns: ArrayLike = ()) -> Survey:
-        """Make what is not yet known of the tiles that hold cells; of all, where none are given."""
+        """Compute the tiles that hold cells, if not yet known; all tiles if no cells are given."""
         held = np.zeros_like(self.known)
         tiles = (np.asarray(cells, np.int64) // self.side for cells in (rows, columns))
         held[tuple(tiles)] = True
@@ -189,21 +192,21 @@ class SurveyTiles:
 
     @property
     def samples(self) -> SoilSamples | None:
-        """Of the soils; None where these are not sampled."""
+        """Samples of the soils; None where soils are not sampled."""
         return None if self._surveyor is None else self._surveyor.samples
 
-    def going(
+    def samples_passing(
         self, headings: NDArray[np.int64], rows: NDArray[np.int64], columns: NDArray[np.int64]
     ) -> NDArray[np.uint64] | None:
-        """On which samples of the soils the vehicle is go, as bits; None where none are sampled.
+        """Samples of the soils on which the vehicle is go at cells; None where none are sampled.
 
         Args:
-            headings: (n,) of the survey.
-            rows: (n,) of its cells.
-            columns: likewise.
+            headings: (n,) indices of headings of the survey.
+            rows: (n,) rows of cells.
+            columns: (n,) columns of cells.
 
         Returns:
-            (n, words).
+            (n, words) uint64, one bit for each sample.
         """
         if self.samples is None:
             return None
@@ -217,13 +220,13 @@ class SurveyTiles:
                 top, left, int(rows[at].max()) + 1 - top, int(columns[at].max()) + 1 - left
             )
             wanted, places = np.unique(headings[at], return_inverse=True)
-            found = self._surveyor.going(window, wanted.tolist())
+            found = self._surveyor.samples_passing(window, wanted.tolist())
             assert found is not None
             out[at] = found[places, rows[at] - top, columns[at] - left]
         return out
 
     def _runs(self, wanted: NDArray[np.bool_]) -> Iterator[Window]:
-        """Windows over tiles that lie side by side; one of all where all are wanted."""
+        """Windows over wanted tiles that lie side by side; one of all where all are wanted."""
         if wanted.all():
             yield self.survey.grid.whole
             return
@@ -233,11 +236,12 @@ class SurveyTiles:
                 yield self._window(row, first, end - first)
 
     def _make(self, wanted: list[Window]) -> None:
+        """Compute windows of whole tiles, and mark these as known."""
         if not wanted:
             return
         assert self._surveyor is not None
         windows = [inner for window in wanted for inner in self._surveyor.windows(window)]
-        for window in prefetch(self._measured, windows, self._threads):
+        for window in prefetch(self._measure, windows, self._threads):
             if self.progress:
                 self.progress(window.height * window.width)
         for window in wanted:
@@ -245,18 +249,18 @@ class SurveyTiles:
             rows, columns = -(-window.height // self.side), -(-window.width // self.side)
             self.known[row : row + rows, column : column + columns] = True
 
-    def _measured(self, window: Window) -> Window:
-        """Make a window; windows do not overlap, so that threads do not meet."""
+    def _measure(self, window: Window) -> Window:
+        """Measure a window and store it; windows do not overlap, so threads do not collide."""
         assert self._surveyor is not None
         found = self._surveyor.measure(window, sampled=self._take is not None)
-        _put(self.survey, part_of(window), found)
+        _store(self.survey, part_of(window), found)
         if self._take is not None:
             self._take(window, found)
         return window
 
 
 def part_of(window: Window) -> Any:
-    """The rows and columns of a window, as an index."""
+    """The rows and columns of a window, as an index of arrays."""
     return np.s_[
         window.row : window.row + window.height, window.column : window.column + window.width
     ]

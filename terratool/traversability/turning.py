@@ -1,4 +1,4 @@
-"""Turning on the spot: what resists it, what it takes, and whether the motors can."""
+"""Turning on the spot: its resistance, its work, and whether the motors suffice."""
 
 from __future__ import annotations
 
@@ -17,14 +17,16 @@ from terratool.traversability.wheel import towed_resistance, under_wheels
 class Turning:
     """Turning on the spot by a radian, on level ground.
 
+    Where the vehicle cannot turn, figures are the largest that are reached.
+
     Attributes:
-        resistance: moment that resists, N m: of what skids sideways, and of what rolls.
-        skidding: the part of it of what skids.
-        work: of the wheels, J; more than `resistance` by what their treads slip.
-        run: m that the outermost treads run.
-        slip: of these.
-        torque: the largest of a wheel, N m.
-        reason: what forbids it; NONE where it can be done. Then the rest is as far as it gets.
+        resistance: moment that resists, N m, of skidding and rolling.
+        skidding: moment of skidding alone, N m.
+        work: work of the wheels, J; more than `resistance` by the slip of their treads.
+        run: length that the outermost treads run, m.
+        slip: slip of the outermost treads.
+        torque: largest torque of a wheel, N m.
+        reason: measure that forbids turning; NONE where the vehicle can turn.
     """
 
     resistance: float = 0.0
@@ -42,11 +44,11 @@ class Turning:
 
 
 def turn_on_spot(vehicle: Vehicle, soil: Soil) -> Turning:
-    """What it takes a vehicle to turn on the spot, on level ground of one soil.
+    """Turn a vehicle on the spot, on level ground of one soil.
 
     A vehicle that skids: the treads of its left and right wheels run against each other at one
-    speed. What holds a wheel, S = c b l + W tan φ, acts against the direction in which its contact
-    slides, and its share A is mobilised by how far it slides, x = (sliding/tread speed) l/K. With
+    speed. The grip of a wheel, S = c b l + W tan φ, acts against the direction in which its contact
+    slides, and its share A is mobilised by the sliding x = (sliding/tread speed) l/K. With
     a push F and a force H sideways, F² + H² = (A S)²: one circle of friction. The slip of the
     treads is the least with which Σ F y = Σ H |x − c| + Σ R y, c the place where Σ H is in balance.
     A motor that is too weak lets its wheel push less. On rigid ground with two axles and equal
@@ -55,7 +57,7 @@ def turn_on_spot(vehicle: Vehicle, soil: Soil) -> Turning:
     Wheels that are turned into their ways only roll: Σ R √(x² + y²) about the middle.
 
     Returns:
-        All of it; a wheel by itself turns without resistance.
+        The turning by a radian; a wheel by itself turns without resistance.
     """
     if vehicle.is_single:
         return Turning()

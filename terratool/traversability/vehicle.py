@@ -1,4 +1,4 @@
-"""Vehicles and soils as frozen values in SI units, and how files become vehicles."""
+"""Vehicles and soils as frozen values in SI units, and vehicles read from files."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from terratool.errors import DefinitionError
 from terratool.text.source import read_source
 
 _PLAIN = ("mass", "clearance", "body_width", "steering", "speed", "power")
+"""Keys of a vehicle's text that are attributes of `Vehicle` in the same units."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,12 +24,13 @@ class Soil:
     """The soil of a surface; numbers, or arrays that broadcast together.
 
     Attributes:
-        cohesion: c, Pa, 0 or more.
-        friction: φ, rad, 0 or more and below π/2.
-        sinkage: k, m/N, 0 or more; 0 is rigid ground. z = k·W.
+        cohesion: cohesion c, Pa, 0 or more.
+        friction: friction angle φ, rad, 0 or more and below π/2.
+        sinkage: sinkage per load k, m/N, 0 or more; 0 is rigid ground. z = k·W.
         shear_modulus: K of Janosi and Hanamoto, m, above 0; 0 where it is not known, and then all
             of the shear strength is mobilised whatever the slip.
-        factors: of k for each wheel of a vehicle, in the order of its layout; all are 1 if None.
+        factors: factors of k for each wheel of a vehicle, in the order of its layout; all are 1 if
+            None.
     """
 
     cohesion: Any
@@ -39,22 +41,22 @@ class Soil:
 
     @classmethod
     def of(cls, cohesion: Any, friction: Any, sinkage: Any, shear_modulus: Any = 0.0) -> Soil:
-        """From the units of a definition: kPa, degrees, m/kN, m."""
+        """Convert figures in the units of a definition: kPa, degrees, m/kN, m."""
         return cls(cohesion * 1e3, friction * (math.pi / 180.0), sinkage * 1e-3, shear_modulus)
 
 
 MODELS = ("slip", "paper")
-"""Of wheel and soil; kernels/traversability/terramechanics.hpp says what they are."""
+"""Models of wheel and soil; kernels/traversability/terramechanics.hpp explains them."""
 FLAT = 0.4
-"""The least shear length of a wheel, in radii: a rim that gives by 2 % of its radius is as flat. An
-assumption; docs/validation.md has what others would do."""
+"""Least shear length of a wheel, in radii: the flat of a rim that gives by 2 % of its radius. An
+assumption; docs/validation.md compares other values."""
 EXIT_RATIO = 0.45
-"""−θ2/θ1 where nothing is said: between 0 and 0.95, which are in print; docs/validation.md."""
+"""Default of −θ2/θ1, between the published 0 and 0.95; docs/validation.md compares others."""
 LUGS = 0.1
-"""The height of a lugged wheel's lugs where it is not said, in radii: 25 mm on 0.25 m, as on the
-wheel of NASA's MGRU3."""
+"""Default height of a lugged wheel's lugs, in radii: 25 mm on 0.25 m, as on the wheel of NASA's
+MGRU3."""
 CARCASS = 20e3
-"""What a tyre's carcass adds to its pressure where it is not said, Pa: an assumption."""
+"""Default pressure that a tyre's carcass adds to that of its air, Pa: an assumption."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,16 +64,15 @@ class Wheel:
     """A wheel: a rigid rim, with or without lugs, or a tyre.
 
     Attributes:
-        radius: r, m, without lugs.
-        width: b, m.
-        max_torque: that its motor gives, N m; infinity where it is not limited.
-        max_slip: beyond which it is not to be driven, above 0 and up to 1.
-        grouser_height: of its lugs, m; 0 for a smooth rim.
-        contact_length: of the flat patch on which it stands on hard ground, at least, m; 0 where
-            it is not known.
-        patch_pressure: mean pressure on hard ground, Pa: that in a tyre and what its carcass adds;
+        radius: radius r, m, without lugs.
+        width: width b, m.
+        max_torque: largest torque of its motor, N m; infinity where it is not limited.
+        max_slip: largest slip at which it may be driven, above 0 and up to 1.
+        grouser_height: height of its lugs, m; 0 for a smooth rim.
+        contact_length: least length of its flat patch on hard ground, m; 0 where it is not known.
+        patch_pressure: mean pressure on hard ground, Pa: a tyre's pressure and that of its carcass;
             infinity for a rigid rim, or where it is not known.
-        exit_ratio: a: it leaves the soil at θ2 = −a θ1, from 0 to below 1.
+        exit_ratio: a of θ2 = −a θ1, the angle at which it leaves the soil; from 0 to below 1.
         slips: whether slip counts: the model `slip`, else `paper`.
     """
 
@@ -87,7 +88,7 @@ class Wheel:
 
     @property
     def shear_length(self) -> float:
-        """The length along which it shears the ground under no load, m.
+        """Length along which the wheel shears the ground under no load, m.
 
         The largest of the patch, of the chord that the tips of lugs reach through level ground
         under the rim, 2 √((r + h)² − r²), and of 0.4 r.
@@ -98,13 +99,13 @@ class Wheel:
 
 @dataclass(frozen=True, slots=True)
 class Axle:
-    """Wheels side by side.
+    """An axle: wheels side by side.
 
     Attributes:
-        x: m ahead of the centre of gravity.
-        wheels: their number.
-        driven: whether they are.
-        wheel: each of its wheels; that of the vehicle if None.
+        x: distance ahead of the centre of gravity, m.
+        wheels: number of wheels.
+        driven: whether its wheels are driven.
+        wheel: each of its wheels; the vehicle's `wheel` if None.
     """
 
     x: float
@@ -115,11 +116,11 @@ class Axle:
 
 @dataclass(frozen=True, slots=True)
 class Overhang:
-    """What of the body lies beyond the outermost axle at one end.
+    """The part of the body beyond the outermost axle at one end.
 
     Attributes:
-        length: m from the middle of the axle's wheels to the end of the body; 0 for none.
-        height: of the body's end over level ground, m; infinity where nothing can touch.
+        length: distance from the axle to the end of the body, m; 0 for no overhang.
+        height: height of the body's end over level ground, m; infinity where nothing can touch.
     """
 
     length: float = 0.0
@@ -128,13 +129,13 @@ class Overhang:
 
 @dataclass(frozen=True, slots=True)
 class Margins:
-    """What is kept in reserve; taken off each limit before anything is compared with it.
+    """Margins of safety, taken off each limit before anything is compared with it.
 
     Attributes:
-        clearance: under the body, m.
-        step: of a step's height, m.
-        tip: of the angle at which it tips over, rad.
-        slope: of the climb and the cross-slope, rad.
+        clearance: margin under the body, m.
+        step: margin of a step's height, m.
+        tip: margin of the tip-over angle, rad.
+        slope: margin of the climb and of the cross-slope, rad.
     """
 
     clearance: float = 0.0
@@ -145,15 +146,15 @@ class Margins:
 
 @dataclass(frozen=True, slots=True)
 class Thresholds:
-    """Where go ends and caution ends.
+    """The largest figures that are go, and that are caution.
 
     Attributes:
-        utilisation: of the soil's strength U, up to which it is go; caution up to 1.
-        slip: s up to which it is go.
-        caution_slip: s up to which it is caution.
-        torque: share of the largest torque up to which it is go; caution up to 1.
-        geometry: share of a limit of shape (step, clearance, tip-over, cross-slope, breakover,
-            approach) up to which it is go; caution up to 1.
+        utilisation: largest share U of the soil's strength that is go; caution up to 1.
+        slip: largest slip s that is go.
+        caution_slip: largest slip s that is caution.
+        torque: largest share of the motor's torque that is go; caution up to 1.
+        geometry: largest share of a limit of shape (step, clearance, tip-over, cross-slope,
+            breakover, approach) that is go; caution up to 1.
     """
 
     utilisation: float = 0.7
@@ -165,26 +166,28 @@ class Thresholds:
 
 @dataclass(frozen=True, slots=True)
 class Vehicle:
-    """A vehicle, or a wheel by itself, with the loads that it bears.
+    """A vehicle, or a wheel by itself, in SI units.
 
     Attributes:
-        wheel: each of its wheels but for those of axles that have others.
-        axles: from the front to the rear.
-        mass: kg.
-        gravity: m/s².
-        track_width: m between the middles of left and right wheels; 0 for a wheel by itself.
-        cog_height: of the centre of gravity over level ground, m; 0 for a wheel by itself.
-        clearance: of the body between the outermost axles over level ground, m; infinity for none.
-        body_width: of the body, m; 0 for none. Wheels may stand out of it or under it.
+        wheel: each wheel of axles that have no wheels of their own.
+        axles: axles from the front to the rear.
+        mass: mass with all loads, kg.
+        gravity: acceleration of gravity, m/s².
+        track_width: distance between the middles of left and right wheels, m; 0 for a wheel by
+            itself.
+        cog_height: height of the centre of gravity over level ground, m; 0 for a wheel by itself.
+        clearance: height of the body between the outermost axles over level ground, m; infinity
+            for no body.
+        body_width: width of the body, m; 0 for none. Wheels may stand out of it or under it.
         front: overhang at the front.
         rear: overhang at the rear.
-        steering: how it turns on the spot: "skid", its wheels slide sideways, or "wheels", they
-            are turned into their ways, or swivel.
-        speed: of the wheels' treads, m/s.
-        power: that is drawn whether it drives or not, W.
-        margins: what is kept in reserve.
-        thresholds: of go and caution.
-        name: for reports.
+        steering: way of turning on the spot: "skid" slides the wheels sideways, "wheels" turns or
+            swivels each into its path.
+        speed: speed of the wheels' treads, m/s.
+        power: power that is drawn whether the vehicle drives or not, W.
+        margins: margins taken off its limits.
+        thresholds: thresholds of go and caution.
+        name: name for reports; may be empty.
     """
 
     wheel: Wheel
@@ -215,21 +218,21 @@ class Vehicle:
 
     @property
     def all_wheels(self) -> tuple[Wheel, ...]:
-        """Its wheels one by one: axles from the front, on each from left to right."""
+        """All wheels one by one: axles from the front, on each from left to right."""
         return tuple(self.wheel_of(axle) for axle in self.axles for _ in range(axle.wheels))
 
     @property
     def smallest_radius(self) -> float:
-        """Of its wheels, m."""
+        """Smallest radius of all wheels, m."""
         return min(wheel.radius for wheel in self.all_wheels)
 
     @property
     def model(self) -> str:
-        """The model of wheel and soil that it is computed with, one of `MODELS`."""
+        """Model of wheel and soil that the vehicle is computed with, one of `MODELS`."""
         return MODELS[0] if self.wheel.slips else MODELS[1]
 
     def by_model(self, model: str) -> Vehicle:
-        """The same vehicle, computed with one of `MODELS`."""
+        """Return a copy of the vehicle that is computed with one of `MODELS`."""
         slips = model == MODELS[0]
         axles = (
             replace(axle, wheel=replace(axle.wheel, slips=slips)) if axle.wheel else axle
@@ -239,7 +242,7 @@ class Vehicle:
 
     @property
     def is_single(self) -> bool:
-        """Whether it is a wheel by itself: no body, no slope that tips it over."""
+        """Whether the vehicle is a wheel by itself, without a body and without tip-over."""
         return len(self.axles) == 1 and self.axles[0].wheels == 1
 
     @property
@@ -254,17 +257,17 @@ class Vehicle:
 
     @property
     def wheelbase(self) -> float:
-        """From the foremost to the rearmost axle, m; 0 for one axle."""
+        """Distance from the foremost to the rearmost axle, m; 0 for one axle."""
         return self.axles[0].x - self.axles[-1].x
 
     @property
     def middle(self) -> float:
-        """Of the wheelbase, m ahead of the centre of gravity: the vehicle's reference point."""
+        """Middle of the wheelbase, the reference point, m ahead of the centre of gravity."""
         return 0.5 * (self.axles[0].x + self.axles[-1].x)
 
     @property
     def rectangle(self) -> tuple[float, float, float]:
-        """What it covers seen from above: m ahead of, behind and to each side of `middle`."""
+        """Extent seen from above, m: ahead of, behind and to each side of `middle`."""
         half, middle = 0.5 * self.wheelbase, self.middle
         placed = [(axle, self.wheel_of(axle)) for axle in self.axles]
         track = self.track_width
@@ -276,7 +279,7 @@ class Vehicle:
 
     @property
     def area(self) -> float:
-        """Of its rectangle, m²."""
+        """Area of the vehicle's rectangle seen from above, m²."""
         front, rear, side = self.rectangle
         return (front + rear) * 2.0 * side
 
@@ -286,7 +289,7 @@ def load_vehicle(path: str | Path) -> Vehicle:
 
     Raises:
         ReadError: the file cannot be read.
-        DefinitionError: it has errors, or is a terrain; errors are in `findings`.
+        DefinitionError: the file has errors, listed in `findings`, or is a terrain.
     """
     source = read_source(path)
     checked = check(source, CheckOptions(warnings=False), kind="vehicle")
@@ -302,20 +305,20 @@ def load_vehicle(path: str | Path) -> Vehicle:
 
 
 def name_of(path: str | Path) -> str:
-    """What the vehicle of a file is called."""
+    """Name of a vehicle: its file's, without folder and endings."""
     return Path(path).name.removesuffix(".gz").removesuffix(".json")
 
 
 def vehicle_of(text: VehicleText, name: str = "") -> Vehicle:
-    """What the text of a vehicle without errors means; `name` is for reports."""
+    """Convert a vehicle's text without errors to SI units; `name` is for reports."""
     common = wheel_of(text.wheels)
     placed = [
         Axle(axle.x - text.cog_x, axle.count, axle.is_driven, _own_wheel(text, axle, common))
         for axle in text.all_axles
         if axle.x is not UNSET
     ]
-    given = _given(text)
-    overhangs, margins = _given(text.overhang), _given(text.margins)
+    given = _set_members(text)
+    overhangs, margins = _set_members(text.overhang), _set_members(text.margins)
     for angle in margins.keys() & {"tip", "slope"}:
         margins[angle] = math.radians(margins[angle])
     return Vehicle(
@@ -324,19 +327,19 @@ def vehicle_of(text: VehicleText, name: str = "") -> Vehicle:
         axles=tuple(sorted(placed, key=lambda axle: -axle.x)),
         gravity=text.acceleration,
         track_width=given["track"],
-        cog_height=_given(text.cog)["height"],
+        cog_height=_set_members(text.cog)["height"],
         front=_overhang(overhangs, "front", given["clearance"]),
         rear=_overhang(overhangs, "rear", given["clearance"]),
         margins=Margins(**margins),
-        thresholds=Thresholds(**_given(text.classes)),
+        thresholds=Thresholds(**_set_members(text.classes)),
         name=name,
         **{key: given[key] for key in _PLAIN if key in given},
     )
 
 
 def wheel_of(text: WheelsText) -> Wheel:
-    """What the text of a wheel without errors means."""
-    given = _given(text)
+    """Convert a wheel's text without errors to SI units."""
+    given = _set_members(text)
     lugs, pressure = 0.0, math.inf
     if text.known_kind == "lugged":
         lugs = LUGS * given["radius"]
@@ -356,19 +359,19 @@ def wheel_of(text: WheelsText) -> Wheel:
 
 
 def _own_wheel(text: VehicleText, axle: AxleText, common: Wheel) -> Wheel | None:
-    """The wheel of an axle if it is another than the common one."""
+    """The wheel of an axle that has wheels of its own; None for the vehicle's common wheel."""
     own = wheel_of(text.wheels_of(axle))
     return None if own == common else own
 
 
-def _given(text: Struct) -> dict[str, Any]:
-    """What stands in the text, by the names of the model; what is absent has its default later."""
+def _set_members(text: Struct) -> dict[str, Any]:
+    """Members of a text that are set, by name of attribute; absent ones are left out."""
     members = structs.asdict(text).items()
     return {name: value for name, value in members if value is not UNSET}
 
 
 def _overhang(given: dict[str, float], end: str, clearance: float) -> Overhang:
-    """The end of the body is as high as the rest of it unless it is said to be elsewhere."""
+    """The overhang at an end, "front" or "rear"; as high as `clearance` unless the text says so."""
     if end not in given:
         return Overhang()
     return Overhang(given[end], given.get(f"{end}_height", clearance))

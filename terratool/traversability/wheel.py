@@ -1,4 +1,4 @@
-"""A wheel on soil: contact, stresses, traction, and what it needs to push.
+"""A wheel on soil: contact, stresses, traction, and the demand of a push.
 
 All functions take numbers, or arrays that broadcast together.
 """
@@ -17,20 +17,20 @@ from terratool.kernels import traversability as kernels
 from terratool.traversability.vehicle import Soil, Wheel
 
 LARGEST = 1e30
-"""No size, load or property of a soil may be larger, no size or mass smaller than 1/LARGEST."""
+"""Largest size, load or figure of a soil; 1/LARGEST is the smallest size or mass."""
 STEEP_FRICTION = math.radians(50.0)
-"""Friction angles above it are unusual."""
+"""Friction angle above which a soil is unusual, rad."""
 _SLIPS = 64
-"""Among so many slips the best is looked for, twice."""
+"""Number of slips among which the best is searched, in each of two rounds."""
 DEEP = 0.15
-"""z/D up to which the model is accurate."""
+"""Largest z/D for which the model is accurate."""
 
 Numbers = NDArray[np.float64] | np.float64
-"""An array, or a NumPy number where all that went in were numbers."""
+"""An array, or a NumPy number where all arguments are numbers."""
 
 
 class SoilArrays(NamedTuple):
-    """Members of a `Soil`, flat; the cohesion is NaN where a soil is not known."""
+    """Figures of soils, (n,) float64 each, in the units of `Soil`; cohesion NaN is unknown soil."""
 
     cohesion: NDArray[np.float64]
     tan_friction: NDArray[np.float64]
@@ -38,28 +38,28 @@ class SoilArrays(NamedTuple):
     shear_modulus: NDArray[np.float64]
 
 
-def flat(*values: Any) -> tuple[tuple[int, ...], list[NDArray[np.float64]]]:
-    """The common shape of values, and each of them broadcast to it and laid flat, float64.
+def flatten(*values: Any) -> tuple[tuple[int, ...], list[NDArray[np.float64]]]:
+    """Broadcast values together: their common shape, and each value as (n,) float64.
 
     Raises:
-        ValueError: they do not broadcast together.
+        ValueError: the shapes do not broadcast together.
     """
     arrays = np.broadcast_arrays(*(np.asarray(value, np.float64) for value in values))
     return arrays[0].shape, [np.ascontiguousarray(array).reshape(-1) for array in arrays]
 
 
-def flat_soils(
+def flatten_soils(
     soil: Soil, *values: Any
 ) -> tuple[tuple[int, ...], SoilArrays, list[NDArray[np.float64]]]:
-    """As `flat`: the common shape, the soils, and the other values."""
-    shape, (cohesion, friction, sinkage, modulus, *others) = flat(
+    """Broadcast a soil and values together, as `flatten`: shape, soils, and the values."""
+    shape, (cohesion, friction, sinkage, modulus, *others) = flatten(
         soil.cohesion, soil.friction, soil.sinkage, soil.shear_modulus, *values
     )
     return shape, SoilArrays(cohesion, np.tan(friction), sinkage, modulus), others
 
 
 def under_wheels(soil: Soil) -> SoilArrays:
-    """A soil of numbers, by itself, or under each wheel of a vehicle."""
+    """A soil of numbers as arrays of one, or of one for each wheel if it has factors."""
     numbers = soil.cohesion, math.tan(soil.friction), soil.sinkage, soil.shear_modulus
     columns = np.array(numbers, np.float64)[:, None]
     if soil.factors is not None:
@@ -68,29 +68,29 @@ def under_wheels(soil: Soil) -> SoilArrays:
     return SoilArrays(*columns)
 
 
-def shaped(column: NDArray[np.float64], shape: tuple[int, ...]) -> Numbers:
-    """A flat column in its shape again; a number if there is but one."""
+def reshape(column: NDArray[np.float64], shape: tuple[int, ...]) -> Numbers:
+    """Give a flat array its shape again; a number for the shape of a number."""
     return np.ascontiguousarray(column).reshape(shape)[()]
 
 
-def members(records: NDArray[Any], shape: tuple[int, ...]) -> dict[str, Any]:
-    """The members of flat records by their names, each as `shaped`."""
-    return {name: shaped(records[name], shape) for name in records.dtype.names or ()}
+def reshape_members(records: NDArray[Any], shape: tuple[int, ...]) -> dict[str, Any]:
+    """Fields of flat records by name, each in its shape again."""
+    return {name: reshape(records[name], shape) for name in records.dtype.names or ()}
 
 
 @dataclass(frozen=True, slots=True)
 class Contact:
-    """Where a wheel touches the soil, in the shape that loads and soils broadcast to.
+    """The contact of a wheel with the soil, in the shape that loads and soils broadcast to.
 
     Attributes:
-        sinkage: z, m.
-        entry_angle: θ1, rad, from the downward vertical at which the wheel enters the soil.
-        effective_area: Q, m².
-        length: r sin θ1, of the ground that it touches ahead of its axle, m.
-        area: length times b, m²; 0 where there is none.
-        pressure: mean, W/area, Pa; 0 where there is no area.
-        shear_length: l, along which the ground is sheared, m.
-        shear_area: on which cohesion acts, m².
+        sinkage: sinkage z, m.
+        entry_angle: angle θ1 at which the wheel enters the soil, rad, from the downward vertical.
+        effective_area: Q, area on which the mean stresses act, m².
+        length: r sin θ1, length of the contact ahead of the axle, m.
+        area: length times b, m²; 0 on rigid ground.
+        pressure: mean pressure W/area, Pa; 0 where there is no area.
+        shear_length: l, length along which the ground is sheared, m.
+        shear_area: area on which cohesion acts, m².
     """
 
     sinkage: Numbers
@@ -109,14 +109,14 @@ class Traction:
 
     Attributes:
         mobilised: A, share of the strength that the slip mobilises.
-        normal_stress: σm, Pa; 0 on rigid ground, where there is none.
-        shear_stress: τm, Pa; likewise.
+        normal_stress: peak normal stress σm, Pa; 0 on rigid ground.
+        shear_stress: peak shear stress τm, Pa; 0 on rigid ground.
         thrust: forward part of the shear stress, N.
         resistance: backward part of the normal stress, N.
         drawbar: DP, thrust less resistance, N.
-        torque: N m.
-        sinkage: as it slips, m.
-        motor: whether the motor limits it, not the soil.
+        torque: torque of the wheel, N m.
+        sinkage: sinkage at the slip, m.
+        motor: whether the motor limits the thrust, not the soil.
     """
 
     mobilised: Numbers
@@ -132,15 +132,15 @@ class Traction:
 
 @dataclass(frozen=True, slots=True)
 class Demand:
-    """What a wheel needs, in the shape that loads, soils and pulls broadcast to.
+    """The demand of a wheel, in the shape that loads, soils and pulls broadcast to.
 
     Attributes:
-        torque: N m; below 0 where it is held back.
-        utilisation: U, the share of the soil's strength that is used: 1 and more is immobile,
+        torque: torque, N m; below 0 where the wheel is held back.
+        utilisation: share U of the soil's strength that is used: 1 and more is immobile,
             infinity where no strength would do.
-        slip: s; above 1 is immobile. 0 where K is not known (the rule is A = 1), on rigid ground
-            and for a wheel that is held back.
-        sinkage: m.
+        slip: slip s; above 1 is immobile. 0 where K is not known (the rule is A = 1), on rigid
+            ground and for a wheel that is held back.
+        sinkage: sinkage at that slip, m.
     """
 
     torque: Numbers
@@ -156,7 +156,7 @@ TRACTION, DEMAND = (
     )
     for kind in (Traction, Demand)
 )
-"""Arrays of these, as the kernels fill them."""
+"""Types of records of `Traction` and `Demand`, as the kernels fill them."""
 
 kernels.check_records(TRACTION, DEMAND)
 
@@ -165,61 +165,66 @@ def contact(load: Any, soil: Soil, wheel: Wheel, slip: Any = 0.0) -> Contact:
     """Sinkage and contact: cos θ1 = 1 − z/r, Q = 2 r b (1 − cos w)/w with w = (θ1 − θ2)/2.
 
     z = k W (1 + s)/(1 − s/2) (Lyasko, "Slip sinkage effect in soil–vehicle mechanics", 2010); in
-    the model `paper` z = k W. Where z is beyond r it is given as it is, but the angle not beyond
-    π/2. l = `Wheel.shear_length`, or W/(b p) of a tyre if that is more; cohesion acts on l b. In
-    the model `paper` it acts on Q.
+    the model `paper` z = k W. z may exceed r; θ1 ends at π/2. l = `Wheel.shear_length`, or W/(b p)
+    of a tyre if that is more. Cohesion acts on l b, in the model `paper` on Q.
+
+    Args:
+        load: load W, N.
+        soil: numbers or arrays.
+        wheel: a wheel.
+        slip: slip s, from 0 to 1.
     """
-    shape, (weights, rate, slips) = flat(load, soil.sinkage, slip)
+    shape, (weights, rate, slips) = flatten(load, soil.sinkage, slip)
     sinkage, entry, effective, shear, sheared = kernels.contacts(weights, rate, slips, wheel).T
     length = wheel.radius * np.sin(entry)
     area = length * wheel.width
     pressure = np.divide(weights, area, out=np.zeros_like(area), where=area > 0.0)
     return Contact(
-        sinkage=shaped(sinkage, shape),
-        entry_angle=shaped(entry, shape),
-        effective_area=shaped(effective, shape),
-        length=shaped(length, shape),
-        area=shaped(area, shape),
-        pressure=shaped(pressure, shape),
-        shear_length=shaped(shear, shape),
-        shear_area=shaped(sheared, shape),
+        sinkage=reshape(sinkage, shape),
+        entry_angle=reshape(entry, shape),
+        effective_area=reshape(effective, shape),
+        length=reshape(length, shape),
+        area=reshape(area, shape),
+        pressure=reshape(pressure, shape),
+        shear_length=reshape(shear, shape),
+        shear_area=reshape(sheared, shape),
     )
 
 
-def mobilised(shear_length: Any, shear_modulus: Any, slip: Any) -> Numbers:
+def mobilised_share(shear_length: Any, shear_modulus: Any, slip: Any) -> Numbers:
     """Share A of the strength that a slip mobilises: A = 1 − (1 − exp(−x))/x, x = s l/K.
 
     The law of Janosi and Hanamoto, "The analytical determination of drawbar pull as a function of
     slip", 1961, over a flat patch as in Wong, Theory of Ground Vehicles. A = 1 where K is 0, not
     known.
     """
-    shape, (length, modulus, slips) = flat(shear_length, shear_modulus, slip)
-    return shaped(kernels.mobilisations(length, modulus, slips), shape)
+    shape, (length, modulus, slips) = flatten(shear_length, shear_modulus, slip)
+    return reshape(kernels.mobilisations(length, modulus, slips), shape)
 
 
 def traction(load: Any, soil: Soil, wheel: Wheel, slip: Any | None = None) -> Traction:
-    """What a driven wheel can do at a slip, its `max_slip` if none is given.
+    """The traction of a driven wheel at a slip, its `max_slip` if None.
 
     The stresses act at θm = (θ1 + θ2)/2: across the rim N = (W − A C sin θm)/(cos θm + A tan φ
     sin θm) with C = c b l, along it S = A (C + N tan φ); DP = S cos θm − N sin θm, and T = S r
     w²/(2 (1 − cos w)). σm = N/Q and τm = S/Q. With θ2 = 0, A = 1 and C = c Q (the model `paper`)
-    those are the formulas of Iagnemma, Shibly and Dubowsky 2002. A motor that is too weak for T
-    gives S from its torque. N is never below 0: where cohesion alone would bear the wheel, only as
-    much of it acts as bears the load.
+    these are the formulas of Iagnemma, Shibly and Dubowsky 2002. A motor that is too weak for T
+    gives S from its torque. N is never below 0: where cohesion alone would bear the wheel, only the
+    part that bears the load acts.
 
     Returns:
-        The wheel at its limit; nothing in it is NaN.
+        The wheel at its limit; no number is NaN.
     """
-    shape, soils, (weights, slips, torque) = flat_soils(
+    shape, soils, (weights, slips, torque) = flatten_soils(
         soil, load, wheel.max_slip if slip is None else slip, wheel.max_torque
     )
     out = np.empty(len(weights), TRACTION)
     kernels.tractions(weights, soils, slips, torque, wheel, out)
-    return Traction(**members(out, shape))
+    return Traction(**reshape_members(out, shape))
 
 
 def best_traction(load: float, soil: Soil, wheel: Wheel, max_slip: float) -> Traction:
-    """What a driven wheel can do at the slip up to the largest at which it pulls most."""
+    """The traction of a driven wheel at the slip, up to `max_slip`, of its largest drawbar pull."""
     low, high = 0.0, max_slip
     for _ in range(2):
         slips = np.linspace(low, high, _SLIPS + 1)[1:]
@@ -230,18 +235,18 @@ def best_traction(load: float, soil: Soil, wheel: Wheel, max_slip: float) -> Tra
 
 
 def towed_resistance(load: Any, soil: Soil, wheel: Wheel) -> Numbers:
-    """What a wheel without torque resists, R = W tan θm, N: DP at τm = 0."""
-    shape, (weights, rate) = flat(load, soil.sinkage)
-    return shaped(kernels.towing(weights, rate, wheel), shape)
+    """Resistance of a wheel without torque, R = W tan θm, N: −DP at τm = 0."""
+    shape, (weights, rate) = flatten(load, soil.sinkage)
+    return reshape(kernels.towing(weights, rate, wheel), shape)
 
 
 def lateral_grip(load: Any, soil: Soil, wheel: Wheel) -> Numbers:
-    """What holds a wheel against a push from the side, c b l + W tan φ, N.
+    """Grip of a wheel against a push from the side, c b l + W tan φ, N.
 
     l is the shear length, or r sin θ1 in the model `paper`.
     """
-    shape, soils, (weights,) = flat_soils(replace(soil, shear_modulus=0.0), load)
-    return shaped(kernels.grips(weights, soils, wheel), shape)
+    shape, soils, (weights,) = flatten_soils(replace(soil, shear_modulus=0.0), load)
+    return reshape(kernels.grips(weights, soils, wheel), shape)
 
 
 def forces_from(
@@ -251,21 +256,21 @@ def forces_from(
 
     W = Q (σm cos θm + τm sin θm), DP = Q (τm cos θm − σm sin θm), T = ½ r² b (θ1 − θ2) τm.
     """
-    shape, (normal, shear, entry) = flat(normal_stress, shear_stress, entry_angle)
+    shape, (normal, shear, entry) = flatten(normal_stress, shear_stress, entry_angle)
     load, torque, drawbar = kernels.measured_forces(normal, shear, entry, wheel).T
-    return shaped(load, shape), shaped(torque, shape), shaped(drawbar, shape)
+    return reshape(load, shape), reshape(torque, shape), reshape(drawbar, shape)
 
 
 def stresses_from(
     load: Any, torque: Any, entry_angle: Any, wheel: Wheel
 ) -> tuple[Numbers, Numbers]:
-    """σm and τm from what is measured on a wheel, W, T and θ1, above 0: `forces_from` inverted.
+    """σm and τm from measured W, T and θ1 of a wheel, above 0: the inverse of `forces_from`.
 
     τm = 2 T/(r² b (θ1 − θ2)), σm = (W/Q − τm sin θm)/cos θm.
     """
-    shape, (weights, torques, entry) = flat(load, torque, entry_angle)
+    shape, (weights, torques, entry) = flatten(load, torque, entry_angle)
     normal, shear = kernels.measured_stresses(weights, torques, entry, wheel).T
-    return shaped(normal, shape), shaped(shear, shape)
+    return reshape(normal, shape), reshape(shear, shape)
 
 
 def identify(normal_stress: Any, shear_stress: Any, mobilised: Any = 1.0) -> tuple[float, float]:
@@ -274,14 +279,14 @@ def identify(normal_stress: Any, shear_stress: Any, mobilised: Any = 1.0) -> tup
     The rows are [A, A σm]·[c, tan φ] = τm, as in Iagnemma, Shibly and Dubowsky 2002.
 
     Args:
-        normal_stress: (n,) σm, Pa.
-        shear_stress: (n,) τm, Pa.
+        normal_stress: (n,) peak normal stresses σm, Pa.
+        shear_stress: (n,) peak shear stresses τm, Pa.
         mobilised: (n,) or one A; 1 where all of the strength acts.
 
     Raises:
         RequestError: fewer than two different normal stresses, or a number that is not finite.
     """
-    _, (normal, shear, share) = flat(normal_stress, shear_stress, mobilised)
+    _, (normal, shear, share) = flatten(normal_stress, shear_stress, mobilised)
     if not np.isfinite([normal, shear, share]).all():
         raise RequestError(
             "A measured stress is not finite.", "Leave out measurements without a value."
@@ -297,7 +302,7 @@ def identify(normal_stress: Any, shear_stress: Any, mobilised: Any = 1.0) -> tup
 
 
 def check(load: Any, soil: Soil, wheel: Wheel) -> None:
-    """Refuse what the formulas do not hold for.
+    """Refuse numbers for which the formulas do not hold.
 
     Raises:
         RequestError: a number is not finite, out of its range, or beyond 1e30 in size.
@@ -323,7 +328,7 @@ def check(load: Any, soil: Soil, wheel: Wheel) -> None:
 
 
 def remarks(load: float, soil: Soil, wheel: Wheel) -> tuple[str, ...]:
-    """Sentences on what lies beyond what the model is made for."""
+    """Sentences on figures beyond the range of the model."""
     found = []
     here = contact(load, soil, wheel)
     depth = float(here.sinkage) / (2.0 * wheel.radius)
@@ -342,25 +347,25 @@ def remarks(load: float, soil: Soil, wheel: Wheel) -> tuple[str, ...]:
 
 
 def demand(load: Any, soil: Soil, wheel: Wheel, pull: Any = 0.0) -> Demand:
-    """What a wheel under a load needs to push with a force along its heading.
+    """The demand of a wheel under a load that pushes with a force along its heading.
 
-    The least share U of the soil's strength with which DP = F, sunk in as at the slip that
-    mobilises U, and s = x K/l of that slip. A wheel that is held back (F below DP at U = 0) does
-    not slip: S = F cos θm + W sin θm and N = W cos θm − F sin θm from the equilibrium of the wheel,
+    U is the least share of the soil's strength with which DP = F, at the sinkage of the slip that
+    mobilises U, s = x K/l. A wheel that is held back (F below DP at U = 0) does not slip:
+    S = F cos θm + W sin θm and N = W cos θm − F sin θm from the equilibrium of the wheel,
     U = |S|/(C + N tan φ).
 
     The motor does not count here: compare `torque` with `wheel.max_torque`.
 
     Args:
-        load: W, N, 0 or more.
+        load: load W, N, 0 or more.
         soil: numbers or arrays.
-        wheel: its sizes.
+        wheel: a wheel, of which the sizes count.
         pull: F, N: 0 on the level; m g sin α/N on a slope; more with wheels to tow.
 
     Returns:
-        What it needs; nothing in it is NaN.
+        The demand; no number is NaN.
     """
-    shape, soils, (weights, pulls) = flat_soils(soil, load, pull)
+    shape, soils, (weights, pulls) = flatten_soils(soil, load, pull)
     out = np.empty(len(weights), DEMAND)
     kernels.demands(weights, soils, pulls, wheel, out)
-    return Demand(**members(out, shape))
+    return Demand(**reshape_members(out, shape))

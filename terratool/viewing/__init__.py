@@ -1,1 +1,1 @@
-"""What people look at: pictures, a page to turn a terrain about, and what an edit changed."""
+"""Viewing: pictures of terrains, a page to turn a terrain about, and reports on edits."""

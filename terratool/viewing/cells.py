@@ -1,4 +1,4 @@
-"""The nested cells of a terrain as lines, level by level, and what its elements are said to be."""
+"""The nested cells of a terrain as lines, level by level, and labels of its elements."""
 
 from __future__ import annotations
 
@@ -19,23 +19,25 @@ from terratool.report.wording import counted
 from terratool.text.display import printable
 
 _LEAST = 6.0
-"""Cells narrower than so many points are not drawn."""
+"""Width of a cell below which it is not drawn, points of the picture."""
 _MOST_LINES = 20_000
+"""Most lines that are drawn."""
 _MOST_LABELS = 1_000
+"""Most labels that are drawn."""
 LABEL = 6.0
-"""Size of a label's letters, in points."""
+"""Size of a label's letters, points."""
 _LETTER, _LINE = 0.62, 1.25
-"""Width of a letter and height of a line, in parts of that."""
+"""Width of a letter and height of a line, in sizes of the letters."""
 _PAD = 3.0
-"""Points between a label and the edges of its cell."""
+"""Distance between a label and the edges of its cell, points."""
 
 
 class Label(NamedTuple):
-    """What an element is said to be.
+    """A label: the description of an element.
 
     Attributes:
-        box: west, south, east, north of the text in the world, about.
-        text: in lines.
+        box: west, south, east, north of the text in world units, about.
+        text: the description, with line breaks.
     """
 
     box: Bounds
@@ -44,15 +46,15 @@ class Label(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class CellLines:
-    """Lines of cells.
+    """Lines and labels of cells.
 
     Attributes:
-        grids: for each level, from the root's, (n, 2, 2) float64 ends of the lines that divide its
-            cells, world x and y.
-        elements: for each level, from the root, closed outlines of the cells of elements, (m, 2)
-            float64 each.
-        labels: what elements are said to be, where that fits into their cells.
-        notes: sentences on what is not drawn.
+        grids: (n, 2, 2) float64 ends of the lines that divide cells, world x and y, for each level
+            from the root.
+        elements: closed outlines of the cells of elements, (m, 2) float64 world x and y each, for
+            each level from the root.
+        labels: labels of the elements, where they fit into the cells.
+        notes: sentences on cells that are not drawn.
     """
 
     grids: tuple[NDArray[np.float64], ...]
@@ -66,8 +68,8 @@ def cell_lines(terrain: Terrain, bounds: Bounds, per_point: float) -> CellLines:
 
     Args:
         terrain: the terrain.
-        bounds: west, south, east, north of what is drawn.
-        per_point: how long a point of the picture, 1/72 inch, is on the ground.
+        bounds: west, south, east, north of the picture, world units.
+        per_point: length of a point of the picture, 1/72 inch, on the ground, world units.
     """
     whole = terrain.by_elements
     if whole is None:
@@ -107,7 +109,7 @@ def cell_lines(terrain: Terrain, bounds: Bounds, per_point: float) -> CellLines:
 
 
 def _depths(parents: NDArray[np.int32]) -> NDArray[np.int64]:
-    """Level of each element, 0 for the root; parents come first."""
+    """Levels of elements, (n,) int64, 0 for the root; parents come before children."""
     depth = np.zeros(len(parents), np.int64)
     above = parents.copy()
     while (below := above >= 0).any():
@@ -117,7 +119,7 @@ def _depths(parents: NDArray[np.int32]) -> NDArray[np.int64]:
 
 
 def _outline(terrain: Terrain, index: int, cell: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The edge of an element's cell, closed; turned whole where that stands at a free place."""
+    """Closed outline of an element's cell, (5, 2); turned where the element is placed freely."""
     west, south, east, north = cell.tolist()
     corners = np.array([[west, south], [east, south], [east, north], [west, north]])
     pose = terrain.arrays.poses[terrain.arrays.elements["pose"][index]]
@@ -129,7 +131,7 @@ def _outline(terrain: Terrain, index: int, cell: NDArray[np.float64]) -> NDArray
 def _divisions(
     terrain: Terrain, index: int, cell: NDArray[np.float64], bounds: Bounds, least: float
 ) -> Iterator[list[list[float]]]:
-    """Lines between the cells of an element's grid, within bounds, where cells are large enough."""
+    """Lines between the cells of an element's grid within bounds; none for cells below `least`."""
     grids = terrain.arrays.grids
     first = int(terrain.arrays.elements["grid"][index])
     if first == 0:
@@ -157,7 +159,7 @@ def _divisions(
 def _labels(
     terrain: Terrain, those: NDArray[np.int64], cells: Any, bounds: Bounds, per_point: float
 ) -> Iterator[Label]:
-    """Labels that fit into their cells and stand on no other, those of larger cells first."""
+    """Labels that fit into the cells of elements and do not overlap, in the elements' order."""
     letter, line, pad = (
         LABEL * _LETTER * per_point, LABEL * _LINE * per_point, _PAD * per_point,
     )  # fmt: skip

@@ -1,4 +1,4 @@
-"""The ground of a page as a grid of heights, where a mesh would take too long."""
+"""The ground of a page as a grid of heights, where a mesh would take too long to build."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from terratool.mesh.types import BuiltMesh, Mesh, PlanLoss
 from terratool.report.wording import counted
 
 _POINTS = 100_000
-"""At so many points a grid is compared with the terrain."""
+"""Number of points at which a grid is compared with the terrain."""
 
 
 class GroundGrid(NamedTuple):
     """A grid of heights as a mesh.
 
     Attributes:
-        built: the mesh, without walls and surfaces; its error was measured.
-        shape: how many rows and columns of nodes there are.
-        step: the longer one of the distances between two neighbouring nodes.
+        built: the mesh, without walls and surfaces, with its measured error.
+        shape: number of rows and of columns of nodes.
+        step: distance between neighbouring nodes along the coarser axis, world units.
     """
 
     built: BuiltMesh
@@ -34,13 +34,13 @@ class GroundGrid(NamedTuple):
 
 
 def ground_grid(terrain: Terrain, faces: int) -> GroundGrid:
-    """A grid of about so many faces, and no more, over a terrain, from edge to edge.
+    """Build a grid of at most `faces` faces over a whole terrain.
 
-    A square of four nodes is two faces; there is none where a node is void. Walls become ramps as
-    wide as a step.
+    A square of four nodes has two faces, or none where a node is void. Walls become ramps as wide
+    as a step.
 
     Raises:
-        RequestError: there is ground, but none between four nodes.
+        RequestError: there is ground, but no square has ground at all four nodes.
     """
     west, south, east, north = terrain.bounds
     wide, tall = east - west, north - south
@@ -84,7 +84,7 @@ def ground_grid(terrain: Terrain, faces: int) -> GroundGrid:
 
 
 def _miss(terrain: Terrain, heights: NDArray[np.float64], spacing: tuple[float, float]) -> float:
-    """How far a grid is from the terrain, as far as is measured."""
+    """Largest measured distance of a grid from the terrain, along z, at `_POINTS` points."""
     west, south, _, _ = terrain.bounds
     x, y = spread_points(terrain.bounds, _POINTS)
     off = grid_misses(heights, (x - west, y - south), spacing, terrain.height(x, y))

@@ -1,4 +1,4 @@
-"""The contours of a plan, labelled where a label can be read."""
+"""The contours of a plan, with labels where these can be read."""
 
 from __future__ import annotations
 
@@ -19,26 +19,28 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 _MOST_CONTOURS = 200
+"""Most contours of a picture."""
 _INDEX = 5
-"""Each so many contours are thicker, and have their height written on them."""
+"""Number of contours from one thicker, labelled contour to the next."""
 _LETTER = 0.65
-"""Width of a letter of a label as a part of its size."""
+"""Width of a letter, in sizes of the letters."""
 _ROOM = 1.5
-"""Labelled contours are so many heights of a label apart where one stands."""
+"""Least distance of labelled contours at a label, in heights of a label."""
 _LINE = 3.0
-"""A line that is labelled is so many times as long as its label."""
+"""Least length of a line that is labelled, in lengths of the label."""
 _STRAIGHT = 0.9
-"""Below a label a line is no longer than its chord by more than this factor."""
+"""Least chord of the line below a label, in lengths of the label."""
 _GAP = 2.0
-"""From one label to the next, in widths of one."""
+"""Least distance from one label to the next, in widths of a label."""
 _TRIED = 64
-"""Places of a line that are looked at."""
+"""Number of places of a line that are tried for a label."""
 
 Floats = NDArray[np.float64]
+"""An array of float64."""
 
 
-class _Place(NamedTuple):
-    """Where a label may stand: world x and y, how wide it is, and how long its line is."""
+class _LabelPlace(NamedTuple):
+    """A place for a label: world x and y, width of the label, length of its line, world units."""
 
     x: float
     y: float
@@ -47,16 +49,16 @@ class _Place(NamedTuple):
 
 
 def draw_contours(axes: Axes, picture: LayerPicture, wanted: Any, dpi: float) -> str:
-    """Draw contours; a caption that says how far they are apart.
+    """Draw contours, and return a caption with their interval.
 
     Args:
-        axes: of the plan.
-        picture: the heights.
-        wanted: how far contours are apart, "auto" for about eight.
-        dpi: pixels of an inch.
+        axes: axes of the plan.
+        picture: layer whose heights are contoured.
+        wanted: interval of the contours, m; "auto" for about eight contours.
+        dpi: pixels per inch.
 
     Raises:
-        RequestError: they would be too many.
+        RequestError: the contours would be too many.
     """
     grid, heights = picture.grid, picture.heights
     interval = contour_interval(heights) if wanted == "auto" else float(wanted)
@@ -95,21 +97,29 @@ def draw_contours(axes: Axes, picture: LayerPicture, wanted: Any, dpi: float) ->
         if not which:
             continue
         per_point = abs(x[1] - x[0]) * dpi / 72.0
-        ground = _Ground(x, y, z, interval * (1 if few else _INDEX), per_point)
+        ground = _ContourSpacing(x, y, z, interval * (1 if few else _INDEX), per_point)
         places = [
             place
             for level, lines in zip(levels, drawn.allsegs, strict=True)
             for line in lines
             for place in ground.place_on(line, number(level))
         ]
-        chosen = [(place.x, place.y) for place in _apart(places)]
+        chosen = [(place.x, place.y) for place in _spread_out(places)]
         if chosen:
             axes.clabel(drawn, fontsize=LABEL, fmt=number, inline_spacing=2, manual=chosen)
     return caption
 
 
-class _Ground:
-    """Says how far apart labelled contours are, in points of the picture."""
+class _ContourSpacing:
+    """Distances between neighbouring labelled contours, by place, in points of the picture.
+
+    Args:
+        x: (columns,) world x of the nodes.
+        y: (rows,) world y of the nodes, from the north.
+        z: (rows, columns) heights, m.
+        apart: interval of labelled contours, m.
+        per_point: length of a point of the picture on the ground, world units.
+    """
 
     def __init__(self, x: Floats, y: Floats, z: Floats, apart: float, per_point: float) -> None:
         self._x, self._y = x, y
@@ -119,15 +129,16 @@ class _Ground:
             self._apart = np.nan_to_num(apart / rise / per_point, nan=0.0)
         self._per_point = per_point
 
-    def _apart_at(self, x: Floats, y: Floats) -> Floats:
+    def _spacing_at(self, x: Floats, y: Floats) -> Floats:
+        """Distances of labelled contours at places in the world, points."""
         columns = np.rint(np.interp(x, self._x, np.arange(len(self._x)))).astype(np.int64)
         rows = np.rint(np.interp(-y, -self._y, np.arange(len(self._y)))).astype(np.int64)
         return self._apart[rows, columns]
 
-    def place_on(self, line: Floats, text: str) -> Iterator[_Place]:
+    def place_on(self, line: Floats, text: str) -> Iterator[_LabelPlace]:
         """The straightest place of a line on which a label can be read, if there is one.
 
-        At a wall contours lie on each other, and a small hill is smaller than its label.
+        None is at a wall, where contours coincide, or on a hill smaller than its label.
         """
         wide = (len(text) + 1) * LABEL * _LETTER * self._per_point
         along = np.append(0.0, np.cumsum(np.hypot(*np.diff(line, axis=0).T)))
@@ -138,14 +149,14 @@ class _Ground:
         window = tried[:, None] + np.linspace(-0.5, 0.5, 5) * wide
         x, y = (np.interp(window, along, line[:, axis]) for axis in (0, 1))
         chord = np.hypot(x[:, -1] - x[:, 0], y[:, -1] - y[:, 0])
-        chord[self._apart_at(x, y).min(axis=1) < _ROOM * LABEL] = 0.0
+        chord[self._spacing_at(x, y).min(axis=1) < _ROOM * LABEL] = 0.0
         best = int(chord.argmax())
         if chord[best] >= _STRAIGHT * wide:
-            yield _Place(float(x[best, 2]), float(y[best, 2]), wide, whole)
+            yield _LabelPlace(float(x[best, 2]), float(y[best, 2]), wide, whole)
 
 
 def _highest_near(values: Floats, reach: int) -> Floats:
-    """The highest value in a square around each, which reaches so far to all sides."""
+    """The highest value in a square around each node that extends `reach` nodes to all sides."""
     for axis in (0, 1):
         wide = np.pad(values, [(reach, reach) if axis == n else (0, 0) for n in (0, 1)], "edge")
         views = np.lib.stride_tricks.sliding_window_view(wide, 2 * reach + 1, axis)
@@ -153,9 +164,9 @@ def _highest_near(values: Floats, reach: int) -> Floats:
     return values
 
 
-def _apart(places: Iterable[_Place]) -> list[_Place]:
-    """Places that are not near to each other, those of the longest lines first."""
-    chosen: list[_Place] = []
+def _spread_out(places: Iterable[_LabelPlace]) -> list[_LabelPlace]:
+    """Choose places that are not near to each other, those of the longest lines first."""
+    chosen: list[_LabelPlace] = []
     for place in sorted(places, key=lambda one: -one.line):
         gap = _GAP * place.wide
         if all(math.hypot(place.x - one.x, place.y - one.y) > gap for one in chosen):

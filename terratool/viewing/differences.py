@@ -1,4 +1,4 @@
-"""Sheets that show by how much two grounds differ, in colours over shaded ground."""
+"""Sheets that show the difference of two grounds in colours over shaded ground."""
 
 from __future__ import annotations
 
@@ -13,28 +13,30 @@ from terratool.raster.shading import exaggeration
 from terratool.viewing.layers import LayerPicture, Light
 from terratool.viewing.options import RenderOptions
 from terratool.viewing.plan import (
-    Layout,
-    Margins,
+    PlanLayout,
+    SheetMargins,
     draw_frame,
     draw_margins,
     layout,
-    shaded,
+    shade_picture,
     unit_of,
 )
 from terratool.viewing.sheet import new_sheet, require_matplotlib, write
 
 LIGHT = Light(contrast=0.8, shade=0.55, glare=1.12, steeper=10.0)
+"""Light on the colours of differences."""
 _OPTIONS = RenderOptions(size=1200)
+"""Options of all sheets."""
 
 
 class DifferenceSheet(NamedTuple):
-    """What is on a sheet.
+    """The contents of a sheet of differences.
 
     Attributes:
-        picture: the colours and the ground.
-        title: it.
-        caption: a sentence or two at the bottom.
-        ring: (x, y) of a place that is ringed, if any.
+        picture: colours over the ground.
+        title: title of the sheet.
+        caption: one or two sentences at the bottom.
+        ring: world x and y of a place that is ringed; None for none.
     """
 
     picture: LayerPicture
@@ -47,8 +49,8 @@ def refuse_picture(path: str | Path, overwrite: bool) -> None:
     """Refuse a picture that cannot be drawn, before any work.
 
     Raises:
-        RequestError: it is no .png, or Matplotlib is missing.
-        WriteError: it exists, or its folder does not.
+        RequestError: the path is no .png, or Matplotlib is missing.
+        WriteError: the picture exists already, or its folder does not.
     """
     if Path(path).suffix.lower() != ".png":
         raise RequestError(f"{Path(path).name}: is no .png.", "Give a name that ends in .png.")
@@ -57,44 +59,44 @@ def refuse_picture(path: str | Path, overwrite: bool) -> None:
     refuse_missing_folder(Path(path))
 
 
-def sheet_layout(bounds: Bounds) -> Layout:
-    """Where all stands on the sheet of ground with these bounds.
+def sheet_layout(bounds: Bounds) -> PlanLayout:
+    """The layout of a sheet of ground with bounds.
 
     Raises:
         RequestError: the ground would be too narrow to be seen.
     """
     west, south, east, north = bounds
-    margins = Margins(left=48.0, bottom=76.0, right=122.0, top=26.0)
+    margins = SheetMargins(left=48.0, bottom=76.0, right=122.0, top=26.0)
     return layout((east - west, north - south), _OPTIONS, margins)
 
 
 def shading_factor(picture: LayerPicture) -> float:
-    """How many times as steep as they are slopes are shaded."""
+    """Factor on slopes of a picture's ground in its shading."""
     return min(exaggeration(picture.heights, picture.grid.resolution), LIGHT.steeper)
 
 
 def write_sheet(
-    drawn: DifferenceSheet, places: Layout, terrain: Terrain, path: str | Path, overwrite: bool
+    drawn: DifferenceSheet, places: PlanLayout, terrain: Terrain, path: str | Path, overwrite: bool
 ) -> None:
-    """Draw a sheet; within `settings()`.
+    """Draw a sheet into a file; within `settings()`.
 
     Args:
-        drawn: what is on it.
-        places: as `sheet_layout` has them.
-        terrain: what the unit of lengths is of.
-        path: a .png.
-        overwrite: whether it may be there already.
+        drawn: contents of the sheet.
+        places: layout, from `sheet_layout`.
+        terrain: the terrain, whose unit of lengths the axes have.
+        path: path of the picture, a .png.
+        overwrite: whether the picture may exist already.
 
     Raises:
-        WriteError: it exists, or cannot be written.
+        WriteError: the picture exists already, or cannot be written.
     """
     picture = drawn.picture
     sheet = new_sheet(places.width, places.height, _OPTIONS.dpi)
     axes = sheet.axes(places.ground)
     west, south, east, north = picture.grid.bounds
     axes.imshow(
-        shaded(picture, _OPTIONS.dpi, shading_factor(picture)), extent=(west, east, south, north),
-        aspect="auto", interpolation="none", origin="upper",
+        shade_picture(picture, _OPTIONS.dpi, shading_factor(picture)),
+        extent=(west, east, south, north), aspect="auto", interpolation="none", origin="upper",
     )  # fmt: skip
     axes.set_xlim(west, east)
     axes.set_ylim(south, north)

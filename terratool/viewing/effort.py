@@ -1,4 +1,4 @@
-"""How much work the mesh of a page is, told from the plan of it, before any of that is done."""
+"""The effort of meshing a terrain for a page, estimated from the mesh's plan."""
 
 from __future__ import annotations
 
@@ -14,44 +14,45 @@ from terratool.mesh.tiles import faces_of
 from terratool.mesh.types import MeshPlan
 
 MOST_WORK = 40_000_000
-"""Faces, each as often as elements lie above each other in it: a minute or so, and below 1 GB."""
+"""Most work of a page: faces times elements that overlap in each; a minute, and below 1 GB."""
 MOST_PLANNED = 4_000_000
-"""Faces; what is thought to have more is not meshed."""
+"""Most faces, by estimate, of a terrain that is meshed."""
 _MOST_ELEMENTS = 2_000_000
-"""Where there are more elements it is not even planned."""
+"""Most elements of a terrain whose mesh is planned."""
 _BINS = 64
-"""Parts of each side of the terrain, in each of which elements are thought to be spread evenly."""
+"""Number of parts per side of the terrain; elements count as evenly spread in each."""
 _PER_CROSSING = 4.0
-"""Faces for each place where the edges of two elements cross, about."""
+"""Approximate number of faces for each crossing of two elements' edges."""
 _STEPS = 8
-"""Times that the distance between an error that is too small and one that is not is halved."""
+"""Number of bisections between an error that is too small and one that is not."""
 
 Floats = NDArray[np.float64]
+"""An array of float64."""
 
 
 class Effort(NamedTuple):
-    """What a mesh takes.
+    """The estimated effort of meshing a terrain.
 
     Attributes:
-        faces: how many it has, about.
-        work: these, each as often as elements lie above each other in it.
+        faces: approximate number of faces; infinity for too many elements.
+        work: faces times elements that overlap in each; infinity for too many elements.
     """
 
     faces: float
     work: float
 
     @property
-    def bearable(self) -> bool:
-        """Whether a page may take that much."""
+    def is_bearable(self) -> bool:
+        """Whether the effort is small enough for a page."""
         return self.work <= MOST_WORK and self.faces <= MOST_PLANNED
 
 
 class Allowed(NamedTuple):
-    """The smallest error with which the mesh of a terrain is bearable; infinite for none.
+    """The smallest error that makes the mesh of a terrain bearable.
 
     Attributes:
-        error: it.
-        effort: of the error that was wanted.
+        error: largest distance along z, m; infinity where no error does.
+        effort: effort of the error that was wanted.
     """
 
     error: float
@@ -59,12 +60,11 @@ class Allowed(NamedTuple):
 
 
 def effort_of(terrain: Terrain, error: float) -> Effort:
-    """What the mesh of a terrain takes; some ms for each thousand elements.
+    """Estimate the effort of meshing a terrain; some ms for each thousand elements.
 
-    Edges of elements are thought to lie at random in each part of the terrain: so many of them,
-    L long together, cross L² / πA times in an area A (L. A. Santaló, Integral Geometry and
-    Geometric Probability, 1976, chapter 3). As many regions come of it, each of which has a list of
-    all elements that cover it.
+    Edges of elements count as random lines in each part of the terrain: edges of total length L
+    cross L² / πA times in an area A (L. A. Santaló, Integral Geometry and Geometric Probability,
+    1976, chapter 3). Each crossing adds a region, with a list of all elements that cover it.
     """
     if terrain.elements > _MOST_ELEMENTS:
         return Effort(math.inf, math.inf)
@@ -78,24 +78,24 @@ def effort_of(terrain: Terrain, error: float) -> Effort:
 
 
 def allowed_error(terrain: Terrain, wanted: float, most: float) -> Allowed:
-    """The smallest bearable error from one that is wanted to the most that is of use."""
+    """Find the smallest bearable error from the wanted one up to the largest useful one, m."""
     first = effort = effort_of(terrain, wanted)
-    if first.bearable:
+    if first.is_bearable:
         return Allowed(wanted, first)
-    if most <= wanted or math.isinf(first.work) or not effort_of(terrain, most).bearable:
+    if most <= wanted or math.isinf(first.work) or not effort_of(terrain, most).is_bearable:
         return Allowed(math.inf, first)
     low, high = wanted, most
     for _ in range(_STEPS):
         middle = math.sqrt(low * high)
         effort = effort_of(terrain, middle)
-        low, high = (low, middle) if effort.bearable else (middle, high)
+        low, high = (low, middle) if effort.is_bearable else (middle, high)
     return Allowed(high, first)
 
 
 def _spread(plan: MeshPlan) -> tuple[Floats, Floats, float]:
-    """Of parts of a plan the length of edges, how many elements lie above each other, and the area.
+    """Length of edges and number of overlapping elements in the parts of a plan, and a part's area.
 
-    All on the lattice.
+    Shapes are (_BINS, _BINS); lengths are in units of the plan's lattice.
     """
     drawn = plan.footprints[plan.frames["drawn"] != 0]
     low, high = np.maximum(drawn[:, :2], plan.bounds[:2]), np.minimum(drawn[:, 2:], plan.bounds[2:])
@@ -106,12 +106,12 @@ def _spread(plan: MeshPlan) -> tuple[Floats, Floats, float]:
     parts = (last - first).prod(axis=1)
     area = float(step.prod())
 
-    def added(each: Floats) -> Floats:
-        """Sums of what each element has, spread evenly over the parts that it lies in."""
+    def sums_by_part(each: Floats) -> Floats:
+        """Sums over the parts, of values that each element spreads evenly over its parts."""
         total = np.zeros((_BINS + 1, _BINS + 1))
         for x, one in ((first, 1.0), (last, -1.0)):
             for y, other in ((first, 1.0), (last, -1.0)):
                 np.add.at(total, (x[:, 0], y[:, 1]), one * other * each / parts)
         return np.asarray(np.maximum(total.cumsum(axis=0).cumsum(axis=1)[:-1, :-1], 0.0))
 
-    return added(2.0 * sides.sum(axis=1)), added(sides.prod(axis=1)) / area, area
+    return sums_by_part(2.0 * sides.sum(axis=1)), sums_by_part(sides.prod(axis=1)) / area, area

@@ -1,4 +1,4 @@
-"""Layers of a picture: what colour each pixel of a grid over a terrain has, and what that means.
+"""Layers of a picture: colours of the pixels of a grid over a terrain, and their legend.
 
 Only the pixels of the picture are painted, however fine the terrain is.
 """
@@ -29,19 +29,20 @@ from terratool.traversability.judge import Judge
 from terratool.traversability.map import default_resolution
 from terratool.traversability.report.drawing import SHADING, hatch
 from terratool.traversability.results import COLORS, GroundClass
-from terratool.viewing.sheet import Key, Scale, Swatch
+from terratool.viewing.sheet import Legend, Scale, Swatch
 from terratool.viewing.vision import look_alike
 
 FINER = 2
-"""So many pixels along each side are painted for one of the picture, which is their mean."""
+"""Painted pixels per pixel of the picture and side; a pixel of the picture is their mean."""
 NAMES = ("height", "slope", "surface", "friction", "traversability")
-"""What can be shown."""
+"""Names of the layers."""
 
 VOID = (255, 255, 255)
-"""Where there is no ground, below lines that slant."""
+"""Colour of pixels without ground, below slanted lines."""
 NO_GROUND = "void, no ground"
-"""What a legend calls that."""
+"""Words of a legend for pixels without ground."""
 _VOID_LINE = (170, 170, 170)
+"""Colour of the slanted lines on pixels without ground."""
 
 PALETTE = (
     (230, 159, 0), (86, 180, 233), (0, 158, 115), (240, 228, 66), (0, 114, 178), (213, 94, 0),
@@ -51,32 +52,34 @@ PALETTE = (
 Color universal design, 2008)."""
 
 _COLORS = {"height": "cividis", "slope": "viridis", "friction": "viridis"}
-"""Maps of colour that are as even to any kind of colour vision (J. R. Nuñez, C. R. Anderton and
-R. S. Renslow, Optimizing colormaps with consideration for color vision deficiency, PLOS ONE 13(7),
-2018)."""
+"""Colour maps of layers of numbers, even to any kind of colour vision (J. R. Nuñez, C. R. Anderton
+and R. S. Renslow, Optimizing colormaps with consideration for color vision deficiency, PLOS ONE
+13(7), 2018)."""
 _TITLES = {"height": "height (m)", "slope": "slope (°)", "friction": "friction angle (°)"}
+"""Titles of the scales of layers of numbers."""
 _ROWS = 128
-"""Rows of a window that a thread paints."""
+"""Number of rows of a window that a thread paints."""
 _MAP_PIXELS = 1024
-"""The longer side of a map of verdicts has at most so many pixels, unless these are too coarse."""
+"""Most pixels on the longer side of a map of verdicts, unless these are too coarse."""
 _HATCHES = {
     GroundClass.NO_GO: "////",
     GroundClass.CUT_OFF: "\\\\\\\\",
     GroundClass.ONE_WAY: "\\\\\\\\",
     GroundClass.UNKNOWN: "..",
 }
-"""Those of `hatch`, as Matplotlib calls them."""
+"""Patterns of Matplotlib for legends that look like `hatch` in pictures."""
 
 Colors = NDArray[np.uint8] | NDArray[np.float64]
+"""Colours, (height, width, 3) red, green, blue from 0 to 255."""
 
 
 class Light(NamedTuple):
-    """How light falls on colours.
+    """Light on the colours of a picture.
 
     Attributes:
-        contrast: how much of a colour it takes and gives …
-        shade, glare: … within these factors.
-        steeper: the ground is shaded so many times as steep at most.
+        contrast: change of the factor on a colour per change of the hill shade.
+        shade, glare: smallest and largest factor on a colour.
+        steeper: largest factor on slopes in shading.
     """
 
     contrast: float
@@ -86,9 +89,11 @@ class Light(NamedTuple):
 
 
 _ON_SURFACES = Light(0.75, 0.5, 1.2, 10.0)
+"""Light on the colours of surfaces."""
 _ON_HEIGHTS = Light(0.4, 0.7, 1.1, 2.0)
+"""Light on the colours of heights."""
 _ON_VERDICTS = Light(0.4, *SHADING, 10.0)
-"""Shading must not turn one verdict's lightness to another's."""
+"""Light on the colours of verdicts, too weak to turn one verdict's lightness to another's."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,31 +101,31 @@ class LayerPicture:
     """A layer over a grid.
 
     Attributes:
-        grid: the pixels.
-        heights: (height, width) float64, rows from the north; NaN where there is no ground.
+        grid: pixels of the layer.
+        heights: (height, width) float64 m, rows from the north; NaN where there is no ground.
         surfaces: (height, width) index of the surface and one, 0 for none.
         colors: (height, width, 3) from 0 to 255, without light; undefined where there is no
             ground.
-        key: what the colours mean.
-        light: how light falls on the colours; None where it would hide what they stand for.
+        key: legend of the colours.
+        light: light on the colours; None where shading would hide the colours' meaning.
         classes: (height, width) uint8 `GroundClass` of verdicts; None for other layers.
-        notes: sentences on what cannot be seen of the picture.
-        letters: of the key, with the numbers in `surfaces` that they stand for; none where anybody
-            can tell the colours apart.
+        notes: sentences on facts that the picture does not show.
+        letters: letters of the legend, with their numbers in `surfaces`; none where anybody can
+            tell the colours apart.
     """
 
     grid: Grid
     heights: NDArray[Any]
     surfaces: NDArray[Any]
     colors: Colors
-    key: Key
+    key: Legend
     light: Light | None
     classes: NDArray[np.uint8] | None = None
     notes: tuple[str, ...] = ()
     letters: tuple[tuple[str, int], ...] = ()
 
     def rows(self, start: int, stop: int) -> LayerPicture:
-        """The pixels of some rows; the grid is still that of all."""
+        """The layer with the pixels of some rows only; `grid` is still that of all rows."""
         part = slice(start, stop)
         return replace(
             self,
@@ -132,9 +137,10 @@ class LayerPicture:
 
 
 def surface_colors(terrain: Terrain) -> tuple[NDArray[np.uint8], list[str]]:
-    """(surfaces + 1, 3) colours by id, that of ground without a surface first; who got one here.
+    """Colours by id, (surfaces + 1, 3) uint8, and names of surfaces whose colour is chosen here.
 
-    Surfaces without a colour get those of `PALETTE` in turn, and grey once these are used up.
+    Id 0 is ground without a surface. Surfaces without a colour get the colours of `PALETTE` in
+    turn, and grey once these are used up.
     """
     colors: list[tuple[int, ...]] = [NO_COLOR]
     without: list[str] = []
@@ -149,12 +155,13 @@ def surface_colors(terrain: Terrain) -> tuple[NDArray[np.uint8], list[str]]:
 
 
 def paint_ground(terrain: Terrain, grid: Grid, slopes: bool = False) -> Planes:
-    """Heights, surfaces and, if wanted, slopes at the pixels of a grid, by all processors."""
+    """Paint heights, surfaces and, if wanted, slopes at the pixels of a grid, in parallel."""
     painter = Painter(terrain, grid, np.float64, slopes=slopes)
     whole = painter.blank(grid.whole)
     windows = list(grid.windows(_ROWS, grid.width))
 
     def paint(window: Any) -> None:
+        """Paint the rows of a window."""
         rows = slice(window.row, window.row + window.height)
         part: Any = (None if plane is None else plane[rows] for plane in whole)
         painter.paint(window, Planes(*part))
@@ -171,18 +178,18 @@ def layer_picture(
     judge: Judge | None = None,
     progress: Callable[[str], object] = lambda _: None,
 ) -> LayerPicture:
-    """A layer at the pixels of a grid.
+    """Paint a layer at the pixels of a grid.
 
     Args:
         terrain: the ground.
-        grid: the pixels.
-        layer: one of `NAMES`.
-        judge: the vehicle, for verdicts.
-        progress: is called with words that say how far it is.
+        grid: pixels of the layer.
+        layer: name of the layer, one of `NAMES`.
+        judge: vehicle of the layer `traversability`; None for other layers.
+        progress: called with words on the step that begins.
 
     Raises:
-        RequestError: no surface has what the layer shows; there is no ground; or the ground is too
-            large for the vehicle's verdict.
+        RequestError: no surface has the figure of the layer; there is no ground; or the ground is
+            too large for the vehicle's verdict.
     """
     if layer == "friction":
         _refuse_unknown_friction(terrain)
@@ -195,14 +202,15 @@ def layer_picture(
         )
     assert planes.surfaces is not None
     if layer == "surface":
-        return _surfaces(terrain, grid, planes)
+        return _surface_layer(terrain, grid, planes)
     if layer == "traversability":
         assert judge is not None
-        return _verdicts(terrain, grid, planes, judge, progress)
-    return _numbers(terrain, grid, planes, layer)
+        return _verdict_layer(terrain, grid, planes, judge, progress)
+    return _number_layer(terrain, grid, planes, layer)
 
 
 def _refuse_unknown_friction(terrain: Terrain) -> None:
+    """Refuse a terrain on which no surface has a friction angle."""
     values = SurfaceValues(terrain).values(LAYERS["friction"], np.dtype(np.float64))
     if np.isnan(values).all():
         raise RequestError(
@@ -211,7 +219,8 @@ def _refuse_unknown_friction(terrain: Terrain) -> None:
         )
 
 
-def _surfaces(terrain: Terrain, grid: Grid, planes: Planes) -> LayerPicture:
+def _surface_layer(terrain: Terrain, grid: Grid, planes: Planes) -> LayerPicture:
+    """The layer `surface`, with letters where colours look alike to some."""
     assert planes.surfaces is not None
     colors, without = surface_colors(terrain)
     seen = np.bincount(planes.surfaces[~np.isnan(planes.heights)].ravel(), minlength=len(colors))
@@ -235,12 +244,13 @@ def _surfaces(terrain: Terrain, grid: Grid, planes: Planes) -> LayerPicture:
         )
     return LayerPicture(
         grid, planes.heights, planes.surfaces, colors[planes.surfaces],
-        Key("surface", (*swatches, *void_swatch(planes.heights))), _ON_SURFACES,
+        Legend("surface", (*swatches, *void_swatch(planes.heights))), _ON_SURFACES,
         notes=tuple(notes), letters=pairs,
     )  # fmt: skip
 
 
-def _numbers(terrain: Terrain, grid: Grid, planes: Planes, layer: str) -> LayerPicture:
+def _number_layer(terrain: Terrain, grid: Grid, planes: Planes, layer: str) -> LayerPicture:
+    """The layer `height`, `slope` or `friction`, with a scale of colours."""
     from matplotlib import colormaps
 
     bands, ground = np.empty((1, *planes.heights.shape)), ~np.isnan(planes.heights)
@@ -259,18 +269,18 @@ def _numbers(terrain: Terrain, grid: Grid, planes: Planes, layer: str) -> LayerP
     if (unknown := ground & ~known).any():
         colors[unknown] = NO_COLOR
         swatches.append(Swatch("no fricAngle" if layer == "friction" else "unknown", NO_COLOR))
-    key = Key("", (*swatches, *void_swatch(planes.heights)), scale)
+    key = Legend("", (*swatches, *void_swatch(planes.heights)), scale)
     light = _ON_HEIGHTS if layer == "height" else None
     return LayerPicture(grid, planes.heights, _ids(planes), colors, key, light)
 
 
-def _verdicts(
+def _verdict_layer(
     terrain: Terrain, grid: Grid, planes: Planes, judge: Judge, progress: Callable[[str], object]
 ) -> LayerPicture:
-    """What a map of traversability says, at the pixels of the picture."""
+    """The layer `traversability`: classes of a map of its own, at the pixels of the picture."""
     terrain = terrain.written_out
     bounds = grid.bounds
-    part = _within(terrain, bounds)
+    part = _clip_to_terrain(terrain, bounds)
     resolution, why = _map_resolution(terrain, judge, part)
     verdict = judge.verdict(terrain, grid_over(terrain, resolution, part), progress)
     own = verdict.grid
@@ -297,13 +307,13 @@ def _verdicts(
         notes.append(verdict.lacking)
     return LayerPicture(
         grid, planes.heights, _ids(planes), palette[classes],
-        Key(verdict.vehicle, (*swatches, *void_swatch(planes.heights))), _ON_VERDICTS,
+        Legend(verdict.vehicle, (*swatches, *void_swatch(planes.heights))), _ON_VERDICTS,
         classes, tuple(notes),
     )  # fmt: skip
 
 
 def _map_resolution(terrain: Terrain, judge: Judge, part: Any) -> tuple[float, str]:
-    """The resolution of verdicts: as a map that goes into no file has it, if that is fine enough.
+    """The resolution of verdicts, m, and why: that of a map without a file, if fine enough.
 
     Raises:
         RequestError: the ground is too long for the vehicle.
@@ -318,29 +328,31 @@ def _map_resolution(terrain: Terrain, judge: Judge, part: Any) -> tuple[float, s
         raise RequestError(error.message, "Look at a part of it with --bounds W S E N.") from error
 
 
-def _within(terrain: Terrain, bounds: Any) -> Any:
+def _clip_to_terrain(terrain: Terrain, bounds: Any) -> Any:
     """The part of a rectangle that lies on the terrain."""
     west, south, east, north = terrain.bounds
     return max(west, bounds[0]), max(south, bounds[1]), min(east, bounds[2]), min(north, bounds[3])
 
 
 def _ids(planes: Planes) -> NDArray[Any]:
+    """Surfaces of painted planes, which have them."""
     assert planes.surfaces is not None
     return planes.surfaces
 
 
 def void_swatch(heights: NDArray[Any]) -> tuple[Swatch, ...]:
-    """The line of the legend that says where there is no ground, if there is any such place."""
+    """The line of the legend for pixels without ground; none where all have ground."""
     return (Swatch(NO_GROUND, VOID, "///"),) if np.isnan(heights).any() else ()
 
 
 def _rgb(color: NDArray[np.uint8]) -> tuple[int, int, int]:
+    """Red, green and blue as a tuple of whole numbers."""
     red, green, blue = (int(part) for part in color)
     return red, green, blue
 
 
 def light_on(picture: LayerPicture, light: NDArray[np.float64], step: int) -> NDArray[np.uint8]:
-    """The pixels of a picture with light on them, (height, width, 3) uint8.
+    """Shade the pixels of a picture, (height, width, 3) uint8, and hatch verdicts and the void.
 
     Args:
         picture: the layer.
@@ -359,10 +371,10 @@ def light_on(picture: LayerPicture, light: NDArray[np.float64], step: int) -> ND
 
 
 def check_layer(layer: str, vehicle: object) -> None:
-    """Refuse a layer that is none, or that lacks its vehicle.
+    """Refuse a name that is no layer, and a layer without its vehicle.
 
     Raises:
-        RequestError: it is so.
+        RequestError: there is no such layer, or the vehicle is missing or not needed.
     """
     if layer not in NAMES:
         raise RequestError(f"There is no layer {layer!r}.", f"The layers are {', '.join(NAMES)}.")
@@ -376,5 +388,5 @@ def check_layer(layer: str, vehicle: object) -> None:
 
 
 def level_light() -> float:
-    """Light on level ground, as `hillshade` has it."""
+    """Value of `hillshade` on level ground."""
     return math.sin(math.radians(45.0))

@@ -1,4 +1,4 @@
-"""A page that follows a file: served on this machine alone, drawn again when the file is saved."""
+"""A live page: served to this machine alone, and drawn again when its file is saved."""
 
 from __future__ import annotations
 
@@ -22,21 +22,29 @@ from terratool.definition.reader import CheckOptions
 from terratool.definition.watch import Watch
 from terratool.errors import TerratoolError, WriteError, reason
 from terratool.viewing.places import Places, Site, read_site, site_of
-from terratool.viewing.scene import Scene
+from terratool.viewing.scene import PageScene
 
 HOST = "127.0.0.1"
+"""Address of the server, that of this machine alone."""
 WAIT = 20.0
-"""s after which a page that waits for news is told that there are none."""
+"""Seconds after which a page that waits for a change gets the unchanged state."""
 MOST_CLIENTS = 32
-"""Connections that are answered at a time; a page has up to six."""
+"""Most connections that are answered at a time; a page has up to six."""
 PATIENCE = 2.0
-"""s that a connection may keep us waiting, for a request or to take an answer, when others want its
+"""Seconds that a connection may take to send a request, or to take an answer, when others want its
 place."""
 _MOST_FINDINGS = 50
+"""Most findings that a page shows."""
 
 
-class _Shown(NamedTuple):
-    """The last good picture, and what answers about it."""
+class _LivePicture(NamedTuple):
+    """The last good picture of a file.
+
+    Attributes:
+        site: terrain and texts of the file.
+        places: places of elements in the texts.
+        scene: the scene, from `PageScene.to_bytes`.
+    """
 
     site: Site
     places: Places
@@ -44,30 +52,32 @@ class _Shown(NamedTuple):
 
 
 class LiveState(Struct, dict=True, eq=False):
-    """What a page shows now; pages are told when it changes.
+    """The state of a live page.
 
     Attributes:
-        version: grows with every change.
-        picture: grows with every picture; 0 before the first one.
-        findings: what is wrong with the file now.
+        version: number that grows with every change.
+        picture: number that grows with every picture; 0 before the first one.
+        findings: findings on the file as it is now, for JSON.
+        shown: last good picture; None before the first one.
+        changed: condition that is notified of every change.
     """
 
     version: int = 0
     picture: int = 0
     findings: list[dict[str, Any]] = field(default_factory=list)
-    shown: _Shown | None = None
+    shown: _LivePicture | None = None
     changed: threading.Condition = field(default_factory=threading.Condition)
 
-    def publish(self, site: Site, scene: Scene) -> None:
-        """Show another picture, as the file has no error."""
-        shown = _Shown(site, Places(site.checked), scene.to_bytes())
+    def publish(self, site: Site, scene: PageScene) -> None:
+        """Show the picture of a file without errors."""
+        shown = _LivePicture(site, Places(site.checked), scene.to_bytes())
         with self.changed:
             self.shown, self.findings = shown, []
             self.picture += 1
-            self._news()
+            self._notify()
 
-    def complain(self, error: TerratoolError) -> None:
-        """Keep the picture, and say beside it what is wrong with the file."""
+    def publish_error(self, error: TerratoolError) -> None:
+        """Keep the picture, and show the findings of an error beside it."""
         findings: Sequence[Finding] = getattr(error, "findings", ())
         listed = [
             {
@@ -85,14 +95,15 @@ class LiveState(Struct, dict=True, eq=False):
             ]  # fmt: skip
         with self.changed:
             self.findings = listed
-            self._news()
+            self._notify()
 
-    def _news(self) -> None:
+    def _notify(self) -> None:
+        """Count a change, and wake all who wait for one; `changed` is held."""
         self.version += 1
         self.changed.notify_all()
 
     def after(self, version: int, wait: float = WAIT) -> dict[str, Any]:
-        """What there is now, as soon as that is newer than a version, or when waiting ends."""
+        """The state, for JSON, as soon as it is newer than a version, or after `wait` seconds."""
         with self.changed:
             self.changed.wait_for(lambda: self.version > version, wait)
             return {
@@ -100,9 +111,9 @@ class LiveState(Struct, dict=True, eq=False):
             }  # fmt: skip
 
     def values(self, x: float, y: float) -> dict[str, Any] | None:
-        """What the field has at a place of the picture; None where there is no picture.
+        """Values of the field at a place, for JSON; None where there is no picture.
 
-        z is None outside the terrain and in the void.
+        z and slope are None outside the terrain and in the void.
         """
         shown, picture = self.shown, self.picture
         if shown is None:
@@ -130,24 +141,25 @@ class LiveState(Struct, dict=True, eq=False):
 
 
 class _Connections:
-    """Connections that are open, of which there are at most so many.
+    """Open connections up to a number.
 
     Args:
-        most: how many.
-        patience: s after which one that keeps us waiting gives way to another.
+        most: largest number of connections.
+        patience: seconds after which a connection that keeps the server waiting gives way to
+            another.
     """
 
     def __init__(self, most: int, patience: float) -> None:
         self._most, self._patience = most, patience
         self._since: dict[socket.socket, float | None] = {}
-        """When each began to keep us waiting; None where we keep it waiting."""
+        """Time since which a connection keeps the server waiting; None where it waits itself."""
         self._lock = threading.Lock()
 
     def __contains__(self, connection: object) -> bool:
         return connection in self._since
 
     def add(self, connection: socket.socket) -> bool:
-        """Take one in, if there is room, or one that gives way; whether it was."""
+        """Add a connection, if need be in the place of one that gives way; False for no room."""
         with self._lock:
             if len(self._since) >= self._most:
                 waits = [(since, one) for one, since in self._since.items() if since is not None]
@@ -160,20 +172,20 @@ class _Connections:
             self._since[connection] = time.monotonic()
             return True
 
-    def keeps_waiting(self, connection: socket.socket, waits: bool) -> None:
-        """Note whether one keeps us waiting from now on, or we keep it."""
+    def set_waiting(self, connection: socket.socket, waits: bool) -> None:
+        """Note whether a connection keeps the server waiting from now on, or waits itself."""
         with self._lock:
             if connection in self._since:
                 self._since[connection] = time.monotonic() if waits else None
 
     def remove(self, connection: socket.socket) -> None:
-        """Forget one that is closed."""
+        """Remove a closed connection."""
         with self._lock:
             self._since.pop(connection, None)
 
 
 class _Server(http.server.ThreadingHTTPServer):
-    """Answers so many clients at a time, and tells some more of them to come again."""
+    """An HTTP server that answers a number of clients at a time, and others by a 503."""
 
     daemon_threads = True
     request_queue_size = 128  # with more at once, clients of Linux wait for seconds
@@ -186,7 +198,7 @@ class _Server(http.server.ThreadingHTTPServer):
         self.clients, self.refused = _Connections(most, patience), _Connections(most, 0.0)
 
     def process_request(self, request: Any, client_address: Any) -> None:
-        """Have a thread answer, or refuse."""
+        """Answer a request, or refuse it, in a thread of its own."""
         if not self.clients.add(request):
             self.refused.add(request)  # in place of the one that waits longest, if need be
         super().process_request(request, client_address)
@@ -199,17 +211,17 @@ class _Server(http.server.ThreadingHTTPServer):
 
 
 class PageServer:
-    """Serves one page and what it asks for, to this machine alone.
+    """A server of one live page, for this machine alone.
 
     Args:
-        page: its text.
-        state: what it shows.
-        port: 0 for any that is free.
-        most: connections that are answered at a time; others get a 503.
-        patience: s that one may keep us waiting when there are so many.
+        page: text of the page.
+        state: state of the page.
+        port: number of the port; 0 for any that is free.
+        most: number of connections that are answered at a time; others get a 503.
+        patience: seconds that a connection may keep the server waiting when others want its place.
 
     Raises:
-        WriteError: the port cannot be had.
+        WriteError: the port cannot be used.
     """
 
     def __init__(
@@ -229,7 +241,7 @@ class PageServer:
 
     @property
     def url(self) -> str:
-        """Where the page is."""
+        """Address of the page."""
         return f"http://{HOST}:{self._server.server_port}/"
 
     def __enter__(self) -> PageServer:
@@ -242,16 +254,18 @@ class PageServer:
 
 
 def _handler(page: bytes, state: LiveState) -> type[http.server.BaseHTTPRequestHandler]:
-    """What answers requests: for the page, what is new, the scene, and values at a place."""
+    """The class that answers requests for the page, its state, the scene, and values at a place."""
 
     class Handler(http.server.BaseHTTPRequestHandler):
+        """A handler of requests to this page."""
+
         protocol_version = "HTTP/1.1"
         server_version, sys_version = "terratool", ""
         timeout = 60.0
         server: _Server
 
         def handle_one_request(self) -> None:
-            self.server.clients.keeps_waiting(self.connection, True)
+            self.server.clients.set_waiting(self.connection, True)
             super().handle_one_request()
 
         def do_GET(self) -> None:
@@ -259,9 +273,9 @@ def _handler(page: bytes, state: LiveState) -> type[http.server.BaseHTTPRequestH
                 self.close_connection = True
                 self._answer(503, b"There are too many pages. Close some of them.", "text/plain")
                 return
-            self.server.clients.keeps_waiting(self.connection, False)
+            self.server.clients.set_waiting(self.connection, False)
             port = self.server.server_port
-            # another name may lead here from a page of somebody else (DNS rebinding)
+            # a page of another site may use a name that resolves to this machine (DNS rebinding)
             if self.headers.get("Host") not in (f"{HOST}:{port}", f"localhost:{port}"):
                 self._answer(403, b"This page is served to this machine alone.", "text/plain")
                 return
@@ -305,7 +319,7 @@ def _handler(page: bytes, state: LiveState) -> type[http.server.BaseHTTPRequestH
             self._answer(200, json.dumps(value).encode(), "application/json")
 
         def _answer(self, code: int, body: bytes, kind: str) -> None:
-            self.server.clients.keeps_waiting(self.connection, True)
+            self.server.clients.set_waiting(self.connection, True)
             self.send_response(code)
             if code == 503:
                 self.send_header("Retry-After", "1")
@@ -333,15 +347,15 @@ def _handler(page: bytes, state: LiveState) -> type[http.server.BaseHTTPRequestH
 
 
 EVERY = 0.1
-"""s between two looks at the files: a save is seen after two of them."""
+"""Seconds between two checks of the files: a save is seen after two checks."""
 
 
 @dataclass(frozen=True)
-class Followed:
+class FollowedFile:
     """A file that is read again whenever it, or a library that it uses, changes.
 
     Attributes:
-        file: its name.
+        file: path of the file.
         library_roots: further folders under which libraries may lie.
         roughness: whether rough surfaces have their relief.
     """
@@ -352,13 +366,16 @@ class Followed:
 
     @cached_property
     def _watch(self) -> Watch:
+        """Watch over the file and its libraries."""
         return Watch(lambda: [self.file], EVERY)
 
     def read(self) -> Site:
-        """The terrain as it is now.
+        """Read the terrain as it is now.
 
         Raises:
-            ReadError, DefinitionError, RequestError: as of `read_site`.
+            ReadError: the file cannot be read.
+            DefinitionError: the file is no valid terrain.
+            RequestError: parts and copies come to too many elements to be shown.
         """
         options = CheckOptions(warnings=False, library_roots=self.library_roots)
         checked = self._watch.look(self.file, options)
@@ -367,21 +384,21 @@ class Followed:
         return site_of(checked, roughness=self.roughness)
 
     def wait(self) -> None:
-        """Wait until it has changed since it was read."""
+        """Wait until the file has changed since it was read."""
         self._watch.wait()
 
 
 def follow(
-    state: LiveState, followed: Followed, scene: Callable[[Site], Scene],
-    told: Callable[[TerratoolError | None], object],
+    state: LiveState, followed: FollowedFile, scene: Callable[[Site], PageScene],
+    report: Callable[[TerratoolError | None], object],
 ) -> NoReturn:  # fmt: skip
-    """Read a file again and again, and have pages show what is there, until Ctrl-C.
+    """Read a file whenever it changes, and have pages show it, until Ctrl-C.
 
     Args:
-        state: what pages show.
+        state: state of the pages.
         followed: the file.
-        scene: makes a scene of it.
-        told: is called after each time, with what is wrong with the file.
+        scene: function that makes a scene of the file's site.
+        report: called after each reading with the file's error, None for none.
 
     Raises:
         KeyboardInterrupt: Ctrl-C was pressed.
@@ -393,6 +410,6 @@ def follow(
             state.publish(site, scene(site))
         except TerratoolError as error:
             problem = error
-            state.complain(error)
-        told(problem)
+            state.publish_error(error)
+        report(problem)
         followed.wait()

@@ -1,4 +1,4 @@
-"""The picture of a robot's map: where it is too high, too low or knows nothing, over the ground."""
+"""The picture of a robot's map: where it is too high, too low or unknown, over the ground."""
 
 from __future__ import annotations
 
@@ -19,31 +19,33 @@ from terratool.viewing.differences import (
     write_sheet,
 )
 from terratool.viewing.layers import FINER, LayerPicture
-from terratool.viewing.sheet import Key, Scale, Swatch, rounded_down, settings
+from terratool.viewing.sheet import Legend, Scale, Swatch, round_down, settings
 
 _COLORS = "RdBu_r"
-"""Red is too high, blue too low: distinct for any kind of colour vision."""
+"""Colour map of errors: red is too high, blue too low, for any kind of colour vision."""
 _NEVER, _GROUNDLESS = (150, 150, 146), (240, 228, 66)
+"""Colours of cells never seen, and of known cells where the terrain has no ground."""
 _MOST = 90.0
-"""Percentile of the sizes of errors at which the colours end, so that no wall takes them all …"""
+"""Percentile of the sizes of errors at which the colours end, so that no wall takes them all."""
 _LEAST = 1e-3
-"""… and the least size at which they do, m."""
+"""Least size of errors at which the colours end, m."""
 
 
 def write_picture(
     comparison: MapComparison, terrain: Terrain, path: str | Path, *, overwrite: bool = False
 ) -> None:
-    """Draw what a map is off by. The same map and terrain give the same bytes.
+    """Draw the errors of a map. Equal maps and terrains give equal bytes.
 
     Args:
-        comparison: what is known of both.
-        terrain: what the map is of.
-        path: a .png.
-        overwrite: whether it may be there already.
+        comparison: the map, compared with the terrain.
+        terrain: the terrain of the map.
+        path: path of the picture, a .png.
+        overwrite: whether the picture may exist already.
 
     Raises:
-        RequestError: it is no .png, Matplotlib is missing, or the ground is too narrow to be seen.
-        WriteError: it exists, or cannot be written.
+        RequestError: the path is no .png, Matplotlib is missing, or the ground is too narrow to be
+            seen.
+        WriteError: the picture exists already, or cannot be written.
     """
     refuse_picture(path, overwrite)
     with settings():
@@ -53,7 +55,7 @@ def write_picture(
         size = np.abs(_errors(comparison))
         size = size[np.isfinite(size)]
         most = max(float(np.percentile(size, _MOST)) if size.size else 0.0, _LEAST)
-        most = 1.0 / rounded_down(1.0 / most)  # the next of 1, 2 or 5 times a power of ten
+        most = 1.0 / round_down(1.0 / most)  # the next of 1, 2 or 5 times a power of ten
         worst = comparison.worst
         caption = "Red is too high, blue too low."
         if worst is not None:
@@ -74,12 +76,12 @@ def _title(comparison: MapComparison) -> str:
 
 
 def _errors(comparison: MapComparison) -> NDArray[np.float64]:
-    """(height, width) float64 of the map's cells, NaN where one of both is not known."""
+    """Map less terrain, (height, width) float64 m by cell; NaN where map or ground is unknown."""
     return comparison.map.level.elevation - comparison.truth
 
 
 def _picture(comparison: MapComparison, terrain: Terrain, grid: Grid, most: float) -> LayerPicture:
-    """The colours of all pixels: each has those of the cell that its middle is in."""
+    """The layer of errors: each pixel has the colour of the cell that holds its middle."""
     from matplotlib import colormaps
 
     level = comparison.map.level
@@ -93,18 +95,18 @@ def _picture(comparison: MapComparison, terrain: Terrain, grid: Grid, most: floa
     cells = level.grid
     column = np.floor((grid.columns(grid.whole) - cells.west) / cells.resolution).astype(np.int64)
     row = np.floor((cells.bounds[3] - grid.rows(grid.whole)) / cells.resolution).astype(np.int64)
-    colors = _at(of_cells, row, column)
+    colors = _cell_colors(of_cells, row, column)
     swatches = [Swatch("never seen", _NEVER)]
     if groundless.any():
         swatches.append(Swatch("no ground there", _GROUNDLESS))
-    key = Key("Map", tuple(swatches), Scale("map less terrain (m)", -most, most, _COLORS))
+    key = Legend("Map", tuple(swatches), Scale("map less terrain (m)", -most, most, _COLORS))
     return LayerPicture(grid, heights, np.zeros(heights.shape, np.uint8), colors, key, LIGHT)
 
 
-def _at(
+def _cell_colors(
     of_cells: NDArray[np.float64], row: NDArray[np.int64], column: NDArray[np.int64]
 ) -> NDArray[np.float64]:
-    """Colours at rows and columns of cells; beyond them it is as where nothing was seen."""
+    """Colours at rows and columns of cells; beyond the cells that of cells never seen."""
     height, width, _ = of_cells.shape
     colors = of_cells[np.clip(row, 0, height - 1)[:, None], np.clip(column, 0, width - 1)]
     colors[(row < 0) | (row >= height)] = _NEVER

@@ -1,4 +1,4 @@
-"""The mesh of a page: as good as its faces allow, with what the field says of each face."""
+"""The mesh of a page: as accurate as its faces allow, with element and surface of each face."""
 
 from __future__ import annotations
 
@@ -31,51 +31,59 @@ from terratool.viewing.coarse import GroundGrid, ground_grid
 from terratool.viewing.effort import Allowed, allowed_error
 
 FACES = 200_000
-"""The error is as small as so many faces allow, …"""
+"""Approximate number of faces of smooth ground on a page; walls come on top."""
 LIVE_FACES = 40_000
-"""… or so many where the page follows a file, and asks the field itself what is under the pointer;
-walls come on top of them …"""
+"""Approximate number of faces as FACES, for a live page, which samples the field itself."""
 MOST_FACES = 2_000_000
-"""… up to so many; beyond, the lowest elements are left out. What is thought to be too much work
-(`effort`) is drawn as a grid of heights."""
+"""Most faces of a mesh, walls included, by default; the lowest elements are left out beyond.
+
+A terrain that takes too much effort (`effort`) becomes a grid of heights."""
 _FINER = 0.2
-"""By default the error is wanted to be this part of that of an exported mesh."""
+"""Wanted error of a page's mesh, as a share of the default error of an exported mesh."""
 _COARSE = 0.01
-"""The first mesh has an error of this part of the relief …"""
+"""Error of the first mesh that is tried, as a share of the relief."""
 _COARSEST = 0.05
-"""A mesh with a larger error than this part of the relief is no better than a grid of heights."""
-_STRIDES = 0.1, 0.5
-"""… and each after it one that is smaller by a factor in here, …"""
-_AIM, _ENOUGH = 0.8, 0.5
-"""… so that it has about the one part of the faces; the other is enough."""
+"""Largest useful error, as a share of the relief; a grid of heights is as good beyond."""
+_LEAST_STRIDE = 0.1
+"""Smallest factor from the error of one mesh that is tried to that of the next."""
+_MOST_STRIDE = 0.5
+"""Largest factor from the error of one mesh that is tried to that of the next."""
+_AIM = 0.8
+"""Share of the faces allowed that the next mesh aims at."""
+_ENOUGH = 0.5
+"""Share of the faces allowed with which no finer mesh is tried."""
 
 _INWARD = 1.0 / 256.0
-"""The field is asked at corners, but so far towards the middle of their face: on its side."""
+"""Share of the way from a corner to the face's middle at which the field is sampled."""
 _SMOOTH = 0.004
-"""Normals of one element around a vertex that differ by less are one."""
+"""Largest difference, per component, of normals around a vertex that become one."""
 _UNIT = 32767
-"""A component of 1 of a normal, as it is written."""
+"""Whole number that is written for a component of 1 of a normal."""
 _STEPS = 23
-"""Coordinates are whole numbers of this many bits at most, so that float32 holds them."""
+"""Most bits of coordinates as whole numbers, so that float32 holds them."""
 _PROBES = 4096
-"""So many places of the mesh are compared with the field, for the error of slopes …"""
+"""Number of places at which slopes of the mesh are compared with the field."""
 _RARELY = 0.99
-"""… which this share of them does not exceed."""
+"""Share of the places whose error of slopes is not above `slope_error`."""
 
 Ints = NDArray[np.int64]
+"""An array of int64."""
 Floats = NDArray[np.float64]
+"""An array of float64."""
 Progress = Callable[[str], object]
+"""A function that is called with words on the step that begins."""
 Attempt = Callable[[float, float], BudgetedMesh]
+"""A function that builds a mesh, from its error and the least height of its elements, m."""
 
 
 @dataclass(frozen=True, slots=True)
 class PageOptions:
-    """What is wanted of the mesh of a page.
+    """Options of the mesh of a page.
 
     Attributes:
-        max_error: the largest distance, along z, of the ground from the terrain; as small as the
-            faces allow if None.
-        max_faces: no more faces: elements are left out if that is not enough; chosen if None.
+        max_error: largest distance of the ground from the terrain along z, in units of the terrain;
+            as small as the faces allow if None.
+        max_faces: most faces, for which elements are left out if need be; chosen if None.
         live: whether the page follows a file and can ask the field.
     """
 
@@ -87,7 +95,7 @@ class PageOptions:
         """Refuse numbers that make no sense for any terrain.
 
         Raises:
-            RequestError: which one it is.
+            RequestError: a number makes no sense; the message names it.
         """
         MeshOptions(self.max_error, self.max_faces).check()
 
@@ -96,15 +104,15 @@ class PageOptions:
 
 
 class PageMesh(NamedTuple):
-    """The mesh of a page, and how well it shows its terrain. Lengths are in units of the terrain.
+    """The mesh of a page, and its errors. Lengths are in units of the terrain.
 
     Attributes:
         built: the mesh.
-        miss: how far its heights are from those of the terrain.
-        measured: whether that was measured, and is no bound.
-        left_out: how many elements and tracks it leaves out …
-        change: … and how much that changes heights, as far as was measured.
-        grid: the grid of heights that it is; None for a mesh with walls.
+        miss: largest distance of the mesh's heights from the terrain's.
+        measured: whether `miss` is measured; else it is an upper bound.
+        left_out: number of elements and tracks that the mesh leaves out.
+        change: largest measured change of heights by leaving these out; 0 for none.
+        grid: grid of heights in the place of a mesh; None for a mesh with walls.
     """
 
     built: BuiltMesh
@@ -116,13 +124,13 @@ class PageMesh(NamedTuple):
 
 
 def fitted_mesh(terrain: Terrain, options: PageOptions, progress: Progress) -> PageMesh:
-    """A mesh whose error is as small as is wanted, or as its faces and the work on it allow.
+    """Build the mesh of a page, with the wanted error, or the smallest that faces and effort allow.
 
-    Where not even a coarse one is little enough work, it is a grid of heights.
+    Where even a coarse mesh takes too much effort, a grid of heights takes its place.
 
     Raises:
-        RequestError: there is no ground, more faces than allowed whatever is left out, or the mesh
-            with the error that is asked for is too much work.
+        RequestError: there is no ground, the faces allowed are too few whatever is left out, or the
+            mesh with the wanted error takes too much effort.
     """
 
     def attempt(error: float, least: float) -> BudgetedMesh:
@@ -142,17 +150,17 @@ def fitted_mesh(terrain: Terrain, options: PageOptions, progress: Progress) -> P
         progress("painting heights")
         grid = ground_grid(terrain, options.max_faces or faces)
         built = _in_order(grid.built)
-        return PageMesh(_checked(built), built.error, measured=True, grid=grid)
+        return PageMesh(_require_faces(built), built.error, measured=True, grid=grid)
     wanted = allowed.error
     if options.max_faces is not None:
-        fit = _within(attempt, terrain, wanted, relief, options.max_faces)
+        fit = _budgeted_mesh(attempt, terrain, wanted, relief, options.max_faces)
     elif options.max_error is not None:
         fit = attempt(wanted, 0.0)
     else:
-        fit = _finest(attempt, wanted, relief, LIVE_FACES if options.live else FACES)
+        fit = _finest_mesh(attempt, wanted, relief, LIVE_FACES if options.live else FACES)
         if fit.faces > MOST_FACES:
-            fit = _within(attempt, terrain, wanted, relief, MOST_FACES)
-    fit = fit._replace(built=_checked(_in_order(collapse_degenerate(fit.built))))
+            fit = _budgeted_mesh(attempt, terrain, wanted, relief, MOST_FACES)
+    fit = fit._replace(built=_require_faces(_in_order(collapse_degenerate(fit.built))))
     loss = loss_of(terrain, fit, MeshOptions(max_faces=options.max_faces), fit.error)
     left = loss.left.small + loss.left.faint
     if terrain.tracks:
@@ -161,14 +169,15 @@ def fitted_mesh(terrain: Terrain, options: PageOptions, progress: Progress) -> P
     return PageMesh(fit.built, loss.miss, loss.miss_measured, left, change)
 
 
-def _checked(built: BuiltMesh) -> BuiltMesh:
+def _require_faces(built: BuiltMesh) -> BuiltMesh:
+    """Refuse a mesh without faces."""
     if not len(built.mesh.faces):
         raise no_ground("Ask terratool info what the terrain is.")
     return built
 
 
 def _too_large(wanted: float, allowed: Allowed) -> RequestError:
-    """What is said of an error that takes too much work; the one that does not is rounded up."""
+    """The error for a wanted error with too much effort; it names an allowed one, rounded up."""
     much = allowed.effort.faces
     many = f": about {counted(int(float(f'{much:.2g}')), 'face')}" if math.isfinite(much) else ""
     other = "for a grid of heights, whose error is measured"
@@ -181,11 +190,11 @@ def _too_large(wanted: float, allowed: Allowed) -> RequestError:
     )
 
 
-def _within(
+def _budgeted_mesh(
     attempt: Attempt, terrain: Terrain, wanted: float,
     relief: float, most: int,
 ) -> BudgetedMesh:  # fmt: skip
-    """The best mesh of so many faces at most, without the lowest elements if need be."""
+    """The best mesh of at most `most` faces, without the lowest elements if need be."""
     sizes = largest_heights(terrain.arrays)[1:]
     if terrain.tracks:
         sizes = np.append(sizes, largest_depths(terrain.arrays))
@@ -195,16 +204,16 @@ def _within(
     )
 
 
-def _finest(attempt: Attempt, wanted: float, relief: float, faces: int) -> BudgetedMesh:
-    """A mesh with about so many faces for smooth ground, on top of what walls need anyway.
+def _finest_mesh(attempt: Attempt, wanted: float, relief: float, faces: int) -> BudgetedMesh:
+    """The finest mesh with about `faces` faces on top of those of a coarse one, mostly walls.
 
-    Errors are tried from large to small: faces are about as the inverse of the error, so all that
-    comes before the last one takes no longer than it.
+    Errors are tried from large to small. The number of faces is about inverse to the error, so all
+    meshes before the last one take no longer than that.
     """
     fit = attempt(max(wanted, _COARSE * relief), 0.0)
     most = fit.faces + faces
     while fit.error > wanted and fit.faces < _ENOUGH * most:
-        factor = min(max(fit.faces / (_AIM * most), _STRIDES[0]), _STRIDES[1])
+        factor = min(max(fit.faces / (_AIM * most), _LEAST_STRIDE), _MOST_STRIDE)
         finer = attempt(max(wanted, factor * fit.error), 0.0)
         if finer.faces > MOST_FACES:
             break
@@ -213,10 +222,10 @@ def _finest(attempt: Attempt, wanted: float, relief: float, faces: int) -> Budge
 
 
 def _in_order(built: BuiltMesh) -> BuiltMesh:
-    """The same with ground first, then walls, each in the order of a Z-shaped curve over the plane.
+    """Sort faces: ground first, then walls, each in the order of a Z-shaped curve over the plane.
 
-    So neighbours stand near each other, which compresses well and is found quickly (G. M. Morton,
-    A computer oriented geodetic data base and a new technique in file sequencing, IBM, 1966).
+    Neighbours get near each other, which compresses well and is searched quickly (G. M. Morton, A
+    computer oriented geodetic data base and a new technique in file sequencing, IBM, 1966).
     """
     mesh = built.mesh
     if not len(mesh.faces):
@@ -247,17 +256,18 @@ def _in_order(built: BuiltMesh) -> BuiltMesh:
     )
 
 
-# --- what the field says of faces -----------------------------------------------------------------
+# --- elements, surfaces and normals of faces ------------------------------------------------------
 
 
 class Faces(NamedTuple):
-    """What the field says of the faces of a mesh.
+    """Elements, surfaces and normals of the faces of a mesh.
 
     Attributes:
-        element: (m,) of the ground, or of the higher ground that a wall bounds; -1 for none.
-        surface: (m,) likewise, index into the surfaces, -1 for none.
-        normals: (m, 3, 3) of the ground at their corners; of walls that of the face.
-        upright: (m,) whether they are walls.
+        element: (m,) index of the ground's element; for a wall that of the higher ground; -1 for
+            none.
+        surface: (m,) index of the ground's surface; for a wall that of the wall; -1 for none.
+        normals: (m, 3, 3) normals of the ground at the corners; for a wall that of the face.
+        upright: (m,) bool, whether a face is a wall.
     """
 
     element: Ints
@@ -267,17 +277,17 @@ class Faces(NamedTuple):
 
 
 def wall_offset_of(built: BuiltMesh) -> float:
-    """How far beside its place the wall of a disc or of a rut stands, at most."""
+    """Largest distance of the wall of a disc or of a rut from its exact place, world units."""
     return max(built.loss.wall_offset, built.loss.ruts.wall_offset)
 
 
 def faces_of(terrain: Terrain, built: BuiltMesh, *, from_field: bool = True) -> Faces:
-    """Ask the field about the faces of a mesh of it: in their middles, and beside their corners.
+    """Sample the field at the faces of its mesh: in their middles, and beside their corners.
 
     Args:
         terrain: the terrain.
         built: the mesh.
-        from_field: whether normals are those of the field, rather than those of the mesh.
+        from_field: whether normals are the field's; else the mesh's.
     """
     mesh = built.mesh
     corners = mesh.vertices[mesh.faces]
@@ -287,7 +297,7 @@ def faces_of(terrain: Terrain, built: BuiltMesh, *, from_field: bool = True) -> 
     flat = across / np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-300)
     found = terrain.sample(middle[:, 0], middle[:, 1])
     element, surface = found.element.copy(), found.surface.astype(np.int64)
-    # a wall faces its lower side: what it bounds is behind it, and behind its arc if it is a chord
+    # a wall faces its lower side: the ground that it bounds is behind it, or behind a chord's arc
     walls = np.flatnonzero(mesh.walls)
     wide = np.linalg.norm(plane[walls] - middle[walls, None], axis=2).max(axis=1)
     surface[walls] = mesh.surfaces[walls]
@@ -316,9 +326,9 @@ class Wedges(NamedTuple):
     """Vertices with one element and one normal each.
 
     Attributes:
-        vertex: (n,) of the mesh.
-        normal: (n, 2) whole numbers, x and y of the normal.
-        corners: (m, 3) that of each corner of each face.
+        vertex: (n,) index of the vertex in the mesh.
+        normal: (n, 2) x and y of the normal, whole numbers up to `_UNIT`.
+        corners: (m, 3) index of the wedge at each corner of each face.
     """
 
     vertex: Ints
@@ -327,7 +337,7 @@ class Wedges(NamedTuple):
 
 
 def wedges_of(mesh: Mesh, faces: Faces) -> Wedges:
-    """Normals of one element around a vertex are made one where they are nearly that already."""
+    """Make the wedges of a mesh; normals of an element at a vertex that nearly agree become one."""
     vertex = mesh.faces.ravel().astype(np.int64)
     owner = np.repeat(2 * (faces.element + 2) + faces.upright, 3)
     normals = faces.normals.reshape(-1, 3)
@@ -361,9 +371,9 @@ def wedges_of(mesh: Mesh, faces: Faces) -> Wedges:
 
 
 def slope_error(terrain: Terrain, mesh: Mesh, faces: Faces) -> float:
-    """How far slopes between the corners of faces are from those of the field, degrees.
+    """Error of slopes that are interpolated in faces, degrees, against the field.
 
-    As far as `_RARELY` of `_PROBES` places, spread evenly over the ground, are at most.
+    The share `_RARELY` of `_PROBES` places, spread evenly over the ground, have no larger error.
     """
     random = np.random.default_rng(0)
     ground = np.flatnonzero(~faces.upright)
@@ -385,14 +395,14 @@ def slope_error(terrain: Terrain, mesh: Mesh, faces: Faces) -> float:
     return float(np.quantile(apart, _RARELY)) if len(apart) else 0.0
 
 
-class Rounding(NamedTuple):
-    """How coordinates become whole numbers.
+class MeshRounding(NamedTuple):
+    """The rounding of a mesh's coordinates to whole numbers.
 
     Attributes:
-        origin: of the world, where they are 0.
-        steps: what 1 is along x, y and z: powers of two.
-        shift: from the zero of the mesh to that origin.
-        rounding: how far a height is from that of the mesh at most, where slopes are below 54°.
+        origin: world x, y and z of the whole numbers 0.
+        steps: lengths of 1 along x, y and z, world units: powers of two.
+        shift: x, y and z of the origin in the mesh's own coordinates.
+        rounding: largest change of heights by rounding, m, where slopes are below 54°.
     """
 
     origin: tuple[float, float, float]
@@ -401,8 +411,8 @@ class Rounding(NamedTuple):
     rounding: float
 
     @classmethod
-    def of(cls, mesh: Mesh, error: float) -> Rounding:
-        """Fine enough for a mesh with such an error of heights."""
+    def of(cls, mesh: Mesh, error: float) -> MeshRounding:
+        """A rounding that is fine enough for a mesh with an error of heights, m."""
         low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
         middle = (low + high) / 2
         finest = [
@@ -423,11 +433,11 @@ class Rounding(NamedTuple):
         )
 
     def whole(self, points: Floats) -> Ints:
-        """Points of the mesh as whole numbers, (n, 3)."""
+        """Round points of the mesh, (n, 3), to whole numbers, (n, 3) int64."""
         return np.rint((points - self.shift) / self.steps).astype(np.int64)
 
     def line(self, x: Floats, y: Floats, z: Floats) -> list[list[float]]:
-        """Points of the world, relative to the origin and rounded."""
+        """Points in world coordinates as rounded x, y, z from the origin, (n, 3) as lists."""
         local = np.column_stack([x, y, z]) - self.origin
         digits = [max(0, math.ceil(-math.log10(step))) for step in self.steps]
         return [

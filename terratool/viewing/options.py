@@ -1,4 +1,4 @@
-"""What is wanted of a picture, and what was drawn."""
+"""Options of a picture of a terrain, and the report on one that was drawn."""
 
 from __future__ import annotations
 
@@ -12,36 +12,42 @@ from terratool.errors import RequestError
 from terratool.viewing.sheet import FORMATS
 
 LEAST_SIZE, MOST_SIZE = 200, 4096
-"""Pixels that the longer side of a picture has at least, and at most."""
+"""Fewest and most pixels of the longer side of a picture."""
 LEAST_DPI, MOST_DPI = 36.0, 600.0
+"""Fewest and most pixels per inch."""
 MOST_EXAGGERATION = 1e6
+"""Largest factor on heights."""
 
 Contours = float | Literal["auto"] | None
+"""An interval of contours, m; "auto" for a round one; None for no contours."""
 Line = tuple[float, float, float, float]
+"""World x and y of the first end of a line, and of the last."""
 
 
 @dataclass(frozen=True, slots=True)
 class RenderOptions:
-    """What is wanted of a picture.
+    """Options of a picture.
 
     Attributes:
-        layer: what the colours show: `terratool.viewing.layers.NAMES`.
-        vehicle: file of the vehicle whose verdicts the layer traversability shows.
-        bounds: west, south, east, north of what is drawn; the whole terrain if None.
-        contours: how far contours are apart, in units of the terrain; "auto" for a round number of
-            about eight; None for none.
-        grid: whether nested cells are drawn, with what elements are said to be.
+        layer: layer that the colours show, one of `terratool.viewing.layers.NAMES`.
+        vehicle: path of the vehicle whose verdicts the layer `traversability` shows.
+        bounds: west, south, east, north of the picture, world units; the whole terrain if None.
+        contours: interval of contours, in units of the terrain; "auto" for a round one with about
+            eight contours; None for no contours.
+        grid: whether nested cells are drawn, with the descriptions of elements.
         profile: x and y of both ends of a section, which is drawn instead of a plan.
         perspective: whether a view from the side is drawn instead of a plan.
-        azimuth: degrees clockwise from north from where a perspective is seen, -360 to 360.
-        elevation: degrees above the horizon from where it is seen.
-        max_error: the largest error of its mesh, in units of the terrain; half a pixel if None.
+        azimuth: direction from which a perspective is seen, degrees clockwise from north, -360 to
+            360.
+        elevation: angle above the horizon from which a perspective is seen, degrees, 5 to 90.
+        max_error: largest error of a perspective's mesh, in units of the terrain; half a pixel if
+            None.
         exaggeration: factor on heights of a section or a perspective; chosen if None.
-        title: over the picture; what the terrain is said to be if None, none if empty.
-        legend: whether to say what the colours mean.
-        bare: whether to leave out all letters, axes and legends.
-        size: pixels of the longer side.
-        dpi: pixels of an inch; letters have the same size in inches.
+        title: title over the picture; the terrain's description if None, no title if empty.
+        legend: whether a legend of the colours is drawn.
+        bare: whether all letters, axes and legends are left out.
+        size: number of pixels of the longer side.
+        dpi: pixels per inch; letters keep their size in inches.
     """
 
     layer: str = "surface"
@@ -62,10 +68,10 @@ class RenderOptions:
     dpi: float = 150.0
 
     def check(self) -> None:
-        """Refuse what makes no sense for any terrain.
+        """Refuse options that make no sense for any terrain.
 
         Raises:
-            RequestError: which option it is.
+            RequestError: an option makes no sense; the message names it.
         """
         from terratool.viewing.layers import check_layer
 
@@ -91,21 +97,18 @@ class RenderOptions:
         self._check_views()
 
     @property
-    def keyed(self) -> bool:
-        """Whether there is a legend."""
+    def has_legend(self) -> bool:
+        """Whether the picture has a legend."""
         return self.legend and not self.bare
 
     def title_of(self, descr: str) -> str:
-        """What stands over the picture of a terrain that is said to be something; empty for none.
-
-        Args:
-            descr: what it is said to be.
-        """
+        """Title of the picture of a terrain with a description, `descr`; empty for no title."""
         if self.bare:
             return ""
         return descr if self.title is None else self.title
 
     def _check_contours(self) -> None:
+        """Refuse an interval of contours that is not finite and above 0."""
         interval = self.contours
         if isinstance(interval, float) and not (math.isfinite(interval) and interval > 0.0):
             raise RequestError(
@@ -113,6 +116,7 @@ class RenderOptions:
             )
 
     def _check_views(self) -> None:
+        """Refuse options of one kind of picture (plan, section, perspective) with another."""
         if self.profile is not None and self.perspective:
             raise RequestError(
                 "A section and a perspective are two pictures.",
@@ -141,6 +145,7 @@ class RenderOptions:
             self._check_perspective()
 
     def _check_profile(self, line: Line) -> None:
+        """Refuse options that a section does not have, and ends that are one point."""
         if self.bounds is not None:
             raise RequestError("A section ends where --profile says.", "Leave out --bounds.")
         if self.layer != "surface":
@@ -154,6 +159,7 @@ class RenderOptions:
             raise RequestError("Both ends of the section are one point.", "Give two points.")
 
     def _check_perspective(self) -> None:
+        """Refuse angles and errors of a perspective that are out of range."""
         if not -360.0 <= self.azimuth <= 360.0:
             raise RequestError(
                 f"The azimuth is {self.azimuth:g} degrees.", "Give --azimuth from -360 to 360."
@@ -170,13 +176,13 @@ class RenderOptions:
 
 @dataclass(frozen=True, slots=True)
 class RenderReport:
-    """What was drawn.
+    """A report on a picture that was drawn.
 
     Attributes:
-        path: the file.
-        width, height: its pixels; for SVG and PDF those of a print at the `dpi` asked for.
-        what: what it shows, in words.
-        notes: sentences on what was chosen, and on what cannot be seen.
+        path: path of the picture.
+        width, height: pixels of the picture; for SVG and PDF those of a print at the wanted `dpi`.
+        what: contents of the picture, in words.
+        notes: sentences on choices, and on facts that the picture does not show.
     """
 
     path: Path
@@ -186,11 +192,11 @@ class RenderReport:
     notes: tuple[str, ...]
 
 
-def checked_format(path: Path) -> str:
-    """The suffix of a picture.
+def picture_format(path: Path) -> str:
+    """The suffix of a picture's path, in lower case.
 
     Raises:
-        RequestError: pictures are not written as that.
+        RequestError: no picture is written with that suffix.
     """
     suffix = path.suffix.lower()
     if suffix not in FORMATS:

@@ -1,4 +1,4 @@
-"""The page itself: one HTML file with its script, its style, three.js and a scene in it."""
+"""The page: one HTML file with its script, its style, three.js and a scene."""
 
 from __future__ import annotations
 
@@ -18,35 +18,37 @@ from terratool.errors import ReadError
 from terratool.text.display import printable
 
 _FOLDER = Path(__file__).parent / "page"
+"""Folder of the page's template, style and script."""
 _VIEWER = Path("resources") / "templates" / "viewer.zip"
-"""In trimesh: its own viewer, a page with three.js at the beginning of its script."""
+"""Path in trimesh of its own viewer, a page with three.js at the beginning of its script."""
 _LIBRARY = re.compile(
     r"/\*\*\s*\* @license\s[^/]*Three\.js Authors.*?\"__esModule\",\s*\{value:\s*!0\}\)\}\)\);",
     re.DOTALL,
 )
-"""three.js as one script for browsers, from its licence to its last export."""
+"""Pattern of three.js as one script for browsers, from its licence to its last export."""
 _REVISION = re.compile(r"\.REVISION=(\w+)\b")
+"""Pattern of the name under which three.js exports its revision."""
 
 
 def _folder_of_trimesh() -> Path:
-    """Where it lies; importing it would take longer than all else."""
+    """Folder of trimesh, without importing it, which would take longer than all else."""
     found = importlib.util.find_spec("trimesh")
     return Path((found.origin if found else None) or "").parent
 
 
-class Library(NamedTuple):
-    """three.js: its text, with its licence, and its revision."""
+class ScriptLibrary(NamedTuple):
+    """A script library: its text, with the licence, and its revision."""
 
     text: str
     revision: str
 
 
 @cache
-def three() -> Library:
-    """three.js, which trimesh brings along for a viewer of its own.
+def three_js() -> ScriptLibrary:
+    """The library three.js, from the trimesh that is installed.
 
     Raises:
-        ReadError: the trimesh that is installed has none.
+        ReadError: three.js is not in that trimesh.
     """
     try:
         with zipfile.ZipFile(_folder_of_trimesh() / _VIEWER) as archive:
@@ -61,26 +63,26 @@ def three() -> Library:
             f"three.js was not found in trimesh {metadata.version('trimesh')}, which is installed.",
             f'Install one that has it: {sys.executable} -m pip install "trimesh>=4.4,<=5.2".',
         )
-    return Library(found[0], number[1])
+    return ScriptLibrary(found[0], number[1])
 
 
 def page_of(title: str, scene: bytes = b"", *, live: bool = False) -> str:
-    """The text of a page; the same from run to run.
+    """The HTML text of a page; equal arguments give equal texts.
 
-    Nothing of a definition stands in it as text but the title: the scene is compressed.
+    Only the title stands in the page as text: the scene is compressed.
 
     Args:
-        title: the name of the terrain.
-        scene: what `Scene.to_bytes` gives; a page that is live fetches it.
-        live: whether it asks the server that it comes from.
+        title: name of the terrain.
+        scene: scene of the page, from `PageScene.to_bytes`; a live page fetches its scene.
+        live: whether the page asks the server that it comes from.
 
     Raises:
-        ReadError: three.js is not there.
+        ReadError: three.js is not found.
     """
     import jinja2
     from markupsafe import Markup
 
-    library = three()
+    library = three_js()
     style, script = (
         (_FOLDER / name).read_text("utf-8").replace("\r\n", "\n")
         for name in ("page.css", "page.js")
@@ -111,5 +113,5 @@ def page_of(title: str, scene: bytes = b"", *, live: bool = False) -> str:
 
 
 def _hash(text: str) -> str:
-    """What a content security policy calls a text that it lets run."""
+    """Name of a text that may run, in a content security policy: its SHA-256."""
     return f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}'"

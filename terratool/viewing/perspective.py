@@ -37,13 +37,13 @@ from terratool.viewing.layers import (
     surface_colors,
 )
 from terratool.viewing.options import RenderOptions
-from terratool.viewing.plan import NO_MARGINS, Drawn, Margins, unit_of
+from terratool.viewing.plan import NO_MARGINS, Drawn, SheetMargins, unit_of
 from terratool.viewing.sheet import (
-    Key,
+    Legend,
     Rectangle,
     Sheet,
     chosen_exaggeration,
-    exaggerated,
+    exaggeration_text,
     key_width,
     new_sheet,
     note_of_chosen,
@@ -189,10 +189,10 @@ def draw_perspective(
     swatches = tuple(
         swatch._replace(letter="") for swatch in plan.key.swatches if swatch.label != NO_GROUND
     )
-    key = plan.key._replace(swatches=swatches) if options.keyed else Key()
+    key = plan.key._replace(swatches=swatches) if options.has_legend else Legend()
     title = options.title_of(terrain.descr)
-    margins = NO_MARGINS if options.bare else Margins(
-        left=14.0, bottom=48.0, right=key_width(key) + 28.0 if options.keyed else 14.0,
+    margins = NO_MARGINS if options.bare else SheetMargins(
+        left=14.0, bottom=48.0, right=key_width(key) + 28.0 if options.has_legend else 14.0,
         top=28.0 if title else 12.0,
     )  # fmt: skip
     corners = vertices[np.unique(block.faces)]
@@ -219,13 +219,13 @@ def draw_perspective(
     if title:
         left = sheet.pixels(margins.left)
         sheet.title(title, left, sheet.width - 2 * left)
-    if options.keyed:
+    if options.has_legend:
         beside = ground.left + ground.width + sheet.pixels(14.0)
         low, high = sheet.pixels(4.0), sheet.height - sheet.pixels(margins.top + 4.0)
         sheet.key(key, Rectangle(beside, low, sheet.width - beside - low, high - low))
     what = (
         f"perspective from {number(options.azimuth % 360.0)}°, {number(options.elevation)}° above; "
-        f"{made}; {exaggerated(factor)}"
+        f"{made}; {exaggeration_text(factor)}"
     )
     return Drawn(sheet, what, (*note_of_chosen(factor, options.exaggeration), *plan.notes))
 
@@ -337,7 +337,9 @@ def _gridded(terrain: Terrain, part: tuple[float, float, float, float]) -> tuple
     return Block(vertices, faces, surfaces, walls, normals), made
 
 
-def _sheet(vertices: Floats, options: RenderOptions, margins: Margins) -> tuple[Sheet, Rectangle]:
+def _sheet(
+    vertices: Floats, options: RenderOptions, margins: SheetMargins
+) -> tuple[Sheet, Rectangle]:
     """A sheet around the picture of a block, whose longer side has the size wanted."""
     per_point = options.dpi / 72.0
     left, bottom, right, top = (math.ceil(part * per_point) for part in margins)

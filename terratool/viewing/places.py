@@ -1,4 +1,4 @@
-"""Where elements stand in the texts that say them: file, line and keys."""
+"""Places of elements in the texts of a terrain: file, line and keys."""
 
 from __future__ import annotations
 
@@ -19,26 +19,32 @@ from terratool.text.numbers import parse_whole
 from terratool.text.values import read_values
 
 MOST_ITEMS = 16
-"""A list of more items is said by its first ones and their number …"""
+"""Most items of a list or keys of an object that are shown."""
 MOST_LETTERS = 400
-"""… and a text of more letters by its first ones."""
+"""Most letters of a text that are shown."""
 
 _link = re.compile(r">(?=(?:[^>]*#)?/parts/)")
-"""Between two names of a chain; a slash in the name of a part is written ~1."""
+"""Pattern between two names of a chain; a slash in the name of a part is written ~1."""
 _copy = re.compile(r"(/children/\d+)\[[^\]/]*\]")
-"""An element that stands for several, and which of them is meant."""
+"""Pattern of an element that stands for several, with the number of one of these."""
 _INNER = "children"
+"""Key of an element's children."""
 
 
 class Site(NamedTuple):
-    """A terrain, and the texts that it was made of."""
+    """A terrain with the texts that it was made from.
+
+    Attributes:
+        terrain: the terrain, with all parts written out.
+        checked: the definition and its libraries, checked.
+    """
 
     terrain: Terrain
     checked: Checked
 
     @property
     def name(self) -> str:
-        """Of the file, without its folder."""
+        """Name of the definition's file, without its folder."""
         return Path(self.checked.name).name
 
 
@@ -46,29 +52,29 @@ def read_site(path: str, library_roots: tuple[str, ...] = (), *, roughness: bool
     """Read, check and compile a definition.
 
     Args:
-        path: of the file.
+        path: path of the definition.
         library_roots: further folders under which the libraries that it uses may lie.
         roughness: whether rough surfaces have their relief.
 
     Raises:
         ReadError: the file cannot be read.
-        DefinitionError: it is no valid terrain.
+        DefinitionError: the file is no valid terrain.
         RequestError: parts and copies come to too many elements to be shown.
     """
     return site_of(load_checked(path, library_roots), roughness=roughness)
 
 
 def site_of(checked: Checked, *, roughness: bool = True) -> Site:
-    """The same of a definition that was checked and has no errors."""
+    """Compile a checked definition without errors, as `read_site` does."""
     return Site(Terrain(checked, roughness=roughness).written_out, checked)
 
 
 class Place(NamedTuple):
-    """A value of a text.
+    """The place of a value in a text.
 
     Attributes:
         file: index of the text: 0 is the terrain, others are libraries.
-        pointer: JSON pointer in it.
+        pointer: JSON pointer of the value in the text.
     """
 
     file: int
@@ -76,27 +82,28 @@ class Place(NamedTuple):
 
 
 class Places(Struct, frozen=True, dict=True):
-    """The texts of a terrain, and what stands where in them."""
+    """The texts of a terrain, in which places of elements are looked up."""
 
     checked: Checked
 
     @cached_property
     def documents(self) -> Mapping[str, Document]:
-        """The texts by the path that names of elements have for them; empty for the terrain."""
+        """Texts by the path with which names of elements begin; "" for the terrain."""
         own = self.checked.document
         assert own is not None
         return {"": own, **{path_between(own, one): one for one in own.reached}}
 
     @property
     def files(self) -> list[str]:
-        """Their names: of the terrain without its folder, of libraries from there on."""
+        """Names of the files: the terrain's without folder, libraries' relative to it."""
         return [Path(self.checked.name).name, *list(self.documents)[1:]]
 
     def of(self, name: str) -> tuple[Place, ...]:
-        """The places of an element by its name, from the one in the terrain to its own."""
-        return tuple(self._along(name))
+        """The places of an element by its name: from the use in the terrain to its own text."""
+        return tuple(self._chain(name))
 
-    def _along(self, name: str) -> Iterator[Place]:
+    def _chain(self, name: str) -> Iterator[Place]:
+        """The places of an element by its name, see `of`."""
         known, file = list(self.documents), 0
         for part in _link.split(name):
             path, _, pointer = part.rpartition("#/parts/")
@@ -105,7 +112,7 @@ class Places(Struct, frozen=True, dict=True):
             yield Place(file, _copy.sub(r"\1", part))
 
     def lines(self, places: Iterable[Place]) -> dict[Place, int]:
-        """The lines that places begin in, from 1."""
+        """Numbers of the lines in which places begin, from 1, ordered by file and line."""
         found = {}
         by_file: dict[int, list[Place]] = {}
         for place in dict.fromkeys(places):
@@ -125,7 +132,7 @@ class Places(Struct, frozen=True, dict=True):
         return found
 
     def value(self, place: Place) -> Any:
-        """What stands there, as plain values; None where nothing does."""
+        """The value at a place, as plain Python values; None where there is none."""
         found = self._values[place.file]
         for token in place.pointer.split("/")[1:]:
             if isinstance(found, list):
@@ -137,29 +144,30 @@ class Places(Struct, frozen=True, dict=True):
 
     @cached_property
     def _values(self) -> list[Any]:
+        """Plain Python values of all texts."""
         return [read_values(one.source.data) for one in self.documents.values()]
 
     def keys(self, place: Place) -> dict[str, Any]:
-        """The keys of an element and their values; its children are counted."""
+        """Keys and shortened values of an element; a number in the place of its children."""
         value = self.value(place)
         if not isinstance(value, dict):
             return {}
         return {
             key: f"{len(item)} elements"
             if key == _INNER and isinstance(item, list)
-            else shortened(item)
+            else shorten(item)
             for key, item in value.items()
         }
 
 
-def shortened(value: Any) -> Any:
-    """A value with long lists and texts cut off, which says how long they are."""
+def shorten(value: Any) -> Any:
+    """Shorten a value: long lists, objects and texts are cut off, and end with their length."""
     if isinstance(value, str) and len(value) > MOST_LETTERS:
         return f"{value[:MOST_LETTERS]}… ({len(value)} letters)"
     if isinstance(value, list):
-        items = [shortened(item) for item in value[:MOST_ITEMS]]
+        items = [shorten(item) for item in value[:MOST_ITEMS]]
         return items if len(value) <= MOST_ITEMS else [*items, f"… ({len(value)} items)"]
     if isinstance(value, dict):
-        members = {key: shortened(item) for key, item in list(value.items())[:MOST_ITEMS]}
+        members = {key: shorten(item) for key, item in list(value.items())[:MOST_ITEMS]}
         return members if len(value) <= MOST_ITEMS else {**members, "…": f"{len(value)} keys"}
     return value

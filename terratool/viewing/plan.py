@@ -1,4 +1,4 @@
-"""A plan: the terrain from above, with light on it, its axes, and what its colours mean."""
+"""A plan: the terrain from above, shaded, with axes and a legend."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from terratool.viewing.layers import FINER, LayerPicture, layer_picture, level_l
 from terratool.viewing.options import RenderOptions
 from terratool.viewing.sheet import (
     INK,
-    Key,
+    Legend,
     Rectangle,
     Sheet,
     key_width,
@@ -38,24 +38,25 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 _BAND = 512
-"""Rows of these that get their light at a time, about."""
+"""Approximate number of painted rows that are shaded at a time."""
 _SAMPLED = 4000
-"""How steep ground is is looked at on so many pixels of the longer side at most."""
+"""Most pixels of the longer side on which the steepness of the ground is measured."""
 _HATCH = 6.0
-"""Points from one line of hatching to the next."""
+"""Distance from one line of hatching to the next, points."""
 _LEAST_MAP = 8
-"""Pixels that the shorter side of the ground has at least."""
+"""Fewest pixels of the shorter side of the ground."""
 
 _UNITS = {"metre": "m", "meter": "m", "foot": "ft", "US survey foot": "US ft", "degree": "°"}
+"""Short names of units of lengths."""
 
 
-class Layout(NamedTuple):
-    """Where things stand on a sheet, in pixels.
+class PlanLayout(NamedTuple):
+    """The layout of a sheet, in pixels.
 
     Attributes:
-        width, height: of the sheet.
-        ground: the picture of the ground.
-        key: what the colours mean; its height is 0 where that is not wanted.
+        width, height: sides of the sheet.
+        ground: rectangle of the picture of the ground.
+        key: rectangle of the legend.
     """
 
     width: int
@@ -64,8 +65,8 @@ class Layout(NamedTuple):
     key: Rectangle
 
 
-class Margins(NamedTuple):
-    """Room around the ground, in points."""
+class SheetMargins(NamedTuple):
+    """Widths of the margins around the ground, points."""
 
     left: float
     bottom: float
@@ -73,12 +74,18 @@ class Margins(NamedTuple):
     top: float
 
 
-NO_MARGINS = Margins(1.0, 1.0, 1.0, 1.0)
-"""Of pictures without letters."""
+NO_MARGINS = SheetMargins(1.0, 1.0, 1.0, 1.0)
+"""Margins of pictures without letters."""
 
 
 class Drawn(NamedTuple):
-    """A sheet, what it shows, and what is to be said of it."""
+    """A finished sheet.
+
+    Attributes:
+        sheet: the sheet.
+        what: contents of the sheet, in words.
+        notes: sentences on choices, and on facts that the sheet does not show.
+    """
 
     sheet: Sheet
     what: str
@@ -86,7 +93,7 @@ class Drawn(NamedTuple):
 
 
 def unit_of(terrain: Terrain) -> str:
-    """What x and y are measured in: of the reference system; metres where there is none."""
+    """Unit of x and y, from the reference system; "m" without one, "units" for an unknown one."""
     try:
         crs = crs_of(terrain)
         if crs is None:
@@ -97,8 +104,8 @@ def unit_of(terrain: Terrain) -> str:
     return _UNITS.get(name, name or "units")
 
 
-def layout(sides: tuple[float, float], options: RenderOptions, margins: Margins) -> Layout:
-    """Lay out a sheet around ground of these sides, so that its longer side has the size wanted.
+def layout(sides: tuple[float, float], options: RenderOptions, margins: SheetMargins) -> PlanLayout:
+    """Lay out a sheet around ground with sides (x, y); its longer side has the wanted size.
 
     Raises:
         RequestError: the ground would be too narrow to be seen.
@@ -127,7 +134,7 @@ def layout(sides: tuple[float, float], options: RenderOptions, margins: Margins)
     beside = left + width + math.ceil(10.0 * per_point)
     low = math.ceil(4.0 * per_point)
     key = Rectangle(beside, low, max(wide - beside - low, 0), tall - top - low)
-    return Layout(wide, tall, ground, key)
+    return PlanLayout(wide, tall, ground, key)
 
 
 def draw_plan(
@@ -146,34 +153,34 @@ def draw_plan(
         check_bounds(options.bounds, terrain)
     part = clip_bounds(terrain, options.bounds)
     sides = part[2] - part[0], part[3] - part[1]
-    # the legend is known only when the ground is painted, and that takes its place from the legend
-    room = (150.0 if options.layer == "surface" else 110.0) if options.keyed else 0.0
-    if options.keyed and options.layer == "surface":
+    # the ground's room depends on the legend, whose width must be known before painting
+    room = (150.0 if options.layer == "surface" else 110.0) if options.has_legend else 0.0
+    if options.has_legend and options.layer == "surface":
         from terratool.viewing.sheet import Swatch
 
         names = [Swatch(name, (0, 0, 0)) for name in (*terrain.surfaces, "void, no ground")]
-        room = key_width(Key("", tuple(names)))
+        room = key_width(Legend("", tuple(names)))
     title = options.title_of(terrain.descr)
     margins = (
         NO_MARGINS
         if options.bare
-        else Margins(
-            left=width_of(_labels(part[1], part[3])) + 26.0,
+        else SheetMargins(
+            left=width_of(_axis_labels(part[1], part[3])) + 26.0,
             bottom=76.0,
-            right=room + 20.0 if options.keyed else 14.0,
+            right=room + 20.0 if options.has_legend else 14.0,
             top=26.0 if title else 10.0,
         )
     )
     places = layout(sides, options, margins)
-    picture, factor = _painted(terrain, places, part, options, judge, progress)
+    picture, factor = _paint_layer(terrain, places, part, options, judge, progress)
     progress("drawing")
     sheet = new_sheet(places.width, places.height, options.dpi)
     axes = sheet.axes(places.ground)
     grid, notes = picture.grid, list(picture.notes)
     west, south, east, north = grid.bounds
     axes.imshow(
-        shaded(picture, options.dpi, factor), extent=(west, east, south, north), aspect="auto",
-        interpolation="none", origin="upper",
+        shade_picture(picture, options.dpi, factor), extent=(west, east, south, north),
+        aspect="auto", interpolation="none", origin="upper",
     )  # fmt: skip
     axes.set_xlim(west, east)
     axes.set_ylim(south, north)
@@ -186,9 +193,9 @@ def draw_plan(
     if options.grid:
         labels, left_out = _draw_cells(axes, terrain, picture, sheet)
         notes += left_out
-    if options.keyed:
+    if options.has_legend:
         _draw_letters(axes, picture, options.dpi, labels)
-    notes += _narrow(terrain, part, grid.resolution * FINER)
+    notes += _narrow_note(terrain, part, grid.resolution * FINER)
     if options.bare:
         axes.set_axis_off()
     else:
@@ -197,7 +204,7 @@ def draw_plan(
     if title:
         left = places.ground.left
         sheet.title(title, left, places.width - left - sheet.pixels(6.0))
-    if options.keyed:
+    if options.has_legend:
         sheet.key(picture.key, places.key)
     known = picture.heights[np.isfinite(picture.heights)]
     what = (
@@ -208,18 +215,18 @@ def draw_plan(
     return Drawn(sheet, what, tuple(notes))
 
 
-def _labels(low: float, high: float) -> list[str]:
-    """Labels as they may stand on an axis."""
+def _axis_labels(low: float, high: float) -> list[str]:
+    """Labels of an axis from one number to another."""
     from terratool.raster.shading import ticks
 
     return [number(place) for place in ticks(low, high, 6)]
 
 
-def _painted(
-    terrain: Terrain, places: Layout, part: Bounds, options: RenderOptions, judge: Judge | None,
+def _paint_layer(
+    terrain: Terrain, places: PlanLayout, part: Bounds, options: RenderOptions, judge: Judge | None,
     progress: Callable[[str], object],
 ) -> tuple[LayerPicture, float]:  # fmt: skip
-    """The layer at pixels finer than those of the picture, and how much steeper light falls."""
+    """Paint the layer at pixels finer than the picture's, and choose the factor on slopes."""
     resolution = (part[2] - part[0]) / (places.ground.width * FINER)
     grid = grid_over(terrain, resolution, part)
     picture = layer_picture(terrain, grid, options.layer, judge, progress)
@@ -230,20 +237,28 @@ def _painted(
     return picture, min(exaggeration(some, grid.resolution * stride), picture.light.steeper)
 
 
-def shaded(picture: LayerPicture, dpi: float, factor: float) -> NDArray[np.uint8]:
-    """The picture with light on it, at its own pixels: each the mean of the finer ones."""
+def shade_picture(picture: LayerPicture, dpi: float, factor: float) -> NDArray[np.uint8]:
+    """Shade a layer, and reduce it to the pixels of the picture, (height, width, 3) uint8.
+
+    Args:
+        picture: the layer, at finer pixels.
+        dpi: pixels of the picture per inch.
+        factor: factor on slopes.
+    """
     step = FINER * max(4, round(_HATCH * dpi / 72.0))
     band = step * max(1, _BAND // step)  # bands of rows need less memory, and hatching goes on
     parts = [
-        _means(light_on(picture.rows(start, start + band), light, step))
+        _block_means(light_on(picture.rows(start, start + band), light, step))
         for start in range(0, picture.grid.height, band)
-        for light in (_light(picture, start, start + band, factor),)
+        for light in (_light_factors(picture, start, start + band, factor),)
     ]
     return np.concatenate(parts)
 
 
-def _light(picture: LayerPicture, start: int, stop: int, factor: float) -> NDArray[np.float64]:
-    """Factors on the colours of some rows."""
+def _light_factors(
+    picture: LayerPicture, start: int, stop: int, factor: float
+) -> NDArray[np.float64]:
+    """Factors on the colours of some rows by light, (rows, width) float64."""
     heights = picture.heights[max(start - 1, 0) : stop + 1]  # with neighbours
     first = min(start, 1)
     rows = min(stop, picture.grid.height) - start
@@ -253,8 +268,8 @@ def _light(picture: LayerPicture, start: int, stop: int, factor: float) -> NDArr
     return np.asarray(np.clip(1.0 + how.contrast * (shade - level_light()), how.shade, how.glare))
 
 
-def _means(fine: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """The means of blocks of pixels; those at the ends are filled up."""
+def _block_means(fine: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Means of blocks of FINER × FINER pixels; blocks at the ends repeat the last pixels."""
     rows, columns = (-side % FINER for side in fine.shape[:2])
     fine = np.pad(fine, ((0, rows), (0, columns), (0, 0)), mode="edge")
     blocks = fine.reshape(fine.shape[0] // FINER, FINER, fine.shape[1] // FINER, FINER, 3)
@@ -262,12 +277,13 @@ def _means(fine: NDArray[np.uint8]) -> NDArray[np.uint8]:
 
 
 def _light_caption(factor: float) -> str:
+    """A sentence on the light, with the factor on slopes."""
     steeper = f"; slopes shaded {factor:g} times as steep" if factor != 1.0 else ""
     return f"Light from the north-west{steeper}."
 
 
-def _narrow(terrain: Terrain, part: Bounds, pixel: float) -> list[str]:
-    """A sentence on elements that are narrower than a pixel, if there are any."""
+def _narrow_note(terrain: Terrain, part: Bounds, pixel: float) -> list[str]:
+    """A sentence on elements that are narrower than a pixel; none where there are none."""
     whole = terrain.by_elements
     if whole is None:
         return []
@@ -278,7 +294,7 @@ def _narrow(terrain: Terrain, part: Bounds, pixel: float) -> list[str]:
 
 
 def _draw_letters(axes: Axes, picture: LayerPicture, dpi: float, labels: tuple[Label, ...]) -> None:
-    """Draw a letter on each surface whose colour says too little, where there is room."""
+    """Draw a letter on each surface whose colour looks like another, where there is room."""
     ground = np.where(np.isnan(picture.heights), -1, picture.surfaces.astype(np.int64))
     grid = picture.grid
     for label in labels:
@@ -304,7 +320,7 @@ def _draw_letters(axes: Axes, picture: LayerPicture, dpi: float, labels: tuple[L
 def _draw_cells(
     axes: Axes, terrain: Terrain, picture: LayerPicture, sheet: Sheet
 ) -> tuple[tuple[Label, ...], tuple[str, ...]]:
-    """Draw nested cells, finer lines further down; their labels, and what is not drawn in words."""
+    """Draw nested cells, with finer lines for deeper levels; return their labels and notes."""
     from matplotlib.collections import LineCollection
 
     per_point = picture.grid.resolution * FINER * sheet.dpi / 72.0
@@ -326,8 +342,8 @@ def _draw_cells(
     return found.labels, found.notes
 
 
-def draw_frame(sheet: Sheet, axes: Axes, places: Layout, unit: str) -> None:
-    """Draw the axes, in the units of the file."""
+def draw_frame(sheet: Sheet, axes: Axes, places: PlanLayout, unit: str) -> None:
+    """Draw the axes, with their unit."""
     per_tick = sheet.pixels(54.0)
     set_ticks(axes, "x", max(1, places.ground.width // per_tick))
     set_ticks(axes, "y", max(1, places.ground.height // per_tick))
@@ -341,9 +357,9 @@ def draw_frame(sheet: Sheet, axes: Axes, places: Layout, unit: str) -> None:
 
 
 def draw_margins(
-    sheet: Sheet, places: Layout, picture: LayerPicture, unit: str, captions: list[str]
+    sheet: Sheet, places: PlanLayout, picture: LayerPicture, unit: str, captions: list[str]
 ) -> None:
-    """Draw what stands below the ground: scale bar, arrow, captions."""
+    """Draw the scale bar, the north arrow and the captions below the ground."""
     left, bottom, width, _ = places.ground
     row = bottom - sheet.pixels(54.0)
     per_pixel = picture.grid.resolution * FINER

@@ -16,14 +16,14 @@ from terratool.field.terrain import Terrain
 from terratool.report.numbers import spelled
 from terratool.viewing.layers import surface_colors
 from terratool.viewing.options import Line, RenderOptions
-from terratool.viewing.plan import NO_MARGINS, Drawn, Layout, Margins, layout, unit_of
+from terratool.viewing.plan import NO_MARGINS, Drawn, PlanLayout, SheetMargins, layout, unit_of
 from terratool.viewing.sheet import (
     INK,
-    Key,
+    Legend,
     Sheet,
     Swatch,
     chosen_exaggeration,
-    exaggerated,
+    exaggeration_text,
     key_width,
     new_sheet,
     note_of_chosen,
@@ -36,27 +36,30 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 EVEN = 8192
-"""So many even stretches of the line are looked at …"""
-_PER_DETAIL, _LEAST_PARTS, _MOST_PARTS = 4.0, 16, 4096
-"""… and so many for the finest detail of a curve that the line crosses, of each element: at least
-and at most these."""
+"""Number of even stretches of the line whose ends are sampled."""
+_PER_DETAIL = 4.0
+"""Samples for the finest detail of the curve of each element that the line crosses."""
+_LEAST_PARTS, _MOST_PARTS = 16, 4096
+"""Fewest and most samples for an element that the line crosses."""
 _MOST_PLACES = 1 << 20
+"""Most samples, about, for all elements that the line crosses."""
 _HALVINGS = 64
-"""Until two doubles are neighbours."""
+"""Number of halvings that always suffice for two doubles to be neighbours."""
 _ROUNDS = 8
-"""So many walls in one stretch are looked for."""
+"""Rounds of searching for walls; each finds one in every stretch that may have some."""
 _LEVEL = 1e-9
-"""What jumps by less, in parts of the range of heights, is no wall."""
+"""Least height of a wall, as a share of the range of heights."""
 _STEEPER = 4.0
-"""A wall rises by so many times more than the slopes beside it do."""
+"""Least height of a wall, as a multiple of the rise by the slopes beside it."""
 _SHAPE = 2e-4
-"""Points are left out that lie within such a part of the range of heights from their chord."""
+"""Tolerance of the points left out, as a share of the range of heights."""
 _MOST_CHOSEN = 1000.0
-"""Heights are exaggerated so often at most, unless more is asked for."""
+"""Largest factor on heights that is chosen."""
 _LEAST_RELIEF = 0.04
-"""A section shows heights over such a part of its length at least."""
+"""Least range of heights that a section shows, as a share of its length."""
 
 Floats = NDArray[np.float64]
+"""An array of float64."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,12 +67,12 @@ class Section:
     """The ground along a line.
 
     Attributes:
-        line: x and y of both ends.
-        distance: (n,) float64 along the line from its first end, not falling; two that are equal
-            are the foot and the top of a wall.
-        height: (n,) float64, NaN between stretches of ground: void, or outside of the terrain.
-        surface: (n,) int32, index of the surface from this point to the next; -1 for none.
-        walls: (m, 3) float64 of each wall: distance, height before it and height behind it.
+        line: x and y of both ends, world units.
+        distance: (n,) float64 along the line from its first end, world units, not falling; two
+            equal ones are the foot and the top of a wall.
+        height: (n,) float64 m; NaN between stretches of ground, in the void or outside the terrain.
+        surface: (n,) int32, index of the surface from a point to the next; -1 for none.
+        walls: (m, 3) float64 distance of each wall, height before it and height behind it.
     """
 
     line: Line
@@ -80,39 +83,39 @@ class Section:
 
     @property
     def length(self) -> float:
-        """Of the line, seen from above."""
+        """Length of the line, seen from above, world units."""
         x0, y0, x1, y1 = self.line
         return math.hypot(x1 - x0, y1 - y0)
 
 
 def section(terrain: Terrain, line: Line) -> Section:
-    """The ground along a line, with every wall that it crosses.
+    """Sample the ground along a line, with every wall that it crosses.
 
-    Between two places whose difference in height their slopes do not explain, a wall is looked for
-    by halving until two doubles are neighbours: the field itself says where it stands. Places are
-    even ones, and those that the elements under the line make necessary. A slot or a rib is missed
-    only where it is narrower than all of these.
+    Between two samples whose difference in height their slopes do not explain, a wall is searched
+    by halving until two doubles are neighbours: its place is exact. Samples are even, with more on
+    elements under the line. A slot or a rib is missed only where it is narrower than the distance
+    of samples.
 
     Args:
         terrain: the ground.
-        line: x and y of both ends, which differ.
+        line: x and y of both ends, which differ, world units.
 
     Raises:
         RequestError: none of the line is on the terrain, or no ground is.
     """
     x0, y0, x1, y1 = line
     length = math.hypot(x1 - x0, y1 - y0)
-    walker = _Walker(terrain, line, length)
+    probe = _LineProbe(terrain, line, length)
     west, south, east, north = terrain.bounds
-    inside = _crossing(line, np.array([[west], [south], [east], [north]]))
+    inside = _crossings(line, np.array([[west], [south], [east], [north]]))
     if not inside[0, 0] < inside[1, 0]:
         raise RequestError(
             f"The section from {x0:g} {y0:g} to {x1:g} {y1:g} misses the terrain.",
             f"It lies in {spelled(terrain.bounds)}.",
         )
-    places = _places(terrain, line, length)
+    places = _first_distances(terrain, line, length)
     places = np.unique(np.concatenate([places, inside[:, 0] * length]))
-    heights = walker.heights(places)
+    heights = probe.heights(places)
     if np.isnan(heights).all():
         raise RequestError(
             f"There is no ground on the section from {x0:g} {y0:g} to {x1:g} {y1:g}: it is void.",
@@ -120,30 +123,36 @@ def section(terrain: Terrain, line: Line) -> Section:
         )
     span = float(np.nanmax(heights) - np.nanmin(heights))
     level = _LEVEL * max(span, 1e-6 * length, float(np.spacing(np.nanmax(np.abs(heights)))))
-    low, high = _jumps(walker, places, level)
+    low, high = _find_jumps(probe, places, level)
     # both sides of each wall, and of each end of the ground
     places = np.unique(np.concatenate([places, low, high]))
-    seen = walker.seen(places)
-    middles = walker.surfaces(0.5 * (places + np.append(places[1:], length)))
+    seen = probe.sample(places)
+    middles = probe.surfaces(0.5 * (places + np.append(places[1:], length)))
     at = np.searchsorted(places, low)
     distance, height = places.copy(), seen.height
     distance[at] = high  # upright, where the ground behind it begins
     walls = np.column_stack([high, height[at], height[at + 1]])
     walls = walls[np.isfinite(walls).all(axis=1)]
-    kept = _kept(distance, height, middles, np.concatenate([at, at + 1]), _SHAPE * (span or 1.0))
+    kept = _shape_points(
+        distance, height, middles, np.concatenate([at, at + 1]), _SHAPE * (span or 1.0)
+    )
     return Section(line, distance[kept], height[kept], middles[kept], walls)
 
 
 @dataclass(frozen=True, slots=True)
-class _Seen:
-    """What lies at places of a line: heights, and slopes along it."""
+class _LineSamples:
+    """Samples of a line, (n,) float64 each: heights, and slopes along it; NaN for no ground."""
 
     height: Floats
     slope: Floats
 
 
-class _Walker:
-    """Asks the terrain at distances along a line."""
+class _LineProbe:
+    """A probe of the terrain at distances along a line, world units from its first end.
+
+    Attributes:
+        length: length of the line, world units.
+    """
 
     def __init__(self, terrain: Terrain, line: Line, length: float) -> None:
         self._terrain, self._line = terrain, line
@@ -152,35 +161,37 @@ class _Walker:
         self.length = length
 
     def points(self, distance: Floats) -> tuple[Floats, Floats]:
-        """World x and y; the far end is that of the line to the last bit."""
+        """World x and y at distances; the line's last end is exact to the last bit."""
         x0, y0, x1, y1 = self._line
         x, y = x0 + distance * self._along[0], y0 + distance * self._along[1]
         end = distance >= self.length
         return np.where(end, x1, x), np.where(end, y1, y)
 
     def heights(self, distance: Floats) -> Floats:
-        """Heights, NaN where there is no ground."""
+        """Heights at distances, NaN where there is no ground."""
         found: Floats = self._terrain.height(*self.points(distance))
         return found
 
-    def seen(self, distance: Floats) -> _Seen:
-        """Heights, and slopes along the line."""
+    def sample(self, distance: Floats) -> _LineSamples:
+        """Heights, and slopes along the line, at distances."""
         found = self._terrain.sample(*self.points(distance))
         along = found.normal[:, 0] * self._along[0] + found.normal[:, 1] * self._along[1]
         with np.errstate(invalid="ignore", divide="ignore"):
-            return _Seen(found.height, -along / found.normal[:, 2])
+            return _LineSamples(found.height, -along / found.normal[:, 2])
 
     def surfaces(self, distance: Floats) -> NDArray[np.int32]:
-        """Indices of surfaces, -1 for none."""
+        """Indices of surfaces at distances, -1 for none."""
         return self._terrain.sample(*self.points(distance)).surface
 
 
-def _crossing(line: Line, rectangles: Floats) -> Floats:
-    """Where a line enters and leaves rectangles, (2, n) in parts of it; not in order if it misses.
+def _crossings(line: Line, rectangles: Floats) -> Floats:
+    """Places where a line enters and leaves rectangles, (2, n), in lengths of the line.
+
+    The first is larger than the second where the line misses the rectangle.
 
     Args:
-        line: x and y of both ends.
-        rectangles: (4, n) west, south, east, north.
+        line: x and y of both ends, world units.
+        rectangles: (4, n) west, south, east, north of each rectangle.
     """
     enter, leave = np.zeros(rectangles.shape[1]), np.ones(rectangles.shape[1])
     for axis in (0, 1):
@@ -195,42 +206,42 @@ def _crossing(line: Line, rectangles: Floats) -> Floats:
     return np.stack([enter, leave])
 
 
-def _places(terrain: Terrain, line: Line, length: float) -> Floats:
-    """Distances at which the ground is looked at first, in order."""
+def _first_distances(terrain: Terrain, line: Line, length: float) -> Floats:
+    """Distances of the first samples, rising."""
     found = [np.linspace(0.0, length, EVEN + 1)]
     whole = terrain.by_elements
     if whole is not None:
-        enter, leave = _crossing(line, whole.footprints())
+        enter, leave = _crossings(line, whole.footprints())
         crossed = np.flatnonzero(enter < leave)
         west, south, east, north = whole.cells()
         details = finest_details(whole.arrays, east - west, north - south)[crossed]
         across = (leave - enter)[crossed] * length
         parts = np.clip(_PER_DETAIL * across / details, _LEAST_PARTS, _MOST_PARTS)
-        # where there are too many, each has fewer
+        # too many samples are reduced for each element alike
         parts = np.maximum(parts * min(1.0, _MOST_PLACES / max(1.0, float(parts.sum()))), 2.0)
         for index, count in zip(crossed.tolist(), parts.astype(int).tolist(), strict=True):
             found.append(np.linspace(enter[index], leave[index], count + 1) * length)
     return np.unique(np.clip(np.concatenate(found), 0.0, length))
 
 
-def _jumps(walker: _Walker, places: Floats, level: float) -> tuple[Floats, Floats]:
-    """Neighbouring doubles between which the ground jumps, begins or ends."""
+def _find_jumps(probe: _LineProbe, places: Floats, level: float) -> tuple[Floats, Floats]:
+    """Find pairs of neighbouring distances between which the ground jumps, begins or ends."""
     low, high = places[:-1], places[1:]
     found: list[tuple[Floats, Floats]] = []
     for _ in range(_ROUNDS):
-        one, two = walker.seen(low), walker.seen(high)
-        open_ = _unexplained(one, two, high - low) > level
+        one, two = probe.sample(low), probe.sample(high)
+        open_ = _height_residual(one, two, high - low) > level
         low, high = low[open_], high[open_]
         if not len(low):
             break
-        begin, end = _halved(walker, low, high)
-        before, behind = walker.seen(begin), walker.seen(end)
+        begin, end = _halve(probe, low, high)
+        before, behind = probe.sample(begin), probe.sample(end)
         jump = np.abs(behind.height - before.height)
         slope = np.fmax(np.abs(before.slope), np.abs(behind.slope))
         is_wall = (jump > level) & (jump > _STEEPER * slope * (end - begin))
         is_wall |= np.isnan(before.height) != np.isnan(behind.height)
         found.append((begin[is_wall], end[is_wall]))
-        # others may stand on both sides
+        # other walls may stand on both sides
         low, high = (
             np.concatenate([low[is_wall], end[is_wall]]),
             np.concatenate([begin[is_wall], high[is_wall]]),
@@ -244,39 +255,43 @@ def _jumps(walker: _Walker, places: Floats, level: float) -> tuple[Floats, Float
     return begins[order], ends[order]
 
 
-def _unexplained(one: _Seen, two: _Seen, width: Floats) -> Floats:
-    """How far the difference of two heights is from what the slopes there explain.
+def _height_residual(one: _LineSamples, two: _LineSamples, width: Floats) -> Floats:
+    """The part of the difference of two heights that the slopes there do not explain, m.
 
-    Infinite where only one of them is ground, 0 where neither is.
+    Infinity where only one place has ground, 0 where neither has.
     """
     off = np.abs(two.height - one.height - 0.5 * width * (one.slope + two.slope))
     first, second = np.isnan(one.height), np.isnan(two.height)
     return np.where(first != second, np.inf, np.where(first, 0.0, off))
 
 
-def _halved(walker: _Walker, low: Floats, high: Floats) -> tuple[Floats, Floats]:
-    """Halve stretches until their ends are neighbours; kept is the half that is explained less."""
+def _halve(probe: _LineProbe, low: Floats, high: Floats) -> tuple[Floats, Floats]:
+    """Halve stretches until their ends are neighbouring doubles, with the larger residual kept."""
     low, high = low.copy(), high.copy()
-    one, two = walker.seen(low), walker.seen(high)
+    one, two = probe.sample(low), probe.sample(high)
     for _ in range(_HALVINGS):
         middle = low + 0.5 * (high - low)
         if not ((low < middle) & (middle < high)).any():
             break
-        at = walker.seen(middle)
-        left = _unexplained(one, at, middle - low) >= _unexplained(at, two, high - middle)
+        at = probe.sample(middle)
+        left = _height_residual(one, at, middle - low) >= _height_residual(at, two, high - middle)
         low, high = np.where(left, low, middle), np.where(left, middle, high)
-        one = _Seen(np.where(left, one.height, at.height), np.where(left, one.slope, at.slope))
-        two = _Seen(np.where(left, at.height, two.height), np.where(left, at.slope, two.slope))
+        one = _LineSamples(
+            np.where(left, one.height, at.height), np.where(left, one.slope, at.slope)
+        )
+        two = _LineSamples(
+            np.where(left, at.height, two.height), np.where(left, at.slope, two.slope)
+        )
     return low, high
 
 
-def _kept(
+def _shape_points(
     distance: Floats, height: Floats, surface: NDArray[np.int32], corners: NDArray[np.int64],
     tolerance: float,
 ) -> NDArray[np.int64]:  # fmt: skip
-    """Indices of the points that the shape needs.
+    """Indices of the points that the shape of a section needs.
 
-    Left out, every other one at a time, are points near the chord of their neighbours. Walls, ends
+    Points near the chord of their neighbours are left out, every other one at a time. Walls, ends
     of the ground and changes of the surface stay.
     """
     fixed = np.zeros(len(distance), np.bool_)
@@ -319,15 +334,15 @@ def draw_section(
     factor = options.exaggeration or chosen_exaggeration(found.length, relief, _MOST_CHOSEN)
     room = max(relief, _LEAST_RELIEF * found.length / factor)
     low, high = low - 0.25 * room, high + 0.15 * room
-    key = _key(terrain, found) if options.keyed else Key()
+    key = _legend(terrain, found) if options.has_legend else Legend()
     title = options.title_of(terrain.descr)
     margins = (
         NO_MARGINS
         if options.bare
-        else Margins(
-            left=width_of([number(place) for place in _round(low, high)]) + 26.0,
+        else SheetMargins(
+            left=width_of([number(place) for place in _tick_heights(low, high)]) + 26.0,
             bottom=48.0 if factor == 1.0 else 52.0,
-            right=key_width(key) + 20.0 if options.keyed else 20.0,
+            right=key_width(key) + 20.0 if options.has_legend else 20.0,
             top=44.0 if title else 28.0,
         )
     )
@@ -342,13 +357,13 @@ def draw_section(
     if title:
         left = places.ground.left
         sheet.title(title, left, places.width - left - sheet.pixels(6.0))
-    if options.keyed:
+    if options.has_legend:
         sheet.key(key, places.key)
     x0, y0, x1, y1 = line
     walls = len(found.walls)
     what = (
         f"section from {number(x0)} {number(y0)} to {number(x1)} {number(y1)}, "
-        f"{found.length:,.6g} {unit_of(terrain)} long; {exaggerated(factor)}, "
+        f"{found.length:,.6g} {unit_of(terrain)} long; {exaggeration_text(factor)}, "
         f"{walls} wall{'s' * (walls != 1)}"
     )
     notes: list[str] = [*note_of_chosen(factor, options.exaggeration)]
@@ -357,13 +372,15 @@ def draw_section(
     return Drawn(sheet, what, tuple(notes))
 
 
-def _round(low: float, high: float) -> list[float]:
+def _tick_heights(low: float, high: float) -> list[float]:
+    """Round heights between two, for the labels of an axis."""
     from terratool.raster.shading import ticks
 
     return ticks(low, high, 5)
 
 
-def _key(terrain: Terrain, found: Section) -> Key:
+def _legend(terrain: Terrain, found: Section) -> Legend:
+    """The legend of the surfaces of a section."""
     colors, _ = surface_colors(terrain)
     ground = np.isfinite(found.height)
     seen = sorted({*found.surface[ground].tolist()} - {-1})
@@ -372,16 +389,17 @@ def _key(terrain: Terrain, found: Section) -> Key:
     swatches = [Swatch(name, _color(colors, index)) for index, name in names]
     if -1 in found.surface[ground]:
         swatches.append(Swatch("no surface", _color(colors, -1)))
-    return Key("surface", tuple(swatches))
+    return Legend("surface", tuple(swatches))
 
 
 def _color(colors: NDArray[np.uint8], surface: int) -> tuple[int, int, int]:
+    """Red, green and blue of a surface by its index, -1 for none."""
     red, green, blue = (int(part) for part in colors[surface + 1])
     return red, green, blue
 
 
 def _draw_ground(
-    sheet: Sheet, terrain: Terrain, found: Section, places: Layout, heights: tuple[float, float]
+    sheet: Sheet, terrain: Terrain, found: Section, places: PlanLayout, heights: tuple[float, float]
 ) -> Axes:
     """Draw the ground in the colours of its surfaces, and its line on top."""
     axes = sheet.axes(places.ground)
@@ -407,8 +425,8 @@ def _draw_ground(
     return axes
 
 
-def _draw_axes(sheet: Sheet, axes: Axes, places: Layout) -> None:
-    """Draw the axes."""
+def _draw_axes(sheet: Sheet, axes: Axes, places: PlanLayout) -> None:
+    """Draw the axes, without top and right."""
     set_ticks(axes, "x", max(1, places.ground.width // sheet.pixels(54.0)))
     set_ticks(axes, "y", max(1, places.ground.height // sheet.pixels(24.0)))
     for side in ("top", "right"):
@@ -418,9 +436,9 @@ def _draw_axes(sheet: Sheet, axes: Axes, places: Layout) -> None:
 
 
 def _draw_texts(
-    sheet: Sheet, terrain: Terrain, found: Section, places: Layout, factor: float
+    sheet: Sheet, terrain: Terrain, found: Section, places: PlanLayout, factor: float
 ) -> None:
-    """Say what the axes are, where the ends lie, and how much heights are exaggerated."""
+    """Draw the titles of the axes, the ends of the line and the exaggeration."""
     left, bottom, width, height = places.ground
     unit, top = unit_of(terrain), bottom + height + sheet.pixels(4.0)
     x0, y0, x1, y1 = (number(float(f"{value:.9g}")) for value in found.line)
@@ -431,6 +449,6 @@ def _draw_texts(
     middle = bottom + height / 2
     sheet.text(sheet.pixels(5.0), middle, "height (m)", va="center", rotation=90, ha="left")
     if factor == 1.0:
-        sheet.caption([f"{exaggerated(factor).capitalize()}."], left, sheet.pixels(4.0))
+        sheet.caption([f"{exaggeration_text(factor).capitalize()}."], left, sheet.pixels(4.0))
     else:
         sheet.warning(factor, left, sheet.pixels(4.0))

@@ -8,24 +8,25 @@ from pathlib import Path
 from terratool.field.terrain import Terrain
 from terratool.output import refuse_existing, refuse_missing_folder, whole_file
 from terratool.traversability.judge import Judge
-from terratool.viewing.options import RenderOptions, RenderReport, checked_format
+from terratool.viewing.options import RenderOptions, RenderReport, picture_format
 from terratool.viewing.perspective import draw_perspective
 from terratool.viewing.plan import Drawn, draw_plan
 from terratool.viewing.profile import draw_section
 from terratool.viewing.sheet import require_matplotlib, settings, write
 
 Progress = Callable[[str], object]
+"""A function that is called with words on the step that begins."""
 
 
 def check_request(path: str | Path, options: RenderOptions, overwrite: bool = False) -> Path:
-    """Refuse what can be seen to be wrong before a terrain is read.
+    """Refuse a picture that cannot be drawn, before a terrain is read.
 
     Raises:
         RequestError: an option makes no sense, the suffix says no format, or Matplotlib is missing.
         WriteError: the file exists and is not to be overwritten, or has no folder.
     """
     path = Path(path)
-    checked_format(path)
+    picture_format(path)
     options.check()
     require_matplotlib()
     refuse_existing(path, overwrite)
@@ -41,17 +42,17 @@ def render(
     overwrite: bool = False,
     progress: Progress = lambda _: None,
 ) -> RenderReport:
-    """Draw a terrain into a file. The same terrain and options give the same bytes.
+    """Draw a terrain into a file. Equal terrains and options give equal bytes.
 
     Args:
         terrain: the terrain.
-        path: the file; .png, .svg or .pdf.
-        options: what is wanted; a plan of the surfaces if None.
-        overwrite: whether the file may be there already.
-        progress: is called with words that say how far it is.
+        path: path of the picture, a .png, .svg or .pdf.
+        options: options of the picture; a plan of the surfaces if None.
+        overwrite: whether the picture may exist already.
+        progress: called with words on the step that begins.
 
     Raises:
-        RequestError: what is asked for makes no sense for this terrain, or Matplotlib is missing.
+        RequestError: an option makes no sense for this terrain, or Matplotlib is missing.
         ReadError, DefinitionError: the vehicle cannot be read, or has errors.
         WriteError: the file exists and is not to be overwritten, or cannot be written.
     """
@@ -59,7 +60,7 @@ def render(
     path = check_request(path, options, overwrite)
     judge = None if options.vehicle is None else Judge.of(options.vehicle)
     with settings():
-        drawn = _drawn(terrain, options, judge, progress)
+        drawn = _draw(terrain, options, judge, progress)
         progress("writing")
         with whole_file(path, overwrite) as part:
             write(drawn.sheet, part)
@@ -67,9 +68,10 @@ def render(
     return RenderReport(path, sheet.width, sheet.height, drawn.what, drawn.notes)
 
 
-def _drawn(
+def _draw(
     terrain: Terrain, options: RenderOptions, judge: Judge | None, progress: Progress
 ) -> Drawn:
+    """Draw a section, a perspective or a plan."""
     if options.profile is not None:
         return draw_section(terrain, options, progress)
     if options.perspective:

@@ -1,4 +1,4 @@
-"""What a page shows of a terrain: its mesh in few bytes, elements, soils, lines and verdicts."""
+"""The scene of a page: a mesh in few bytes, elements, soils, lines and verdicts."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from terratool.traversability.results import COLORS, GroundClass, Route, Travers
 from terratool.viewing.layers import surface_colors
 from terratool.viewing.mesh import (
     Ints,
+    MeshRounding,
     PageOptions,
     Progress,
-    Rounding,
     faces_of,
     fitted_mesh,
     slope_error,
@@ -31,32 +31,33 @@ from terratool.viewing.mesh import (
 from terratool.viewing.places import Places, Site
 
 _BEST, _QUICK = 9, 6
+"""Levels of compression."""
 _LARGE = 1 << 25
-"""Bytes of a scene from which on quick compression must do: the best takes seconds."""
+"""Largest scene, bytes, that is compressed best; the best level takes seconds beyond."""
 _TRACK_POINTS = 100_000
-"""All lines of tracks have about so many points at most."""
+"""Approximate most points of all lines of tracks."""
 _ALONG = 400
-"""A track is followed at every so many-th part of the terrain's longer side."""
+"""Steps along a track per longer side of the terrain."""
 
 
 @dataclass(frozen=True, slots=True)
-class Scene:
+class PageScene:
     """A terrain for a page.
 
     Attributes:
-        told: what the page says and draws besides arrays, ready for JSON.
-        arrays: by name (n, columns) int64, each within 32 bits.
+        facts: names, numbers, lines and verdicts of the page besides arrays, for JSON.
+        arrays: (n, columns) int64 arrays within 32 bits, by name.
     """
 
-    told: dict[str, Any]
+    facts: dict[str, Any]
     arrays: dict[str, Ints]
 
     def to_bytes(self) -> bytes:
-        """The scene, compressed (RFC 1950), as page.js reads it.
+        """Encode the scene, compressed (RFC 1950), as page.js reads it.
 
-        A JSON text behind its length, then the arrays. Of each column there are the differences
-        from row to row, first the lowest bytes of all of them, then the next ones, …: most of them
-        are equal, and are compressed best so.
+        A JSON text follows its length, then the arrays. Each column is a list of differences from
+        row to row: the lowest bytes of all differences, then the next bytes, up to the highest.
+        Most bytes are equal, so this order compresses best.
         """
         import deflate
 
@@ -64,7 +65,7 @@ class Scene:
             {"name": name, "rows": len(array), "columns": array.shape[1]}
             for name, array in self.arrays.items()
         ]
-        text = json.dumps({**self.told, "arrays": listed}, ensure_ascii=False).encode()
+        text = json.dumps({**self.facts, "arrays": listed}, ensure_ascii=False).encode()
         parts = [len(text).to_bytes(4, "little"), text]
         for array in self.arrays.values():
             steps = np.diff(array, axis=0, prepend=0).astype("<i4")
@@ -83,17 +84,17 @@ def scene_of(
     options: PageOptions | None = None,
     report: TraversabilityReport | None = None,
     progress: Progress = lambda _: None,
-) -> Scene:
-    """What a page shows of a terrain.
+) -> PageScene:
+    """Make the scene of a page.
 
     Args:
         site: the terrain and its texts.
-        options: what is wanted of the mesh; the defaults if None.
-        report: what a vehicle can do there, with a preview of the map; its routes are drawn, too.
-        progress: is called with words that say how far it is.
+        options: options of the mesh; the defaults if None.
+        report: traversability of a vehicle, whose map and routes are drawn; None for none.
+        progress: called with words on the step that begins.
 
     Raises:
-        RequestError: there is no ground, or more faces than allowed whatever is left out.
+        RequestError: there is no ground, or the faces allowed are too few whatever is left out.
     """
     terrain, options = site.terrain, options or PageOptions()
     fit = fitted_mesh(terrain, options, progress)
@@ -101,12 +102,12 @@ def scene_of(
     progress(f"asking the field about {counted(len(mesh.faces), 'face')}")
     faces = faces_of(terrain, fit.built, from_field=grid_of is None)
     wedges = wedges_of(mesh, faces)
-    grid = Rounding.of(mesh, fit.built.error)
+    grid = MeshRounding.of(mesh, fit.built.error)
     used, of_face = np.unique(faces.element, return_inverse=True)
     west, south, east, north = terrain.bounds
     low, high = _heights(mesh)
     progress("looking up elements")
-    told: dict[str, Any] = {
+    facts: dict[str, Any] = {
         "format": 1,
         "descr": terrain.descr,
         "crs": terrain.crs if isinstance(terrain.crs, str) else "",
@@ -138,10 +139,11 @@ def scene_of(
     }
     if report is not None and report.preview is not None:
         arrays["verdict"] = report.preview.ground[::-1].reshape(-1, 1).astype(np.int64)
-    return Scene(told, arrays)
+    return PageScene(facts, arrays)
 
 
 def _heights(mesh: Mesh) -> tuple[float, float]:
+    """Lowest and highest height of a mesh, m."""
     z = mesh.vertices[:, 2] + mesh.origin[2]
     return float(z.min()), float(z.max())
 
@@ -150,7 +152,7 @@ def _heights(mesh: Mesh) -> tuple[float, float]:
 
 
 def _elements(site: Site, used: list[int]) -> dict[str, Any]:
-    """What is known of elements and tracks, in the order given; each text place once."""
+    """Names, places and keys of elements, in the order of `used`, with each place listed once."""
     places = Places(site.checked)
     names = [site.terrain.pointer(element) for element in used]
     chains = [() if name is None else places.of(name) for name in names]
@@ -173,10 +175,11 @@ def _elements(site: Site, used: list[int]) -> dict[str, Any]:
 _SOIL = {
     "cohesion": "kPa", "fric_angle": "°", "sinkage": "m/kN", "shear_modulus": "m",
 }  # fmt: skip
+"""Units of the figures of a soil, by attribute of the surface."""
 
 
 def _surfaces(terrain: Terrain) -> list[dict[str, Any]]:
-    """The surfaces and their soils, in the order of their indices; ground without one last."""
+    """Surfaces and their soils, in the order of their indices; ground without a surface last."""
     listed: list[dict[str, Any]] = []
     colors = surface_colors(terrain)[0].tolist()
     for color, (name, surface) in zip(colors[1:], terrain.surface_types.items(), strict=True):
@@ -202,14 +205,15 @@ _WORDS = {
     "cohesion": "cohesion", "fric_angle": "friction angle", "sinkage": "sinkage",
     "shear_modulus": "shear modulus",
 }  # fmt: skip
+"""Names of the figures of a soil, by attribute of the surface."""
 assert set(_SOIL) >= set(SOIL_FIGURES) - {"preset"}
 
 
 # --- lines and verdicts ---------------------------------------------------------------------------
 
 
-def _tracks(terrain: Terrain, grid: Rounding) -> list[dict[str, Any]]:
-    """The middle of each track on its ground, and what it is called."""
+def _tracks(terrain: Terrain, grid: MeshRounding) -> list[dict[str, Any]]:
+    """Names and middle lines of tracks, on their ground."""
     tracks = terrain.arrays.tracks
     segments = tracks.segments
     west, south, east, north = terrain.bounds
@@ -239,26 +243,26 @@ def _tracks(terrain: Terrain, grid: Rounding) -> list[dict[str, Any]]:
     return found
 
 
-def _route(terrain: Terrain, grid: Rounding, route: Route) -> dict[str, Any]:
-    """A route, or where one was looked for."""
+def _route(terrain: Terrain, grid: MeshRounding, route: Route) -> dict[str, Any]:
+    """Line, verdicts and figures of a route; both ends alone where no route was found."""
     ends = [[one.x, one.y] for one in (route.start, route.goal)]
-    told: dict[str, Any] = {"found": route.found, "ends": ends, "verdict": route.verdict.label}
-    told["length"], told["time"], told["note"] = route.length, route.time, route.note
+    facts: dict[str, Any] = {"found": route.found, "ends": ends, "verdict": route.verdict.label}
+    facts["length"], facts["time"], facts["note"] = route.length, route.time, route.note
     profile = route.profile
     if profile is None:
         x, y = np.array(ends).T
         z = terrain.height(x, y)
-        told["points"] = grid.line(x, y, np.where(np.isfinite(z), z, grid.origin[2]))
-        told["verdicts"] = []
-        return told
+        facts["points"] = grid.line(x, y, np.where(np.isfinite(z), z, grid.origin[2]))
+        facts["verdicts"] = []
+        return facts
     known = np.isfinite(profile.height)
-    told["points"] = grid.line(profile.x[known], profile.y[known], profile.height[known])
-    told["verdicts"] = profile.verdict[known].tolist()
-    return told
+    facts["points"] = grid.line(profile.x[known], profile.y[known], profile.height[known])
+    facts["verdicts"] = profile.verdict[known].tolist()
+    return facts
 
 
 def _verdict(report: TraversabilityReport) -> dict[str, Any]:
-    """The map of a vehicle: where its pixels lie, and what their numbers mean."""
+    """Grid of a vehicle's map, and names and colours of its classes."""
     preview = report.preview
     assert preview is not None
     grid = preview.grid

@@ -1,7 +1,7 @@
-"""The sheet that a picture stands on: a figure of so many pixels, with its legend, scale and arrow.
+"""The sheet of a picture: a figure with a size in pixels, its legend, scale bar and north arrow.
 
-Matplotlib draws, and nothing of it but what is fixed here: no file of settings, no style and no
-clock has a say, and its global state is left as it was.
+Matplotlib draws with the settings that are fixed here: files of settings, styles and the time have
+no effect, and its global state is left as it was.
 """
 
 from __future__ import annotations
@@ -31,20 +31,23 @@ FORMATS = (".png", ".svg", ".pdf")
 """Suffixes of the files that pictures are written as."""
 
 INK = "#202020"
+"""Colour of lines and letters."""
 _FAINT = "#606060"
+"""Colour of captions."""
 _FONT, _SMALL = 8.0, 7.0
-"""Sizes of letters, in points of 1/72 inch."""
+"""Sizes of letters and of small letters, points of 1/72 inch."""
 _LETTER = 0.55
-"""Width of a letter as a part of its size, about."""
+"""Approximate width of a letter, in sizes of the letters."""
 _LINE = 1.45
-"""From one line of text to the next, as a part of the size."""
+"""Distance from one line of text to the next, in sizes of the letters."""
 _SWATCH = 14.0
-"""Width of a patch of colour in the legend, in points."""
+"""Width of a patch of colour in a legend, points."""
 _MOST_SWATCHES = 40
+"""Most lines of a legend."""
 _FLATTEST, _TALLEST = 1 / 20, 2.0
-"""Relief that is flatter or higher than such a part of the width is shown with a factor; …"""
+"""Least and largest relief that is shown without a factor, as shares of the width."""
 _LEVEL = 1e-6
-"""… but what is flatter than this is level."""
+"""Relief up to which ground is level, as a share of the width."""
 
 _SETTINGS = {
     "font.family": ["DejaVu Sans"],
@@ -55,11 +58,13 @@ _SETTINGS = {
     "path.simplify": False,  # what stands upright stays so
     "hatch.linewidth": 0.6,
 }
+"""Settings of Matplotlib that differ from its defaults."""
 _METADATA: dict[str, dict[str, Any]] = {
     ".png": {"Software": None},
     ".svg": {"Date": None, "Creator": "terratool"},
     ".pdf": {"CreationDate": None, "Creator": "terratool", "Producer": None},
 }
+"""Metadata of the files by suffix; None leaves out an entry of Matplotlib's."""
 
 
 class Rectangle(NamedTuple):
@@ -75,10 +80,10 @@ class Swatch(NamedTuple):
     """A line of a legend.
 
     Attributes:
-        label: what it says.
+        label: text of the line.
         color: red, green, blue, 0 to 255.
         hatch: pattern of Matplotlib over the colour; empty for none.
-        letter: that stands on the colour, here and in the picture; empty for none.
+        letter: letter on the colour, in the legend and in the picture; empty for none.
     """
 
     label: str
@@ -88,10 +93,10 @@ class Swatch(NamedTuple):
 
 
 class Scale(NamedTuple):
-    """The colours of numbers.
+    """A scale of colours for numbers.
 
     Attributes:
-        title: what they are, with their unit.
+        title: name of the numbers, with their unit.
         low, high: numbers at both ends.
         colors: name of the colour map of Matplotlib.
     """
@@ -102,13 +107,13 @@ class Scale(NamedTuple):
     colors: str
 
 
-class Key(NamedTuple):
-    """What the colours of a picture mean.
+class Legend(NamedTuple):
+    """The legend of a picture.
 
     Attributes:
-        title: over the legend.
-        swatches: its lines.
-        scale: of numbers, if there are any.
+        title: title over the lines; empty for none.
+        swatches: lines of the legend.
+        scale: scale of colours; None where colours stand for no numbers.
     """
 
     title: str = ""
@@ -120,10 +125,10 @@ def require_matplotlib() -> None:
     """Refuse to draw without Matplotlib.
 
     Raises:
-        RequestError: it is not installed.
+        RequestError: Matplotlib is not installed.
     """
     try:
-        with _without_its_warnings(), apart():
+        with _quiet_matplotlib(), apart():
             import matplotlib  # noqa: F401, only whether it is there
     except ImportError as error:
         raise RequestError(
@@ -133,8 +138,8 @@ def require_matplotlib() -> None:
 
 
 @contextlib.contextmanager
-def _without_its_warnings() -> Iterator[None]:
-    """Have Matplotlib be silent on folders that it cannot write and fonts that it looks for."""
+def _quiet_matplotlib() -> Iterator[None]:
+    """Silence Matplotlib's warnings on folders that it cannot write and on missing fonts."""
     log = logging.getLogger("matplotlib")
     before = log.level
     log.setLevel(logging.ERROR)
@@ -146,12 +151,12 @@ def _without_its_warnings() -> Iterator[None]:
 
 @dataclass(frozen=True)
 class Sheet:
-    """A figure whose places are counted in pixels.
+    """A figure with places in pixels from its south-west corner.
 
     Attributes:
-        figure: of Matplotlib.
-        width, height: pixels.
-        dpi: pixels of an inch, which has 72 points.
+        figure: figure of Matplotlib.
+        width, height: sides, pixels.
+        dpi: pixels per inch, which has 72 points.
     """
 
     figure: Figure
@@ -160,11 +165,11 @@ class Sheet:
     dpi: float
 
     def pixels(self, points: float) -> int:
-        """Points as whole pixels."""
+        """Convert points to whole pixels."""
         return round(points * self.dpi / 72.0)
 
     def axes(self, place: Rectangle) -> Axes:
-        """New axes at a place."""
+        """Add axes at a place."""
         left, bottom, width, height = place
         axes: Axes = self.figure.add_axes(
             (
@@ -177,12 +182,12 @@ class Sheet:
         return axes
 
     def text(self, x: float, y: float, text: str, **style: Any) -> None:
-        """A text at a place in pixels."""
+        """Draw a text at a place in pixels."""
         style = {"color": INK, "fontsize": _FONT, **style}
         self.figure.text(x / self.width, y / self.height, text, **style)
 
     def line(self, x: Sequence[float], y: Sequence[float], **style: Any) -> None:
-        """A line through places in pixels."""
+        """Draw a line through places in pixels."""
         from matplotlib.lines import Line2D
 
         style = {"color": INK, "linewidth": 0.8, "solid_capstyle": "butt", **style}
@@ -190,7 +195,7 @@ class Sheet:
         self.figure.add_artist(Line2D(*places, transform=self.figure.transFigure, **style))
 
     def patch(self, x: Sequence[float], y: Sequence[float], **style: Any) -> None:
-        """A filled shape through places in pixels."""
+        """Draw a filled shape through places in pixels."""
         from matplotlib.patches import Polygon
 
         corners = [(a / self.width, b / self.height) for a, b in zip(x, y, strict=True)]
@@ -199,8 +204,8 @@ class Sheet:
             Polygon(corners, closed=True, transform=self.figure.transFigure, **style)
         )
 
-    def key(self, key: Key, place: Rectangle) -> None:
-        """A legend at the top of a place, and a colour bar below it."""
+    def key(self, key: Legend, place: Rectangle) -> None:
+        """Draw a legend at the top of a place, and its colour bar below."""
         top = place.bottom + place.height
         line = self.pixels(_FONT * _LINE)
         if key.title and key.swatches:
@@ -226,7 +231,7 @@ class Sheet:
                     va="center_baseline", fontsize=_SMALL, fontweight="bold",
                     color="white" if dark else INK,
                 )  # fmt: skip
-            label = self.cut(swatch.label, room, _FONT)
+            label = self.shorten(swatch.label, room, _FONT)
             self.text(place.left + self.pixels(1.5 * _SWATCH), top, label, va="top")
             top -= line
         if shown < len(key.swatches):
@@ -237,6 +242,7 @@ class Sheet:
             self._color_bar(key.scale, place, top - line // 2)
 
     def _color_bar(self, scale: Scale, place: Rectangle, top: int) -> None:
+        """Draw a colour bar in a place, from `top` downwards."""
         import numpy as np
 
         line = self.pixels(_FONT * _LINE)
@@ -252,30 +258,30 @@ class Sheet:
         axes.yaxis.tick_right()
         set_ticks(axes, "y", max(2, tall // (3 * line)))
 
-    def cut(self, text: str, room: float, size: float = _FONT) -> str:
-        """As much of a text as about fits into so many pixels, on one line."""
+    def shorten(self, text: str, room: float, size: float = _FONT) -> str:
+        """Shorten a text to one line that about fits into `room` pixels."""
         text = " ".join(printable(text).split())
         most = max(3, int(room / (self.pixels(size) * _LETTER)))
         return text if len(text) <= most else f"{text[: most - 1]}…"
 
-    def wide(self, text: str, size: float, weight: str = "normal") -> float:
-        """How many pixels a line of text takes."""
+    def text_width(self, text: str, size: float, weight: str = "normal") -> float:
+        """Width of a line of text, pixels."""
         from matplotlib.backends.backend_agg import RendererAgg
         from matplotlib.font_manager import FontProperties
 
-        # as pixels are drawn, whose letters are set wider than those of outlines
+        # measured as Agg draws pixels: its letters are set wider than outlines
         letters = FontProperties(size=size, weight=weight)
         untyped: Any = RendererAgg
         renderer = untyped(1, 1, self.dpi)
         return float(renderer.get_text_width_height_descent(text, letters, False)[0])
 
-    def fitting(self, text: str, left: int, size: float, weight: str = "normal") -> float:
-        """A size of letters, this one or smaller, of which a line from there on fits."""
+    def fitting_size(self, text: str, left: int, size: float, weight: str = "normal") -> float:
+        """Largest size of letters up to `size`, points, at which a line fits from `left` on."""
         room = self.width - left - self.pixels(6.0)
-        return size * min(1.0, room / max(self.wide(text, size, weight), 1.0))
+        return size * min(1.0, room / max(self.text_width(text, size, weight), 1.0))
 
     def title(self, text: str, left: int, room: int) -> None:
-        """A title at the very top, as much of it as there is room for."""
+        """Draw a title at the very top, cut off to fit into `room` pixels."""
         size, weight = _FONT + 2.0, "bold"
         text = " ".join(printable(text).split())
 
@@ -283,11 +289,11 @@ class Sheet:
             return f"{text[:kept].rstrip()}…"
 
         # no letter is narrower than a pixel
-        if len(text) > room or self.wide(text, size, weight) > room:
+        if len(text) > room or self.text_width(text, size, weight) > room:
             lengths = range(1, min(len(text), room))
             text = cut(
                 bisect_right(
-                    lengths, room, key=lambda n: math.ceil(self.wide(cut(n), size, weight))
+                    lengths, room, key=lambda n: math.ceil(self.text_width(cut(n), size, weight))
                 )
             )
         self.text(
@@ -295,24 +301,24 @@ class Sheet:
         )
 
     def caption(self, lines: Sequence[str], left: int, bottom: int) -> None:
-        """Small lines, the last of which stands at the bottom; smaller where they would not fit."""
-        size = min((self.fitting(text, left, _SMALL) for text in lines), default=_SMALL)
+        """Draw small lines of text, the last of them at the bottom; smaller still if need be."""
+        size = min((self.fitting_size(text, left, _SMALL) for text in lines), default=_SMALL)
         for up, text in enumerate(reversed(lines)):
             y = bottom + up * self.pixels(_SMALL * _LINE)
             self.text(left, y, text, va="bottom", fontsize=size, color=_FAINT)
 
     def warning(self, factor: float, left: int, bottom: int) -> None:
-        """A line on a factor on heights that is not to be overlooked."""
-        said = f"{exaggerated(factor).capitalize()}: {slopes_look(factor)}."
-        size = self.fitting(said, left, _FONT, "bold")
+        """Draw a bold line on a factor on heights."""
+        said = f"{exaggeration_text(factor).capitalize()}: {slopes_look(factor)}."
+        size = self.fitting_size(said, left, _FONT, "bold")
         self.text(left, bottom, said, va="bottom", fontsize=size, fontweight="bold")
 
     def scale_bar(self, place: Rectangle, per_pixel: float, unit: str) -> None:
-        """A bar of a round length that fits into a place, in two halves.
+        """Draw a scale bar of a round length that fits into a place, in two halves.
 
-        `per_pixel` is how long a pixel is, in the unit.
+        `per_pixel` is the length of a pixel, in the unit.
         """
-        whole = rounded_down(place.width * per_pixel)
+        whole = round_down(place.width * per_pixel)
         long = whole / per_pixel
         low, high = place.bottom, place.bottom + self.pixels(3.0)
         for part, color in enumerate((INK, "white")):
@@ -327,9 +333,9 @@ class Sheet:
         )  # fmt: skip
 
     def north_arrow(self, x: float, y: float, towards: tuple[float, float] = (0.0, 1.0)) -> None:
-        """An arrow whose foot is at a place in pixels, and which leads north: by so many lengths.
+        """Draw a north arrow with its foot at a place in pixels.
 
-        `towards` is where its tip lies from its foot, right and up, in parts of its length.
+        `towards` is the place of its tip from its foot, right and up, in lengths of the arrow.
         """
         tall, half = self.pixels(20.0), self.pixels(4.5)
         right, up = towards
@@ -351,21 +357,21 @@ class Sheet:
 
 
 def number(value: float) -> str:
-    """A number as axes show it: no more digits than it has, and no zeros behind them."""
+    """A number as text on axes: up to 10 digits, without trailing zeros."""
     text = f"{value:.10g}"
     return "0" if text == "-0" else text
 
 
-def rounded_down(value: float) -> float:
-    """The largest number of 1, 2 or 5 times a power of ten that is no larger than one above 0."""
+def round_down(value: float) -> float:
+    """Round a value above 0 down to 1, 2 or 5 times a power of ten."""
     power = 10.0 ** math.floor(math.log10(value))
     return next(
         factor * power for factor in (5.0, 2.0, 1.0, 0.5) if factor * power <= value * (1 + 1e-12)
     )
 
 
-def rounded_up(value: float) -> float:
-    """The smallest of 1, 2, 3 or 5 times a power of ten that is no smaller than one above 0."""
+def round_up(value: float) -> float:
+    """Round a value above 0 up to 1, 2, 3 or 5 times a power of ten."""
     power = 10.0 ** math.floor(math.log10(value))
     return next(
         factor * power
@@ -375,21 +381,20 @@ def rounded_up(value: float) -> float:
 
 
 def chosen_exaggeration(width: float, relief: float, most: float) -> float:
-    """A round factor on heights, if none is given.
+    """Choose a round factor on heights.
 
-    Pictures show what is there. Only relief that would be flatter than `_FLATTEST` of the width is
-    exaggerated until it is not, or so often at most; and only what is more than `_TALLEST` times as
-    high as wide is made lower.
+    The factor is 1 for most relief. Relief flatter than `_FLATTEST` of the width is raised to that
+    share, by a factor of `most` at most. Relief higher than `_TALLEST` times the width is lowered.
     """
     if not relief > _LEVEL * width:
         return 1.0
     if relief > _TALLEST * width:
-        return rounded_down(width / relief)
-    return min(rounded_up(max(_FLATTEST * width / relief, 1.0)), most)
+        return round_down(width / relief)
+    return min(round_up(max(_FLATTEST * width / relief, 1.0)), most)
 
 
-def exaggerated(factor: float) -> str:
-    """What is said of a factor on heights."""
+def exaggeration_text(factor: float) -> str:
+    """Words on a factor on heights."""
     if factor == 1.0:
         return "heights not exaggerated"
     if factor < 1.0:
@@ -398,12 +403,12 @@ def exaggerated(factor: float) -> str:
 
 
 def slopes_look(factor: float) -> str:
-    """What that does to slopes."""
+    """Words on the look of slopes with a factor on heights."""
     return f"slopes look {'steeper' if factor > 1.0 else 'gentler'} than they are"
 
 
 def note_of_chosen(factor: float, wanted: float | None) -> tuple[str, ...]:
-    """A sentence on a factor on heights that nobody has asked for; none where it is 1."""
+    """A sentence on a factor on heights that was chosen; none where it is 1 or was wanted."""
     if wanted is not None or factor == 1.0:
         return ()
     look = slopes_look(factor)
@@ -411,7 +416,7 @@ def note_of_chosen(factor: float, wanted: float | None) -> tuple[str, ...]:
 
 
 def set_ticks(axes: Axes, axis: str, count: int) -> list[str]:
-    """Have about so many round numbers on an axis; what they are."""
+    """Set about `count` round numbers on an axis, "x" or "y", and return their labels."""
     low, high = axes.get_xlim() if axis == "x" else axes.get_ylim()
     places = ticks(low, high, max(1, count))
     labels = [number(place) for place in places]
@@ -422,12 +427,12 @@ def set_ticks(axes: Axes, axis: str, count: int) -> list[str]:
 
 
 def width_of(labels: Sequence[str]) -> float:
-    """How wide the widest of some small labels is, in points, about."""
+    """Approximate width of the widest of some small labels, points."""
     return max((len(label) for label in labels), default=0) * _SMALL * 0.65
 
 
-def key_width(key: Key) -> float:
-    """How wide a legend is, in points, about; no more than a fourth of a sheet wants to be."""
+def key_width(key: Legend) -> float:
+    """Approximate width of a legend, points, from 60 to 150."""
     letters = max((len(swatch.label) for swatch in key.swatches), default=0)
     scale = 0 if key.scale is None else len(key.scale.title)
     wanted = 1.5 * _SWATCH + letters * _FONT * 0.62
@@ -436,7 +441,7 @@ def key_width(key: Key) -> float:
 
 @contextlib.contextmanager
 def settings() -> Iterator[None]:
-    """Have Matplotlib draw by its own defaults and by what is fixed here, and by nothing else."""
+    """Have Matplotlib draw by its own defaults and by `_SETTINGS` alone."""
     require_matplotlib()
     import matplotlib as mpl
 
@@ -444,14 +449,14 @@ def settings() -> Iterator[None]:
     wanted.update(_SETTINGS)
     for name in [name for name in wanted if name.startswith("backend")]:
         del wanted[name]  # of windows, of which there are none
-    with mpl.rc_context(wanted), warnings.catch_warnings(), _without_its_warnings():
+    with mpl.rc_context(wanted), warnings.catch_warnings(), _quiet_matplotlib():
         # letters that the font lacks become boxes in a PNG; in an SVG they are still letters
         warnings.filterwarnings("ignore", message="Glyph .* missing from")
         yield
 
 
 def new_sheet(width: int, height: int, dpi: float) -> Sheet:
-    """An empty sheet of so many pixels, within `settings`."""
+    """An empty sheet with sides in pixels, within `settings`."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -461,7 +466,7 @@ def new_sheet(width: int, height: int, dpi: float) -> Sheet:
 
 
 def write(sheet: Sheet, path: Path) -> None:
-    """Write a sheet as what the suffix of a path says, within `settings`."""
+    """Write a sheet in the format of a path's suffix, within `settings`."""
     suffix = path.suffix.lower()
     drawn = io.BytesIO()  # on a full disk the writer of PDF would end in an error of its own
     sheet.figure.savefig(drawn, format=suffix[1:], dpi=sheet.dpi, metadata=_METADATA[suffix])

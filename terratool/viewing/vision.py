@@ -1,4 +1,4 @@
-"""Which colours look alike to some kinds of colour vision, and where letters tell them apart."""
+"""Colours that look alike to some kinds of colour vision, and places for letters on them."""
 
 from __future__ import annotations
 
@@ -19,22 +19,22 @@ _VISIONS = np.array(
          [0.004733, 0.691367, 0.303900]],
     ]
 )  # fmt: skip
-"""What is left of linear red, green and blue (G. M. Machado, M. M. Oliveira and L. A. F. Fernandes,
-A physiologically-based model for simulation of color vision deficiency, IEEE Transactions on
-Visualization and Computer Graphics 15(6), 2009)."""
-_XYZ = np.array(
-    [[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]]
-)  # IEC 61966-2-1
+"""Matrices from linear red, green and blue to those seen by each kind of colour vision, (4, 3, 3).
+
+G. M. Machado, M. M. Oliveira and L. A. F. Fernandes, A physiologically-based model for simulation
+of color vision deficiency, IEEE Transactions on Visualization and Computer Graphics 15(6), 2009."""
+_XYZ = np.array([[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]])
+"""Matrix from linear red, green and blue to X, Y and Z (IEC 61966-2-1)."""
 _ALIKE = 10.0
-"""Colours that differ by less in CIELAB are taken for alike in a picture with light on it."""
+"""Distance in CIELAB below which colours look alike in a shaded picture."""
 _SIDE = 240
-"""Places for letters are looked for on so many pixels of the longer side."""
+"""Pixels of the longer side on which places for letters are searched."""
 
 
 def differences(colors: NDArray[Any]) -> NDArray[np.float64]:
-    """How much colours differ to the kind of vision that tells them apart least, (n, n) float64.
+    """Distances of colours to the kind of vision that tells them apart least, (n, n) float64.
 
-    In units of CIELAB, which are just seen side by side (CIE 15, 1976).
+    The unit is that of CIELAB, a just visible difference side by side (CIE 15, 1976).
 
     Args:
         colors: (n, 3) red, green, blue of sRGB, 0 to 255.
@@ -57,11 +57,11 @@ def look_alike(colors: NDArray[Any]) -> bool:
 
 
 def roomiest_places(classes: NDArray[Any], wanted: list[int]) -> dict[int, tuple[int, int, int]]:
-    """Where there is most room for a letter on each class: row, column, pixels to the next class.
+    """Places with most room for a letter, by class: row, column, pixels to the next class.
 
     Args:
-        classes: (height, width) of a picture.
-        wanted: the classes that are looked for.
+        classes: (height, width) classes of the pixels of a picture.
+        wanted: classes that get a letter.
     """
     stride = -(-max(classes.shape) // _SIDE)
     coarse = classes[stride // 2 :: stride, stride // 2 :: stride]

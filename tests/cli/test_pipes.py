@@ -16,7 +16,7 @@ from terratool.definition import watch
 from terratool.errors import TerratoolError
 from terratool.raster.journal import NAME as JOURNAL
 from terratool.simulators.export import MANIFEST
-from terratool.viewing.live import Followed, LiveState, follow
+from terratool.viewing.live import FollowedFile, LiveState, follow
 from terratool.viewing.scene import scene_of
 from tests.commands import Ran, call, not_for_ever, run
 from tests.io.test_opening import dem
@@ -115,7 +115,7 @@ def test_a_shown_file_becomes_a_pipe_and_comes_back(
 
     def followed() -> None:
         with pytest.raises(KeyboardInterrupt):
-            follow(state, Followed(str(path)), scene_of, heard)
+            follow(state, FollowedFile(str(path)), scene_of, heard)
 
     _watched(monkeypatch, there_and_back(path), followed)
     assert [one.startswith(str(path)) for one in told] == [False, True, False]

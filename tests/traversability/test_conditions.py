@@ -69,7 +69,7 @@ def with_verdict(verdict: Verdict, **more: Any) -> Any:
     ],
 )
 def test_holds(text: str, report: Any, why: str) -> None:
-    held = parse(text).held(report)
+    held = parse(text).why_met(report)
     assert bool(held) == bool(why)
     assert why in held
 
@@ -118,7 +118,7 @@ def test_a_comparison_and_its_opposite(name: str, comparison: str, limit: float)
     report = reports.report(routes=(reports.WAY,), surfaces=(reports.SAND,))
     one = parse(f"{name}{comparison}{limit!r}")
     other = parse(f"{name} {opposite} {limit!r}")
-    assert bool(one.held(report)) != bool(other.held(report))
+    assert bool(one.why_met(report)) != bool(other.why_met(report))
     assert math.isclose(one.limit, limit)
 
 

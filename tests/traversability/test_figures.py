@@ -25,7 +25,7 @@ from terratool.traversability.results import Reason, Verdict
 from terratool.traversability.soil import (
     ASSUMPTIONS,
     bekker_sinkage,
-    governing,
+    governing_wheel,
     missing_of,
     soil_of,
     soils,
@@ -174,9 +174,9 @@ def test_soils_by_the_id_of_their_surface() -> None:
 def test_a_preset_is_resolved_for_the_driven_wheel_that_bears_most() -> None:
     """Not for a mean, nor for one that is towed."""
     vehicle = Vehicle(WHEEL, (Axle(0.2), Axle(-0.6)), 40.0, track_width=0.8)
-    assert governing(vehicle)[1] == pytest.approx(vehicle.weight * 0.75 / 2)
+    assert governing_wheel(vehicle)[1] == pytest.approx(vehicle.weight * 0.75 / 2)
     towed = Vehicle(WHEEL, (Axle(0.2, driven=False), Axle(-0.6)), 40.0, track_width=0.8)
-    assert governing(towed)[1] == pytest.approx(vehicle.weight * 0.25 / 2)
+    assert governing_wheel(towed)[1] == pytest.approx(vehicle.weight * 0.25 / 2)
 
 
 @pytest.mark.parametrize("preset", ["dry-sand", "lunar-nominal", "lete-sand", "clayey-soil-38"])

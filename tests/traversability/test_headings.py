@@ -279,7 +279,7 @@ def test_waypoints_are_judged_by_more_headings(long: Vehicle) -> None:
     grid = grid_over(terrain, 0.1)
     assert not search_route(
         terrain, long, SurveyTiles(Surveyor(terrain, long, grid)), (x, y), (x, y)
-    ).succeeded
+    ).has_way
     for asked, tried in ((8, (8,)), (16, (16,)), (None, (8, 16))):
         (route,) = looked_for(
             terrain, long, routes=(), waypoints=(points,), headings=asked, resolution=0.1

@@ -27,7 +27,7 @@ from terratool.traversability.route.reach import (
     begin_at,
     begin_in_largest,
     can_turn_back,
-    connected,
+    connected_cells,
     heading_bits,
     place_in,
     spread,
@@ -218,7 +218,7 @@ def test_floods_reach_what_the_moves_reach(
         assert set(states_of(found, headings)) == wanted
         assert min(told) >= 0.0
         assert sum(told) == pytest.approx(1.0)
-    both = connected(bits, headings, first)
+    both = connected_cells(bits, headings, first)
     there = set().union(seeds, *(networkx.descendants(graph, state) for state in seeds))
     back = {state for state in there if seeds & ({state} | networkx.descendants(graph, state))}
     assert {tuple(cell) for cell in np.argwhere(both.reached).tolist()} == {s[1:] for s in there}
@@ -268,14 +268,14 @@ def test_a_place_in_the_largest_part_stands_for_all_of_it(
     """Whoever sets out there reaches the same cells, if it can turn to all that it can drive."""
     _, can, _, _ = drawn_case(seed, shape, headings, share)
     bits = heading_bits(can)
-    found = connected(bits, headings, begin_in_largest(bits, headings))
+    found = connected_cells(bits, headings, begin_in_largest(bits, headings))
     assume(found.returned.any())
     cell = place_in(bits, headings, found)
     assert found.returned[cell]
     turns = np.count_nonzero(can & ~np.roll(can, 1, axis=0), axis=0) <= 1
     if (turns & found.returned).any():
         assert turns[cell]
-        again = connected(bits, headings, begin_at(bits, cell))
+        again = connected_cells(bits, headings, begin_at(bits, cell))
         assert np.array_equal(again.reached, found.reached)
         assert np.array_equal(again.returned, found.returned)
 
@@ -285,11 +285,11 @@ def test_a_place_in_the_largest_part_is_near_its_middle() -> None:
     can = np.ones((8, 9, 40), np.bool_)
     can[:, :, 12] = False
     bits = heading_bits(can)
-    found = connected(bits, 8, begin_in_largest(bits, 8))
+    found = connected_cells(bits, 8, begin_in_largest(bits, 8))
     assert place_in(bits, 8, found) in {(4, 26), (4, 25)}
     can[:, 3:6, 20:32] = False  # a block in the middle: beside it
     bits = heading_bits(can)
-    row, column = place_in(bits, 8, connected(bits, 8, begin_in_largest(bits, 8)))
+    row, column = place_in(bits, 8, connected_cells(bits, 8, begin_in_largest(bits, 8)))
     assert row in {2, 6} and 20 <= column < 32
 
 

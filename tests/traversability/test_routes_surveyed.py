@@ -17,7 +17,7 @@ from terratool.raster.grid import grid_over
 from terratool.traversability.report.routes import route_features
 from terratool.traversability.results import Reason, RouteProfile, Survey, Verdict
 from terratool.traversability.route.graph import PREFERENCES, Preference
-from terratool.traversability.route.paths import cells, worst_verdict
+from terratool.traversability.route.paths import cells_of, worst_verdict
 from terratool.traversability.route.routes import (
     check_route,
     plan_route,
@@ -217,7 +217,7 @@ def test_what_tiles_show_is_what_the_whole_shows(
     for way in (found, checked):
         # whether it can be driven back is looked for beside it, too
         if way.found and way.profile is not None:
-            rows, columns = cells(grid, way.profile.x, way.profile.y)
+            rows, columns = cells_of(grid, way.profile.x, way.profile.y)
             for down, right in np.ndindex(3, 3):
                 row = np.clip(rows + down - 1, 0, grid.height - 1) // side
                 column = np.clip(columns + right - 1, 0, grid.width - 1) // side

@@ -16,7 +16,7 @@ from terratool.definition.presets import preset_of
 from terratool.definition.reader import Checked, load_checked
 from terratool.errors import MissedError, RequestError
 from terratool.field.terrain import Terrain, load
-from terratool.traversability.ruts import Deformed, deform, simplified, wheel_paths, write_deformed
+from terratool.traversability.ruts import Deformed, deform, simplify, wheel_paths, write_deformed
 from terratool.traversability.soil import bekker_sinkage
 from terratool.traversability.vehicle import Axle, Vehicle, Wheel
 from tests.commands import ROOT, call
@@ -117,7 +117,7 @@ class TestLines:
         """No vertex is farther from what is left than the tolerance, and fewer are left."""
         rng = np.random.default_rng(1)
         line = np.cumsum(rng.normal(size=(200, 2)), axis=0)
-        few = simplified(line, 0.7)
+        few = simplify(line, 0.7)
         assert 2 < len(few) < 150
         legs = list(pairwise(few))
 

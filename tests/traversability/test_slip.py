@@ -101,7 +101,7 @@ def slip_by_statics(vehicle: Vehicle, soil: Soil, slope: float) -> float:
         return [
             bisected(
                 0.0, 1e3,
-                lambda s: float(wheels.mobilised(length, soil.shear_modulus, s)) < share,  # noqa: B023
+                lambda s: float(wheels.mobilised_share(length, soil.shear_modulus, s)) < share,  # noqa: B023
             )
             for *_, length in driven
         ]  # fmt: skip

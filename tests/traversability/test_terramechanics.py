@@ -254,7 +254,7 @@ def test_slip_mobilises_by_the_law_of_janosi_and_hanamoto(
     """The mean of 1 − exp(−j/K) along a patch under which j grows from 0 to s l."""
     j = slip * length * (np.arange(20_000) + 0.5) / 20_000
     wanted = float(np.mean(1 - np.exp(-j / modulus)))
-    assert wheel.mobilised(length, modulus, slip) == pytest.approx(wanted, rel=1e-5, abs=1e-9)
+    assert wheel.mobilised_share(length, modulus, slip) == pytest.approx(wanted, rel=1e-5, abs=1e-9)
 
 
 @given(SOILS, LOADS, st.floats(0, 1))
@@ -314,7 +314,7 @@ def test_soft_ground_becomes_rigid_ground(
     tyre = SLIPPING if slips else WHEEL
     hard = replace(soil, sinkage=0.0)
     expected = wheel.traction(load, hard, tyre, slip)
-    share = float(wheel.mobilised(0.08, soil.shear_modulus, slip)) if slips else 1.0
+    share = float(wheel.mobilised_share(0.08, soil.shear_modulus, slip)) if slips else 1.0
     held = soil.cohesion * 0.1 * 0.08 if slips else 0.0
     assert expected.thrust == pytest.approx(share * (load * math.tan(soil.friction) + held))
     assert expected.torque == pytest.approx(0.2 * expected.thrust)

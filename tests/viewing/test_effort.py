@@ -83,9 +83,9 @@ def test_an_error_that_is_too_much_work_is_refused_with_one_that_is_not(
     hint = caught.value.hint
     better = float(hint.partition("or give ")[2].split()[0])
     scene = scene_of(found, PageOptions(max_error=better))
-    assert scene.told["grid"] is None and scene.told["error"] <= 1.05 * better
+    assert scene.facts["grid"] is None and scene.facts["error"] <= 1.05 * better
     # by itself it is drawn with such an error
-    assert 0.02 < scene_of(found).told["error"] <= 1.05 * better
+    assert 0.02 < scene_of(found).facts["error"] <= 1.05 * better
 
 
 def test_far_too_many_elements_are_not_meshed(
@@ -101,7 +101,7 @@ def test_far_too_many_elements_are_not_meshed(
     path.write_text(json.dumps(json.loads(terratool.new("craters", count=5000, rocks=5000))))
     scene = scene_of(read_site(str(path)), PageOptions(max_faces=900))
     assert 800 < len(scene.arrays["elements"]) <= 900
-    assert scene.told["measured"] and scene.told["left_out"] == 0
+    assert scene.facts["measured"] and scene.facts["left_out"] == 0
 
 
 def test_a_grid_without_a_square_is_refused(
@@ -123,7 +123,7 @@ def test_a_grid_is_the_ground(
     monkeypatch.setattr(effort, "MOST_WORK", 0)
     found = site(PLATE)
     scene = scene_of(found, PageOptions(max_faces=faces))
-    told, arrays = scene.told, scene.arrays
+    told, arrays = scene.facts, scene.arrays
     rows, columns, step = told["grid"]
     west, south, east, north = told["bounds"]
     points = arrays["positions"] * told["steps"] + told["origin"]

@@ -13,9 +13,9 @@ from pathlib import Path
 import pytest
 
 from terratool.errors import DefinitionError, TerratoolError, WriteError
-from terratool.viewing.live import MOST_CLIENTS, Followed, LiveState, PageServer, follow
+from terratool.viewing.live import MOST_CLIENTS, FollowedFile, LiveState, PageServer, follow
 from terratool.viewing.places import Site, read_site
-from terratool.viewing.scene import Scene, scene_of
+from terratool.viewing.scene import PageScene, scene_of
 from tests.commands import YARD
 from tests.viewing.scenes import read_scene
 
@@ -136,7 +136,7 @@ def test_news_are_told_at_once_and_findings_keep_the_picture(
     yard.write_text(json.dumps(YARD).replace('"ramp"', '"rump"', 1), "utf-8")
     with pytest.raises(DefinitionError) as caught:
         read_site(str(yard))
-    state.complain(caught.value)
+    state.publish_error(caught.value)
     waiting.join(10)
     [news] = told
     assert (news["version"], news["picture"]) == (2, 1)
@@ -177,7 +177,7 @@ def test_more_clients_than_there_is_room_for_come_again(
         assert (headers["Retry-After"], headers["Connection"]) == ("1", "close")
         assert body.startswith(b"There are too many pages.")
     assert threading.active_count() < 40
-    state.complain(DefinitionError("It is broken."))
+    state.publish_error(DefinitionError("It is broken."))
     for client in clients:
         assert client.recv(1 << 16).startswith(b"HTTP/1.1 200 OK")
         client.close()
@@ -283,11 +283,11 @@ def test_a_file_is_followed_through_errors_and_libraries(
         high = None if state.shown is None else read_scene(state.shown.scene)[0]["heights"][1]
         seen.append((state.picture, high, type(problem).__name__ if problem else ""))
 
-    def scene(site: Site) -> Scene:
+    def scene(site: Site) -> PageScene:
         return scene_of(site)
 
     with pytest.raises(_DoneError):
-        follow(state, Followed(str(path)), scene, told)
+        follow(state, FollowedFile(str(path)), scene, told)
     assert seen == [
         (1, 3.0, ""), (2, 3.75, ""), (2, 3.75, "DefinitionError"), (2, 3.75, "ReadError"),
         (3, 5.0, ""),

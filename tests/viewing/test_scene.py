@@ -17,7 +17,7 @@ from terratool.errors import ReadError, RequestError
 from terratool.viewing import pages
 from terratool.viewing.mesh import PageOptions
 from terratool.viewing.pages import page_of
-from terratool.viewing.places import Place, Places, read_site, shortened
+from terratool.viewing.places import Place, Places, read_site, shorten
 from terratool.viewing.scene import scene_of
 from tests.commands import ROOT
 from tests.viewing.scenes import read_scene
@@ -84,9 +84,9 @@ def test_elements_are_found_in_the_texts_that_they_stand_in(site: Path) -> None:
 
 
 def test_long_values_are_cut_off_and_say_how_long_they_are() -> None:
-    assert shortened(list(range(17)))[-2:] == [15, "… (17 items)"]
-    assert shortened(list(range(16))) == list(range(16))
-    assert shortened({"a": ["x" * 500]})["a"][0].endswith("… (500 letters)")
+    assert shorten(list(range(17)))[-2:] == [15, "… (17 items)"]
+    assert shorten(list(range(16))) == list(range(16))
+    assert shorten({"a": ["x" * 500]})["a"][0].endswith("… (500 letters)")
 
 
 @pytest.mark.parametrize("name", ["paper-example", "stairs-and-kerbs", "wheel-tracks"])
@@ -134,12 +134,12 @@ def test_rounding_is_of_powers_of_two_that_float32_holds() -> None:
     """Far from the origin of the world, too: coordinates of the page are near zero."""
     found = read_site(str(ROOT / "samples/nested-site.json"))
     scene = scene_of(found, PageOptions(max_error=0.5))
-    steps = np.array(scene.told["steps"])
+    steps = np.array(scene.facts["steps"])
     assert (np.log2(steps) == np.rint(np.log2(steps))).all()
     local = scene.arrays["positions"] * steps
     assert (local.astype(np.float32) == local).all()
-    west, south, east, north = scene.told["bounds"]
-    low, high = local.min(axis=0) + scene.told["origin"], local.max(axis=0) + scene.told["origin"]
+    west, south, east, north = scene.facts["bounds"]
+    low, high = local.min(axis=0) + scene.facts["origin"], local.max(axis=0) + scene.facts["origin"]
     assert low[:2] == pytest.approx([west, south], abs=2 * steps[0])
     assert high[:2] == pytest.approx([east, north], abs=2 * steps[0])
 
@@ -148,22 +148,22 @@ def test_faces_beyond_the_most_are_left_out_and_it_is_said() -> None:
     found = read_site(str(ROOT / "samples/obstacle-course.json"))
     scene = scene_of(found, PageOptions(max_faces=1500))
     assert len(scene.arrays["elements"]) <= 1500
-    assert scene.told["left_out"] > 0
-    assert scene.told["error"] > 0.05
-    assert scene.told["measured"]
+    assert scene.facts["left_out"] > 0
+    assert scene.facts["error"] > 0.05
+    assert scene.facts["measured"]
 
 
 def test_an_error_that_is_asked_for_is_kept_and_live_pages_are_lighter() -> None:
     found = read_site(str(ROOT / "samples/lunar-craters.json"))
     coarse = scene_of(found, PageOptions(max_error=0.3))
-    assert coarse.told["error"] <= 0.301
+    assert coarse.facts["error"] <= 0.301
     live = scene_of(found, PageOptions(live=True))
     assert len(coarse.arrays["elements"]) < len(live.arrays["elements"]) < 80_000
-    assert live.told["error"] < 0.1
+    assert live.facts["error"] < 0.1
 
 
 def test_ranges_and_presets_of_soils_are_said() -> None:
-    told = scene_of(read_site(str(ROOT / "samples/sandy-cove.json"))).told
+    told = scene_of(read_site(str(ROOT / "samples/sandy-cove.json"))).facts
     soils = {one["name"]: dict(one["soil"]) for one in told["surfaces"]}
     definition = json.loads((ROOT / "samples/sandy-cove.json").read_text("utf-8"))
     for name, surface in definition["surfTypes"].items():
@@ -180,7 +180,7 @@ def test_ranges_and_presets_of_soils_are_said() -> None:
 
 def test_tracks_lie_on_their_ground() -> None:
     found = read_site(str(ROOT / "samples/wheel-tracks.json"))
-    told = scene_of(found, PageOptions(max_error=0.05)).told
+    told = scene_of(found, PageOptions(max_error=0.05)).facts
     assert len(told["tracks"]) == found.terrain.tracks > 0
     assert told["tracks"][0]["name"] == "/tracks/0"
     for one in told["tracks"]:
@@ -244,7 +244,7 @@ def test_a_trimesh_without_three_js_is_said(
     elif viewer:
         place.write_text(viewer)
     monkeypatch.setattr(pages, "_folder_of_trimesh", lambda: tmp_path)
-    pages.three.cache_clear()
+    pages.three_js.cache_clear()
     with pytest.raises(ReadError, match=r"three\.js was not found in trimesh \d") as caught:
-        pages.three()
+        pages.three_js()
     assert "pip install" in caught.value.hint

@@ -1,1 +1,1 @@
-"""Ways through a survey, and what bars them."""
+"""Routes through a survey, and the barriers on them."""

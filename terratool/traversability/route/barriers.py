@@ -1,4 +1,4 @@
-"""What bars a way at one place: the element and the surface that decide the ground there."""
+"""Barriers on a way, and the element and surface that decide the ground there."""
 
 from __future__ import annotations
 
@@ -22,33 +22,39 @@ from terratool.traversability.turning import Turning
 from terratool.traversability.vehicle import Vehicle
 
 _PER_RADIUS = 4.0
-"""Samples for each wheel radius …"""
+"""Samples of the ground per wheel radius."""
 _MOST = 256
-"""… and along each side of the rectangle at most."""
+"""Most samples along each side of the vehicle's rectangle."""
 
 _SHAPES = frozenset(
     {Reason.STEP, Reason.HIGH_CENTRED, Reason.APPROACH, Reason.ROUGHNESS, Reason.TIP_OVER}
 )
+"""Measures that depend on the shape of the ground, so that a wall is looked for."""
 
 _SLOPES = frozenset(
     {Reason.TRACTION, Reason.TORQUE, Reason.SLIP, Reason.SIDE_SLIP, Reason.TIP_OVER}
 )
+"""Measures that depend on the slope, so that the slope is mentioned."""
 _HALVINGS = 40
+"""Number of halvings with which a wall between two places is found."""
 _LEVEL = 1.0
 """Degrees below which a slope is not mentioned."""
 
 Cell = tuple[int, int]
+"""Row and column of a cell of a survey."""
 Point = tuple[float, float]
+"""World x and y, m."""
 
 
 @dataclass(frozen=True, slots=True)
-class Site:
-    """A vehicle on a terrain, and what is known of it there.
+class RouteSite:
+    """A vehicle on a terrain, with its survey.
 
     Attributes:
-        terrain, vehicle: the two.
-        tiles: a survey.
-        turns: what it takes to turn on each surface, by id.
+        terrain: the ground.
+        vehicle: the vehicle.
+        tiles: the survey.
+        turns: turning on the spot on each surface, by id.
     """
 
     terrain: Terrain
@@ -57,27 +63,27 @@ class Site:
     turns: tuple[Turning, ...]
 
     @classmethod
-    def of(cls, terrain: Terrain, vehicle: Vehicle, tiles: SurveyTiles) -> Site:
-        """With what turning takes on each surface."""
+    def of(cls, terrain: Terrain, vehicle: Vehicle, tiles: SurveyTiles) -> RouteSite:
+        """A site with the turning of the vehicle on each surface."""
         return cls(terrain, vehicle, tiles, turnings(terrain, vehicle))
 
     @property
     def survey(self) -> Survey:
-        """Of the tiles."""
+        """The survey of the tiles, of which some cells may not be known."""
         return self.tiles.survey
 
 
-def barriers(on: Site, path: Path) -> tuple[Barrier, ...]:
-    """The stretches of a path that cannot be driven, in its order.
+def barriers(on: RouteSite, path: Path) -> tuple[Barrier, ...]:
+    """The stretches of a path that cannot be driven, in the path's order.
 
-    Of a leg with one end that cannot be driven a half counts; of a turn, its arc, and all of it
+    A leg with one end that cannot be driven counts by half. A turn counts by its arc, as a whole
     where the vehicle cannot turn. Where it is too steep for the soil, the motors or the vehicle's
-    balance, `bars` says how steep, too.
+    balance, `barrier_name` says how steep, too.
     """
     terrain, vehicle, survey = on.terrain, on.vehicle, on.survey
     no_ground = np.isnan(path.height)
-    blocked = no_ground | ~path.sampled(drivable(survey))
-    reasons = np.where(no_ground, np.uint8(Reason.NO_GROUND), path.sampled(survey.reason))
+    blocked = no_ground | ~path.values_of(drivable(survey))
+    reasons = np.where(no_ground, np.uint8(Reason.NO_GROUND), path.values_of(survey.reason))
     run = path.leg_lengths
     able = turnable(survey, on.turns)
     if able is not None:
@@ -94,43 +100,49 @@ def barriers(on: Site, path: Path) -> tuple[Barrier, ...]:
         x, y = float(path.x[first]), float(path.y[first])
         heading = 2.0 * math.pi * int(path.judged[first]) / survey.headings
         if reason == Reason.TURNING:
-            name = _turning(on, int(survey.surfaces[path.row[first], path.column[first]]), (x, y))
+            name = _turning_name(
+                on, int(survey.surfaces[path.row[first], path.column[first]]), (x, y)
+            )
         else:
-            name = bars(terrain, vehicle, reason, Pose(x, y, heading), survey.grid.resolution)
+            name = barrier_name(
+                terrain, vehicle, reason, Pose(x, y, heading), survey.grid.resolution
+            )
         at = int(path.judged[first]), int(path.row[first]), int(path.column[first])
         found.append(
             Barrier(
                 location_at(terrain, x, y),
                 reason,
-                name + _slope(survey, reason, at),
+                name + _slope_text(survey, reason, at),
                 float(width[first:end].sum()),
             )
         )
     return tuple(found)
 
 
-def _turning(on: Site, surface: int, place: Point) -> str:
-    """The ground on which the vehicle cannot turn, and what forbids it."""
+def _turning_name(on: RouteSite, surface: int, place: Point) -> str:
+    """The element and surface on which the vehicle cannot turn, and the measure that binds."""
     element = int(on.terrain.sample(*place).element)
     name = f"surface {shown(on.terrain.surfaces[surface - 1])}"
     return f"{on.terrain.pointer(element)} ({name}), by {on.turns[surface].reason.label}"
 
 
 class Pose(NamedTuple):
-    """Where a vehicle's middle is, and its heading, rad clockwise from north."""
+    """A pose: the place of a vehicle's middle, m, and its heading, rad clockwise from north."""
 
     x: float
     y: float
     heading: float
 
 
-def bars(terrain: Terrain, vehicle: Vehicle, reason: Reason, pose: Pose, cell: float) -> str:
-    """What decides the ground that bars a vehicle, for people: element and surface, and how high.
+def barrier_name(
+    terrain: Terrain, vehicle: Vehicle, reason: Reason, pose: Pose, cell: float
+) -> str:
+    """The element and surface that bar a vehicle, for people, with the height of a step.
 
-    For steps, and whatever else the shape of the ground does, it is the element of the higher side
-    where heights differ most under the vehicle's rectangle, with half a cell around it and a wheel
-    radius (a cell, if that is more) ahead; unless the lower side's element is one of the higher
-    one's children, and so a hole in it. For soil it is the weakest that a wheel stands on.
+    For measures of shape, such as a step, the element is that of the higher side where heights
+    differ most under the vehicle's rectangle, half a cell around and a wheel radius (a cell, if
+    that is more) ahead of it. Where the lower side's element is a child of the higher one's, and so
+    a hole in it, that child is named. For soil the element is under the wheel on the weakest soil.
 
     `cell` is the side of the survey's cells, m.
     """
@@ -138,11 +150,11 @@ def bars(terrain: Terrain, vehicle: Vehicle, reason: Reason, pose: Pose, cell: f
         return "the edge of the terrain"
     rise = 0.0
     if reason in _SHAPES:
-        element, rise = _rising(terrain, vehicle, pose, cell)
+        element, rise = _wall_element(terrain, vehicle, pose, cell)
     elif reason == Reason.NO_GROUND:
-        element = _missing(terrain, vehicle, pose, cell)
+        element = _void_element(terrain, vehicle, pose, cell)
     else:
-        element = _weakest(terrain, vehicle, reason, pose)
+        element = _weakest_element(terrain, vehicle, reason, pose)
     if element < 0:
         return "ground without an element" if reason != Reason.NO_GROUND else "no element"
     surface = int(terrain.surface_of(np.array([element]))[0])
@@ -151,40 +163,41 @@ def bars(terrain: Terrain, vehicle: Vehicle, reason: Reason, pose: Pose, cell: f
     return f"{terrain.pointer(element)} ({name})" + size * (reason == Reason.STEP)
 
 
-def _slope(survey: Survey, reason: Reason, at: tuple[int, int, int]) -> str:
-    """How far the vehicle is tilted, whichever way, where that matters; else nothing."""
+def _slope_text(survey: Survey, reason: Reason, at: tuple[int, int, int]) -> str:
+    """Words on the slope under the vehicle, in any direction, where it matters; else empty."""
     tilt = math.hypot(math.tan(float(survey.pitch[at])), math.tan(float(survey.roll[at])))
     slope = math.degrees(math.atan(tilt))
     return f", on a slope of {slope:.0f}°" if reason in _SLOPES and slope >= _LEVEL else ""
 
 
-def _rectangle(
+def _rectangle_lattice(
     vehicle: Vehicle, pose: Pose, cell: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """World x and y of a lattice over what the vehicle covers, and what it drives against."""
+    """World x and y, m, of a lattice over the vehicle's rectangle and the ground just ahead."""
     front, rear, side = vehicle.rectangle
     front += max(cell, vehicle.wheel.radius)
     rear, side = rear + 0.5 * cell, side + 0.5 * cell
     step = max(vehicle.wheel.radius / _PER_RADIUS, max(front + rear, 2.0 * side) / _MOST)
     along = np.arange(-rear, front + step, step)
     across = np.arange(-side, side + step, step)
-    return _turned(pose, along[:, None], across[None, :])
+    return _world_places(pose, along[:, None], across[None, :])
 
 
-def _turned(
+def _world_places(
     pose: Pose, along: NDArray[np.float64], across: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """World x and y of places ahead and to the right of a vehicle."""
+    """World x and y, m, of places ahead and to the right of a vehicle, m."""
     sine, cosine = math.sin(pose.heading), math.cos(pose.heading)
     return pose.x + along * sine + across * cosine, pose.y + along * cosine - across * sine
 
 
-def _rising(terrain: Terrain, vehicle: Vehicle, pose: Pose, cell: float) -> tuple[int, float]:
-    """The element that decides the higher side of the largest difference of heights, and the wall.
+def _wall_element(terrain: Terrain, vehicle: Vehicle, pose: Pose, cell: float) -> tuple[int, float]:
+    """The element of the largest difference of heights, and the height of its wall, m.
 
-    Of a hole it is the lower side's, and the height of the wall is below 0; 0 where there is none.
+    The element is that of the higher side; in a hole that of the lower side, and the height is
+    below 0. The height is 0 where there is no wall.
     """
-    xs, ys = _rectangle(vehicle, pose, cell)
+    xs, ys = _rectangle_lattice(vehicle, pose, cell)
     found = terrain.sample(xs, ys)
     height, element = found.height, found.element
     rises = [np.abs(np.diff(height, axis=axis)) for axis in (0, 1)]
@@ -197,12 +210,12 @@ def _rising(terrain: Terrain, vehicle: Vehicle, pose: Pose, cell: float) -> tupl
     high, low = (one, other) if height[one] > height[other] else (other, one)
     higher, lower = int(element[high]), int(element[low])
     hole = f"{terrain.pointer(lower) or ''}/".startswith(f"{terrain.pointer(higher) or ''}/")
-    wall = _wall(terrain, np.array([xs[high], ys[high]]), np.array([xs[low], ys[low]]))
+    wall = _wall_height(terrain, np.array([xs[high], ys[high]]), np.array([xs[low], ys[low]]))
     return (lower, -wall) if hole else (higher, wall)
 
 
-def _wall(terrain: Terrain, high: NDArray[np.float64], low: NDArray[np.float64]) -> float:
-    """Height of the wall between two places, found by halving; 0 where the ground just slopes."""
+def _wall_height(terrain: Terrain, high: NDArray[np.float64], low: NDArray[np.float64]) -> float:
+    """Height of the wall between two places, m, by halving; 0 where the ground only slopes."""
     top, foot = float(terrain.height(*high)), float(terrain.height(*low))
     rise = top - foot
     for _ in range(_HALVINGS):
@@ -215,9 +228,9 @@ def _wall(terrain: Terrain, high: NDArray[np.float64], low: NDArray[np.float64])
     return top - foot if top - foot > 0.5 * rise else 0.0
 
 
-def _missing(terrain: Terrain, vehicle: Vehicle, pose: Pose, cell: float) -> int:
+def _void_element(terrain: Terrain, vehicle: Vehicle, pose: Pose, cell: float) -> int:
     """Index of the element of the nearest place on the terrain that has no ground; -1 for none."""
-    xs, ys = _rectangle(vehicle, pose, cell)
+    xs, ys = _rectangle_lattice(vehicle, pose, cell)
     found = terrain.sample(xs, ys)
     void = np.isnan(found.height) & (found.element >= 0)
     if not void.any():
@@ -226,15 +239,16 @@ def _missing(terrain: Terrain, vehicle: Vehicle, pose: Pose, cell: float) -> int
     return int(found.element.ravel()[int(np.argmin(distance))])
 
 
-def _weakest(terrain: Terrain, vehicle: Vehicle, reason: Reason, pose: Pose) -> int:
+def _weakest_element(terrain: Terrain, vehicle: Vehicle, reason: Reason, pose: Pose) -> int:
     """Index of the element under the wheel on the soil that bears least; -1 for none."""
     offset, side = vehicle.middle, 0.5 * vehicle.track_width
     along = np.array([axle.x - offset for axle in vehicle.axles for _ in (0, 1)])
     across = np.array([side * sign for _ in vehicle.axles for sign in (-1.0, 1.0)])
-    found = terrain.sample(*_turned(pose, along, across))
+    found = terrain.sample(*_world_places(pose, along, across))
     known = soils(terrain, vehicle)
 
     def weakness(surface: int) -> float:
+        """Demand on the soil of a surface, larger for weaker soil; infinity for unknown soil."""
         soil = known[surface + 1]
         if soil is None:
             return math.inf
@@ -247,21 +261,21 @@ def _weakest(terrain: Terrain, vehicle: Vehicle, reason: Reason, pose: Pose) -> 
     return int(found.element[weakest])
 
 
-def why_not(on: Site, place: Point, cell: Cell) -> tuple[Reason, str]:
-    """What binds at a cell at the heading that is best there, and with what decides the ground."""
+def blocking_reason(on: RouteSite, place: Point, cell: Cell) -> tuple[Reason, str]:
+    """The measure that binds at a cell at its best heading, also in words with the element."""
     survey = on.survey
     used = np.nan_to_num(survey.utilisation[:, *cell], nan=np.inf, posinf=np.inf)
     heading = int(np.argmin(used))
     void = math.isnan(on.terrain.height(*place))
     reason = Reason.NO_GROUND if void else Reason(int(survey.reason[heading, *cell]))
     angle = 2.0 * math.pi * heading / survey.headings
-    by = bars(on.terrain, on.vehicle, reason, Pose(*place, angle), survey.grid.resolution)
+    by = barrier_name(on.terrain, on.vehicle, reason, Pose(*place, angle), survey.grid.resolution)
     if reason == Reason.EDGE:
         return reason, reason.label
-    return reason, f"{reason.label}, by {by}{_slope(survey, reason, (heading, *cell))}"
+    return reason, f"{reason.label}, by {by}{_slope_text(survey, reason, (heading, *cell))}"
 
 
-def cannot_stand(on: Site, what: str, place: Point, cell: Cell) -> str:
-    """That a vehicle cannot stand at a place, and why, in a sentence."""
-    why = why_not(on, place, cell)[1]
+def cannot_stand_note(on: RouteSite, what: str, place: Point, cell: Cell) -> str:
+    """A sentence that a vehicle cannot stand at a place, and why; `what` names the place."""
+    why = blocking_reason(on, place, cell)[1]
     return f"The vehicle cannot stand at {what}, {spelled(place)}, whatever its heading: {why}."

@@ -1,4 +1,4 @@
-"""The graph of a survey: headings at cells, the moves between them, and what these cost."""
+"""The graph of a survey: headings at cells, the moves between them, and their costs."""
 
 from __future__ import annotations
 
@@ -18,37 +18,38 @@ from terratool.traversability.turning import Turning
 from terratool.traversability.vehicle import Vehicle
 
 Preference = Literal["length", "time", "energy", "margin"]
+"""A quantity that a route minimises; `margin` prices small margins."""
 
 PREFERENCES: tuple[Preference, ...] = get_args(Preference)
-"""What a route may be the least of; a margin is preferred by its price."""
+"""The preferences, in the order of messages."""
 
 TURN_LENGTH = 0.01
-"""A metre that the wheels run in turning weighs so much where the shortest way is wanted."""
+"""Weight of a metre that the wheels run in turning, where the shortest way is wanted."""
 
 _LEAST = 1e-6
-"""Rates are at least so much, so that every move costs something."""
+"""Least rate, so that every move costs something."""
 
 _PRICES = {"time": (1.0, 1.0), "margin": (50.0, 20.0)}
-"""For a state that is caution, and for one at its limit."""
+"""Prices of a state that is caution, and of one at its limit, by preference."""
 
 Offset = tuple[int, int]
-"""Rows to the south, columns to the east."""
+"""An offset of cells: rows to the south, columns to the east."""
 
 _STAND = 1e-3
-"""Share of a cell's side that a turn weighs at least, so that no cycle is free of cost."""
+"""Least cost of a turn, in sides of a cell, so that no cycle is free."""
 
 BACKWARD = 1.05
-"""A metre backwards weighs so many ahead."""
+"""Weight of a metre backwards, in metres ahead."""
 
 ALLOWED, BACKING = 1, 2
-"""Bits of a state: the vehicle may be there; also when it moves backwards."""
+"""Bits of a state: the vehicle may be there, and may be there when it moves backwards."""
 
 _BELOW = 1.0 - 1e-6
-"""Rates are rounded to single precision: none is below so much of what it cannot be below."""
+"""Factor of the least rate that allows for rates rounded to single precision."""
 
 
 def check_preference(prefer: str) -> None:
-    """Refuse what no route can be the least of.
+    """Refuse a word that is no preference.
 
     Raises:
         RequestError: there is no such preference.
@@ -60,16 +61,16 @@ def check_preference(prefer: str) -> None:
 
 
 def drivable(survey: Survey, part: Any = np.s_[:, :]) -> NDArray[np.bool_]:
-    """Where the vehicle can be: (headings, height, width), or so of a part of the cells."""
+    """States that are go or caution, (headings, height, width) bool, or those in a part."""
     verdict = survey.verdict[:, *part]
     go = (verdict == Verdict.GO) | (verdict == Verdict.CAUTION)
     return np.asarray(go & np.isfinite(survey.heights[part]) & np.isfinite(survey.energy[:, *part]))
 
 
 def seconds_per_metre(slip: NDArray[np.float32], vehicle: Vehicle) -> NDArray[np.float32]:
-    """Seconds for a metre at a slip, in its shape: 1 / (speed · (1 − slip)).
+    """Seconds for a metre at a slip, in the slip's shape: 1 / (speed · (1 − slip)).
 
-    A slip that is not known (NaN) counts as 0; where the wheels only spin it takes for ever.
+    An unknown slip (NaN) counts as 0; a slip of 1 gives infinity.
     """
     grip = 1.0 - np.clip(np.nan_to_num(slip, nan=0.0), 0.0, 1.0)
     with np.errstate(divide="ignore"):
@@ -77,14 +78,14 @@ def seconds_per_metre(slip: NDArray[np.float32], vehicle: Vehicle) -> NDArray[np
 
 
 def joules_per_metre(energy: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Joules for a metre that the wheels take: what the ground gives back downhill is lost."""
+    """Joules of the wheels for a metre, not below 0: energy gained downhill is lost."""
     return np.maximum(energy, np.float32(0.0))
 
 
 def turning_arc(survey: Survey, vehicle: Vehicle) -> float:
     """Metres that the outermost wheels run in turning on the spot by one heading.
 
-    They stand on a circle about the vehicle's middle, half the diagonal of track and wheelbase.
+    The radius about the vehicle's middle is half the diagonal of track and wheelbase.
     """
     return math.pi / survey.headings * math.hypot(vehicle.track_width, vehicle.wheelbase)
 
@@ -92,7 +93,7 @@ def turning_arc(survey: Survey, vehicle: Vehicle) -> float:
 def rates(
     survey: Survey, vehicle: Vehicle, prefer: str, part: Any = np.s_[:, :]
 ) -> NDArray[np.float32]:
-    """What a metre costs for a search, in the survey's shape, or of a part of its cells.
+    """Cost of a metre for a search, (headings, height, width) float32, or of a part of the cells.
 
     `length` counts metres, `energy` joules. `time` and `margin` count seconds times 1 + p·u² + q,
     u being the utilisation, q for caution only: p and q are 1 each for `time`, 20 and 50 for
@@ -117,11 +118,11 @@ def rates(
 
 
 class TurnPrices(NamedTuple):
-    """What turning by one heading costs on each surface, (ids,) float32 each.
+    """Costs of turning by one heading on each surface, (ids,) float32 each.
 
     Attributes:
-        fixed: joules, or nothing; infinity where the vehicle cannot turn.
-        metres: that cost as much as driving at the cell.
+        fixed: joules for the preference `energy`, else 0; infinity where the vehicle cannot turn.
+        metres: metres at the rate of the cell that the turn costs in addition.
     """
 
     fixed: NDArray[np.float32]
@@ -131,7 +132,7 @@ class TurnPrices(NamedTuple):
 def turn_prices(
     turns: Sequence[Turning], survey: Survey, vehicle: Vehicle, prefer: str
 ) -> TurnPrices:
-    """What turning by one heading costs for a search, by the surface under the vehicle's middle.
+    """Costs of turning by one heading for a search, by the surface under the vehicle's middle.
 
     `energy` counts the joules of `driving_cost`, `time` and `margin` the metres that treads run;
     a metre of the wheels' arc weighs `TURN_LENGTH` for `length`.
@@ -154,16 +155,16 @@ def turn_prices(
 def turnable(
     survey: Survey, turns: Sequence[Turning], part: Any = np.s_[:, :]
 ) -> NDArray[np.bool_] | None:
-    """Where the vehicle can turn, (height, width), or so of a part; None where it can everywhere.
+    """Cells where the vehicle can turn, (height, width) bool, or those in a part; None for all.
 
-    Known by the surface under its middle.
+    The surface under the vehicle's middle decides.
     """
     able = np.array([turn.possible for turn in turns])
     return None if able.all() else able[survey.surfaces[part]]
 
 
 def least_rate(vehicle: Vehicle, prefer: str) -> float:
-    """What no rate is below: that of a metre without slip, and without work of the wheels."""
+    """Lower bound of `rates`: a metre without slip, and without work of the wheels."""
     if prefer == "length":
         return 1.0
     seconds = 1.0 / vehicle.speed
@@ -174,9 +175,9 @@ class Moves(NamedTuple):
     """The moves of headings, for the kernels.
 
     Attributes:
-        offsets: (headings, 2) int64, rows and columns to the cell that each points to.
-        passed: (headings, most, 4) int64, the two cells of each step between, as `cells_between`.
-        steps: (headings,) int64, how many these are.
+        offsets: (headings, 2) int64, rows and columns to the cell that each heading points to.
+        passed: (headings, most, 4) int64, two cells for each step between, as `cells_between`.
+        steps: (headings,) int64, number of steps between.
     """
 
     offsets: NDArray[np.int64]
@@ -186,7 +187,7 @@ class Moves(NamedTuple):
 
 @lru_cache(maxsize=16)
 def moves_of(headings: int) -> Moves:
-    """The moves of so many headings.
+    """The moves of a number of headings.
 
     Raises:
         RequestError: the number of headings is no multiple of 4 from 4 on.
@@ -203,7 +204,7 @@ def moves_of(headings: int) -> Moves:
 def heading_offsets(headings: int) -> tuple[Offset, ...]:
     """The cell that each heading points to.
 
-    It is the nearest one whose direction differs from the heading by at most a quarter of the angle
+    The nearest cell whose direction differs from the heading by at most a quarter of the angle
     between two headings: one of the eight neighbours for 4 or 8 headings, a knight's move for the
     eight more of 16.
 
@@ -223,10 +224,10 @@ def heading_offsets(headings: int) -> tuple[Offset, ...]:
 
 
 def cells_between(offset: Offset) -> list[tuple[Offset, Offset]]:
-    """Cells that a move passes, its ends left out, from the nearest on.
+    """Cells that a move passes, from the nearest on, without the ends.
 
-    For each step along the longer axis the cell nearest to the line, and the one on its other side
-    (the same if the line runs through the middle): both must be drivable.
+    Each step along the longer axis has the cell nearest to the line, and the cell on the line's
+    other side (the same cell if the line runs through its middle). Both must be drivable.
     """
     row, column = offset
     steps = max(abs(row), abs(column))
@@ -243,7 +244,7 @@ def cells_between(offset: Offset) -> list[tuple[Offset, Offset]]:
 
 
 def _towards(angle: float, headings: int) -> Offset:
-    """The nearest cell in a direction, clockwise from north and below a right angle."""
+    """The cell of `heading_offsets` for an angle, rad clockwise from north, below a right angle."""
     reach = 0
     while True:
         reach += 1
@@ -256,25 +257,26 @@ def _towards(angle: float, headings: int) -> Offset:
 
 @dataclass(frozen=True, slots=True)
 class Costs:
-    """What moves cost, for the kernels.
+    """Costs of moves, for the kernels.
 
     A move costs its length over ground times the mean of the rates at its ends, taken from cell to
     cell; where it passes between two cells, the dearer one counts. Moving backwards is judged as
-    driving ahead with the opposite heading: what cannot be climbed is not climbed in reverse. It
-    costs a little more, so that it is only done where it is of use.
+    driving ahead with the opposite heading, so that no climb is easier in reverse. A metre
+    backwards costs a little more, so that vehicles back up only where it is of use.
 
     Attributes:
-        moves: of the headings.
-        rate: (headings, height, width) float32, the cost of a metre.
-        flags: in that shape, uint8, of bits ALLOWED and BACKING.
-        heights: (height, width) float32; NaN counts as level.
-        known: (rows, columns) bool, tiles in which all that is filled in.
-        tile: their side, in cells.
-        turn: (height, width) float32, what turning by one heading costs; infinity where it cannot.
-        runs: (height, width) float32, and so many metres at the rates of the cell.
+        moves: moves of the headings.
+        rate: (headings, height, width) float32 cost of a metre.
+        flags: (headings, height, width) uint8 of bits ALLOWED and BACKING.
+        heights: (height, width) float32 m; NaN counts as level.
+        known: (rows, columns) bool, tiles whose costs are filled in.
+        tile: side of a tile, cells.
+        turn: (height, width) float32 fixed cost of turning by one heading; infinity where the
+            vehicle cannot turn.
+        runs: (height, width) float32 metres at the rate of the cell that a turn costs in addition.
         resolution: side of a cell, m.
         backward: weight of a metre backwards.
-        least: no rate is below that.
+        least: lower bound of the rates.
     """
 
     moves: Moves
@@ -294,9 +296,9 @@ class Costs:
         cls, rate: NDArray[np.float32], flags: NDArray[np.uint8], heights: NDArray[np.float32],
         resolution: float, arc: float, least: float, tile: int = 0,
     ) -> Costs:  # fmt: skip
-        """What costs by turning at least a little; all of it is known where there are no tiles.
+        """Costs with a turn by one heading as dear as driving `arc`, m, at the cell.
 
-        Turning by one heading costs as much as driving `arc`, m, at the cell.
+        All cells are known where `tile` is 0.
         """
         headings, height, width = rate.shape
         side = tile or max(height, width)
@@ -310,14 +312,14 @@ class Costs:
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
-    """What a search has found.
+class SearchResult:
+    """The result of a search for the cheapest way.
 
     Attributes:
-        cost: of the way; infinity where there is none.
+        cost: cost of the way; infinity where there is none.
         states: (n, 3) int64 heading, row and column, from the start to the goal; none without a
             way.
-        reached: (height, width) bool, cells that were reached: without a way all that can be.
+        reached: (height, width) bool, cells that were reached; without a way, all that can be.
     """
 
     cost: float
@@ -330,17 +332,18 @@ def cheapest_way(
     starts: NDArray[np.int64],
     goal: tuple[int, int],
     ask: Callable[[int], None] | None = None,
-) -> Found:
-    """The cheapest way from any of some states to a cell, whatever the heading there.
+) -> SearchResult:
+    """Find the cheapest way from any of some states to a cell, with any heading there.
 
-    The search goes from state to state, the most promising first, so that it looks at no tile that
-    cannot matter; which ways are looked at does not depend on what is known already.
+    The search takes the most promising state first, so that it looks at no tile that cannot matter.
+    Its order does not depend on which tiles are known already.
 
     Args:
-        costs: of moves.
-        starts: (n, 3) heading, row and column.
-        goal: row and column.
-        ask: is called with the index of a tile that must be known to go on; fills in and marks it.
+        costs: costs of the moves.
+        starts: (n, 3) int64 headings, rows and columns.
+        goal: row and column of the cell.
+        ask: called with the index of a tile whose costs the search needs; fills these in, and marks
+            the tile as known. None where all tiles are known.
     """
     shape = costs.rate.shape
     numbers = np.ravel_multi_index(tuple(starts.T), shape).astype(np.int64)
@@ -351,4 +354,4 @@ def cheapest_way(
     reached = np.zeros(shape[1:], np.bool_)
     kernels.mark(search, reached)
     states = np.unravel_index(kernels.way(search)[::-1], shape)
-    return Found(kernels.cost(search), np.stack(states, axis=-1), reached)
+    return SearchResult(kernels.cost(search), np.stack(states, axis=-1), reached)

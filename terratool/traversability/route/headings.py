@@ -1,4 +1,4 @@
-"""Ways that few headings do not show, looked for with more."""
+"""Routes on finer headings, where few headings show none."""
 
 from __future__ import annotations
 
@@ -27,37 +27,39 @@ from terratool.traversability.tiles import SurveyTiles, part_of
 from terratool.traversability.vehicle import Vehicle
 
 MOST_FINER_STATES = 2 * MOST_STATES
-"""Headings times cells of a survey with more headings at most."""
+"""Most states, headings times cells, of a survey with finer headings."""
 
 
 class Progress(Protocol):
-    """Who is told how far it is."""
+    """A listener to the progress of long work."""
 
     def __call__(self, more: float, /) -> object:
-        """So many more pixels are done."""
+        """Report that `more` pixels are done."""
 
     def say(self, what: str, total: int | None = None, /) -> object:
-        """Something else is being done now."""
+        """Report the step that begins, in words, and its number of pixels if known."""
 
 
 def finer_headings(grid: Grid, headings: int = HEADINGS) -> tuple[int, ...]:
-    """Numbers of headings to be tried after one, none with too many states."""
+    """Numbers of headings to be tried after `headings`, rising, without too many states."""
     most = MOST_FINER_STATES // (grid.height * grid.width)
     return tuple(more for more in FINER_HEADINGS if headings < more <= most)
 
 
 class WayFinder:
-    """Plans and checks routes on a survey, and on finer ones where that shows no way.
+    """A planner and checker of routes on a survey, and on finer ones where that shows no way.
 
     Args:
+        terrain: the ground.
+        vehicle: the vehicle.
         tiles: the survey with the fewest headings.
         finer: numbers of headings to be tried after that, rising.
-        threads: of their surveys; as many as there are processors if None.
+        threads: number of threads of a survey; as many as there are processors if None.
 
     Attributes:
-        tiles: as given.
-        finer: as given.
-        progress: is told what is being done; nobody if None.
+        tiles: the survey with the fewest headings.
+        finer: numbers of headings to be tried after that, rising.
+        progress: listener to the progress; None for none.
     """
 
     def __init__(
@@ -70,9 +72,9 @@ class WayFinder:
         self._made = {tiles.survey.headings: tiles}
 
     def plan(self, start: Point, goal: Point, prefer: Preference = "time") -> Route:
-        """As `plan_route`; what bars the way is that of the most headings that were tried.
+        """Plan a route as `plan_route` does; barriers are those of the most headings tried.
 
-        Finer searches are left out where it is known that no heading lets the vehicle through.
+        Finer searches are left out where no heading at all lets the vehicle through.
 
         Raises:
             RequestError: start or goal is outside the terrain or the survey; there is no such
@@ -80,22 +82,26 @@ class WayFinder:
         """
         ends = start, goal
         count = self.tiles.survey.headings
-        first = search_route(self._terrain, self._vehicle, self._with(count), *ends, prefer)
-        if first.succeeded or not self.finer:
+        first = search_route(self._terrain, self._vehicle, self._survey_with(count), *ends, prefer)
+        if first.has_way or not self.finer:
             return replace(first.route(), tried_headings=(count,))
         most = self.finer[-1]
-        if not _may_open(first, self._with(most)):
+        if not _may_open(first, self._survey_with(most)):
             return replace(first.route(), tried_headings=(count,), ruled_out_headings=most)
         tried: tuple[int, ...] = (count,)
         for headings in self.finer:
             tried = (*tried, headings)
-            search = search_route(self._terrain, self._vehicle, self._with(headings), *ends, prefer)
-            if search.succeeded:
+            search = search_route(
+                self._terrain, self._vehicle, self._survey_with(headings), *ends, prefer
+            )
+            if search.has_way:
                 break
         return replace(search.route(), tried_headings=tried)
 
     def check(self, waypoints: ArrayLike) -> Route:
-        """As `check_route`, by the fewest headings that show a way, else by the most.
+        """Check waypoints as `check_route` does, by the fewest headings that show a way.
+
+        Without a way, barriers are those of the most headings.
 
         Raises:
             RequestError: fewer than two different waypoints, or one that is outside the terrain or
@@ -103,20 +109,22 @@ class WayFinder:
         """
         tried: tuple[int, ...] = ()
         for headings in (self.tiles.survey.headings, *self.finer):
-            route = check_route(self._terrain, self._vehicle, self._with(headings), waypoints)
+            route = check_route(
+                self._terrain, self._vehicle, self._survey_with(headings), waypoints
+            )
             tried = (*tried, headings)
             if route.found:
                 break
         return replace(route, tried_headings=tried)
 
     def stands(self, place: Point) -> bool:
-        """Whether the vehicle can be at a place with any of the most headings."""
-        tiles = self._with((self.tiles.survey.headings, *self.finer)[-1])
+        """Whether the vehicle can stand at a place, with any of the finest headings."""
+        tiles = self._survey_with((self.tiles.survey.headings, *self.finer)[-1])
         row, column = cell_of(tiles.survey.grid, *place)
         return can_stand(self._terrain, tiles.complete([row], [column]), place, (row, column))
 
-    def _with(self, headings: int) -> SurveyTiles:
-        """The survey with so many headings."""
+    def _survey_with(self, headings: int) -> SurveyTiles:
+        """The survey with a number of headings, made where it is new."""
         if self.progress:
             few = headings == self.tiles.survey.headings
             self.progress.say(f"looking for ways{'' if few else f' with {headings} headings'}")
@@ -132,12 +140,13 @@ class _Passable:
     """Cells that can be driven with some heading, as far as two surveys show it.
 
     Attributes:
-        some: (height, width) bool, where that is so.
-        never: likewise, where it is known that no heading lets the vehicle stand.
+        some: (height, width) bool, cells that some heading can drive.
+        never: (height, width) bool, cells where no heading lets the vehicle stand.
 
     Args:
         few: a survey.
-        many: one with more headings, which is only asked for where `few` does not show it.
+        many: a survey with more headings, computed only where `few` does not decide.
+        never: (height, width) bool, cells known from the start as `never`.
     """
 
     def __init__(self, few: SurveyTiles, many: SurveyTiles, never: NDArray[np.bool_]) -> None:
@@ -146,13 +155,14 @@ class _Passable:
             self._note(tiles, tiles.known)
 
     def _note(self, tiles: SurveyTiles, made: NDArray[np.bool_]) -> None:
+        """Note the cells of some tiles of a survey, (rows, columns) bool."""
         for tile in np.flatnonzero(made).tolist():
             part = part_of(tiles.window(tile))
             self.some[part] |= drivable(tiles.survey, part).any(axis=0)
             self.never[part] |= np.isnan(tiles.survey.heights[part])
 
-    def look(self, cells: NDArray[np.bool_]) -> bool:
-        """Find out about cells of which too little is known; whether there were any."""
+    def look_closer(self, cells: NDArray[np.bool_]) -> bool:
+        """Compute finer headings at cells, (height, width) bool; False where none were unknown."""
         many, (rows, columns) = self._many, np.nonzero(cells & ~self.some & ~self.never)
         unknown = ~many.known[rows // many.side, columns // many.side]
         if not unknown.any():
@@ -162,9 +172,9 @@ class _Passable:
         self._note(many, many.known & ~before)
         return True
 
-    def around(self, start: Cell) -> NDArray[np.bool_]:
-        """The cells that neighbouring ones lead to from one, and those beside these."""
-        # eight headings without a place where one is barred: the moves are those to neighbours
+    def cells_around(self, start: Cell) -> NDArray[np.bool_]:
+        """Cells that neighbouring ones lead to from a start, and their neighbours."""
+        # eight headings at each free cell, none elsewhere: moves then lead to all free neighbours
         bits = np.where(self.some, np.uint8(255), np.uint8(0))
         reached = spread(bits, 8, begin_at(bits, start)) != 0
         padded = np.pad(reached, 1)
@@ -173,28 +183,28 @@ class _Passable:
 
 
 def _may_open(search: RouteSearch, many: SurveyTiles) -> bool:
-    """Whether more headings may show a way.
+    """Whether more headings may show a way that a search did not find.
 
-    They do not where neighbouring cells, each drivable with some heading, lead not from one end to
-    the other: the cells that a longer move passes are neighbours, too.
+    More headings cannot show one where no neighbouring cells, each drivable with some heading, lead
+    from one end to the other: the cells that a longer move passes are neighbours, too.
     """
     (start, goal), on = search.ends, search.on
     never = _over_the_edge(on.terrain, on.survey.grid, on.vehicle)
     passable = _Passable(on.tiles, many, never)
     beside = np.zeros_like(passable.some)
     beside[start] = beside[goal] = True
-    passable.look(beside)
+    passable.look_closer(beside)
     while passable.some[start] and passable.some[goal]:
-        beside = passable.around(start)
+        beside = passable.cells_around(start)
         if beside[goal]:
             return True
-        if not passable.look(beside):
+        if not passable.look_closer(beside):
             return False
     return False
 
 
 def _over_the_edge(terrain: Terrain, grid: Grid, vehicle: Vehicle) -> NDArray[np.bool_]:
-    """Where the vehicle would stand over the terrain's edge with any heading."""
+    """Cells where the vehicle stands over the terrain's edge with any heading, (height, width)."""
     reach = (1.0 - 1e-6) * min(vehicle.rectangle)
     west, south, east, north = terrain.bounds
     x, y = grid.columns(grid.whole), grid.rows(grid.whole)

@@ -1,4 +1,4 @@
-"""A path as samples of a survey: where the vehicle stands, its heading, and what driving costs.
+"""A path as samples of a survey: places, headings, and the cost of driving.
 
 Between two samples lies a leg: a stretch that is driven, or a turn on the spot from one heading to
 the next.
@@ -38,7 +38,7 @@ from terratool.traversability.turning import Turning
 from terratool.traversability.vehicle import Vehicle
 
 _PER_CELL = 2
-"""Samples for each cell's side along a straight leg."""
+"""Samples per side of a cell along a straight leg."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,12 +46,12 @@ class Path:
     """Samples along a way, (n,) each.
 
     Attributes:
-        x, y: world.
-        height: of the ground, NaN where there is none.
-        row, column: of the survey, int64.
-        heading: index of the heading of the vehicle, int64.
-        judged: index of the heading by which it is judged, int64: the opposite one where it has
-            backed up to the sample.
+        x, y: world coordinates, m.
+        height: height of the ground, m; NaN where there is none.
+        row, column: cell of the survey, int64.
+        heading: index of the vehicle's heading, int64.
+        judged: index of the heading by which a sample is judged, int64: the opposite heading where
+            the vehicle has backed up to the sample.
     """
 
     x: NDArray[np.float64]
@@ -67,14 +67,21 @@ class Path:
         """Length of each leg seen from above, (n − 1,); 0 for turns."""
         return np.hypot(np.diff(self.x), np.diff(self.y))
 
-    def sampled(self, plane: NDArray[Any]) -> NDArray[Any]:
-        """What a plane of the survey says at the samples, by the heading that is judged."""
+    def values_of(self, plane: NDArray[Any]) -> NDArray[Any]:
+        """Values of a plane of the survey, (headings, height, width), at the samples, (n,)."""
         return np.asarray(plane[self.judged, self.row, self.column])
 
 
 @dataclass(frozen=True, slots=True)
 class DrivingCost:
-    """What a path costs: metres over ground, seconds, joules, and what of these turns take."""
+    """The cost of driving a path.
+
+    Attributes:
+        length: length over ground, m.
+        time: driving time, s.
+        energy: energy of the wheels and of the power drawn all the time, J.
+        turning: part of the energy that turns on the spot take, J.
+    """
 
     length: float
     time: float
@@ -83,13 +90,13 @@ class DrivingCost:
 
 
 def graph_path(states: NDArray[np.int64], survey: Survey) -> Path:
-    """The samples of states, (n, 3), one after the other, and one for each cell that a move passes.
+    """The samples of states, (n, 3), in order, and of the cells that moves pass.
 
-    Where a move passes between two cells, the one that cannot be driven is its sample, if any.
+    Where a move passes between two cells, a cell that cannot be driven is the sample, if any.
     """
     towards = heading_offsets(survey.headings)
 
-    def can(heading: int, cell: tuple[int, int]) -> bool:
+    def is_drivable(heading: int, cell: tuple[int, int]) -> bool:
         return bool(drivable(survey, np.s_[cell[0], cell[1]])[heading])
 
     places: list[tuple[float, float]] = []
@@ -104,7 +111,7 @@ def graph_path(states: NDArray[np.int64], survey: Survey) -> Path:
             share = step / (len(passed) + 1)
             places.append((last[0] + share * move[0], last[1] + share * move[1]))
             second = (last[0] + other[0], last[1] + other[1])
-            cell = (last[0] + near[0], last[1] + near[1]) if can(judged, second) else second
+            cell = (last[0] + near[0], last[1] + near[1]) if is_drivable(judged, second) else second
             samples.append((*cell, heading, judged))
         places.append((row, column))
         samples.append((row, column, heading, judged))
@@ -119,10 +126,10 @@ def graph_path(states: NDArray[np.int64], survey: Survey) -> Path:
 
 
 def straight_path(terrain: Terrain, survey: Survey, points: NDArray[np.float64]) -> Path:
-    """The samples of straight legs between points, (n, 2), each unlike the one before.
+    """The samples of straight legs between points, (n, 2), none of which repeats the one before.
 
-    A leg is driven by the heading of the survey that is nearest to its direction; between two legs
-    the vehicle turns on the spot, the shorter way round.
+    A leg has the heading of the survey that is nearest to its direction. Between two legs the
+    vehicle turns on the spot, the shorter way round.
     """
     east, north = np.diff(points, axis=0).T
     count = survey.headings
@@ -142,7 +149,7 @@ def straight_path(terrain: Terrain, survey: Survey, points: NDArray[np.float64])
             samples.append((x + share * (to_x - x), y + share * (to_y - y), facing))
     samples.append((*points[-1].tolist(), facing))
     x, y, headings = (np.array(part) for part in zip(*samples, strict=True))
-    row, column = cells(survey.grid, x, y)
+    row, column = cells_of(survey.grid, x, y)
     return Path(x, y, terrain.height(x, y), row, column, headings, headings)
 
 
@@ -158,13 +165,13 @@ def reversed_path(path: Path, headings: int) -> Path:
 
 
 def cell_of(grid: Grid, x: float, y: float) -> tuple[int, int]:
-    """Row and column of the cell that holds a point; beyond the edges, the nearest ones."""
-    row, column = cells(grid, x, y)
+    """Row and column of the cell that holds a point; beyond the edges, the nearest cell's."""
+    row, column = cells_of(grid, x, y)
     return int(row), int(column)
 
 
-def cells(grid: Grid, x: ArrayLike, y: ArrayLike) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Rows and columns of the cells that hold points; beyond the edges, the nearest ones."""
+def cells_of(grid: Grid, x: ArrayLike, y: ArrayLike) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Rows and columns, int64, of the cells that hold points; of the nearest beyond the edges."""
     column = np.floor((np.asarray(x) - grid.west) / grid.resolution)
     row = np.floor((grid.bounds[3] - np.asarray(y)) / grid.resolution)
     return (
@@ -176,24 +183,26 @@ def cells(grid: Grid, x: ArrayLike, y: ArrayLike) -> tuple[NDArray[Any], NDArray
 def driving_cost(
     path: Path, survey: Survey, vehicle: Vehicle, turns: Sequence[Turning]
 ) -> DrivingCost:
-    """What a path costs.
+    """The cost of driving a path.
 
-    Of each leg one half is driven as at its beginning, the other as at its end. Over ground it is
-    as long as the height between its ends makes it. A turn takes the work and the time of
+    One half of each leg is driven as at its beginning, the other as at its end. The length of a leg
+    over ground takes in the heights of its ends. A turn takes the work and the time of
     `turn_on_spot` on the surface under the vehicle's middle, `turns` by id, as on the level.
     """
     run = path.leg_lengths
     rise = np.nan_to_num(np.diff(path.height))
     length = np.where(run > 0.0, np.hypot(run, rise), 0.0)
 
-    def ends(plane: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    def values_at_ends(
+        plane: NDArray[np.float32],
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         begin = plane[path.judged[1:], path.row[:-1], path.column[:-1]]
-        return begin[driven], path.sampled(plane)[1:][driven]
+        return begin[driven], path.values_of(plane)[1:][driven]
 
     driven = run > 0.0
     way = 0.5 * length[driven]
-    seconds = [seconds_per_metre(slip, vehicle) for slip in ends(survey.slip)]
-    joules = [joules_per_metre(energy) for energy in ends(survey.energy)]
+    seconds = [seconds_per_metre(slip, vehicle) for slip in values_at_ends(survey.slip)]
+    joules = [joules_per_metre(energy) for energy in values_at_ends(survey.energy)]
     time = float((way * (seconds[0] + seconds[1])).sum())
     energy = float((way * (joules[0] + joules[1])).sum()) + vehicle.power * time
     on = survey.surfaces[path.row[1:], path.column[1:]][~driven]
@@ -205,7 +214,7 @@ def driving_cost(
 
 
 def profile(path: Path, survey: Survey, terrain: Terrain) -> RouteProfile:
-    """What a report shows of a path."""
+    """The profile of a path for reports."""
     names = ("", *terrain.surfaces)
     facing = path.heading, path.row, path.column
     return RouteProfile(
@@ -214,13 +223,13 @@ def profile(path: Path, survey: Survey, terrain: Terrain) -> RouteProfile:
         path.heading.astype(np.float64) * (360.0 / survey.headings),
         np.r_[0.0, np.cumsum(path.leg_lengths)],
         path.height,
-        path.sampled(survey.sinkage).astype(np.float64),
+        path.values_of(survey.sinkage).astype(np.float64),
         survey.pitch[facing].astype(np.float64),
         survey.roll[facing].astype(np.float64),
-        path.sampled(survey.slip).astype(np.float64),
-        path.sampled(survey.utilisation).astype(np.float64),
-        path.sampled(survey.verdict),
-        path.sampled(survey.reason),
+        path.values_of(survey.slip).astype(np.float64),
+        path.values_of(survey.utilisation).astype(np.float64),
+        path.values_of(survey.verdict),
+        path.values_of(survey.reason),
         tuple(names[i] for i in survey.surfaces[path.row, path.column].tolist()),
         tuple(
             terrain.pointer(element) or "" if element >= 0 else ""
@@ -232,7 +241,7 @@ def profile(path: Path, survey: Survey, terrain: Terrain) -> RouteProfile:
 def find_extreme(
     terrain: Terrain, values: NDArray[np.float64], profile: RouteProfile, *, of_size: bool = False
 ) -> Extreme | None:
-    """Where a measure, or its size, is largest along a profile; None where it is known nowhere."""
+    """The largest value of a measure, or of its size, along a profile; None where all is NaN."""
     if np.all(np.isnan(values)):
         return None
     n = int(np.nanargmax(np.abs(values) if of_size else values))
@@ -241,14 +250,14 @@ def find_extreme(
 
 
 def worst_verdict(verdicts: NDArray[np.uint8]) -> Verdict:
-    """Of the verdicts along a way: no-go if any is, else unknown if any is, else the worse one."""
+    """The verdict of a whole way: no-go if any is, else unknown if any is, else the worst."""
     if np.any(verdicts == Verdict.NO_GO):
         return Verdict.NO_GO
     return Verdict(int(verdicts.max())) if np.all(verdicts) else Verdict.UNKNOWN
 
 
 def location_at(terrain: Terrain, x: float, y: float) -> Location:
-    """What lies at a point."""
+    """The height, surface and element at a point."""
     found = terrain.sample(x, y)
     height, surface = float(found.height), int(found.surface)
     return Location(
@@ -263,14 +272,14 @@ def location_at(terrain: Terrain, x: float, y: float) -> Location:
 def check_inside(
     terrain: Terrain, what: str, place: tuple[float, float], part: Bounds, part_name: str
 ) -> None:
-    """Refuse a place that nothing is known of.
+    """Refuse a place outside the terrain, or outside a part of it.
 
     Args:
         terrain: the ground.
-        what: the place is, for people.
-        place: x and y.
-        part: west, south, east and north of what else it must lie in.
-        part_name: what that is, for people.
+        what: name of the place, for people.
+        place: x and y, m.
+        part: west, south, east and north of the part, m.
+        part_name: name of the part, for people.
 
     Raises:
         RequestError: the place lies outside the terrain or the part, or is no number.

@@ -1,4 +1,4 @@
-"""Where a vehicle gets to by its moves, from where, and back."""
+"""Cells that a vehicle reaches by its moves, and can return from."""
 
 from __future__ import annotations
 
@@ -23,20 +23,20 @@ Turns = NDArray[np.bool_] | None
 """(height, width), cells at which the vehicle can turn on the spot; all of them if None."""
 
 Progress = Callable[[float], object]
-"""Is told what share more of the states has been gone through."""
+"""A function that is called with the further share of the states that is done."""
 
-_TURNS = 25
-"""It is told about so many times."""
+_PARTS = 25
+"""Approximate number of reports of progress."""
 
 
 def bits_type(headings: int) -> np.dtype[Any]:
-    """The smallest type that has a bit for each heading, its lowest byte first."""
+    """The smallest unsigned type, lowest byte first, that has a bit for each heading."""
     size = next(size for size in (1, 2, 4, 8) if headings <= 8 * size)
     return np.dtype(f"<u{size}")
 
 
 def heading_bits(states: NDArray[np.bool_]) -> Bits:
-    """States, (headings, height, width), as bits of the cells."""
+    """Pack states, (headings, height, width) bool, into bits of the cells."""
     packed = np.packbits(states, axis=0, bitorder="little")
     dtype = bits_type(len(states))
     out = np.zeros((*states.shape[1:], dtype.itemsize), np.uint8)
@@ -49,8 +49,8 @@ class Connected:
     """Cells that are connected by moves, (height, width) bool each.
 
     Attributes:
-        reached: those that can be driven to from where it begins.
-        returned: those of them from which that can be driven to again.
+        reached: cells that can be driven to from the first states.
+        returned: reached cells from which the first states can be driven to again.
     """
 
     reached: NDArray[np.bool_]
@@ -65,11 +65,11 @@ def spread(
     progress: Progress | None = None,
     turns: Turns = None,
 ) -> Bits:
-    """All states that moves lead to from those that begin; with `against`, that lead to these."""
+    """All states that moves lead to from the states `begin`; with `against`, that lead to these."""
     fresh, reached = begin & bits, np.zeros_like(bits)
     direction = kernels.AGAINST if against else kernels.ALONG
     moves = moves_of(headings)
-    _in_turns(
+    _run_in_parts(
         bits.size * headings,
         lambda states: kernels.flood(moves, direction, bits, turns, fresh, reached, states),
         progress,
@@ -77,9 +77,12 @@ def spread(
     return reached
 
 
-def _in_turns(states: int, go_on: Callable[[int], int], progress: Progress | None) -> None:
-    """Go through at most so many states, a part at a time, so that one can be told, or stop it."""
-    part, left = max(states // _TURNS, 1), 1.0
+def _run_in_parts(states: int, go_on: Callable[[int], int], progress: Progress | None) -> None:
+    """Run `go_on`, a kernel over at most `states` states, in parts, and report after each.
+
+    Between parts a user can stop it.
+    """
+    part, left = max(states // _PARTS, 1), 1.0
     while (done := go_on(part)) >= part:
         if progress:
             more = min(done / states, left)
@@ -89,21 +92,21 @@ def _in_turns(states: int, go_on: Callable[[int], int], progress: Progress | Non
         progress(left)
 
 
-def connected(
+def connected_cells(
     bits: Bits,
     headings: int,
     begin: Bits,
     progress: Progress | None = None,
     turns: Turns = None,
 ) -> Connected:
-    """What can be reached from states, and left again to any of them.
+    """Cells that can be reached from states, and from which any of them can be reached again.
 
     Args:
-        bits: what can be driven.
-        headings: their number.
-        begin: the states, alike; those that cannot be driven count for nothing.
-        progress: goes to 1 for each of the two.
-        turns: where it can turn.
+        bits: states that can be driven.
+        headings: number of headings.
+        begin: states to begin from, as bits; those that cannot be driven count for nothing.
+        progress: called with shares that add to 1 for the way there, and to 1 for the way back.
+        turns: cells at which the vehicle can turn on the spot.
     """
     there = spread(bits, headings, begin, progress=progress, turns=turns)
     back = there & spread(bits, headings, begin, True, progress, turns)
@@ -111,14 +114,14 @@ def connected(
 
 
 def begin_at(bits: Bits, cell: tuple[int, int]) -> Bits:
-    """All headings at a cell."""
+    """All states at a cell that can be driven, as bits."""
     begin = np.zeros_like(bits)
     begin[cell] = bits[cell]
     return begin
 
 
 def begin_from(bits: Bits, terrain: Terrain, grid: Grid, start: tuple[float, float]) -> Bits:
-    """All headings at the cell of a place; none where the place has no ground."""
+    """All states at the cell of a place that can be driven; none where it has no ground."""
     if math.isnan(terrain.height(*start)):
         return np.zeros_like(bits)
     return begin_at(bits, cell_of(grid, *start))
@@ -127,15 +130,15 @@ def begin_from(bits: Bits, terrain: Terrain, grid: Grid, start: tuple[float, flo
 def begin_in_largest(
     bits: Bits, headings: int, progress: Progress | None = None, turns: Turns = None
 ) -> Bits:
-    """A state of the largest part of the ground, by the number of states; none if there is none.
+    """A state of the part of the ground with the most states, as bits; none without a part.
 
-    A part is what is connected by moves that can each be made back at once, by backing up or
-    by turning round. What is reached from it and returns to it by other ways belongs to it, too,
-    but does not count.
+    A part is connected by moves that can each be undone at once, by backing up or by turning
+    round. States that are reached from a part and return to it by other ways belong to the part,
+    but do not count.
     """
     moves, parts = moves_of(headings), np.zeros((2, 3), np.int64)
     begin, reached = np.zeros_like(bits), np.zeros_like(bits)
-    _in_turns(
+    _run_in_parts(
         bits.size * headings,
         lambda states: kernels.find_parts(moves, bits, turns, begin, reached, parts, states),
         progress,
@@ -147,16 +150,16 @@ def begin_in_largest(
 
 
 def can_turn_back(bits: Bits, headings: int) -> NDArray[np.bool_]:
-    """Cells with a heading whose opposite can be driven, too: (height, width)."""
+    """Cells with a heading whose opposite can be driven, too, (height, width) bool."""
     half = headings // 2
     return np.asarray(bits & (bits >> half) & ((1 << half) - 1) != 0)
 
 
 def place_in(bits: Bits, headings: int, found: Connected, turns: Turns = None) -> tuple[int, int]:
-    """A cell of what is connected, near its middle, and if there is one without dead ends.
+    """A cell of connected ground near its middle, if possible one that leads to all of the ground.
 
-    From a cell at which all headings that can be driven can be turned to, all of the part can be
-    reached, and nothing else.
+    A cell leads to the whole part, and to nothing else, if the vehicle can turn there to all
+    headings that can be driven.
     """
     before = ((bits << 1) | (bits >> (headings - 1))) & bits.dtype.type((1 << headings) - 1)
     first = bits & ~before

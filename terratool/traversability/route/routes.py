@@ -1,4 +1,4 @@
-"""Routes: is there a way, what does it cost, and if there is none, what bars it."""
+"""Routes: ways through a survey with their costs, or the barriers where there is none."""
 
 from __future__ import annotations
 
@@ -29,13 +29,19 @@ from terratool.traversability.results import (
     Survey,
     Verdict,
 )
-from terratool.traversability.route.barriers import Cell, Point, Site, barriers, why_not
+from terratool.traversability.route.barriers import (
+    Cell,
+    Point,
+    RouteSite,
+    barriers,
+    blocking_reason,
+)
 from terratool.traversability.route.graph import (
     ALLOWED,
     BACKING,
     Costs,
-    Found,
     Preference,
+    SearchResult,
     cheapest_way,
     check_preference,
     drivable,
@@ -62,7 +68,7 @@ from terratool.traversability.route.reach import (
     Connected,
     begin_at,
     begin_from,
-    connected,
+    connected_cells,
     heading_bits,
     spread,
 )
@@ -72,15 +78,17 @@ from terratool.traversability.tiles import SurveyTiles, part_of
 from terratool.traversability.vehicle import Vehicle
 
 MOST_STATES = 6_000_000
-"""Headings times cells of a route's grid at most."""
+"""Most states, headings times cells, of a route's grid."""
 
-_FINE, _COARSE = 6.0, 3.0
-"""A vehicle is so many pixels wide where there is room, and so many at least if that can be."""
+_FINE = 6.0
+"""Pixels per width of the vehicle, if MOST_STATES allow."""
+_COARSE = 3.0
+"""Pixels per width of the vehicle below which a note says that passages may seem closed."""
 _COARSER = 1.01
-"""Where rows and columns that only cover the rest make it too many, pixels get wider by this."""
+"""Factor by which pixels get wider where rounding up rows and columns makes too many."""
 
-_BARRED = 1e6
-"""A metre that cannot be driven weighs so many that can, on the way of least resistance."""
+_BARRIER_WEIGHT = 1e6
+"""Weight of a metre that cannot be driven, on the way of least resistance."""
 
 
 def route_grid(
@@ -96,7 +104,7 @@ def route_grid(
         The grid, and a sentence where its pixels are wider than a third of the vehicle; else empty.
 
     Raises:
-        RequestError: the bounds are empty or miss the terrain; or so many states are too few.
+        RequestError: the bounds are empty or miss the terrain; or MOST_STATES are too few.
     """
     width = _width(vehicle)
     if bounds is not None:
@@ -132,6 +140,7 @@ def narrow_note(vehicle: Vehicle, resolution: float) -> str:
 
 
 def _width(vehicle: Vehicle) -> float:
+    """Width of a vehicle, m; a wheel's radius, if that is more."""
     return max(2.0 * vehicle.rectangle[2], vehicle.wheel.radius)
 
 
@@ -143,15 +152,15 @@ def plan_route(
     goal: Point,
     prefer: Preference = "time",
 ) -> Route:
-    """The best way from a start to a goal through the cells of a survey, or what bars it.
+    """Plan the best way from a start to a goal through the cells of a survey, or find barriers.
 
     The vehicle may begin and end with any heading, moves to the cell that it faces, backs up,
-    and turns on the spot; it is where the survey says go or caution. Its energy is the sum over
-    legs of energy per metre × length over ground, plus the vehicle's power × time; the time that of
-    length / (speed × (1 − slip)). Turns take the work and the time of `turn_on_spot`. `prefer` says
-    what the way is the least of, see `graph.rates` and `graph.turn_prices`.
+    and turns on the spot; all its states are go or caution. Energy is the sum over legs of energy
+    per metre × length over ground, plus the vehicle's power × time. Time is the sum over legs of
+    length / (speed × (1 − slip)). Turns take the work and the time of `turn_on_spot`. The way
+    minimises the quantity `prefer`, see `graph.rates` and `graph.turn_prices`.
 
-    Of a survey by tiles those are made that the search comes to, and its result is that of all.
+    A survey by tiles is computed where the search comes; the result is that of the whole survey.
 
     Raises:
         RequestError: start or goal is outside the terrain or the survey; there is no such
@@ -168,7 +177,7 @@ def search_route(
     goal: Point,
     prefer: Preference = "time",
 ) -> RouteSearch:
-    """The search of `plan_route` alone: what bars the way is not looked for yet.
+    """Run the search of `plan_route` alone, without barriers.
 
     Raises:
         RequestError: start or goal is outside the terrain or the survey; there is no such
@@ -178,11 +187,11 @@ def search_route(
     tiles = SurveyTiles.of(survey)
     places = start, goal
     ends = tuple(
-        _inside(terrain, tiles.survey, place, f"The route's {what}")
+        _cell_inside(terrain, tiles.survey, place, f"The route's {what}")
         for what, place in zip(("start", "goal"), places, strict=True)
     )
     tiles.complete(*np.array(ends).T)
-    on = Site.of(terrain, vehicle, tiles)
+    on = RouteSite.of(terrain, vehicle, tiles)
     stands = tuple(can_stand(terrain, tiles.survey, *end) for end in zip(places, ends, strict=True))
     found = _search(on, prefer, *ends) if stands[0] else None
     return RouteSearch(on, places, ends, stands, found)
@@ -190,49 +199,49 @@ def search_route(
 
 @dataclass(frozen=True, slots=True)
 class RouteSearch:
-    """A search that is done.
+    """A finished search for a route.
 
     Attributes:
-        on: where.
-        places: the start and the goal.
-        ends: their cells.
-        stands: whether the vehicle can stand at each.
-        found: what was found; None where it cannot set out.
+        on: vehicle, terrain and survey.
+        places: start and goal, world x and y, m.
+        ends: cells of start and goal.
+        stands: whether the vehicle can stand at start and goal.
+        found: result of the search; None where the vehicle cannot stand at the start.
     """
 
-    on: Site
+    on: RouteSite
     places: tuple[Point, ...]
     ends: tuple[Cell, ...]
     stands: tuple[bool, ...]
-    found: Found | None
+    found: SearchResult | None
 
     @property
-    def succeeded(self) -> bool:
+    def has_way(self) -> bool:
         """Whether there is a way."""
         return self.found is not None and len(self.found.states) > 0 and self.stands[1]
 
     def route(self) -> Route:
-        """The way, or what bars it, which takes a second search."""
+        """The route with its way, or with barriers, which take a second search."""
         on, ends = self.on, self.ends
         start, goal = (location_at(on.terrain, *place) for place in self.places)
         route = Route(start, goal, False, True, Verdict.NO_GO, headings=on.survey.headings)
         note = " ".join(
             f"The vehicle cannot stand at the {what}, whatever its heading: "
-            f"{why_not(on, place, end)[1]}."
+            f"{blocking_reason(on, place, end)[1]}."
             for what, place, end, can in zip(
                 ("start", "goal"), self.places, ends, self.stands, strict=True
             )
             if not can
         )
         if self.found is None:
-            return _barred(route, (_barrier_at(on, start, ends[0]),), None, note)
-        if self.succeeded:
-            return _driven(route, graph_path(self.found.states, on.survey), on)
-        nearest = _nearest(on.terrain, on.survey, self.found.reached, ends[1])
+            return _with_barriers(route, (_barrier_at(on, start, ends[0]),), None, note)
+        if self.has_way:
+            return _with_way(route, graph_path(self.found.states, on.survey), on)
+        nearest = _nearest_marked(on.terrain, on.survey, self.found.reached, ends[1])
         between = barriers(on, _least_resistance(on, *ends))
-        # a cell may be driven to, and the very place in it be on no ground
+        # the goal's cell may be reachable although the goal itself has no ground
         bars = between or (_barrier_at(on, goal, ends[1]),)
-        return _barred(route, bars, nearest, note)
+        return _with_barriers(route, bars, nearest, note)
 
 
 def can_stand(terrain: Terrain, survey: Survey, place: Point, cell: Cell) -> bool:
@@ -240,16 +249,16 @@ def can_stand(terrain: Terrain, survey: Survey, place: Point, cell: Cell) -> boo
     return not math.isnan(terrain.height(*place)) and bool(drivable(survey, np.s_[cell]).any())
 
 
-def _barrier_at(on: Site, at: Location, cell: Cell) -> Barrier:
-    """What does not let the vehicle stand somewhere."""
-    reason, why = why_not(on, (at.x, at.y), cell)
+def _barrier_at(on: RouteSite, at: Location, cell: Cell) -> Barrier:
+    """The barrier at a place where the vehicle cannot stand; its width is 0."""
+    reason, why = blocking_reason(on, (at.x, at.y), cell)
     return Barrier(at, reason, why.partition(", by ")[2], 0.0)
 
 
 def check_route(
     terrain: Terrain, vehicle: Vehicle, survey: Survey | SurveyTiles, waypoints: ArrayLike
 ) -> Route:
-    """Drive the straight legs between waypoints, (n, 2), and say what they cost or what bars them.
+    """Check the straight legs between waypoints, (n, 2): their cost, or barriers on them.
 
     Samples are at most half a cell apart; each is judged by the heading of the survey that is
     nearest to its leg's direction. Between two legs the vehicle turns on the spot.
@@ -265,27 +274,29 @@ def check_route(
     tiles = SurveyTiles.of(survey)
     places = [(float(x), float(y)) for x, y in points]
     for number, place in enumerate(places, 1):
-        _inside(terrain, tiles.survey, place, f"Waypoint {number}")
+        _cell_inside(terrain, tiles.survey, place, f"Waypoint {number}")
     path = straight_path(terrain, tiles.survey, points)
     tiles.complete(path.row, path.column)
-    on = Site.of(terrain, vehicle, tiles)
+    on = RouteSite.of(terrain, vehicle, tiles)
     start, goal = location_at(terrain, *places[0]), location_at(terrain, *places[-1])
     route = Route(start, goal, False, False, Verdict.NO_GO, headings=tiles.survey.headings)
     found = barriers(on, path)
     if not found:
-        return _driven(route, path, on)
+        return _with_way(route, path, on)
     at = (found[0].place.x, found[0].place.y)
     first = int(np.flatnonzero((path.x == at[0]) & (path.y == at[1]))[0])
     before = location_at(
         terrain, float(path.x[max(first - 1, 0)]), float(path.y[max(first - 1, 0)])
     )
-    return replace(_barred(route, found, before), profile=profile(path, tiles.survey, terrain))
+    return replace(
+        _with_barriers(route, found, before), profile=profile(path, tiles.survey, terrain)
+    )
 
 
 def with_way_back(route: Route, back: Route) -> Route:
     """A route that was found, with the best way back: the verdict is the worse of both.
 
-    What is one-way there is no reason for caution any more where there is another way back.
+    One-way stretches are no reason for caution where there is another way back.
     """
     if back.profile is not None and back.found:
         back = replace(back, one_way=False, against=(), verdict=worst_verdict(back.profile.verdict))
@@ -297,28 +308,28 @@ def with_way_back(route: Route, back: Route) -> Route:
 def reach(
     terrain: Terrain, survey: Survey | SurveyTiles, start: Point, vehicle: Vehicle | None = None
 ) -> Reach:
-    """What can be reached from a start by the moves of `plan_route`, and what can be returned from.
+    """The cells that can be reached from a start by the moves of `plan_route`, and returned from.
 
-    Without a vehicle it is taken to turn wherever it can be driven.
+    Without a vehicle, turns are possible wherever driving is.
 
     Raises:
         RequestError: the start is outside the terrain or the survey.
     """
     seen = SurveyTiles.of(survey).complete()
-    _inside(terrain, seen, start, "The place to start from")
+    _cell_inside(terrain, seen, start, "The place to start from")
     bits = heading_bits(drivable(seen))
     turns = None if vehicle is None else turnable(seen, turnings(terrain, vehicle))
     begin = begin_from(bits, terrain, seen.grid, start)
-    found = connected(bits, seen.headings, begin, turns=turns)
+    found = connected_cells(bits, seen.headings, begin, turns=turns)
     return reach_of(terrain, start, found, np.isfinite(seen.heights))
 
 
 def reach_of(
     terrain: Terrain, start: Point, found: Connected, ground: NDArray[np.bool_], note: str = ""
 ) -> Reach:
-    """What is connected to a start, in shares of the cells with ground.
+    """The connected cells of a start, in shares of the cells with ground.
 
-    `note` is a sentence that says why nothing is; one without reasons if it is empty.
+    `note` says why no cell is reached; if empty, the result has a note without reasons.
     """
     whole = max(int(np.count_nonzero(ground)), 1)
     if not found.reached.any() and not note:
@@ -335,8 +346,8 @@ def reach_of(
     )
 
 
-def _search(on: Site, prefer: Preference, begin: Cell, end: Cell) -> Found:
-    """The cheapest way where the survey says go or caution."""
+def _search(on: RouteSite, prefer: Preference, begin: Cell, end: Cell) -> SearchResult:
+    """Search for the cheapest way through states that are go or caution."""
     survey, vehicle = on.survey, on.vehicle
     prices = turn_prices(on.turns, survey, vehicle, prefer)
     costs = Costs.of(
@@ -345,26 +356,29 @@ def _search(on: Site, prefer: Preference, begin: Cell, end: Cell) -> Found:
     )  # fmt: skip
 
     def fill(part: Any) -> None:
+        """Fill in the costs of a part of the cells."""
         can = drivable(survey, part)
         costs.flags[:, *part] = np.where(can, ALLOWED | BACKING, 0)
         costs.rate[:, *part] = rates(survey, vehicle, prefer, part)
         costs.turn[part] = prices.fixed[survey.surfaces[part]]
         costs.runs[part] = prices.metres[survey.surfaces[part]]
 
-    return _filled(on, costs, fill, begin, end)
+    return _search_tiles(on, costs, fill, begin, end)
 
 
-def _filled(on: Site, costs: Costs, fill: Callable[[Any], None], begin: Cell, end: Cell) -> Found:
-    """Search, and fill in the costs of each tile that it comes to."""
+def _search_tiles(
+    on: RouteSite, costs: Costs, fill: Callable[[Any], None], begin: Cell, end: Cell
+) -> SearchResult:
+    """Search for the cheapest way; `fill` fills in the costs of each tile on demand."""
 
-    def know(made: Iterable[int]) -> None:
+    def fill_tiles(made: Iterable[int]) -> None:
         for tile in made:
             fill(part_of(on.tiles.window(tile)))
             costs.known.reshape(-1)[tile] = True
 
     def ask(tile: int) -> None:
         known = on.tiles.known.reshape(-1)[tile]
-        know([tile] if known else on.tiles.make(tile, end))
+        fill_tiles([tile] if known else on.tiles.make(tile, end))
 
     ask(begin[0] // on.tiles.side * costs.known.shape[1] + begin[1] // on.tiles.side)
     headings = drivable(on.survey, np.s_[begin[0], begin[1]])
@@ -372,10 +386,10 @@ def _filled(on: Site, costs: Costs, fill: Callable[[Any], None], begin: Cell, en
     return cheapest_way(costs, np.array(starts, np.int64), end, ask)
 
 
-def _driven(route: Route, path: Path, on: Site) -> Route:
-    """The route with what a way costs, where it is steepest, softest and tightest.
+def _with_way(route: Route, path: Path, on: RouteSite) -> Route:
+    """Complete a route by a way that was found: its cost, extremes, profile and verdict.
 
-    Whether it can be driven back the same way is looked for among the cells of the way.
+    The way is one-way if its cells, and those beside them, do not lead back.
     """
     terrain, survey = on.terrain, on.survey
     along_it = profile(path, survey, terrain)
@@ -383,7 +397,7 @@ def _driven(route: Route, path: Path, on: Site) -> Route:
     steepest = find_extreme(terrain, along_it.pitch, along_it, of_size=True)
     softest = find_extreme(terrain, along_it.sinkage, along_it)
     tightest = find_extreme(terrain, along_it.utilisation, along_it)
-    verdict, one_way = worst_verdict(along_it.verdict), not _returns(path, on)
+    verdict, one_way = worst_verdict(along_it.verdict), not _leads_back(path, on)
     chance, least_chance = _chances(path, along_it, on)
     if one_way and RANKS[verdict] < RANKS[Verdict.CAUTION]:
         verdict = Verdict.CAUTION
@@ -406,9 +420,11 @@ def _driven(route: Route, path: Path, on: Site) -> Route:
     )
 
 
-def _chances(path: Path, along_it: RouteProfile, on: Site) -> tuple[float | None, Extreme | None]:
-    """The probability that all of a path is go, and the smallest along it; None without ranges."""
-    marked = on.tiles.going(path.judged, path.row, path.column)
+def _chances(
+    path: Path, along_it: RouteProfile, on: RouteSite
+) -> tuple[float | None, Extreme | None]:
+    """The probability that a whole path is go, and the smallest along it; None without ranges."""
+    marked = on.tiles.samples_passing(path.judged, path.row, path.column)
     samples = on.tiles.samples
     if marked is None or samples is None:
         return None, None
@@ -421,7 +437,7 @@ def _chances(path: Path, along_it: RouteProfile, on: Site) -> tuple[float | None
     return float(shares[-1]), replace(least, value=-least.value, reason=Reason.NONE)
 
 
-def _returns(path: Path, on: Site) -> bool:
+def _leads_back(path: Path, on: RouteSite) -> bool:
     """Whether the cells of a path, and those beside them, can be driven back to its beginning."""
     grid = on.survey.grid
     top, left = max(path.row.min() - 1, 0), max(path.column.min() - 1, 0)
@@ -445,19 +461,19 @@ def _returns(path: Path, on: Site) -> bool:
     return bool(spread(bits, survey.headings, begin, turns=turns)[rows[0], columns[0]])
 
 
-def _barred(
+def _with_barriers(
     route: Route, found: tuple[Barrier, ...], nearest: Location | None, note: str = ""
 ) -> Route:
-    """The route with what bars it; unknown where nothing but unknown soil does."""
+    """Complete a route by its barriers; unknown where these are all unknown soil, else no-go."""
     unknown = all(barrier.reason == Reason.SOIL_UNKNOWN for barrier in found)
     verdict = Verdict.UNKNOWN if unknown else Verdict.NO_GO
     return replace(route, verdict=verdict, barriers=found, reached=nearest, note=note)
 
 
-def _least_resistance(on: Site, begin: Cell, end: Cell) -> Path:
+def _least_resistance(on: RouteSite, begin: Cell, end: Cell) -> Path:
     """The way with the fewest metres that cannot be driven, as seen from above; then the shortest.
 
-    Only where it can be driven does the vehicle back up on it.
+    The vehicle backs up only where it can be driven.
     """
     survey, grid = on.survey, on.survey.grid
     west, south, east, north = on.terrain.bounds
@@ -471,17 +487,20 @@ def _least_resistance(on: Site, begin: Cell, end: Cell) -> Path:
     )  # fmt: skip
 
     def fill(part: Any) -> None:
+        """Fill in the costs of a part of the cells."""
         can = drivable(survey, part)
-        costs.rate[:, *part] = np.where(can, 1.0, _BARRED)
+        costs.rate[:, *part] = np.where(can, 1.0, _BARRIER_WEIGHT)
         costs.flags[:, *part] = np.where(inside[part], ALLOWED, 0) | np.where(can, BACKING, 0)
         if (able := turnable(survey, on.turns, part)) is not None:
-            costs.runs[part] *= np.where(able, 1.0, _BARRED)
+            costs.runs[part] *= np.where(able, 1.0, _BARRIER_WEIGHT)
 
-    return graph_path(_filled(on, costs, fill, begin, end).states, survey)
+    return graph_path(_search_tiles(on, costs, fill, begin, end).states, survey)
 
 
-def _nearest(terrain: Terrain, survey: Survey, marked: NDArray[np.bool_], end: Cell) -> Location:
-    """The middle of the marked cell that is nearest to another one."""
+def _nearest_marked(
+    terrain: Terrain, survey: Survey, marked: NDArray[np.bool_], end: Cell
+) -> Location:
+    """The middle of the marked cell that is nearest to a cell."""
     rows, columns = np.nonzero(marked)
     n = int(np.argmin((rows - end[0]) ** 2 + (columns - end[1]) ** 2))
     grid = survey.grid
@@ -489,8 +508,12 @@ def _nearest(terrain: Terrain, survey: Survey, marked: NDArray[np.bool_], end: C
     return location_at(terrain, float(x), float(y))
 
 
-def _inside(terrain: Terrain, survey: Survey, place: Point, what: str) -> Cell:
-    """The cell of a place; refuses what lies outside."""
+def _cell_inside(terrain: Terrain, survey: Survey, place: Point, what: str) -> Cell:
+    """The cell of a place on the survey.
+
+    Raises:
+        RequestError: the place lies outside the terrain or the survey.
+    """
     part = "the part of the terrain that is looked at"
     check_inside(terrain, what, place, survey.grid.bounds, part)
     return cell_of(survey.grid, *place)

@@ -16,18 +16,20 @@ from terratool.text.numbers import parse_number
 from terratool.text.source import read_source
 
 _MOST_BYTES = 1 << 26
+"""Largest size of a file, bytes."""
 _FAR = 1e30
-"""No terrain reaches farther."""
+"""Largest coordinate, beyond any terrain."""
 _LINE = "Write one point a line, as 12.5,7.25."
+"""Hint of errors on lines of CSV."""
 
 
 def read_waypoints(path: str | Path) -> NDArray[np.float64]:
-    """Points to drive through, in the terrain's coordinates: (n, 2) float64, n ≥ 2.
+    """Read points to drive through, in the terrain's coordinates: (n, 2) float64, n ≥ 2.
 
     A CSV file has two columns, or the columns x and y of a header, separated by commas, semicolons,
-    tabs or blanks; empty lines, and those that begin with #, are passed over. What begins with a
-    brace is GeoJSON: one LineString, by itself or as the only one of the features; its coordinates
-    are taken as they are, in whatever reference system.
+    tabs or blanks; empty lines, and lines that begin with #, are passed over. A file that begins
+    with a brace is GeoJSON: one LineString, by itself or as the only one of the features. Its
+    coordinates are taken as they are, in any reference system.
 
     Raises:
         ReadError: the file cannot be read, a line holds no two numbers, or there are fewer than two
@@ -47,6 +49,7 @@ def read_waypoints(path: str | Path) -> NDArray[np.float64]:
 
 
 def _csv(name: str, text: str) -> list[tuple[float, float]]:
+    """Points of a CSV text."""
     points: list[tuple[float, float]] = []
     columns: tuple[int, int] | None = None
     for number, line in enumerate(text.splitlines(), 1):
@@ -71,6 +74,7 @@ def _csv(name: str, text: str) -> list[tuple[float, float]]:
 
 
 def _cells(line: str) -> list[str]:
+    """Cells of a line, split at tabs, semicolons, commas or blanks."""
     for delimiter in "\t;,":
         if delimiter in line:
             return [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter))]
@@ -78,6 +82,7 @@ def _cells(line: str) -> list[str]:
 
 
 def _number(value: str | float) -> float | None:
+    """A coordinate; None for no number, NaN, or one beyond `_FAR`."""
     try:
         found = parse_number(value) if isinstance(value, str) else float(value)
     except OverflowError:
@@ -86,6 +91,7 @@ def _number(value: str | float) -> float | None:
 
 
 def _geojson(name: str, text: str) -> list[tuple[float, float]]:
+    """Points of the LineString of a GeoJSON text."""
     try:
         lines = _lines(json.loads(text))
     except json.JSONDecodeError as error:

@@ -21,7 +21,7 @@ from terratool.viewing.differences import (
     write_sheet,
 )
 from terratool.viewing.layers import FINER, LayerPicture
-from terratool.viewing.sheet import Key, Scale, Swatch, number, settings
+from terratool.viewing.sheet import Legend, Scale, Swatch, number, settings
 
 _COLORS = "RdBu"
 """Red for what was cut, blue for what was filled: distinct for any kind of colour vision."""
@@ -95,7 +95,7 @@ def _picture(both: Both, grid: Grid, tolerance: float) -> LayerPicture:
             swatches.append(Swatch(label, color))
     heights = np.where(now, seen.new, np.where(lost, seen.old, np.nan))
     scale = Scale("new less old (m)", -most, most, _COLORS) if beyond.any() else None
-    key = Key("Ground", tuple(swatches), scale)
+    key = Legend("Ground", tuple(swatches), scale)
     surfaces = np.zeros(change.shape, np.uint8)
     return LayerPicture(grid, heights, surfaces, colors, key, LIGHT)
 
