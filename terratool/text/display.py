@@ -1,4 +1,4 @@
-"""How texts, values and pointers are shown to people."""
+"""Texts, values and pointers in the form that people, terminals, logs and spreadsheets get."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ from msgspec import Struct
 
 _digits = re.compile("[0-9]+").findall
 _NEAR = 0.8
-"""Names that are alike by this share, as difflib counts, are near."""
+"""Least similarity, 0 to 1 as difflib counts, at which one name is taken for another."""
 _FORMULAS = ("=", "+", "-", "@", "'")
-"""What names begin with that get an apostrophe in CSV; one of their own included, so that it is
-known where to take it off."""
+"""First characters of names that get an apostrophe in CSV; the apostrophe itself is one of them, so
+that readers know where to remove it."""
 _control = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 _command = re.compile(r"^((?:\x1b\[[0-9;]*m|\s)*):(?=:)", re.MULTILINE)
 
 
 class Excerpt(Struct, frozen=True):
-    """A piece of the line that a finding is in.
+    """Part of the line that a finding is in.
 
     Attributes:
-        text: printable characters; "…" where the line goes on.
-        caret: index in `text` of the character at fault, or just behind its end.
+        text: printable characters; "…" where the line continues.
+        caret: index in `text` of the character at fault, or of the end.
     """
 
     text: str
@@ -33,31 +33,31 @@ class Excerpt(Struct, frozen=True):
 
 
 def escape(key: str) -> str:
-    """One reference token of a JSON pointer."""
+    """Return a key as one reference token of a JSON pointer (RFC 6901)."""
     return key.replace("~", "~0").replace("/", "~1")
 
 
 def unescape(token: str) -> str:
-    """The key behind a reference token."""
+    """Return the key that a reference token of a JSON pointer stands for."""
     return token.replace("~1", "/").replace("~0", "~")
 
 
 def printable(text: str) -> str:
-    """A text on one line, with what cannot be printed as escapes."""
+    """Return a text on one line, characters that cannot be printed as escapes of Python."""
     if text.isprintable():
         return text
     return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
 
 
 def unheard(text: str, escaped: Callable[[str], str]) -> str:
-    """A text in which GitHub's log hears no command of a workflow.
+    """Return a text without workflow commands that GitHub's log would run.
 
-    A command begins with two colons at the beginning of a line, or anywhere with two hashes and a
-    bracket.
+    Such a command begins with two colons at the beginning of a line, or anywhere with two hashes
+    and a bracket.
 
     Args:
-        text: one line or several, perhaps with styles of a terminal.
-        escaped: gives the escape that stands for the first colon or hash.
+        text: one line or several, perhaps with escape sequences of a terminal.
+        escaped: returns the escape that replaces the first colon or hash.
     """
     if "::" in text:
         text = _command.sub(lambda found: f"{found[1]}{escaped(':')}", text)
@@ -65,10 +65,10 @@ def unheard(text: str, escaped: Callable[[str], str]) -> str:
 
 
 def inert_json(text: str) -> str:
-    """A text of JSON that means the same, with what cannot be printed as escapes of JSON.
+    """Return a JSON text of the same value, unprintable characters as escapes of JSON.
 
-    So are hashes that GitHub's log would take for a command. Line feeds stay: they stand between
-    values, never within one.
+    Hashes that GitHub's log would take for a command are escaped, too. Line feeds stay: they stand
+    between values, never within one.
     """
     return "\n".join(
         line
@@ -79,26 +79,26 @@ def inert_json(text: str) -> str:
 
 
 def json_text(value: Any, indent: int | None = 2) -> str:
-    """A plain value as JSON that a terminal, a log and UTF-8 can have, whatever it says."""
+    """Encode a plain value as JSON that is safe for a terminal, a log and UTF-8."""
     return inert_json(json.dumps(value, indent=indent, ensure_ascii=False))
 
 
 def xml_text(text: str) -> str:
-    """A text without the control characters that JSON may hold and XML may not."""
+    """Return a text without the control characters that JSON allows and XML does not."""
     return _control.sub("\ufffd", text)
 
 
 def inert_xml(text: str) -> str:
-    """A text of XML that means the same, with what cannot be printed as references.
+    """Return an XML text of the same meaning, unprintable characters as references.
 
-    So is what GitHub's log would take for the beginning of a command.
+    Colons and hashes with which GitHub's log would begin a command become references, too.
     """
     text = unheard(text, lambda sign: f"&#{ord(sign)};")
     return "".join(c if c.isprintable() or c == "\n" else f"&#{ord(c)};" for c in text)
 
 
 def columns_of(char: str) -> int:
-    """Columns that a terminal gives a character."""
+    """Return the columns that a terminal gives a character: 0, 1 or 2."""
     if char.isascii():
         return 1
     import unicodedata
@@ -109,18 +109,18 @@ def columns_of(char: str) -> int:
 
 
 def _swapped(name: str, other: str) -> bool:
-    """Whether two neighbouring letters have changed places."""
+    """Tell whether two names differ by one swap of neighbouring letters."""
     return any(
         name == other[:k] + other[k + 1] + other[k] + other[k + 2 :] for k in range(len(other) - 1)
     )
 
 
 def only_answer(name: str, close: Sequence[str]) -> str:
-    """The one name that another one must have meant, as JSON; empty where there are two or none.
+    """Return the one name that a misspelled one must have meant, as JSON; empty where unclear.
 
     Args:
-        name: as it is written.
-        close: the two names that are nearest, or those that differ in their case alone.
+        name: name as it is written.
+        close: the two nearest names, or all that differ from it by case alone.
     """
     from difflib import get_close_matches
 
@@ -135,10 +135,10 @@ def only_answer(name: str, close: Sequence[str]) -> str:
 
 
 def plain(value: Any) -> Any:
-    """What msgspec cannot encode by itself, as what it can: paths as texts, NumPy's numbers.
+    """Convert a value that msgspec cannot encode: a path to text, a NumPy number to Python's.
 
     Raises:
-        TypeError: it is something else.
+        TypeError: the value is of another type.
     """
     if isinstance(value, Path):
         return str(value)
@@ -148,29 +148,29 @@ def plain(value: Any) -> Any:
 
 
 def counted(count: int, noun: str) -> str:
-    """A number of things in words: 1 file, 2,000 files, 3 libraries, 4 boxes."""
+    """Return a number and its noun in words: 1 file, 2,000 files, 3 libraries, 4 boxes."""
     plural = "es" if noun.endswith(("x", "sh")) else "s"
     many = f"{noun[:-1]}ies" if noun.endswith("ry") else f"{noun}{plural}"
     return f"{count:,} {noun if count == 1 else many}"
 
 
 def many(count: int) -> str:
-    """A whole number, however large, in words: 2,000, or about 10^450."""
+    """Return a whole number, however large, in words: 2,000, or about 10^450."""
     return f"{count:,}" if count < 10**30 else f"about 10^{round(count.bit_length() * 0.30103)}"
 
 
 def listed(words: Sequence[str]) -> str:
-    """Words with commas and an "and"."""
+    """Join words by commas and an "and"."""
     return f"{', '.join(words[:-1])} and {words[-1]}" if words[1:] else "".join(words)
 
 
 def length(metres: float) -> str:
-    """A length in words, to three digits, or to a metre from a kilometre on."""
+    """Return a length in metres in words, to three digits, from a kilometre on to a metre."""
     return f"{metres:.3g} m" if abs(metres) < 1000 else f"{metres:,.0f} m"
 
 
 def shown(value: object) -> str:
-    """A name, text or number as a message shows it: on one line, printable, and not too long."""
+    """Return a name, text or number for a message: one line, printable, at most 60 characters."""
     if isinstance(value, str):
         return f'"{printable(value[:60])}{"…" if len(value) > 60 else ""}"'
     if isinstance(value, int):
@@ -181,9 +181,9 @@ def shown(value: object) -> str:
 
 
 def inert_cell(name: str) -> str:
-    """A name that is no formula of a spreadsheet, and no more than text on a terminal.
+    """Return a name as a cell of CSV that is neither a formula nor a terminal's escape sequence.
 
-    A backslash is doubled, so that what is escaped can be told from what is written.
+    A backslash is doubled, so that readers can tell escapes from backslashes of the name.
     """
     text = printable(name.replace("\\", "\\\\"))
     return f"'{text}" if text.startswith(_FORMULAS) else text

@@ -1,4 +1,4 @@
-"""The canonical layout: values as they are spelled, keys in a given order."""
+"""The canonical layout of JSON texts: values as they are spelled, keys in a given order."""
 
 from __future__ import annotations
 
@@ -10,21 +10,21 @@ import msgspec
 from terratool.text.scan import tokens
 
 WIDTH = 120
-"""Characters of a line, where its values can be broken."""
+"""Most characters of a line whose values can be broken."""
 _INDENT = "  "
 
 
 @dataclass(slots=True)
 class Layout:
-    """How an object or a list is laid out.
+    """Canonical layout of an object or a list.
 
     Attributes:
-        order: the place of each key; no keys are sorted where it is empty.
-        others: the place of keys that are not in it.
-        members: the layout of the values of some keys.
-        items: that of all other values.
-        broken: it is never written on one line, unless it is empty.
-        rows: short members share a line.
+        order: sort position of each key; keys are not sorted where it is empty.
+        others: sort position of keys that `order` lacks.
+        members: layouts of the values of some keys.
+        items: layout of the values of all other keys, or of the items.
+        broken: whether it never goes on one line, unless it is empty.
+        rows: whether short members share a line.
     """
 
     order: Mapping[str, int] = field(default_factory=dict)
@@ -35,24 +35,24 @@ class Layout:
     rows: bool = False
 
     def of(self, key: str) -> Layout:
-        """The layout of a member or an item."""
+        """Return the layout of a member's value or an item."""
         return self.members.get(key) or self.items or FREE
 
 
 FREE = Layout()
-"""Of what is not in the format: as it stands."""
+"""Layout of values that the format does not define: keys in the order of the text."""
 
 
 @dataclass(slots=True)
 class _Node:
-    """A value.
+    """A value of a JSON text with its width.
 
     Attributes:
-        open: its bracket, or all of a scalar.
-        layout: how it is laid out; None for a scalar.
-        members: key as it is spelled, "" in a list, and value.
-        width: characters if written on one line.
-        broken: it is never written on one line.
+        open: opening bracket, or the whole spelling of a scalar.
+        layout: layout of the container; None for a scalar.
+        members: spelled key, "" in a list, and value of each member.
+        width: number of characters when written on one line.
+        broken: whether it never goes on one line.
     """
 
     open: str
@@ -63,22 +63,22 @@ class _Node:
 
 
 _Line = str | tuple[_Node, str, str, str]
-"""A line, or a value with its indentation and what stands before and behind it."""
+"""A finished line, or a value with its indentation and the texts before and behind it."""
 
 
 def canonical(text: str, layout: Layout) -> str:
-    """A JSON text without errors of syntax in its canonical layout, ending with a line end."""
+    """Return a JSON text without syntax errors in its canonical layout, ending with a line feed."""
     return "\n".join([*_lines([(_read(text, layout), "", "", "")]), ""])
 
 
 def member_lines(key: str, text: str, layout: Layout, depth: int) -> list[str]:
-    """The lines of one member of an object, or of one item of a list.
+    """Return the lines of one member of an object, or of one item of a list.
 
     Args:
-        key: as it is spelled; "" for an item.
+        key: key as it is spelled; "" for an item.
         text: JSON text of the value.
-        layout: of the object or list.
-        depth: how many levels the member is indented by.
+        layout: layout of the object or list.
+        depth: levels of indentation of the member.
     """
     value = _read(text, layout.of(_plain(key)))
     parent = _Node("{" if key else "[", layout, [(key, value)])
@@ -139,7 +139,7 @@ def _finish(node: _Node) -> None:
 
 
 def _plain(key: str) -> str:
-    """The key behind its spelling."""
+    """Return the key that a spelling in quotes stands for; "" for an item."""
     return msgspec.json.decode(key, type=str) if key else ""
 
 
@@ -168,7 +168,7 @@ def _on_one_line(node: _Node) -> str:
 
 
 def _rows(node: _Node, indent: str) -> Iterator[_Line]:
-    """The members of a broken object or list: short ones share a line."""
+    """Yield the lines of the members of a broken container; short members share a line."""
     row = ""
     for place, (key, value) in enumerate(node.members):
         comma = "," if place + 1 < len(node.members) else ""
@@ -189,7 +189,7 @@ def _rows(node: _Node, indent: str) -> Iterator[_Line]:
 
 
 def _shares(node: _Node, key: str, value: _Node) -> bool:
-    """Whether a member may share a line with its neighbours."""
+    """Tell whether a member may share a line with its neighbours."""
     if value.broken or value.width > WIDTH // 2:
         return False
     if node.open == "[":

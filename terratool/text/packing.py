@@ -1,4 +1,4 @@
-"""Packed bytes, gzip and zip, unpacked no further than may be meant."""
+"""Unpacking of gzip and zip up to a limit, so that a small file cannot fill the memory."""
 
 from __future__ import annotations
 
@@ -9,11 +9,12 @@ import zlib
 from collections.abc import Callable, Iterable
 
 GZIP = b"\x1f\x8b"
-"""What gzip begins with."""
+"""First two bytes of a gzip."""
 PLENTY, TIMES = 1 << 22, 100
-"""What is packed may come to so many bytes, or to so many times its own, whichever is more."""
+"""Most unpacked bytes of any file, and most unpacked bytes per packed byte; the larger one counts.
+"""
 MOST_MEMBERS = 1 << 16
-"""Most members of a gzip; BGZF has 64 KiB in each, so that 2 GiB of text are half as many."""
+"""Most members of a gzip; BGZF packs 64 KiB into each, so that 2 GiB of text have half as many."""
 
 _FIRST, _LARGEST = 1 << 6, 1 << 20
 _ENCRYPTED = 0x1
@@ -22,11 +23,11 @@ _padding = re.compile(rb"\0*").match
 
 
 class PackingError(Exception):
-    """Packed bytes are broken, or come to more than may be meant.
+    """Broken packed bytes, or bytes that unpack to more than is allowed.
 
     Args:
-        message: what is wrong with a file, to stand behind its name.
-        hint: what to do.
+        message: sentence on the fault, to stand behind a file's name.
+        hint: sentence on the remedy.
     """
 
     def __init__(self, message: str, hint: str) -> None:
@@ -35,16 +36,18 @@ class PackingError(Exception):
 
 
 def most_unpacked(size: int) -> int:
-    """Bytes that a packed file of so many may come to."""
+    """Return the most unpacked bytes that a packed file of a size in bytes may have."""
     return max(PLENTY, TIMES * size)
 
 
 def pack(data: bytes, compress: Callable[[bytes], bytes]) -> bytes:
-    """A gzip that `gunzip` takes, alone or behind others: some is stored where it is too small.
+    """Pack bytes into a gzip that `gunzip` accepts.
+
+    Of bytes that pack too well for the limit, a part is stored without compression.
 
     Args:
-        data: what is packed.
-        compress: makes a gzip of some bytes.
+        data: bytes to pack.
+        compress: returns a gzip of bytes.
     """
     packed = compress(data)
     if len(data) <= TIMES * len(packed):
@@ -54,14 +57,15 @@ def pack(data: bytes, compress: Callable[[bytes], bytes]) -> bytes:
 
 
 def gunzip(data: bytes, most: int) -> bytes:
-    """The bytes that a gzip packs, in time proportional to both.
+    """Unpack a gzip, in time proportional to its packed and unpacked size.
 
     Args:
-        data: one member or several, zeros behind each allowed.
-        most: what they may come to; of more one byte too many is given.
+        data: one member or several; zeros may stand behind each.
+        most: limit of the unpacked bytes; of a longer text the first `most` + 1 are returned.
 
     Raises:
-        PackingError: it is broken, comes to far more than its size, or has too many members.
+        PackingError: the gzip is broken, unpacks to far more than its size, or has too many
+            members.
     """
     parts: list[bytes] = []
     allowed = min(most, most_unpacked(len(data)))
@@ -96,17 +100,18 @@ def _broken(reason: str) -> PackingError:
 
 
 def refuse_members(archive: zipfile.ZipFile, names: Iterable[str], size: int) -> None:
-    """Refuse members of a zip archive that cannot be meant, before any of them is read.
+    """Refuse members of a zip archive before they are read: encrypted, oddly packed or too large.
 
-    No more is read of a member than it says that it has.
+    Reading a member never gives more bytes than the archive declares for it.
 
     Args:
-        archive: which is open.
-        names: of the members that are to be read.
-        size: of the archive, in bytes.
+        archive: open archive.
+        names: names of the members that are to be read.
+        size: size of the archive in bytes.
 
     Raises:
-        PackingError: they are encrypted, packed otherwise than by deflate, or come to too much.
+        PackingError: a member is encrypted or packed otherwise than by deflate, or all of them come
+            to too many bytes.
     """
     members = [archive.getinfo(name) for name in names]
     for member in members:

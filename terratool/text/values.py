@@ -1,4 +1,4 @@
-"""The values of a JSON text, read at the speed of C where that can be."""
+"""Decoding of the values of a JSON text, at the speed of C unless it has a fault."""
 
 from __future__ import annotations
 
@@ -12,25 +12,26 @@ import msgspec
 from terratool.text.display import escape
 
 _LONG = 100_000
-"""Bytes of a text that is read sooner than the kernels are loaded."""
+"""Bytes of a text from which on loading the kernels pays off."""
 
 Repeated = tuple[str, int]
-"""A key that stood in its object before: its pointer, and the how-many-th it is."""
+"""Pointer of a key that stood in its object before, and its occurrence, from 2."""
 
 _CONTAINERS = frozenset([dict, list])
 
 _byte = re.compile(r".*\(byte ([0-9]+)\)").fullmatch
-"""Where msgspec found that a text is no JSON; it says nothing where that is the end."""
+"""Byte offset in msgspec's message about a text that is no JSON; absent where the text ends early.
+"""
 
 _decoder = msgspec.json.Decoder(float_hook=float)  # numbers beyond floats are infinite
 
 
 def read_values(data: bytes) -> Any:
-    """Plain dicts, lists, strings, numbers, booleans and None; the last of repeated keys.
+    """Decode a JSON text to plain values; of a repeated key the last value counts.
 
     Raises:
-        JsonSyntaxError: at the first byte that is no UTF-8, or the first character that RFC 8259
-            does not allow.
+        JsonSyntaxError: the text has a byte that is no UTF-8, or a character that RFC 8259 does not
+            allow; the error names the first.
     """
     if not data.isascii():
         try:
@@ -54,11 +55,11 @@ def read_values(data: bytes) -> Any:
 
 
 def repeated_keys(data: bytes, limit: int) -> tuple[list[Repeated], int]:
-    """The keys that stood in their object before, so many of them at most, and how many there are.
+    """Return the first keys that stood in their object before, and the number of all of them.
 
     Args:
-        data: a JSON text in UTF-8 without errors of syntax.
-        limit: how many are wanted.
+        data: a JSON text in UTF-8 without syntax errors.
+        limit: most keys that are returned.
     """
     if len(data) > _LONG:
         from terratool.kernels import definition as kernels
