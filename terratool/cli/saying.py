@@ -15,7 +15,7 @@ from typing import Any
 
 import click
 
-from terratool.text.display import inert_json, json_text, printable, unheard
+from terratool.text.display import inert_json, json_text, printable, without_workflow_commands
 
 _style = re.compile(r"(\x1b\[[0-9;]*m)")
 
@@ -104,4 +104,4 @@ class _Rows:
 
 
 def _unheard(line: str) -> str:
-    return unheard(line, lambda sign: f"\\x{ord(sign):02x}")
+    return without_workflow_commands(line, lambda sign: f"\\x{ord(sign):02x}")

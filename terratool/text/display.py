@@ -49,7 +49,7 @@ def printable(text: str) -> str:
     return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
 
 
-def unheard(text: str, escaped: Callable[[str], str]) -> str:
+def without_workflow_commands(text: str, escaped: Callable[[str], str]) -> str:
     """Return a text without workflow commands that GitHub's log would run.
 
     Such a command begins with two colons at the beginning of a line, or anywhere with two hashes
@@ -74,7 +74,7 @@ def inert_json(text: str) -> str:
         line
         if line.isprintable()
         else "".join(c if c.isprintable() else json.dumps(c)[1:-1] for c in line)
-        for line in unheard(text, lambda sign: f"\\u{ord(sign):04x}").split("\n")
+        for line in without_workflow_commands(text, lambda sign: f"\\u{ord(sign):04x}").split("\n")
     )
 
 
@@ -93,7 +93,7 @@ def inert_xml(text: str) -> str:
 
     Colons and hashes with which GitHub's log would begin a command become references, too.
     """
-    text = unheard(text, lambda sign: f"&#{ord(sign)};")
+    text = without_workflow_commands(text, lambda sign: f"&#{ord(sign)};")
     return "".join(c if c.isprintable() or c == "\n" else f"&#{ord(c)};" for c in text)
 
 
@@ -108,7 +108,7 @@ def columns_of(char: str) -> int:
     return 2 if unicodedata.east_asian_width(char) in "WF" else 1
 
 
-def _swapped(name: str, other: str) -> bool:
+def _is_swap_of(name: str, other: str) -> bool:
     """Tell whether two names differ by one swap of neighbouring letters."""
     return any(
         name == other[:k] + other[k + 1] + other[k] + other[k + 2 :] for k in range(len(other) - 1)
@@ -127,7 +127,7 @@ def only_answer(name: str, close: Sequence[str]) -> str:
     near = [other for other in close if other.lower() == name.lower()]
     if not near:
         alike = get_close_matches(name, close, 2, _NEAR)
-        near = alike + [other for other in close if other not in alike and _swapped(name, other)]
+        near = alike + [other for other in close if other not in alike and _is_swap_of(name, other)]
     # rock10 is not meant by rock1
     if any(_digits(other) != _digits(name) for other in near):
         return ""

@@ -73,7 +73,7 @@ class Edit(NamedTuple):
     end: int
     new: bytes
 
-    def applied(self, data: bytes) -> bytes:
+    def apply(self, data: bytes) -> bytes:
         """Return a text with this edit made."""
         return data[: self.begin] + self.new + data[self.end :]
 
@@ -102,7 +102,7 @@ def set_member(data: bytes, pointer: str, key: str, value: Any, layout: Layout) 
     style = _style(data, inside)
     if inside.member is None:
         spelled = json.dumps(key, ensure_ascii=False)
-        return _added(inside, style, _text(style, pointer, spelled, value, layout))
+        return _insertion(inside, style, _text(style, pointer, spelled, value, layout))
     member = inside.member
     spelled = data[member.begin : member.key_end].decode()
     colon = ": " if style.broken else style.colon
@@ -127,10 +127,10 @@ def append_child(
     where = pointer + "/children"
     inside = _container(data, offsets(data, [Address(where)])[0], None)
     style = _style(data, inside)
-    return _added(inside, style, _text(style, where, "", element, layout))
+    return _insertion(inside, style, _text(style, where, "", element, layout))
 
 
-def _added(inside: Container, style: Style, text: str) -> Edit:
+def _insertion(inside: Container, style: Style, text: str) -> Edit:
     """Return the edit that inserts a text behind the last member of a container."""
     if inside.last is not None:
         before = style.line_end + style.indent if style.broken else style.comma[1:]
@@ -198,10 +198,10 @@ def _text(style: Style, where: str, key: str, value: Any, layout: Layout) -> str
         layout = layout.of(unescape(token))
     lines = member_lines(key, json.dumps(value, ensure_ascii=False), layout, depth)
     joint = style.line_end + style.indent
-    return joint.join(_indented_by(line[2 * depth :], style.unit) for line in lines)
+    return joint.join(_reindent(line[2 * depth :], style.unit) for line in lines)
 
 
-def _indented_by(line: str, unit: str) -> str:
+def _reindent(line: str, unit: str) -> str:
     bare = line.lstrip(" ")
     return unit * ((len(line) - len(bare)) // 2) + bare
 

@@ -44,7 +44,7 @@ FREE = Layout()
 
 
 @dataclass(slots=True)
-class _Node:
+class _JsonNode:
     """A value of a JSON text with its width.
 
     Attributes:
@@ -57,12 +57,12 @@ class _Node:
 
     open: str
     layout: Layout | None = None
-    members: list[tuple[str, _Node]] = field(default_factory=list)
+    members: list[tuple[str, _JsonNode]] = field(default_factory=list)
     width: int = 0
     broken: bool = False
 
 
-_Line = str | tuple[_Node, str, str, str]
+_Line = str | tuple[_JsonNode, str, str, str]
 """A finished line, or a value with its indentation and the texts before and behind it."""
 
 
@@ -81,7 +81,7 @@ def member_lines(key: str, text: str, layout: Layout, depth: int) -> list[str]:
         depth: levels of indentation of the member.
     """
     value = _read(text, layout.of(_plain(key)))
-    parent = _Node("{" if key else "[", layout, [(key, value)])
+    parent = _JsonNode("{" if key else "[", layout, [(key, value)])
     return _lines(list(_rows(parent, _INDENT * depth)))
 
 
@@ -104,15 +104,15 @@ def _lines(items: list[_Line]) -> list[str]:
     return lines
 
 
-def _read(text: str, layout: Layout) -> _Node:
-    top = _Node("[", Layout(items=layout))
+def _read(text: str, layout: Layout) -> _JsonNode:
+    top = _JsonNode("[", Layout(items=layout))
     stack = [top]
     key = ""
     for token in tokens(text):
         node = stack[-1]
         if token in "{[":
             assert node.layout is not None
-            stack.append(_Node(token, node.layout.of(_plain(key))))
+            stack.append(_JsonNode(token, node.layout.of(_plain(key))))
             node.members.append((key, stack[-1]))
             key = ""
         elif token in "}]":
@@ -120,12 +120,12 @@ def _read(text: str, layout: Layout) -> _Node:
         elif node.open == "{" and not key:
             key = token
         else:
-            node.members.append((key, _Node(token, width=len(token))))
+            node.members.append((key, _JsonNode(token, width=len(token))))
             key = ""
     return top.members[0][1]
 
 
-def _finish(node: _Node) -> None:
+def _finish(node: _JsonNode) -> None:
     layout = node.layout
     assert layout is not None
     if layout.order and node.open == "{":
@@ -143,13 +143,13 @@ def _plain(key: str) -> str:
     return msgspec.json.decode(key, type=str) if key else ""
 
 
-def _close(node: _Node) -> str:
+def _close(node: _JsonNode) -> str:
     return "}" if node.open == "{" else "]"
 
 
-def _on_one_line(node: _Node) -> str:
+def _on_one_line(node: _JsonNode) -> str:
     parts: list[str] = []
-    pending: list[str | _Node] = [node]  # last first
+    pending: list[str | _JsonNode] = [node]  # last first
     while pending:
         item = pending.pop()
         if isinstance(item, str):
@@ -160,20 +160,20 @@ def _on_one_line(node: _Node) -> str:
             parts.append(item.open + _close(item))
         else:
             space = " " if item.open == "{" else ""
-            inner: list[str | _Node] = [item.open + space]
+            inner: list[str | _JsonNode] = [item.open + space]
             for place, (key, value) in enumerate(item.members):
                 inner += [(", " if place else "") + (f"{key}: " if key else ""), value]
             pending.extend(reversed([*inner, space + _close(item)]))
     return "".join(parts)
 
 
-def _rows(node: _Node, indent: str) -> Iterator[_Line]:
+def _rows(node: _JsonNode, indent: str) -> Iterator[_Line]:
     """Yield the lines of the members of a broken container; short members share a line."""
     row = ""
     for place, (key, value) in enumerate(node.members):
         comma = "," if place + 1 < len(node.members) else ""
         before = f"{key}: " if key else ""
-        if not _shares(node, key, value):
+        if not _may_share_line(node, key, value):
             if row:
                 yield indent + row
                 row = ""
@@ -188,7 +188,7 @@ def _rows(node: _Node, indent: str) -> Iterator[_Line]:
         yield indent + row
 
 
-def _shares(node: _Node, key: str, value: _Node) -> bool:
+def _may_share_line(node: _JsonNode, key: str, value: _JsonNode) -> bool:
     """Tell whether a member may share a line with its neighbours."""
     if value.broken or value.width > WIDTH // 2:
         return False

@@ -10,13 +10,16 @@ from collections.abc import Callable, Iterable
 
 GZIP = b"\x1f\x8b"
 """First two bytes of a gzip."""
-PLENTY, TIMES = 1 << 22, 100
-"""Most unpacked bytes of any file, and most unpacked bytes per packed byte; the larger one counts.
-"""
+PLENTY = 1 << 22
+"""Unpacked bytes that are allowed whatever the packed size."""
+TIMES = 100
+"""Unpacked bytes allowed per packed byte, where that is more than `PLENTY`."""
 MOST_MEMBERS = 1 << 16
 """Most members of a gzip; BGZF packs 64 KiB into each, so that 2 GiB of text have half as many."""
 
-_FIRST, _LARGEST = 1 << 6, 1 << 20
+_FIRST_STEP = 1 << 6
+"""Packed bytes of a member that are unpacked first; the step doubles up to `_LARGEST_STEP`."""
+_LARGEST_STEP = 1 << 20
 _ENCRYPTED = 0x1
 _GUNZIP = "Unpack it with gunzip first, if it is meant to be so large."
 _padding = re.compile(rb"\0*").match
@@ -74,28 +77,28 @@ def gunzip(data: bytes, most: int) -> bytes:
         members += 1
         if members > MOST_MEMBERS:
             raise PackingError(f"is gzip of more than {MOST_MEMBERS:,} members.", _GUNZIP)
-        stream, step = zlib.decompressobj(wbits=31), _FIRST
+        stream, step = zlib.decompressobj(wbits=31), _FIRST_STEP
         # what is behind a member is copied at its end, so that it gets little at first
         while not stream.eof and size <= allowed:
             fed = data[at : at + step]
             if not fed:
-                raise _broken("the stream ends too early")
+                raise _gzip_error("the stream ends too early")
             try:
                 part = stream.decompress(fed, allowed + 1 - size)
             except zlib.error as error:
                 # without the number of the error
-                raise _broken(str(error).rsplit(": ", 1)[-1]) from error
+                raise _gzip_error(str(error).rsplit(": ", 1)[-1]) from error
             parts.append(part)
             size += len(part)
             at += len(fed)
-            step = min(2 * step, _LARGEST)
+            step = min(2 * step, _LARGEST_STEP)
         at = _padding(data, at - len(stream.unused_data)).end()  # type: ignore[union-attr]
     if allowed < min(size, most):
         raise PackingError(f"comes to more than {TIMES} times its size.", _GUNZIP)
     return b"".join(parts)
 
 
-def _broken(reason: str) -> PackingError:
+def _gzip_error(reason: str) -> PackingError:
     return PackingError(f"is broken gzip ({reason}).", "Write or fetch the file again.")
 
 

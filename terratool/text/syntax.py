@@ -190,7 +190,7 @@ def parse(text: str) -> JsonText:
             offset = _space(text, offset).end()  # type: ignore[union-attr]
             if container is None:
                 if offset < len(text):
-                    raise left_over(text, offset)
+                    raise trailing_text(text, offset)
                 return JsonText(text, top, duplicates, places, start)
             char = text[offset : offset + 1]
             closing = "}" if isinstance(container, dict) else "]"
@@ -202,7 +202,7 @@ def parse(text: str) -> JsonText:
                 continue
             break
         if char != ",":
-            raise expected_comma(text, offset)
+            raise missing_comma(text, offset)
         comma = offset
         offset = _space(text, offset + 1).end()  # type: ignore[union-attr]
         if text.startswith(closing, offset):
@@ -270,7 +270,7 @@ def _string(text: str, offset: int) -> tuple[str, int]:
         if char == '"':
             return "".join(parts), end + 1
         if char == "\\":
-            part, end = _escaped(text, end)
+            part, end = _read_escape(text, end)
             parts.append(part)
         elif char == "":
             raise JsonSyntaxError(
@@ -283,7 +283,7 @@ def _string(text: str, offset: int) -> tuple[str, int]:
         end = match.end()  # type: ignore[union-attr]
 
 
-def _escaped(text: str, offset: int) -> tuple[str, int]:
+def _read_escape(text: str, offset: int) -> tuple[str, int]:
     char = text[offset + 1 : offset + 2]
     if char in _ESCAPES:
         return _ESCAPES[char], offset + 2
@@ -394,7 +394,7 @@ def bad_escape(text: str, offset: int) -> JsonSyntaxError:
     return JsonSyntaxError("TT101", offset, message, hint)
 
 
-def expected_comma(text: str, offset: int) -> JsonSyntaxError:
+def missing_comma(text: str, offset: int) -> JsonSyntaxError:
     """Return the error for an offset behind an item without a comma or closing bracket."""
     char = text[offset : offset + 1]
     if char and (char in "\"'{[-" or char.isalnum()):
@@ -413,7 +413,7 @@ def expected_comma(text: str, offset: int) -> JsonSyntaxError:
     return unexpected(text, offset, '"," or "]"' if in_list else '"," or "}"', hint)
 
 
-def left_over(text: str, offset: int) -> JsonSyntaxError:
+def trailing_text(text: str, offset: int) -> JsonSyntaxError:
     """Return the error for characters at an offset behind the end of the outermost value."""
     found = _found(text, offset).group()  # type: ignore[union-attr]
     hint = "Remove it; one file holds one JSON object."
@@ -430,7 +430,7 @@ def unexpected(text: str, offset: int, wanted: str, hint: str = "") -> JsonSynta
     begin = innermost(text, offset)
     if begin < 0:
         wanted = 'the "{" of a definition'
-        if not _commented(text):
+        if not _is_behind_comments(text):
             begins = _found(text, offset).group()  # type: ignore[union-attr]
             if begins.isprintable():
                 message = (
@@ -459,7 +459,7 @@ def unexpected(text: str, offset: int, wanted: str, hint: str = "") -> JsonSynta
     return JsonSyntaxError("TT101", offset, message, hint)
 
 
-def _commented(text: str) -> bool:
+def _is_behind_comments(text: str) -> bool:
     """Tell whether a text is an object behind comments, which JSON does not allow."""
     return _behind_comments(text).group().endswith("{")  # type: ignore[union-attr]
 

@@ -77,7 +77,7 @@ def repeated_keys(data: bytes, limit: int) -> tuple[list[Repeated], int]:
             count += lost
             if count - lost < limit:
                 # what it is of is kept alive, so that its id stays its own
-                found[id(members)] = members, list(_repeated(key for key, _ in pairs))
+                found[id(members)] = members, list(_repeats(key for key, _ in pairs))
                 return members
         # one with nothing more in it leads nowhere
         return None if _CONTAINERS.isdisjoint(map(type, members.values())) else members
@@ -89,14 +89,16 @@ def repeated_keys(data: bytes, limit: int) -> tuple[list[Repeated], int]:
 
         keys = [pointer for pointer, _ in parse(data.decode("utf-8")).duplicates]
         first = dict.fromkeys(keys)
-        return list(_repeated([*first, *keys]))[:limit], len(keys)
-    repeated = [each for _, each in zip(range(limit), _pointed(value, found), strict=False)]
+        return list(_repeats([*first, *keys]))[:limit], len(keys)
+    repeated = [
+        each for _, each in zip(range(limit), _repeats_with_pointers(value, found), strict=False)
+    ]
     if count <= limit:  # those not found are in values that another of their key replaced
         count = len(repeated)
     return repeated, count
 
 
-def _repeated(keys: Iterable[str]) -> Iterator[Repeated]:
+def _repeats(keys: Iterable[str]) -> Iterator[Repeated]:
     counts: dict[str, int] = {}
     for key in keys:
         counts[key] = counts.get(key, 0) + 1
@@ -104,7 +106,9 @@ def _repeated(keys: Iterable[str]) -> Iterator[Repeated]:
             yield key, counts[key]
 
 
-def _pointed(value: Any, found: dict[int, tuple[Any, list[Repeated]]]) -> Iterator[Repeated]:
+def _repeats_with_pointers(
+    value: Any, found: dict[int, tuple[Any, list[Repeated]]]
+) -> Iterator[Repeated]:
     # each container with the place of the one that it is in, and its key there
     containers: list[tuple[int, str | int, Any]] = [(-1, "", value)]
     for place, (_, _, container) in enumerate(containers):  # grows while we go
