@@ -1,8 +1,8 @@
-"""Which cells of the nested grids hold points, level by level: the paper's Ψ.
+"""Addresses of points in the nested grids: the cell of each level that holds a point, or Ψ.
 
-The paper finds the cell of a place by thresholds, i = Ψ_m(x) and j = Ψ_m(y), and the cells of
-finer levels by doing so again with what is left: Ψ_m(Res_m(x)), Res_m being the distance to the
-next smaller threshold (Pryanichnikov and Shipovalov 2016, section 1).
+The paper finds the cell of a place by thresholds, i = Ψ_m(x) and j = Ψ_m(y), and the cells of finer
+levels from the remainder, Ψ_m(Res_m(x)), Res_m being the distance to the next smaller threshold
+(Pryanichnikov and Shipovalov 2016, section 1).
 """
 
 from __future__ import annotations
@@ -30,10 +30,10 @@ class CellAddress:
     """Cells that hold points, from the root's grid inwards; arrays begin with the points' shape.
 
     Attributes:
-        cells: (…, levels, 2) int64, i from the west and j from the south on each level; -1 where
-            the point has no cell any more, as outside of the terrain.
-        elements: (…, levels) int64, index of the element whose grid that is; -1 where there is
-            none.
+        cells: (…, levels, 2) int64, i from the west and j from the south on each level; -1 on
+            levels below the point's last cell, and outside of the terrain.
+        elements: (…, levels) int64, index of the element whose grid has the cell; -1 where there is
+            no cell.
     """
 
     cells: Ints
@@ -41,18 +41,18 @@ class CellAddress:
 
 
 def addresses(terrain: TerrainField, x: ArrayLike, y: ArrayLike) -> CellAddress:
-    """The cells that hold points.
+    """Return the cells that hold points, level by level.
 
-    The way leads from the root to the deepest element whose footprint holds the point, and counts
-    the grid of each element on it that has children. Whatever stands in the last cell does not hold
-    the point. A span is a block of cells; the cell is the one in it. Elements at free places stand
-    in no cell: the grid of an element all of whose children do so has one cell. Edges are those of
-    the field: a cell has its west and its south one.
+    The path leads from the root to the deepest element whose footprint holds the point. Each
+    element with children on the path contributes one level. Nothing within the last cell holds the
+    point. For an element with a span, the level has the cell of the block that holds the point.
+    Elements at free places stand in no cell: the grid of an element whose children all do so has
+    one cell. A cell includes its west and south edges, as in the field.
 
     Args:
-        terrain: what has the grids; of one with shared parts, as they are written out.
-        x: world positions of the points …
-        y: … that broadcast together.
+        terrain: terrain with the grids; if its parts are shared, it is written out.
+        x: world positions of the points along x.
+        y: world positions of the points along y; broadcast with `x`.
 
     Raises:
         RequestError: the parts of the terrain come to too many elements.
@@ -76,7 +76,7 @@ def addresses(terrain: TerrainField, x: ArrayLike, y: ArrayLike) -> CellAddress:
 
 
 def _tops(terrain: TerrainField, x: NDArray[np.float64], y: NDArray[np.float64]) -> Ints:
-    """The deepest elements that hold points, whatever ran over them; below 0 for none."""
+    """Deepest elements that hold points, tracks ignored; below 0 for none."""
     top = terrain.sample(x, y).element
     tracked = np.flatnonzero(top >= len(terrain.arrays.elements))
     if len(tracked):
@@ -89,7 +89,7 @@ def _tops(terrain: TerrainField, x: NDArray[np.float64], y: NDArray[np.float64])
 
 
 def _grids_of(arrays: FieldArrays) -> Ints:
-    """Of each element its grid of cells, or its only one; -1 where it has no children."""
+    """Grid of cells of each element, or its only grid of free places; -1 without children."""
     first = arrays.elements["grid"].astype(np.int64)
     grid = first.copy()
     standing, more = arrays.grids["standing"], arrays.grids["more"]
@@ -104,7 +104,7 @@ def _grids_of(arrays: FieldArrays) -> Ints:
 
 
 def _chains(parents: NDArray[np.int32], tops: Ints, levels: int) -> Ints:
-    """(n, levels) the elements from the root to each of some, then -1."""
+    """Elements from the root to each of some elements, (n, levels) int64, then -1."""
     unique, index = np.unique(np.maximum(tops, -1), return_inverse=True)
     upward = np.full((len(unique), levels), -1, np.int64)
     at = unique
@@ -124,7 +124,7 @@ def _beside(
     x: NDArray[np.float64],
     y: NDArray[np.float64],
 ) -> NDArray[np.bool_]:
-    """Where a point lies in the footprint of a turned element, but beside its cell."""
+    """Mask of points that lie in the footprint of a turned element, but beside its cell."""
     arrays = terrain.arrays
     poses = arrays.poses[arrays.elements["pose"][elements]]
     out = np.zeros(elements.shape, bool)
@@ -142,7 +142,7 @@ def _beside(
 def _located(
     arrays: FieldArrays, grid: Ints, axis: int, values: NDArray[np.float64]
 ) -> NDArray[np.int64]:
-    """Which cell of its grid holds each value."""
+    """Cell numbers along one axis of the grids that hold values, (n,) int64."""
     own = arrays.grids[grid]
     count = own["count"][:, axis]
     corner = own["corner"][:, axis]
@@ -165,16 +165,16 @@ def _located(
 
 
 def _exact(grid: Any, axis: int) -> tuple[Fraction, Fraction]:
-    """Corner and side of the cells of a grid."""
+    """Corner and side of the cells of a grid along an axis, exactly."""
     low, side = (sum(map(Fraction, grid[name][axis].tolist())) for name in ("corner", "pitch"))
     return Fraction(low), Fraction(side)
 
 
 def _edge(grid: Any, axis: int, number: int) -> float:
-    """The double at which an edge stands: `nearest_double` of kernels/field/primitives.hpp.
+    """Return the double at which an edge stands: `nearest_double` of kernels/field/primitives.hpp.
 
-    The side is known to some 2^-85 of its size, so what is as near to the middle of two doubles is
-    taken to be there, and the even one of them is it.
+    The side is known to about 2^-85 of its size. An edge as near as that to the middle between two
+    doubles is rounded to the even one.
     """
     low, side = _exact(grid, axis)
     exact = low + number * side

@@ -1,4 +1,4 @@
-"""From a definition to the arrays of a field."""
+"""Compilation of a definition into the arrays of a field."""
 
 from __future__ import annotations
 
@@ -34,16 +34,16 @@ class Compiled(NamedTuple):
     """A compiled definition.
 
     Attributes:
-        arrays: what the kernels take.
-        document: (n,) uint32, each element's place among the children of its parent.
-        parents: (n,) int32, index of each element's parent, -1 for the root.
-        smallest_cell: the shortest side of any element's cell.
-        surfaces: names of the surfaces, in the order of their ids.
+        arrays: arrays that the kernels read.
+        document: (n,) uint32, place of each element among the children of its parent.
+        parents: (n,) int32, index of each element's parent; -1 for the root.
+        smallest_cell: shortest side of any element's cell, units of the terrain.
+        surfaces: names of the surfaces, in the order of their indices.
         levels: levels of nesting, 1 for a root alone.
-        primitives: (kinds,) index of each kind's primitive.
-        steps: the end of each element's name, where the elements were written out from parts.
-        descrs: what elements are said to be, by their index; only of those that are.
-            None where parts are shared.
+        primitives: (kinds,) int64, index of each kind's primitive.
+        steps: last step of each element's pointer, if elements were written out from parts; else
+            None.
+        descrs: descriptions of elements by index, of those that have one; None if parts are shared.
     """
 
     arrays: FieldArrays
@@ -57,14 +57,14 @@ class Compiled(NamedTuple):
     descrs: dict[int, str] | None = None
 
     def step(self, element: int) -> str:
-        """The end of an element's name, behind that of its parent."""
+        """Return the last step of an element's pointer, below that of its parent."""
         if self.steps is not None:
             return self.steps[element]
         return f"/children/{self.document[element]}" if element else ROOT
 
 
 def compile_definition(definition: Definition, tree: Tree, *, roughness: bool = True) -> Compiled:
-    """Compile a valid definition and its elements, laid flat; with reliefs or without."""
+    """Compile a valid definition and its elements in tree order, with or without reliefs."""
     columns = _columns(tree, definition)
     order, dense = order_of(columns, tree.levels)
     document = (np.arange(len(order)) - _first_sibling(columns.parent))[order].astype(np.uint32)
@@ -121,7 +121,7 @@ def compile_definition(definition: Definition, tree: Tree, *, roughness: bool = 
 
 
 def _descrs(tree: Tree, order: Ints) -> dict[int, str]:
-    """What elements are said to be, by their index in order; only of those that are."""
+    """Descriptions of elements by their index in the field, of those that have one."""
     column = tree.column("descr")
     return {
         place: text
@@ -169,7 +169,7 @@ def _columns(tree: Tree, definition: Definition) -> Columns:
 
 
 def _places(tree: Tree) -> tuple[NDArray[Any], NDArray[Any]]:
-    """The places of the free elements of a tree, PLACE, and what their doubles lack, PLACE."""
+    """Places of a tree's free elements, and the remainders of their doubles, two PLACE arrays."""
     if tree.distinct("at") == {UNSET}:
         return np.zeros(0, PLACE), np.zeros(0, PLACE)
     free = [index for index, at in enumerate(tree.column("at")) if at is not UNSET]
