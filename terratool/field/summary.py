@@ -1,4 +1,4 @@
-"""What a terrain consists of."""
+"""Summary of a terrain: size, elements, heights and memory."""
 
 from __future__ import annotations
 
@@ -17,29 +17,29 @@ from terratool.field.tracks import track_lengths
 from terratool.kernels import field as kernels
 
 _ALONG = 512
-"""Points of the grid along the longer side at which the heights are looked at."""
+"""Points of the height grid along the longer side."""
 _WORK = 50_000_000
-"""Elements that are added up at most to look at heights: where many overlap, points are fewer."""
+"""Most elements evaluated to find the range of heights; where many overlap, points are fewer."""
 _INSET = 64
-"""In steps from a float to the next: what is narrower than that beside an edge sets no extreme."""
+"""Distance from an edge, in spacings of floats, within which a height sets no extreme."""
 _THINNEST = 1e-3
-"""Points beside the edges of a cell are inside by no more than this share of its side."""
+"""Largest distance of points beside the edges of a cell, as a share of its side."""
 _AGREES = 1e-3
-"""Heights on an edge and beside it are of one surface if they differ by less than this share of the
-relief."""
+"""Largest difference of the heights on an edge and beside it that belong to one surface, as a share
+of the relief."""
 
 _PLASTIC = 1.32471795724474602596
-"""The plastic number spreads points over a square as the golden section does over a line."""
+"""The plastic number, which spreads points over a square as the golden ratio does over a line."""
 
 
 def summarise(terrain: Terrain) -> dict[str, Any]:
-    """Size, levels, elements by primitive and surface, heights and memory, ready for JSON.
+    """Summarise a terrain for JSON: size, levels, elements, heights and memory.
 
-    `schemas/info.schema.json` describes it. Every key is there; what is not known is None.
+    `schemas/info.schema.json` describes the result. It has every key; unknown values are None.
 
-    The range of heights is that of the points looked at: an even grid, nine points in the cell of
-    each element, corners and edges included, and the ends and the middle of each segment of tracks.
-    Where elements are too many for that, or too many overlap, fewer points are looked at.
+    The range of heights is that of an even grid of points, of nine points in the cell of each
+    element, corners and edges included, and of the ends and the middle of each segment of tracks.
+    There are fewer points where elements are too many or too many overlap.
     """
     low, high, points = height_range(terrain)
     bounds = terrain.bounds
@@ -74,7 +74,7 @@ def summarise(terrain: Terrain) -> dict[str, Any]:
 
 
 def _roughness(roughness: Roughness) -> dict[str, float]:
-    """What a roughness says, the default of its seed included."""
+    """Members of a roughness, with the default of its seed."""
     values: dict[str, float] = to_builtins(roughness)
     return {"seed": 0} | values
 
@@ -82,11 +82,11 @@ def _roughness(roughness: Roughness) -> dict[str, float]:
 def height_range(
     terrain: Terrain, bounds: Bounds | None = None
 ) -> tuple[float | None, float | None, int]:
-    """Lowest and highest height at the points looked at, and their number; None if all is void.
+    """Lowest and highest height at sample points, and the number of points; None if all is void.
 
     Args:
         terrain: the terrain.
-        bounds: the part of it to look at, which must hold something; all of it if None.
+        bounds: rectangle that overlaps the terrain; the whole terrain if None.
     """
     part = clip_bounds(terrain, bounds)
     cells, room = _cells_in(terrain, part)
@@ -106,9 +106,9 @@ def height_range(
 
 
 def _cells_in(terrain: Terrain, part: Bounds) -> tuple[NDArray[np.float64], int]:
-    """What lies of each element's cell in a part, (4, n), and how many points are looked at.
+    """Parts of elements' cells in a rectangle, (4, n), and the number of points to sample.
 
-    No cell where there are too many elements.
+    There are no cells if the elements are too many.
     """
     cells = terrain.all_cells()
     if cells is None:
@@ -124,7 +124,7 @@ def _cells_in(terrain: Terrain, part: Bounds) -> tuple[NDArray[np.float64], int]
 
 
 _Points = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
-"""x and y of points, and of points beside them, on the same side of all edges."""
+"""Positions x and y of points, and of points beside them, on the same side of all edges."""
 
 
 def _inset(part: Bounds) -> float:
@@ -132,7 +132,7 @@ def _inset(part: Bounds) -> float:
 
 
 def _grid_points(part: Bounds, most: int) -> _Points:
-    """An even grid over a part, of so many points at most."""
+    """Even grid of at most `most` points over a rectangle."""
     west, south, east, north = part
     sides = east - west, north - south
     along = min(_ALONG, math.isqrt(int(most * max(sides) / min(sides))))
@@ -144,7 +144,7 @@ def _grid_points(part: Bounds, most: int) -> _Points:
 
 
 def _element_points(cells: NDArray[np.float64]) -> _Points:
-    """Corners, edges and middles of cells, (4, n), just inside of their east and north edges."""
+    """Corners, edge middles and centres of cells, (4, n), just within east and north edges."""
     west, south, east, north = cells
     inset = _INSET * np.spacing(np.abs(cells).max(axis=0, initial=0.0))
 
@@ -160,7 +160,7 @@ def _element_points(cells: NDArray[np.float64]) -> _Points:
 
 
 def _track_points(terrain: Terrain, part: Bounds) -> _Points:
-    """Ends and middles of the segments of tracks that lie in the part."""
+    """Ends and middles of the segments of tracks in a rectangle."""
     west, south, east, north = part
     segments = terrain.arrays.tracks.segments
     x, y = (
@@ -172,7 +172,7 @@ def _track_points(terrain: Terrain, part: Bounds) -> _Points:
 
 
 def spread_points(part: Bounds, count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """The x and the y of so many points that are evenly spread over a rectangle, (count,) each."""
+    """Positions x and y of `count` points spread evenly over a rectangle, (count,) each."""
     west, south, east, north = part
     steps = np.arange(1, count + 1)
     return (
