@@ -1,6 +1,7 @@
 """A compiled field for NVIDIA Warp: heights, normals, surfaces and friction under many robots.
 
-`terratool.field.warp_kernels` has the descent; here its arrays are made and its kernel is launched.
+This module makes the arrays on the device and launches the kernel; `terratool.field.warp_kernels`
+has the descent.
 """
 
 from __future__ import annotations
@@ -26,21 +27,23 @@ if TYPE_CHECKING:
     from terratool.field.types import TerrainField
 
 _LARGEST = 2**31 - 1
-"""Devices index by int32."""
+"""Largest table index on devices, an int32."""
 _EACH = 1024
-"""So many points a thread takes on a CPU, as each copies all arguments first."""
+"""Points per thread on a CPU, where each thread copies all arguments first."""
 _ROOMS = (32, 256, 2048)
-"""So many grids may wait in a descent: the kernel with the least that is enough is compiled."""
+"""Numbers of grids that may wait in a descent; the kernel with the least that suffices is compiled.
+"""
 
 
 class WarpSample(NamedTuple):
-    """What is at points; arrays in the points' shape.
+    """Ground at points; arrays in the points' shape.
 
     Attributes:
-        height: (…) float32, from the origin's; NaN outside and in the void.
-        normal: (…) vec3f, upward unit normals, of the east and north side on an edge; NaN likewise.
+        height: (…) float32, above the origin's height; NaN outside and in the void.
+        normal: (…) vec3f, upward unit normals, on an edge of its east and north side; NaN outside
+            and in the void.
         surface: (…) int32, index into `surfaces`; -1 for none.
-        friction: (…) float32, its coefficient, tan φ; NaN where there is no ground.
+        friction: (…) float32, coefficient of friction, tan φ; NaN without ground.
     """
 
     height: wp.array[Any]
@@ -55,10 +58,10 @@ class WarpField:
     Attributes:
         surfaces: names of the surfaces, in the order of their indices.
         origin: world position of the zero of points and heights.
-        device: of Warp.
-        field: (1,) of the struct `terratool.field.warp_kernels.Field`, for kernels of your own.
-        ground_at: the function of Warp for them: `ground_at(field, x, y)`, world coordinates in
-            float64, gives a `terratool.field.warp_kernels.Ground`.
+        device: Warp device.
+        field: (1,) of the struct `terratool.field.warp_kernels.DeviceField`, for your own kernels.
+        ground_at: Warp function for your own kernels: `ground_at(field, x, y)`, world coordinates
+            in float64, returns a `terratool.field.warp_kernels.DeviceGround`.
     """
 
     device: wp.Device
@@ -99,13 +102,13 @@ class WarpField:
         self.ground_at, self._kernel = compiled(room)
 
     def height(self, points: wp.array[Any]) -> wp.array[Any]:
-        """Heights at points, (…) float32 from the origin's; NaN outside and in the void.
+        """Heights at points, (…) float32 above the origin's; NaN outside and in the void.
 
         Args:
             points: (…) vec2f or vec2d on the device, from the origin.
 
         Raises:
-            RequestError: they are not.
+            RequestError: the points have another type or device.
         """
         import warp as wp
 
@@ -121,7 +124,7 @@ class WarpField:
             points: (…) vec2f or vec2d on the device, from the origin.
 
         Raises:
-            RequestError: they are not.
+            RequestError: the points have another type or device.
         """
         import warp as wp
 
@@ -141,15 +144,15 @@ class WarpField:
         *,
         stream: wp.Stream | None = None,
     ) -> None:
-        """The same into arrays that are there.
+        """Write height, normal, surface and friction at points into given arrays.
 
         Args:
-            points: (n,) vec2f or vec2d on the device, from the origin; contiguous, as all others.
+            points: (n,) vec2f or vec2d on the device, from the origin; all arrays are contiguous.
             height: (n,) float32.
-            normal: (n,) vec3f; what is None is not written.
-            surface: (n,) int32.
-            friction: (n,) float32.
-            stream: of CUDA; None for that of the device.
+            normal: (n,) vec3f; None to leave it out.
+            surface: (n,) int32; None to leave it out.
+            friction: (n,) float32; None to leave it out.
+            stream: CUDA stream; None for the device's own.
         """
         import warp as wp
 
@@ -182,10 +185,10 @@ class WarpField:
 
 
 def required(module: str, package: str, extra: str) -> Any:
-    """A package that an extra brings.
+    """Import a package that an extra installs.
 
     Raises:
-        RequestError: it is not installed.
+        RequestError: the package is not installed.
     """
     if find_spec(module) is None:
         raise RequestError(f"{package} is not installed.", f"Run {install_command(extra)}")
@@ -193,10 +196,10 @@ def required(module: str, package: str, extra: str) -> Any:
 
 
 def checked_origin(origin: ArrayLike) -> tuple[float, float, float]:
-    """An origin as numbers.
+    """Return an origin as three numbers.
 
     Raises:
-        RequestError: it is not three finite numbers.
+        RequestError: the origin is not three finite numbers.
     """
     numbers = np.asarray(origin, np.float64)
     if numbers.shape != (3,) or not np.isfinite(numbers).all():
@@ -207,7 +210,7 @@ def checked_origin(origin: ArrayLike) -> tuple[float, float, float]:
 
 @contextmanager
 def _quiet(wp: Any) -> Iterator[None]:
-    """Warp says what goes wrong, but not what it does."""
+    """Silence Warp's log but for warnings and errors."""
     before = wp.config.log_level
     wp.config.log_level = max(before, wp.LOG_WARNING)
     try:
@@ -217,12 +220,12 @@ def _quiet(wp: Any) -> Iterator[None]:
 
 
 class _Maker(NamedTuple):
-    """Makes arrays on a device."""
+    """Maker of arrays on a device."""
 
     device: wp.Device
 
     def array(self, values: NDArray[Any], dtype: Any) -> Any:
-        """An array of scalars or vectors; of whole numbers by their values."""
+        """Return an array of scalars or vectors on the device; integers become int32."""
         import warp as wp
 
         if dtype == wp.int32:
@@ -232,7 +235,7 @@ class _Maker(NamedTuple):
     def structs(
         self, struct: Any, records: NDArray[Any], same: str = "", **others: NDArray[Any]
     ) -> Any:
-        """An array of structs: members of the same name as those of records, and others."""
+        """Return an array of structs, members taken from records (`same`) and from other arrays."""
         columns = {name: records[name] for name in same.split()} | others
         values = np.zeros(len(next(iter(columns.values()))), struct.numpy_dtype())
         for name, column in columns.items():
@@ -246,7 +249,11 @@ def _struct_of(
     friction: NDArray[np.float32],
     device: wp.Device,
 ) -> Any:
-    """The struct of the kernels, its arrays on a device."""
+    """Return the struct of the kernels, its arrays on a device.
+
+    Raises:
+        RequestError: a table has more entries than a device can index.
+    """
     import warp as wp
 
     from terratool.field.warp_kernels import Field, Relief
