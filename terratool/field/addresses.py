@@ -65,13 +65,13 @@ def addresses(terrain: TerrainField, x: ArrayLike, y: ArrayLike) -> CellAddress:
     grids = _grids_of(arrays)
     chain = _chains(whole.parents, _tops(whole, x, y), whole.levels)[:, :levels]
     elements = np.where((chain >= 0) & (grids[chain] >= 0), chain, -1)
-    elements[_beside(whole, grids, elements, x, y)] = -1
+    elements[_is_beside_cell(whole, grids, elements, x, y)] = -1
     cells = np.full((len(x), levels, 2), -1, np.int64)
     for level in range(levels):
         at = np.flatnonzero(elements[:, level] >= 0)
         grid = grids[elements[at, level]]
         for axis, values in enumerate((x, y)):
-            cells[at, level, axis] = _located(arrays, grid, axis, values[at])
+            cells[at, level, axis] = _cells_along(arrays, grid, axis, values[at])
     return CellAddress(cells.reshape(*shape, levels, 2), elements.reshape(*shape, levels))
 
 
@@ -117,7 +117,7 @@ def _chains(parents: NDArray[np.int32], tops: Ints, levels: int) -> Ints:
     return np.asarray(np.where(turned >= 0, chain, -1)[index])
 
 
-def _beside(
+def _is_beside_cell(
     terrain: TerrainField,
     grids: Ints,
     elements: Ints,
@@ -139,7 +139,7 @@ def _beside(
     return out
 
 
-def _located(
+def _cells_along(
     arrays: FieldArrays, grid: Ints, axis: int, values: NDArray[np.float64]
 ) -> NDArray[np.int64]:
     """Cell numbers along one axis of the grids that hold values, (n,) int64."""

@@ -17,13 +17,13 @@ from terratool.field.tables import (
     Columns,
     Ints,
     bins_of,
-    in_order,
     kinds_of,
     mark_plain,
     order_of,
     place_terrain,
     placed_of,
     poses_of,
+    reorder,
     runs_of,
     surroundings,
 )
@@ -68,7 +68,7 @@ def compile_definition(definition: Definition, tree: Tree, *, roughness: bool = 
     columns = _columns(tree, definition)
     order, dense = order_of(columns, tree.levels)
     document = (np.arange(len(order)) - _first_sibling(columns.parent))[order].astype(np.uint32)
-    columns, dense = in_order(columns, order), dense[order]
+    columns, dense = reorder(columns, order), dense[order]
     parents, free = columns.parent, columns.free
 
     runs = runs_of(columns)

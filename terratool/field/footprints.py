@@ -58,7 +58,7 @@ def features(terrain: Terrain) -> Iterator[dict[str, Any]]:
             outline = outline_of(rectangle, pose, bool(radial[index]))
         yield {
             "type": "Feature",
-            "geometry": {"type": "Polygon", "coordinates": [_ring(outline)]},
+            "geometry": {"type": "Polygon", "coordinates": [_close_ring(outline)]},
             "properties": {
                 "pointer": terrain.pointer(index),
                 "type": terrain.primitives[primitives[index]],
@@ -83,7 +83,7 @@ def features(terrain: Terrain) -> Iterator[dict[str, Any]]:
         }
 
 
-def _ring(corners: Points) -> list[list[float]]:
+def _close_ring(corners: Points) -> list[list[float]]:
     ring: list[list[float]] = corners.tolist()
     return [*ring, ring[0]]
 
@@ -108,11 +108,11 @@ def outline_of(rectangle: Points, pose: Any, disc: bool) -> Points:
         )
         for axis in () if pose["free"] else (0, 1):
             for side in (-1.0, 1.0):
-                shape = _cut(shape, axis, side, half[axis])
+                shape = _clip(shape, axis, side, half[axis])
     return np.asarray(middle + shape)
 
 
-def _cut(shape: Points, axis: int, side: float, limit: float) -> Points:
+def _clip(shape: Points, axis: int, side: float, limit: float) -> Points:
     """Clip a convex polygon to one side of a limit (Sutherland and Hodgman, 1974)."""
     beyond = shape[:, axis] * side - limit
     kept: list[Points] = []

@@ -168,7 +168,7 @@ _ALIGNMENT = 8
 kernels.check_records(ELEMENT, GRID, POSE, PLACE, FREE_BINS, KIND, SEGMENT, MEMBER, COPIES, RELIEF)
 
 
-def aligned(value: Any) -> Any:
+def align_arrays(value: Any) -> Any:
     """Return an array or NamedTuple with all its arrays at addresses that the kernels can read.
 
     Arrays in the frames of a message may lie at odd addresses; these are copied.
@@ -179,7 +179,7 @@ def aligned(value: Any) -> Any:
     if isinstance(value, np.ndarray):
         return value if value.ctypes.data % _ALIGNMENT == 0 else value.copy()
     if isinstance(value, tuple) and hasattr(value, "_make"):
-        return value._make(map(aligned, value))
+        return value._make(map(align_arrays, value))
     return value
 
 

@@ -49,7 +49,7 @@ class ReliefBounds(NamedTuple):
     finest: float = np.inf
 
 
-def mixed(key: int) -> int:
+def mix64(key: int) -> int:
     """Mix the bits of a key by the steps of SplitMix64, as `hash64` of the kernels; 64 bits."""
     key = key * 0x9E3779B97F4A7C15 % _WORD
     key = (key ^ key >> 30) * 0xBF58476D1CE4E5B9 % _WORD
@@ -65,7 +65,7 @@ def relief_of(roughness: Roughness) -> NDArray[Any]:
     seed = 0 if roughness.seed is UNSET else roughness.seed
     relief["per"] = CELLS_PER_CORRELATION / roughness.correlation
     relief["scale"] = SCALE_PER_RMS * roughness.rms
-    relief["key"] = np.uint64(mixed(seed + 1))
+    relief["key"] = np.uint64(mix64(seed + 1))
     return relief
 
 

@@ -33,7 +33,6 @@ from terratool.field.tables import (
     Runs,
     bins_of,
     dense_runs,
-    in_order,
     kinds_of,
     mark_plain,
     order_of,
@@ -41,6 +40,7 @@ from terratool.field.tables import (
     placed_of,
     poses_of,
     rank_of,
+    reorder,
     runs_of,
     surroundings,
 )
@@ -56,7 +56,7 @@ _SLACK = 8.0
 """Factor on the terrain's corner and sides in bounds of rounding, before grids are laid."""
 
 
-class Member(NamedTuple):
+class SharedMember(NamedTuple):
     """An element of a template with its copies and their numbers.
 
     Attributes:
@@ -119,10 +119,10 @@ class Tally(NamedTuple):
     elements: int
     by_kind: tuple[int, ...]
     levels: int
-    families: tuple[tuple[Member, ...], ...]
-    root: Member
+    families: tuple[tuple[SharedMember, ...], ...]
+    root: SharedMember
 
-    def way(self, number: int) -> list[tuple[Member, int]]:
+    def way(self, number: int) -> list[tuple[SharedMember, int]]:
         """Return the members on the way to an element by its number, each with its copy."""
         way = [(self.root, 0)]
         while number:
@@ -186,7 +186,7 @@ def compile_shared(plan: Blueprint, *, roughness: bool = True) -> tuple[Compiled
     definition = plan.definition
     columns, bounding, factors = _columns(draft, plan)
     order, dense = order_of(bounding, draft.first[draft.levels].tolist())
-    columns, bounding, dense = in_order(columns, order), in_order(bounding, order), dense[order]
+    columns, bounding, dense = reorder(columns, order), reorder(bounding, order), dense[order]
     node_of, free = draft.node_of[order], columns.free
     below = draft.below[order]
     below = np.where(below >= 0, rank_of(order)[below], -1)
@@ -418,7 +418,7 @@ def _leaves(
     return leaves & dense_runs(columns, first, np.add.reduceat(own, first), often)
 
 
-class _Numbers(NamedTuple):
+class _NodeNumbers(NamedTuple):
     """Numbers of the elements of templates, by their nodes.
 
     Attributes:
@@ -469,19 +469,19 @@ def _number(draft: _Draft, order: Ints, plan: Blueprint) -> tuple[NDArray[Any], 
         row = 0 if node.copies is None else node.copies.counts[node.copies.across]
         families = np.broadcast_to(within[index], node.rows)
         members.append(
-            Member(
+            SharedMember(
                 int(place[own.start]) if node.rows else -1, found.firsts[index],
                 found.each[index], row, node.numbers, node.step, families,
             )
         )  # fmt: skip
-    root = Member(0, (0,), total, 0, None, plan.root.step, np.zeros(1, np.int64))
+    root = SharedMember(0, (0,), total, 0, None, plan.root.step, np.zeros(1, np.int64))
     listed = tuple(tuple(members[child] for child in siblings) for siblings in children)
     return rows[order], Tally(total, (), 1 + found.depth[0], listed, root)
 
 
 def _numbers(
     draft: _Draft, children: list[list[int]], within: list[Any], plan: Blueprint
-) -> _Numbers:
+) -> _NodeNumbers:
     """Number the elements in the cell of each node, inner ones first.
 
     Args:
@@ -510,7 +510,7 @@ def _numbers(
                 inside[index] += many * each[child]
             deepest = max(depth[number] if number >= 0 else 0 for number in below)
             depth[index] = max(depth[index], 1 + deepest)
-    return _Numbers(firsts, each, inside, depth)
+    return _NodeNumbers(firsts, each, inside, depth)
 
 
 def _halves(numbers: Sequence[int]) -> NDArray[np.uint64]:

@@ -179,7 +179,7 @@ def rank_of(order: Ints) -> Ints:
     return rank
 
 
-def in_order(columns: Columns, order: Ints) -> Columns:
+def reorder(columns: Columns, order: Ints) -> Columns:
     """Return the elements in another order, their parents renumbered."""
     if (order == np.arange(len(order))).all():
         return columns

@@ -19,7 +19,7 @@ from terratool.definition.sharing import blueprint
 from terratool.definition.uses import Uses
 from terratool.errors import RequestError
 from terratool.field.compile import Compiled, compile_definition
-from terratool.field.records import FieldArrays, aligned
+from terratool.field.records import FieldArrays, align_arrays
 from terratool.field.sharing import Tally, compile_shared, refuse_piled
 from terratool.field.types import PointSamples
 from terratool.kernels import field as kernels
@@ -196,7 +196,7 @@ class Terrain:
         return {name: value for name, value in vars(self).items() if name not in dropped}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        vars(self).update(state, _compiled=aligned(state["_compiled"]))
+        vars(self).update(state, _compiled=align_arrays(state["_compiled"]))
 
     @property
     def bounds(self) -> Bounds:
@@ -251,7 +251,7 @@ class Terrain:
         return Terrain(self._source, roughness=self._roughness, share_above=math.inf)
 
     @property
-    def by_elements(self) -> Terrain | None:
+    def written_out_or_none(self) -> Terrain | None:
         """The terrain with all parts and copies written out; None if there are too many."""
         try:
             return self.written_out

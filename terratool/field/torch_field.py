@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from terratool.errors import RequestError
 from terratool.field.friction import frictions_of
-from terratool.field.warp_field import WarpField, checked_origin, required
+from terratool.field.warp_field import WarpField, check_origin, require_package
 
 if TYPE_CHECKING:
     import torch
@@ -60,7 +60,7 @@ class TorchField:
         default_friction: float = math.nan,
     ) -> None:
         """Bring a terrain to a device; see `Terrain.to_torch`."""
-        torch = required("torch", "PyTorch", "torch")
+        torch = require_package("torch", "PyTorch", "torch")
         try:
             self.device = torch.empty(0, device=device).device  # with its number
         except (RuntimeError, AssertionError, NotImplementedError) as error:
@@ -68,7 +68,7 @@ class TorchField:
                 f"PyTorch has no device {str(device)!r} here.",
                 'Take "cpu"; "cuda" needs a GPU, and a build of PyTorch for it.',
             ) from error
-        self.surfaces, self.origin = terrain.surfaces, checked_origin(origin)
+        self.surfaces, self.origin = terrain.surfaces, check_origin(origin)
         self._terrain, self._default_friction = terrain, default_friction
         self._friction = frictions_of(terrain, default_friction)
         self.asks_terrain = self.device.type == "cpu"
@@ -100,7 +100,7 @@ class TorchField:
         """
         import torch
 
-        points = self._checked(points)
+        points = self._check_points(points)
         if self.asks_terrain:
             height = self._terrain.height(*self._world(points))
             return torch.from_numpy(self._from_origin(height))
@@ -119,7 +119,7 @@ class TorchField:
         """
         import torch
 
-        points = self._checked(points)
+        points = self._check_points(points)
         if self.asks_terrain:
             at = self._terrain.sample(*self._world(points))
             friction = self._friction[at.surface + 1]
@@ -136,7 +136,7 @@ class TorchField:
         self._launch(points, *out)
         return out
 
-    def _checked(self, points: torch.Tensor) -> torch.Tensor:
+    def _check_points(self, points: torch.Tensor) -> torch.Tensor:
         import torch
 
         if points.dtype not in (torch.float32, torch.float64) or points.shape[-1:] != (2,):

@@ -75,7 +75,7 @@ class WarpField:
         default_friction: float = math.nan,
     ) -> None:
         """Bring a terrain to a device; see `Terrain.to_warp`."""
-        wp = required("warp", "NVIDIA Warp", "warp")
+        wp = require_package("warp", "NVIDIA Warp", "warp")
         with _quiet(wp):
             wp.init()
         try:
@@ -85,9 +85,9 @@ class WarpField:
                 f"Warp has no device {device!r} here.",
                 f"Take {' or '.join(str(known) for known in wp.get_devices())}.",
             ) from error
-        from terratool.field.warp_kernels import Field, compiled
+        from terratool.field.warp_kernels import DeviceField, compile_kernels
 
-        self.surfaces, self.origin = terrain.surfaces, checked_origin(origin)
+        self.surfaces, self.origin = terrain.surfaces, check_origin(origin)
         arrays = terrain.written_out.arrays
         room = next((room for room in _ROOMS if room >= arrays.pending), None)
         if room is None:
@@ -98,8 +98,8 @@ class WarpField:
             )
         friction = frictions_of(terrain, default_friction)
         self._struct = _struct_of(arrays, self.origin, friction, self.device)
-        self.field = wp.array([self._struct], dtype=Field, device=self.device)
-        self.ground_at, self._kernel = compiled(room)
+        self.field = wp.array([self._struct], dtype=DeviceField, device=self.device)
+        self.ground_at, self._kernel = compile_kernels(room)
 
     def height(self, points: wp.array[Any]) -> wp.array[Any]:
         """Heights at points, (…) float32 above the origin's; NaN outside and in the void.
@@ -112,7 +112,7 @@ class WarpField:
         """
         import warp as wp
 
-        points = self._checked(points)
+        points = self._check_points(points)
         height = wp.empty(points.shape, dtype=wp.float32, device=self.device)
         self.launch(points.flatten(), height.flatten())
         return height
@@ -128,7 +128,7 @@ class WarpField:
         """
         import warp as wp
 
-        points = self._checked(points)
+        points = self._check_points(points)
         types = wp.float32, wp.vec3f, wp.int32, wp.float32
         out = WarpSample(*(wp.empty(points.shape, dtype=t, device=self.device) for t in types))
         self.launch(points.flatten(), *(array.flatten() for array in out))
@@ -169,7 +169,7 @@ class WarpField:
                 record_tape=False,
             )
 
-    def _checked(self, points: wp.array[Any]) -> wp.array[Any]:
+    def _check_points(self, points: wp.array[Any]) -> wp.array[Any]:
         import warp as wp
 
         if points.dtype not in (wp.vec2f, wp.vec2d):
@@ -184,7 +184,7 @@ class WarpField:
         return points if points.is_contiguous else points.contiguous()
 
 
-def required(module: str, package: str, extra: str) -> Any:
+def require_package(module: str, package: str, extra: str) -> Any:
     """Import a package that an extra installs.
 
     Raises:
@@ -195,7 +195,7 @@ def required(module: str, package: str, extra: str) -> Any:
     return import_module(module)
 
 
-def checked_origin(origin: ArrayLike) -> tuple[float, float, float]:
+def check_origin(origin: ArrayLike) -> tuple[float, float, float]:
     """Return an origin as three numbers.
 
     Raises:
@@ -256,7 +256,7 @@ def _struct_of(
     """
     import warp as wp
 
-    from terratool.field.warp_kernels import Field, Relief
+    from terratool.field.warp_kernels import DeviceField, DeviceRelief
 
     curves, tracks = arrays.curves, arrays.tracks
     indexed = arrays.elements, arrays.offsets, arrays.entries, curves.pieces, tracks.entries
@@ -266,25 +266,25 @@ def _struct_of(
             f"The terrain has tables of {most} entries, and devices count to {_LARGEST}.",
             "Take a part of it.",
         )
-    make, field = _Maker(device), Field()
+    make, field = _Maker(device), DeviceField()
     field.bounds, field.origin = wp.vec4d(*arrays.bounds), wp.vec3d(*origin)
     _add_elements(make, field, arrays)
     _add_grids(make, field, arrays)
     _add_primitives(make, field, arrays)
     _add_tracks(make, field, tracks)
-    field.reliefs = make.structs(Relief, arrays.reliefs, "per scale key")
+    field.reliefs = make.structs(DeviceRelief, arrays.reliefs, "per scale key")
     field.friction = make.array(friction, wp.float32)
     return field
 
 
 def _add_elements(make: _Maker, field: Any, arrays: FieldArrays) -> None:
-    from terratool.field.warp_kernels import Element, Place, Pose
+    from terratool.field.warp_kernels import DeviceElement, DevicePlace, DevicePose
 
     elements, poses, places = arrays.elements, arrays.poses, arrays.places
     cells = elements["cell"].astype(np.int64)
     is_free = poses["free"][elements["pose"]] != 0
     field.elements = make.structs(
-        Element,
+        DeviceElement,
         elements,
         "scale offset pose kind grid",
         cell_x=cells[:, 0],
@@ -293,23 +293,23 @@ def _add_elements(make: _Maker, field: Any, arrays: FieldArrays) -> None:
     )
     sides = poses["cells"]
     field.poses = make.structs(
-        Pose, poses, "size cos sin_v sin_u turned", cells_x=sides[:, 0], cells_y=sides[:, 1]
+        DevicePose, poses, "size cos sin_v sin_u turned", cells_x=sides[:, 0], cells_y=sides[:, 1]
     )
     rests = arrays.rests
     field.places = make.structs(
-        Place, places, "at extent", at_rest=rests["at"], extent_rest=rests["extent"]
+        DevicePlace, places, "at extent", at_rest=rests["at"], extent_rest=rests["extent"]
     )
 
 
 def _add_grids(make: _Maker, field: Any, arrays: FieldArrays) -> None:
     import warp as wp
 
-    from terratool.field.warp_kernels import Axis, Bins, Grid
+    from terratool.field.warp_kernels import DeviceAxis, DeviceBins, DeviceGrid
 
     grids, bins = arrays.grids, arrays.free_bins
     in_cells = grids["standing"] == IN_CELLS
     field.axes = make.structs(
-        Axis,
+        DeviceAxis,
         grids,
         per=grids["per"].ravel(),
         clear=grids["clear"].ravel(),
@@ -322,7 +322,7 @@ def _add_grids(make: _Maker, field: Any, arrays: FieldArrays) -> None:
         zero=grids["zero"].ravel(),
     )
     field.grids = make.structs(
-        Grid,
+        DeviceGrid,
         grids,
         "table row listed local more",
         shift_x=grids["shift"][:, 0],
@@ -330,7 +330,7 @@ def _add_grids(make: _Maker, field: Any, arrays: FieldArrays) -> None:
         leaves=np.where(in_cells, grids["leaves"], 0),
         bins=np.where(in_cells, -1, grids["free"].astype(np.int64)),
     )
-    field.bins = make.structs(Bins, bins, "corner per slack", last=bins["shape"] - 1.0)
+    field.bins = make.structs(DeviceBins, bins, "corner per slack", last=bins["shape"] - 1.0)
     field.offsets = make.array(arrays.offsets, wp.int32)
     field.entries = make.array(arrays.entries, wp.int32)
 
@@ -338,12 +338,12 @@ def _add_grids(make: _Maker, field: Any, arrays: FieldArrays) -> None:
 def _add_primitives(make: _Maker, field: Any, arrays: FieldArrays) -> None:
     import warp as wp
 
-    from terratool.field.warp_kernels import Curve, Kind
+    from terratool.field.warp_kernels import DeviceCurve, DeviceKind
 
     kinds, curves = arrays.kinds, arrays.curves
-    field.kinds = make.structs(Kind, kinds, "surface combine is_void special")
+    field.kinds = make.structs(DeviceKind, kinds, "surface combine is_void special")
     field.curves = make.structs(
-        Curve,
+        DeviceCurve,
         kinds,
         count=kinds["count"].ravel(),
         first=kinds["pieces"][..., 0].ravel(),
@@ -361,11 +361,11 @@ def _add_primitives(make: _Maker, field: Any, arrays: FieldArrays) -> None:
 def _add_tracks(make: _Maker, field: Any, tracks: TrackArrays) -> None:
     import warp as wp
 
-    from terratool.field.warp_kernels import Segment, Track
+    from terratool.field.warp_kernels import DeviceSegment, DeviceTrack
 
     segments = tracks.segments
     field.tracks = make.structs(
-        Track,
+        DeviceTrack,
         tracks.passes,
         passes=tracks.passes,
         power=tracks.power,
@@ -373,7 +373,7 @@ def _add_tracks(make: _Maker, field: Any, tracks: TrackArrays) -> None:
         law=tracks.law,
     )
     field.segments = make.structs(
-        Segment,
+        DeviceSegment,
         segments,
         "square reach_square track",
         start=np.column_stack([segments["x"], segments["y"]]),

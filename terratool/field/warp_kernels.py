@@ -42,7 +42,7 @@ FINER = wp.constant(wp.float64(2.0**-22))
 
 
 @wp.struct
-class Axis:
+class DeviceAxis:
     """One axis of a grid: `GridAxis` of the kernels.
 
     Within `clear` of a cell's middle, in cells, no edge is near.
@@ -60,7 +60,7 @@ class Axis:
 
 
 @wp.struct
-class Grid:
+class DeviceGrid:
     """Members that both axes of a grid share.
 
     `bins` is -1 for a grid in cells; `leaves` is 0 for a grid of free elements.
@@ -78,7 +78,7 @@ class Grid:
 
 
 @wp.struct
-class Bins:
+class DeviceBins:
     """Bins of a grid of free elements."""
 
     corner: wp.vec2d
@@ -88,7 +88,7 @@ class Bins:
 
 
 @wp.struct
-class Element:
+class DeviceElement:
     """An element; `place` is the index of a free element's place, else -1."""
 
     scale: wp.float64
@@ -102,7 +102,7 @@ class Element:
 
 
 @wp.struct
-class Pose:
+class DevicePose:
     """Span and turn of an element."""
 
     size: wp.vec2d
@@ -115,7 +115,7 @@ class Pose:
 
 
 @wp.struct
-class Place:
+class DevicePlace:
     """Place of a free element, and the differences of the intended numbers from its doubles."""
 
     at: wp.vec2d
@@ -125,7 +125,7 @@ class Place:
 
 
 @wp.struct
-class Kind:
+class DeviceKind:
     """A primitive with a surface; its curves begin in the field's curves at twice its index."""
 
     surface: wp.int32
@@ -135,7 +135,7 @@ class Kind:
 
 
 @wp.struct
-class Curve:
+class DeviceCurve:
     """Position of a curve's pieces."""
 
     count: wp.float64
@@ -147,7 +147,7 @@ class Curve:
 
 
 @wp.struct
-class Segment:
+class DeviceSegment:
     """A straight piece of a track."""
 
     start: wp.vec2d
@@ -159,7 +159,7 @@ class Segment:
 
 
 @wp.struct
-class Track:
+class DeviceTrack:
     """Members that all segments of a track share."""
 
     passes: wp.float64
@@ -169,7 +169,7 @@ class Track:
 
 
 @wp.struct
-class Relief:
+class DeviceRelief:
     """The relief of a rough surface."""
 
     per: wp.float64
@@ -178,39 +178,39 @@ class Relief:
 
 
 @wp.struct
-class Field:
+class DeviceField:
     """A compiled field on a device: `FieldArrays`, friction by surface, and the origin."""
 
     bounds: wp.vec4d
     origin: wp.vec3d
-    elements: wp.array(dtype=Element)
-    axes: wp.array(dtype=Axis)
-    grids: wp.array(dtype=Grid)
-    bins: wp.array(dtype=Bins)
+    elements: wp.array(dtype=DeviceElement)
+    axes: wp.array(dtype=DeviceAxis)
+    grids: wp.array(dtype=DeviceGrid)
+    bins: wp.array(dtype=DeviceBins)
     offsets: wp.array(dtype=wp.int32)
     entries: wp.array(dtype=wp.int32)
-    poses: wp.array(dtype=Pose)
-    places: wp.array(dtype=Place)
-    kinds: wp.array(dtype=Kind)
-    curves: wp.array(dtype=Curve)
+    poses: wp.array(dtype=DevicePose)
+    places: wp.array(dtype=DevicePlace)
+    kinds: wp.array(dtype=DeviceKind)
+    curves: wp.array(dtype=DeviceCurve)
     pieces: wp.array(dtype=wp.vec4d)
     knots: wp.array(dtype=wp.float64)
     rests: wp.array(dtype=wp.float64)
     curve_bins: wp.array(dtype=wp.int32)
-    tracks: wp.array(dtype=Track)
-    segments: wp.array(dtype=Segment)
+    tracks: wp.array(dtype=DeviceTrack)
+    segments: wp.array(dtype=DeviceSegment)
     depths: wp.array2d(dtype=wp.float64)
     track_frame: wp.vec4d
     track_shape: wp.vec2i
     track_masks: wp.array(dtype=wp.uint64)
     track_offsets: wp.array(dtype=wp.int32)
     track_entries: wp.array(dtype=wp.int32)
-    reliefs: wp.array(dtype=Relief)
+    reliefs: wp.array(dtype=DeviceRelief)
     friction: wp.array(dtype=wp.float32)
 
 
 @wp.struct
-class Found:
+class ElementSum:
     """Sum of the elements at a point; `top` is the uppermost element, -1 for none."""
 
     z: wp.float64
@@ -220,7 +220,7 @@ class Found:
 
 
 @wp.struct
-class Ground:
+class DeviceGround:
     """Ground at a point.
 
     Attributes:
@@ -238,7 +238,7 @@ class Ground:
 
 
 @wp.struct
-class Shape:
+class DeviceShape:
     """Whether a footprint holds a point, and the primitive's value and slopes there."""
 
     holds: wp.bool
@@ -248,7 +248,7 @@ class Shape:
 
 
 @wp.struct
-class Spot:
+class DeviceSpot:
     """Position of a point in an element.
 
     Attributes:
@@ -272,8 +272,8 @@ class Spot:
     sin_u: wp.float64
     sin_v: wp.float64
     per: wp.vec2d
-    axis_x: Axis
-    axis_y: Axis
+    axis_x: DeviceAxis
+    axis_y: DeviceAxis
     cell: wp.vec2d
     width: wp.vec2d
 
@@ -319,7 +319,7 @@ def position(high: wp.float64, low: wp.float64, zero: wp.float64):
 
 
 @wp.func
-def edge_position(axis: Axis, k: wp.float64):
+def edge_position(axis: DeviceAxis, k: wp.float64):
     """Return the world position of edge `k` of a grid, as a sum of two doubles."""
     high, lost = exact_sum(axis.corner, k * axis.pitch)
     low = lost + axis.rest + k * axis.pitch_rest
@@ -331,20 +331,20 @@ def edge_position(axis: Axis, k: wp.float64):
 
 
 @wp.func
-def edge_double(axis: Axis, k: wp.float64):
+def edge_double(axis: DeviceAxis, k: wp.float64):
     """Return the double at which edge `k` of a grid stands."""
     high, low = edge_position(axis, k)
     return nearest_double(high, low)
 
 
 @wp.func
-def cells_from_corner(axis: Axis, x: wp.float64):
+def cells_from_corner(axis: DeviceAxis, x: wp.float64):
     """Return the distance of a world coordinate from the corner of a grid, in cells."""
     return ((x - axis.corner) - axis.rest) * axis.per
 
 
 @wp.func
-def locate_cell(x: wp.float64, axis: Axis, local: wp.int32, above: wp.float64):
+def locate_cell(x: wp.float64, axis: DeviceAxis, local: wp.int32, above: wp.float64):
     """Return the cell of a grid that holds `x`, and the position in it, by the doubles of edges."""
     s = above * axis.count
     cell = wp.floor(s)
@@ -379,7 +379,7 @@ def exact_product(a: wp.float64, b: wp.float64):
 @wp.func
 def is_past_step(
     x: wp.float64,
-    axis: Axis,
+    axis: DeviceAxis,
     cell: wp.float64,
     width: wp.float64,
     t: wp.float64,
@@ -402,7 +402,7 @@ def is_past_step(
 
 
 @wp.func
-def piece_at(field: wp.array(dtype=Field), row: wp.int32, s: wp.float64):
+def piece_at(field: wp.array(dtype=DeviceField), row: wp.int32, s: wp.float64):
     """Return value and slope of a piece at `s` in it."""
     c = field[0].pieces[row]
     value = c[0] + s * (c[1] + s * (c[2] + s * c[3]))
@@ -410,7 +410,7 @@ def piece_at(field: wp.array(dtype=Field), row: wp.int32, s: wp.float64):
 
 
 @wp.func
-def even_curve(field: wp.array(dtype=Field), curve: Curve, t: wp.float64):
+def even_curve(field: wp.array(dtype=DeviceField), curve: DeviceCurve, t: wp.float64):
     """Return value and slope of a curve of evenly spaced pieces at t in [0, 1], or EDGE beyond."""
     s = t * curve.count
     i = wp.int32(s)
@@ -419,7 +419,7 @@ def even_curve(field: wp.array(dtype=Field), curve: Curve, t: wp.float64):
 
 
 @wp.func
-def find_piece(field: wp.array(dtype=Field), curve: Curve, t: wp.float64):
+def find_piece(field: wp.array(dtype=DeviceField), curve: DeviceCurve, t: wp.float64):
     """Return the last piece of a knotted curve that begins at or before `t`."""
     slot = wp.min(wp.int32(t * (wp.float64(curve.last) + ONE)), curve.last)
     i = field[0].curve_bins[curve.bin + slot]
@@ -429,7 +429,7 @@ def find_piece(field: wp.array(dtype=Field), curve: Curve, t: wp.float64):
 
 
 @wp.func
-def any_curve(field: wp.array(dtype=Field), curve: Curve, t: wp.float64):
+def any_curve(field: wp.array(dtype=DeviceField), curve: DeviceCurve, t: wp.float64):
     """Return value and slope of any curve at `t`, if no edge in the world decides about steps."""
     row = curve.first
     s = t * curve.count
@@ -453,9 +453,9 @@ def any_curve(field: wp.array(dtype=Field), curve: Curve, t: wp.float64):
 
 @wp.func
 def placed_curve(
-    field: wp.array(dtype=Field),
-    curve: Curve,
-    axis: Axis,
+    field: wp.array(dtype=DeviceField),
+    curve: DeviceCurve,
+    axis: DeviceAxis,
     cell: wp.float64,
     width: wp.float64,
     t: wp.float64,
@@ -482,9 +482,9 @@ def placed_curve(
 
 @wp.func
 def curve_at(
-    field: wp.array(dtype=Field),
-    curve: Curve,
-    axis: Axis,
+    field: wp.array(dtype=DeviceField),
+    curve: DeviceCurve,
+    axis: DeviceAxis,
     cell: wp.float64,
     width: wp.float64,
     t: wp.float64,
@@ -502,32 +502,32 @@ def curve_at(
 
 
 @wp.func
-def combined(how: wp.int32, x: wp.float64, slope_x: wp.float64, y: wp.float64, slope_y: wp.float64):
+def combine(how: wp.int32, x: wp.float64, slope_x: wp.float64, y: wp.float64, slope_y: wp.float64):
     """Combine the values of two curves, with slopes in u and v."""
     if how == PRODUCT:
-        return Shape(True, x * y, slope_x * y, x * slope_y)
+        return DeviceShape(True, x * y, slope_x * y, x * slope_y)
     if how == SUM:
-        return Shape(True, x + y, slope_x, slope_y)
+        return DeviceShape(True, x + y, slope_x, slope_y)
     if (x <= y) == (how == MIN):
-        return Shape(True, x, slope_x, ZERO)
-    return Shape(True, y, ZERO, slope_y)
+        return DeviceShape(True, x, slope_x, ZERO)
+    return DeviceShape(True, y, ZERO, slope_y)
 
 
 @wp.func
-def radial(field: wp.array(dtype=Field), curve: Curve, at: wp.vec2d):
+def radial(field: wp.array(dtype=DeviceField), curve: DeviceCurve, at: wp.vec2d):
     """Tell whether a point lies in the disc, with value and slopes of the curve there."""
     a = TWO * at[0] - ONE
     b = TWO * at[1] - ONE
     rho = wp.sqrt(a * a + b * b)
     if rho > ONE + EDGE:
-        return Shape(False, ZERO, ZERO, ZERO)
+        return DeviceShape(False, ZERO, ZERO, ZERO)
     value, slope = any_curve(field, curve, wp.min(HALF + HALF * rho, ONE))
     slope = slope / rho if rho > ZERO else ZERO
-    return Shape(True, value, slope * a, slope * b)
+    return DeviceShape(True, value, slope * a, slope * b)
 
 
 @wp.func
-def turned(pose: Pose, at: wp.vec2d, sin_u: wp.float64, sin_v: wp.float64):
+def turn_point(pose: DevicePose, at: wp.vec2d, sin_u: wp.float64, sin_v: wp.float64):
     """Return the position of a point of the cell in the turned rectangle."""
     a = at[0] - HALF
     b = at[1] - HALF
@@ -541,7 +541,7 @@ def is_beyond(at: wp.vec2d):
 
 
 @wp.func
-def within(at: wp.vec2d):
+def clamp_to_rectangle(at: wp.vec2d):
     """Clamp a point that rounding put a little beyond the rectangle to its edge."""
     return wp.vec2d(wp.clamp(at[0], ZERO, ONE), wp.clamp(at[1], ZERO, ONE))
 
@@ -550,7 +550,7 @@ def within(at: wp.vec2d):
 
 
 @wp.func
-def from_parent(axis: Axis, local: wp.int32, x: wp.float64, above: wp.float64):
+def from_parent(axis: DeviceAxis, local: wp.int32, x: wp.float64, above: wp.float64):
     """Return the distance of a point from the corner of the cell that a free grid is in."""
     if local != 0:
         return above * (axis.pitch + axis.pitch_rest)
@@ -558,7 +558,7 @@ def from_parent(axis: Axis, local: wp.int32, x: wp.float64, above: wp.float64):
 
 
 @wp.func
-def free_axis(parent: Axis, place: Place, which: wp.int32):
+def free_axis(parent: DeviceAxis, place: DevicePlace, which: wp.int32):
     """Return an axis of the one-cell grid that a free place is in its parent's cell."""
     at = place.at[which]
     extent = place.extent[which]
@@ -570,11 +570,11 @@ def free_axis(parent: Axis, place: Place, which: wp.int32):
     per = ONE / extent
     noise = FREE_NOISE * wp.max(wp.abs(at) + extent, wp.abs(corner))
     near = wp.max(EDGE, noise * per)
-    return Axis(corner, rest, per, HALF - near, ONE, near, extent, more, parent.zero)
+    return DeviceAxis(corner, rest, per, HALF - near, ONE, near, extent, more, parent.zero)
 
 
 @wp.func
-def holds_along(axis: Axis, x: wp.float64, terrain_end: wp.float64):
+def holds_along(axis: DeviceAxis, x: wp.float64, terrain_end: wp.float64):
     """Tell whether a cell holds a coordinate: half-open, except at the terrain's own far edge."""
     if x < edge_double(axis, ZERO):
         return False
@@ -589,14 +589,14 @@ def position_holds(at: wp.float64, above: wp.float64):
 
 
 @wp.func
-def free_bin(bins: Bins, axis: wp.int32, from_corner: wp.float64):
+def free_bin(bins: DeviceBins, axis: wp.int32, from_corner: wp.float64):
     """Return the bin of a free grid for a distance from the corner of the parent's cell."""
     s = (from_corner - bins.corner[axis]) * bins.per[axis]
     return wp.int32(wp.min(wp.max(s, ZERO), bins.last[axis]))
 
 
 @wp.func
-def is_inside(field: wp.array(dtype=Field), x: wp.float64, y: wp.float64):
+def is_inside(field: wp.array(dtype=DeviceField), x: wp.float64, y: wp.float64):
     """Tell whether a point is on the terrain, its edges included."""
     b = field[0].bounds
     return b[0] <= x and x <= b[2] and b[1] <= y and y <= b[3]
@@ -604,7 +604,11 @@ def is_inside(field: wp.array(dtype=Field), x: wp.float64, y: wp.float64):
 
 @wp.func
 def free_cell_holds(
-    field: wp.array(dtype=Field), place: Place, axis_x: Axis, axis_y: Axis, point: wp.vec2d
+    field: wp.array(dtype=DeviceField),
+    place: DevicePlace,
+    axis_x: DeviceAxis,
+    axis_y: DeviceAxis,
+    point: wp.vec2d,
 ):
     """Tell whether a cell of a free grid holds a point, by the doubles of its edges."""
     along_x = free_axis(axis_x, place, 0)
@@ -614,7 +618,7 @@ def free_cell_holds(
 
 
 @wp.func
-def slot_of(field: wp.array(dtype=Field), g: wp.int32, above: wp.vec2d, point: wp.vec2d):
+def slot_of(field: wp.array(dtype=DeviceField), g: wp.int32, above: wp.vec2d, point: wp.vec2d):
     """Return the bin of a grid that holds a point, its cell, and the position in the cell.
 
     In a grid of free elements, the position is measured from the corner of the parent's cell.
@@ -643,9 +647,9 @@ def slot_of(field: wp.array(dtype=Field), g: wp.int32, above: wp.vec2d, point: w
 
 @wp.func
 def spot_at_place(
-    field: wp.array(dtype=Field),
+    field: wp.array(dtype=DeviceField),
     g: wp.int32,
-    element: Element,
+    element: DeviceElement,
     at: wp.vec2d,
     above: wp.vec2d,
     point: wp.vec2d,
@@ -656,7 +660,7 @@ def spot_at_place(
     axis_y = field[0].axes[2 * g + 1]
     place = field[0].places[element.place]
     pose = field[0].poses[element.pose]
-    spot = Spot()
+    spot = DeviceSpot()
     dx = at[0] - place.at[0]
     dy = at[1] - place.at[1]
     spot.per = wp.vec2d(ONE / place.extent[0], ONE / place.extent[1])
@@ -670,7 +674,7 @@ def spot_at_place(
                 spot.in_cell = in_x and position_holds(spot.uv[1], above[1])
             else:
                 spot.in_cell = free_cell_holds(field, place, axis_x, axis_y, point)
-    spot.above = within(spot.uv)
+    spot.above = clamp_to_rectangle(spot.uv)
     if pose.turned != 0:
         spot.beyond_cell = True
         spot.sin_v = pose.sin_v * (place.extent[1] * spot.per[0])
@@ -685,11 +689,15 @@ def spot_at_place(
 
 @wp.func
 def spot_in_cell(
-    field: wp.array(dtype=Field), g: wp.int32, element: Element, cell: wp.vec2i, at: wp.vec2d
+    field: wp.array(dtype=DeviceField),
+    g: wp.int32,
+    element: DeviceElement,
+    cell: wp.vec2i,
+    at: wp.vec2d,
 ):
     """Return the spot of a point in an element that stands in cells, `at` its position in one."""
     pose = field[0].poses[element.pose]
-    spot = Spot()
+    spot = DeviceSpot()
     spot.axis_x = field[0].axes[2 * g]
     spot.axis_y = field[0].axes[2 * g + 1]
     spot.cell = wp.vec2d(wp.float64(element.cell_x), wp.float64(element.cell_y))
@@ -714,7 +722,11 @@ def spot_in_cell(
 
 @wp.func
 def shape_at(
-    field: wp.array(dtype=Field), element: Element, spot: Spot, is_leaf: wp.bool, point: wp.vec2d
+    field: wp.array(dtype=DeviceField),
+    element: DeviceElement,
+    spot: DeviceSpot,
+    is_leaf: wp.bool,
+    point: wp.vec2d,
 ):
     """Tell whether a footprint holds a point, with the primitive's value and slopes along the cell.
 
@@ -726,8 +738,8 @@ def shape_at(
     curve_y = field[0].curves[2 * element.kind + 1]
     uv = spot.uv
     if pose.turned != 0 or is_leaf:
-        uv = turned(pose, uv, spot.sin_u, spot.sin_v)
-    shape = Shape(False, ZERO, ZERO, ZERO)
+        uv = turn_point(pose, uv, spot.sin_u, spot.sin_v)
+    shape = DeviceShape(False, ZERO, ZERO, ZERO)
     if kind.combine == RADIAL:
         shape = radial(field, curve_x, uv)
     elif pose.turned == 0:
@@ -735,13 +747,13 @@ def shape_at(
         width = spot.width
         a, da = curve_at(field, curve_x, spot.axis_x, cell[0], width[0], uv[0], point[0])
         b, db = curve_at(field, curve_y, spot.axis_y, cell[1], width[1], uv[1], point[1])
-        shape = combined(kind.combine, a, da, b, db)
+        shape = combine(kind.combine, a, da, b, db)
     elif not is_beyond(uv):
         if kind.special != 0 or element.place >= 0:
-            uv = within(uv)
+            uv = clamp_to_rectangle(uv)
         a, da = any_curve(field, curve_x, uv[0])
         b, db = any_curve(field, curve_y, uv[1])
-        shape = combined(kind.combine, a, da, b, db)
+        shape = combine(kind.combine, a, da, b, db)
     if pose.turned != 0:
         du = shape.du * pose.cos + shape.dv * spot.sin_u
         shape.dv = shape.dv * pose.cos - shape.du * spot.sin_v
@@ -762,7 +774,7 @@ def hash64(key: wp.uint64):
 
 
 @wp.func
-def relief_at(relief: Relief, x: wp.float64, y: wp.float64):
+def relief_at(relief: DeviceRelief, x: wp.float64, y: wp.float64):
     """Return height and gradient of a relief at a point."""
     s = x * relief.per
     t = y * relief.per
@@ -793,7 +805,7 @@ def relief_at(relief: Relief, x: wp.float64, y: wp.float64):
 
 
 @wp.func
-def segment_holds(segment: Segment, x: wp.float64, y: wp.float64):
+def segment_holds(segment: DeviceSegment, x: wp.float64, y: wp.float64):
     """Tell whether a point is at most half the track's width from a segment."""
     ex = x - segment.start[0]
     ey = y - segment.start[1]
@@ -809,7 +821,7 @@ def segment_holds(segment: Segment, x: wp.float64, y: wp.float64):
 
 
 @wp.func
-def cell_near(field: wp.array(dtype=Field), x: wp.float64, y: wp.float64):
+def cell_near(field: wp.array(dtype=DeviceField), x: wp.float64, y: wp.float64):
     """Return the cell of the track index that a point lies in; -1 if no track is near."""
     u = (x - field[0].track_frame[0]) * field[0].track_frame[2]
     v = (y - field[0].track_frame[1]) * field[0].track_frame[3]
@@ -828,7 +840,7 @@ def cell_near(field: wp.array(dtype=Field), x: wp.float64, y: wp.float64):
 
 
 @wp.func
-def rut_at(field: wp.array(dtype=Field), x: wp.float64, y: wp.float64, ground: wp.int32):
+def rut_at(field: wp.array(dtype=DeviceField), x: wp.float64, y: wp.float64, ground: wp.int32):
     """Return the rut's depth at a point, and the track that decides the surface; -1 for none."""
     cell = cell_near(field, x, y)
     if cell < 0:
@@ -864,9 +876,9 @@ def rut_at(field: wp.array(dtype=Field), x: wp.float64, y: wp.float64, ground: w
 
 
 @wp.func
-def settled(field: wp.array(dtype=Field), found: Found, x: wp.float64, y: wp.float64):
+def settle(field: wp.array(dtype=DeviceField), found: ElementSum, x: wp.float64, y: wp.float64):
     """Apply tracks, reliefs and the void to the sum of the elements at a point."""
-    ground = Ground(found.z, wp.vec2d(found.slope_x, found.slope_y), -1, wp.float32(NAN))
+    ground = DeviceGround(found.z, wp.vec2d(found.slope_x, found.slope_y), -1, wp.float32(NAN))
     if found.top >= 0:
         kind = field[0].kinds[field[0].elements[found.top].kind]
         ground.surface = kind.surface
@@ -887,7 +899,7 @@ def settled(field: wp.array(dtype=Field), found: Found, x: wp.float64, y: wp.flo
     return ground
 
 
-class Compiled(NamedTuple):
+class DeviceFunctions(NamedTuple):
     """Warp functions for descents in which a limited number of grids wait.
 
     Attributes:
@@ -900,18 +912,18 @@ class Compiled(NamedTuple):
 
 
 @functools.cache
-def compiled(room: int) -> Compiled:
+def compile_kernels(room: int) -> DeviceFunctions:
     """Compile the functions whose stack has room for `room` grids that wait in a descent."""
     grids_type: Any = wp.types.vector(length=room, dtype=wp.int32)
     places_type: Any = wp.types.matrix(shape=(room, 2), dtype=wp.float64)
 
     @wp.func
-    def descend(field: wp.array(dtype=Field), point: wp.vec2d):
+    def descend(field: wp.array(dtype=DeviceField), point: wp.vec2d):
         """Return height, gradient and top element at a point inside the bounds, without tracks."""
         waiting = grids_type()
         places = places_type()
         pending = wp.int32(0)
-        found = Found(ZERO, ZERO, ZERO, -1)
+        found = ElementSum(ZERO, ZERO, ZERO, -1)
         g = wp.int32(0)
         above = wp.vec2d(ZERO, ZERO)
         while g >= 0:
@@ -922,7 +934,7 @@ def compiled(room: int) -> Compiled:
                 if grid.listed != 0:
                     index = field[0].entries[k]
                 element = field[0].elements[index]
-                spot = Spot()
+                spot = DeviceSpot()
                 if element.place >= 0:
                     spot = spot_at_place(field, g, element, at, above, point)
                 else:
@@ -950,16 +962,16 @@ def compiled(room: int) -> Compiled:
         return found
 
     @wp.func
-    def ground_at(field: wp.array(dtype=Field), x: wp.float64, y: wp.float64):
+    def ground_at(field: wp.array(dtype=DeviceField), x: wp.float64, y: wp.float64):
         """Return the ground at a point of the world."""
         if is_inside(field, x, y):
             found = descend(field, wp.vec2d(x, y))
-            return settled(field, found, x, y)
-        return Ground(NAN, wp.vec2d(NAN, NAN), -1, wp.float32(NAN))
+            return settle(field, found, x, y)
+        return DeviceGround(NAN, wp.vec2d(NAN, NAN), -1, wp.float32(NAN))
 
     @wp.kernel(module="unique", module_options=OPTIONS)
     def sample(
-        field: wp.array(dtype=Field),
+        field: wp.array(dtype=DeviceField),
         each: wp.int32,
         points: wp.array(dtype=wp.vec2f),
         exact: wp.array(dtype=wp.vec2d),
@@ -993,4 +1005,4 @@ def compiled(room: int) -> Compiled:
             if friction:
                 friction[n] = ground.friction
 
-    return Compiled(ground_at, sample)
+    return DeviceFunctions(ground_at, sample)

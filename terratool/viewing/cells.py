@@ -68,7 +68,7 @@ def cell_lines(terrain: Terrain, bounds: Bounds, per_point: float) -> CellLines:
         bounds: west, south, east, north of what is drawn.
         per_point: how long a point of the picture, 1/72 inch, is on the ground.
     """
-    whole = terrain.by_elements
+    whole = terrain.written_out_or_none
     if whole is None:
         note = f"There are too many elements for their cells to be drawn: {terrain.elements:,}."
         return CellLines((), (), (), (note,))

@@ -268,7 +268,7 @@ def _light_caption(factor: float) -> str:
 
 def _narrow(terrain: Terrain, part: Bounds, pixel: float) -> list[str]:
     """A sentence on elements that are narrower than a pixel, if there are any."""
-    whole = terrain.by_elements
+    whole = terrain.written_out_or_none
     if whole is None:
         return []
     west, south, east, north = whole.footprints()

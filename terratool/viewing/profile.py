@@ -197,7 +197,7 @@ def _crossing(line: Line, rectangles: Floats) -> Floats:
 def _places(terrain: Terrain, line: Line, length: float) -> Floats:
     """Distances at which the ground is looked at first, in order."""
     found = [np.linspace(0.0, length, EVEN + 1)]
-    whole = terrain.by_elements
+    whole = terrain.written_out_or_none
     if whole is not None:
         enter, leave = _crossing(line, whole.footprints())
         crossed = np.flatnonzero(enter < leave)
@@ -351,7 +351,7 @@ def draw_section(
         f"{walls} wall{'s' * (walls != 1)}"
     )
     notes: list[str] = [*note_of_chosen(factor, options.exaggeration)]
-    if terrain.by_elements is None:
+    if terrain.written_out_or_none is None:
         notes.append("There are too many elements to look at each: narrow ones may be missing.")
     return Drawn(sheet, what, tuple(notes))
 
