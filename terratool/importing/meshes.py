@@ -1,4 +1,4 @@
-"""Meshes of many formats, DXF drawings among them, become triangles."""
+"""Readers of triangles from mesh files of many formats, and from DXF drawings."""
 
 from __future__ import annotations
 
@@ -35,13 +35,13 @@ from terratool.importing.vrml.scene import UP, read_vrml, stated_up
 from terratool.text.files import open_file
 
 MAX_VALUES = 2**28
-"""Values of glTF that the file does not hold, and that would have to be made up."""
+"""Most values of a glTF that its file does not hold, and that a reader would have to fill in."""
 
 _HEAD = 1 << 16
-"""Bytes in which a header has to say how many faces there are."""
+"""Bytes in which a PLY or OFF header has to state its number of faces."""
 
 MAX_ENTITIES = 10_000
-"""Blocks of DXF may come to so many entities, and one for each byte of the file besides."""
+"""Most entities that the blocks of a DXF may come to, besides one for each byte of the file."""
 
 _JSON, _MAGIC = 0x4E4F534A, b"glTF"
 _MODES = {0: "points", 1: "lines", 2: "lines", 3: "lines", 6: "triangle fans"}
@@ -55,20 +55,20 @@ _UNITS = {
     7: ("kilometre", 1000.0),
     14: ("decimetre", 0.1),
 }
-"""Names of $INSUNITS, and what they are in metres (DXF reference, header variables)."""
+"""Unit names of $INSUNITS, and their lengths in metres (DXF reference, header variables)."""
 
 LARGEST = 1e30
-"""Coordinates are below this in size, as those of a definition."""
+"""Limit of coordinates without sign, as in a definition."""
 
 
 @dataclass(frozen=True, slots=True)
 class Reader:
-    """How a format is read.
+    """Reader of a mesh format.
 
     Attributes:
-        name: what people call the format.
-        read: makes triangles of a file, in its own axes.
-        up: the axis that points up, or what says so of a file.
+        name: name of the format for people.
+        read: reads the triangles of a file, in the file's own axes.
+        up: axis that points up, or a function that finds it for a file.
         needs: packages beyond those that terratool always has.
     """
 
@@ -79,22 +79,22 @@ class Reader:
 
 
 def read_triangles(path: str | Path, up: str | None = None, scale: float = 1.0) -> Triangles:
-    """The triangles of a mesh in a file, z up.
+    """Read the triangles of a mesh file, z up.
 
-    Nothing is merged, repaired or reordered. Scenes are put together, with every part in its place.
+    Nothing is merged, repaired or reordered. Scenes are assembled, with every part in its place.
 
     Args:
         path: an .obj, .stl, .ply, .glb, .gltf, .off, .3mf, .dxf, .wrl, .wrz, .x3d, .x3dz, .x3dv or
             .x3dvz file.
-        up: the axis that points up, "y" or "z"; what the format is known for, if None: y for glTF,
-            VRML and X3D, unless the file says otherwise as those that we write do, and z for all
+        up: axis that points up, "y" or "z"; if None, the usual one of the format: y for glTF, VRML
+            and X3D, unless the file states another one as the project's own files do, and z for all
             others. With y, (x, y, z) becomes (x, -z, y).
-        scale: a factor on all coordinates; 3MF is in metres before that.
+        scale: factor on all coordinates, which are in metres for 3MF.
 
     Raises:
-        ReadError: the file is not there, is no whole mesh of its format, or has no faces; a package
+        ReadError: the file is missing, is no whole mesh of its format, or has no faces; a package
             is missing.
-        RequestError: an axis or scale that makes no sense.
+        RequestError: the axis or the scale makes no sense.
     """
     path = Path(path)
     if up not in (None, "y", "z"):
@@ -115,10 +115,11 @@ def read_triangles(path: str | Path, up: str | None = None, scale: float = 1.0) 
 
 
 def _reader_of(path: Path) -> Reader:
-    """The reader for a file that is there.
+    """Return the reader for a file.
 
     Raises:
-        ReadError: it is not, or has no suffix that is known, or a package is missing.
+        ReadError: the file is missing or unreadable, its suffix is unknown, or a package is
+            missing.
     """
     reader = READERS.get(path.suffix.lower())
     if reader is None:
@@ -151,10 +152,10 @@ def _reader_of(path: Path) -> Reader:
 
 
 def _attempted(reader: Reader, path: Path) -> Triangles:
-    """What a reader makes of a file.
+    """Read a file, and turn every failure into an error for the user.
 
     Raises:
-        ReadError: it fails, in whatever way.
+        ReadError: the reader fails, in whatever way.
     """
     try:
         with _quiet():
@@ -197,10 +198,10 @@ def _quiet() -> Iterator[None]:
 
 
 def _cleaned(triangles: Triangles, path: Path) -> Triangles:
-    """Triangles whose corners are there, and finite.
+    """Return triangles without faces whose coordinates are NaN, infinite or too large.
 
     Raises:
-        ReadError: there are none, or faces refer to vertices that are not there.
+        ReadError: no face is left, or a face refers to a missing vertex.
     """
     vertices, faces, notes = triangles.vertices, triangles.faces, triangles.notes
     if len(faces) == 0:
@@ -230,7 +231,7 @@ def _cleaned(triangles: Triangles, path: Path) -> Triangles:
 
 
 def _by_trimesh(path: Path, kind: str) -> Triangles:
-    """The meshes of a scene, each as often as it stands there."""
+    """Read the meshes of a scene by trimesh, each as often as the scene has it."""
     import trimesh
 
     notes = check_gltf(path) if kind in ("glb", "gltf") else ()
@@ -265,7 +266,7 @@ def _by_trimesh(path: Path, kind: str) -> Triangles:
 
 
 def _buffers_beside(path: Path) -> Any:
-    """What gives trimesh the buffers of a glTF: regular files in its folder, and nothing else."""
+    """Return a resolver that gives trimesh regular files in a glTF's folder, and nothing else."""
     from trimesh.resolvers import FilePathResolver
 
     def get(name: str) -> bytes:
@@ -282,7 +283,7 @@ def _buffers_beside(path: Path) -> Any:
 
 
 def _moved(vertices: Any, matrix: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Vertices (n, 3) where a 4 × 4 matrix puts them."""
+    """Transform vertices, (n, 3), by a 4 × 4 matrix."""
     points = np.asarray(vertices, np.float64)
     if np.array_equal(matrix, np.eye(4)):
         return points
@@ -290,10 +291,10 @@ def _moved(vertices: Any, matrix: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _counted_up(text: bytes) -> io.BytesIO:
-    """An OBJ in which faces count vertices from the first on.
+    """Return an OBJ whose faces count vertices from the first one.
 
     Negative numbers count back from the face (Wavefront, Object Files, "Referencing groups of
-    vertices"), which trimesh takes as counted back from the end of the file.
+    vertices"), but trimesh counts them back from the end of the file.
     """
     if re.search(rb"^[ \t]*f(?:[ \t]+[^\s\\]+){0,2}[ \t\r]*$", text, re.MULTILINE):
         raise ValueError("a face has fewer than three corners")
@@ -323,7 +324,7 @@ def _counted_up(text: bytes) -> io.BytesIO:
 
 
 def _as_utf8(text: bytes) -> bytes:
-    """Text in UTF-8, or in Latin-1, in UTF-8; comments and names are all that it may matter to."""
+    """Return a text in UTF-8 or Latin-1 as UTF-8; only comments and names may differ."""
     try:
         text.decode()
     except UnicodeDecodeError:
@@ -335,10 +336,10 @@ def _as_utf8(text: bytes) -> bytes:
 
 
 def check_gltf(path: Path) -> tuple[str, ...]:
-    """Refuse a glTF or GLB that is compressed or makes up values; say what else is not read.
+    """Refuse a glTF or GLB that cannot be read whole, and return notes on parts left out.
 
     Raises:
-        ReadError: it is, or does.
+        ReadError: the file is compressed, lacks values, or has sparse or packed positions.
         ValueError: the header is no JSON, or is cut short.
     """
     header = _gltf_header(path)
@@ -371,7 +372,7 @@ def check_gltf(path: Path) -> tuple[str, ...]:
 
 
 def declared_faces(path: Path) -> int:
-    """How many faces a PLY or OFF says that it has, or a text of STL begins; 0 for others."""
+    """Number of faces that the header of a PLY or OFF states or a text STL begins; 0 for others."""
     kind = path.suffix.lower()
     with open_file(path) as file:
         if kind == ".stl":
@@ -436,11 +437,11 @@ def _exactly(data: bytes, length: int) -> bytes:
 
 
 def read_dxf(path: Path) -> Triangles:
-    """The faces in the model space of a drawing; polygons are cut into triangles.
+    """Read the faces in the model space of a drawing, polygons cut into triangles.
 
     Raises:
         ReadError: blocks are nested without end.
-        Exception: whatever ezdxf raises where the file is no DXF.
+        Exception: any error of ezdxf where the file is no DXF.
     """
     import ezdxf
     from ezdxf.disassemble import recursive_decompose
@@ -477,7 +478,7 @@ def read_dxf(path: Path) -> Triangles:
 
 
 def _polygons(entity: Any) -> Any:
-    """The faces of an entity as lists of points."""
+    """Faces of a DXF entity, as lists of points; none for other kinds of entities."""
     from ezdxf.render.mesh import MeshBuilder
 
     kind = entity.dxftype()
@@ -491,7 +492,7 @@ def _polygons(entity: Any) -> Any:
 
 
 def _triangles(polygon: Any) -> Iterator[Any]:
-    """A polygon of points as triangles between the same points; none if it has less than three."""
+    """Cut a polygon of points into triangles between them; none if it has fewer than three."""
     points = list(polygon)
     count = len(points)
     first = 0
@@ -529,4 +530,4 @@ READERS = {
     ".x3dv": Reader("X3D", read_vrml, up=lambda path: stated_up(path) or UP),
     ".x3dvz": Reader("X3D", read_vrml, up=lambda path: stated_up(path) or UP),
 }
-"""Formats of meshes by suffix."""
+"""Readers of mesh formats by suffix."""

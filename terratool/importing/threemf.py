@@ -1,7 +1,7 @@
-"""The triangles of a 3MF, in metres: an archive of XML in which objects are made of objects.
+"""Reader of the triangles of a 3MF, in metres.
 
-After the 3MF Core Specification 1.3; parts in files of their own are those of its Production
-Extension.
+A 3MF is an archive of XML files in which objects consist of objects (3MF Core Specification 1.3);
+parts in files of their own follow its Production Extension.
 """
 
 from __future__ import annotations
@@ -31,19 +31,20 @@ _METRES = {
     "foot": ("feet", 0.3048),
     "meter": ("metres", 1.0),
 }
-"""Units by name, and in metres (section 3.4)."""
+"""Names of units in words, and their lengths in metres (section 3.4)."""
 
 _PATH = "http://schemas.microsoft.com/3dmanufacturing/production/2015/06 path"
 Key = tuple[str, str]
-"""The file of an object, and its number there."""
+"""File of an object in the archive, and the object's id there."""
 
 Matrix = NDArray[np.float64]
-"""(4, 3) float64: a row of x, y, z, 1 is multiplied by it from the left (section 3.3)."""
+"""Transformation, (4, 3) float64: a row x, y, z, 1 is multiplied by it from the left (section 3.3).
+"""
 
 
 @dataclass(frozen=True, slots=True)
 class _Placed:
-    """An object and where it stands."""
+    """An object and its transformation."""
 
     key: Key
     matrix: Matrix
@@ -51,7 +52,7 @@ class _Placed:
 
 @dataclass(frozen=True, slots=True)
 class _Object:
-    """A mesh as flat lists of coordinates and corners, or other objects."""
+    """A mesh as flat lists of coordinates and vertex indices, and other objects as components."""
 
     points: list[float] = field(default_factory=list)
     corners: list[int] = field(default_factory=list)
@@ -60,7 +61,7 @@ class _Object:
 
 @dataclass(slots=True)
 class _Model:
-    """What a file of the archive says."""
+    """Objects, items to build and unit of an archive."""
 
     objects: dict[Key, _Object]
     items: list[_Placed]
@@ -68,12 +69,12 @@ class _Model:
 
 
 def read_3mf(path: Path) -> Triangles:
-    """The triangles of all items that are to be built, each in its place.
+    """Read the triangles of all items to build, each in its place, in metres.
 
     Raises:
-        ReadError: the archive comes to too much, an object holds itself or is not there, or there
-            are too many faces.
-        Exception: whatever zipfile and expat raise where the file is no 3MF.
+        ReadError: the archive is too large, an object contains itself or is missing, or there are
+            too many faces.
+        Exception: any error of zipfile and expat where the file is no 3MF.
     """
     with open_file(path) as file, zipfile.ZipFile(file) as archive:
         names = [name for name in archive.namelist() if name.lower().endswith(".model")]
@@ -114,7 +115,7 @@ def read_3mf(path: Path) -> Triangles:
 
 
 def _spread(items: list[_Placed], model: _Model) -> Iterator[_Placed]:
-    """All objects with a mesh, in order, each as often as it is placed."""
+    """Yield all objects with a mesh, in order, each as often as it is placed."""
     for item in items:
         own = model.objects[item.key]
         if own.corners:
@@ -126,10 +127,10 @@ def _spread(items: list[_Placed], model: _Model) -> Iterator[_Placed]:
 
 
 def _size(key: Key, model: _Model, sizes: dict[Key, int], path: Path) -> int:
-    """How many faces an object comes to; a part counts for as many as take its time.
+    """Number of faces of an object with its components, plus `_PART` per component for its time.
 
     Raises:
-        ReadError: it holds itself, or is not there.
+        ReadError: the object contains itself, or is missing.
     """
     if key not in sizes:
         if key not in model.objects:
@@ -144,7 +145,8 @@ def _size(key: Key, model: _Model, sizes: dict[Key, int], path: Path) -> int:
 
 
 def _parse(file: IO[bytes], name: str, model: _Model, main: bool) -> None:
-    """Add what a file of the archive says to a model; items and the unit from the main one."""
+    """Add the objects of an archive's file to a model, with items and unit if it is the main one.
+    """
     current = _Object()
 
     def begin(tag: str, words: dict[str, str]) -> None:
@@ -166,7 +168,7 @@ def _parse(file: IO[bytes], name: str, model: _Model, main: bool) -> None:
     parser = hardened(" ")
     parser.StartElementHandler = begin
     step = _PIECE
-    # a comment without end is gone through anew with each piece, so that there are few of these
+    # expat rescans an unfinished comment with each piece, so pieces double
     while piece := file.read(step):
         parser.Parse(piece, False)
         step = min(2 * step, _LARGEST)
@@ -174,7 +176,7 @@ def _parse(file: IO[bytes], name: str, model: _Model, main: bool) -> None:
 
 
 def _placed(words: dict[str, str], name: str) -> _Placed:
-    """An object as a component or an item names it."""
+    """Return the object and transformation that a component or an item names."""
     numbers = [float(word) for word in words.get("transform", "1 0 0 0 1 0 0 0 1 0 0 0").split()]
     key = words.get(_PATH, name).lstrip("/"), words["objectid"]
     return _Placed(key, np.array(numbers).reshape(4, 3))
