@@ -145,8 +145,7 @@ def _size(key: Key, model: _Model, sizes: dict[Key, int], path: Path) -> int:
 
 
 def _parse(file: IO[bytes], name: str, model: _Model, main: bool) -> None:
-    """Add the objects of an archive's file to a model, with items and unit if it is the main one.
-    """
+    """Add the objects of an archive's file to a model; items and unit if it is the main one."""
     current = _Object()
 
     def begin(tag: str, words: dict[str, str]) -> None:
