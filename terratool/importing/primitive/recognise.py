@@ -1,7 +1,7 @@
-"""Named curves of the format in place of values, where they fit a patch as well.
+"""Recognition of named curves that fit a patch as well as free values.
 
-Curves that were fitted freely only suggest which ones to try; what counts is the error of the
-heights, with the best vScale and vOffset for each pair of curves.
+Freely fitted curves only suggest which named ones to try. The error of the heights decides, with
+the best vScale and vOffset for each pair of curves.
 """
 
 from __future__ import annotations
@@ -22,16 +22,16 @@ from terratool.importing.primitive.products import Floats, Patch, Points, Produc
 
 _CURVES = {name: parse(text) for name, text in NAMED.items()}
 _RISING = ("ramp", "smoothstep")
-"""Those that differ from their mirror image."""
+"""Names of the curves that differ from their mirror image."""
 
 _ENDS = np.round(np.arange(0.0, 1.0001, 0.05), 2)
 _SHORTEST = 0.15
 _STEPS = 0.02, 0.01, 0.005, 0.002, 0.001
 _WORSE = 1.1
-"""Of pairs that are so many times as far off as the best one at most, the plainest is taken."""
+"""Largest ratio of a pair's error to the best one's at which the plainest pair is taken."""
 
 _LOOSE, _SHARE = 1.25, 0.01
-"""Without a tolerance they may be so many times worse, or off by that part of the relief."""
+"""Error allowed without a tolerance: a multiple of the free fit's, or a share of the relief."""
 
 _PIXELS = 64
 _TRIED = 3
@@ -48,11 +48,11 @@ class NamedForm:
 
     @property
     def trimmed(self) -> bool:
-        """Whether it is shorter than the cell."""
+        """Whether the curve is shorter than the cell."""
         return (self.low, self.high) != (0.0, 1.0)
 
     def values(self, t: Floats) -> Floats:
-        """Its values, in the shape of t."""
+        """Return the curve's values, in the shape of t."""
         s = (t - self.low) / (self.high - self.low)
         if self.name != "gauss":
             s = np.clip(s, 0.0, 1.0)
@@ -60,7 +60,7 @@ class NamedForm:
         return np.broadcast_to(values, t.shape)
 
     def spelled(self) -> str:
-        """Its name, or an expression."""
+        """Return the curve's name, or an expression."""
         s = "t"
         if self.trimmed:
             width = f"{self.high - self.low:.6g}"
@@ -79,7 +79,7 @@ class NamedForm:
 
 @dataclass(frozen=True, slots=True)
 class RecognisedPair:
-    """A pair of curves; a free one is a list of values."""
+    """A pair of curves with their factor and offset; a free curve is an array of values."""
 
     error: float
     x: NamedForm | Floats
@@ -89,7 +89,7 @@ class RecognisedPair:
 
     @property
     def plainness(self) -> tuple[int, int]:
-        """Free curves, and trimmed ones, for comparing."""
+        """Number of free curves, and of trimmed ones, for comparing."""
         curves = (self.x, self.y)
         return (
             sum(not isinstance(curve, NamedForm) for curve in curves),
@@ -100,14 +100,14 @@ class RecognisedPair:
 def recognise(
     patch: Patch, terms: ProductSum, error: float, tolerance: float | None
 ) -> PrimitiveEntry | None:
-    """Named curves for one product, or for one of its two curves, if they fit well enough.
+    """Return the plainest named curves for one product, or for one of its curves, that fit.
 
     Args:
         patch: the heights; they have a relief.
         terms: the free fit.
-        error: its largest error.
-        tolerance: the largest error that is allowed; if None, 1.25 times that of the free fit or
-            1 % of the relief.
+        error: largest error of the free fit.
+        tolerance: largest error allowed; if None, 1.25 times that of the free fit or 1 % of the
+            relief.
 
     Returns:
         The plainest pair that fits, or None.
@@ -130,7 +130,7 @@ def recognise(
 
 
 def _close(found: list[RecognisedPair]) -> list[RecognisedPair]:
-    """The plainest of those that are not much worse than the best one first."""
+    """Sort pairs that are nearly as good as the best one by plainness; return the first few."""
     if not found:
         return []
     least = min(pair.error for pair in found)
@@ -147,7 +147,7 @@ def _forms() -> Iterator[NamedForm]:
 
 
 def _best_factor(points: Points, x: NamedForm, y: NamedForm) -> RecognisedPair:
-    """The best factor and offset for two curves, by least squares, and then the best offset."""
+    """Return the best factor and offset for two curves, by least squares and then for the error."""
     values = x.values(points.u) * y.values(points.v)
     middle, mean = float(values.mean()), float(points.z.mean())
     spread = float(((values - middle) ** 2).sum())
@@ -157,13 +157,13 @@ def _best_factor(points: Points, x: NamedForm, y: NamedForm) -> RecognisedPair:
 
 
 def _centred(residuals: Floats) -> tuple[float, float]:
-    """The largest error with the best offset, and that."""
+    """Return the largest error with the best offset, and that offset."""
     low, high = float(residuals.min()), float(residuals.max())
     return 0.5 * (high - low), 0.5 * (low + high)
 
 
 def _suggested(patch: Patch, points: Points) -> tuple[list[NamedForm], list[NamedForm]]:
-    """The named curves that look most like the freely fitted ones, trimmed as these are."""
+    """Return the named curves along x and y most similar to freely fitted ones, trimmed alike."""
     rows, columns = patch.values.shape
     x_nodes, y_nodes = nodes(min(33, columns)), nodes(min(33, rows))
     begin = products.best_sums(products.grid_of(patch, _PIXELS), x_nodes, y_nodes, 1, 1)[0]
@@ -173,7 +173,7 @@ def _suggested(patch: Patch, points: Points) -> tuple[list[NamedForm], list[Name
 
 
 def _alike(t: Floats, values: Floats) -> list[NamedForm]:
-    """For each name the best trimming, the closest names first."""
+    """Return the best trimming of each name, the most similar names first."""
     found = []
     for plain in _forms():
         tried: list[tuple[float, int, NamedForm]] = []
@@ -188,7 +188,7 @@ def _alike(t: Floats, values: Floats) -> list[NamedForm]:
 
 
 def _unlike(curve: Floats, values: Floats) -> float:
-    """What is left of squares behind the best factor and offset."""
+    """Return the sum of squares that the best factor and offset leave."""
     curve, values = curve - curve.mean(), values - values.mean()
     square = float(curve @ curve)
     return float(values @ values) - (float(curve @ values) ** 2 / square if square > 0.0 else 0.0)
@@ -197,7 +197,7 @@ def _unlike(curve: Floats, values: Floats) -> float:
 def _pairs(
     points: Points, x_forms: list[NamedForm], y_forms: list[NamedForm]
 ) -> Iterator[RecognisedPair]:
-    """Pairs of suggested curves, their ends moved for the smallest error."""
+    """Yield pairs of suggested curves, with ends moved to the smallest error."""
     for x, y in product(x_forms, y_forms):
         best = _best_factor(points, x, y)
         for step in _STEPS:
@@ -212,7 +212,7 @@ def _pairs(
 
 
 def _neighbours(pair: RecognisedPair, step: float) -> Iterator[tuple[NamedForm, NamedForm]]:
-    """The pair with one end of one curve moved."""
+    """Yield the pairs with one end of one curve moved by a step."""
     x, y = pair.x, pair.y
     assert isinstance(x, NamedForm) and isinstance(y, NamedForm)
     for form, other, first in ((x, y, True), (y, x, False)):
@@ -230,7 +230,7 @@ def _neighbours(pair: RecognisedPair, step: float) -> Iterator[tuple[NamedForm, 
 def _halves(
     points: Points, x_forms: list[NamedForm], y_forms: list[NamedForm], terms: ProductSum
 ) -> Iterator[RecognisedPair]:
-    """One named curve, and the values of the other one."""
+    """Yield pairs of one named curve and free values of the other."""
     for form in dict.fromkeys([*_forms(), *x_forms]):
         yield _with_values(points, form, terms.y_nodes, True)
     for form in dict.fromkeys([*_forms(), *y_forms]):
@@ -238,7 +238,7 @@ def _halves(
 
 
 def _with_values(points: Points, form: NamedForm, free: Floats, along_x: bool) -> RecognisedPair:
-    """A named curve along x or along y, and the best values of the other one: a linear problem."""
+    """Fit free values to the other axis of a named curve, by linear least squares."""
     named, other = (points.u, points.v) if along_x else (points.v, points.u)
     matrix = np.column_stack(
         [form.values(named)[:, None] * basis(free, other), np.ones(len(other))]
