@@ -1,4 +1,4 @@
-"""Through a scene of VRML97 or X3D: nodes become triangles in the coordinates of the file."""
+"""Walk through a scene of VRML97 or X3D that collects triangles in the coordinates of the file."""
 
 from __future__ import annotations
 
@@ -35,16 +35,16 @@ from terratool.kernels import importing as kernels
 from terratool.text.source import Source, read_source
 
 REPEATED = 25_000_000
-"""Steps that USE may take beyond what was written, of some 20 ns each …"""
+"""Steps that USE may cause beyond the nodes of the text, of some 20 ns each."""
 
 _PER_BYTE = 50
-"""… and so many more for each byte of the text."""
+"""Additional steps that USE may cause for each byte of the text."""
 
 _VISIT, _POSE, _MESH, _SPINE = 200, 1300, 1000, 2000
 """Steps of a visit to a node, of a Transform, of any shape, and of a point of a spine."""
 
 _ROUND = 8
-"""Steps of each triangle of a shape that is computed; of others a number or triangle is one."""
+"""Steps of each triangle of a computed shape; other shapes cost one per number or triangle."""
 
 _GROUPS = ("Anchor", "Billboard", "Collision", "Group", "Transform")
 _GROUPS_OF_X3D = ("CADAssembly", "CADLayer", "CADPart", "StaticGroup")
@@ -55,7 +55,7 @@ _CHILDREN = {
     "Shape": ("geometry",),
     "Switch": ("choice", "children"),
 }
-"""Fields with what is to be seen; of two names the first is that of VRML97."""
+"""Fields with visible children by node; of two names the first is that of VRML97."""
 
 _SOLIDS = ("Box", "Cone", "Cylinder", "Sphere", "ElevationGrid", "Extrusion", "IndexedFaceSet")
 _LEFT = ("IndexedLineSet", "PointSet", "Text", "LineSet")
@@ -69,19 +69,19 @@ _READ_AS = {
     "Sphere": f"with {SIDES} sides around and {SIDES // 2} from pole to pole",
 }
 _HEAD = 1 << 16
-"""Bytes that have the head of an X3D file."""
+"""Bytes that contain the head of an X3D file."""
 
 _WIDE = {
     b"\xff\xfe": "utf-16-le", b"\xfe\xff": "utf-16-be",
     b"<\0": "utf-16-le", b"\0<": "utf-16-be",
 }  # fmt: skip
-"""Beginnings of texts in UTF-16."""
+"""Beginnings of texts in UTF-16, and their encodings."""
 
 _KINDS = 5
-"""Kinds of nodes that are named before there are too many."""
+"""Most kinds of unknown nodes that a note names."""
 
 UP = "y"
-"""The axis that points up in VRML97 (4.4.5)."""
+"""Axis that points up in VRML97 (4.4.5)."""
 
 _header = re.compile(rb"#(?:VRML V2\.0|(X3D) V[34]\.[0-9])[ \t]+utf8(?!\S)").match
 _xml = re.compile(rb"\s*<").match
@@ -93,17 +93,17 @@ _stated = re.compile(rb"(?:#[^\r\n]*+[\r\n]++)*?#[ \t]*([xyz]) is up[ \t]*[\r\n]
 
 
 class _Place(NamedTuple):
-    """A node to be visited, and its pose; None is the world's."""
+    """A node to visit, with its pose; None for that of the world."""
 
     node: Node
     pose: Matrix | None
 
 
 def walk(scene: Scene, text: PlacedText) -> Triangles:
-    """All triangles of a scene, in the order of the text.
+    """Collect all triangles of a scene, in the order of the text.
 
     Raises:
-        ReadError: a node is impossible, lies in another file, or is repeated too often.
+        ReadError: a node is invalid, lies in another file, or is repeated too often.
     """
     walker = _Walker(scene, text)
     pending = [_Place(node, None) for node in reversed(scene.nodes)]
@@ -114,10 +114,10 @@ def walk(scene: Scene, text: PlacedText) -> Triangles:
 
 
 def _in_metres(found: Triangles, units: tuple[Unit, ...], text: PlacedText) -> Triangles:
-    """Triangles of a scene that states its units (ISO/IEC 19775-1, 4.3.6).
+    """Return triangles in metres if the scene states its units (ISO/IEC 19775-1, 4.3.6).
 
     Raises:
-        ReadError: angles are in others than radians.
+        ReadError: angles are in another unit than radians.
     """
     for unit in units:
         if unit.category == "angle" and unit.factor != 1.0:
@@ -132,41 +132,41 @@ def _in_metres(found: Triangles, units: tuple[Unit, ...], text: PlacedText) -> T
 
 
 class _Fields(NamedTuple):
-    """Values of a node's fields, or what they are if nothing is said."""
+    """Values of a node's fields, or their defaults."""
 
     node: Node
 
     def nodes(self, name: str) -> tuple[Node, ...]:
-        """Nodes in a field."""
+        """Return the nodes in a field."""
         value = self.node.fields.get(name)
         return () if value is None else value.nodes
 
     def numbers(self, name: str, otherwise: tuple[float, ...]) -> NDArray[np.float64]:
-        """All numbers of a field, (n,) float64."""
+        """Return all numbers of a field, (n,) float64."""
         value = self.node.fields.get(name)
         return np.array(otherwise, np.float64) if value is None else value.numbers
 
     def number(self, name: str, otherwise: float) -> float:
-        """The only number."""
+        """Return the only number of a field."""
         return float(self.numbers(name, (otherwise,))[0])
 
     def integer(self, name: str, otherwise: int) -> int:
-        """The only number, which is a whole one."""
+        """Return the only number of a field as an integer."""
         return int(self.number(name, otherwise))
 
     def flag(self, name: str) -> bool:
-        """A flag; all those that are asked for are TRUE if nothing is said."""
+        """Return a flag of a field; the default of all flags read here is TRUE."""
         value = self.node.fields.get(name)
         return True if value is None else value.flag
 
 
 class _Walker:
-    """What was found so far.
+    """Walker through a scene, with the triangles collected so far.
 
     Attributes:
-        steps: what is left of them.
-        visited: nodes by `id`.
-        again: whether the node that is visited was so before.
+        steps: steps that are left.
+        visited: ids of the nodes visited.
+        again: whether the current node was visited before.
     """
 
     def __init__(self, scene: Scene, text: PlacedText) -> None:
@@ -184,7 +184,7 @@ class _Walker:
         self.crossed = 0
 
     def visit(self, place: _Place) -> list[_Place]:
-        """Take up a node; returns those in it that are to be seen."""
+        """Visit a node, and return its visible children."""
         node, outer = place
         self.again = id(node) in self.visited
         self.visited.add(id(node))
@@ -221,10 +221,10 @@ class _Walker:
         return [_Place(child, outer) for child in children]
 
     def triangles(self) -> Triangles:
-        """All that was found.
+        """Return all triangles collected.
 
         Raises:
-            ReadError: nothing was, or what was found is too large for numbers.
+            ReadError: there are none, or their coordinates are too large.
         """
         notes = tuple(self._notes())
         if not self.size or not any(len(faces) for faces in self.faces):
@@ -276,7 +276,7 @@ class _Walker:
         return ShapeMesh(points, faces)
 
     def _triangle_set(self, fields: _Fields) -> ShapeMesh:
-        """Triangles, quadrilaterals, strips or fans of X3D (ISO/IEC 19775-1, 11.4)."""
+        """Mesh of triangles, quadrilaterals, strips or fans of X3D (ISO/IEC 19775-1, 11.4)."""
         node = fields.node
         points = self._points(fields)
         part = PARTS[node.kind]
@@ -299,7 +299,7 @@ class _Walker:
         return ShapeMesh(points, faces)
 
     def _points(self, fields: _Fields) -> NDArray[np.float64]:
-        """What "coord" has, (n, 3)."""
+        """Return the points in the field "coord", (n, 3) float64."""
         nodes = fields.nodes("coord")
         if not nodes:
             return np.empty((0, 3))
@@ -314,7 +314,7 @@ class _Walker:
         return _Fields(coord).numbers("point", ()).reshape(-1, 3)
 
     def _indices(self, fields: _Fields, name: str, count: int) -> NDArray[np.int32]:
-        """Numbers of points, of which there are `count`, and numbers below 0."""
+        """Return indices below `count` from a field, and its numbers below 0, int32."""
         value = fields.node.fields.get(name)
         numbers = np.empty(0) if value is None else value.numbers
         self.charge(len(numbers), fields.node)
@@ -395,7 +395,11 @@ class _Walker:
             self.spend(steps, node)
 
     def spend(self, steps: int, node: Node) -> None:
-        """Count the steps of reading; USE can repeat without end."""
+        """Count steps, as USE can repeat without end.
+
+        Raises:
+            ReadError: no steps are left.
+        """
         self.steps -= steps
         if self.steps < 0:
             raise self.text.error(
@@ -408,7 +412,7 @@ class _Walker:
         """Refuse a node whose content is elsewhere.
 
         Raises:
-            ReadError: it is an Inline, or an instance of a prototype.
+            ReadError: the node is an Inline, or an instance of a prototype.
         """
         if node.kind == "Inline":
             raise self.text.error(
@@ -446,7 +450,7 @@ def _joined(parts: list[NDArray[Number]]) -> NDArray[Number]:
 
 
 def _used(mesh: ShapeMesh) -> ShapeMesh:
-    """A mesh without the vertices that no face has."""
+    """Return a mesh without vertices that no face has."""
     vertices, faces = mesh
     if 4 * faces.size < len(vertices):  # many shapes may share the points of one
         own, inverse = np.unique(faces, return_inverse=True)
@@ -460,13 +464,13 @@ def _used(mesh: ShapeMesh) -> ShapeMesh:
 
 
 def read_vrml(path: str | Path) -> Triangles:
-    """The surfaces of a file of VRML97 or X3D, or of a gzip of one, in the coordinates of the file.
+    """Read the surfaces of a VRML97 or X3D file, or of a gzip of one, in the file's coordinates.
 
-    Nothing is turned: y is up by the standard (see `UP`), whatever a file's author thought.
+    Nothing is turned: y is up by the standard (see `UP`).
 
     Raises:
         ReadError: the file is missing, unreadable, neither of the two, or has no surface; or needs
-            others.
+            other files.
     """
     source = _unpacked(path)
     scene, text = _scene_of(source.name, source.data)
@@ -474,10 +478,10 @@ def read_vrml(path: str | Path) -> Triangles:
 
 
 def _unpacked(path: str | Path) -> Source:
-    """The text of a file, in UTF-8 where it is in UTF-16.
+    """Read the text of a file, and convert UTF-16 to UTF-8.
 
     Raises:
-        ReadError: it cannot be read, or is too large.
+        ReadError: the file cannot be read, or is too large.
     """
     source = read_source(path, hint="Export a smaller part.", named=False)  # it is read twice
     encoding = next((name for begin, name in _WIDE.items() if source.data.startswith(begin)), "")
@@ -495,7 +499,7 @@ def _unpacked(path: str | Path) -> Source:
 
 
 def _scene_of(name: str, data: bytes) -> tuple[Scene, PlacedText]:
-    """The nodes of a text, by what it begins with."""
+    """Parse a text as XML, X3D or VRML97, by its beginning."""
     if _xml(data):
         text = PlacedText(name, data)
         return parse_xml(text), text
@@ -507,11 +511,12 @@ def _scene_of(name: str, data: bytes) -> tuple[Scene, PlacedText]:
 
 
 def stated_up(path: str | Path) -> str | None:
-    """The axis that a file states, as those of this project do.
+    """Return the up axis that a file states, as the project's own files do.
 
     Returns:
         "x", "y" or "z" where a comment of VRML before the first node is just "z is up", or a meta
-        of X3D with the name "up" says so; None without one.
+        of
+        X3D with the name "up" says so; None without one.
 
     Raises:
         ReadError: the file cannot be read.
@@ -523,7 +528,7 @@ def stated_up(path: str | Path) -> str | None:
 
 
 def _other(name: str, data: bytes) -> ReadError:
-    """What a file is that begins as none does."""
+    """Return the error about a file with an unknown beginning."""
     where = f"{name}:1:1:"
     if not data:
         return ReadError(f"{where} the file is empty.", "Write or fetch it again.")
