@@ -31,7 +31,7 @@ from terratool.importing.types import (
     refuse_many_faces,
     refuse_missing_vertices,
 )
-from terratool.importing.vrml.scene import UP, read_vrml, stated_up
+from terratool.importing.vrml.scene import UP, read_vrml, up_axis_of
 from terratool.text.files import open_file
 
 MAX_VALUES = 2**28
@@ -102,7 +102,7 @@ def read_triangles(path: str | Path, up: str | None = None, scale: float = 1.0) 
     if not 0 < scale < LARGEST:
         raise RequestError(f"The scale is {scale:g}.", "Give a factor above 0.")
     reader = _reader_of(path)
-    triangles = _cleaned(_attempted(reader, path), path)
+    triangles = _drop_bad_faces(_try_reader(reader, path), path)
     vertices, notes = triangles.vertices, triangles.notes
     if up is None:
         up = reader.up if isinstance(reader.up, str) else reader.up(path)
@@ -151,7 +151,7 @@ def _reader_of(path: Path) -> Reader:
     return reader
 
 
-def _attempted(reader: Reader, path: Path) -> Triangles:
+def _try_reader(reader: Reader, path: Path) -> Triangles:
     """Read a file, and turn every failure into an error for the user.
 
     Raises:
@@ -197,7 +197,7 @@ def _quiet() -> Iterator[None]:
                 log.setLevel(level)
 
 
-def _cleaned(triangles: Triangles, path: Path) -> Triangles:
+def _drop_bad_faces(triangles: Triangles, path: Path) -> Triangles:
     """Return triangles without faces whose coordinates are NaN, infinite or too large.
 
     Raises:
@@ -238,7 +238,7 @@ def _by_trimesh(path: Path, kind: str) -> Triangles:
     plain = {} if kind in ("stl", "off") else {"skip_materials": True}
     with open_file(path) as file:
         scene: Any = trimesh.load(
-            _counted_up(_as_utf8(file.read())) if kind == "obj" else file,
+            _with_forward_numbers(_as_utf8(file.read())) if kind == "obj" else file,
             file_type=kind,
             resolver=_buffers_beside(path) if kind == "gltf" else None,
             force="scene",
@@ -254,7 +254,8 @@ def _by_trimesh(path: Path, kind: str) -> Triangles:
         )
     refuse_many_faces(path, sum(len(mesh.faces) for _, mesh in meshes))
     triangles = join_triangles(
-        ((_moved(mesh.vertices, matrix), np.asarray(mesh.faces)) for matrix, mesh in meshes), path
+        ((_transform(mesh.vertices, matrix), np.asarray(mesh.faces)) for matrix, mesh in meshes),
+        path,
     )
     declared = declared_faces(path)
     if 0 < len(triangles.faces) < declared:
@@ -282,7 +283,7 @@ def _buffers_beside(path: Path) -> Any:
     return resolver
 
 
-def _moved(vertices: Any, matrix: NDArray[np.float64]) -> NDArray[np.float64]:
+def _transform(vertices: Any, matrix: NDArray[np.float64]) -> NDArray[np.float64]:
     """Transform vertices, (n, 3), by a 4 × 4 matrix."""
     points = np.asarray(vertices, np.float64)
     if np.array_equal(matrix, np.eye(4)):
@@ -290,7 +291,7 @@ def _moved(vertices: Any, matrix: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(points @ matrix[:3, :3].T + matrix[:3, 3])
 
 
-def _counted_up(text: bytes) -> io.BytesIO:
+def _with_forward_numbers(text: bytes) -> io.BytesIO:
     """Return an OBJ whose faces count vertices from the first one.
 
     Negative numbers count back from the face (Wavefront, Object Files, "Referencing groups of
@@ -301,7 +302,7 @@ def _counted_up(text: bytes) -> io.BytesIO:
     if not re.search(rb"^\s*f\s(?:[^\n]*-|(?:[^\n]*\s)?0+[\s/])", text, re.MULTILINE):
         return io.BytesIO(text)
 
-    def counted(number: bytes, count: int) -> bytes:
+    def forward_number(number: bytes, count: int) -> bytes:
         place = int(number)
         if place == 0 or place < -count:
             raise ValueError(f"a face has the number {place}")
@@ -317,7 +318,8 @@ def _counted_up(text: bytes) -> io.BytesIO:
             counts = (seen[b"v"], seen[b"vt"], seen[b"vn"])
             corners = (zip(word.split(b"/"), counts, strict=False) for word in words[1:])
             line = b"f " + b" ".join(
-                b"/".join(counted(*pair) if pair[0] else b"" for pair in one) for one in corners
+                b"/".join(forward_number(*pair) if pair[0] else b"" for pair in one)
+                for one in corners
             )
         lines.append(line)
     return io.BytesIO(b"\n".join(lines))
@@ -523,11 +525,11 @@ READERS = {
     ".off": Reader("OFF", partial(_by_trimesh, kind="off")),
     ".3mf": Reader("3MF", read_3mf),
     ".dxf": Reader("DXF", read_dxf, needs=("ezdxf",)),
-    ".wrl": Reader("VRML", read_vrml, up=lambda path: stated_up(path) or UP),
-    ".wrz": Reader("VRML", read_vrml, up=lambda path: stated_up(path) or UP),
-    ".x3d": Reader("X3D", read_vrml, up=lambda path: stated_up(path) or UP),
-    ".x3dz": Reader("X3D", read_vrml, up=lambda path: stated_up(path) or UP),
-    ".x3dv": Reader("X3D", read_vrml, up=lambda path: stated_up(path) or UP),
-    ".x3dvz": Reader("X3D", read_vrml, up=lambda path: stated_up(path) or UP),
+    ".wrl": Reader("VRML", read_vrml, up=lambda path: up_axis_of(path) or UP),
+    ".wrz": Reader("VRML", read_vrml, up=lambda path: up_axis_of(path) or UP),
+    ".x3d": Reader("X3D", read_vrml, up=lambda path: up_axis_of(path) or UP),
+    ".x3dz": Reader("X3D", read_vrml, up=lambda path: up_axis_of(path) or UP),
+    ".x3dv": Reader("X3D", read_vrml, up=lambda path: up_axis_of(path) or UP),
+    ".x3dvz": Reader("X3D", read_vrml, up=lambda path: up_axis_of(path) or UP),
 }
 """Readers of mesh formats by suffix."""

@@ -175,7 +175,7 @@ def open_raster(name: str, options: SourceOptions) -> Iterator[RasterHeights]:
             band = _band(name, file, options.band)
             scale = file.scales[band - 1], file.offsets[band - 1]
             if options.crs is not None:
-                file = stack.enter_context(_reprojected(name, file, options.crs, options.nodata))
+                file = stack.enter_context(_reproject(name, file, options.crs, options.nodata))
                 about.append(f"Reprojected to {options.crs}, bilinearly.")
             heights = _heights(name, file, band, scale, options, about)
         yield heights
@@ -214,7 +214,7 @@ def _band(name: str, file: Any, band: int | None) -> int:
     return band
 
 
-def _reprojected(name: str, file: Any, crs: str, nodata: float | None) -> WarpedVRT:
+def _reproject(name: str, file: Any, crs: str, nodata: float | None) -> WarpedVRT:
     target = read_crs(crs)
     if file.crs is not None and crs_problem(file.crs.to_wkt()):
         raise RequestError(
@@ -304,7 +304,7 @@ def _heights(
     unit = _unit(file, band, ((west + east) / 2, (south + north) / 2), about)
     grid = PixelGrid(
         west + columns[0] * dx, north - rows[1] * dy, dx, dy, count_x, count_y,
-        _spelled(file.crs, about), unit,
+        _spell_crs(file.crs, about), unit,
     )  # fmt: skip
     first_column = file.width - columns[1] if east_first else columns[0]
     first_row = file.height - rows[1] if south_up else rows[0]
@@ -321,7 +321,7 @@ def _within(pixels: tuple[int, int], low: float, high: float, side: float) -> tu
     return max(pixels[0], first), min(pixels[1], last + 1)
 
 
-def _spelled(crs: CRS | None, about: list[str]) -> str | None:
+def _spell_crs(crs: CRS | None, about: list[str]) -> str | None:
     """Return a reference system as a definition spells it; None with a note if it is refused."""
     wkt = "" if crs is None else str(crs.to_wkt())
     if crs is None or not wkt:

@@ -22,7 +22,9 @@ from terratool.text.files import open_file
 from terratool.text.packing import PackingError, refuse_members
 
 _PART = 100
+"""Faces that an object counts for, besides its own, as each takes time."""
 _PIECE, _LARGEST = 1 << 16, 1 << 26
+"""Bytes of the first piece of XML that is parsed, and of the largest; pieces double in between."""
 _METRES = {
     "micron": ("micrometres", 1e-6),
     "millimeter": ("millimetres", 0.001),
@@ -43,7 +45,7 @@ Matrix = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
-class _Placed:
+class _Placement:
     """An object and its transformation."""
 
     key: Key
@@ -56,7 +58,7 @@ class _Object:
 
     points: list[float] = field(default_factory=list)
     corners: list[int] = field(default_factory=list)
-    components: list[_Placed] = field(default_factory=list)
+    components: list[_Placement] = field(default_factory=list)
 
 
 @dataclass(slots=True)
@@ -64,7 +66,7 @@ class _Model:
     """Objects, items to build and unit of an archive."""
 
     objects: dict[Key, _Object]
-    items: list[_Placed]
+    items: list[_Placement]
     unit: str = "millimeter"
 
 
@@ -103,7 +105,7 @@ def read_3mf(path: Path) -> Triangles:
         for key, item in model.objects.items()
     }
 
-    def place(placed: _Placed) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+    def place(placed: _Placement) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
         points, faces = meshes[placed.key]
         return points @ placed.matrix[:3] + placed.matrix[3], faces
 
@@ -114,7 +116,7 @@ def read_3mf(path: Path) -> Triangles:
     return Triangles(joined.vertices * factor, joined.faces, notes)
 
 
-def _spread(items: list[_Placed], model: _Model) -> Iterator[_Placed]:
+def _spread(items: list[_Placement], model: _Model) -> Iterator[_Placement]:
     """Yield all objects with a mesh, in order, each as often as it is placed."""
     for item in items:
         own = model.objects[item.key]
@@ -123,7 +125,7 @@ def _spread(items: list[_Placed], model: _Model) -> Iterator[_Placed]:
         for part in _spread(own.components, model):
             matrix = part.matrix @ item.matrix[:3]
             matrix[3] += item.matrix[3]
-            yield _Placed(part.key, matrix)
+            yield _Placement(part.key, matrix)
 
 
 def _size(key: Key, model: _Model, sizes: dict[Key, int], path: Path) -> int:
@@ -158,9 +160,9 @@ def _parse(file: IO[bytes], name: str, model: _Model, main: bool) -> None:
         elif tag == "object":
             current = model.objects[name, words["id"]] = _Object()
         elif tag == "component":
-            current.components.append(_placed(words, name))
+            current.components.append(_placement_of(words, name))
         elif main and tag == "item":
-            model.items.append(_placed(words, name))
+            model.items.append(_placement_of(words, name))
         elif main and tag == "model":
             model.unit = words.get("unit", model.unit)
 
@@ -174,8 +176,8 @@ def _parse(file: IO[bytes], name: str, model: _Model, main: bool) -> None:
     parser.Parse(b"", True)
 
 
-def _placed(words: dict[str, str], name: str) -> _Placed:
+def _placement_of(words: dict[str, str], name: str) -> _Placement:
     """Return the object and transformation that a component or an item names."""
     numbers = [float(word) for word in words.get("transform", "1 0 0 0 1 0 0 0 1 0 0 0").split()]
     key = words.get(_PATH, name).lstrip("/"), words["objectid"]
-    return _Placed(key, np.array(numbers).reshape(4, 3))
+    return _Placement(key, np.array(numbers).reshape(4, 3))

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from terratool.importing.vrml.scene import UP, read_vrml, stated_up
+from terratool.importing.vrml.scene import UP, read_vrml, up_axis_of
 from terratool.importing.vrml.shapes import SIDES, extrusion, placed, planes_along, pose, product
 from tests.vrml import HEADER, TRIANGLE, corners, measures, read, saved
 
@@ -39,7 +39,7 @@ def test_y_is_up() -> None:
      ("Group { }\n# z is up\n", None), ("# z is up, perhaps\n", None), ("", None)],
 )  # fmt: skip
 def test_the_axis_that_a_comment_states(text: str, axis: str | None, tmp_path: Path) -> None:
-    assert stated_up(saved(tmp_path, text)) == axis
+    assert up_axis_of(saved(tmp_path, text)) == axis
 
 
 @pytest.mark.parametrize("ending", ["\n", "\r", "\r\n"])

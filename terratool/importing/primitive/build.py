@@ -208,7 +208,7 @@ def _best(patch: Patch, wanted: PrimitiveRequest) -> tuple[Patch, ProductSum, fl
     if wanted.turn:
         counts = None if wanted.samples is None else (wanted.samples, wanted.samples)
         turned = replace(patch, turn=fit.best_turn(patch, wanted.terms, counts))
-        covered = _covered(turned)
+        covered = _covered_patch(turned)
         heights = covered.values[~np.isnan(covered.values)]
         # what has no relief says nothing of a turn
         if turned.turn != 0.0 and heights.size and heights.min() < heights.max():
@@ -219,7 +219,7 @@ def _best(patch: Patch, wanted: PrimitiveRequest) -> tuple[Patch, ProductSum, fl
     return patch, _best_combination(patch, wanted)[0], None
 
 
-def _covered(turned: Patch) -> Patch:
+def _covered_patch(turned: Patch) -> Patch:
     """Return the pixels that a turned primitive covers, as an unturned patch."""
     rows, columns = turned.values.shape
     within = turned.covers(np.arange(rows)[:, None], np.arange(columns)[None, :])
@@ -338,8 +338,8 @@ def sentences(imported: ImportedPrimitive) -> Iterator[str]:
     """Yield sentences for people about the fit."""
     error, unit = imported.error, imported.unit
     yield (
-        f"Error: {_sized(error.largest, error, unit)} at most, at {error.x:.12g} "
-        f"{error.y:.12g}; {_sized(error.rms, error, unit)} RMS, over {error.pixels:,} pixels."
+        f"Error: {_size_text(error.largest, error, unit)} at most, at {error.x:.12g} "
+        f"{error.y:.12g}; {_size_text(error.rms, error, unit)} RMS, over {error.pixels:,} pixels."
     )
     if imported.missing:
         yield f"{imported.missing:,} pixels without a height count for nothing."
@@ -355,11 +355,11 @@ def sentences(imported: ImportedPrimitive) -> Iterator[str]:
             count = len(imported.entries) + 1
             more = (
                 f"{count} terms in the same cell (--terms {count}) would leave "
-                f"{_sized(imported.more, error, unit)}; "
+                f"{_size_text(imported.more, error, unit)}; "
             )
         yield f"{more}import-terrain keeps to any error." if more else _OTHERWISE
     yield from imported.notes
 
 
-def _sized(size: float, error: FitError, unit: str) -> str:
+def _size_text(size: float, error: FitError, unit: str) -> str:
     return f"{size:.4g} {unit} ({error.share(size):.3g} % of the relief)"

@@ -50,7 +50,7 @@ class PrimitiveEntry:
     def primitive(self) -> dict[str, Any]:
         """Return the value of the primitive in `elemTypes`."""
         low = any(value < 0.0 for value in (*_heights(self.x), *_heights(self.y)))
-        return _given(
+        return _without_none(
             {
                 "x": self.x,
                 "y": self.y,
@@ -63,7 +63,7 @@ class PrimitiveEntry:
         self, name: str, cell: tuple[int, int] | None = None, span: tuple[int, int] = (1, 1)
     ) -> dict[str, Any]:
         """Return an element of type `name` in a cell with a span; None leaves the cell out."""
-        return _given(
+        return _without_none(
             {
                 "cellX": cell and cell[0],
                 "cellY": cell and cell[1],
@@ -76,7 +76,7 @@ class PrimitiveEntry:
         )
 
 
-def _given(members: dict[str, Any]) -> dict[str, Any]:
+def _without_none(members: dict[str, Any]) -> dict[str, Any]:
     """Return members without those that are None."""
     return {key: value for key, value in members.items() if value is not None}
 
@@ -96,18 +96,18 @@ def entries_of(
         error: returns the largest error of terms with their best offset, and the terms with it.
     """
     terms, factors = _normal(terms)
-    limit = max(_WORSE * error(_scaled(terms, factors))[0], _ALWAYS * relief)
+    limit = max(_WORSE * error(_apply_factors(terms, factors))[0], _ALWAYS * relief)
     for decimals in _DECIMALS:
-        rounded = replace(terms, x=_rounded(terms.x, decimals), y=_rounded(terms.y, decimals))
-        after, fitted = error(_scaled(rounded, factors))
+        rounded = replace(terms, x=_round(terms.x, decimals), y=_round(terms.y, decimals))
+        after, fitted = error(_apply_factors(rounded, factors))
         if after <= limit:
             break
     unit = 1e-3 * max(after, _FINE * relief)
     places = -math.floor(math.log10(unit))
     found = []
     for k in range(terms.count):
-        x = spelled(rounded.x_nodes, rounded.x[k], terms.summed)
-        y = spelled(rounded.y_nodes, rounded.y[k], terms.summed)
+        x = spell_curve(rounded.x_nodes, rounded.x[k], terms.summed)
+        y = spell_curve(rounded.y_nodes, rounded.y[k], terms.summed)
         if x is None and y is None:
             x = [1]
         offset = fitted.offset if k == 0 else 0.0
@@ -149,17 +149,17 @@ def _from_zero(terms: ProductSum) -> ProductSum:
     return replace(terms, x=one, y=curve - low, offset=terms.offset + low)
 
 
-def _scaled(terms: ProductSum, factors: Floats) -> ProductSum:
+def _apply_factors(terms: ProductSum, factors: Floats) -> ProductSum:
     """Multiply terms by their factors, (K,)."""
     y = terms.y * factors[:, None] if terms.summed else terms.y
     return replace(terms, x=terms.x * factors[:, None], y=y)
 
 
-def _rounded(values: Floats, decimals: int) -> Floats:
+def _round(values: Floats, decimals: int) -> Floats:
     return np.round(values, decimals) + 0.0  # no negative zeros
 
 
-def spelled(nodes: Floats, values: Floats, summed: bool) -> list[Any] | None:
+def spell_curve(nodes: Floats, values: Floats, summed: bool) -> list[Any] | None:
     """Return a curve as JSON: numbers at even nodes, else knots; None for 1 everywhere."""
     heights = [_plain(z) for z in values.tolist()]
     if len(set(heights)) == 1:
@@ -171,7 +171,7 @@ def spelled(nodes: Floats, values: Floats, summed: bool) -> list[Any] | None:
 
 
 def _plain(number: float) -> float | int:
-    """Return a number as it is spelled best: a whole one without a point."""
+    """Return a number as it is spell_curve best: a whole one without a point."""
     return int(number) if number.is_integer() and abs(number) < 1e15 else number
 
 

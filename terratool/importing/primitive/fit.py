@@ -89,10 +89,12 @@ class FitProblem:
     """Heights at points, and their positions between the nodes of two curves.
 
     Attributes:
+        z: (n,) heights.
         i: (n,) node of x before each point.
         f: (n,) fraction of the way from node i to the next one.
         j: (n,) node of y before each point.
         g: (n,) fraction of the way from node j to the next one.
+        relief: highest minus lowest height.
         lowest: least offset allowed.
         highest: greatest offset allowed.
     """
@@ -151,7 +153,7 @@ def least_squares(
         damped[at, at] += damping * (matrix[at, at] + _FIRM * scale)
         better, after = terms, cost
         if kernels.solve(damped, step):
-            better = _moved(problem, terms, step)
+            better = _apply_step(problem, terms, step)
             after = _cost(problem, better, weights)
         if after < cost:
             gained = (cost - after) / cost
@@ -182,7 +184,7 @@ def smallest_largest(
         The best fit met on the way, and its largest error.
     """
     off = kernels.residuals(problem, terms)
-    best, worst = _balanced(terms, off)
+    best, worst = _balance(terms, off)
     for power in powers:
         for _ in range(_STEPS):
             if worst <= _EXACT * problem.relief:
@@ -191,7 +193,7 @@ def smallest_largest(
             weights = (size / size.max()) ** (power - 2.0)
             target = least_squares(problem, terms, 1, weights / weights.sum())
             terms, off, gained = _towards(problem, terms, target, power, size)
-            balanced, largest = _balanced(terms, off)
+            balanced, largest = _balance(terms, off)
             if largest < worst:
                 best, worst = balanced, largest
             if gained < _LEAST_GAIN:
@@ -199,7 +201,7 @@ def smallest_largest(
     return best, worst
 
 
-def _balanced(terms: ProductSum, off: Floats) -> tuple[ProductSum, float]:
+def _balance(terms: ProductSum, off: Floats) -> tuple[ProductSum, float]:
     """Shift the offset until the largest errors up and down are equal; return terms and error."""
     middle = 0.5 * float(off.max() + off.min())
     return replace(terms, offset=terms.offset + middle), 0.5 * float(off.max() - off.min())
@@ -232,7 +234,7 @@ def _towards(
     return terms, kernels.residuals(problem, terms), 0.0
 
 
-def _moved(problem: FitProblem, terms: ProductSum, step: Floats) -> ProductSum:
+def _apply_step(problem: FitProblem, terms: ProductSum, step: Floats) -> ProductSum:
     cut = terms.x.size
     offset = min(max(terms.offset + float(step[-1]), problem.lowest), problem.highest)
     return replace(
@@ -306,7 +308,7 @@ def fit_terms(patch: Patch, curves: CurveForm, counts: tuple[int, int]) -> tuple
             best, least = terms, largest
         if largest <= max(_NEAR * worst, EXACT * patch.relief):
             break
-        points = points.joined(others)
+        points = points.join(others)
         problem = problem_of(points, terms.x_nodes, terms.y_nodes)
         terms, worst = smallest_largest(problem, terms, FURTHER)
     return best, least
@@ -406,9 +408,9 @@ def best_turn(patch: Patch, terms: int, counts: tuple[int, int] | None) -> float
         begin = products.best_sums(products.grid_of(turned, _FEW), x_nodes, y_nodes, terms, 1)[0]
         coarse.append((*_fit_turned(points, begin), turned.turn))
     coarse.sort(key=lambda fit: fit[0])
-    fine = [(*_refined(patch, begin, turn, step, 0), begin) for _, begin, turn in coarse[:_BEST]]
+    fine = [(*_refine(patch, begin, turn, step, 0), begin) for _, begin, turn in coarse[:_BEST]]
     _, turn, begin = min(fine, key=lambda fit: fit[0])
-    turn = _refined(patch, begin, turn, 5 * _CLOSE[0], 1)[1]
+    turn = _refine(patch, begin, turn, 5 * _CLOSE[0], 1)[1]
     return round((turn + 45.0) % 90.0 - 45.0, 2) + 0.0  # no negative zero
 
 
@@ -419,7 +421,7 @@ def _error_at(
 
     Pixels that come and go would weigh more than a small turn does.
     """
-    row, column = products.picked(patch, most)
+    row, column = products.pick_pixels(patch, most)
     for end in (*ends, turn):
         within = replace(patch, turn=end).covers(row, column)
         row, column = row[within], column[within]
@@ -435,7 +437,7 @@ def _fit_turned(points: Points, begin: ProductSum) -> tuple[float, ProductSum]:
     return float(np.sqrt(np.mean(kernels.residuals(problem, fit) ** 2))), fit
 
 
-def _refined(
+def _refine(
     patch: Patch, begin: ProductSum, turn: float, reach: float, stage: int
 ) -> tuple[float, float]:
     """Return the smallest RMS error within `reach` of a turn, and its turn, by golden section."""

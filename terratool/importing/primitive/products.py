@@ -106,7 +106,7 @@ class Points:
     v: Floats
     z: Floats
 
-    def joined(self, other: Points) -> Points:
+    def join(self, other: Points) -> Points:
         """Return these points and others."""
         return Points(
             np.concatenate([self.u, other.u]),
@@ -165,7 +165,7 @@ def grid_of(patch: Patch, most: int) -> PatchGrid:
 def _regular(patch: Patch, most: int) -> PatchGrid:
     rows, columns = patch.values.shape
     if patch.turn == 0.0:
-        row, column = _picked(rows, most), _picked(columns, most)
+        row, column = _spread_indices(rows, most), _spread_indices(columns, most)
         u, v = (column + 0.5) / columns, (row + 0.5) / rows
         return PatchGrid(u, v, np.ascontiguousarray(patch.values[np.ix_(row, column)]))
     n, m = min(columns, most), min(rows, most)
@@ -183,20 +183,22 @@ def _regular(patch: Patch, most: int) -> PatchGrid:
 
 def points_of(patch: Patch, most: int) -> Points:
     """Return pixels in the unit square that stand in `most` columns and rows at most."""
-    return points_at(patch, *picked(patch, most))
+    return points_at(patch, *pick_pixels(patch, most))
 
 
-def picked(patch: Patch, most: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def pick_pixels(patch: Patch, most: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Return rows and columns, (n,) each, of pixels in `most` rows and columns at most.
 
     If hardly any of these pixels has a height, as many pixels with a height are returned instead.
     """
     rows, columns = patch.values.shape
-    row, column = np.meshgrid(_picked(rows, most), _picked(columns, most), indexing="ij")
+    row, column = np.meshgrid(
+        _spread_indices(rows, most), _spread_indices(columns, most), indexing="ij"
+    )
     if np.isnan(patch.values[row, column]).mean() <= _SPARSE:
         return row.ravel(), column.ravel()
     known = np.flatnonzero(~np.isnan(patch.values))
-    row, column = np.divmod(known[_picked(len(known), most * most)], columns)
+    row, column = np.divmod(known[_spread_indices(len(known), most * most)], columns)
     return row, column
 
 
@@ -208,7 +210,7 @@ def points_at(patch: Patch, row: NDArray[np.int64], column: NDArray[np.int64]) -
     return Points(u[within], v[within], z[within])
 
 
-def _picked(count: int, most: int) -> NDArray[np.int64]:
+def _spread_indices(count: int, most: int) -> NDArray[np.int64]:
     if count <= most:
         return np.arange(count)
     # the middles of equal parts: a mirrored patch gives mirrored pixels, but for rounding

@@ -17,7 +17,7 @@ import numpy as np
 from terratool.definition.expression import NAMED, evaluate, parse
 from terratool.field.pieces import FUNCTIONS
 from terratool.importing.primitive import fit, products
-from terratool.importing.primitive.entries import PrimitiveEntry, fit_error, spelled
+from terratool.importing.primitive.entries import PrimitiveEntry, fit_error, spell_curve
 from terratool.importing.primitive.products import Floats, Patch, Points, ProductSum, basis, nodes
 
 _CURVES = {name: parse(text) for name, text in NAMED.items()}
@@ -47,7 +47,7 @@ class NamedForm:
     mirrored: bool = False
 
     @property
-    def trimmed(self) -> bool:
+    def is_trimmed(self) -> bool:
         """Whether the curve is shorter than the cell."""
         return (self.low, self.high) != (0.0, 1.0)
 
@@ -59,16 +59,16 @@ class NamedForm:
         values = evaluate(_CURVES[self.name], 1.0 - s if self.mirrored else s, FUNCTIONS)
         return np.broadcast_to(values, t.shape)
 
-    def spelled(self) -> str:
+    def spell(self) -> str:
         """Return the curve's name, or an expression."""
         s = "t"
-        if self.trimmed:
+        if self.is_trimmed:
             width = f"{self.high - self.low:.6g}"
             s = f"(t - {self.low:g})/{width}" if self.low else f"t/{width}"
             if self.name != "gauss":
                 s = f"min(1, max(0, {s}))" if self.low else f"min(1, {s})"
         if self.mirrored:
-            s = f"1 - {s}" if not self.trimmed or s.startswith("min") else f"1 - ({s})"
+            s = f"1 - {s}" if not self.is_trimmed or s.startswith("min") else f"1 - ({s})"
         if s == "t":
             return self.name
         if self.name == "ramp":
@@ -93,7 +93,7 @@ class RecognisedPair:
         curves = (self.x, self.y)
         return (
             sum(not isinstance(curve, NamedForm) for curve in curves),
-            sum(isinstance(curve, NamedForm) and curve.trimmed for curve in curves),
+            sum(isinstance(curve, NamedForm) and curve.is_trimmed for curve in curves),
         )
 
 
@@ -115,7 +115,7 @@ def recognise(
     relief = patch.relief
     limit = max(_LOOSE * error, _SHARE * relief) if tolerance is None else tolerance
     points = products.points_of(patch, _PIXELS)
-    x_forms, y_forms = _suggested(patch, points)
+    x_forms, y_forms = _suggest_forms(patch, points)
     whole = [_best_factor(points, x, y) for x, y in product(_forms(), repeat=2)]
     found = [*whole, *_pairs(points, x_forms, y_forms)]
     fitting_pairs = _close([pair for pair in found if pair.error <= limit])
@@ -152,17 +152,17 @@ def _best_factor(points: Points, x: NamedForm, y: NamedForm) -> RecognisedPair:
     middle, mean = float(values.mean()), float(points.z.mean())
     spread = float(((values - middle) ** 2).sum())
     scale = float(((values - middle) * (points.z - mean)).sum()) / spread if spread > 0.0 else 0.0
-    error, offset = _centred(points.z - scale * values)
+    error, offset = _centre(points.z - scale * values)
     return RecognisedPair(error, x, y, scale, offset)
 
 
-def _centred(residuals: Floats) -> tuple[float, float]:
+def _centre(residuals: Floats) -> tuple[float, float]:
     """Return the largest error with the best offset, and that offset."""
     low, high = float(residuals.min()), float(residuals.max())
     return 0.5 * (high - low), 0.5 * (low + high)
 
 
-def _suggested(patch: Patch, points: Points) -> tuple[list[NamedForm], list[NamedForm]]:
+def _suggest_forms(patch: Patch, points: Points) -> tuple[list[NamedForm], list[NamedForm]]:
     """Return the named curves along x and y most similar to freely fitted ones, trimmed alike."""
     rows, columns = patch.values.shape
     x_nodes, y_nodes = nodes(min(33, columns)), nodes(min(33, rows))
@@ -244,7 +244,7 @@ def _with_values(points: Points, form: NamedForm, free: Floats, along_x: bool) -
         [form.values(named)[:, None] * basis(free, other), np.ones(len(other))]
     )
     solution = np.linalg.lstsq(matrix, points.z, rcond=1e-12)[0]
-    error, middle = _centred(points.z - matrix @ solution)
+    error, middle = _centre(points.z - matrix @ solution)
     values, offset = solution[:-1], float(solution[-1]) + middle
     scale = float(values[np.abs(values).argmax()]) or 1.0
     curve: Floats = np.asarray(values / scale, np.float64)
@@ -255,7 +255,7 @@ def _with_values(points: Points, form: NamedForm, free: Floats, along_x: bool) -
 
 def _entry(pair: RecognisedPair, terms: ProductSum, turn: float, relief: float) -> PrimitiveEntry:
     places = -int(np.floor(np.log10(1e-3 * max(pair.error, 1e-4 * relief))))
-    x, y = _spelled(pair.x, terms.x_nodes), _spelled(pair.y, terms.y_nodes)
+    x, y = _spell(pair.x, terms.x_nodes), _spell(pair.y, terms.y_nodes)
     if x == "flat" and y != "flat":
         x = None
     elif y == "flat":
@@ -263,7 +263,7 @@ def _entry(pair: RecognisedPair, terms: ProductSum, turn: float, relief: float) 
     return PrimitiveEntry(x, y, round(pair.scale, places), round(pair.offset, places), turn)
 
 
-def _spelled(curve: NamedForm | Floats, free: Floats) -> Any:
+def _spell(curve: NamedForm | Floats, free: Floats) -> Any:
     if isinstance(curve, NamedForm):
-        return curve.spelled()
-    return spelled(free, np.round(curve, 4) + 0.0, summed=True)
+        return curve.spell()
+    return spell_curve(free, np.round(curve, 4) + 0.0, summed=True)

@@ -34,7 +34,7 @@ CLOSE = 1e-3
 """Largest difference of heights that count as equal, in steps of a ramp."""
 
 
-class Rectangle(NamedTuple):
+class PixelRectangle(NamedTuple):
     """Pixels from rows `south` to before `north` and columns `west` to before `east`."""
 
     south: int
@@ -115,15 +115,15 @@ def _best(
     cells = _cells(residual, row, column, noise, wanted)
     for cell in sorted(cells, key=lambda cell: cell.area):
         box = _box(residual, row, column, cell)
-        cleaned, corners = _cleaned(residual, box, noise)
+        cleaned, corners = _count_cleared(residual, box, noise)
         if cleaned < min(wanted, corners) or (corners < wanted and wanted > 2):
             continue
-        if _stands(residual, box, sides):
+        if _has_walls(residual, box, sides):
             return box
     return None
 
 
-def _box(residual: Residual, row: int, column: int, cell: Rectangle) -> PixelPart:
+def _box(residual: Residual, row: int, column: int, cell: PixelRectangle) -> PixelPart:
     """Return a box on whole pixels, as high as the difference at its corner."""
     value = float(residual.mixed[row, column])
     sign = (1.0 if row + 1 == cell.south else -1.0) * (1.0 if column + 1 == cell.west else -1.0)
@@ -134,7 +134,7 @@ def _box(residual: Residual, row: int, column: int, cell: Rectangle) -> PixelPar
 
 def _cells(
     residual: Residual, row: int, column: int, noise: float, wanted: int
-) -> Iterator[Rectangle]:
+) -> Iterator[PixelRectangle]:
     """Yield the cells that may have a corner at a gap."""
     mixed = residual.mixed
     value = mixed[row, column]
@@ -166,7 +166,7 @@ def _cells(
         if j != row and i != column:
             south, north = sorted((row, j))
             west, east = sorted((column, i))
-            yield Rectangle(south + 1, north + 1, west + 1, east + 1)
+            yield PixelRectangle(south + 1, north + 1, west + 1, east + 1)
 
 
 def _nearest(hits: NDArray[np.bool_], place: int) -> list[int]:
@@ -175,7 +175,7 @@ def _nearest(hits: NDArray[np.bool_], place: int) -> list[int]:
     return [one for one in found[order].tolist() if one != place]
 
 
-def _cleaned(residual: Residual, box: PixelPart, noise: float) -> tuple[int, int]:
+def _count_cleared(residual: Residual, box: PixelPart, noise: float) -> tuple[int, int]:
     """Count corners of a box that it clears of a difference, minus twice those that it spoils.
 
     Returns:
@@ -213,7 +213,7 @@ def jumps(residual: Residual, box: PixelPart) -> list[Floats]:
     return [side[np.isfinite(side)] for side in sides]
 
 
-def _stands(residual: Residual, box: PixelPart, sides_wanted: int) -> bool:
+def _has_walls(residual: Residual, box: PixelPart, sides_wanted: int) -> bool:
     """Tell whether a box has walls of its height on `sides_wanted` sides, or on all in the DEM."""
     sides = [side for side in jumps(residual, box) if len(side)]
     good = [abs(_median(side) - box.scale) <= EVEN * abs(box.scale) for side in sides]
@@ -226,7 +226,7 @@ def _median(values: Floats) -> float:
     return float(values[middle] + values[(len(values) - 1) // 2]) / 2.0
 
 
-def merged(parts: list[PixelPart]) -> list[PixelPart]:
+def merge_ramps(parts: list[PixelPart]) -> list[PixelPart]:
     """Return parts without boxes that are only the high end of a ramp.
 
     Where a ramp leads up to a platform of its own height, its high end has no wall. Then a ramp

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from terratool.importing.structure.boxes import jumps, merged
+from terratool.importing.structure.boxes import jumps, merge_ramps
 from terratool.importing.structure.peeling import is_quiet, peel
 from terratool.importing.structure.residual import (
     PRECISION,
     Floats,
-    Limits,
     Residual,
+    ResidualLimits,
     noise_level,
     residual_of,
 )
@@ -162,15 +162,15 @@ def find_structures(
         level > residual.rounding and is_quiet(residual, residual.rounding)
     )
     if not visible:
-        parts, others = _peeled(residual, Limits(residual.rounding, max_error))
+        parts, others = _peel_all(residual, ResidualLimits(residual.rounding, max_error))
     noise = residual.rounding
     if not parts and not others and level < np.inf and (visible or level > noise):
         noise = level
-        parts, others = _peeled(residual, Limits(noise, max_error))
+        parts, others = _peel_all(residual, ResidualLimits(noise, max_error))
     explained = bool(parts or others)
-    parts = merged(refined(residual, parts, noise))
+    parts = merge_ramps(refine_scales(residual, parts, noise))
     if visible or noise > residual.rounding:
-        parts = [leveled(residual, part) for part in parts]
+        parts = [level_box(residual, part) for part in parts]
     ground = ground_of(residual, max_error, explained, twist, walls)
     structures = [*ground]
     # one for all, so that curves of equal parts are spelled alike
@@ -178,10 +178,15 @@ def find_structures(
     if walls:
         walled = [with_walls(part, precision, fineness) for part in parts]
         return with_names([*structures, *walled, *others])
-    return with_names([*structures, *_flanked(parts, others, (rows, columns), max_error, fineness)])
+    return with_names(
+        [
+            *structures,
+            *_structures_without_walls(parts, others, (rows, columns), max_error, fineness),
+        ]
+    )
 
 
-def _flanked(
+def _structures_without_walls(
     parts: list[PixelPart],
     others: list[Structure],
     shape: tuple[int, int],
@@ -212,15 +217,17 @@ def _flanked(
     return structures
 
 
-def _peeled(residual: Residual, limits: Limits) -> tuple[list[PixelPart], list[Structure]]:
+def _peel_all(
+    residual: Residual, limits: ResidualLimits
+) -> tuple[list[PixelPart], list[Structure]]:
     """Find and subtract parts along the axes, and turned structures."""
     # what is turned goes first where it stands alone: its edge could be had from boxes as well
-    others = _turned(residual, limits, loose=False)
+    others = _peel_turned(residual, limits, loose=False)
     parts = peel(residual, limits, hidden=False)
     if not parts and not is_quiet(residual, limits.noise):
         return parts, others
     for loose in (False, True):
-        turned = _turned(residual, limits, loose)
+        turned = _peel_turned(residual, limits, loose)
         more = peel(residual, limits, hidden=True)
         others += turned
         parts += more
@@ -229,7 +236,7 @@ def _peeled(residual: Residual, limits: Limits) -> tuple[list[PixelPart], list[S
     return parts, others
 
 
-def _turned(residual: Residual, limits: Limits, loose: bool) -> list[Structure]:
+def _peel_turned(residual: Residual, limits: ResidualLimits, loose: bool) -> list[Structure]:
     """Find and subtract turned boxes and turned profiles."""
     if not is_quiet(residual, limits.noise):
         return []
@@ -246,7 +253,7 @@ def _turned(residual: Residual, limits: Limits, loose: bool) -> list[Structure]:
     return found
 
 
-def refined(residual: Residual, parts: list[PixelPart], noise: float) -> list[PixelPart]:
+def refine_scales(residual: Residual, parts: list[PixelPart], noise: float) -> list[PixelPart]:
     """Refine the scales of parts from all fully explained places; `residual` is changed."""
     out = list(parts)
     for _ in range(2):
@@ -262,7 +269,7 @@ def refined(residual: Residual, parts: list[PixelPart], noise: float) -> list[Pi
     return out
 
 
-def leveled(residual: Residual, part: PixelPart) -> PixelPart:
+def level_box(residual: Residual, part: PixelPart) -> PixelPart:
     """Return a box with the median height of its walls, which noise disturbs less than corners."""
     if part.x.code != kernels.FLAT or part.y.code != kernels.FLAT:
         return part

@@ -12,8 +12,8 @@ from terratool.importing.structure.boxes import find_boxes
 from terratool.importing.structure.residual import (
     QUIET_SHARE,
     Floats,
-    Limits,
     Residual,
+    ResidualLimits,
     share_within,
 )
 from terratool.importing.structure.structures import VECTOR, Axis, PixelPart
@@ -175,7 +175,7 @@ def partners(
     return np.asarray(found[np.argsort(np.abs(found - pivot[0]), kind="stable")])
 
 
-def peel(residual: Residual, limits: Limits, hidden: bool) -> list[PixelPart]:
+def peel(residual: Residual, limits: ResidualLimits, hidden: bool) -> list[PixelPart]:
     """Find parts, subtract them, and return them in the order of being found.
 
     Args:
@@ -201,7 +201,7 @@ def peel(residual: Residual, limits: Limits, hidden: bool) -> list[PixelPart]:
     return parts
 
 
-Guess = Callable[[Residual, tuple[int, int], Limits], Iterator[PixelPart]]
+Guess = Callable[[Residual, tuple[int, int], ResidualLimits], Iterator[PixelPart]]
 """Guess of the parts at a pivot, their scales still open."""
 
 Failed = dict[tuple[Guess, bool, int, int], float]
@@ -209,7 +209,7 @@ Failed = dict[tuple[Guess, bool, int, int], float]
 
 
 def _all_but_boxes(
-    residual: Residual, limits: Limits, failed: Failed, hidden: bool = False
+    residual: Residual, limits: ResidualLimits, failed: Failed, hidden: bool = False
 ) -> list[PixelPart]:
     """Find and subtract hills and ridges."""
     return [
@@ -226,7 +226,7 @@ def is_quiet(residual: Residual, noise: float) -> bool:
 
 def _pass(
     residual: Residual,
-    limits: Limits,
+    limits: ResidualLimits,
     reach: tuple[int, int],
     guess: Guess,
     failed: Failed,
@@ -247,7 +247,7 @@ def _pass(
             continue
         if kernels.least_size(residual.mixed, row, column, *reach) <= 4.0 * limits.noise:
             continue  # it went with another one
-        tried = (_scaled(residual, part, limits) for part in guess(residual, pivot, limits))
+        tried = (_scale_guess(residual, part, limits) for part in guess(residual, pivot, limits))
         part = next((part for part in tried if part is not None), None)
         if part is not None:
             residual.subtract(part)
@@ -273,7 +273,9 @@ def _pivots(residual: Residual, reach: tuple[int, int], least: float) -> Iterato
         yield row, column
 
 
-def _hill(residual: Residual, pivot: tuple[int, int], limits: Limits) -> Iterator[PixelPart]:
+def _hill(
+    residual: Residual, pivot: tuple[int, int], limits: ResidualLimits
+) -> Iterator[PixelPart]:
     """Guess a product of two curves through a pivot, from a wide band or else from a narrow one."""
     row, column = pivot
     for half in (4, 1):
@@ -302,7 +304,7 @@ class _Ridge:
     hidden: bool
 
     def __call__(
-        self, residual: Residual, pivot: tuple[int, int], limits: Limits
+        self, residual: Residual, pivot: tuple[int, int], limits: ResidualLimits
     ) -> Iterator[PixelPart]:
         heights, mixed, known = residual.heights, residual.mixed, residual.known
         if not self.along_x:
@@ -320,7 +322,7 @@ class _Ridge:
 
 
 def _line(
-    mixed: Floats, known: NDArray[np.bool_], pivot: tuple[int, int], limits: Limits
+    mixed: Floats, known: NDArray[np.bool_], pivot: tuple[int, int], limits: ResidualLimits
 ) -> Axis | None:
     """Return the curve along the second axis that a single row of differences shows, or None."""
     row, column = pivot
@@ -374,7 +376,7 @@ def _run(flags: NDArray[np.bool_]) -> int:
     return len(flags) if flags.all() else int(flags.argmin())
 
 
-def _scaled(residual: Residual, guess: PixelPart, limits: Limits) -> PixelPart | None:
+def _scale_guess(residual: Residual, guess: PixelPart, limits: ResidualLimits) -> PixelPart | None:
     """Return a guess with the scale that leaves least, or None if that explains too little."""
     gaps, shape = residual.window(guess)
     here, known = residual.mixed[gaps], residual.known[gaps]

@@ -39,7 +39,7 @@ FINER = 20.0
 
 
 @dataclass(frozen=True, slots=True)
-class Limits:
+class ResidualLimits:
     """Limits of the parts that are sought.
 
     Attributes:
@@ -115,11 +115,11 @@ def residual_of(heights: Floats) -> Residual:
     mixed = east[1:] - east[:-1]
     known = np.isfinite(mixed)
     mixed[~known] = 0.0
-    fine, unit = rounding(heights), quantum(heights, mixed, known)
+    fine, unit = rounding_error(heights), quantum(heights, mixed, known)
     return Residual(heights, mixed, known, max(fine, 2.0 * unit), unit > 0.0)
 
 
-def rounding(heights: Floats) -> float:
+def rounding_error(heights: Floats) -> float:
     """Largest size of mixed differences that come from the rounding of heights alone."""
     low, high = float(np.nanmin(heights)), float(np.nanmax(heights))
     largest = max(abs(low), abs(high))
@@ -138,7 +138,7 @@ def quantum(heights: Floats, mixed: Floats, known: NDArray[np.bool_]) -> float:
     differences are not 0.
     """
     sizes = _some_sizes(mixed, known)
-    fine = rounding(heights)
+    fine = rounding_error(heights)
     steps = sizes[sizes > FINER * fine]
     if len(steps) < SHOWS * len(sizes) or not len(steps):
         return 0.0

@@ -191,8 +191,8 @@ def with_walls(part: PixelPart, precision: float, fineness: float) -> Structure:
         fineness: largest error of rounded values of curves.
     """
     axes = (part.x, part.y)
-    curves = [_walled(axis, fineness) for axis in axes]
-    return _placed(part, curves, [(axis.begin, axis.end) for axis in axes], precision)
+    curves = [_walled_curve(axis, fineness) for axis in axes]
+    return _structure_of(part, curves, [(axis.begin, axis.end) for axis in axes], precision)
 
 
 def with_flanks(
@@ -221,13 +221,13 @@ def with_flanks(
         curve, cell = KNOWN[axis.code].spelling, (axis.begin, axis.end)
         # a ramp would go on in the outer half pixels
         if not is_smooth and (axis.code != kernels.FLAT or cell != (0, 2 * whole)):
-            curve, cell = _flanked(axis, whole, fineness)
+            curve, cell = _flanked_curve(axis, whole, fineness)
         curves.append(curve)
         cells.append(cell)
-    return _placed(part, curves, cells, precision)
+    return _structure_of(part, curves, cells, precision)
 
 
-def _placed(
+def _structure_of(
     part: PixelPart, curves: list[CurveText], cells: list[tuple[int, int]], precision: float
 ) -> Structure:
     """Return a product of curves along x and y with their cells in half pixels as a structure."""
@@ -281,7 +281,7 @@ def shortest(value: float, precision: float) -> float:
     return value
 
 
-def _walled(axis: Axis, precision: float) -> CurveText:
+def _walled_curve(axis: Axis, precision: float) -> CurveText:
     """Return a curve over its own cell, level for half a pixel at each end if it has no name."""
     if axis.code != VECTOR:
         return KNOWN[axis.code].spelling
@@ -292,7 +292,7 @@ def _walled(axis: Axis, precision: float) -> CurveText:
     return _knots(times, values, precision)
 
 
-def _flanked(axis: Axis, whole: int, precision: float) -> tuple[CurveText, tuple[int, int]]:
+def _flanked_curve(axis: Axis, whole: int, precision: float) -> tuple[CurveText, tuple[int, int]]:
     """Return a curve that is straight between centres of pixels, and its cell in half pixels."""
     values, first, stop = axis.samples(), axis.first, axis.stop
     centres = 2 * np.arange(first, stop) + 1

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from terratool.importing.structure.residual import Floats, Limits, Residual
+from terratool.importing.structure.residual import Floats, Residual, ResidualLimits
 from terratool.importing.structure.structures import (
     KNOWN,
     VECTOR,
@@ -91,7 +91,7 @@ def islands(residual: Residual, noise: float, block: int) -> Iterator[Island]:
     """
     busy = np.abs(residual.mixed) > 2.0 * noise
     rectangles = []
-    for blocks in _components(_occupied(busy, block)):
+    for blocks in _components(_occupied_blocks(busy, block)):
         low, high = blocks.min(axis=0) * block, (blocks.max(axis=0) + 1) * block
         j, i = np.nonzero(busy[low[0] : high[0], low[1] : high[1]])
         # from the gap before the first pixel to the gap after the last
@@ -107,7 +107,7 @@ def islands(residual: Residual, noise: float, block: int) -> Iterator[Island]:
             yield island
 
 
-def _occupied(busy: NDArray[np.bool_], block: int) -> NDArray[np.bool_]:
+def _occupied_blocks(busy: NDArray[np.bool_], block: int) -> NDArray[np.bool_]:
     """Mask of the blocks that hold a flag."""
     rows, columns = (-(-side // block) * block for side in busy.shape)
     padded = np.zeros((rows, columns), np.bool_)
@@ -151,7 +151,7 @@ def _island(residual: Residual, south: int, west: int, north: int, east: int) ->
     return Island(south, west, inner, around, south - low[0], west - low[1], off)
 
 
-def turned_box_of(island: Island, limits: Limits) -> tuple[Structure, Floats] | None:
+def turned_box_of(island: Island, limits: ResidualLimits) -> tuple[Structure, Floats] | None:
     """Return the turned box that an island is, with its heights in the window around, or None."""
     exact = 4.0 * limits.noise + 2.0 * island.off
     inner = island.heights[np.isfinite(island.heights)]
@@ -264,7 +264,7 @@ def _covers(angle: float, width: int, height: int, dx: Floats, dy: Floats) -> ND
     return covers
 
 
-def disc_of(island: Island, limits: Limits, loose: bool) -> tuple[Structure, Floats] | None:
+def disc_of(island: Island, limits: ResidualLimits, loose: bool) -> tuple[Structure, Floats] | None:
     """Return the turned profile that an island is, with its heights in the window around, or None.
 
     Args:
@@ -283,7 +283,7 @@ def disc_of(island: Island, limits: Limits, loose: bool) -> tuple[Structure, Flo
             if rho is None:
                 continue
             for code in PROFILES:
-                shape = _turned(code, rho)
+                shape = _turned_values(code, rho)
                 scale, off = _fit(shape, island.around)
                 if off <= exact + limits.precision and off < best.off / 2.0:
                     best = _Disc(off, code, scale, grow_x, grow_y)
@@ -297,7 +297,7 @@ def disc_of(island: Island, limits: Limits, loose: bool) -> tuple[Structure, Flo
     curve = KNOWN[best.code]
     kind = _KINDS.get(curve.name, f"round-{curve.name}-hill")
     structure = _structure(kind, curve.spelling, island, best, limits.precision)
-    return structure, best.scale * _turned(best.code, rho)
+    return structure, best.scale * _turned_values(best.code, rho)
 
 
 class _Disc(NamedTuple):
@@ -335,7 +335,7 @@ def _radii(island: Island, grow_x: int, grow_y: int) -> Floats | None:
     return np.asarray(np.sqrt(u**2 + (v**2)[:, None]))
 
 
-def _turned(code: int, rho: Floats) -> Floats:
+def _turned_values(code: int, rho: Floats) -> Floats:
     """Values of a named curve turned about its middle, 0 beyond its edge."""
     t = np.minimum(0.5 + 0.5 * rho, 1.0 - 1e-15)  # the edge is a part of the disc
     return np.where(rho <= 1.0 + field.EDGE, curve_at(code, t), 0.0)
@@ -351,7 +351,9 @@ def _fit(shape: Floats, heights: Floats) -> tuple[float, float]:
     return scale, float(np.abs(heights - scale * shape)[finite].max())
 
 
-def _crater(island: Island, limits: Limits, tolerance: float) -> tuple[Structure, Floats] | None:
+def _crater(
+    island: Island, limits: ResidualLimits, tolerance: float
+) -> tuple[Structure, Floats] | None:
     """Return a profile without a name, of as few evenly spaced samples as suffice, or None."""
     rho = _radii(island, 0, 0)
     if rho is None:

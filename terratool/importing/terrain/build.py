@@ -28,9 +28,9 @@ from terratool.importing.structure.structures import (
 )
 from terratool.importing.terrain.methods import (
     METHODS,
+    HeightRounding,
     Method,
     Read,
-    Rounding,
     hat_texts,
     hats_of,
     rows_of,
@@ -46,7 +46,7 @@ from terratool.importing.terrain.writing import (
     Chunk,
     ElementText,
     MeasuredError,
-    Spool,
+    TextSpool,
     Writer,
     element,
     root_of,
@@ -84,7 +84,7 @@ Progress = Callable[[int], object]
 
 
 @dataclass(frozen=True, slots=True)
-class Ground:
+class GroundSurface:
     """Surface of the terrain where no class gives another one.
 
     Attributes:
@@ -127,7 +127,7 @@ class ImportOptions:
     title: str = ""
     allow_remote: bool = False
     pixels: bool = False
-    ground: Ground | None = None
+    ground: GroundSurface | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -192,7 +192,7 @@ class _FoundStructures:
 
 
 @dataclass(frozen=True, slots=True)
-class _Plan:
+class _WritingPlan:
     """Decisions that precede the writing.
 
     Attributes:
@@ -205,7 +205,7 @@ class _Plan:
     found: _FoundStructures
     rest: Floats | None
     method: Method
-    rounding: Rounding
+    rounding: HeightRounding
 
 
 def import_terrain(
@@ -236,14 +236,14 @@ def import_terrain(
     output = Path(output)
     refuse_existing(output, overwrite)
     summary = summarise_source(source, options, work)
-    plan = _planned(source, summary, options)
+    plan = _plan_import(source, summary, options)
     try:
-        return _written(source, output, summary, plan, options, overwrite, work)
+        return _write_definition(source, output, summary, plan, options, overwrite, work)
     except BoundError:
         if not plan.found.texts:
             raise
-    plan = _planned(source, summary, replace(options, structures=False))
-    return _written(source, output, summary, plan, options, overwrite, work)
+    plan = _plan_import(source, summary, replace(options, structures=False))
+    return _write_definition(source, output, summary, plan, options, overwrite, work)
 
 
 def _refuse_size(grid: PixelGrid) -> None:
@@ -263,7 +263,7 @@ def _refuse_size(grid: PixelGrid) -> None:
         )
 
 
-def _refuse_ground(ground: Ground | None) -> None:
+def _refuse_ground(ground: GroundSurface | None) -> None:
     if ground is None:
         return
     if not ground.name or ground.name == _NO_GROUND:
@@ -300,7 +300,7 @@ class SourceSummary:
     high: float = -math.inf
     unknown: int = 0
     heights: Floats | None = None
-    cover: Spool = field(default_factory=Spool)
+    cover: TextSpool = field(default_factory=TextSpool)
     surface_types: dict[str, Any] = field(default_factory=dict)
     surfaces: dict[str, int] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
@@ -365,7 +365,7 @@ def summarise_source(
         bare = f"the surface {shown(options.ground.name)}" if options.ground else "no surface"
         summary.notes += (f"{raster.name} has no class for {raster.lacking:,} pixels: {bare}.",)
     if options.fill and summary.heights is not None:
-        summary.heights = filled(summary.heights)
+        summary.heights = fill_gaps(summary.heights)
     elif options.fill and summary.unknown:
         summary.notes += (
             f"The DEM has more than {MOST_IN_MEMORY:,} pixels: unknown heights are taken from "
@@ -374,7 +374,7 @@ def summarise_source(
     return summary
 
 
-def _add_ground(summary: SourceSummary, ground: Ground, grid: PixelGrid) -> None:
+def _add_ground(summary: SourceSummary, ground: GroundSurface, grid: PixelGrid) -> None:
     """Add the surface of the root, which all pixels without a class have.
 
     Raises:
@@ -398,7 +398,7 @@ def _surface(raster: ClassRaster | None, number: int) -> tuple[str, dict[str, An
     return raster.surface(number)
 
 
-def filled(heights: Floats) -> Floats:
+def fill_gaps(heights: Floats) -> Floats:
     """Fill unknown heights by inverse distance weighting, as GDAL does.
 
     Args:
@@ -423,17 +423,21 @@ def filled(heights: Floats) -> Floats:
 # --- planning ------------------------------------------------------------------------------------
 
 
-def _planned(source: HeightSource, summary: SourceSummary, options: ImportOptions) -> _Plan:
+def _plan_import(
+    source: HeightSource, summary: SourceSummary, options: ImportOptions
+) -> _WritingPlan:
     """Decide whether structures are subtracted, and which method makes the smallest file."""
     highest = max(abs(summary.low), abs(summary.high))
     heights = summary.heights
     methods = _methods(heights, options)
 
-    def without(found: _FoundStructures, rest: Floats | None, low: float) -> _Plan:
+    def without(found: _FoundStructures, rest: Floats | None, low: float) -> _WritingPlan:
         step = step_for(options.max_error - found.deviation, highest)
         # from the lowest height on, to a digit that is small against a step; never -0
-        rounding = Rounding(step, round(low, 2 - math.floor(math.log10(step))) + 0.0)
-        return _Plan(found, rest, smallest(_samples(source, rest), rounding, methods), rounding)
+        rounding = HeightRounding(step, round(low, 2 - math.floor(math.log10(step))) + 0.0)
+        return _WritingPlan(
+            found, rest, smallest(_samples(source, rest), rounding, methods), rounding
+        )
 
     whole = without(_FoundStructures(), heights, summary.low)
     if heights is None or not (options.structures and _is_promising(source, heights, options)):
@@ -538,11 +542,11 @@ def _texts(structures: tuple[Structure, ...], pixels: bool) -> list[ElementText]
 # --- writing -------------------------------------------------------------------------------------
 
 
-def _written(
+def _write_definition(
     source: HeightSource,
     output: Path,
     summary: SourceSummary,
-    plan: _Plan,
+    plan: _WritingPlan,
     options: ImportOptions,
     overwrite: bool,
     work: Progress,
@@ -617,7 +621,7 @@ def _write_heights(
     writer: Writer,
     source: HeightSource,
     summary: SourceSummary,
-    plan: _Plan,
+    plan: _WritingPlan,
     checker: Checker,
     work: Progress,
 ) -> None:

@@ -32,7 +32,7 @@ from terratool.importing.terrain.writing import (
     Chunk,
     ElementText,
     SizeCounter,
-    Spool,
+    TextSpool,
     Writer,
     WrittenRows,
     curve,
@@ -105,7 +105,7 @@ def methods_named(name: str) -> tuple[Method, ...]:
 
 
 @dataclass(frozen=True, slots=True)
-class Rounding:
+class HeightRounding:
     """Rounding of heights to whole steps above a base, in units of the heights."""
 
     step: float
@@ -277,7 +277,7 @@ def write_rows(
     read: Read,
     shape: tuple[int, int],
     method: Method,
-    rounding: Rounding,
+    rounding: HeightRounding,
     check: Callable[[Chunk], object] | None = None,
 ) -> WrittenRows:
     """Write a DEM by rows, or by columns.
@@ -331,7 +331,7 @@ def write_rows(
 
 
 def _round_block(
-    heights: Floats, first: int, spacing: int, rounding: Rounding, above: Ints | None
+    heights: Floats, first: int, spacing: int, rounding: HeightRounding, above: Ints | None
 ) -> RowBlock:
     """Round a block of rows.
 
@@ -462,7 +462,7 @@ class HatLevel:
     counts: Ints
 
 
-def hats_of(heights: Floats, rounding: Rounding) -> list[HatLevel]:
+def hats_of(heights: Floats, rounding: HeightRounding) -> list[HatLevel]:
     """Return the hats that make a DEM, coarse ones first.
 
     Args:
@@ -482,7 +482,7 @@ def hats_of(heights: Floats, rounding: Rounding) -> list[HatLevel]:
         if size == 1:
             return found
         size //= 2
-        finer = [_halved(axis, size) for axis in axes]
+        finer = [_insert_middles(axis, size) for axis in axes]
         for axis in range(2):
             levels = _between(levels, axes[axis], finer[axis], axis)
         old = [np.isin(new, axis) for new, axis in zip(finer, axes, strict=True)]
@@ -531,7 +531,7 @@ def hat_texts(
             yield ElementText(b"", b",\n".join(line))
 
 
-def _halved(axis: Ints, size: int) -> Ints:
+def _insert_middles(axis: Ints, size: int) -> Ints:
     """Return positions with the middles of all gaps wider than `size` added."""
     wide = np.flatnonzero(np.diff(axis) > size)
     return np.insert(axis, wide + 1, (axis[wide] + axis[wide + 1]) // 2)
@@ -552,7 +552,7 @@ def _between(levels: Floats, old: Ints, new: Ints, axis: int) -> Floats:
 
 
 def smallest(
-    parts: list[Floats], rounding: Rounding, methods: tuple[Method, ...] = METHODS
+    parts: list[Floats], rounding: HeightRounding, methods: tuple[Method, ...] = METHODS
 ) -> Method:
     """Return the method by which parts of a DEM take the fewest bytes when compressed.
 
@@ -569,7 +569,7 @@ def smallest(
     return best
 
 
-def size_of(heights: Floats, method: Method, rounding: Rounding, most: int = -1) -> int:
+def size_of(heights: Floats, method: Method, rounding: HeightRounding, most: int = -1) -> int:
     """Return the compressed size of a DEM in bytes; for hats, a lower bound if above `most`."""
     counter = SizeCounter()
     writer = Writer(counter, {"size": 1})
@@ -584,7 +584,7 @@ def size_of(heights: Floats, method: Method, rounding: Rounding, most: int = -1)
         part = np.ascontiguousarray(heights.T) if method.kind == "columns" else heights
         write_rows(writer, rows_of(part), (part.shape[0], part.shape[1]), method, rounding)
     root = root_of(rows, columns, rounding.base, method.pixels)
-    writer.finish({}, root, Spool(), method.pixels)
+    writer.finish({}, root, TextSpool(), method.pixels)
     return counter.size
 
 

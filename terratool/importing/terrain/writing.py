@@ -73,7 +73,7 @@ def element(name: str, cell: tuple[int, int], span: tuple[int, int], **more: Any
     return msgspec.json.encode({**members, "type": name, **more})
 
 
-class Spool:
+class TextSpool:
     """Elements that wait in a temporary file until the text before them is written."""
 
     def __init__(self) -> None:
@@ -115,7 +115,7 @@ class Writer:
 
     def __init__(self, sink: TextSink, head: dict[str, Any]) -> None:
         self._sink = sink
-        self._elements = Spool()
+        self._elements = TextSpool()
         self._first = True
         self.beyond = False
         text = json.dumps(head, ensure_ascii=False, indent=1)
@@ -136,7 +136,7 @@ class Writer:
                 self._elements.add(text.element)
 
     def finish(
-        self, surfaces: dict[str, Any], root: dict[str, Any], cover: Spool, pixels: bool = False
+        self, surfaces: dict[str, Any], root: dict[str, Any], cover: TextSpool, pixels: bool = False
     ) -> None:
         """Write the surfaces and the tree: the root, its elements, and those that cover them.
 
@@ -358,9 +358,9 @@ class Checker:
         if not across:
             return
         if self.transposed:
-            ours = self._painted(chunk.texts, 0, first, across, count).T
+            ours = self._paint(chunk.texts, 0, first, across, count).T
         else:
-            ours = self._painted(chunk.texts, first, 0, count, across)
+            ours = self._paint(chunk.texts, first, 0, count, across)
         self._add(wanted[:, :across], ours, first, 0)
 
     def check_borders(self, written: WrittenRows, step: float) -> None:
@@ -375,7 +375,7 @@ class Checker:
         """
         along_x = self.grid.rows if self.transposed else self.grid.columns
         alone = self.deviation is None or self.added is None
-        terrain = self._compiled(written.outer if alone else [*self.always, *written.outer])
+        terrain = self._compile(written.outer if alone else [*self.always, *written.outer])
         ends = written.ends
         whole = ends if self.added is None else ends + self.added[:, [0, -1]].T
         along = np.arange(ends.shape[1]) + 0.5
@@ -391,7 +391,7 @@ class Checker:
 
     def check_whole(self, texts: list[ElementText], wanted: Floats) -> None:
         """Measure a definition that was written all at once against (rows, columns) heights."""
-        self.error.add(wanted, self._painted(texts, 0, 0, *wanted.shape), 0)
+        self.error.add(wanted, self._paint(texts, 0, 0, *wanted.shape), 0)
 
     def _add(self, wanted: Floats, ours: Floats, first: int, across: int) -> None:
         if self.transposed:
@@ -399,14 +399,14 @@ class Checker:
         else:
             self.error.add(wanted, ours, first, across)
 
-    def _painted(
+    def _paint(
         self, texts: list[ElementText], row: int, column: int, height: int, width: int
     ) -> Floats:
         shape = self.grid.rows, self.grid.columns
         window = Window(shape[0] - row - height, column, height, width)
-        return paint_pixels(self._compiled([*self.always, *texts]), shape, window)
+        return paint_pixels(self._compile([*self.always, *texts]), shape, window)
 
-    def _compiled(self, texts: list[ElementText]) -> Terrain:
+    def _compile(self, texts: list[ElementText]) -> Terrain:
         grid = self.grid
         head = msgspec.json.encode({"size": [grid.columns, grid.rows]})
         root = msgspec.json.encode(root_of(grid.rows, grid.columns, self.base, self.pixels))

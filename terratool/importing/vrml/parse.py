@@ -124,7 +124,7 @@ class Unit(NamedTuple):
     factor: float
 
 
-class Scene(NamedTuple):
+class VrmlScene(NamedTuple):
     """Contents of a text.
 
     Attributes:
@@ -138,17 +138,17 @@ class Scene(NamedTuple):
     units: tuple[Unit, ...] = ()
 
 
-def parse(text: VrmlText, language: Language) -> Scene:
+def parse(text: VrmlText, language: Language) -> VrmlScene:
     """Parse a text behind its first line.
 
     Raises:
         ReadError: the text is not of that language; the message says where.
     """
-    parser = _Parser(text, language)
+    parser = _VrmlParser(text, language)
     if language.is_open:
         parser.head()
     nodes = _finish(parser.statements(-1))
-    return Scene(language, nodes, tuple(parser.units))
+    return VrmlScene(language, nodes, tuple(parser.units))
 
 
 def _finish(step: Step[T]) -> T:
@@ -167,7 +167,7 @@ def _finish(step: Step[T]) -> T:
     return result  # type: ignore[no-any-return]
 
 
-class _Parser:
+class _VrmlParser:
     """State of parsing a text.
 
     Attributes:
@@ -229,7 +229,7 @@ class _Parser:
             byte = text.peek()
             if byte < 0:
                 if opened >= 0:
-                    raise self._unclosed(opened)
+                    raise self._unclosed_error(opened)
                 return tuple(nodes)
             if opened >= 0 and text.take(b"}"):
                 return tuple(nodes)
@@ -267,7 +267,7 @@ class _Parser:
         """Parse a node, or a USE, whose first word was read."""
         text = self.text
         if word == "USE":
-            return self._used(text.word("the name behind USE"), at)
+            return self._use(text.word("the name behind USE"), at)
         name = ""
         if word == "DEF":
             name = text.word("the name behind DEF")
@@ -285,7 +285,7 @@ class _Parser:
             self.open[name] = self.open.get(name, 0) + 1
         while not text.take(b"}"):
             if text.peek() < 0:
-                raise self._unclosed(opened)
+                raise self._unclosed_error(opened)
             yield self.member(node)
         self.scripts -= script
         if name:
@@ -324,7 +324,7 @@ class _Parser:
         if what in _WITH_VALUE:
             yield self.value()
 
-    def _used(self, name: str, at: int) -> Node:
+    def _use(self, name: str, at: int) -> Node:
         if self.open.get(name) and name not in self.names:
             if self.scripts:
                 return Node("Script", at)
@@ -388,13 +388,13 @@ class _Parser:
                     nodes.append((yield self.node(word, at)))
             value = FieldValue("nodes" if nodes else "empty", opened, nodes=tuple(nodes))
         if text.peek() < 0:
-            raise self._unclosed(opened)
+            raise self._unclosed_error(opened)
         if not text.take(b"]"):
             if value.kind == "numbers":
                 raise text.error(
-                    text.at, f"{text.shown()} is no number.", "Write it as 12 or 1.5e-3."
+                    text.at, f"{text.quote_next()} is no number.", "Write it as 12 or 1.5e-3."
                 )
-            raise text.unexpected('"]"')
+            raise text.missing_error('"]"')
         return value
 
     def _no_infinity(self, word: str, at: int) -> None:
@@ -405,7 +405,7 @@ class _Parser:
 
     # --- what is wrong --------------------------------------------------------------------------
 
-    def _unclosed(self, opened: int) -> Exception:
+    def _unclosed_error(self, opened: int) -> Exception:
         byte = chr(self.text.data[opened])
         return self.text.error(
             opened,
@@ -417,7 +417,7 @@ class _Parser:
         self.text.at = at
         return self.text.error(
             at,
-            f"VRML97 has no node {self.text.shown()}.",
+            f"VRML97 has no node {self.text.quote_next()}.",
             did_you_mean(
                 word, [*self.language.fields, *self.language.others], "Write the file without it."
             ),

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from terratool.errors import ReadError
 from terratool.importing.types import Triangles
 from terratool.importing.vrml.nodes import VRML97, X3D
-from terratool.importing.vrml.parse import Node, Scene, Unit, parse, unread_prototype
+from terratool.importing.vrml.parse import Node, Unit, VrmlScene, parse, unread_prototype
 from terratool.importing.vrml.shapes import (
     PARTS,
     SIDES,
@@ -24,10 +24,10 @@ from terratool.importing.vrml.shapes import (
     cylinder,
     elevation_grid,
     extrusion,
-    placed,
     pose,
     product,
     sphere,
+    transform,
 )
 from terratool.importing.vrml.text import PlacedText, VrmlText, short
 from terratool.importing.vrml.xml import parse_xml
@@ -92,21 +92,21 @@ _declared = re.compile(r"""(\A<\?xml\s[^>]*?)(encoding\s*=\s*["'][^"'>]*["'])"""
 _stated = re.compile(rb"(?:#[^\r\n]*+[\r\n]++)*?#[ \t]*([xyz]) is up[ \t]*[\r\n]").match
 
 
-class _Place(NamedTuple):
+class _ScenePlace(NamedTuple):
     """A node to visit, with its pose; None for that of the world."""
 
     node: Node
     pose: Matrix | None
 
 
-def walk(scene: Scene, text: PlacedText) -> Triangles:
+def walk(scene: VrmlScene, text: PlacedText) -> Triangles:
     """Collect all triangles of a scene, in the order of the text.
 
     Raises:
         ReadError: a node is invalid, lies in another file, or is repeated too often.
     """
-    walker = _Walker(scene, text)
-    pending = [_Place(node, None) for node in reversed(scene.nodes)]
+    walker = _SceneWalker(scene, text)
+    pending = [_ScenePlace(node, None) for node in reversed(scene.nodes)]
     with np.errstate(all="ignore"):  # what becomes too large is refused
         while pending:
             pending += reversed(walker.visit(pending.pop()))
@@ -160,7 +160,7 @@ class _Fields(NamedTuple):
         return True if value is None else value.flag
 
 
-class _Walker:
+class _SceneWalker:
     """Walker through a scene, with the triangles collected so far.
 
     Attributes:
@@ -169,7 +169,7 @@ class _Walker:
         again: whether the current node was visited before.
     """
 
-    def __init__(self, scene: Scene, text: PlacedText) -> None:
+    def __init__(self, scene: VrmlScene, text: PlacedText) -> None:
         self.text = text
         self.language = scene.language
         self.steps = REPEATED + _PER_BYTE * len(text.data)
@@ -183,7 +183,7 @@ class _Walker:
         self.flat = 0
         self.crossed = 0
 
-    def visit(self, place: _Place) -> list[_Place]:
+    def visit(self, place: _ScenePlace) -> list[_ScenePlace]:
         """Visit a node, and return its visible children."""
         node, outer = place
         self.again = id(node) in self.visited
@@ -218,7 +218,7 @@ class _Walker:
                 fields.numbers("translation", (0, 0, 0)),
             )
             outer = own if outer is None else product(outer, own)
-        return [_Place(child, outer) for child in children]
+        return [_ScenePlace(child, outer) for child in children]
 
     def triangles(self) -> Triangles:
         """Return all triangles collected.
@@ -232,7 +232,7 @@ class _Walker:
                 f"{self.text.name}: no node in it has a surface.",
                 " ".join(notes) or "Choose a file with an IndexedFaceSet or an ElevationGrid.",
             )
-        return Triangles(_joined(self.vertices), _joined(self.faces), notes)
+        return Triangles(_join_arrays(self.vertices), _join_arrays(self.faces), notes)
 
     # --- geometry -------------------------------------------------------------------------------
 
@@ -368,9 +368,9 @@ class _Walker:
         return extrusion(section, spine, scales, turns, *caps)
 
     def _add(self, node: Node, mesh: ShapeMesh, outer: Matrix | None) -> None:
-        vertices, faces = _used(mesh)
+        vertices, faces = _drop_unused(mesh)
         if outer is not None:
-            vertices = placed(outer, vertices)
+            vertices = transform(outer, vertices)
             if np.linalg.det(outer[:, :3]) < 0:  # a mirror turns what is outside
                 faces = faces[:, ::-1]
         if not np.isfinite(vertices).all():
@@ -445,11 +445,11 @@ class _Walker:
         return notes
 
 
-def _joined(parts: list[NDArray[Number]]) -> NDArray[Number]:
+def _join_arrays(parts: list[NDArray[Number]]) -> NDArray[Number]:
     return np.ascontiguousarray(parts[0]) if len(parts) == 1 else np.concatenate(parts)
 
 
-def _used(mesh: ShapeMesh) -> ShapeMesh:
+def _drop_unused(mesh: ShapeMesh) -> ShapeMesh:
     """Return a mesh without vertices that no face has."""
     vertices, faces = mesh
     if 4 * faces.size < len(vertices):  # many shapes may share the points of one
@@ -472,12 +472,12 @@ def read_vrml(path: str | Path) -> Triangles:
         ReadError: the file is missing, unreadable, neither of the two, or has no surface; or needs
             other files.
     """
-    source = _unpacked(path)
+    source = _read_text(path)
     scene, text = _scene_of(source.name, source.data)
     return walk(scene, text)
 
 
-def _unpacked(path: str | Path) -> Source:
+def _read_text(path: str | Path) -> Source:
     """Read the text of a file, and convert UTF-16 to UTF-8.
 
     Raises:
@@ -498,7 +498,7 @@ def _unpacked(path: str | Path) -> Source:
         ) from error
 
 
-def _scene_of(name: str, data: bytes) -> tuple[Scene, PlacedText]:
+def _scene_of(name: str, data: bytes) -> tuple[VrmlScene, PlacedText]:
     """Parse a text as XML, X3D or VRML97, by its beginning."""
     if _xml(data):
         text = PlacedText(name, data)
@@ -510,7 +510,7 @@ def _scene_of(name: str, data: bytes) -> tuple[Scene, PlacedText]:
     return parse(words, X3D if match[1] else VRML97), words
 
 
-def stated_up(path: str | Path) -> str | None:
+def up_axis_of(path: str | Path) -> str | None:
     """Return the up axis that a file states, as the project's own files do.
 
     Returns:
@@ -521,7 +521,7 @@ def stated_up(path: str | Path) -> str | None:
     Raises:
         ReadError: the file cannot be read.
     """
-    data = _unpacked(path).data
+    data = _read_text(path).data
     head = data[:_HEAD].partition(b"<Scene")[0]
     match = _stated_in_xml(head) if _xml(data) else _stated(data)
     return match[1].decode() if match else None

@@ -67,7 +67,7 @@ def product(outer: Matrix, inner: Matrix) -> Matrix:
     return np.column_stack((linear, outer[:, :3] @ inner[:, 3] + outer[:, 3]))
 
 
-def placed(pose: Matrix, points: NDArray[np.float64]) -> NDArray[np.float64]:
+def transform(pose: Matrix, points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return points, (n, 3), transformed by a pose, (3, 4)."""
     x, y, z = points.T
     # BLAS would add in an order that depends on the machine
@@ -88,7 +88,7 @@ def box(size: NDArray[np.float64]) -> ShapeMesh:
         [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)],
         np.int32,
     )
-    return ShapeMesh(np.array(signs) * (size / 2), halved(quads))
+    return ShapeMesh(np.array(signs) * (size / 2), halve_quads(quads))
 
 
 def cone(radius: float, height: float, side: bool, bottom: bool) -> ShapeMesh:
@@ -96,7 +96,7 @@ def cone(radius: float, height: float, side: bool, bottom: bool) -> ShapeMesh:
     circle = _circle(radius, -height / 2)
     vertices = np.vstack((circle, (0, height / 2, 0), (0, -height / 2, 0)))
     faces = [_fan(SIDES, False)] * side + [_fan(SIDES + 1, True)] * bottom
-    return ShapeMesh(vertices, _joined(faces))
+    return ShapeMesh(vertices, _join_faces(faces))
 
 
 def cylinder(radius: float, height: float, side: bool, bottom: bool, top: bool) -> ShapeMesh:
@@ -112,9 +112,9 @@ def cylinder(radius: float, height: float, side: bool, bottom: bool, top: bool) 
     one = np.arange(SIDES, dtype=np.int32)
     two = (one + 1) % SIDES
     quads = np.column_stack((one, two, two + SIDES, one + SIDES))
-    faces = [halved(quads)] * side + [_fan(2 * SIDES, True)] * bottom
+    faces = [halve_quads(quads)] * side + [_fan(2 * SIDES, True)] * bottom
     faces += [_fan(2 * SIDES + 1, False, SIDES)] * top
-    return ShapeMesh(vertices, _joined(faces))
+    return ShapeMesh(vertices, _join_faces(faces))
 
 
 def sphere(radius: float) -> ShapeMesh:
@@ -128,7 +128,7 @@ def sphere(radius: float) -> ShapeMesh:
     quads = np.column_stack((one, two, two + SIDES, one + SIDES))
     poles = len(vertices) - 2
     bottom, top = _fan(poles, True), _fan(poles + 1, False, (rows - 2) * SIDES)
-    return ShapeMesh(vertices, _joined([halved(quads), bottom, top]))
+    return ShapeMesh(vertices, _join_faces([halve_quads(quads), bottom, top]))
 
 
 def elevation_grid(heights: NDArray[np.float64], across: float, along: float) -> ShapeMesh:
@@ -150,13 +150,13 @@ def elevation_grid(heights: NDArray[np.float64], across: float, along: float) ->
     north, south = numbers[:-1], numbers[1:]
     around = (south[:, :-1], south[:, 1:], north[:, 1:], north[:, :-1])
     quads = np.stack(around, axis=-1).reshape(-1, 4)
-    return ShapeMesh(vertices.reshape(-1, 3), halved(quads))
+    return ShapeMesh(vertices.reshape(-1, 3), halve_quads(quads))
 
 
 Ints = NDArray[np.int32]
 
 
-class Part(NamedTuple):
+class FaceRule(NamedTuple):
     """Rule by which a node of X3D makes triangles of points.
 
     Attributes:
@@ -172,11 +172,11 @@ class Part(NamedTuple):
 
 def _by_threes(numbers: Ints, _: object) -> Ints:
     """Return whole triangles (11.4.8); leftover indices make none."""
-    return _listed(numbers[: len(numbers) // 3 * 3].reshape(-1, 3))
+    return _drop_negative(numbers[: len(numbers) // 3 * 3].reshape(-1, 3))
 
 
 def _by_fours(numbers: Ints, _: object) -> Ints:
-    return _listed(halved(numbers[: len(numbers) // 4 * 4].reshape(-1, 4)))
+    return _drop_negative(halve_quads(numbers[: len(numbers) // 4 * 4].reshape(-1, 4)))
 
 
 def _strips(numbers: Ints, counts: NDArray[np.float64] | None) -> Ints:
@@ -186,14 +186,16 @@ def _strips(numbers: Ints, counts: NDArray[np.float64] | None) -> Ints:
     before, last = numbers[ends - 2], numbers[ends - 1]
     odd = place[ends] % 2 == 1
     faces = np.column_stack((np.where(odd, last, before), np.where(odd, before, last)))
-    return _listed(np.column_stack((faces, numbers[ends])))
+    return _drop_negative(np.column_stack((faces, numbers[ends])))
 
 
 def _fans(numbers: Ints, counts: NDArray[np.float64] | None) -> Ints:
     """Return triangles of each corner, the one before it and the first (11.4.7)."""
     place = _places(numbers, counts)
     ends = np.flatnonzero((place >= 2) & (numbers >= 0))
-    return _listed(np.column_stack((numbers[ends - place[ends]], numbers[ends - 1], numbers[ends])))
+    return _drop_negative(
+        np.column_stack((numbers[ends - place[ends]], numbers[ends - 1], numbers[ends]))
+    )
 
 
 def _places(numbers: Ints, counts: NDArray[np.float64] | None) -> NDArray[np.int64]:
@@ -208,20 +210,20 @@ def _places(numbers: Ints, counts: NDArray[np.float64] | None) -> NDArray[np.int
     return everywhere - np.maximum.accumulate(begins)
 
 
-def _listed(faces: Ints) -> Ints:
+def _drop_negative(faces: Ints) -> Ints:
     """Return faces without those that have a corner below 0."""
     return np.ascontiguousarray(faces[(faces >= 0).all(axis=1)], np.int32)
 
 
 PARTS = {
-    "IndexedQuadSet": Part("index", "", _by_fours),
-    "IndexedTriangleFanSet": Part("index", "", _fans),
-    "IndexedTriangleSet": Part("index", "", _by_threes),
-    "IndexedTriangleStripSet": Part("index", "", _strips),
-    "QuadSet": Part("", "", _by_fours),
-    "TriangleFanSet": Part("", "fanCount", _fans),
-    "TriangleSet": Part("", "", _by_threes),
-    "TriangleStripSet": Part("", "stripCount", _strips),
+    "IndexedQuadSet": FaceRule("index", "", _by_fours),
+    "IndexedTriangleFanSet": FaceRule("index", "", _fans),
+    "IndexedTriangleSet": FaceRule("index", "", _by_threes),
+    "IndexedTriangleStripSet": FaceRule("index", "", _strips),
+    "QuadSet": FaceRule("", "", _by_fours),
+    "TriangleFanSet": FaceRule("", "fanCount", _fans),
+    "TriangleSet": FaceRule("", "", _by_threes),
+    "TriangleStripSet": FaceRule("", "stripCount", _strips),
 }
 """Rules by node of X3D, for nodes that VRML97 does not have."""
 
@@ -232,7 +234,7 @@ def _circle(radius: float, y: float) -> NDArray[np.float64]:
     return np.column_stack((radius * np.cos(angles), np.full(SIDES, y), -radius * np.sin(angles)))
 
 
-def halved(quads: NDArray[np.int32]) -> NDArray[np.int32]:
+def halve_quads(quads: NDArray[np.int32]) -> NDArray[np.int32]:
     """Cut each quadrilateral into two triangles, (2 m, 3), from the first to the third corner."""
     faces = np.empty((len(quads), 2, 3), np.int32)
     faces[:, 0] = quads[:, :3]
@@ -249,7 +251,7 @@ def _fan(middle: int, turned: bool, first: int = 0) -> NDArray[np.int32]:
     return np.column_stack((*(first + end for end in ends), np.full(SIDES, middle, np.int32)))
 
 
-def _joined(faces: list[NDArray[np.int32]]) -> NDArray[np.int32]:
+def _join_faces(faces: list[NDArray[np.int32]]) -> NDArray[np.int32]:
     return np.concatenate([np.empty((0, 3), np.int32), *faces])
 
 
@@ -293,7 +295,7 @@ def extrusion(
     one, two = columns[:-1], columns[1:]
     quads = np.stack((low + one, low + two, high + two, high + one), axis=-1).reshape(-1, 4)
     around = columns[:-1] if closed else columns
-    faces = [halved(quads)]
+    faces = [halve_quads(quads)]
     if begin:
         faces.append(kernels.triangulate(vertices, (rows[0] + around)[::-1].copy())[0])
     if end:

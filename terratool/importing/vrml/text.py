@@ -92,7 +92,7 @@ class VrmlText(PlacedText):
             ReadError: another word comes next.
         """
         if not self.take(byte):
-            raise self.unexpected(f'"{byte.decode()}" {where}')
+            raise self.missing_error(f'"{byte.decode()}" {where}')
         return self.at - 1
 
     def word(self, what: str) -> str:
@@ -104,7 +104,7 @@ class VrmlText(PlacedText):
         self.peek()
         match = _word(self.data, self.at)
         if match is None:
-            raise self.unexpected(what)
+            raise self.missing_error(what)
         self.at = match.end()
         return match.group().decode("utf-8", "replace")
 
@@ -136,7 +136,7 @@ class VrmlText(PlacedText):
             numbers[index] = self._hard()
         self.at = end
         if end < len(self.data) and self.data[end] in NUMERIC:
-            raise self.error(end, f"{self.shown()} is no number.", "Write it as 12 or 1.5e-3.")
+            raise self.error(end, f"{self.quote_next()} is no number.", "Write it as 12 or 1.5e-3.")
         return numbers
 
     def _hard(self) -> float:
@@ -158,7 +158,7 @@ class VrmlText(PlacedText):
                 index -= 1
         return at
 
-    def shown(self) -> str:
+    def quote_next(self) -> str:
         """Return the next word in quotes for a message."""
         if self.peek() < 0:
             return "the end of the file"
@@ -166,9 +166,9 @@ class VrmlText(PlacedText):
         word = (match.group() if match else self.data[self.at : self.at + 1])[: 4 * _SHOWN]
         return f'"{short(word.decode("utf-8", "replace"))}"'
 
-    def unexpected(self, what: str) -> ReadError:
+    def missing_error(self, what: str) -> ReadError:
         """Return the error that `what` is missing at the next word."""
-        shown = self.shown()
+        shown = self.quote_next()
         hint = "The file may be cut off; write or fetch it again."
         if self.at < len(self.data):
             hint = "Correct the file there, or write it again."

@@ -14,8 +14,8 @@ from terratool.importing.vrml.nodes import X3D
 from terratool.importing.vrml.parse import (
     FieldValue,
     Node,
-    Scene,
     Unit,
+    VrmlScene,
     check,
     did_you_mean,
     nearly,
@@ -59,7 +59,7 @@ class _Open:
     nodes: dict[str, list[Node]] = field(default_factory=dict)
 
 
-def parse_xml(text: PlacedText) -> Scene:
+def parse_xml(text: PlacedText) -> VrmlScene:
     """Read an X3D scene.
 
     Raises:
@@ -92,7 +92,7 @@ class _Reader:
         self.top: list[Node] = []
         self.units: list[Unit] = []
 
-    def scene(self) -> Scene:
+    def scene(self) -> VrmlScene:
         """Return the contents of the whole text."""
         try:
             self.parser.Parse(self.text.data, True)
@@ -106,7 +106,7 @@ class _Reader:
             raise self.text.error(
                 self.parser.CurrentByteIndex, f"{error}.", "Export it without them."
             ) from error
-        return Scene(X3D, tuple(self.top), tuple(self.units))
+        return VrmlScene(X3D, tuple(self.top), tuple(self.units))
 
     # --- elements -------------------------------------------------------------------------------
 
@@ -236,7 +236,7 @@ class _Reader:
             raise self.text.error(at, f'in "{name}" {said}', error.hint) from error
         if words.peek() >= 0 or "#" in written:
             raise self.text.error(
-                at, f'in "{name}" {words.shown()} is no number.', "Write it as 12 or 1.5e-3."
+                at, f'in "{name}" {words.quote_next()} is no number.', "Write it as 12 or 1.5e-3."
             )
         value = FieldValue("numbers", at, numbers) if len(numbers) else FieldValue("empty", at)
         check(self.text, value, kind, name)
