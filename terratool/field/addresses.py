@@ -148,7 +148,7 @@ def _cells_along(
     corner = own["corner"][:, axis]
     place = ((values - corner[:, 0]) - corner[:, 1]) * own["per"][:, axis]
     cell = np.floor(place)
-    # where an edge is near, the double decides at which it stands
+    # near an edge, the edge's double decides
     nearest = np.floor(place + 0.5)
     near = np.flatnonzero((np.abs(place - nearest) < own["near"][:, axis]) & (own["local"] == 0))
     keys, which = np.unique(
@@ -179,7 +179,7 @@ def _edge(grid: Any, axis: int, number: int) -> float:
     low, side = _exact(grid, axis)
     exact = low + number * side
     if grid["corner"][axis, 0] != 0.0 and abs(exact) <= grid["zero"][axis]:
-        return 0.0  # nothing but rounding is left
+        return 0.0  # only rounding is left
     total = float(exact)
     rest = exact - Fraction(total)
     other = math.nextafter(total, math.inf if rest > 0 else -math.inf)

@@ -105,12 +105,12 @@ def nonzero_edges(arrays: FieldArrays) -> NDArray[np.uint8]:
     root = arrays.elements[0]
     filled = arrays.kinds["combine"][root["kind"]] != COMBINE["radial"]
     filled = filled and not arrays.poses["turned"][root["pose"]]
-    if len(worn) > 1 or (len(worn) and not filled):  # where one ends, another or none begins
+    if len(worn) > 1 or (len(worn) and not filled):  # reliefs differ beside each other
         return out * np.uint8(kernels.WHATEVER_SCALE)
     for k, kind in enumerate(arrays.kinds):
         x, y = (_ends(arrays, kind, axis) for axis in "xy")
         level = x.start == x.end == y.start == y.end == 0.0
-        if kind["combine"] == COMBINE["radial"]:  # only the right half is used
+        if kind["combine"] == COMBINE["radial"]:  # a disc uses the right half of its curve
             out[k] = x.end != 0.0
         elif kind["combine"] == COMBINE["product"]:
             out[k] = not (level or x.least == x.most == 0.0 or y.least == y.most == 0.0)
@@ -134,7 +134,7 @@ def _ends(arrays: FieldArrays, kind: Any, axis: str) -> _Ends:
     starts, pieces = curve_pieces(arrays, kind, axis)
     hulls = curve_hulls(pieces)
     level = _LEVEL * np.abs(hulls).max()
-    # where a step stands at the very end, the curve arrives before it
+    # a step at t = 1 has its own piece; the value before it counts, too
     arrivals = hulls[3, starts < 1.0][-1], hulls[3, -1]
     numbers = abs(hulls[0, 0]), np.abs(arrivals).max(), hulls.min(), hulls.max()
     return _Ends(*(0.0 if abs(n) <= level else float(n) for n in numbers))
@@ -152,7 +152,7 @@ def finest_details(arrays: FieldArrays, wide: Floats, tall: Floats) -> Floats:
     """
     stretches = _stretches(arrays)[arrays.elements["kind"]]
     shaped = arrays.elements["scale"] != 0
-    with np.errstate(invalid="ignore"):  # none in a cell that rounding has left no side
+    with np.errstate(invalid="ignore"):  # sides may be 0 by rounding
         details = np.fmin(stretches[:, 0] * wide, stretches[:, 1] * tall)
     return np.where(shaped & ~np.isnan(details), details, np.inf)
 
@@ -181,7 +181,7 @@ def _shortest(arrays: FieldArrays, kind: Any, axis: str, radial: bool) -> float:
     marks = starts[1:][bend | step]
     if not len(marks):
         return np.inf
-    if radial:  # the right half, turned: what is level in the middle goes on beyond it
+    if radial:  # the right half, turned: a level middle extends to both sides
         marks = marks[marks > 0.5]
         middle = int(np.searchsorted(starts, 0.5, side="right")) - 1
         level = abs(slopes[middle]) <= 1e-9 * np.abs(slopes).max()
@@ -226,7 +226,7 @@ def crest_lines(arrays: FieldArrays) -> CrestLines:
             if key not in found:
                 found[key] = _curve_lines(*curve_pieces(arrays, kind, axis))
             lines = found[key]
-            if not alone:  # what the other curve adds may stand up at an end
+            if not alone:  # the other curve adds its height at the ends
                 other = np.abs(curve_hulls(curve_pieces(arrays, kind, "yx"[n])[1])).max()
                 ends = (lines[0] == 0.0) | (lines[0] == 1.0)
                 lines = np.vstack([lines[:3], lines[3] + np.where(ends, other, 0.0)])

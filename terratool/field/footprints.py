@@ -29,7 +29,7 @@ def geojson_head(terrain: Terrain) -> dict[str, Any]:
     entry = None if terrain.crs is None else authority_code(terrain.crs)
     if entry is not None:
         parts = [f"crs:{entry.authority}::{code}" for code in entry.code.split("+")]
-        # what is compound has a comma before each of its parts
+        # a compound system has a comma before each part
         name = "urn:ogc:def:" + (parts[0] if len(parts) == 1 else f"crs,{','.join(parts)}")
         head["crs"] = {"type": "name", "properties": {"name": name}}
     elif terrain.crs is not None:

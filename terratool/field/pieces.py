@@ -137,7 +137,7 @@ def _cubics(expression: Expression, starts: Floats, lengths: Floats) -> Floats:
     coefficients = np.zeros((len(starts), 4))
     for column, weights in zip(values.T, _TO_CUBIC.T, strict=True):
         coefficients += column[:, None] * weights
-    # what is straight stays straight: a level floor has no slope of 1e-15
+    # straight pieces stay straight: a level floor has no slope of 1e-15
     straight = np.abs(coefficients[:, 2:]).max(axis=1) <= _ROUNDING * np.abs(values).max(axis=1)
     coefficients[straight, 1] = (values[:, 3] - values[:, 0])[straight]
     coefficients[straight, 2:] = 0.0
@@ -240,7 +240,7 @@ class CurveStore:
 
     def put(self, kind: Any, axis: int, curve: Curve) -> None:
         """Write the position of a curve's pieces into one axis of a KIND, storing new curves."""
-        place = self._known.get(curve)  # long vectors take their time to be hashed
+        place = self._known.get(curve)  # hashing long vectors is slow: look up once
         if place is None:
             place = self._known[curve] = self._add(pieces_of(curve))
         for name, value in place.items():

@@ -64,7 +64,7 @@ def document_order(parents: NDArray[np.int32], document: NDArray[np.uint32]) -> 
         level += above >= 0
         above = np.where(above >= 0, parents[above], -1)
     levels = [np.flatnonzero(level == depth) for depth in range(1, int(level.max()) + 1)]
-    below = np.ones(len(parents), np.int64)  # itself, and all that stand in it
+    below = np.ones(len(parents), np.int64)  # elements of each subtree, its root included
     for elements in reversed(levels):
         np.add.at(below, parents[elements], below[elements])
     numbers = np.zeros(len(parents), np.int64)

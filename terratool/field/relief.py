@@ -61,7 +61,7 @@ def relief_of(roughness: Roughness) -> NDArray[Any]:
     """Return the RELIEF of a roughness, (1,); 0 where it has no rms or correlation length."""
     relief = np.zeros(1, RELIEF)
     if roughness.rms is UNSET or roughness.correlation is UNSET:
-        return relief  # a rule says where there is none
+        return relief  # a rule reports what is missing
     seed = 0 if roughness.seed is UNSET else roughness.seed
     relief["per"] = CELLS_PER_CORRELATION / roughness.correlation
     relief["scale"] = SCALE_PER_RMS * roughness.rms

@@ -197,7 +197,7 @@ def compile_shared(plan: Blueprint, *, roughness: bool = True) -> tuple[Compiled
     grids["count"] = 1.0
     in_cells = np.flatnonzero(grids["standing"][1:] == IN_CELLS)
     grids["count"][in_cells + 1] = columns.cells[owners[in_cells]]
-    # until they are laid, they lie where places are least exact
+    # until grids are laid, assume the least exact positions
     corner, extent = np.array(definition.corner, float), np.array(definition.extent, float)
     grids["corner"][:, :, 0] = _SLACK * np.maximum(np.abs(corner), np.abs(corner + extent))
     grids["pitch"][:, :, 0] = _SLACK * extent
@@ -213,7 +213,7 @@ def compile_shared(plan: Blueprint, *, roughness: bool = True) -> tuple[Compiled
     reach = placed.reach + 0.5 * np.abs(far) * (1 + 1e-9)
     placed = placed._replace(places=middles, reach=reach)
     ranges = runs.ranges
-    ranges.last[0] = 1  # the other roots are none
+    ranges.last[0] = 1  # roots of other templates are no elements
     bins = bins_of(runs, ranges, grid_of, placed, dense)
     grids["corner"] = grids["pitch"] = 0.0
     place_terrain(grids, definition)
@@ -309,7 +309,7 @@ def _draft(plan: Blueprint) -> _Draft:
 
 def _often(draft: _Draft, roots: int) -> list[int]:
     """Number of times that the parent of each node stands in the terrain; 0 for other roots."""
-    within = [1] + [0] * (len(draft.nodes) - 1)  # how often what is in a node stands
+    within = [1] + [0] * (len(draft.nodes) - 1)  # copies of each node's children
     often = [1] + [0] * (len(draft.nodes) - 1)
     for index in range(roots, len(draft.nodes)):
         node = draft.nodes[index]
@@ -381,7 +381,7 @@ def _free_places(draft: _Draft) -> tuple[NDArray[Any], NDArray[Any]]:
         if node.rests is None:
             typed[rows] = True
         else:
-            rests["at"][rows] = node.rests  # sizes are drawn as they are
+            rests["at"][rows] = node.rests  # sizes are drawn as doubles
     for name in ("at", "extent"):
         rests[name][typed] = rests_of(places[name][typed])
     return places, rests

@@ -97,7 +97,7 @@ def height_range(
     ]
     x, y, inner_x, inner_y = (np.concatenate(columns) for columns in zip(*points, strict=True))
     heights, beside = terrain.height(x, y), terrain.height(inner_x, inner_y)
-    # a strip of a few floats, as edges leave that were computed in floats, is no height to tell
+    # edges computed in floats leave strips of a few floats, whose heights do not count
     low, high = np.fmin.reduce(beside, initial=np.inf), np.fmax.reduce(beside, initial=-np.inf)
     agrees = np.abs(heights - beside) <= _AGREES * max(high - low, 0.0)
     told = np.where(agrees, heights, beside)

@@ -163,7 +163,7 @@ def dense_runs(
     full = cells <= 4 * siblings
     small = (cells <= _DENSE_CELLS) & ~full & ~free
     small[0], full[0] = False, True  # the root is the one cell of its grid
-    # as whole numbers of any size where they stand often
+    # counts of any size need Python's integers
     many: Any = np.ones(len(begins), np.int64) if often is None else np.array(often, object)
     room = (many * cells.astype(many.dtype))[small].sum()
     if room > 4 * (many * siblings.astype(many.dtype)).sum() + _DENSE_ROOM:  # many nearly empty
@@ -218,7 +218,7 @@ def runs_of(columns: Columns) -> Runs:
     grids["free"] = np.cumsum(free) - free
     grids["more"][1:-1] = owners[1:] == owners[:-1]
     grid_of = np.zeros(len(columns.parent), np.uint32)
-    grid_of[owners[::-1]] = np.arange(len(owners), 0, -1)  # the first of each
+    grid_of[owners[::-1]] = np.arange(len(owners), 0, -1)  # the first grid of each owner
     return Runs(grids, first, owners, grid_of)
 
 
@@ -303,7 +303,7 @@ def poses_of(columns: Columns, aspect: Floats) -> tuple[NDArray[np.uint32], NDAr
     own = [columns.span[:, 0], columns.span[:, 1], columns.turn, aspect, columns.free]
     first, index = _distinct(own)
     unique: Floats = np.column_stack([column[first].astype(np.float64) for column in own])
-    # pose 0 is that of what is neither turned nor spanned nor free
+    # pose 0 is neither turned nor spanned nor free
     plain = (unique == (1, 1, 0, 1, 0)).all(axis=1)
     rank = np.argsort(~plain, kind="stable")
     unique = np.vstack([[(1.0, 1.0, 0.0, 1.0, 0.0)], unique[~plain]])

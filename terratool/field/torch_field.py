@@ -62,7 +62,7 @@ class TorchField:
         """Bring a terrain to a device; see `Terrain.to_torch`."""
         torch = require_package("torch", "PyTorch", "torch")
         try:
-            self.device = torch.empty(0, device=device).device  # with its number
+            self.device = torch.empty(0, device=device).device  # with the device's number
         except (RuntimeError, AssertionError, NotImplementedError) as error:
             raise RequestError(
                 f"PyTorch has no device {str(device)!r} here.",

@@ -129,7 +129,7 @@ def _track_index(segments: NDArray[Any], bounds: Floats) -> _TrackIndex:
     frame, shape, total = np.zeros(4), np.zeros(2, np.int64), 0
     low, high = np.array(bounds[:2]), np.array(bounds[2:])
     if len(segments):
-        # around all that they can reach, and as much again
+        # twice the reach of all segments
         wide = 2 * segments["reach"]
         for axis, (one, other) in enumerate((("x", "end_x"), ("y", "end_y"))):
             low[axis] = max(low[axis], (np.minimum(segments[one], segments[other]) - wide).min())

@@ -169,9 +169,9 @@ def _try_reader(reader: Reader, path: Path) -> Triangles:
     except RecursionError as error:
         raise ReadError(f"{path}: its parts hold themselves.", "Export it again.") from error
     except Exception as error:
-        # what the libraries raise for broken input is theirs, from AssertionError to zlib.error
+        # libraries raise anything for broken input, from AssertionError to zlib.error
         words = " ".join(str(error).split())
-        # a library that looks for another one to guess the encoding has found no text
+        # trimesh imports a guesser of encodings only where a file is no text
         why = f" ({words[:100]})" if words and not isinstance(error, ImportError) else ""
         raise ReadError(
             f"{path}: cannot be read as {reader.name}{why}.",
@@ -405,7 +405,7 @@ def _gltf_header(path: Path) -> dict[str, Any]:
                 raise ValueError("it does not begin like a GLB")
             size = path.stat().st_size
             text = _exactly(file.read(min(length, size)), length)
-            while head := file.read(8):  # chunks of what trimesh reads at once
+            while head := file.read(8):  # chunks that trimesh would read at once
                 (length,) = struct.unpack("<I", _exactly(head, 8)[:4])
                 if length > size - file.tell():
                     raise ValueError("it is cut short")
@@ -415,7 +415,7 @@ def _gltf_header(path: Path) -> dict[str, Any]:
         raise ValueError("its header is no object")
     asset = header.get("asset")
     version = asset.get("version") if isinstance(asset, dict) else None
-    # in version 1 what later became lists are dictionaries
+    # version 1 has dictionaries where version 2 has lists
     old = version is None and isinstance(header.get("meshes"), dict)
     if old or str(version).startswith("1"):
         raise _old_gltf(path)
@@ -506,7 +506,7 @@ def _triangles(polygon: Any) -> Iterator[Any]:
         if inward and count > 4:
             from ezdxf.math.triangulation import mapbox_earcut_3d
 
-            # it gives points that are rounded, and all in one plane
+            # earcut returns rounded points in one plane
             for ear in mapbox_earcut_3d(points):
                 yield [min(points, key=corner.distance) for corner in ear]
             return

@@ -129,13 +129,13 @@ class RasterHeights:
         window = Window(self.window.col_off, self.window.row_off + row, self.window.width, count)
         with gdal_errors(self.name):
             pixels = self.file.read(self.band, window=window, masked=True)
-        with np.errstate(invalid="ignore"):  # a signalling NaN is one all the same
+        with np.errstate(invalid="ignore"):  # signalling NaN count as NaN
             heights = np.ma.filled(pixels.astype(np.float64), math.nan)
         if self.nodata is not None:
             heights[heights == self.nodata] = math.nan
         raw = heights
         if self.scale != (1.0, 0.0):
-            with np.errstate(over="ignore", invalid="ignore"):  # what is infinite is counted
+            with np.errstate(over="ignore", invalid="ignore"):  # infinite heights are counted below
                 heights = heights * self.scale[0] + self.scale[1]
         low, high, _, infinite = sample_range(heights)
         self.infinite += infinite
@@ -275,7 +275,7 @@ def _heights(
     south, north = sorted((transform.f + transform.e * file.height, transform.f))
     if not is_placed(file):
         about.append("The raster does not say where it lies: a pixel is taken as 1 × 1.")
-    # columns from the west and rows from the north of what is wanted
+    # columns from the west and rows from the north
     columns, rows = (0, file.width), (0, file.height)
     if options.window is not None:
         column, row, width, height = options.window
@@ -447,7 +447,7 @@ def open_classes(name: str, grid: PixelGrid, allow_remote: bool = False) -> Iter
             odd = file.crs is not None and crs_problem(file.crs.to_wkt()) is not None
             if grid.crs is not None and file.crs is not None and not odd and file.crs != grid.crs:
                 west, _, _, north = grid.bounds
-                # the class that lies nearest to each pixel centre of the grid
+                # the class nearest to each pixel centre
                 warped = WarpedVRT(
                     file,
                     crs=grid.crs,

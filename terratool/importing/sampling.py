@@ -90,7 +90,7 @@ def sample(
     if flat == len(faces):
         raise ReadError(f"{name}: no face has an area.", "Check the coordinates of the mesh.")
     grid, why = _grid(bounds, resolution)
-    # the origin is taken off first, so that coordinates as large as those of UTM lose nothing
+    # subtract the origin first, so that large coordinates lose no digits
     points = kernels.to_pixels(vertices, grid.west, grid.south, grid.dx, grid.dy)
     spacing = np.spacing(max(map(abs, (*extent, *bounds)))) / grid.dx
     try:

@@ -129,7 +129,7 @@ def _spread(items: list[_Placement], model: _Model) -> Iterator[_Placement]:
 
 
 def _size(key: Key, model: _Model, sizes: dict[Key, int], path: Path) -> int:
-    """Number of faces of an object with its components, plus `_PART` per component for its time.
+    """Number of faces of an object with its components, plus `_PART` for the time of each object.
 
     Raises:
         ReadError: the object contains itself, or is missing.

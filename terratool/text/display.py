@@ -128,7 +128,7 @@ def only_answer(name: str, close: Sequence[str]) -> str:
     if not near:
         alike = get_close_matches(name, close, 2, _NEAR)
         near = alike + [other for other in close if other not in alike and _is_swap_of(name, other)]
-    # rock10 is not meant by rock1
+    # rock1 does not mean rock10
     if any(_digits(other) != _digits(name) for other in near):
         return ""
     return json.dumps(near[0], ensure_ascii=False) if len(near) == 1 else ""

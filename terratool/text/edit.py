@@ -137,7 +137,7 @@ def _insertion(inside: Container, style: Style, text: str) -> Edit:
         return Edit(inside.last.end, inside.last.end, f",{before}{text}".encode())
     at = inside.open + 1
     if style.broken:
-        # white space that is there already goes on to stand before the closing bracket
+        # existing white space stays before the closing bracket
         behind = style.line_end + style.indent.removesuffix(style.unit)
         if _line_end(inside.first_gap):
             behind = ""
@@ -153,7 +153,7 @@ def _style(data: bytes, inside: Container) -> Style:
     spaced = _colon(data, inside)
     colon, comma = (spaced, ", " if spaced[1:] else ",")
     if inside.last is None:
-        # on a line of its own where the key of the container begins one, or is in one that does
+        # members get lines of their own if the container's key begins a line
         alone = found is not None and _alone(data[: inside.open]) is not None
         broken = alone or bool(_line_end(inside.first_gap))
         unit = _unit(data)
@@ -192,7 +192,7 @@ def _text(style: Style, where: str, key: str, value: Any, layout: Layout) -> str
     """Return the text of a member, or of an item if the key is empty, without commas around it."""
     if not style.broken:
         return (key + style.colon if key else "") + _inline(value, style)
-    # in the canonical layout, at the depth that it will have there
+    # the canonical layout at the depth of the place
     depth = where.count("/") + 1
     for token in where.split("/")[1:]:
         layout = layout.of(unescape(token))

@@ -29,7 +29,7 @@ def open_file(path: str | Path, *, named: bool = False) -> BufferedReader:
         OSError: the file cannot be opened, or is a pipe, a socket or a device.
         ValueError: the path is no file name.
     """
-    _refuse(Path(path).stat(), named)  # as opening alone makes some devices act
+    _refuse(Path(path).stat(), named)  # before opening, which makes some devices act
     flags = 0 if named else _AT_ONCE
     file = open(path, "rb", opener=lambda name, mode: os.open(name, mode | flags))  # noqa: SIM115
     try:

@@ -95,7 +95,7 @@ def _characters(data: bytes) -> int:
 
 
 def _excerpt(data: bytes, offset: int) -> Excerpt:
-    size = 4 * _ABOUT + 4  # bytes that surely hold as many characters, and one more
+    size = 4 * _ABOUT + 4  # bytes of at least _ABOUT + 1 characters
     before = re.split(rb"[\r\n]", data[max(0, offset - size) : offset])[-1].decode(
         "utf-8", "ignore"
     )
@@ -179,7 +179,7 @@ class _Value:
             raw = self._values(dict[str, Raw])[msgspec.json.decode(self._data[begin:key_end])]
             if self._data.startswith(bytes(raw), value):
                 return value + _length(raw)
-            # of a repeated key only the last value is known
+            # msgspec keeps only the last value of a repeated key
             end = value_end(self._data, value, len(self._data))
         return end
 

@@ -78,7 +78,7 @@ def gunzip(data: bytes, most: int) -> bytes:
         if members > MOST_MEMBERS:
             raise PackingError(f"is gzip of more than {MOST_MEMBERS:,} members.", _GUNZIP)
         stream, step = zlib.decompressobj(wbits=31), _FIRST_STEP
-        # what is behind a member is copied at its end, so that it gets little at first
+        # zlib copies the bytes behind a member, so that the first step is small
         while not stream.eof and size <= allowed:
             fed = data[at : at + step]
             if not fed:
@@ -86,7 +86,7 @@ def gunzip(data: bytes, most: int) -> bytes:
             try:
                 part = stream.decompress(fed, allowed + 1 - size)
             except zlib.error as error:
-                # without the number of the error
+                # zlib's words without the error number
                 raise _gzip_error(str(error).rsplit(": ", 1)[-1]) from error
             parts.append(part)
             size += len(part)

@@ -49,7 +49,7 @@ def value_end(data: bytes, begin: int, limit: int) -> int:
     depth = 0
     for match in _bracket(data, begin, limit):
         sign = match.group()
-        if sign == b'"':  # this text does not end here, whatever is in it
+        if sign == b'"':  # an unfinished text, whatever it contains
             return -1
         depth += (sign in (b"{", b"[")) - (sign in (b"}", b"]"))
         if depth == 0:

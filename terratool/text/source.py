@@ -61,7 +61,7 @@ def read_source(
     name = str(path)
     try:
         if name == "-":
-            if sys.stdin is None:  # as it is where it was closed
+            if sys.stdin is None:  # None if it was closed
                 raise OSError("it is closed")
             data = sys.stdin.buffer.read(most + 1)
             name = "<stdin>"

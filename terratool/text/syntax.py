@@ -318,7 +318,7 @@ def parse_near(text: str, fault: int) -> None:
         JsonSyntaxError: there is a fault near; the error equals that of `parse`.
     """
     begins, behind = open_brackets(text, max(0, fault - _TOKEN))
-    # what came before is replaced by the least that opens the same brackets
+    # replace the text before by the shortest one that opens the same brackets
     before = "".join('{"":' if text[at] == "{" else "[" for at in begins[:-1])
     before += "".join(text[at] for at in begins[-1:])
     if behind and (not begins or begins[-1] != behind - 1):  # the last bracket closed a value
@@ -398,7 +398,7 @@ def missing_comma(text: str, offset: int) -> JsonSyntaxError:
     """Return the error for an offset behind an item without a comma or closing bracket."""
     char = text[offset : offset + 1]
     if char and (char in "\"'{[-" or char.isalnum()):
-        # the comma belongs right behind the value before
+        # the comma belongs behind the previous value
         behind = len(text[:offset].rstrip())
         hint = "Write a comma here."
         if behind == offset and text[offset - 1] == '"':

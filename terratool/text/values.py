@@ -76,10 +76,10 @@ def repeated_keys(data: bytes, limit: int) -> tuple[list[Repeated], int]:
         if lost:
             count += lost
             if count - lost < limit:
-                # what it is of is kept alive, so that its id stays its own
+                # keep the object alive, so that its id stays unique
                 found[id(members)] = members, list(_repeats(key for key, _ in pairs))
                 return members
-        # one with nothing more in it leads nowhere
+        # objects without containers lead to no further keys
         return None if _CONTAINERS.isdisjoint(map(type, members.values())) else members
 
     try:
@@ -93,7 +93,7 @@ def repeated_keys(data: bytes, limit: int) -> tuple[list[Repeated], int]:
     repeated = [
         each for _, each in zip(range(limit), _repeats_with_pointers(value, found), strict=False)
     ]
-    if count <= limit:  # those not found are in values that another of their key replaced
+    if count <= limit:  # the others are in values that a repeated key replaced
         count = len(repeated)
     return repeated, count
 
@@ -109,7 +109,7 @@ def _repeats(keys: Iterable[str]) -> Iterator[Repeated]:
 def _repeats_with_pointers(
     value: Any, found: dict[int, tuple[Any, list[Repeated]]]
 ) -> Iterator[Repeated]:
-    # each container with the place of the one that it is in, and its key there
+    # each container with the index of its parent, and its key there
     containers: list[tuple[int, str | int, Any]] = [(-1, "", value)]
     for place, (_, _, container) in enumerate(containers):  # grows while we go
         if not found:

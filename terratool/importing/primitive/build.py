@@ -210,7 +210,7 @@ def _best(patch: Patch, wanted: PrimitiveRequest) -> tuple[Patch, ProductSum, fl
         turned = replace(patch, turn=fit.best_turn(patch, wanted.terms, counts))
         covered = _covered_patch(turned)
         heights = covered.values[~np.isnan(covered.values)]
-        # what has no relief says nothing of a turn
+        # heights without relief determine no turn
         if turned.turn != 0.0 and heights.size and heights.min() < heights.max():
             terms, error = _best_combination(turned, wanted)
             unturned = _best_combination(covered, wanted)[1]
@@ -253,7 +253,7 @@ def _counts(patch: Patch, curves: CurveForm, samples: int | None) -> tuple[int, 
     if samples is None:
         return fit.fewest_values(patch, curves)
     rows, columns = patch.values.shape
-    # across a single row or column nothing is known
+    # a single row or column determines no curve across
     return samples if columns > 1 else 1, samples if rows > 1 else 1
 
 

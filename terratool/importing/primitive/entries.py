@@ -113,7 +113,7 @@ def entries_of(
         offset = fitted.offset if k == 0 else 0.0
         scale, offset = round(float(factors[k]), places), round(offset, places)
         if scale == 0.0 and k > 0:
-            continue  # the others are exact without it
+            continue  # the other terms are exact without this one
         found.append(PrimitiveEntry(x, y, scale, offset, turn, terms.summed))
     return tuple(found)
 

@@ -254,7 +254,7 @@ def best_sums(
         worst = np.nanmax(np.abs(grid.z - values), axis=(1, 2))
     found: list[int] = []
     for n in np.argsort(worst, kind="stable"):
-        # of neighbours the better one
+        # skip the neighbours of a better offset
         if all(abs(n - other) > 1 for other in found):
             found.append(int(n))
     return [ProductSum(x_nodes, y_nodes, x[n], y[n], float(offsets[n])) for n in found[:best]]

@@ -61,7 +61,7 @@ def find_boxes(
             of their height on all sides, unlike the stairs of a turned edge.
     """
     found: list[PixelPart] = []
-    # boxes with more clean corners first, as what they leave makes others clean
+    # boxes with more open corners first; without them other corners are open
     for wanted in range(4, least_corners - 1, -1):
         failures = 0
         for row, column in _spikes(residual, max(4.0 * noise, height)):
@@ -103,7 +103,7 @@ def _sticks_out(residual: Residual, row: int, column: int) -> bool:
     around = residual.mixed[south : row + 2, west : column + 2]
     large = np.abs(around) * STICKS_OUT > abs(value)
     across = (np.add.outer(np.arange(around.shape[0]), np.arange(around.shape[1]))) % 2
-    # at odd steps from the spike itself
+    # gaps at odd distances from the spike
     odd = across != (row - south + column - west) % 2
     return bool((around[large & odd] * value < 0.0).all() and np.count_nonzero(large) <= 4)
 

@@ -157,7 +157,7 @@ def find_structures(
     level = noise_level(residual)
     parts: list[PixelPart] = []
     others: list[Structure] = []
-    # hills all over leave nothing that would show the noise, so the rounding is tried first
+    # hills everywhere hide the noise level, so rounding is tried first
     visible = residual.coarse or (
         level > residual.rounding and is_quiet(residual, residual.rounding)
     )
@@ -173,7 +173,7 @@ def find_structures(
         parts = [level_box(residual, part) for part in parts]
     ground = ground_of(residual, max_error, explained, twist, walls)
     structures = [*ground]
-    # one for all, so that curves of equal parts are spelled alike
+    # one precision for all, so that equal parts have equal curves
     fineness = precision / max([1.0, *(abs(part.scale) for part in parts)])
     if walls:
         walled = [with_walls(part, precision, fineness) for part in parts]
@@ -195,7 +195,7 @@ def _structures_without_walls(
 ) -> list[Structure]:
     """Return structures without walls that together stay close enough to bilinear."""
     structures = []
-    left = np.full(shape, SPARE * max_error)  # how much of the error is not used up
+    left = np.full(shape, SPARE * max_error)  # error that is still available
     for part in parts:
         reach = (
             slice(max(0, part.y.first - 1), part.y.stop + 1),
@@ -206,7 +206,7 @@ def _structures_without_walls(
         left[reach] -= deviation(structure, shape)
         structures.append(structure)
     for other in others:
-        # what is turned is never bilinear; it is kept where it is smooth enough
+        # turned structures are never bilinear; smooth ones are kept
         first = max(0, other.row // 2 - 1), max(0, other.column // 2 - 1)
         stop = (other.row + other.span[1]) // 2 + 2, (other.column + other.span[0]) // 2 + 2
         reach = slice(first[0], stop[0]), slice(first[1], stop[1])
@@ -221,7 +221,7 @@ def _peel_all(
     residual: Residual, limits: ResidualLimits
 ) -> tuple[list[PixelPart], list[Structure]]:
     """Find and subtract parts along the axes, and turned structures."""
-    # what is turned goes first where it stands alone: its edge could be had from boxes as well
+    # turned structures first, as boxes could imitate their edges
     others = _peel_turned(residual, limits, loose=False)
     parts = peel(residual, limits, hidden=False)
     if not parts and not is_quiet(residual, limits.noise):

@@ -108,7 +108,7 @@ def curve_of(profile: AxisProfile, unusual: bool) -> Axis | None:
     begins = np.arange(west, max(open_west, -1) - 1, -1)  # the shortest cells first
     ends = np.arange(east, min(open_east, last + 1) + 1)
     while len(begins) * len(ends) > CELLS:
-        # both ends are hidden: the far ones can wait until other structures are gone
+        # with both ends hidden, far ends wait until other structures are gone
         begins = begins[: max(1, CELLS // len(ends), len(begins) // 2)]
         ends = ends[: max(1, len(ends) // 2)]
     for odd in (0, 1) if unusual else (0,):
@@ -240,13 +240,13 @@ def _pass(
     patience = PATIENCE if is_quiet(residual, limits.noise) else DOUBT
     for pivot in _pivots(residual, reach, 4.0 * limits.noise):
         row, column = pivot
-        # what failed need not be tried again as long as nothing has changed along its lines
+        # do not retry a guess while the differences along its lines are the same
         state = float(residual.mixed[row].sum() + residual.mixed[:, column].sum())
         attempt = (guess, limits.unusual, row, column)
         if failed.get(attempt) == state:
             continue
         if kernels.least_size(residual.mixed, row, column, *reach) <= 4.0 * limits.noise:
-            continue  # it went with another one
+            continue  # explained by another part meanwhile
         tried = (_scale_guess(residual, part, limits) for part in guess(residual, pivot, limits))
         part = next((part for part in tried if part is not None), None)
         if part is not None:
@@ -381,7 +381,7 @@ def _scale_guess(residual: Residual, guess: PixelPart, limits: ResidualLimits) -
     gaps, shape = residual.window(guess)
     here, known = residual.mixed[gaps], residual.known[gaps]
     sizes = np.abs(shape)
-    # the high end of a ramp is much larger than its slope, but may be hidden
+    # a ramp's high end exceeds its slope by far, but may be hidden
     least = min(0.25 * float(sizes.max()), float(np.median(sizes[sizes > 0.0])))
     tells = known & (sizes >= least)
     if not tells.any():

@@ -319,7 +319,7 @@ def _knots(times: Floats, values: Floats, precision: float) -> CurveText:
     times, values = times[bends], values[bends]
     if len(times) == 2 and values[0] == values[1] == 1.0:
         return "flat"
-    # a knot that is off by so much, of a slope, is off in height by the precision
+    # shifting a knot by this changes heights by at most the precision
     lengths = np.diff(times)
     steepest = float(np.abs(np.diff(values) / lengths).max())
     apart = precision / max(steepest, 1e-300)
@@ -333,7 +333,7 @@ def _bends(times: Floats, values: Floats) -> NDArray[np.bool_]:
     """Mask of points that are ends, or lie off the line between their neighbours."""
     keep = np.ones(len(times), np.bool_)
     slopes = np.diff(values) / np.diff(times)
-    # slopes are compared by what they make of one step, so that nothing creeps along a curve
+    # compare slopes per step, so that small bends do not add up along a curve
     keep[1:-1] = np.abs(np.diff(slopes)) * np.diff(times)[1:] > _STRAIGHT
     return keep
 

@@ -166,7 +166,7 @@ def turned_box_of(island: Island, limits: ResidualLimits) -> tuple[Structure, Fl
     if not covered.any() or (covered | (np.abs(heights) <= exact)).mean() < LEVEL:
         return None
     if not (np.abs(inner) <= exact).any():
-        return None  # all of it: a box that is not turned
+        return None  # a box that is not turned
     # distances from the middle, in pixels, to the east and to the north
     height, width = island.heights.shape
     dx = np.arange(heights.shape[1]) + 0.5 - island.west - width / 2

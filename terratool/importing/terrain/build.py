@@ -232,7 +232,7 @@ def import_terrain(
     work = progress or (lambda _: None)
     _refuse_size(source.grid)
     _refuse_ground(options.ground)
-    step_for(options.max_error, 0.0)  # refuses what is no error before anything is read
+    step_for(options.max_error, 0.0)  # refuse a bad error before reading
     output = Path(output)
     refuse_existing(output, overwrite)
     summary = summarise_source(source, options, work)
@@ -360,7 +360,7 @@ def summarise_source(
         raise ReadError(
             "Every pixel is nodata: there is no height.", "Take another part, band or file."
         )
-    summary.notes = source.notes  # now, as what is read once more would be counted twice
+    summary.notes = source.notes  # now, as the second reading would count twice
     if raster is not None and raster.lacking:
         bare = f"the surface {shown(options.ground.name)}" if options.ground else "no surface"
         summary.notes += (f"{raster.name} has no class for {raster.lacking:,} pixels: {bare}.",)
@@ -433,7 +433,7 @@ def _plan_import(
 
     def without(found: _FoundStructures, rest: Floats | None, low: float) -> _WritingPlan:
         step = step_for(options.max_error - found.deviation, highest)
-        # from the lowest height on, to a digit that is small against a step; never -0
+        # the lowest height, to a digit much finer than a step; never -0
         rounding = HeightRounding(step, round(low, 2 - math.floor(math.log10(step))) + 0.0)
         return _WritingPlan(
             found, rest, smallest(_samples(source, rest), rounding, methods), rounding
@@ -500,7 +500,7 @@ def _find(heights: Floats, options: ImportOptions) -> _FoundStructures:
     off = np.zeros(shape)
     if not options.walls:
         for one in structures:
-            # pixels that it touches, and one more to each side
+            # touched pixels, and one more to each side
             rows, columns = (
                 slice(max(0, cell // 2 - 1), (cell + span + 1) // 2 + 1)
                 for cell, span in ((one.row, one.span[1]), (one.column, one.span[0]))

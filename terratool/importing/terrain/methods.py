@@ -297,12 +297,12 @@ def write_rows(
     nodal = cuts(rows, method.spacing)
     ends, counts = np.empty((2, rows)), np.zeros((2, rows), np.int64)
     transposed = method.kind == "columns"
-    # in the middle between two pixels the heights are their mean, which has half steps
+    # midway between two pixels the mean height has half steps
     unit = rounding.step / 2 if method.pixels else rounding.step
     above = heights = None
     # neighbouring blocks share a row
     for first, last in reversed(list(pairwise(cuts(rows, BLOCK))) or [(0, 0)]):
-        # the block to the north has read the row that both have
+        # the shared row was read with the block to the north
         new = read(first, last - first + (heights is None))
         heights = new if heights is None else np.concatenate([new, heights[:1]])
         block = _round_block(heights, first, method.spacing, rounding, above)
@@ -324,7 +324,7 @@ def write_rows(
     outer = [
         entry.text(transposed, unit)
         for entry in _outer_elements(counts, nodal, method.spacing, columns)
-        if not method.pixels  # rows of whole pixels have them
+        if not method.pixels  # rows of whole pixels include them
     ]
     writer.write(*outer)
     return WrittenRows(ends, outer)
@@ -421,7 +421,7 @@ def _outer_elements(
             span = (1, 2 * (rows - 1))
             if any(heights):
                 yield RowElement(side, None, numbers[nodal], (column, 1), span)
-            # what lies beyond the outermost rows
+            # half pixels beyond the outermost rows
             for name, height, row in (
                 ("south", heights[0], 0),
                 ("north", heights[-1], 2 * rows - 1),

@@ -107,7 +107,7 @@ def walk(scene: VrmlScene, text: PlacedText) -> Triangles:
     """
     walker = _SceneWalker(scene, text)
     pending = [_ScenePlace(node, None) for node in reversed(scene.nodes)]
-    with np.errstate(all="ignore"):  # what becomes too large is refused
+    with np.errstate(all="ignore"):  # too large coordinates are refused
         while pending:
             pending += reversed(walker.visit(pending.pop()))
         return _in_metres(walker.triangles(), scene.units, text)
@@ -361,7 +361,7 @@ class _SceneWalker:
                 )
         if len(section) < 2 or len(spine) < 2:
             return ShapeMesh(np.empty((0, 3)), np.empty((0, 3), np.int32))
-        # what is written once can be large, too
+        # a single extrusion can be large, too
         self.spend(2 * len(section) * len(spine), fields.node)
         self.charge(_SPINE * len(spine), fields.node)
         caps = fields.flag("beginCap"), fields.flag("endCap")
@@ -371,7 +371,7 @@ class _SceneWalker:
         vertices, faces = _drop_unused(mesh)
         if outer is not None:
             vertices = transform(outer, vertices)
-            if np.linalg.det(outer[:, :3]) < 0:  # a mirror turns what is outside
+            if np.linalg.det(outer[:, :3]) < 0:  # a mirror swaps inside and outside
                 faces = faces[:, ::-1]
         if not np.isfinite(vertices).all():
             raise self.text.error(
@@ -483,13 +483,14 @@ def _read_text(path: str | Path) -> Source:
     Raises:
         ReadError: the file cannot be read, or is too large.
     """
-    source = read_source(path, hint="Export a smaller part.", named=False)  # it is read twice
+    # a pipe could not be read twice
+    source = read_source(path, hint="Export a smaller part.", named=False)
     encoding = next((name for begin, name in _WIDE.items() if source.data.startswith(begin)), "")
     if not encoding:
         return source
     try:
         text = source.data.decode(encoding).removeprefix("\ufeff")
-        # what it says of its encoding is no longer true; all else stays where it is
+        # blank out the encoding that the text declares; all offsets stay
         text = _declared(lambda found: found[1] + " " * len(found[2]), text, count=1)
         return Source(source.name, text.encode())
     except UnicodeError as error:

@@ -283,7 +283,7 @@ def extrusion(
         linear = planes[n] @ rotation(np.array([x, y, z]), angle)
         rings.append(flat @ linear.T + spine[n])
     vertices = np.concatenate(rings)
-    # what is closed has its first vertices for its last ones, too
+    # a closed section or spine shares its first vertices with its last ones
     columns = np.arange(count, dtype=np.int32)
     closed = count > 2 and bool((section[0] == section[-1]).all())
     if closed:
