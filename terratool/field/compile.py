@@ -188,13 +188,13 @@ def _places(tree: Tree) -> tuple[NDArray[Any], NDArray[Any]]:
 
 
 def _first_sibling(parent: Ints) -> Ints:
-    """For each element the index of its parent's first child; siblings stand side by side."""
+    """Index of the first child of each element's parent, (n,); siblings are consecutive."""
     begins = np.flatnonzero(np.diff(parent, prepend=-2))
     return np.repeat(begins, np.diff(begins, append=len(parent)))
 
 
 def _inherit(surface: Ints, parents: Ints) -> Ints:
-    """Give each element without a surface that of its parent, by doubling the distance looked."""
+    """Surface of each element, its own or inherited, (n,), by doubling steps to ancestors."""
     own = surface.copy()
     above = np.maximum(parents, 0)
     while (missing := np.flatnonzero((own < 0) & (above > 0))).size:

@@ -182,7 +182,7 @@ def _try_reader(reader: Reader, path: Path) -> Triangles:
 
 @contextlib.contextmanager
 def _quiet() -> Iterator[None]:
-    """Keep readers from printing; numbers that NumPy gives up on become errors."""
+    """Silence the output of readers, and turn NumPy's warning of unread numbers into an error."""
     logs = [logging.getLogger(name) for name in ("trimesh", "ezdxf")]
     levels = [log.level for log in logs]
     with warnings.catch_warnings():

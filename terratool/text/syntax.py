@@ -219,11 +219,11 @@ def parse(text: str) -> JsonText:
 
 def _key(text: str, offset: int) -> tuple[str, int, int]:
     if not text.startswith('"', offset):
-        raise unexpected(text, offset, A_KEY)
+        raise unexpected_token(text, offset, A_KEY)
     key, end = _string(text, offset)
     end = _space(text, end).end()  # type: ignore[union-attr]
     if not text.startswith(":", end):
-        raise unexpected(text, end, f'the ":" after the key {shown(key)}')
+        raise unexpected_token(text, end, f'the ":" after the key {shown(key)}')
     return key, offset, _space(text, end + 1).end()  # type: ignore[union-attr]
 
 
@@ -256,7 +256,7 @@ def _scalar(text: str, offset: int) -> tuple[Any, int]:
         )
     if char and char in "+-.":
         raise bad_number(text, offset)
-    raise unexpected(text, offset, A_VALUE)
+    raise unexpected_token(text, offset, A_VALUE)
 
 
 def _string(text: str, offset: int) -> tuple[str, int]:
@@ -410,7 +410,7 @@ def missing_comma(text: str, offset: int) -> JsonSyntaxError:
         hint = 'Close the list with "]" before the key, or write an object, in { and }.'
     elif char and char in "+*/^(":
         hint = "JSON does no arithmetic: write the result, or an expression in double quotes."
-    return unexpected(text, offset, '"," or "]"' if in_list else '"," or "}"', hint)
+    return unexpected_token(text, offset, '"," or "]"' if in_list else '"," or "}"', hint)
 
 
 def trailing_text(text: str, offset: int) -> JsonSyntaxError:
@@ -425,7 +425,7 @@ def trailing_text(text: str, offset: int) -> JsonSyntaxError:
     return JsonSyntaxError("TT101", offset, message, hint)
 
 
-def unexpected(text: str, offset: int, wanted: str, hint: str = "") -> JsonSyntaxError:
+def unexpected_token(text: str, offset: int, wanted: str, hint: str = "") -> JsonSyntaxError:
     """Return the error for a wrong character at an offset, or the end of the file."""
     begin = innermost(text, offset)
     if begin < 0:
