@@ -103,7 +103,7 @@ def _knots(points: Floats) -> CurvePieces:
 
 
 def values_of(expression: Expression, t: Floats) -> Floats:
-    """Values of an expression at `t`; values that are not finite are replaced by bounds."""
+    """Values of an expression at `t`, within ±MAX_VALUE; NaN becomes 0."""
     with np.errstate(all="ignore"):
         values = np.asarray(evaluate(expression, t, FUNCTIONS), np.float64)
     bounded: Floats = np.clip(np.nan_to_num(values, nan=0.0), -MAX_VALUE, MAX_VALUE)
