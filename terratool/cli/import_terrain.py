@@ -97,7 +97,7 @@ def command(source: str, output: str, overwrite: bool, as_json: bool, **values: 
 
     from terratool.errors import RequestError
     from terratool.importing.sources import open_source
-    from terratool.importing.terrain.build import Ground, ImportOptions, import_terrain
+    from terratool.importing.terrain.build import GroundSurface, ImportOptions, import_terrain
     from terratool.importing.terrain.methods import methods_named
     from terratool.output import is_same_file
 
@@ -116,7 +116,7 @@ def command(source: str, output: str, overwrite: bool, as_json: bool, **values: 
     if surface is None:
         surface = preset
     options = ImportOptions(
-        ground=None if surface is None else Ground(surface, preset),
+        ground=None if surface is None else GroundSurface(surface, preset),
         pixels=values.pop("cells") == "pixels",
         methods=methods,
         title=Path(source).name,

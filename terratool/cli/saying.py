@@ -16,7 +16,7 @@ from typing import Any
 import click
 
 from terratool.report.documents import json_text
-from terratool.report.inert import inert_json, unheard
+from terratool.report.inert import inert_json, without_workflow_commands
 from terratool.text.display import printable
 
 _style = re.compile(r"(\x1b\[[0-9;]*m)")
@@ -106,4 +106,4 @@ class _Rows:
 
 
 def _unheard(line: str) -> str:
-    return unheard(line, lambda sign: f"\\x{ord(sign):02x}")
+    return without_workflow_commands(line, lambda sign: f"\\x{ord(sign):02x}")

@@ -107,14 +107,14 @@ class Target:
     def with_primitive(self, data: bytes, name: str, primitive: dict[str, Any]) -> bytes:
         """The text with a primitive, in the place of one of that name or behind all others."""
         if value_at(data, "/elemTypes") is None:
-            return set_member(data, "", "elemTypes", {name: primitive}, TERRAIN).applied(data)
-        return set_member(data, "/elemTypes", name, primitive, TERRAIN).applied(data)
+            return set_member(data, "", "elemTypes", {name: primitive}, TERRAIN).apply(data)
+        return set_member(data, "/elemTypes", name, primitive, TERRAIN).apply(data)
 
     def with_elements(self, data: bytes, pointer: str, elements: list[dict[str, Any]]) -> bytes:
         """The text with elements behind the children of the one that a pointer names."""
         has_children = self.parent(pointer).children is not None
         for element in elements:
-            data = append_child(data, pointer, element, has_children, TERRAIN).applied(data)
+            data = append_child(data, pointer, element, has_children, TERRAIN).apply(data)
             has_children = True
         return data
 
@@ -206,5 +206,5 @@ def moved(source: Source, output: str | Path) -> bytes:
         led = os.path.relpath(spelled(here, path), there).replace(os.sep, "/")
         begin = offsets(data, [Address(f"/use/{index}")])[0]
         end = value_end(data, begin, len(data))
-        data = Edit(begin, end, json.dumps(led, ensure_ascii=False).encode()).applied(data)
+        data = Edit(begin, end, json.dumps(led, ensure_ascii=False).encode()).apply(data)
     return data

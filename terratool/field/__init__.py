@@ -1,1 +1,1 @@
-"""What a definition means: compiled once into flat arrays, asked by everything else."""
+"""The compiled field of a terrain: heights, surfaces, normals, rays and cells at points."""

@@ -1,8 +1,8 @@
-"""Which cells of the nested grids hold points, level by level: the paper's Ψ.
+"""Addresses of points in the nested grids: the cell of each level that holds a point, or Ψ.
 
-The paper finds the cell of a place by thresholds, i = Ψ_m(x) and j = Ψ_m(y), and the cells of
-finer levels by doing so again with what is left: Ψ_m(Res_m(x)), Res_m being the distance to the
-next smaller threshold (Pryanichnikov and Shipovalov 2016, section 1).
+The paper finds the cell of a place by thresholds, i = Ψ_m(x) and j = Ψ_m(y), and the cells of finer
+levels from the remainder, Ψ_m(Res_m(x)), Res_m being the distance to the next smaller threshold
+(Pryanichnikov and Shipovalov 2016, section 1).
 """
 
 from __future__ import annotations
@@ -30,10 +30,10 @@ class CellAddress:
     """Cells that hold points, from the root's grid inwards; arrays begin with the points' shape.
 
     Attributes:
-        cells: (…, levels, 2) int64, i from the west and j from the south on each level; -1 where
-            the point has no cell any more, as outside of the terrain.
-        elements: (…, levels) int64, index of the element whose grid that is; -1 where there is
-            none.
+        cells: (…, levels, 2) int64, i from the west and j from the south on each level; -1 on
+            levels below the point's last cell, and outside of the terrain.
+        elements: (…, levels) int64, index of the element whose grid has the cell; -1 where there is
+            no cell.
     """
 
     cells: Ints
@@ -41,18 +41,18 @@ class CellAddress:
 
 
 def addresses(terrain: TerrainField, x: ArrayLike, y: ArrayLike) -> CellAddress:
-    """The cells that hold points.
+    """Return the cells that hold points, level by level.
 
-    The way leads from the root to the deepest element whose footprint holds the point, and counts
-    the grid of each element on it that has children. Whatever stands in the last cell does not hold
-    the point. A span is a block of cells; the cell is the one in it. Elements at free places stand
-    in no cell: the grid of an element all of whose children do so has one cell. Edges are those of
-    the field: a cell has its west and its south one.
+    The path leads from the root to the deepest element whose footprint holds the point. Each
+    element with children on the path contributes one level. Nothing within the last cell holds the
+    point. For an element with a span, the level has the cell of the block that holds the point.
+    Elements at free places stand in no cell: the grid of an element whose children all do so has
+    one cell. A cell includes its west and south edges, as in the field.
 
     Args:
-        terrain: what has the grids; of one with shared parts, as they are written out.
-        x: world positions of the points …
-        y: … that broadcast together.
+        terrain: terrain with the grids; if its parts are shared, it is written out.
+        x: world positions of the points along x.
+        y: world positions of the points along y; broadcast with `x`.
 
     Raises:
         RequestError: the parts of the terrain come to too many elements.
@@ -65,18 +65,18 @@ def addresses(terrain: TerrainField, x: ArrayLike, y: ArrayLike) -> CellAddress:
     grids = _grids_of(arrays)
     chain = _chains(whole.parents, _tops(whole, x, y), whole.levels)[:, :levels]
     elements = np.where((chain >= 0) & (grids[chain] >= 0), chain, -1)
-    elements[_beside(whole, grids, elements, x, y)] = -1
+    elements[_is_beside_cell(whole, grids, elements, x, y)] = -1
     cells = np.full((len(x), levels, 2), -1, np.int64)
     for level in range(levels):
         at = np.flatnonzero(elements[:, level] >= 0)
         grid = grids[elements[at, level]]
         for axis, values in enumerate((x, y)):
-            cells[at, level, axis] = _located(arrays, grid, axis, values[at])
+            cells[at, level, axis] = _cells_along(arrays, grid, axis, values[at])
     return CellAddress(cells.reshape(*shape, levels, 2), elements.reshape(*shape, levels))
 
 
 def _tops(terrain: TerrainField, x: NDArray[np.float64], y: NDArray[np.float64]) -> Ints:
-    """The deepest elements that hold points, whatever ran over them; below 0 for none."""
+    """Deepest elements that hold points, tracks ignored; below 0 for none."""
     top = terrain.sample(x, y).element
     tracked = np.flatnonzero(top >= len(terrain.arrays.elements))
     if len(tracked):
@@ -89,7 +89,7 @@ def _tops(terrain: TerrainField, x: NDArray[np.float64], y: NDArray[np.float64])
 
 
 def _grids_of(arrays: FieldArrays) -> Ints:
-    """Of each element its grid of cells, or its only one; -1 where it has no children."""
+    """Grid of cells of each element, or its only grid of free places; -1 without children."""
     first = arrays.elements["grid"].astype(np.int64)
     grid = first.copy()
     standing, more = arrays.grids["standing"], arrays.grids["more"]
@@ -104,7 +104,7 @@ def _grids_of(arrays: FieldArrays) -> Ints:
 
 
 def _chains(parents: NDArray[np.int32], tops: Ints, levels: int) -> Ints:
-    """(n, levels) the elements from the root to each of some, then -1."""
+    """Elements from the root to each of some elements, (n, levels) int64, then -1."""
     unique, index = np.unique(np.maximum(tops, -1), return_inverse=True)
     upward = np.full((len(unique), levels), -1, np.int64)
     at = unique
@@ -117,14 +117,14 @@ def _chains(parents: NDArray[np.int32], tops: Ints, levels: int) -> Ints:
     return np.asarray(np.where(turned >= 0, chain, -1)[index])
 
 
-def _beside(
+def _is_beside_cell(
     terrain: TerrainField,
     grids: Ints,
     elements: Ints,
     x: NDArray[np.float64],
     y: NDArray[np.float64],
 ) -> NDArray[np.bool_]:
-    """Where a point lies in the footprint of a turned element, but beside its cell."""
+    """Mask of points that lie in the footprint of a turned element, but beside its cell."""
     arrays = terrain.arrays
     poses = arrays.poses[arrays.elements["pose"][elements]]
     out = np.zeros(elements.shape, bool)
@@ -139,16 +139,16 @@ def _beside(
     return out
 
 
-def _located(
+def _cells_along(
     arrays: FieldArrays, grid: Ints, axis: int, values: NDArray[np.float64]
 ) -> NDArray[np.int64]:
-    """Which cell of its grid holds each value."""
+    """Cell numbers along one axis of the grids that hold values, (n,) int64."""
     own = arrays.grids[grid]
     count = own["count"][:, axis]
     corner = own["corner"][:, axis]
     place = ((values - corner[:, 0]) - corner[:, 1]) * own["per"][:, axis]
     cell = np.floor(place)
-    # where an edge is near, the double decides at which it stands
+    # near an edge, the edge's double decides
     nearest = np.floor(place + 0.5)
     near = np.flatnonzero((np.abs(place - nearest) < own["near"][:, axis]) & (own["local"] == 0))
     keys, which = np.unique(
@@ -165,21 +165,21 @@ def _located(
 
 
 def _exact(grid: Any, axis: int) -> tuple[Fraction, Fraction]:
-    """Corner and side of the cells of a grid."""
+    """Corner and side of the cells of a grid along an axis, exactly."""
     low, side = (sum(map(Fraction, grid[name][axis].tolist())) for name in ("corner", "pitch"))
     return Fraction(low), Fraction(side)
 
 
 def _edge(grid: Any, axis: int, number: int) -> float:
-    """The double at which an edge stands: `nearest_double` of kernels/field/primitives.hpp.
+    """Return the double at which an edge stands: `nearest_double` of kernels/field/primitives.hpp.
 
-    The side is known to some 2^-85 of its size, so what is as near to the middle of two doubles is
-    taken to be there, and the even one of them is it.
+    The side is known to about 2^-85 of its size. An edge as near as that to the middle between two
+    doubles is rounded to the even one.
     """
     low, side = _exact(grid, axis)
     exact = low + number * side
     if grid["corner"][axis, 0] != 0.0 and abs(exact) <= grid["zero"][axis]:
-        return 0.0  # nothing but rounding is left
+        return 0.0  # only rounding is left
     total = float(exact)
     rest = exact - Fraction(total)
     other = math.nextafter(total, math.inf if rest > 0 else -math.inf)

@@ -1,4 +1,4 @@
-"""Bounds of curves, of heights, and of how much an element or a track matters."""
+"""Bounds of curves and heights, and of the effect of elements and tracks on them."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from terratool.field.relief import worn_reliefs
 from terratool.kernels import field as kernels
 
 _LEVEL = 1e-12
-"""A value at the end of a curve that counts as 0, in parts of its largest value."""
+"""Value at the end of a curve that counts as 0, as a share of its largest value."""
 _FLAT = 1e-6
-"""A slope between two pieces of a curve that counts as 0, in parts of its largest value."""
+"""Slope between two pieces of a curve that counts as 0, as a share of its largest value."""
 
 Floats = NDArray[np.float64]
 
 
 def curve_pieces(arrays: FieldArrays, kind: Any, axis: str) -> tuple[Floats, Floats]:
-    """Where the pieces of a curve begin, (n,), and their coefficients over [0, 1], (n, 4).
+    """Starts t of the pieces of a curve, (n,), and their coefficients over [0, 1], (n, 4).
 
-    A step at t = 1 has a piece of no length behind it.
+    A step at t = 1 has a piece of length 0 behind it.
     """
     n = "xy".index(axis)
     first, count = int(kind["pieces"][n, 0]), int(kind["count"][n])
@@ -37,16 +37,16 @@ def curve_pieces(arrays: FieldArrays, kind: Any, axis: str) -> tuple[Floats, Flo
 
 
 def curve_hulls(pieces: Floats) -> Floats:
-    """(4, n) numbers between the least and the greatest of which each cubic lies.
+    """Bernstein coefficients of cubics, (4, n), whose extremes bound each cubic on [0, 1].
 
-    The first and the last are its values at its ends.
+    The first and the last row are the values at the ends.
     """
     c0, c1, c2, c3 = pieces.T
     return np.stack([c0, c0 + c1 / 3, c0 + (2 * c1 + c2) / 3, c0 + c1 + c2 + c3])
 
 
 def largest_heights(arrays: FieldArrays) -> Floats:
-    """No less than what each element adds to a height, without sign; (n,)."""
+    """Upper bounds of the heights that elements add, without sign, (n,), units of the terrain."""
     x, y = _curve_sizes(arrays, end=True).T
     combine = arrays.kinds["combine"]
     sizes = np.where(combine == COMBINE["sum"], x + y, np.maximum(x, y))
@@ -58,9 +58,9 @@ def largest_heights(arrays: FieldArrays) -> Floats:
 
 
 def curve_weights(arrays: FieldArrays) -> Floats:
-    """How much the height of each element changes at most where its curve x, or y, changes by 1.
+    """Upper bounds of the height's change per change of the curves x and y, (n, 2).
 
-    (n, 2); 0 for y of a disc, which has one curve.
+    The second column is 0 for a disc, which has one curve.
     """
     elements, combine = arrays.elements, arrays.kinds["combine"][arrays.elements["kind"]]
     weights = np.repeat(np.abs(elements["scale"])[:, None], 2, axis=1)
@@ -71,9 +71,11 @@ def curve_weights(arrays: FieldArrays) -> Floats:
 
 
 def _curve_sizes(arrays: FieldArrays, end: bool) -> Floats:
-    """Largest value without sign of the curves x and y of each kind, (kinds, 2).
+    """Largest values without sign of the curves x and y of each kind, (kinds, 2).
 
-    With or without a step at the very `end`, which is the height of a line only.
+    Args:
+        arrays: the field.
+        end: whether to include a step at t = 1, whose height only a line has.
     """
     sizes = np.empty((len(arrays.kinds), 2))
     for k, kind in enumerate(arrays.kinds):
@@ -84,7 +86,7 @@ def _curve_sizes(arrays: FieldArrays, end: bool) -> Floats:
 
 
 def largest_depths(arrays: FieldArrays) -> Floats:
-    """Depth of the deepest rut that each track makes by itself on what is worn, (tracks,)."""
+    """Depth of the deepest rut that each track makes alone on any surface, (tracks,)."""
     tracks = arrays.tracks
     worn = np.unique(np.concatenate([[-1], arrays.kinds["surface"], tracks.surface])) + 1
     depths = tracks.depths[:, worn]
@@ -93,21 +95,22 @@ def largest_depths(arrays: FieldArrays) -> Floats:
 
 
 def nonzero_edges(arrays: FieldArrays) -> NDArray[np.uint8]:
-    """For each kind, whether there may be a wall on the edge of its whole footprint.
+    """Flags of kinds that may have a wall on the edge of their whole footprint, (kinds,) uint8.
 
-    It is other than 0 somewhere there, or a relief ends: then `WHATEVER_SCALE` in place of 1.
+    A flag is 1 where the primitive is other than 0 on the edge, and `WHATEVER_SCALE` for all kinds
+    where a relief ends.
     """
     out = np.ones(len(arrays.kinds), np.uint8)
     worn = worn_reliefs(arrays)
     root = arrays.elements[0]
     filled = arrays.kinds["combine"][root["kind"]] != COMBINE["radial"]
     filled = filled and not arrays.poses["turned"][root["pose"]]
-    if len(worn) > 1 or (len(worn) and not filled):  # where one ends, another or none begins
+    if len(worn) > 1 or (len(worn) and not filled):  # reliefs differ beside each other
         return out * np.uint8(kernels.WHATEVER_SCALE)
     for k, kind in enumerate(arrays.kinds):
         x, y = (_ends(arrays, kind, axis) for axis in "xy")
         level = x.start == x.end == y.start == y.end == 0.0
-        if kind["combine"] == COMBINE["radial"]:  # only the right half is used
+        if kind["combine"] == COMBINE["radial"]:  # a disc uses the right half of its curve
             out[k] = x.end != 0.0
         elif kind["combine"] == COMBINE["product"]:
             out[k] = not (level or x.least == x.most == 0.0 or y.least == y.most == 0.0)
@@ -119,7 +122,7 @@ def nonzero_edges(arrays: FieldArrays) -> NDArray[np.uint8]:
 
 
 class _Ends(NamedTuple):
-    """Size of a curve at its start and its end, and bounds of its values; 0 if almost so."""
+    """Sizes of a curve at its start and end, and bounds of its values; nearly 0 counts as 0."""
 
     start: float
     end: float
@@ -131,7 +134,7 @@ def _ends(arrays: FieldArrays, kind: Any, axis: str) -> _Ends:
     starts, pieces = curve_pieces(arrays, kind, axis)
     hulls = curve_hulls(pieces)
     level = _LEVEL * np.abs(hulls).max()
-    # where a step stands at the very end, the curve arrives before it
+    # a step at t = 1 has its own piece; the value before it counts, too
     arrivals = hulls[3, starts < 1.0][-1], hulls[3, -1]
     numbers = abs(hulls[0, 0]), np.abs(arrivals).max(), hulls.min(), hulls.max()
     return _Ends(*(0.0 if abs(n) <= level else float(n) for n in numbers))
@@ -144,18 +147,18 @@ def finest_details(arrays: FieldArrays, wide: Floats, tall: Floats) -> Floats:
 
     Args:
         arrays: the field.
-        wide: (n,) sides of the elements' cells along x …
-        tall: … and along y.
+        wide: (n,) sides of the elements' cells along x.
+        tall: (n,) sides of the elements' cells along y.
     """
     stretches = _stretches(arrays)[arrays.elements["kind"]]
     shaped = arrays.elements["scale"] != 0
-    with np.errstate(invalid="ignore"):  # none in a cell that rounding has left no side
+    with np.errstate(invalid="ignore"):  # sides may be 0 by rounding
         details = np.fmin(stretches[:, 0] * wide, stretches[:, 1] * tall)
     return np.where(shaped & ~np.isnan(details), details, np.inf)
 
 
 def _stretches(arrays: FieldArrays) -> NDArray[np.float64]:
-    """The shortest straight stretch of the curves x and y of each kind, (kinds, 2), in t."""
+    """Shortest straight stretches of each kind's curves x and y in t, (kinds, 2); inf for none."""
     out = np.full((len(arrays.kinds), 2), np.inf)
     for k, kind in enumerate(arrays.kinds):
         radial = kind["combine"] == COMBINE["radial"]
@@ -178,7 +181,7 @@ def _shortest(arrays: FieldArrays, kind: Any, axis: str, radial: bool) -> float:
     marks = starts[1:][bend | step]
     if not len(marks):
         return np.inf
-    if radial:  # the right half, turned: what is level in the middle goes on beyond it
+    if radial:  # the right half, turned: a level middle extends to both sides
         marks = marks[marks > 0.5]
         middle = int(np.searchsorted(starts, 0.5, side="right")) - 1
         level = abs(slopes[middle]) <= 1e-9 * np.abs(slopes).max()
@@ -193,15 +196,16 @@ def _shortest(arrays: FieldArrays, kind: Any, axis: str, radial: bool) -> float:
 
 
 class CrestLines(NamedTuple):
-    """Where the curves of all kinds have kinks, steps and peaks.
+    """Kinks, steps and peaks of the curves of all kinds.
 
     Attributes:
-        first: (2 kinds + 1,) int64: those of curve x, or y, of kind k are from first[2 k], or
-            first[2 k + 1], on to the next.
-        t: (n,) where; the ends of a curve are there, too.
-        drop: (n,) by how much the slope along t falls; below 0 where it rises.
-        bend: (n,) of a peak, how fast the slope along t falls; below 0 at the foot of a hollow.
-        wall: (n,) how high a step is, without sign; at an end what may stand up against no element.
+        first: (2 kinds + 1,) int64; the lines of curve x of kind k begin at first[2 k], those of
+            curve y at first[2 k + 1].
+        t: (n,) positions in [0, 1], the ends of each curve included.
+        drop: (n,) decrease of the slope at t; below 0 where the slope increases.
+        bend: (n,) decrease of the slope per t at a peak; below 0 at the foot of a hollow.
+        wall: (n,) height of a step at t, without sign; at an end, the height of the curve above
+            neighbouring ground without this element.
     """
 
     first: NDArray[np.int64]
@@ -212,7 +216,7 @@ class CrestLines(NamedTuple):
 
 
 def crest_lines(arrays: FieldArrays) -> CrestLines:
-    """Where the curves of all kinds have kinks, steps and peaks."""
+    """Return the kinks, steps and peaks of the curves of all kinds."""
     found: dict[tuple[int, bool], Floats] = {}
     first, columns = [0], []
     for kind in arrays.kinds:
@@ -222,7 +226,7 @@ def crest_lines(arrays: FieldArrays) -> CrestLines:
             if key not in found:
                 found[key] = _curve_lines(*curve_pieces(arrays, kind, axis))
             lines = found[key]
-            if not alone:  # what the other curve adds may stand up at an end
+            if not alone:  # the other curve adds its height at the ends
                 other = np.abs(curve_hulls(curve_pieces(arrays, kind, "yx"[n])[1])).max()
                 ends = (lines[0] == 0.0) | (lines[0] == 1.0)
                 lines = np.vstack([lines[:3], lines[3] + np.where(ends, other, 0.0)])
@@ -232,7 +236,7 @@ def crest_lines(arrays: FieldArrays) -> CrestLines:
 
 
 def _curve_lines(starts: Floats, pieces: Floats) -> Floats:
-    """(4, n) of a curve: t, drop, bend and wall, as in `CrestLines`."""
+    """Return t, drop, bend and wall of a curve as rows, (4, n), as in `CrestLines`."""
     lengths = np.diff(np.append(starts, 1.0))
     per = np.divide(1.0, lengths, out=np.zeros(len(starts)), where=lengths > 0.0)
     low, _, _, high = curve_hulls(pieces)
@@ -248,9 +252,10 @@ def _curve_lines(starts: Floats, pieces: Floats) -> Floats:
 
 
 def _bends_at_knots(lengths: Floats, pieces: Floats, begin: Floats, end: Floats) -> Floats:
-    """(n + 1,) how fast slopes fall where pieces meet at a peak or a hollow, 0 elsewhere.
+    """Bends, as in `CrestLines`, where pieces meet at a peak or a hollow, (n + 1,); 0 elsewhere.
 
-    By rounding no piece may have it inside. `begin` and `end` are the slopes of the pieces there.
+    Rounding may hide such a peak from both pieces. `begin` and `end` are the slopes at the pieces'
+    ends.
     """
     bends = np.zeros(len(pieces) + 1)
     _, _, c2, c3 = pieces.T
@@ -262,7 +267,7 @@ def _bends_at_knots(lengths: Floats, pieces: Floats, begin: Floats, end: Floats)
 
 
 def _peaks(starts: Floats, lengths: Floats, pieces: Floats) -> Floats:
-    """(4, n) peaks and hollows inside the pieces of a curve, as in `CrestLines`."""
+    """Peaks and hollows inside the pieces of a curve, (4, n), as in `CrestLines`."""
     _, c1, c2, c3 = pieces.T
     with np.errstate(divide="ignore", invalid="ignore"):
         root = np.sqrt(c2**2 - 3.0 * c1 * c3)

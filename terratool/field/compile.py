@@ -1,4 +1,4 @@
-"""From a definition to the arrays of a field."""
+"""Compilation of a definition into the arrays of a field."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from terratool.field.tables import (
     Columns,
     Ints,
     bins_of,
-    in_order,
     kinds_of,
     mark_plain,
     order_of,
     place_terrain,
     placed_of,
     poses_of,
+    reorder,
     runs_of,
     surroundings,
 )
@@ -36,17 +36,16 @@ class Compiled(NamedTuple):
     """A compiled definition.
 
     Attributes:
-        arrays: what the kernels take.
-        document: (n,) uint32, each element's place among the children of its parent.
-        parents: (n,) int32, index of each element's parent, -1 for the root.
-        smallest_cell: the shortest side of any element's cell.
-        surfaces: names of the surfaces, in the order of their ids.
+        arrays: arrays that the kernels read.
+        document: (n,) uint32, place of each element among the children of its parent.
+        parents: (n,) int32, index of each element's parent; -1 for the root.
+        smallest_cell: shortest side of any element's cell, units of the terrain.
+        surfaces: names of the surfaces, in the order of their indices.
         levels: levels of nesting, 1 for a root alone.
-        primitives: (kinds,) index of each kind's primitive.
-        written: the elements as they were written out from parts, and of each element of the field
-            its index there; None where the text has them so.
-        descrs: what elements are said to be, by their index; only of those that are.
-            None where parts are shared.
+        primitives: (kinds,) int64, index of each kind's primitive.
+        written: elements written out from parts, and the index there of each element of the field;
+            None where the text has no parts and copies.
+        descrs: descriptions of elements by index, of those that have one; None if parts are shared.
     """
 
     arrays: FieldArrays
@@ -60,7 +59,7 @@ class Compiled(NamedTuple):
     descrs: dict[int, str] | None = None
 
     def step(self, element: int) -> str:
-        """The end of an element's name, behind that of its parent."""
+        """Return the last step of an element's pointer, below that of its parent."""
         if self.written is not None:
             elements, order = self.written
             return elements.step(int(order[element]))
@@ -70,14 +69,14 @@ class Compiled(NamedTuple):
 def compile_definition(
     definition: Definition, tree: Tree | Written, *, roughness: bool = True
 ) -> Compiled:
-    """Compile a valid definition and its elements, laid flat; with reliefs or without."""
+    """Compile a valid definition and its elements in tree order, with or without reliefs."""
     if isinstance(tree, Tree):
         columns, (places, rests) = _columns(tree, definition), _places(tree)
     else:
         columns, (places, rests) = _written_columns(tree, definition), _written_places(tree)
     order, dense = order_of(columns, tree.levels)
     document = (np.arange(len(order)) - _first_sibling(columns.parent))[order].astype(np.uint32)
-    columns, dense = in_order(columns, order), dense[order]
+    columns, dense = reorder(columns, order), dense[order]
     parents, free = columns.parent, columns.free
 
     runs = runs_of(columns)
@@ -130,7 +129,7 @@ def compile_definition(
 
 
 def _descrs(tree: Tree | Written, order: Ints) -> dict[int, str]:
-    """What elements are said to be, by their index in order; only of those that are."""
+    """Descriptions of elements by their index in the field, of those that have one."""
     if not isinstance(tree, Tree):
         codes = tree.rows.descr[order]
         said = np.flatnonzero(codes)
@@ -223,7 +222,7 @@ def _written_places(written: Written) -> tuple[NDArray[Any], NDArray[Any]]:
 
 
 def _places(tree: Tree) -> tuple[NDArray[Any], NDArray[Any]]:
-    """The places of the free elements of a tree, PLACE, and what their doubles lack, PLACE."""
+    """Places of a tree's free elements, and the remainders of their doubles, two PLACE arrays."""
     if tree.distinct("at") == {UNSET}:
         return np.zeros(0, PLACE), np.zeros(0, PLACE)
     free = [index for index, at in enumerate(tree.column("at")) if at is not UNSET]
@@ -237,13 +236,13 @@ def _places(tree: Tree) -> tuple[NDArray[Any], NDArray[Any]]:
 
 
 def _first_sibling(parent: Ints) -> Ints:
-    """For each element the index of its parent's first child; siblings stand side by side."""
+    """Index of the first child of each element's parent, (n,); siblings are consecutive."""
     begins = np.flatnonzero(np.diff(parent, prepend=-2))
     return np.repeat(begins, np.diff(begins, append=len(parent)))
 
 
 def _inherit(surface: Ints, parents: Ints) -> Ints:
-    """Give each element without a surface that of its parent, by doubling the distance looked."""
+    """Surface of each element, its own or inherited, (n,), by doubling steps to ancestors."""
     own = surface.copy()
     above = np.maximum(parents, 0)
     while (missing := np.flatnonzero((own < 0) & (above > 0))).size:

@@ -1,4 +1,4 @@
-"""Where elements and tracks lie, as GeoJSON for geographic information systems."""
+"""Footprints of elements and tracks as GeoJSON for geographic information systems."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ from terratool.field.terrain import Terrain
 Points = NDArray[np.float64]
 
 _CORNERS = 64
-"""Of the polygon in place of a disc; it lies inside by up to 0.12 % of the radius."""
+"""Corners of the polygon that stands for a disc; it lies inside by up to 0.12 % of the radius."""
 
 
 def geojson_head(terrain: Terrain) -> dict[str, Any]:
-    """A feature collection without its features.
+    """Return a GeoJSON feature collection without its features.
 
-    Coordinates are those of the terrain's reference system. It stands in the member `crs`, as in
-    GeoJSON before RFC 7946, which GDAL and QGIS heed; what is no code of an authority stands as it
-    is in the definition.
+    Coordinates are those of the terrain's reference system. The member `crs` names it, as in
+    GeoJSON before RFC 7946, which GDAL and QGIS read; `terrain_crs` holds a reference system that
+    has no code of an authority, as it is in the definition.
     """
     head: dict[str, Any] = {"type": "FeatureCollection"}
     entry = None if terrain.crs is None else authority_code(terrain.crs)
     if entry is not None:
         parts = [f"crs:{entry.authority}::{code}" for code in entry.code.split("+")]
-        # what is compound has a comma before each of its parts
+        # a compound system has a comma before each part
         name = "urn:ogc:def:" + (parts[0] if len(parts) == 1 else f"crs,{','.join(parts)}")
         head["crs"] = {"type": "name", "properties": {"name": name}}
     elif terrain.crs is not None:
@@ -38,10 +38,10 @@ def geojson_head(terrain: Terrain) -> dict[str, Any]:
 
 
 def features(terrain: Terrain) -> Iterator[dict[str, Any]]:
-    """A feature for each element, in the order of the tree, and then for each track.
+    """Yield a GeoJSON feature for each element, in the order of the tree, then for each track.
 
-    An element is the polygon of its footprint, with its pointer, primitive and surface;
-    a track the line of its wheel's middle, with its pointer, surface, width and passes.
+    An element is the polygon of its footprint, with its pointer, primitive and surface. A track is
+    the middle line of its wheel, with its pointer, surface, width and passes.
     """
     terrain = terrain.written_out
     elements = terrain.arrays.elements
@@ -58,7 +58,7 @@ def features(terrain: Terrain) -> Iterator[dict[str, Any]]:
             outline = outline_of(rectangle, pose, bool(radial[index]))
         yield {
             "type": "Feature",
-            "geometry": {"type": "Polygon", "coordinates": [_ring(outline)]},
+            "geometry": {"type": "Polygon", "coordinates": [_close_ring(outline)]},
             "properties": {
                 "pointer": terrain.pointer(index),
                 "type": terrain.primitives[primitives[index]],
@@ -83,15 +83,15 @@ def features(terrain: Terrain) -> Iterator[dict[str, Any]]:
         }
 
 
-def _ring(corners: Points) -> list[list[float]]:
+def _close_ring(corners: Points) -> list[list[float]]:
     ring: list[list[float]] = corners.tolist()
     return [*ring, ring[0]]
 
 
 def outline_of(rectangle: Points, pose: Any, disc: bool) -> Points:
-    """The footprint of a turned element or a disc: its corners, anticlockwise; (n, 2).
+    """Corners of the footprint of a turned element or a disc, anticlockwise, (n, 2) float64.
 
-    Its cell trims it unless it stands at a free place.
+    The cell trims the footprint unless the element stands at a free place.
     """
     middle = (rectangle[0] + rectangle[2]) / 2
     half = (rectangle[2] - rectangle[0]) / 2
@@ -108,12 +108,12 @@ def outline_of(rectangle: Points, pose: Any, disc: bool) -> Points:
         )
         for axis in () if pose["free"] else (0, 1):
             for side in (-1.0, 1.0):
-                shape = _cut(shape, axis, side, half[axis])
+                shape = _clip(shape, axis, side, half[axis])
     return np.asarray(middle + shape)
 
 
-def _cut(shape: Points, axis: int, side: float, limit: float) -> Points:
-    """The part of a convex polygon on this side of a limit, after Sutherland and Hodgman (1974)."""
+def _clip(shape: Points, axis: int, side: float, limit: float) -> Points:
+    """Clip a convex polygon to one side of a limit (Sutherland and Hodgman, 1974)."""
     beyond = shape[:, axis] * side - limit
     kept: list[Points] = []
     for here, there, a, b in zip(

@@ -1,4 +1,4 @@
-"""Friction of the ground, as simulators want it."""
+"""Coefficients of friction of the ground, for simulators."""
 
 from __future__ import annotations
 
@@ -15,16 +15,17 @@ if TYPE_CHECKING:
 
 
 def frictions_of(terrain: TerrainField, default: float = math.nan) -> NDArray[np.float32]:
-    """The coefficient of friction of each surface: tan φ of its friction angle.
+    """Coefficient of friction of each surface: tan φ of its friction angle.
 
-    Of a range the middle counts, and a preset stands in for what a surface does not say.
+    A range counts by its middle, and a preset supplies angles that a surface does not give.
 
     Args:
-        terrain: whose surfaces.
-        default: where a surface has no friction angle, and for ground without a surface.
+        terrain: terrain with the surfaces.
+        default: coefficient of surfaces without a friction angle, and of ground without a surface.
 
     Returns:
-        (surfaces + 1,) float32, by the index of the surface and one; first is that of none.
+        (surfaces + 1,) float32, by the surface's index plus one; entry 0 is ground without a
+        surface.
     """
     known = np.array([default, *map(friction_of, terrain.surface_types.values())], np.float32)
     return np.where(np.isnan(known), np.float32(default), known)

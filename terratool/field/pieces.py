@@ -1,4 +1,4 @@
-"""Curves cut into cubic pieces, as kernels evaluate them."""
+"""Curves as cubic pieces, which the kernels evaluate."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _TO_CUBIC = np.array([
     [1.0, 0.0, 0.0, 0.0], [-5.5, 9.0, -4.5, 1.0], [9.0, -22.5, 18.0, -4.5],
     [-4.5, 13.5, -13.5, 4.5],
 ])  # fmt: skip
-"""The coefficients of a cubic are these weights times its values at `_THIRDS`."""
+"""Weights, (4, 4), that turn a cubic's values at `_THIRDS` into its coefficients."""
 
 FUNCTIONS: dict[str, Callable[..., Any]] = {
     "add": np.add, "sub": np.subtract, "mul": np.multiply, "div": np.divide, "pow": np.power,
@@ -42,14 +42,14 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
 
 @dataclass(frozen=True, slots=True)
 class CurvePieces:
-    """A curve in pieces.
+    """A curve as cubic pieces.
 
     Attributes:
-        starts: (n,) t where each piece begins; the first is 0, two are equal where a piece has no
-            length (a step at t = 1).
-        rests: (n,) what the doubles of `starts` lack to the decimals that they mean.
-        coefficients: (n, 4); the value at t is c0 + s·(c1 + s·(c2 + s·c3)), with s = t − start for
-            knotted curves and s = n·t − i for evenly spaced ones.
+        starts: (n,) t at which each piece begins, from 0; two are equal where a piece has no length
+            (a step at t = 1).
+        rests: (n,) differences of the intended decimals from the doubles in `starts`.
+        coefficients: (n, 4) c0 to c3; the value at t is c0 + s·(c1 + s·(c2 + s·c3)), with s = t −
+            start for knotted curves and s = n·t − i for evenly spaced ones.
         end: value at t = 1.
         even: whether the pieces are evenly spaced.
         stepped: whether there are vertical steps.
@@ -103,7 +103,7 @@ def _knots(points: Floats) -> CurvePieces:
 
 
 def values_of(expression: Expression, t: Floats) -> Floats:
-    """Evaluate an expression at `t`; what is not finite between the checked points is bounded."""
+    """Values of an expression at `t`, within ±MAX_VALUE; NaN becomes 0."""
     with np.errstate(all="ignore"):
         values = np.asarray(evaluate(expression, t, FUNCTIONS), np.float64)
     bounded: Floats = np.clip(np.nan_to_num(values, nan=0.0), -MAX_VALUE, MAX_VALUE)
@@ -130,14 +130,14 @@ def _formula(expression: Expression) -> CurvePieces:
 
 
 def _cubics(expression: Expression, starts: Floats, lengths: Floats) -> Floats:
-    """(n, 4) coefficients in s from 0 to 1 of the cubics through four points of each piece."""
+    """Coefficients, (n, 4), of the cubics through four points of each piece, s from 0 to 1."""
     t = np.minimum(starts[:, None] + lengths[:, None] * _THIRDS, 1.0)
     values = values_of(expression, t)
     # BLAS would add in an order that differs from processor to processor
     coefficients = np.zeros((len(starts), 4))
     for column, weights in zip(values.T, _TO_CUBIC.T, strict=True):
         coefficients += column[:, None] * weights
-    # what is straight stays straight: a level floor has no slope of 1e-15
+    # straight pieces stay straight: a level floor has no slope of 1e-15
     straight = np.abs(coefficients[:, 2:]).max(axis=1) <= _ROUNDING * np.abs(values).max(axis=1)
     coefficients[straight, 1] = (values[:, 3] - values[:, 0])[straight]
     coefficients[straight, 2:] = 0.0
@@ -156,7 +156,7 @@ def _error(coefficients: Floats, values: Floats) -> float:
 
 
 def _error_between(expression: Expression, starts: Floats, coefficients: Floats) -> float:
-    """The largest error at places that no even spacing has in common with the checked points."""
+    """Largest error at three places per piece that are no checked points."""
     s = np.array([0.1372549, 0.4142135, 0.7236067])
     values = values_of(expression, starts[:, None] + s / len(starts))
     return float(np.abs(_at(coefficients, s[None, :]) - values).max())
@@ -165,7 +165,7 @@ def _error_between(expression: Expression, starts: Floats, coefficients: Floats)
 def _error_at(
     expression: Expression, places: Floats, starts: Floats, coefficients: Floats
 ) -> float:
-    """The largest error at t where the formula is known to do something sudden."""
+    """Largest error at the places where the formula is known to change suddenly."""
     if not len(places):
         return 0.0
     miss = _misses(expression, places, starts, np.full(len(starts), 1 / len(starts)), coefficients)
@@ -179,7 +179,7 @@ def _misses(
     lengths: Floats,
     coefficients: Floats,
 ) -> Floats:
-    """The largest error of each piece at any of some t; 0 where a piece has none of them."""
+    """Largest error of each piece at some places t; 0 for pieces without one."""
     order = np.argsort(starts)
     piece = order[np.maximum(np.searchsorted(starts[order], places, side="right") - 1, 0)]
     s = (places - starts[piece]) / lengths[piece]
@@ -221,14 +221,14 @@ def _halve(
 
 
 def bins_of(starts: Floats) -> NDArray[np.uint32]:
-    """For evenly spaced bins of t, the last piece that begins at or before the bin."""
+    """For evenly spaced bins of t, the last piece that begins at or before each bin, uint32."""
     count = min(_MAX_BINS, 1 << max(0, math.ceil(math.log2(len(starts)))) + 1)
     edges = np.arange(count) / count
     return (np.searchsorted(starts, edges, side="right") - 1).astype(np.uint32)
 
 
 class CurveStore:
-    """Collects the pieces of curves, each curve once."""
+    """Store of the pieces of curves, each curve once."""
 
     def __init__(self) -> None:
         self._known: dict[Curve, dict[str, Any]] = {}
@@ -239,8 +239,8 @@ class CurveStore:
         self._counts = [0, 1, 1]
 
     def put(self, kind: Any, axis: int, curve: Curve) -> None:
-        """Write where a curve's pieces are into the members of one axis of a KIND."""
-        place = self._known.get(curve)  # long vectors take their time to be hashed
+        """Write the position of a curve's pieces into one axis of a KIND, storing new curves."""
+        place = self._known.get(curve)  # hashing long vectors is slow: look up once
         if place is None:
             place = self._known[curve] = self._add(pieces_of(curve))
         for name, value in place.items():
@@ -269,7 +269,7 @@ class CurveStore:
         }
 
     def curves(self) -> CurveArrays:
-        """All pieces, knots and bins."""
+        """Return all pieces, knots and bins that were stored."""
         return CurveArrays(
             np.concatenate(self._pieces),
             np.concatenate(self._knots),

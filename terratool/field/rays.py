@@ -1,4 +1,4 @@
-"""Rays against the field: what a straight line meets first."""
+"""First hits of rays with the ground and the walls of a field."""
 
 from __future__ import annotations
 
@@ -17,21 +17,21 @@ if TYPE_CHECKING:
     from terratool.field.types import TerrainField
 
 _SHARE = 1 << 14
-"""Rays that a thread takes at a time."""
+"""Rays that a thread casts at a time."""
 
 
 @dataclass(frozen=True, slots=True)
 class RayHits:
-    """What rays meet first, each array in the shape of the rays.
+    """First hits of rays, each array in the shape of the rays.
 
     Attributes:
-        distance: float64, along the ray; inf where it meets nothing within its range.
-        point: (…, 3) float64, where; NaN where it meets nothing, and so are normals.
-        normal: (…, 3) float64, of length 1, towards the side that the ray comes from.
+        distance: float64, distance along the ray; inf without a hit within the range.
+        point: (…, 3) float64, world position of the hit; NaN without one.
+        normal: (…, 3) float64, unit normal on the side that the ray comes from; NaN without a hit.
         surface: int32, index into `Terrain.surfaces`; -1 for none.
-        element: int64, as `PointSamples` has it; of a wall that of its higher side; OUTSIDE where
-            the ray meets nothing.
-        wall: bool, whether it is a wall.
+        element: int64, index as in `PointSamples`; at a wall, of its higher side; OUTSIDE without a
+            hit.
+        wall: bool, whether the hit is on a wall.
     """
 
     distance: NDArray[np.float64]
@@ -43,19 +43,20 @@ class RayHits:
 
 
 def ray_index(terrain: TerrainField) -> kernels.RayIndex:
-    """The index of a terrain whose parts are written out: bounds of heights, and what varies where.
+    """Build the ray index of a terrain whose parts are written out.
 
-    A million elements take some five seconds of one processor, and 370 bytes for each.
+    It holds bounds of heights and marks of changes. A million elements take some five seconds of
+    one processor, and 370 bytes each.
     """
     return kernels.RayIndex(terrain.field, terrain.cells())
 
 
 def document_order(parents: NDArray[np.int32], document: NDArray[np.uint32]) -> NDArray[np.int64]:
-    """The number of each element in the order of the document, parents before children.
+    """Number the elements in the order of the document, parents before children, (n,) int64.
 
     Args:
         parents: (n,) index of each element's parent, -1 for the root.
-        document: (n,) each element's place among the children of its parent.
+        document: (n,) place of each element among the children of its parent.
     """
     level = np.zeros(len(parents), np.int64)
     above = parents
@@ -63,7 +64,7 @@ def document_order(parents: NDArray[np.int32], document: NDArray[np.uint32]) -> 
         level += above >= 0
         above = np.where(above >= 0, parents[above], -1)
     levels = [np.flatnonzero(level == depth) for depth in range(1, int(level.max()) + 1)]
-    below = np.ones(len(parents), np.int64)  # itself, and all that stand in it
+    below = np.ones(len(parents), np.int64)  # elements of each subtree, its root included
     for elements in reversed(levels):
         np.add.at(below, parents[elements], below[elements])
     numbers = np.zeros(len(parents), np.int64)
@@ -83,23 +84,22 @@ def cast(
     max_range: ArrayLike = np.inf,
     threads: int | None = None,
 ) -> RayHits:
-    """What rays meet first: the ground from above or below, or a wall.
+    """Return the first hits of rays with the ground, from above or below, or with a wall.
 
-    The ground is that of `Terrain.height` at each point. A wall stands where it jumps across the
-    ray. A ray passes the void, and what is outside of the terrain: the rim has no wall. One that
-    begins on the ground meets it there.
+    The ground is that of `Terrain.height` at each point. A wall stands where the height jumps
+    across the ray. Rays pass through the void and outside of the terrain, whose rim has no wall. A
+    ray that begins on the ground hits it there.
 
     Args:
-        terrain: what they meet.
-        origins: (…, 3) where they begin, in the world.
-        directions: (…, 3) where they go, of any length but 0.
-        max_range: (…) how far, 0 or more; may be inf.
-        threads: number of threads; as many as there are processors if None.
+        terrain: terrain that the rays hit.
+        origins: (…, 3) world positions at which rays begin.
+        directions: (…, 3) directions of any length but 0.
+        max_range: (…) largest distances, 0 or more; may be inf.
+        threads: number of threads; all processors if None.
 
     Raises:
         RequestError: a number is NaN, an origin or direction infinite, a direction 0, or a range
-            below 0; `threads` is below 1; or the parts of the terrain come to too many
-            elements.
+            below 0; `threads` is below 1; or the parts of the terrain come to too many elements.
     """
     if threads is not None and threads < 1:
         raise RequestError(f"The number of threads is {threads}.", "Give 1 or more.")
@@ -163,7 +163,7 @@ def cast(
 
 
 def _refuse(origin: NDArray[np.float64], direction: NDArray[np.float64]) -> None:
-    """Say what is wrong with a ray."""
+    """Raise the error that says what is wrong with a ray."""
     for name, vector in (("origins", origin), ("directions", direction)):
         if not np.isfinite(vector).all():
             raise RequestError(f"The {name} have a NaN or an infinity.", "Leave those rays out.")

@@ -1,4 +1,4 @@
-"""The arrays of a compiled field: every dtype and every meaning, named once.
+"""Record types and arrays of a compiled field; each dtype and its members are defined here once.
 
 Members of two numbers or rows are along x and y.
 """
@@ -16,37 +16,36 @@ from terratool.kernels import field as kernels
 COMBINE = {"product": 0, "sum": 1, "min": 2, "max": 3, "radial": 4}
 
 IN_CELLS, FREE, FREE_PLAIN = 0, 1, 2
-"""How the elements of a grid stand: in its cells, or each at a place of its own.
-
-Plain ones are leaves without a turn.
-"""
+"""Placement of a grid's elements: in its cells, at places of their own, or as leaves without turns
+at places of their own."""
 
 STEPPED = 2
-"""A curve whose pieces begin at knots, with vertical steps; 1 without, 0 evenly spaced pieces."""
+"""Value of `knotted` for a curve whose pieces begin at knots, with vertical steps; 1 is without
+steps, 0 evenly spaced pieces."""
 
 ELEMENT = np.dtype(
     [
-        # first cell of its block in the parent's grid; of a free one the index of its place, the
-        # lower half first
+        # first cell of its block in the parent's grid; of a free element the index of its place,
+        # the lower half first
         ("cell", np.uint16, 2),
         ("pose", np.uint32),  # index into poses; 0 is one cell, unturned
         ("scale", np.float64),
         ("offset", np.float64),
         ("kind", np.uint32),  # index into kinds
-        ("grid", np.uint32),  # index of its first grid; 0 for an element without children
+        ("grid", np.uint32),  # index of the first grid of its children; 0 without children
     ]
 )
-"""32 bytes. Elements are in breadth-first order: the top one of two has the larger index."""
+"""Element record, 32 bytes, breadth first: of two elements the upper one has the larger index."""
 
 POSE = np.dtype(
     [
-        ("size", np.float64, 2),  # cells that it spans
+        ("size", np.float64, 2),  # cells that the element spans
         ("cos", np.float64),
         ("sin_v", np.float64),  # sin(turn) · height/width of the cell, the part of v in u
         ("sin_u", np.float64),  # sin(turn) · width/height of the cell, the part of u in v
         ("turned", np.uint8),
-        ("free", np.uint8),  # it has a place rather than a cell; the sines are those of a square
-        ("cells", np.uint32, 2),  # the size again, as whole numbers
+        ("free", np.uint8),  # 1 if at a place rather than in a cell; the sines are for a square
+        ("cells", np.uint32, 2),  # `size` as whole numbers
     ],
     align=True,
 )
@@ -54,16 +53,16 @@ POSE = np.dtype(
 PLACE = np.dtype([("at", np.float64, 2), ("extent", np.float64, 2)])
 """Middle and sides of the cell of a free element, from the corner of its parent's cell.
 
-Another one beside it has what its doubles lack to the numbers that they stand for.
+A second PLACE has the differences of the intended numbers from these doubles.
 """
 
 FREE_BINS = np.dtype(
     [
         ("corner", np.float64, 2),  # south-west, from the corner of the parent's cell
         ("per", np.float64, 2),  # bins per unit of length
-        ("slack", np.float64),  # a point farther from all edges is inside or outside for certain
+        ("slack", np.float64),  # farther than this from all edges, a point is surely in or out
         ("shape", np.uint32, 2),  # bins along x and y
-        ("places", np.int64),  # from the index of an element to that of its place
+        ("places", np.int64),  # place index minus element index
     ],
     align=True,
 )
@@ -71,83 +70,83 @@ FREE_BINS = np.dtype(
 
 KIND = np.dtype(
     [
-        ("count", np.float64, 2),  # pieces of the curve; of a knotted curve its bins
-        ("pieces", np.uint32, (2, 2)),  # the first piece, and the count less one
+        ("count", np.float64, 2),  # pieces of the curve; bins of a knotted curve
+        ("pieces", np.uint32, (2, 2)),  # the first piece, and the number of pieces minus 1
         ("knots", np.uint32, (2, 2)),  # the first knot and the first bin of a knotted curve
         ("surface", np.int32),  # index into the surfaces of the terrain; -1 for none
         ("combine", np.uint8),
         ("knotted", np.uint8, 2),  # 1 if pieces begin at knots; STEPPED if with vertical steps
         ("is_void", np.uint8),  # the surface is void
-        ("special", np.uint8),  # anything but a product of evenly spaced pieces
+        ("special", np.uint8),  # 0 for a product of evenly spaced pieces, else 1
     ],
     align=True,
 )
-"""A primitive with a surface."""
+"""A primitive with a surface: a kind of element."""
 
 GRID = np.dtype(
     [
-        ("corner", np.float64, (2, 2)),  # the south-west corner in the world, and the rest of it
+        ("corner", np.float64, (2, 2)),  # south-west corner in the world, and its remainder
         ("per", np.float64, 2),  # cells per unit of length
         ("clear", np.float64, 2),  # within this of a cell's middle, in cells, no edge is near
-        ("table", np.int64),  # where its table of bins begins in offsets
+        ("table", np.int64),  # first index in offsets of the grid's bins
         ("row", np.uint32),  # bins in a row
-        ("free", np.uint32),  # index of the bins of free elements
+        ("free", np.uint32),  # index in free_bins
         ("shift", np.uint8, 2),  # a bin is 2^shift cells long
         ("listed", np.uint8),  # the offsets count in entries rather than in elements
         ("local", np.uint8),  # finer than doubles: positions go down from the parent's
-        ("leaves", np.uint8),  # no element has a grid, a span or anything special
+        ("leaves", np.uint8),  # 1 if no element has a grid, a span or anything special
         ("standing", np.uint8),  # IN_CELLS, FREE or FREE_PLAIN
-        ("more", np.uint8),  # the next grid belongs to the same element
-        ("count", np.float64, 2),  # cells
-        ("near", np.float64, 2),  # this near to an edge, in cells, the edge's double decides
-        # side of a cell in few enough bits that k · pitch is exact, and the rest of it
+        ("more", np.uint8),  # 1 if the next grid belongs to the same element
+        ("count", np.float64, 2),  # cells along x and y
+        ("near", np.float64, 2),  # nearer than this to an edge, in cells, the edge's double decides
+        # side of a cell in few enough bits that k · pitch is exact, and its remainder
         ("pitch", np.float64, (2, 2)),
-        ("zero", np.float64, 2),  # a position is 0 if no more than this is left of what cancels
+        ("zero", np.float64, 2),  # a position of at most this size after cancellation is 0
     ],
     align=True,
 )
-"""Corner and pitch are sums of two doubles.
+"""The grid of an element's children; corner and pitch are sums of two doubles.
 
-Siblings that stand in cells and at free places in turn are in as many grids, one after the other; a
-grid of free elements has one cell, that of its parent.
+If siblings stand alternately in cells and at free places, each run of them has a grid, and these
+follow one another. A grid of free elements has one cell, that of the parent.
 """
 
 MEMBER = np.dtype(
     [
-        ("factor", np.float64),  # of its part: on all heights in it
-        # the numbers of 128 bits, the lower half first: among the elements of its parent and what
-        # is in these, the first is number 0; copies of it are so far apart
+        ("factor", np.float64),  # factor of its part on the heights of all elements in it
+        # numbers of 128 bits, the lower half first: its number among the elements below its parent,
+        # from 0, and the difference between the numbers of neighbouring copies
         ("first", np.uint64, 2),
         ("each", np.uint64, 2),
         ("copies", np.uint32),  # index into copies; 0 for one
     ],
     align=True,
 )
-"""What an element has besides in a field whose parts are shared."""
+"""Additional members of an ELEMENT in a field with shared parts."""
 
 COPIES = np.dtype(
     [
         ("step", np.float64, 2),  # whole cells, or units of the terrain for a free element
-        # the step in few enough bits that k · pitch is exact, and the rest of it
+        # the step in few enough bits that k · pitch is exact, and its remainder
         ("pitch", np.float64, (2, 2)),
         ("count", np.uint32, 2),
-        ("across", np.uint8),  # the rows stand along y
+        ("across", np.uint8),  # 1 if the rows stand along y
     ],
     align=True,
 )
-"""Copies of an element, along x and y."""
+"""Copies of an element in rows, along x and y."""
 
 SEGMENT = np.dtype(
     [
-        ("x", np.float64),  # where it begins …
+        ("x", np.float64),  # start
         ("y", np.float64),
-        ("end_x", np.float64),  # … and ends
+        ("end_x", np.float64),  # end
         ("end_y", np.float64),
-        ("dx", np.float64),  # from the one to the other
+        ("dx", np.float64),  # end minus start
         ("dy", np.float64),
-        ("square", np.float64),  # of its length
-        ("reach", np.float64),  # half the width of its track …
-        ("reach_square", np.float64),  # … and the square of that
+        ("square", np.float64),  # length squared
+        ("reach", np.float64),  # half the width of its track
+        ("reach_square", np.float64),  # reach squared
         ("track", np.uint32),
     ],
     align=True,
@@ -158,7 +157,7 @@ RELIEF = np.dtype(
     [
         ("per", np.float64),  # cells of its lattice per unit of length
         ("scale", np.float64),  # factor on its bumps; 0 for no relief
-        ("key", np.uint64),  # what is hashed with the cells
+        ("key", np.uint64),  # key that is hashed with the numbers of a cell
     ],
     align=True,
 )
@@ -169,23 +168,23 @@ _ALIGNMENT = 8
 kernels.check_records(ELEMENT, GRID, POSE, PLACE, FREE_BINS, KIND, SEGMENT, MEMBER, COPIES, RELIEF)
 
 
-def aligned(value: Any) -> Any:
-    """The same with all arrays in it at addresses where kernels read them.
+def align_arrays(value: Any) -> Any:
+    """Return an array or NamedTuple with all its arrays at addresses that the kernels can read.
 
-    Arrays that come in the frames of a message may lie at odd ones.
+    Arrays in the frames of a message may lie at odd addresses; these are copied.
 
     Args:
-        value: an array, or a NamedTuple that holds some.
+        value: an array, or a NamedTuple of arrays and other values.
     """
     if isinstance(value, np.ndarray):
         return value if value.ctypes.data % _ALIGNMENT == 0 else value.copy()
     if isinstance(value, tuple) and hasattr(value, "_make"):
-        return value._make(map(aligned, value))
+        return value._make(map(align_arrays, value))
     return value
 
 
 def scalar_columns(values: NDArray[Any]) -> list[NDArray[Any]]:
-    """The numbers of a record array, a column for each, in the order of memory; or the array."""
+    """Return the scalar columns of a record array, in the order of memory; a plain array as one."""
     if values.dtype.names is None:
         return [values]
     sizes = {name: math.prod(values.dtype[name].shape) for name in values.dtype.names}
@@ -194,14 +193,15 @@ def scalar_columns(values: NDArray[Any]) -> list[NDArray[Any]]:
 
 
 class CurveArrays(NamedTuple):
-    """The pieces of all curves.
+    """Pieces of all curves.
 
     Attributes:
-        pieces: (4n,) float64, the four coefficients of a cubic per piece; behind the pieces of
-            each evenly spaced curve stands one more, its value and slope at t = 1.
-        knots: (n,) float64, t where each piece of a knotted curve begins, then infinity.
-        rests: (n,) float64, what the doubles of the knots lack to the decimals that they mean.
-        bins: (n,) uint32, for evenly spaced t the piece of a knotted curve to begin the search at.
+        pieces: (4n,) float64, four coefficients per cubic piece; after the pieces of each evenly
+            spaced curve follows an entry with its value and slope at t = 1.
+        knots: (n,) float64, t at which each piece of a knotted curve begins, then infinity.
+        rests: (n,) float64, differences of the intended decimals from the doubles in `knots`.
+        bins: (n,) uint32, for evenly spaced t the piece of a knotted curve at which a search
+            begins.
     """
 
     pieces: NDArray[np.float64]
@@ -211,24 +211,25 @@ class CurveArrays(NamedTuple):
 
 
 class TrackArrays(NamedTuple):
-    """The tracks, and an index of their segments by cells of an even grid.
+    """Tracks, and an index of their segments by cells of an even grid.
 
-    The index covers what of the terrain the tracks may reach. Each of its cells has a mask of 8 × 8
-    parts, bit 8 · row + column from the south-west: where no part of a track may lie it is 0.
+    The index covers the part of the terrain that tracks may reach. Each of its cells has a mask of
+    8 × 8 parts, bit 8 · row + column from the south-west; a bit is 0 where no track can lie.
 
     Attributes:
-        segments: SEGMENT, in document order; those of a track stand side by side.
-        first: (tracks + 1,) uint32, where the segments of each track begin.
-        passes: (tracks,) float64, whole.
+        segments: SEGMENT, in document order; the segments of a track are consecutive.
+        first: (tracks + 1,) uint32, index of the first segment of each track.
+        passes: (tracks,) float64, whole numbers of passes.
         power: (tracks,) float64, 1 / `multipass`.
         surface: (tracks,) int32, index into the surfaces of the terrain; -1 for none.
         law: (tracks,) uint32, row of `depths`.
-        depths: (laws, surfaces + 1) float64, depth of the first pass by the surface of the ground
-            and one, 0 for ground without a surface; NaN where that is void.
-        frame: (4,) float64, west and south of the index, and its cells per unit of length.
-        shape: (2,) int64, its cells along x and y.
+        depths: (laws, surfaces + 1) float64, depth of the first pass by the ground's surface index
+            plus one, 0 for ground without a surface; NaN where the surface is void.
+        frame: (4,) float64, west and south of the index, and cells per unit of length along x and
+            y.
+        shape: (2,) int64, cells of the index along x and y.
         masks: (cells,) uint64, row by row from the south.
-        offsets: (cells + 1,) uint32, for each cell where its segments begin in `entries`.
+        offsets: (cells + 1,) uint32, first index in `entries` of each cell.
         entries: (n,) uint32, indices of segments, ascending in each cell.
     """
 
@@ -247,17 +248,17 @@ class TrackArrays(NamedTuple):
 
 
 class SharingArrays(NamedTuple):
-    """What a field has besides whose parts are shared; of others the arrays are empty.
+    """Additional arrays of a field with shared parts; empty for other fields.
 
-    Its elements are those of its templates, one after the other: of the terrain and of each part,
-    once for each of its quarter turns and for each surface that it takes from around. First stand
-    the roots of all of them, of which only that of the terrain is an element. Where a grid lies is
-    computed on the way down. Scales are NaN for the default, and poses those in square cells.
+    The elements of such a field are those of its templates, one template after the other: the
+    terrain and each part, once per quarter turn and per surface that the part inherits. The roots
+    of all templates come first; only the terrain's root is an element. The corners of grids are
+    computed on the way down. Scales are NaN for the default, and poses are those in square cells.
 
     Attributes:
         elements: MEMBER, of all elements.
-        copies: COPIES; the first is one copy.
-        mirrors: (grids,) uint8, 1 and 2 where free places are mirrored along x and y.
+        copies: COPIES; entry 0 is a single copy.
+        mirrors: (grids,) uint8, bits 1 and 2 where free places are mirrored along x and y.
         extent: (2,) float64, sides of the terrain.
     """
 
@@ -273,26 +274,27 @@ NOT_SHARED = SharingArrays(
 
 
 class FieldArrays(NamedTuple):
-    """A compiled field: nothing but arrays.
+    """Arrays of a compiled field.
 
     Attributes:
         elements: ELEMENT, breadth first.
         grids: GRID; grid 0 is the terrain itself, one cell that holds the root.
-        offsets: (n,) uint32, for each bin of each grid where its elements begin; one more at the
-            end of each grid.
-        entries: (n,) uint32, element indices of the grids that list them, as those of free ones do.
+        offsets: (n,) uint32, index of the first element, or entry, of each bin of each grid; each
+            grid has one more entry at its end.
+        entries: (n,) uint32, element indices for grids that list them, as all grids of free
+            elements.
         poses: POSE.
         places: PLACE, of the free elements in their order.
-        rests: PLACE, what the doubles of `places` lack to the numbers that they stand for.
+        rests: PLACE, differences of the intended numbers from the doubles in `places`.
         free_bins: FREE_BINS, of the grids of free elements.
         kinds: KIND.
-        curves: the pieces of the curves.
+        curves: pieces of the curves.
         bounds: (4,) float64 west, south, east, north.
-        pending: the most grids that a descent has to remember at a time.
+        pending: largest number of grids that wait at a time in a descent.
         voids: whether any surface is void.
-        tracks: the ruts in it.
-        shared: what is shared by the places that parts stand in.
-        reliefs: RELIEF by the index of the surface and one; none where nothing is rough.
+        tracks: tracks with their ruts.
+        shared: additional arrays if parts are shared.
+        reliefs: RELIEF by the surface's index plus one; empty where nothing is rough.
     """
 
     elements: NDArray[Any]
@@ -320,6 +322,6 @@ class FieldArrays(NamedTuple):
 
     @property
     def busy_nbytes(self) -> int:
-        """Memory of what most points are looked up in: all but the segments of tracks."""
+        """Memory that most lookups touch, in bytes: all arrays but the segments of tracks."""
         tracks = sum(array.nbytes for array in self.tracks)
         return self.nbytes - tracks + self.tracks.masks.nbytes

@@ -1,8 +1,8 @@
-"""Reliefs of rough surfaces: what kernels/field/roughness.hpp computes, compiled and bounded.
+"""Reliefs of rough surfaces, compiled and bounded; kernels/field/roughness.hpp evaluates them.
 
 A relief is a sum of bumps, one in each cell of a lattice over the world. Places of bumps are
-uniform in their cells, and heights uniform about 0. So its mean is 0, and its autocorrelation is
-that of one bump: that of (1 - d²/R²)³ in a disc of the radius R, in all directions the same.
+uniform in their cells, and heights uniform about 0. So the mean of a relief is 0, and its
+autocorrelation is that of one bump, (1 - d²/R²)³ in a disc of the radius R, in all directions.
 """
 
 from __future__ import annotations
@@ -17,28 +17,29 @@ from terratool.definition.model import Definition, Roughness
 from terratool.field.records import RELIEF, FieldArrays
 
 CELLS_PER_CORRELATION = 1.01600039152519
-"""Cells of the lattice in a correlation length. A bump has the radius 1.5 cells; the
-autocorrelation of bumps falls to 1/e at 0.6773335943501266 radii."""
+"""Lattice cells per correlation length. A bump has the radius 1.5 cells; the autocorrelation of
+bumps falls to 1/e at 0.6773335943501266 radii."""
 SCALE_PER_RMS = 0.15131984843753557
-"""√(21/π) / 1.5⁷. Bumps are h (1.5² - d²)³ high, d in cells and h uniform from -1 to 1. The
-variance of their sum is ⅓ ∫ (1.5² - d²)⁶ dA = 1.5¹⁴ π / 21."""
+"""Scale of bumps per rms of heights, √(21/π) / 1.5⁷. Bumps are h (1.5² - d²)³ high, d in cells and
+h uniform from -1 to 1. The variance of their sum is ⅓ ∫ (1.5² - d²)⁶ dA = 1.5¹⁴ π / 21."""
 
 _HIGHEST, _STEEPEST, _MOST_BENT = 65.0, 130.0, 364.0
-"""As in kernels/field/roughness.hpp."""
+"""Bounds of height, slope and second derivative of the sum of bumps, in lattice cells, as in
+kernels/field/roughness.hpp."""
 _RMS_SLOPE, _RMS_BEND = 1.3663, 3.1553
-"""Standard deviations of slopes and of second derivatives along an axis, in rms and cells."""
+"""Standard deviations of slopes and of second derivatives along an axis, per rms and in cells."""
 _WORD = 1 << 64
 
 
 class ReliefBounds(NamedTuple):
-    """What no relief of a terrain goes beyond, and what they typically are; 0 for none.
+    """Bounds of the reliefs of a terrain, and their typical sizes; 0 where nothing is rough.
 
     Attributes:
-        height: of all reliefs, in units of the terrain, without sign.
-        slope: the steepest slope, as a tangent.
-        rms: the largest standard deviation of heights …
-        rms_slope: … and of slopes along an axis.
-        finest: the shortest correlation length; inf where nothing is rough.
+        height: largest height of any relief, without sign, units of the terrain.
+        slope: steepest slope, as a tangent.
+        rms: largest standard deviation of heights, units of the terrain.
+        rms_slope: largest standard deviation of slopes along an axis, as tangents.
+        finest: shortest correlation length, units of the terrain; inf where nothing is rough.
     """
 
     height: float = 0.0
@@ -48,8 +49,8 @@ class ReliefBounds(NamedTuple):
     finest: float = np.inf
 
 
-def mixed(key: int) -> int:
-    """The steps of SplitMix64, as `hash64` of the kernels takes them; 64 bits."""
+def mix64(key: int) -> int:
+    """Mix the bits of a key by the steps of SplitMix64, as `hash64` of the kernels; 64 bits."""
     key = key * 0x9E3779B97F4A7C15 % _WORD
     key = (key ^ key >> 30) * 0xBF58476D1CE4E5B9 % _WORD
     key = (key ^ key >> 27) * 0x94D049BB133111EB % _WORD
@@ -57,19 +58,19 @@ def mixed(key: int) -> int:
 
 
 def relief_of(roughness: Roughness) -> NDArray[Any]:
-    """The RELIEF of a roughness, (1,)."""
+    """Return the RELIEF of a roughness, (1,); 0 where it has no rms or correlation length."""
     relief = np.zeros(1, RELIEF)
     if roughness.rms is UNSET or roughness.correlation is UNSET:
-        return relief  # a rule says where there is none
+        return relief  # a rule reports what is missing
     seed = 0 if roughness.seed is UNSET else roughness.seed
     relief["per"] = CELLS_PER_CORRELATION / roughness.correlation
     relief["scale"] = SCALE_PER_RMS * roughness.rms
-    relief["key"] = np.uint64(mixed(seed + 1))
+    relief["key"] = np.uint64(mix64(seed + 1))
     return relief
 
 
 def compile_reliefs(definition: Definition) -> NDArray[Any]:
-    """RELIEF by the index of the surface and one, (surfaces + 1,); none where nothing is rough."""
+    """RELIEF by the surface's index plus one, (surfaces + 1,); empty where nothing is rough."""
     reliefs = np.zeros(len(definition.surfaces) + 1, RELIEF)
     for index, surface in enumerate(definition.surfaces.values(), 1):
         if surface.roughness is not UNSET and surface.void is not True:
@@ -78,7 +79,7 @@ def compile_reliefs(definition: Definition) -> NDArray[Any]:
 
 
 def relief_bounds(arrays: FieldArrays) -> ReliefBounds:
-    """Bounds of the reliefs that elements or tracks of a field wear."""
+    """Return bounds of the reliefs that elements or tracks of a field have."""
     worn = worn_reliefs(arrays)
     worn = worn[worn["scale"] > 0.0]
     if not len(worn):
@@ -94,7 +95,7 @@ def relief_bounds(arrays: FieldArrays) -> ReliefBounds:
 
 
 def worn_reliefs(arrays: FieldArrays) -> NDArray[Any]:
-    """The different reliefs of surfaces that elements or tracks wear, no relief among them."""
+    """Distinct reliefs of the surfaces of elements and tracks, RELIEF; smooth ones have scale 0."""
     if not len(arrays.reliefs):
         return arrays.reliefs
     worn = np.concatenate([arrays.kinds["surface"], arrays.tracks.surface])

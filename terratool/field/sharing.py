@@ -1,4 +1,4 @@
-"""From templates to the arrays of a field whose parts are shared, and the names of its elements."""
+"""Compilation of templates into a field with shared parts, and the names of its elements."""
 
 from __future__ import annotations
 
@@ -33,7 +33,6 @@ from terratool.field.tables import (
     Runs,
     bins_of,
     dense_runs,
-    in_order,
     kinds_of,
     mark_plain,
     order_of,
@@ -41,33 +40,34 @@ from terratool.field.tables import (
     placed_of,
     poses_of,
     rank_of,
+    reorder,
     runs_of,
     surroundings,
 )
 from terratool.kernels import field as kernels
 
 LARGEST_NUMBER = 1 << 126
-"""So many elements are numbered at most."""
+"""Most elements that can be numbered."""
 
 MIRRORS = (0, 2, 3, 1)
-"""Along which axes so many quarter turns mirror places: 1 for x, 2 for y."""
+"""Axes along which 0 to 3 quarter turns mirror places: bit 1 for x, bit 2 for y."""
 
 _SLACK = 8.0
-"""The bins of free elements hold this much more than where they are laid absolutely."""
+"""Factor on the terrain's corner and sides in bounds of rounding, before grids are laid."""
 
 
-class Member(NamedTuple):
-    """An element of a template, with its copies, and which numbers they have.
+class SharedMember(NamedTuple):
+    """An element of a template with its copies and their numbers.
 
     Attributes:
         element: index in the field of its first row.
-        firsts: numbers among its siblings and what is in them: where its first copy begins, or
-            each of the copies that are scattered.
-        each: how many elements each copy in rows comes to.
+        firsts: first number of each copy that is scattered, or of all copies, among the numbers of
+            its siblings and of the elements in them.
+        each: number of elements of each copy in rows, itself included.
         row: copies in a row; 0 without `repeat`.
-        places: places of scattered copies in their list by size; None for all else.
+        places: places of scattered copies in their list by size; None for others.
         step: end of its name, before and after the place among the copies.
-        families: what is in each of its copies, or in each of the scattered ones; -1 for nothing.
+        families: index of the family in its copies, or in each scattered copy; -1 for none.
     """
 
     element: int
@@ -79,7 +79,7 @@ class Member(NamedTuple):
     families: Ints
 
     def copy_at(self, number: int) -> tuple[int, int]:
-        """The copy that a number among the siblings falls into, and what is left of the number."""
+        """Return the copy that a number among the siblings falls into, and the number within it."""
         if self.places is None:
             copy, left = divmod(number - self.firsts[0], self.each)
             return copy, left
@@ -87,15 +87,15 @@ class Member(NamedTuple):
         return copy, number - self.firsts[copy]
 
     def row_of(self, copy: int) -> int:
-        """The index in the field of a copy."""
+        """Return the index in the field of a copy."""
         return self.element if self.places is None else self.element + copy
 
     def family_of(self, copy: int) -> int:
-        """What is in a copy; -1 for nothing."""
+        """Return the index of the family in a copy; -1 for none."""
         return int(self.families[0 if self.places is None else copy])
 
     def name_of(self, copy: int) -> str:
-        """The end of the name of a copy."""
+        """Return the end of the name of a copy."""
         before, after = self.step
         place = ""
         if self.places is not None:
@@ -106,24 +106,24 @@ class Member(NamedTuple):
 
 
 class Tally(NamedTuple):
-    """What a shared terrain comes to.
+    """Numbers of elements of a shared terrain, and the way to each.
 
     Attributes:
-        elements: all elements.
-        by_kind: of each kind.
-        levels: of nesting.
-        families: the elements in each element of the text, by `Member.family_of`.
-        root: the element of the terrain.
+        elements: number of all elements.
+        by_kind: number of elements of each kind.
+        levels: levels of nesting.
+        families: members in each element of the text, by `SharedMember.family_of`.
+        root: the root of the terrain.
     """
 
     elements: int
     by_kind: tuple[int, ...]
     levels: int
-    families: tuple[tuple[Member, ...], ...]
-    root: Member
+    families: tuple[tuple[SharedMember, ...], ...]
+    root: SharedMember
 
-    def way(self, number: int) -> list[tuple[Member, int]]:
-        """The members that lead to an element by its number, each with its copy."""
+    def way(self, number: int) -> list[tuple[SharedMember, int]]:
+        """Return the members on the way to an element by its number, each with its copy."""
         way = [(self.root, 0)]
         while number:
             member, copy = way[-1]
@@ -134,21 +134,21 @@ class Tally(NamedTuple):
         return way
 
     def name(self, number: int) -> str:
-        """The name of an element by its number."""
+        """Return the name of an element by its number."""
         return "".join(member.name_of(copy) for member, copy in self.way(number))
 
 
 class _Draft(NamedTuple):
-    """The elements of all templates, one after the other behind their roots.
+    """Elements of all templates, one template after the other behind all roots.
 
     Attributes:
         nodes: roots of the templates, and then their elements.
-        parents: index of the node in which each stands; -1 for a root.
-        levels: the node with which each level begins, and the number of nodes.
-        quarters: quarter turns of the template that each is in.
-        first: (nodes + 1,) int64, the first row of each node, and the number of rows.
-        below: (rows,) int64, the row whose children stand in each; -1 for none.
-        often: how often what each node stands in does: whole numbers of any size.
+        parents: index of the parent node of each node; -1 for a root.
+        levels: index of the first node of each level, and the number of nodes.
+        quarters: quarter turns of the template of each node.
+        first: (nodes + 1,) int64, first row of each node, and the number of rows.
+        below: (rows,) int64, row whose children stand in each row; -1 for none.
+        often: number of times that the parent of each node stands in the terrain, of any size.
     """
 
     nodes: list[Node]
@@ -161,11 +161,11 @@ class _Draft(NamedTuple):
 
     @property
     def node_of(self) -> Ints:
-        """(rows,) int64, the node of each row."""
+        """Node of each row, (rows,) int64."""
         return np.repeat(np.arange(len(self.nodes)), np.diff(self.first))
 
     def spread(self, values: Sequence[Any], dtype: Any) -> NDArray[Any]:
-        """Values of nodes, or arrays of those of their copies, as a column of all rows."""
+        """Spread values of nodes, or arrays for their copies, over all rows as a column."""
         arrays = [index for index, value in enumerate(values) if isinstance(value, np.ndarray)]
         plain = list(values)
         for index in arrays:
@@ -177,16 +177,16 @@ class _Draft(NamedTuple):
 
 
 def compile_shared(plan: Blueprint, *, roughness: bool = True) -> tuple[Compiled, Tally]:
-    """Compile the templates of a terrain; with reliefs or without.
+    """Compile the templates of a terrain, with or without reliefs.
 
     Raises:
-        RequestError: it comes to more elements than can be numbered.
+        RequestError: the terrain comes to more elements than can be numbered.
     """
     draft = _draft(plan)
     definition = plan.definition
     columns, bounding, factors = _columns(draft, plan)
     order, dense = order_of(bounding, draft.first[draft.levels].tolist())
-    columns, bounding, dense = in_order(columns, order), in_order(bounding, order), dense[order]
+    columns, bounding, dense = reorder(columns, order), reorder(bounding, order), dense[order]
     node_of, free = draft.node_of[order], columns.free
     below = draft.below[order]
     below = np.where(below >= 0, rank_of(order)[below], -1)
@@ -197,7 +197,7 @@ def compile_shared(plan: Blueprint, *, roughness: bool = True) -> tuple[Compiled
     grids["count"] = 1.0
     in_cells = np.flatnonzero(grids["standing"][1:] == IN_CELLS)
     grids["count"][in_cells + 1] = columns.cells[owners[in_cells]]
-    # until they are laid, they lie where places are least exact
+    # until grids are laid, assume the least exact positions
     corner, extent = np.array(definition.corner, float), np.array(definition.extent, float)
     grids["corner"][:, :, 0] = _SLACK * np.maximum(np.abs(corner), np.abs(corner + extent))
     grids["pitch"][:, :, 0] = _SLACK * extent
@@ -213,7 +213,7 @@ def compile_shared(plan: Blueprint, *, roughness: bool = True) -> tuple[Compiled
     reach = placed.reach + 0.5 * np.abs(far) * (1 + 1e-9)
     placed = placed._replace(places=middles, reach=reach)
     ranges = runs.ranges
-    ranges.last[0] = 1  # the other roots are none
+    ranges.last[0] = 1  # roots of other templates are no elements
     bins = bins_of(runs, ranges, grid_of, placed, dense)
     grids["corner"] = grids["pitch"] = 0.0
     place_terrain(grids, definition)
@@ -265,10 +265,14 @@ def compile_shared(plan: Blueprint, *, roughness: bool = True) -> tuple[Compiled
 
 
 def refuse_piled(field: kernels.Field, name: str) -> None:
-    """Refuse a shared field, of the file of this name, with too many elements over one point.
+    """Refuse a shared field in which too many elements lie over one point.
+
+    Args:
+        field: the field.
+        name: file name for the message.
 
     Raises:
-        RequestError: there are, or may be, more than `MAX_ELEMENTS`.
+        RequestError: more than `MAX_ELEMENTS` lie over one point, or may do so.
     """
     most = kernels.most_over_point(field)
     if most > MAX_ELEMENTS:
@@ -304,8 +308,8 @@ def _draft(plan: Blueprint) -> _Draft:
 
 
 def _often(draft: _Draft, roots: int) -> list[int]:
-    """How often what each node stands in does; 0 for the roots of other templates."""
-    within = [1] + [0] * (len(draft.nodes) - 1)  # how often what is in a node stands
+    """Number of times that the parent of each node stands in the terrain; 0 for other roots."""
+    within = [1] + [0] * (len(draft.nodes) - 1)  # copies of each node's children
     often = [1] + [0] * (len(draft.nodes) - 1)
     for index in range(roots, len(draft.nodes)):
         node = draft.nodes[index]
@@ -320,7 +324,7 @@ def _often(draft: _Draft, roots: int) -> list[int]:
 
 
 def _columns(draft: _Draft, plan: Blueprint) -> tuple[Columns, Columns, Floats]:
-    """The elements column by column: first copies, all copies in rows together, and factors."""
+    """Elements as columns, first copies alone and rows of copies as blocks, and their factors."""
     nodes, definition = draft.nodes, plan.definition
     types = {name: i for i, name in enumerate(definition.primitives)}
     surfaces: dict[Any, int] = {name: i for i, name in enumerate(definition.surfaces)}
@@ -366,7 +370,7 @@ def _columns(draft: _Draft, plan: Blueprint) -> tuple[Columns, Columns, Floats]:
 
 
 def _free_places(draft: _Draft) -> tuple[NDArray[Any], NDArray[Any]]:
-    """The places of free elements in the order of rows, PLACE, and what their doubles lack."""
+    """Places of free elements in the order of rows, and the remainders of their doubles, PLACE."""
     free = [node for node in draft.nodes if node.at is not None]
     counts = [node.rows for node in free]
     places, rests = np.zeros(sum(counts), PLACE), np.zeros(sum(counts), PLACE)
@@ -377,14 +381,14 @@ def _free_places(draft: _Draft) -> tuple[NDArray[Any], NDArray[Any]]:
         if node.rests is None:
             typed[rows] = True
         else:
-            rests["at"][rows] = node.rests  # sizes are drawn as they are
+            rests["at"][rows] = node.rests  # sizes are drawn as doubles
     for name in ("at", "extent"):
         rests[name][typed] = rests_of(places[name][typed])
     return places, rests
 
 
 def _copies(draft: _Draft, node_of: Ints) -> tuple[NDArray[Any], Ints]:
-    """COPIES, and for each element which of these; the first is one copy."""
+    """COPIES, and the index of each element's copies, int64; entry 0 is a single copy."""
     known: dict[Any, int] = {None: 0}
     of = np.array([known.setdefault(node.copies, len(known)) for node in draft.nodes], np.int64)
     copies = np.zeros(len(known), COPIES)
@@ -399,7 +403,10 @@ def _copies(draft: _Draft, node_of: Ints) -> tuple[NDArray[Any], Ints]:
 def _leaves(
     runs: Runs, columns: Columns, draft: _Draft, node_of: Ints, plain: NDArray[np.bool_]
 ) -> NDArray[np.bool_]:
-    """Which grids are of leaves where the terrain is written out: it rounds slopes otherwise."""
+    """Mask of grids that count as grids of leaves, as in the field with parts written out.
+
+    That field rounds slopes differently in grids of leaves.
+    """
     first = runs.first
     own = np.array([node.many for node in draft.nodes], np.int64)[node_of]
     others = slice(1, first[1] if len(first) > 1 else None)  # roots of other templates
@@ -411,14 +418,14 @@ def _leaves(
     return leaves & dense_runs(columns, first, np.add.reduceat(own, first), often)
 
 
-class _Numbers(NamedTuple):
-    """How the elements of templates are numbered, by their nodes.
+class _NodeNumbers(NamedTuple):
+    """Numbers of the elements of templates, by their nodes.
 
     Attributes:
-        firsts: numbers among the siblings and what is in them at which the first copy of a node
-            begins, or each of its scattered copies.
-        each: how many elements each of these comes to.
-        inside: how many elements are in the cell of each node.
+        firsts: number of the first copy of each node, or of each of its scattered copies, among its
+            siblings and the elements in them.
+        each: number of elements of each copy, itself included.
+        inside: number of elements in the cell of each node.
         depth: levels in the cell of each node.
     """
 
@@ -429,7 +436,7 @@ class _Numbers(NamedTuple):
 
 
 def _number(draft: _Draft, order: Ints, plan: Blueprint) -> tuple[NDArray[Any], Tally]:
-    """Number all elements, each before what is in it, siblings in the order of the text.
+    """Number all elements, parents before children, siblings in the order of the text.
 
     Args:
         draft: the elements.
@@ -462,25 +469,25 @@ def _number(draft: _Draft, order: Ints, plan: Blueprint) -> tuple[NDArray[Any], 
         row = 0 if node.copies is None else node.copies.counts[node.copies.across]
         families = np.broadcast_to(within[index], node.rows)
         members.append(
-            Member(
+            SharedMember(
                 int(place[own.start]) if node.rows else -1, found.firsts[index],
                 found.each[index], row, node.numbers, node.step, families,
             )
         )  # fmt: skip
-    root = Member(0, (0,), total, 0, None, plan.root.step, np.zeros(1, np.int64))
+    root = SharedMember(0, (0,), total, 0, None, plan.root.step, np.zeros(1, np.int64))
     listed = tuple(tuple(members[child] for child in siblings) for siblings in children)
     return rows[order], Tally(total, (), 1 + found.depth[0], listed, root)
 
 
 def _numbers(
     draft: _Draft, children: list[list[int]], within: list[Any], plan: Blueprint
-) -> _Numbers:
+) -> _NodeNumbers:
     """Number the elements in the cell of each node, inner ones first.
 
     Args:
         draft: the elements.
-        children: of each node the nodes in it, in the order of the text.
-        within: the nodes whose children stand in each node, or in each of its scattered copies.
+        children: indices of the children of each node, in the order of the text.
+        within: node whose children stand in each node, or array of such nodes by scattered copy.
         plan: the templates.
     """
     nodes, count = draft.nodes, len(draft.nodes)
@@ -503,11 +510,11 @@ def _numbers(
                 inside[index] += many * each[child]
             deepest = max(depth[number] if number >= 0 else 0 for number in below)
             depth[index] = max(depth[index], 1 + deepest)
-    return _Numbers(firsts, each, inside, depth)
+    return _NodeNumbers(firsts, each, inside, depth)
 
 
 def _halves(numbers: Sequence[int]) -> NDArray[np.uint64]:
-    """Whole numbers of 128 bits as (n, 2), the lower half first."""
+    """Whole numbers of 128 bits as (n, 2) uint64, the lower half first."""
     if isinstance(numbers, range) and numbers.stop <= 1 << 63:
         low = np.arange(numbers.start, numbers.stop, numbers.step).astype(np.uint64)
         return np.column_stack([low, np.zeros_like(low)])
@@ -516,7 +523,7 @@ def _halves(numbers: Sequence[int]) -> NDArray[np.uint64]:
 
 
 def _inner_first(plan: Blueprint) -> Iterator[int]:
-    """Indices of all elements and roots, those of what is in them before."""
+    """Yield the indices of all nodes, children before their parents."""
     end = len(plan.templates) + sum(len(template.nodes) for template in plan.templates)
     for root in range(len(plan.templates) - 1, -1, -1):
         begin = end - len(plan.templates[root].nodes)
@@ -526,5 +533,5 @@ def _inner_first(plan: Blueprint) -> Iterator[int]:
 
 
 def _document(node: Node) -> int:
-    """The place of an element among its siblings."""
+    """Return the place of an element among its siblings in the text."""
     return int(node.step[0].removeprefix("/children/").partition("[")[0])

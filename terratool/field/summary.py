@@ -1,4 +1,4 @@
-"""What a terrain consists of."""
+"""Summary of a terrain: size, elements, heights and memory."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ from terratool.kernels import field as kernels
 from terratool.report.documents import Document, Tool
 
 _ALONG = 512
-"""Points of the grid along the longer side at which the heights are looked at."""
+"""Points of the height grid along the longer side."""
 _WORK = 50_000_000
-"""Elements that are added up at most to look at heights: where many overlap, points are fewer."""
+"""Most elements evaluated to find the range of heights; where many overlap, points are fewer."""
 _INSET = 64
-"""In steps from a float to the next: what is narrower than that beside an edge sets no extreme."""
+"""Distance from an edge, in spacings of floats, within which a height sets no extreme."""
 _THINNEST = 1e-3
-"""Points beside the edges of a cell are inside by no more than this share of its side."""
+"""Largest distance of points beside the edges of a cell, as a share of its side."""
 _AGREES = 1e-3
-"""Heights on an edge and beside it are of one surface if they differ by less than this share of the
-relief."""
+"""Largest difference of the heights on an edge and beside it that belong to one surface, as a share
+of the relief."""
 
 _PLASTIC = 1.32471795724474602596
-"""The plastic number spreads points over a square as the golden section does over a line."""
+"""The plastic number, which spreads points over a square as the golden ratio does over a line."""
 
 
 class TrackSummary(Struct, frozen=True):
@@ -86,9 +86,9 @@ class TerrainSummary(Document, frozen=True, kw_only=True):
 def summarise(terrain: Terrain) -> TerrainSummary:
     """Size, levels, elements by primitive and surface, heights and memory.
 
-    The range of heights is that of the points looked at: an even grid, nine points in the cell of
-    each element, corners and edges included, and the ends and the middle of each segment of tracks.
-    Where elements are too many for that, or too many overlap, fewer points are looked at.
+    The range of heights is that of an even grid of points, of nine points in the cell of each
+    element, corners and edges included, and of the ends and the middle of each segment of tracks.
+    There are fewer points where elements are too many or too many overlap.
     """
     bounds, tracks = terrain.bounds, terrain.arrays.tracks
     return TerrainSummary(
@@ -122,11 +122,11 @@ def summarise(terrain: Terrain) -> TerrainSummary:
 def height_range(
     terrain: Terrain, bounds: Bounds | None = None
 ) -> tuple[float | None, float | None, int]:
-    """Lowest and highest height at the points looked at, and their number; None if all is void.
+    """Lowest and highest height at sample points, and the number of points; None if all is void.
 
     Args:
         terrain: the terrain.
-        bounds: the part of it to look at, which must hold something; all of it if None.
+        bounds: rectangle that overlaps the terrain; the whole terrain if None.
     """
     part = clip_bounds(terrain, bounds)
     cells, room = _cells_in(terrain, part)
@@ -137,7 +137,7 @@ def height_range(
     ]
     x, y, inner_x, inner_y = (np.concatenate(columns) for columns in zip(*points, strict=True))
     heights, beside = terrain.height(x, y), terrain.height(inner_x, inner_y)
-    # a strip of a few floats, as edges leave that were computed in floats, is no height to tell
+    # edges computed in floats leave strips of a few floats, whose heights do not count
     low, high = np.fmin.reduce(beside, initial=np.inf), np.fmax.reduce(beside, initial=-np.inf)
     agrees = np.abs(heights - beside) <= _AGREES * max(high - low, 0.0)
     told = np.where(agrees, heights, beside)
@@ -146,9 +146,9 @@ def height_range(
 
 
 def _cells_in(terrain: Terrain, part: Bounds) -> tuple[NDArray[np.float64], int]:
-    """What lies of each element's cell in a part, (4, n), and how many points are looked at.
+    """Parts of elements' cells in a rectangle, (4, n), and the number of points to sample.
 
-    No cell where there are too many elements.
+    There are no cells if the elements are too many.
     """
     cells = terrain.all_cells()
     if cells is None:
@@ -164,7 +164,7 @@ def _cells_in(terrain: Terrain, part: Bounds) -> tuple[NDArray[np.float64], int]
 
 
 _Points = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
-"""x and y of points, and of points beside them, on the same side of all edges."""
+"""Positions x and y of points, and of points beside them, on the same side of all edges."""
 
 
 def _inset(part: Bounds) -> float:
@@ -172,7 +172,7 @@ def _inset(part: Bounds) -> float:
 
 
 def _grid_points(part: Bounds, most: int) -> _Points:
-    """An even grid over a part, of so many points at most."""
+    """Even grid of at most `most` points over a rectangle."""
     west, south, east, north = part
     sides = east - west, north - south
     along = min(_ALONG, math.isqrt(int(most * max(sides) / min(sides))))
@@ -184,7 +184,7 @@ def _grid_points(part: Bounds, most: int) -> _Points:
 
 
 def _element_points(cells: NDArray[np.float64]) -> _Points:
-    """Corners, edges and middles of cells, (4, n), just inside of their east and north edges."""
+    """Corners, edge middles and centres of cells, (4, n), just within east and north edges."""
     west, south, east, north = cells
     inset = _INSET * np.spacing(np.abs(cells).max(axis=0, initial=0.0))
 
@@ -200,7 +200,7 @@ def _element_points(cells: NDArray[np.float64]) -> _Points:
 
 
 def _track_points(terrain: Terrain, part: Bounds) -> _Points:
-    """Ends and middles of the segments of tracks that lie in the part."""
+    """Ends and middles of the segments of tracks in a rectangle."""
     west, south, east, north = part
     segments = terrain.arrays.tracks.segments
     x, y = (
@@ -212,7 +212,7 @@ def _track_points(terrain: Terrain, part: Bounds) -> _Points:
 
 
 def spread_points(part: Bounds, count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """The x and the y of so many points that are evenly spread over a rectangle, (count,) each."""
+    """Positions x and y of `count` points spread evenly over a rectangle, (count,) each."""
     west, south, east, north = part
     steps = np.arange(1, count + 1)
     return (

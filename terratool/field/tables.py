@@ -1,4 +1,4 @@
-"""From elements column by column to the tables of a field: grids, bins, poses and kinds."""
+"""Tables of a field, made of element columns: grids, bins, poses and kinds."""
 
 from __future__ import annotations
 
@@ -32,15 +32,19 @@ from terratool.kernels import field as kernels
 Ints = NDArray[np.int64]
 
 _DENSE_CELLS = 1024
-"""A grid of up to this many cells, or four times its children, has a bin per cell …"""
+"""Most cells of a grid that may have one bin per cell although it is nearly empty.
+
+A grid of up to four times as many cells as children always has one bin per cell.
+"""
 _DENSE_ROOM = 65536
-"""… unless nearly empty grids together have more than this many, and four for each element."""
+"""Most bins of all nearly empty grids together, besides four per element, before large ones are
+listed instead."""
 _WIDER = 1 + 1e-6
-"""The bins of a free element hold a little more than its footprint, whatever rounding does."""
+"""Enlargement of a free element's footprint for its bins, against rounding."""
 
 
 class Columns(NamedTuple):
-    """The elements, column by column: (n,) or (n, 2) arrays."""
+    """Elements as columns, (n,) or (n, 2)."""
 
     parent: Ints
     cell: Ints
@@ -50,22 +54,22 @@ class Columns(NamedTuple):
     offset: NDArray[np.float64]
     turn: NDArray[np.float64]
     type: Ints
-    surface: Ints  # -1 for the parent's
-    free: NDArray[np.bool_]  # stands at a place of its own, in no cell
-    place: Ints  # index among the places of all, as the tree has them
+    surface: Ints  # -1 to inherit the parent's
+    free: NDArray[np.bool_]  # True at a place of its own, in no cell
+    place: Ints  # index among the places in the order of the tree
 
 
 class Placed(NamedTuple):
-    """Where elements stand, in the order of the field.
+    """Placement of elements in the order of the field.
 
     Attributes:
-        cell: (n, 2) the first cell of each; of a free one the index of its place, and 0.
-        span: (n, 2) cells that it takes.
-        cells: (n, 2) cells of the grid that it has.
-        free: (n,) whether it has a place in place of a cell.
+        cell: (n, 2) first cell of each element; for a free one the index of its place, and 0.
+        span: (n, 2) cells that it spans.
+        cells: (n, 2) cells of its own grid.
+        free: (n,) whether it stands at a place rather than in a cell.
         places: (f,) PLACE, in the order of the free elements.
-        rests: (f,) PLACE, what the doubles of these lack.
-        reach: (f, 2) float64, half the sides of the rectangle around its cell and its footprint.
+        rests: (f,) PLACE, differences of the intended numbers from the doubles in `places`.
+        reach: (f, 2) float64, half sides of the rectangle around its cell and its footprint.
     """
 
     cell: Ints
@@ -78,7 +82,7 @@ class Placed(NamedTuple):
 
 
 class Ranges(NamedTuple):
-    """Where the elements of each grid stand, (grids,)."""
+    """First element of each grid, and the first one behind its last, (grids,)."""
 
     first: Ints
     last: Ints
@@ -87,7 +91,7 @@ class Ranges(NamedTuple):
 def placed_of(
     columns: Columns, places: NDArray[Any], rests: NDArray[Any], parental: NDArray[np.bool_]
 ) -> Placed:
-    """Where the elements of the field stand; `parental` says which have children."""
+    """Return the placement of the field's elements; `parental` marks elements with children."""
     free = columns.free
     cell = columns.cell.copy()
     cell[free] = 0
@@ -112,15 +116,15 @@ def placed_of(
 
 
 def order_of(columns: Columns, levels: Sequence[int]) -> tuple[Ints, NDArray[np.bool_]]:
-    """The order of the field, and which elements, in the order given, are in a dense grid.
+    """Return the order of the field, and a mask of elements, as they are given, in dense grids.
 
-    In a dense grid, one bin per cell and no spans, siblings are sorted by cell, so that the table
-    of a grid needs no list of elements. Siblings that share a cell keep their order. Runs of
-    siblings in cells and at free places keep theirs.
+    In a dense grid, with one bin per cell and no spans, siblings are sorted by cell, so that the
+    grid's table needs no list of elements. Siblings that share a cell keep their order, as do runs
+    of siblings in cells and at free places.
 
     Args:
         columns: the elements, level by level.
-        levels: where each level begins and the last one ends.
+        levels: index of the first element of each level, and the number of elements.
     """
     parent = columns.parent
     count = len(parent)
@@ -145,13 +149,13 @@ def order_of(columns: Columns, levels: Sequence[int]) -> tuple[Ints, NDArray[np.
 def dense_runs(
     columns: Columns, begins: Ints, siblings: Ints, often: Sequence[int] | None = None
 ) -> NDArray[np.bool_]:
-    """Which runs of siblings have a dense grid.
+    """Mask of the runs of siblings that have a dense grid.
 
     Args:
         columns: the elements.
         begins: (r,) the first element of each run.
-        siblings: (r,) elements in it.
-        often: how often the parent of each run stands; once without.
+        siblings: (r,) number of elements of each run.
+        often: number of times that the parent of each run stands in the terrain; 1 each if None.
     """
     free = columns.free[begins]
     spanned = np.logical_or.reduceat((columns.span > 1).any(axis=1), begins)
@@ -159,7 +163,7 @@ def dense_runs(
     full = cells <= 4 * siblings
     small = (cells <= _DENSE_CELLS) & ~full & ~free
     small[0], full[0] = False, True  # the root is the one cell of its grid
-    # as whole numbers of any size where they stand often
+    # counts of any size need Python's integers
     many: Any = np.ones(len(begins), np.int64) if often is None else np.array(often, object)
     room = (many * cells.astype(many.dtype))[small].sum()
     if room > 4 * (many * siblings.astype(many.dtype)).sum() + _DENSE_ROOM:  # many nearly empty
@@ -169,14 +173,14 @@ def dense_runs(
 
 
 def rank_of(order: Ints) -> Ints:
-    """Where each element goes."""
+    """Return the inverse of an order: the position of each element in it."""
     rank = np.empty_like(order)
     rank[order] = np.arange(len(order))
     return rank
 
 
-def in_order(columns: Columns, order: Ints) -> Columns:
-    """The elements in another order."""
+def reorder(columns: Columns, order: Ints) -> Columns:
+    """Return the elements in another order, their parents renumbered."""
     if (order == np.arange(len(order))).all():
         return columns
     parent = np.where(columns.parent >= 0, rank_of(order)[columns.parent], -1)
@@ -184,12 +188,12 @@ def in_order(columns: Columns, order: Ints) -> Columns:
 
 
 class Runs(NamedTuple):
-    """Runs of siblings, all in cells or all at free places: each has a grid.
+    """Runs of siblings, all in cells or all at free places; each run has a grid.
 
     Attributes:
-        grids: (r,) GRID, not laid yet.
-        first: (r,) the first element of each.
-        owners: (r - 1,) the parent of each but the first, which is that of the root.
+        grids: (r,) GRID, without positions yet.
+        first: (r,) the first element of each run.
+        owners: (r - 1,) the parent of each run but the first, which is the root.
         grid_of: (n,) the first grid of the children of each element; 0 for none.
     """
 
@@ -200,12 +204,12 @@ class Runs(NamedTuple):
 
     @property
     def ranges(self) -> Ranges:
-        """Where the elements of each grid stand."""
+        """First element of each grid, and the first one behind its last."""
         return Ranges(self.first, np.append(self.first[1:], len(self.grid_of)))
 
 
 def runs_of(columns: Columns) -> Runs:
-    """The runs of siblings in the order of the field."""
+    """Return the runs of siblings in the order of the field."""
     first = np.flatnonzero(_run_begins(columns))
     owners = columns.parent[first[1:]]
     free = columns.free[first]
@@ -214,7 +218,7 @@ def runs_of(columns: Columns) -> Runs:
     grids["free"] = np.cumsum(free) - free
     grids["more"][1:-1] = owners[1:] == owners[:-1]
     grid_of = np.zeros(len(columns.parent), np.uint32)
-    grid_of[owners[::-1]] = np.arange(len(owners), 0, -1)  # the first of each
+    grid_of[owners[::-1]] = np.arange(len(owners), 0, -1)  # the first grid of each owner
     return Runs(grids, first, owners, grid_of)
 
 
@@ -226,7 +230,7 @@ def _run_begins(columns: Columns) -> NDArray[np.bool_]:
 
 
 class Bins(NamedTuple):
-    """The tables from bins to elements, as `FieldArrays` has them."""
+    """Tables from bins to elements, with the names of `FieldArrays`."""
 
     offsets: NDArray[np.uint32]
     entries: NDArray[np.uint32]
@@ -245,10 +249,10 @@ def bins_of(
 
     Args:
         runs: the grids, which get their tables.
-        ranges: the elements of each that it lists.
-        grid_of: (n,) the first grid of what is in each element; 0 for none.
-        placed: where elements stand.
-        dense: (n,) which elements are in a dense grid.
+        ranges: the elements that each grid lists.
+        grid_of: (n,) the first grid of the children in each element; 0 for none.
+        placed: placement of the elements.
+        dense: (n,) mask of elements in dense grids.
     """
     grids = runs.grids
     sizes = np.empty(len(grids), np.int64)
@@ -266,7 +270,7 @@ def bins_of(
 def mark_plain(
     runs: Runs, elements: NDArray[Any], kinds: NDArray[Any], turn: Floats
 ) -> NDArray[np.bool_]:
-    """Mark the grids of leaves with nothing special, and the free ones without turns.
+    """Mark grids of leaves with nothing special, and free grids of leaves without turns.
 
     Args:
         runs: the grids.
@@ -275,7 +279,7 @@ def mark_plain(
         turn: (n,) degrees.
 
     Returns:
-        (n,) which elements are leaves with nothing special.
+        Mask of the elements that are leaves with nothing special, (n,).
     """
     grids = runs.grids
     plain: NDArray[np.bool_] = elements["grid"] == 0
@@ -289,7 +293,7 @@ def mark_plain(
 
 
 def poses_of(columns: Columns, aspect: Floats) -> tuple[NDArray[np.uint32], NDArray[Any]]:
-    """The pose of each element, (n,), and all poses, POSE.
+    """Return the index of each element's pose, (n,), and all poses, POSE.
 
     Args:
         columns: the elements.
@@ -299,7 +303,7 @@ def poses_of(columns: Columns, aspect: Floats) -> tuple[NDArray[np.uint32], NDAr
     own = [columns.span[:, 0], columns.span[:, 1], columns.turn, aspect, columns.free]
     first, index = _distinct(own)
     unique: Floats = np.column_stack([column[first].astype(np.float64) for column in own])
-    # pose 0 is that of what is neither turned nor spanned nor free
+    # pose 0 is neither turned nor spanned nor free
     plain = (unique == (1, 1, 0, 1, 0)).all(axis=1)
     rank = np.argsort(~plain, kind="stable")
     unique = np.vstack([[(1.0, 1.0, 0.0, 1.0, 0.0)], unique[~plain]])
@@ -316,9 +320,9 @@ def poses_of(columns: Columns, aspect: Floats) -> tuple[NDArray[np.uint32], NDAr
 
 
 def _distinct(columns: Sequence[NDArray[Any]]) -> tuple[Ints, Ints]:
-    """Where each of the different rows of a table first stands, (k,), and which each row is, (n,).
+    """First position of each distinct row of a table, (k,), and each row's number among them, (n,).
 
-    They are in the order of the first column, then of the second, and so on.
+    Distinct rows are sorted by the first column, then by the second, and so on.
     """
     index = np.zeros(len(columns[0]), np.int64)
     for column in columns:
@@ -331,14 +335,14 @@ def _distinct(columns: Sequence[NDArray[Any]]) -> tuple[Ints, Ints]:
 
 
 def _cos_sin(degrees: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Cosine and sine, exact at multiples of 90 degrees."""
+    """Cosine and sine of angles in degrees, exact at multiples of 90°."""
     cosine, sine = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
     right = np.fmod(degrees, 90.0) == 0
     return np.where(right, np.round(cosine), cosine), np.where(right, np.round(sine), sine)
 
 
 class Kinds(NamedTuple):
-    """The kind of each element, (n,); all kinds, (k,), with their primitives and curves."""
+    """Kind of each element, (n,), and all kinds, (k,), with their primitives and curves."""
 
     of: Ints
     kinds: NDArray[Any]
@@ -347,12 +351,12 @@ class Kinds(NamedTuple):
 
 
 def kinds_of(definition: Definition, types: Ints, surface: Ints) -> Kinds:
-    """The kinds of elements.
+    """Return the kinds of elements: their distinct pairs of primitive and surface.
 
     Args:
         definition: the definition.
-        types: (n,) the primitive of each element, by its place in the definition.
-        surface: (n,) the surface of each, likewise.
+        types: (n,) index in the definition of each element's primitive.
+        surface: (n,) index in the definition of each element's surface; -1 for none.
     """
     first, index = _distinct([types, surface])
     pairs = np.column_stack([types[first], surface[first]])
@@ -372,11 +376,12 @@ def kinds_of(definition: Definition, types: Ints, surface: Ints) -> Kinds:
 
 
 _CANCELLED = 2.0**-80
-"""Positions are known to some 2^-87 of the coordinates of the terrain."""
+"""Share of the terrain's coordinates below which a position counts as 0; rounding is about 2^-87.
+"""
 
 
 def place_terrain(grids: NDArray[Any], definition: Definition) -> None:
-    """Put corner and sides of a terrain into the first of its grids, GRID, which holds the root."""
+    """Put corner and sides of a terrain into the first of its grids, which holds the root."""
     for axis, (corner, extent) in enumerate(zip(definition.corner, definition.extent, strict=True)):
         grids["corner"][0, axis] = Exact.typed(corner)
         grids["pitch"][0, axis] = side(extent)

@@ -1,4 +1,4 @@
-"""A terrain that can be asked: the one interface between the compiled field and everything else."""
+"""The terrain that all other packages query: a compiled field and the names of its parts."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from terratool.definition.sharing import blueprint
 from terratool.definition.uses import Uses
 from terratool.errors import RequestError
 from terratool.field.compile import Compiled, compile_definition
-from terratool.field.records import FieldArrays, aligned
+from terratool.field.records import FieldArrays, align_arrays
 from terratool.field.sharing import Tally, compile_shared, refuse_piled
 from terratool.field.types import PointSamples
 from terratool.kernels import field as kernels
@@ -34,31 +34,36 @@ if TYPE_CHECKING:
     from terratool.field.warp_field import WarpField
 
 CHUNK = 1 << 21
-"""So many points of a batch are sorted at a time."""
+"""Points of a batch that are sorted at a time."""
 SHARE_ABOVE = 65_536
-"""Parts and copies that come to more elements are shared, not written out."""
+"""Number of elements above which parts and copies are shared rather than written out."""
 FARTHEST = 1 << 62
-"""Numbers of elements from here on are kept beside, as they fit in no index."""
+"""Element numbers from here on are kept in a table, as they fit in no index."""
 SMALL_FIELD = 1 << 20
-"""A field of fewer bytes stays in the cache; its points are not sorted …"""
+"""Size in bytes below which a field stays in the cache, so that its points are not sorted."""
 _SMALL_BATCH = 1 << 13
-"""… nor are those of a smaller batch."""
+"""Number of points below which a batch is not sorted."""
 
 
 def check_bounds(bounds: Bounds, terrain: Terrain) -> None:
-    """Refuse a rectangle that holds nothing of a terrain.
+    """Refuse a rectangle that does not overlap a terrain.
 
     Raises:
-        RequestError: it is empty, or misses the terrain.
+        RequestError: the rectangle is empty, or misses the terrain.
     """
     check_overlap(bounds, terrain.bounds, "the terrain")
 
 
 def check_overlap(bounds: Bounds, extent: Bounds, name: str) -> None:
-    """Refuse a rectangle that has nothing in common with the extent of what is called `name`.
+    """Refuse a rectangle that does not overlap an extent.
+
+    Args:
+        bounds: west, south, east, north of the rectangle.
+        extent: west, south, east, north that it has to overlap.
+        name: name of the extent in messages.
 
     Raises:
-        RequestError: it is empty, or has not.
+        RequestError: the rectangle is empty, or misses the extent.
     """
     refuse_empty(bounds)
     west, south, east, north = bounds
@@ -70,10 +75,10 @@ def check_overlap(bounds: Bounds, extent: Bounds, name: str) -> None:
 
 
 def refuse_empty(bounds: Bounds) -> None:
-    """Refuse a rectangle that holds nothing.
+    """Refuse an empty rectangle.
 
     Raises:
-        RequestError: it is empty, or has a side that is no number.
+        RequestError: the rectangle is empty, or has a side that is no finite number.
     """
     west, south, east, north = bounds
     said = spelled(bounds)
@@ -89,7 +94,7 @@ def refuse_empty(bounds: Bounds) -> None:
 
 
 def clip_bounds(terrain: Terrain, bounds: Bounds | None) -> Bounds:
-    """The part of a terrain that lies within the bounds; all of it if None."""
+    """Return the part of a terrain within bounds; the whole terrain if None."""
     west, south, east, north = terrain.bounds
     if bounds is None:
         return west, south, east, north
@@ -99,7 +104,7 @@ def clip_bounds(terrain: Terrain, bounds: Bounds | None) -> Bounds:
 def batch_heights(
     arrays: FieldArrays, field: kernels.Field, x: NDArray[np.float64], y: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Heights at points: `x`, `y` and the answer are (n,) float64."""
+    """Heights at points; `x`, `y` and the result are (n,) float64."""
     out = np.empty(len(x))
     if arrays.busy_nbytes < SMALL_FIELD or len(x) < _SMALL_BATCH:
         kernels.heights(field, x, y, out)
@@ -120,8 +125,8 @@ def batch_heights(
 class Terrain:
     """A compiled terrain.
 
-    All queries take x and y in world units, arrays that broadcast together or numbers, and answer
-    in the broadcast shape. Outside there is no height (NaN) and nothing else (None).
+    All queries take x and y in world units, as numbers or arrays that broadcast together, and
+    return the broadcast shape. Outside of the terrain the height is NaN and everything else None.
     """
 
     def __init__(
@@ -134,14 +139,14 @@ class Terrain:
         """Compile a valid definition, or one that was checked.
 
         Args:
-            definition: the one or the other.
+            definition: a valid definition, or the result of a check.
             roughness: whether rough surfaces have their relief.
-            share_above: parts and copies that come to more elements are shared, not written out;
-                that changes no answer.
+            share_above: number of elements above which parts and copies are shared rather than
+                written out; it changes no result.
 
         Raises:
-            DefinitionError: what was checked has errors.
-            RequestError: it has too many elements.
+            DefinitionError: the checked definition has errors.
+            RequestError: the definition comes to too many elements.
         """
         uses = definition.uses if isinstance(definition, Checked) else uses_of(definition)
         if uses is None:
@@ -168,24 +173,24 @@ class Terrain:
         self.crs: str | int | dict[str, object] | None = (
             None if definition.crs is UNSET else definition.crs
         )
-        """The coordinate reference system as written, or None."""
+        """Coordinate reference system as it is written, or None."""
         self.size = definition.extent
-        """Side lengths along x and y."""
+        """Side lengths along x and y, world units."""
         self.primitives = tuple(definition.primitives)
         """Names of the primitives."""
         self.surface_types = dict(definition.surfaces)
-        """The surfaces by name."""
+        """Surfaces by name."""
         self.libraries = tuple(one.source.name for one in uses.document.reached)
-        """Files of the libraries that it uses, directly or through others, in order."""
+        """Files of the libraries that the terrain uses, directly or through others, in order."""
 
     @property
     def arrays(self) -> FieldArrays:
-        """The flat arrays."""
+        """Flat arrays of the field."""
         return self._compiled.arrays
 
     @cached_property
     def field(self) -> kernels.Field:
-        """The same, checked and kept, as kernels take it."""
+        """Flat arrays of the field, checked and kept by the kernels."""
         return kernels.Field(self.arrays)
 
     def __getstate__(self) -> dict[str, Any]:
@@ -193,7 +198,7 @@ class Terrain:
         return {name: value for name, value in vars(self).items() if name not in dropped}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        vars(self).update(state, _compiled=aligned(state["_compiled"]))
+        vars(self).update(state, _compiled=align_arrays(state["_compiled"]))
 
     @property
     def bounds(self) -> Bounds:
@@ -208,7 +213,7 @@ class Terrain:
 
     @property
     def smallest_cell(self) -> float:
-        """Shortest side of any element's cell."""
+        """Shortest side of any element's cell, world units."""
         return self._compiled.smallest_cell
 
     @property
@@ -218,7 +223,7 @@ class Terrain:
 
     @property
     def is_rough(self) -> bool:
-        """Whether the relief of any surface counts."""
+        """Whether any surface has a relief."""
         return len(self.arrays.reliefs) > 0
 
     @property
@@ -228,7 +233,7 @@ class Terrain:
 
     @property
     def elements(self) -> int:
-        """Number of elements, written out."""
+        """Number of elements, with parts and copies written out."""
         return len(self.arrays.elements) if self._tally is None else self._tally.elements
 
     @property
@@ -238,18 +243,18 @@ class Terrain:
 
     @cached_property
     def written_out(self) -> Terrain:
-        """The same with all parts and copies written out, for what looks at each element.
+        """The terrain with all parts and copies written out, so that each element is in its arrays.
 
         Raises:
-            RequestError: they come to too many elements.
+            RequestError: parts and copies come to too many elements.
         """
         if self._source is None:
             return self
         return Terrain(self._source, roughness=self._roughness, share_above=math.inf)
 
     @property
-    def by_elements(self) -> Terrain | None:
-        """`written_out`; None where it comes to too many elements."""
+    def written_out_or_none(self) -> Terrain | None:
+        """The terrain with all parts and copies written out; None if there are too many."""
         try:
             return self.written_out
         except RequestError:
@@ -262,16 +267,16 @@ class Terrain:
         return c.arrays.nbytes + c.document.nbytes + c.parents.nbytes
 
     def height(self, x: ArrayLike, y: ArrayLike) -> Any:
-        """Heights at points: a float for numbers, else a float64 array. NaN where there is none."""
+        """Heights at points: a float for numbers, else a float64 array; NaN without ground."""
         x, y, shape = _points(x, y)
         return batch_heights(self.arrays, self.field, x, y).reshape(shape)[()]
 
     def surface(self, x: ArrayLike, y: ArrayLike) -> Any:
-        """Names of the surfaces at points, None where there is none: a str, or an object array."""
+        """Names of the surfaces at points, a str or an object array; None without a surface."""
         return self._surface_names[self.sample(x, y).surface]
 
     def element(self, x: ArrayLike, y: ArrayLike) -> Any:
-        """JSON pointers of the elements that decide the surface at points, None where none does.
+        """JSON pointers of the elements that decide the surface at points; None where none does.
 
         Through parts and libraries a pointer is a chain: see docs/format.md, names of elements.
         """
@@ -283,7 +288,8 @@ class Terrain:
     def locate(self, x: ArrayLike, y: ArrayLike) -> CellAddress:
         """Cells of the nested grids that hold points, level by level: the paper's Ψ.
 
-        See `terratool.field.addresses.addresses`. `element` names what decides the surface.
+        See `terratool.field.addresses.addresses`. `element` gives the element that decides the
+        surface.
 
         Raises:
             RequestError: the parts of the terrain come to too many elements.
@@ -293,7 +299,7 @@ class Terrain:
         return addresses(self, x, y)
 
     def normal(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.float64]:
-        """Upward unit normals at points, (…, 3) float64; of the east and north side on an edge."""
+        """Upward unit normals at points, (…, 3) float64; on an edge, of its east and north side."""
         return self.sample(x, y).normal
 
     def sample(self, x: ArrayLike, y: ArrayLike) -> PointSamples:
@@ -324,21 +330,21 @@ class Terrain:
 
     @cached_property
     def ray_index(self) -> kernels.RayIndex:
-        """What rays look things up in; of the terrain with its parts written out."""
+        """Index for rays, of the terrain with its parts written out."""
         from terratool.field.rays import ray_index
 
         return ray_index(self)
 
     @cached_property
     def _document_order(self) -> NDArray[np.int64]:
-        """The number in the document of each element of `written_out`."""
+        """Number in the document of each element of `written_out`, (n,) int64."""
         from terratool.field.rays import document_order
 
         compiled = self.written_out._compiled
         return document_order(compiled.parents, compiled.document)
 
     def numbers_of(self, elements: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Elements and tracks of `written_out` by their numbers here, where parts are shared."""
+        """Numbers in this terrain of elements and tracks of `written_out`, if parts are shared."""
         count = len(self._document_order)
         tracks = elements - count + self._first_track
         own = self._document_order[np.clip(elements, 0, count - 1)]
@@ -351,13 +357,13 @@ class Terrain:
         max_range: ArrayLike = math.inf,
         threads: int | None = None,
     ) -> RayHits:
-        """What rays meet first: the ground or a wall; see `terratool.field.rays.cast`.
+        """First hits of rays with the ground or a wall; see `terratool.field.rays.cast`.
 
         Args:
-            origins: (…, 3) where they begin, in the world.
-            directions: (…, 3) where they go, of any length but 0.
-            max_range: (…) how far.
-            threads: number of threads; as many as there are processors if None.
+            origins: (…, 3) world positions at which rays begin.
+            directions: (…, 3) directions of any length but 0.
+            max_range: (…) largest distances.
+            threads: number of threads; all processors if None.
 
         Raises:
             RequestError: a number is NaN, a direction 0, or a range below 0; `threads` is below 1;
@@ -374,7 +380,7 @@ class Terrain:
         origin: ArrayLike = (0.0, 0.0, 0.0),
         default_friction: float = math.nan,
     ) -> TorchField:
-        """Bring the terrain to a device, for tensors of PyTorch: see docs/tensors.md.
+        """Copy the terrain to a device, for tensors of PyTorch: see docs/tensors.md.
 
         Args:
             device: "cpu", "cuda", "cuda:1" …
@@ -382,8 +388,8 @@ class Terrain:
             default_friction: coefficient of friction where the ground has no friction angle.
 
         Raises:
-            RequestError: PyTorch or Warp is not installed, there is no such device, or the terrain
-                is too large for any.
+            RequestError: PyTorch or Warp is not installed, the device does not exist, or the
+                terrain is too large for any.
         """
         from terratool.field.torch_field import TorchField
 
@@ -396,15 +402,15 @@ class Terrain:
         origin: ArrayLike = (0.0, 0.0, 0.0),
         default_friction: float = math.nan,
     ) -> WarpField:
-        """Bring the terrain to a device, for arrays of NVIDIA Warp: see docs/tensors.md.
+        """Copy the terrain to a device, for arrays of NVIDIA Warp: see docs/tensors.md.
 
         Args:
-            device: "cpu", "cuda:0" …; None for the one that Warp takes by itself.
+            device: "cpu", "cuda:0" …; None for Warp's default device.
             origin: world position x, y, z of the zero of points and heights.
             default_friction: coefficient of friction where the ground has no friction angle.
 
         Raises:
-            RequestError: Warp is not installed, there is no such device, or the terrain is too
+            RequestError: Warp is not installed, the device does not exist, or the terrain is too
                 large for any.
         """
         from terratool.field.warp_field import WarpField
@@ -412,7 +418,7 @@ class Terrain:
         return WarpField(self, device, origin=origin, default_friction=default_friction)
 
     def surface_of(self, element: NDArray[np.int64]) -> NDArray[np.int32]:
-        """Surface indices of elements and tracks, -1 for none; int32 in their shape."""
+        """Surface indices of elements and tracks, int32 in their shape; -1 for none."""
         if self._tally is None:
             return self._field_surface(element)
         unique, index = np.unique(element.ravel(), return_inverse=True)
@@ -420,7 +426,7 @@ class Terrain:
         return self._field_surface(np.array(within, np.int64)[index].reshape(element.shape))
 
     def _field_surface(self, element: NDArray[np.int64]) -> NDArray[np.int32]:
-        """The same by indices of the field."""
+        """Surface indices by index in the field's arrays, int32 in their shape; -1 for none."""
         arrays = self.arrays
         count = len(arrays.elements)
         kinds = arrays.elements["kind"][np.clip(element, 0, count - 1)]
@@ -431,15 +437,15 @@ class Terrain:
 
     @property
     def _first_track(self) -> int:
-        """The number of the first track, behind those of the elements."""
+        """Number of the first track, which follows those of the elements."""
         return min(self.elements, FARTHEST)
 
     def _numbered(
         self, element: NDArray[np.int64], number: NDArray[np.uint64]
     ) -> NDArray[np.int64]:
-        """Numbers of elements and tracks of a shared field.
+        """Numbers of elements and tracks of a shared field, from their indices in the arrays.
 
-        Where there are more elements than an index holds, those behind are numbered as they come.
+        Elements whose numbers fit in no index are numbered in the order in which they are met.
         """
         count = len(self.arrays.elements)
         found = np.where(element < 0, element, number[:, 0].astype(np.int64))
@@ -453,7 +459,7 @@ class Terrain:
         return found
 
     def _number(self, element: int) -> int:
-        """The number of an element of a shared field among all."""
+        """Number of an element of a shared field among all elements."""
         if element < self._first_track:
             return element
         return list(self._far)[element - FARTHEST - self.tracks]
@@ -462,7 +468,7 @@ class Terrain:
         return self._first_track <= element < self._first_track + self.tracks
 
     def _field_index(self, element: int) -> int:
-        """The index in a shared field of an element or track."""
+        """Index in the arrays of a shared field of an element or track."""
         if element < 0:
             return element
         if self._is_track(element):
@@ -485,14 +491,14 @@ class Terrain:
         return list(map(int, counts))
 
     def count_by_primitive(self) -> dict[str, int]:
-        """Elements of each primitive, the unused ones included."""
+        """Number of elements of each primitive, unused primitives included."""
         counts = dict.fromkeys(self.primitives, 0)
         for primitive, count in zip(self._compiled.primitives.tolist(), self._by_kind, strict=True):
             counts[self.primitives[primitive]] += count
         return counts
 
     def count_by_surface(self) -> dict[str, int]:
-        """Elements that wear each surface, their own or an inherited one."""
+        """Number of elements with each surface, whether their own or inherited."""
         counts = dict.fromkeys(self.surfaces, 0)
         surfaces = self.arrays.kinds["surface"].tolist()
         for surface, count in zip(surfaces, self._by_kind, strict=True):
@@ -509,8 +515,8 @@ class Terrain:
     def all_cells(self) -> NDArray[np.float64] | None:
         """World rectangles of the cells of all elements, also where parts are shared.
 
-        (4, n) float64 west, south, east, north, in no order that means anything; None where there
-        are more than `MAX_ELEMENTS`.
+        (4, n) float64 west, south, east, north, in no particular order; None if there are more than
+        `MAX_ELEMENTS`.
         """
         if self._tally is None:
             return self.cells()
@@ -523,7 +529,7 @@ class Terrain:
     def footprints(self) -> NDArray[np.float64]:
         """World rectangles around the elements' footprints: (4, n) float64, as `cells` has them.
 
-        They are the cells but for turned elements at free places, which no cell trims.
+        A rectangle equals the cell, except for turned elements at free places, which no cell trims.
         """
         arrays, out = self.arrays, self.cells()
         poses = arrays.poses[arrays.elements["pose"]]
@@ -536,30 +542,30 @@ class Terrain:
         return out
 
     def place_of(self, elements: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Index of the place of each of some free elements."""
+        """Index of the place of each of some free elements, int64."""
         halves = self.arrays.elements["cell"][elements].astype(np.int64)
         place: NDArray[np.int64] = halves[:, 0] + (halves[:, 1] << 16)
         return place
 
     @property
     def parents(self) -> NDArray[np.int32]:
-        """Index of each element's parent, (n,); -1 for the root.
+        """Index of each element's parent, (n,) int32; -1 for the root.
 
-        Where parts are shared, `written_out` has all of them.
+        Where parts are shared, only `written_out` has all elements.
         """
         return self._compiled.parents
 
     def descr_of(self, element: int) -> str:
-        """What the definition says that an element is, by its index; empty where it says nothing.
+        """Description of an element by its index; empty if it has none.
 
-        Nothing is known of tracks, and where parts are shared; `written_out` has all elements.
+        Tracks and elements of shared parts have none here; `written_out` has all elements.
         """
         return (self._compiled.descrs or {}).get(element, "")
 
     def pointer(self, element: int) -> str | None:
-        """JSON pointer of an element or track by its index, None for a negative one.
+        """JSON pointer of an element or track by its index; None for a negative index.
 
-        Of an element in a part it is a chain: the place of the part, and that in the part.
+        For an element in a part, it is a chain: the pointer of the part, and the pointer within it.
         """
         if element < 0:
             return None
@@ -590,7 +596,7 @@ def load(
 
     Raises:
         ReadError: the file cannot be read.
-        DefinitionError: it is no valid terrain; the findings say why.
+        DefinitionError: the definition is no valid terrain; the findings say why.
     """
     return Terrain(load_checked(path, library_roots), roughness=roughness)
 

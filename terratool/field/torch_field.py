@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from terratool.errors import RequestError
 from terratool.field.friction import frictions_of
-from terratool.field.warp_field import WarpField, checked_origin, required
+from terratool.field.warp_field import WarpField, check_origin, require_package
 
 if TYPE_CHECKING:
     import torch
@@ -20,14 +20,14 @@ if TYPE_CHECKING:
 
 
 class TorchSample(NamedTuple):
-    """What is at points; tensors in the points' shape, on their device.
+    """Ground at points; tensors in the points' shape, on their device.
 
     Attributes:
-        height: (…) float32, from the origin's; NaN outside and in the void.
-        normal: (…, 3) float32, upward unit normals, of the east and north side on an edge; NaN
-            likewise.
+        height: (…) float32, above the origin's height; NaN outside and in the void.
+        normal: (…, 3) float32, upward unit normals, on an edge of its east and north side; NaN
+            outside and in the void.
         surface: (…) int32, index into `surfaces`; -1 for none.
-        friction: (…) float32, its coefficient, tan φ; NaN where there is no ground.
+        friction: (…) float32, coefficient of friction, tan φ; NaN without ground.
     """
 
     height: torch.Tensor
@@ -39,14 +39,14 @@ class TorchSample(NamedTuple):
 class TorchField:
     """A terrain on a device, for tensors of PyTorch.
 
-    On a CPU it asks the terrain's own kernels, which are quicker there than that of Warp and give
-    the same. There are no gradients.
+    On a CPU it uses the terrain's own kernels, which are faster there than Warp's and give the same
+    results. There are no gradients.
 
     Attributes:
         surfaces: names of the surfaces, in the order of their indices.
         origin: world position of the zero of points and heights.
-        device: of PyTorch.
-        asks_terrain: whether it asks the terrain's own kernels rather than that of Warp.
+        device: PyTorch device.
+        asks_terrain: whether the terrain's own kernels are used rather than Warp's.
     """
 
     device: torch.device
@@ -60,15 +60,15 @@ class TorchField:
         default_friction: float = math.nan,
     ) -> None:
         """Bring a terrain to a device; see `Terrain.to_torch`."""
-        torch = required("torch", "PyTorch", "torch")
+        torch = require_package("torch", "PyTorch", "torch")
         try:
-            self.device = torch.empty(0, device=device).device  # with its number
+            self.device = torch.empty(0, device=device).device  # with the device's number
         except (RuntimeError, AssertionError, NotImplementedError) as error:
             raise RequestError(
                 f"PyTorch has no device {str(device)!r} here.",
                 'Take "cpu"; "cuda" needs a GPU, and a build of PyTorch for it.',
             ) from error
-        self.surfaces, self.origin = terrain.surfaces, checked_origin(origin)
+        self.surfaces, self.origin = terrain.surfaces, check_origin(origin)
         self._terrain, self._default_friction = terrain, default_friction
         self._friction = frictions_of(terrain, default_friction)
         self.asks_terrain = self.device.type == "cpu"
@@ -77,7 +77,7 @@ class TorchField:
 
     @cached_property
     def warp(self) -> WarpField:
-        """The same for arrays of Warp, and for kernels of your own.
+        """The terrain on the device for arrays of Warp, and for your own kernels.
 
         Raises:
             RequestError: Warp is not installed, or the terrain is too large for a device.
@@ -90,17 +90,17 @@ class TorchField:
         )
 
     def height(self, points: torch.Tensor) -> torch.Tensor:
-        """Heights at points, (…) float32 from the origin's; NaN outside and in the void.
+        """Heights at points, (…) float32 above the origin's; NaN outside and in the void.
 
         Args:
             points: (…, 2) float32 or float64 on the device, x and y from the origin.
 
         Raises:
-            RequestError: they are not.
+            RequestError: the points have another shape, type or device.
         """
         import torch
 
-        points = self._checked(points)
+        points = self._check_points(points)
         if self.asks_terrain:
             height = self._terrain.height(*self._world(points))
             return torch.from_numpy(self._from_origin(height))
@@ -115,11 +115,11 @@ class TorchField:
             points: (…, 2) float32 or float64 on the device, x and y from the origin.
 
         Raises:
-            RequestError: they are not.
+            RequestError: the points have another shape, type or device.
         """
         import torch
 
-        points = self._checked(points)
+        points = self._check_points(points)
         if self.asks_terrain:
             at = self._terrain.sample(*self._world(points))
             friction = self._friction[at.surface + 1]
@@ -136,7 +136,7 @@ class TorchField:
         self._launch(points, *out)
         return out
 
-    def _checked(self, points: torch.Tensor) -> torch.Tensor:
+    def _check_points(self, points: torch.Tensor) -> torch.Tensor:
         import torch
 
         if points.dtype not in (torch.float32, torch.float64) or points.shape[-1:] != (2,):
@@ -152,19 +152,19 @@ class TorchField:
         return points.detach()
 
     def _world(self, points: torch.Tensor) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """World coordinates of points on a CPU."""
+        """World coordinates x and y of points on a CPU, float64."""
         x, y = np.moveaxis(points.numpy(), -1, 0)
         west, south, _ = self.origin
         return np.add(x, west, dtype=np.float64), np.add(y, south, dtype=np.float64)
 
     def _from_origin(self, height: Any) -> NDArray[np.float32]:
-        """Heights from that of the origin."""
+        """Heights above the origin's height, float32."""
         found = np.empty(np.shape(height), np.float32)
         np.subtract(height, self.origin[2], out=found, casting="same_kind")
         return found
 
     def _launch(self, points: torch.Tensor, *out: torch.Tensor) -> None:
-        """Have the kernel of Warp fill tensors, in the order of what PyTorch does on the device."""
+        """Launch the kernel of Warp to fill tensors, on PyTorch's current stream of the device."""
         import torch
         import warp as wp
 

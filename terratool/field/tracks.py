@@ -1,4 +1,4 @@
-"""From the tracks of a definition to their arrays: segments, laws of depth, and an index."""
+"""Compilation of a definition's tracks into arrays: segments, laws of depth, and an index."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def compile_tracks(definition: Definition, bounds: Floats) -> TrackArrays:
 
 
 def without_tracks(arrays: FieldArrays) -> FieldArrays:
-    """A field as it is before anything ran over it."""
+    """Return the arrays of a field without its tracks."""
     tracks = arrays.tracks
     none = TrackArrays(
         segments=tracks.segments[:0],
@@ -57,7 +57,7 @@ def without_tracks(arrays: FieldArrays) -> FieldArrays:
 
 
 def track_lengths(tracks: TrackArrays) -> Floats:
-    """Length of the polyline of each track, (tracks,) float64."""
+    """Length of the polyline of each track, (tracks,) float64, world units."""
     lengths = np.zeros(len(tracks.passes))
     np.add.at(
         lengths, tracks.segments["track"], np.hypot(tracks.segments["dx"], tracks.segments["dy"])
@@ -92,7 +92,7 @@ def _segments(tracks: tuple[Track, ...]) -> tuple[NDArray[Any], NDArray[np.uint3
 
 
 def _laws(definition: Definition) -> tuple[NDArray[np.uint32], Floats]:
-    """For each track its law, and for each law the depth by the surface of the ground."""
+    """Law of each track, (tracks,), and depths by law and surface, as in `TrackArrays`."""
     surfaces = definition.surfaces
     known: dict[Any, int] = {}
     rows: list[list[float]] = []
@@ -116,7 +116,7 @@ def _laws(definition: Definition) -> tuple[NDArray[np.uint32], Floats]:
 
 
 class _TrackIndex(NamedTuple):
-    """The index of segments, as `TrackArrays` has it."""
+    """Index of segments, with the names of `TrackArrays`."""
 
     frame: Floats
     shape: NDArray[np.int64]
@@ -129,7 +129,7 @@ def _track_index(segments: NDArray[Any], bounds: Floats) -> _TrackIndex:
     frame, shape, total = np.zeros(4), np.zeros(2, np.int64), 0
     low, high = np.array(bounds[:2]), np.array(bounds[2:])
     if len(segments):
-        # around all that they can reach, and as much again
+        # twice the reach of all segments
         wide = 2 * segments["reach"]
         for axis, (one, other) in enumerate((("x", "end_x"), ("y", "end_y"))):
             low[axis] = max(low[axis], (np.minimum(segments[one], segments[other]) - wide).min())

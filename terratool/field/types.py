@@ -1,4 +1,4 @@
-"""What parts of the field ask of a terrain, and what lies at a point of it."""
+"""The protocol by which other modules query a terrain, and the samples at its points."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ if TYPE_CHECKING:
     from terratool.kernels import field as kernels
 
 OUTSIDE = -2
-"""Element of a point outside of the terrain."""
+"""Element index of a point outside of the terrain."""
 
 
 @dataclass(frozen=True, slots=True)
 class PointSamples:
-    """What lies at points, each array in the shape of the points.
+    """Ground at points, each array in the shape of the points.
 
     Attributes:
-        height: float64, NaN outside the terrain and in the void.
-        element: int64, index of the element that decides the surface, or the number of elements
-            and the index of the track that does; -1 where no footprint lies, OUTSIDE outside.
+        height: float64, world units; NaN outside the terrain and in the void.
+        element: int64, index of the element that decides the surface, or number of elements plus
+            the index of the track that does; -1 where no footprint lies, OUTSIDE outside.
         surface: int32, index into `Terrain.surfaces`; -1 for none.
-        normal: (…, 3) float64, the upward unit normal; NaN where the height is.
+        normal: (…, 3) float64, upward unit normal; NaN where the height is NaN.
     """
 
     height: NDArray[np.float64]
@@ -38,7 +38,7 @@ class PointSamples:
 
 
 class TerrainField(Protocol):
-    """A compiled terrain, as rays, cell addresses and devices ask it; `Terrain` is one."""
+    """A compiled terrain, as rays, cell addresses and devices query it; `Terrain` implements it."""
 
     @property
     def arrays(self) -> FieldArrays:
@@ -52,7 +52,7 @@ class TerrainField(Protocol):
 
     @property
     def ray_index(self) -> kernels.RayIndex:
-        """Index that rays look up; of the terrain with its parts written out."""
+        """Index for rays, of the terrain with its parts written out."""
         ...
 
     @property
@@ -60,7 +60,7 @@ class TerrainField(Protocol):
         """The terrain with all parts and copies written out.
 
         Raises:
-            RequestError: they come to too many elements.
+            RequestError: parts and copies come to too many elements.
         """
         ...
 

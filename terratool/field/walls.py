@@ -1,4 +1,4 @@
-"""What looks for the walls of a terrain, for several threads."""
+"""Finders of the walls of a terrain, one per thread."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from terratool.kernels import field as kernels
 
 
 class WallFinders:
-    """Finders of a terrain's walls: each thread needs its own, and one is made anew or used again.
+    """Pool of wall finders of a terrain, so that each thread has its own.
 
     Args:
-        terrain: with all parts written out.
+        terrain: terrain with all parts written out.
     """
 
     def __init__(self, terrain: Terrain) -> None:
@@ -25,7 +25,7 @@ class WallFinders:
 
     @contextmanager
     def one(self) -> Iterator[kernels.WallFinder]:
-        """A finder that no other thread has meanwhile."""
+        """Lend a finder that no other thread uses meanwhile."""
         try:
             finder = self._idle.pop()
         except IndexError:

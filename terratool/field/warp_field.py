@@ -1,6 +1,7 @@
 """A compiled field for NVIDIA Warp: heights, normals, surfaces and friction under many robots.
 
-`terratool.field.warp_kernels` has the descent; here its arrays are made and its kernel is launched.
+This module makes the arrays on the device and launches the kernel; `terratool.field.warp_kernels`
+has the descent.
 """
 
 from __future__ import annotations
@@ -26,21 +27,23 @@ if TYPE_CHECKING:
     from terratool.field.types import TerrainField
 
 _LARGEST = 2**31 - 1
-"""Devices index by int32."""
+"""Largest table index on devices, an int32."""
 _EACH = 1024
-"""So many points a thread takes on a CPU, as each copies all arguments first."""
+"""Points per thread on a CPU, where each thread copies all arguments first."""
 _ROOMS = (32, 256, 2048)
-"""So many grids may wait in a descent: the kernel with the least that is enough is compiled."""
+"""Numbers of grids that may wait in a descent; the kernel with the least that suffices is compiled.
+"""
 
 
 class WarpSample(NamedTuple):
-    """What is at points; arrays in the points' shape.
+    """Ground at points; arrays in the points' shape.
 
     Attributes:
-        height: (…) float32, from the origin's; NaN outside and in the void.
-        normal: (…) vec3f, upward unit normals, of the east and north side on an edge; NaN likewise.
+        height: (…) float32, above the origin's height; NaN outside and in the void.
+        normal: (…) vec3f, upward unit normals, on an edge of its east and north side; NaN outside
+            and in the void.
         surface: (…) int32, index into `surfaces`; -1 for none.
-        friction: (…) float32, its coefficient, tan φ; NaN where there is no ground.
+        friction: (…) float32, coefficient of friction, tan φ; NaN without ground.
     """
 
     height: wp.array[Any]
@@ -55,10 +58,10 @@ class WarpField:
     Attributes:
         surfaces: names of the surfaces, in the order of their indices.
         origin: world position of the zero of points and heights.
-        device: of Warp.
-        field: (1,) of the struct `terratool.field.warp_kernels.Field`, for kernels of your own.
-        ground_at: the function of Warp for them: `ground_at(field, x, y)`, world coordinates in
-            float64, gives a `terratool.field.warp_kernels.Ground`.
+        device: Warp device.
+        field: (1,) of the struct `terratool.field.warp_kernels.DeviceField`, for your own kernels.
+        ground_at: Warp function for your own kernels: `ground_at(field, x, y)`, world coordinates
+            in float64, returns a `terratool.field.warp_kernels.DeviceGround`.
     """
 
     device: wp.Device
@@ -72,7 +75,7 @@ class WarpField:
         default_friction: float = math.nan,
     ) -> None:
         """Bring a terrain to a device; see `Terrain.to_warp`."""
-        wp = required("warp", "NVIDIA Warp", "warp")
+        wp = require_package("warp", "NVIDIA Warp", "warp")
         with _quiet(wp):
             wp.init()
         try:
@@ -82,9 +85,9 @@ class WarpField:
                 f"Warp has no device {device!r} here.",
                 f"Take {' or '.join(str(known) for known in wp.get_devices())}.",
             ) from error
-        from terratool.field.warp_kernels import Field, compiled
+        from terratool.field.warp_kernels import DeviceField, compile_kernels
 
-        self.surfaces, self.origin = terrain.surfaces, checked_origin(origin)
+        self.surfaces, self.origin = terrain.surfaces, check_origin(origin)
         arrays = terrain.written_out.arrays
         room = next((room for room in _ROOMS if room >= arrays.pending), None)
         if room is None:
@@ -95,21 +98,21 @@ class WarpField:
             )
         friction = frictions_of(terrain, default_friction)
         self._struct = _struct_of(arrays, self.origin, friction, self.device)
-        self.field = wp.array([self._struct], dtype=Field, device=self.device)
-        self.ground_at, self._kernel = compiled(room)
+        self.field = wp.array([self._struct], dtype=DeviceField, device=self.device)
+        self.ground_at, self._kernel = compile_kernels(room)
 
     def height(self, points: wp.array[Any]) -> wp.array[Any]:
-        """Heights at points, (…) float32 from the origin's; NaN outside and in the void.
+        """Heights at points, (…) float32 above the origin's; NaN outside and in the void.
 
         Args:
             points: (…) vec2f or vec2d on the device, from the origin.
 
         Raises:
-            RequestError: they are not.
+            RequestError: the points have another type or device.
         """
         import warp as wp
 
-        points = self._checked(points)
+        points = self._check_points(points)
         height = wp.empty(points.shape, dtype=wp.float32, device=self.device)
         self.launch(points.flatten(), height.flatten())
         return height
@@ -121,11 +124,11 @@ class WarpField:
             points: (…) vec2f or vec2d on the device, from the origin.
 
         Raises:
-            RequestError: they are not.
+            RequestError: the points have another type or device.
         """
         import warp as wp
 
-        points = self._checked(points)
+        points = self._check_points(points)
         types = wp.float32, wp.vec3f, wp.int32, wp.float32
         out = WarpSample(*(wp.empty(points.shape, dtype=t, device=self.device) for t in types))
         self.launch(points.flatten(), *(array.flatten() for array in out))
@@ -141,15 +144,15 @@ class WarpField:
         *,
         stream: wp.Stream | None = None,
     ) -> None:
-        """The same into arrays that are there.
+        """Write height, normal, surface and friction at points into given arrays.
 
         Args:
-            points: (n,) vec2f or vec2d on the device, from the origin; contiguous, as all others.
+            points: (n,) vec2f or vec2d on the device, from the origin; all arrays are contiguous.
             height: (n,) float32.
-            normal: (n,) vec3f; what is None is not written.
-            surface: (n,) int32.
-            friction: (n,) float32.
-            stream: of CUDA; None for that of the device.
+            normal: (n,) vec3f; None to leave it out.
+            surface: (n,) int32; None to leave it out.
+            friction: (n,) float32; None to leave it out.
+            stream: CUDA stream; None for the device's own.
         """
         import warp as wp
 
@@ -166,7 +169,7 @@ class WarpField:
                 record_tape=False,
             )
 
-    def _checked(self, points: wp.array[Any]) -> wp.array[Any]:
+    def _check_points(self, points: wp.array[Any]) -> wp.array[Any]:
         import warp as wp
 
         if points.dtype not in (wp.vec2f, wp.vec2d):
@@ -181,22 +184,22 @@ class WarpField:
         return points if points.is_contiguous else points.contiguous()
 
 
-def required(module: str, package: str, extra: str) -> Any:
-    """A package that an extra brings.
+def require_package(module: str, package: str, extra: str) -> Any:
+    """Import a package that an extra installs.
 
     Raises:
-        RequestError: it is not installed.
+        RequestError: the package is not installed.
     """
     if find_spec(module) is None:
         raise RequestError(f"{package} is not installed.", f"Run {install_command(extra)}")
     return import_module(module)
 
 
-def checked_origin(origin: ArrayLike) -> tuple[float, float, float]:
-    """An origin as numbers.
+def check_origin(origin: ArrayLike) -> tuple[float, float, float]:
+    """Return an origin as three numbers.
 
     Raises:
-        RequestError: it is not three finite numbers.
+        RequestError: the origin is not three finite numbers.
     """
     numbers = np.asarray(origin, np.float64)
     if numbers.shape != (3,) or not np.isfinite(numbers).all():
@@ -207,7 +210,7 @@ def checked_origin(origin: ArrayLike) -> tuple[float, float, float]:
 
 @contextmanager
 def _quiet(wp: Any) -> Iterator[None]:
-    """Warp says what goes wrong, but not what it does."""
+    """Silence Warp's log but for warnings and errors."""
     before = wp.config.log_level
     wp.config.log_level = max(before, wp.LOG_WARNING)
     try:
@@ -217,12 +220,12 @@ def _quiet(wp: Any) -> Iterator[None]:
 
 
 class _Maker(NamedTuple):
-    """Makes arrays on a device."""
+    """Maker of arrays on a device."""
 
     device: wp.Device
 
     def array(self, values: NDArray[Any], dtype: Any) -> Any:
-        """An array of scalars or vectors; of whole numbers by their values."""
+        """Return an array of scalars or vectors on the device; integers become int32."""
         import warp as wp
 
         if dtype == wp.int32:
@@ -232,7 +235,7 @@ class _Maker(NamedTuple):
     def structs(
         self, struct: Any, records: NDArray[Any], same: str = "", **others: NDArray[Any]
     ) -> Any:
-        """An array of structs: members of the same name as those of records, and others."""
+        """Return an array of structs, members taken from records (`same`) and from other arrays."""
         columns = {name: records[name] for name in same.split()} | others
         values = np.zeros(len(next(iter(columns.values()))), struct.numpy_dtype())
         for name, column in columns.items():
@@ -246,10 +249,14 @@ def _struct_of(
     friction: NDArray[np.float32],
     device: wp.Device,
 ) -> Any:
-    """The struct of the kernels, its arrays on a device."""
+    """Return the struct of the kernels, its arrays on a device.
+
+    Raises:
+        RequestError: a table has more entries than a device can index.
+    """
     import warp as wp
 
-    from terratool.field.warp_kernels import Field, Relief
+    from terratool.field.warp_kernels import DeviceField, DeviceRelief
 
     curves, tracks = arrays.curves, arrays.tracks
     indexed = arrays.elements, arrays.offsets, arrays.entries, curves.pieces, tracks.entries
@@ -259,25 +266,25 @@ def _struct_of(
             f"The terrain has tables of {most} entries, and devices count to {_LARGEST}.",
             "Take a part of it.",
         )
-    make, field = _Maker(device), Field()
+    make, field = _Maker(device), DeviceField()
     field.bounds, field.origin = wp.vec4d(*arrays.bounds), wp.vec3d(*origin)
     _add_elements(make, field, arrays)
     _add_grids(make, field, arrays)
     _add_primitives(make, field, arrays)
     _add_tracks(make, field, tracks)
-    field.reliefs = make.structs(Relief, arrays.reliefs, "per scale key")
+    field.reliefs = make.structs(DeviceRelief, arrays.reliefs, "per scale key")
     field.friction = make.array(friction, wp.float32)
     return field
 
 
 def _add_elements(make: _Maker, field: Any, arrays: FieldArrays) -> None:
-    from terratool.field.warp_kernels import Element, Place, Pose
+    from terratool.field.warp_kernels import DeviceElement, DevicePlace, DevicePose
 
     elements, poses, places = arrays.elements, arrays.poses, arrays.places
     cells = elements["cell"].astype(np.int64)
     is_free = poses["free"][elements["pose"]] != 0
     field.elements = make.structs(
-        Element,
+        DeviceElement,
         elements,
         "scale offset pose kind grid",
         cell_x=cells[:, 0],
@@ -286,23 +293,23 @@ def _add_elements(make: _Maker, field: Any, arrays: FieldArrays) -> None:
     )
     sides = poses["cells"]
     field.poses = make.structs(
-        Pose, poses, "size cos sin_v sin_u turned", cells_x=sides[:, 0], cells_y=sides[:, 1]
+        DevicePose, poses, "size cos sin_v sin_u turned", cells_x=sides[:, 0], cells_y=sides[:, 1]
     )
     rests = arrays.rests
     field.places = make.structs(
-        Place, places, "at extent", at_rest=rests["at"], extent_rest=rests["extent"]
+        DevicePlace, places, "at extent", at_rest=rests["at"], extent_rest=rests["extent"]
     )
 
 
 def _add_grids(make: _Maker, field: Any, arrays: FieldArrays) -> None:
     import warp as wp
 
-    from terratool.field.warp_kernels import Axis, Bins, Grid
+    from terratool.field.warp_kernels import DeviceAxis, DeviceBins, DeviceGrid
 
     grids, bins = arrays.grids, arrays.free_bins
     in_cells = grids["standing"] == IN_CELLS
     field.axes = make.structs(
-        Axis,
+        DeviceAxis,
         grids,
         per=grids["per"].ravel(),
         clear=grids["clear"].ravel(),
@@ -315,7 +322,7 @@ def _add_grids(make: _Maker, field: Any, arrays: FieldArrays) -> None:
         zero=grids["zero"].ravel(),
     )
     field.grids = make.structs(
-        Grid,
+        DeviceGrid,
         grids,
         "table row listed local more",
         shift_x=grids["shift"][:, 0],
@@ -323,7 +330,7 @@ def _add_grids(make: _Maker, field: Any, arrays: FieldArrays) -> None:
         leaves=np.where(in_cells, grids["leaves"], 0),
         bins=np.where(in_cells, -1, grids["free"].astype(np.int64)),
     )
-    field.bins = make.structs(Bins, bins, "corner per slack", last=bins["shape"] - 1.0)
+    field.bins = make.structs(DeviceBins, bins, "corner per slack", last=bins["shape"] - 1.0)
     field.offsets = make.array(arrays.offsets, wp.int32)
     field.entries = make.array(arrays.entries, wp.int32)
 
@@ -331,12 +338,12 @@ def _add_grids(make: _Maker, field: Any, arrays: FieldArrays) -> None:
 def _add_primitives(make: _Maker, field: Any, arrays: FieldArrays) -> None:
     import warp as wp
 
-    from terratool.field.warp_kernels import Curve, Kind
+    from terratool.field.warp_kernels import DeviceCurve, DeviceKind
 
     kinds, curves = arrays.kinds, arrays.curves
-    field.kinds = make.structs(Kind, kinds, "surface combine is_void special")
+    field.kinds = make.structs(DeviceKind, kinds, "surface combine is_void special")
     field.curves = make.structs(
-        Curve,
+        DeviceCurve,
         kinds,
         count=kinds["count"].ravel(),
         first=kinds["pieces"][..., 0].ravel(),
@@ -354,11 +361,11 @@ def _add_primitives(make: _Maker, field: Any, arrays: FieldArrays) -> None:
 def _add_tracks(make: _Maker, field: Any, tracks: TrackArrays) -> None:
     import warp as wp
 
-    from terratool.field.warp_kernels import Segment, Track
+    from terratool.field.warp_kernels import DeviceSegment, DeviceTrack
 
     segments = tracks.segments
     field.tracks = make.structs(
-        Track,
+        DeviceTrack,
         tracks.passes,
         passes=tracks.passes,
         power=tracks.power,
@@ -366,7 +373,7 @@ def _add_tracks(make: _Maker, field: Any, tracks: TrackArrays) -> None:
         law=tracks.law,
     )
     field.segments = make.structs(
-        Segment,
+        DeviceSegment,
         segments,
         "square reach_square track",
         start=np.column_stack([segments["x"], segments["y"]]),

@@ -1,8 +1,8 @@
 """The descent in the language of NVIDIA Warp, for GPUs and for the kernels of others.
 
-It does what `kernels/field/query.hpp` and what that includes do, in float64 and in the same order,
-so that heights are the same to the last bit. Names are the same, too; the reasons stand there.
-Warp compiles this at the first launch; Python only reads the annotations.
+It follows `kernels/field/query.hpp` and its includes step by step in float64, so that heights agree
+to the last bit. Names agree where they can; the reasons stand there. Warp compiles this module at
+the first launch; Python only reads the annotations.
 """
 
 import functools
@@ -13,7 +13,7 @@ import warp as wp
 from terratool.field.records import COMBINE, STEPPED
 
 OPTIONS = {"enable_backward": False, "fuse_fp": False}
-"""No gradients; and no fused sums, as edges are computed to more digits than a double has."""
+"""Module options: no gradients, and no fused sums, as edges need more digits than a double has."""
 
 ZERO, HALF, ONE, TWO, THREE = (wp.constant(wp.float64(n)) for n in (0.0, 0.5, 1.0, 2.0, 3.0))
 NAN = wp.constant(wp.float64(float("nan")))
@@ -42,8 +42,11 @@ FINER = wp.constant(wp.float64(2.0**-22))
 
 
 @wp.struct
-class Axis:
-    """One axis of a grid: `GridAxis`, and how near to a cell's middle no edge is near."""
+class DeviceAxis:
+    """One axis of a grid: `GridAxis` of the kernels.
+
+    Within `clear` of a cell's middle, in cells, no edge is near.
+    """
 
     corner: wp.float64
     rest: wp.float64
@@ -57,10 +60,10 @@ class Axis:
 
 
 @wp.struct
-class Grid:
-    """What both axes of a grid have in common.
+class DeviceGrid:
+    """Members that both axes of a grid share.
 
-    For one in cells `bins` is -1; for all others `leaves` is 0.
+    `bins` is -1 for a grid in cells; `leaves` is 0 for a grid of free elements.
     """
 
     table: wp.int32
@@ -75,8 +78,8 @@ class Grid:
 
 
 @wp.struct
-class Bins:
-    """The bins of a grid of free elements."""
+class DeviceBins:
+    """Bins of a grid of free elements."""
 
     corner: wp.vec2d
     per: wp.vec2d
@@ -85,8 +88,8 @@ class Bins:
 
 
 @wp.struct
-class Element:
-    """An element; `place` is that of a free one, of others -1."""
+class DeviceElement:
+    """An element; `place` is the index of a free element's place, else -1."""
 
     scale: wp.float64
     offset: wp.float64
@@ -99,8 +102,8 @@ class Element:
 
 
 @wp.struct
-class Pose:
-    """Span and turn."""
+class DevicePose:
+    """Span and turn of an element."""
 
     size: wp.vec2d
     cos: wp.float64
@@ -112,8 +115,8 @@ class Pose:
 
 
 @wp.struct
-class Place:
-    """Where a free element stands, and what its doubles lack to the numbers that they mean."""
+class DevicePlace:
+    """Place of a free element, and the differences of the intended numbers from its doubles."""
 
     at: wp.vec2d
     extent: wp.vec2d
@@ -122,8 +125,8 @@ class Place:
 
 
 @wp.struct
-class Kind:
-    """A primitive with a surface; its curves are two of the field's, from twice its index on."""
+class DeviceKind:
+    """A primitive with a surface; its curves begin in the field's curves at twice its index."""
 
     surface: wp.int32
     combine: wp.int32
@@ -132,8 +135,8 @@ class Kind:
 
 
 @wp.struct
-class Curve:
-    """Where the pieces of a curve are."""
+class DeviceCurve:
+    """Position of a curve's pieces."""
 
     count: wp.float64
     first: wp.int32
@@ -144,7 +147,7 @@ class Curve:
 
 
 @wp.struct
-class Segment:
+class DeviceSegment:
     """A straight piece of a track."""
 
     start: wp.vec2d
@@ -156,8 +159,8 @@ class Segment:
 
 
 @wp.struct
-class Track:
-    """What all segments of a track have in common."""
+class DeviceTrack:
+    """Members that all segments of a track share."""
 
     passes: wp.float64
     power: wp.float64
@@ -166,7 +169,7 @@ class Track:
 
 
 @wp.struct
-class Relief:
+class DeviceRelief:
     """The relief of a rough surface."""
 
     per: wp.float64
@@ -175,40 +178,40 @@ class Relief:
 
 
 @wp.struct
-class Field:
+class DeviceField:
     """A compiled field on a device: `FieldArrays`, friction by surface, and the origin."""
 
     bounds: wp.vec4d
     origin: wp.vec3d
-    elements: wp.array(dtype=Element)
-    axes: wp.array(dtype=Axis)
-    grids: wp.array(dtype=Grid)
-    bins: wp.array(dtype=Bins)
+    elements: wp.array(dtype=DeviceElement)
+    axes: wp.array(dtype=DeviceAxis)
+    grids: wp.array(dtype=DeviceGrid)
+    bins: wp.array(dtype=DeviceBins)
     offsets: wp.array(dtype=wp.int32)
     entries: wp.array(dtype=wp.int32)
-    poses: wp.array(dtype=Pose)
-    places: wp.array(dtype=Place)
-    kinds: wp.array(dtype=Kind)
-    curves: wp.array(dtype=Curve)
+    poses: wp.array(dtype=DevicePose)
+    places: wp.array(dtype=DevicePlace)
+    kinds: wp.array(dtype=DeviceKind)
+    curves: wp.array(dtype=DeviceCurve)
     pieces: wp.array(dtype=wp.vec4d)
     knots: wp.array(dtype=wp.float64)
     rests: wp.array(dtype=wp.float64)
     curve_bins: wp.array(dtype=wp.int32)
-    tracks: wp.array(dtype=Track)
-    segments: wp.array(dtype=Segment)
+    tracks: wp.array(dtype=DeviceTrack)
+    segments: wp.array(dtype=DeviceSegment)
     depths: wp.array2d(dtype=wp.float64)
     track_frame: wp.vec4d
     track_shape: wp.vec2i
     track_masks: wp.array(dtype=wp.uint64)
     track_offsets: wp.array(dtype=wp.int32)
     track_entries: wp.array(dtype=wp.int32)
-    reliefs: wp.array(dtype=Relief)
+    reliefs: wp.array(dtype=DeviceRelief)
     friction: wp.array(dtype=wp.float32)
 
 
 @wp.struct
-class Found:
-    """What the elements at a point add up to; `top` is -1 where there is none."""
+class ElementSum:
+    """Sum of the elements at a point; `top` is the uppermost element, -1 for none."""
 
     z: wp.float64
     slope_x: wp.float64
@@ -217,14 +220,15 @@ class Found:
 
 
 @wp.struct
-class Ground:
-    """The ground at a point.
+class DeviceGround:
+    """Ground at a point.
 
     Attributes:
-        height: NaN outside and in the void.
-        gradient: of the height, of the east and north side on an edge; NaN likewise.
+        height: world height; NaN outside and in the void.
+        gradient: gradient of the height, on an edge of its east and north side; NaN outside and in
+            the void.
         surface: index into the surfaces of the terrain; -1 for none.
-        friction: its coefficient; NaN where there is no ground.
+        friction: coefficient of friction; NaN without ground.
     """
 
     height: wp.float64
@@ -234,8 +238,8 @@ class Ground:
 
 
 @wp.struct
-class Shape:
-    """Whether a footprint holds a point, and value and slopes of the primitive there."""
+class DeviceShape:
+    """Whether a footprint holds a point, and the primitive's value and slopes there."""
 
     holds: wp.bool
     value: wp.float64
@@ -244,21 +248,21 @@ class Shape:
 
 
 @wp.struct
-class Spot:
-    """Where a point is in an element.
+class DeviceSpot:
+    """Position of a point in an element.
 
     Attributes:
-        in_cell: whether the element's cell, or block, holds it …
-        beyond_cell: … and whether its footprint may hold it all the same.
-        above: its place in the cell, for the grids below.
-        uv: its place in the primitive, before that is turned.
-        sin_u: of the turn, as in `Pose`.
-        sin_v: likewise.
-        per: what slopes in `uv` count for in the world.
-        axis_x: the grid that the block is in, along x …
-        axis_y: … and along y.
+        in_cell: whether the element's cell, or block of cells, holds the point.
+        beyond_cell: whether the footprint may hold the point outside of the cell.
+        above: position in the cell, for the grids below.
+        uv: position in the primitive before its turn.
+        sin_u: sine of the turn that takes u into v, as in `DevicePose`.
+        sin_v: sine of the turn that takes v into u, as in `DevicePose`.
+        per: factors from slopes in `uv` to slopes in the world.
+        axis_x: grid of the block along x.
+        axis_y: grid of the block along y.
         cell: first cell of the block.
-        width: its cells.
+        width: cells of the block along x and y.
     """
 
     in_cell: wp.bool
@@ -268,8 +272,8 @@ class Spot:
     sin_u: wp.float64
     sin_v: wp.float64
     per: wp.vec2d
-    axis_x: Axis
-    axis_y: Axis
+    axis_x: DeviceAxis
+    axis_y: DeviceAxis
     cell: wp.vec2d
     width: wp.vec2d
 
@@ -279,7 +283,7 @@ class Spot:
 
 @wp.func
 def nearest_double(high: wp.float64, low: wp.float64):
-    """The double nearest to a sum of two."""
+    """Return the double nearest to a sum of two doubles."""
     total = high + low
     if total == ZERO:
         return total
@@ -299,7 +303,7 @@ def nearest_double(high: wp.float64, low: wp.float64):
 
 @wp.func
 def exact_sum(a: wp.float64, b: wp.float64):
-    """The sum of two doubles, exactly."""
+    """Return the sum of two doubles exactly, as two doubles."""
     total = a + b
     back = total - a
     return total, (a - (total - back)) + (b - back)
@@ -307,7 +311,7 @@ def exact_sum(a: wp.float64, b: wp.float64):
 
 @wp.func
 def position(high: wp.float64, low: wp.float64, zero: wp.float64):
-    """A position as a sum of two doubles; 0 where no more than `zero` is left of what cancels."""
+    """Return a position as a sum of two doubles; 0 where cancellation leaves at most `zero`."""
     total = high + low
     if wp.abs(total) <= zero:
         return ZERO, ZERO
@@ -315,8 +319,8 @@ def position(high: wp.float64, low: wp.float64, zero: wp.float64):
 
 
 @wp.func
-def edge_position(axis: Axis, k: wp.float64):
-    """World position of edge `k` of a grid, as a sum of two doubles."""
+def edge_position(axis: DeviceAxis, k: wp.float64):
+    """Return the world position of edge `k` of a grid, as a sum of two doubles."""
     high, lost = exact_sum(axis.corner, k * axis.pitch)
     low = lost + axis.rest + k * axis.pitch_rest
     zero = axis.zero
@@ -327,21 +331,21 @@ def edge_position(axis: Axis, k: wp.float64):
 
 
 @wp.func
-def edge_double(axis: Axis, k: wp.float64):
-    """The double at which edge `k` of a grid stands."""
+def edge_double(axis: DeviceAxis, k: wp.float64):
+    """Return the double at which edge `k` of a grid stands."""
     high, low = edge_position(axis, k)
     return nearest_double(high, low)
 
 
 @wp.func
-def cells_from_corner(axis: Axis, x: wp.float64):
-    """How far a world coordinate is from the corner of a grid, in cells."""
+def cells_from_corner(axis: DeviceAxis, x: wp.float64):
+    """Return the distance of a world coordinate from the corner of a grid, in cells."""
     return ((x - axis.corner) - axis.rest) * axis.per
 
 
 @wp.func
-def locate_cell(x: wp.float64, axis: Axis, local: wp.int32, above: wp.float64):
-    """Cell of a grid that holds `x`, and the position in it, where an edge's double decides."""
+def locate_cell(x: wp.float64, axis: DeviceAxis, local: wp.int32, above: wp.float64):
+    """Return the cell of a grid that holds `x`, and the position in it, by the doubles of edges."""
     s = above * axis.count
     cell = wp.floor(s)
     if local == 0:
@@ -361,7 +365,7 @@ def locate_cell(x: wp.float64, axis: Axis, local: wp.int32, above: wp.float64):
 
 @wp.func
 def exact_product(a: wp.float64, b: wp.float64):
-    """The product of two doubles, exactly."""
+    """Return the product of two doubles exactly, as two doubles."""
     product = a * b
     wide = a * SPLITTER
     a_high = wide - (wide - a)
@@ -375,13 +379,13 @@ def exact_product(a: wp.float64, b: wp.float64):
 @wp.func
 def is_past_step(
     x: wp.float64,
-    axis: Axis,
+    axis: DeviceAxis,
     cell: wp.float64,
     width: wp.float64,
     t: wp.float64,
     rest: wp.float64,
 ):
-    """Whether `x` has reached the double nearest to `t` of a block of cells; `t` lacks `rest`."""
+    """Tell whether `x` has reached the double nearest to `t` + `rest` of a block of cells."""
     high, low = edge_position(axis, cell)
     side = width * axis.pitch
     product, error = exact_product(t, side)
@@ -398,16 +402,16 @@ def is_past_step(
 
 
 @wp.func
-def piece_at(field: wp.array(dtype=Field), row: wp.int32, s: wp.float64):
-    """Value and slope of a piece at `s` in it."""
+def piece_at(field: wp.array(dtype=DeviceField), row: wp.int32, s: wp.float64):
+    """Return value and slope of a piece at `s` in it."""
     c = field[0].pieces[row]
     value = c[0] + s * (c[1] + s * (c[2] + s * c[3]))
     return value, c[1] + s * (TWO * c[2] + s * (THREE * c[3]))
 
 
 @wp.func
-def even_curve(field: wp.array(dtype=Field), curve: Curve, t: wp.float64):
-    """Value and slope of a curve of evenly spaced pieces, in [0, 1] or EDGE beyond."""
+def even_curve(field: wp.array(dtype=DeviceField), curve: DeviceCurve, t: wp.float64):
+    """Return value and slope of a curve of evenly spaced pieces at t in [0, 1], or EDGE beyond."""
     s = t * curve.count
     i = wp.int32(s)
     value, slope = piece_at(field, curve.first + i, s - wp.float64(i))
@@ -415,8 +419,8 @@ def even_curve(field: wp.array(dtype=Field), curve: Curve, t: wp.float64):
 
 
 @wp.func
-def find_piece(field: wp.array(dtype=Field), curve: Curve, t: wp.float64):
-    """The last piece of a knotted curve that begins at or before `t`."""
+def find_piece(field: wp.array(dtype=DeviceField), curve: DeviceCurve, t: wp.float64):
+    """Return the last piece of a knotted curve that begins at or before `t`."""
     slot = wp.min(wp.int32(t * (wp.float64(curve.last) + ONE)), curve.last)
     i = field[0].curve_bins[curve.bin + slot]
     while t >= field[0].knots[curve.knot + i + 1]:
@@ -425,8 +429,8 @@ def find_piece(field: wp.array(dtype=Field), curve: Curve, t: wp.float64):
 
 
 @wp.func
-def any_curve(field: wp.array(dtype=Field), curve: Curve, t: wp.float64):
-    """Value and slope of any curve, where no edge in the world decides about steps."""
+def any_curve(field: wp.array(dtype=DeviceField), curve: DeviceCurve, t: wp.float64):
+    """Return value and slope of any curve at `t`, if no edge in the world decides about steps."""
     row = curve.first
     s = t * curve.count
     factor = curve.count
@@ -449,15 +453,15 @@ def any_curve(field: wp.array(dtype=Field), curve: Curve, t: wp.float64):
 
 @wp.func
 def placed_curve(
-    field: wp.array(dtype=Field),
-    curve: Curve,
-    axis: Axis,
+    field: wp.array(dtype=DeviceField),
+    curve: DeviceCurve,
+    axis: DeviceAxis,
     cell: wp.float64,
     width: wp.float64,
     t: wp.float64,
     x: wp.float64,
 ):
-    """Value and slope of a curve with steps of an unturned element at `t`, `x` in the world."""
+    """Return value and slope of an unturned element's curve with steps at `t`, `x` in the world."""
     begin = curve.knot
     here = begin + find_piece(field, curve, t)
     while field[0].knots[here + 1] - t < axis.near:
@@ -478,15 +482,15 @@ def placed_curve(
 
 @wp.func
 def curve_at(
-    field: wp.array(dtype=Field),
-    curve: Curve,
-    axis: Axis,
+    field: wp.array(dtype=DeviceField),
+    curve: DeviceCurve,
+    axis: DeviceAxis,
     cell: wp.float64,
     width: wp.float64,
     t: wp.float64,
     x: wp.float64,
 ):
-    """Value and slope of any curve of an unturned element."""
+    """Return value and slope of any curve of an unturned element at `t`, `x` in the world."""
     if curve.knotted == STEPPED:
         value, slope = placed_curve(field, curve, axis, cell, width, t, x)
         return value, slope
@@ -498,33 +502,33 @@ def curve_at(
 
 
 @wp.func
-def combined(how: wp.int32, x: wp.float64, slope_x: wp.float64, y: wp.float64, slope_y: wp.float64):
-    """Value of two curves combined, and its slopes in u and v."""
+def combine(how: wp.int32, x: wp.float64, slope_x: wp.float64, y: wp.float64, slope_y: wp.float64):
+    """Combine the values of two curves, with slopes in u and v."""
     if how == PRODUCT:
-        return Shape(True, x * y, slope_x * y, x * slope_y)
+        return DeviceShape(True, x * y, slope_x * y, x * slope_y)
     if how == SUM:
-        return Shape(True, x + y, slope_x, slope_y)
+        return DeviceShape(True, x + y, slope_x, slope_y)
     if (x <= y) == (how == MIN):
-        return Shape(True, x, slope_x, ZERO)
-    return Shape(True, y, ZERO, slope_y)
+        return DeviceShape(True, x, slope_x, ZERO)
+    return DeviceShape(True, y, ZERO, slope_y)
 
 
 @wp.func
-def radial(field: wp.array(dtype=Field), curve: Curve, at: wp.vec2d):
-    """Whether a point lies in the disc, and value and slopes there of the turned curve."""
+def radial(field: wp.array(dtype=DeviceField), curve: DeviceCurve, at: wp.vec2d):
+    """Tell whether a point lies in the disc, with value and slopes of the curve there."""
     a = TWO * at[0] - ONE
     b = TWO * at[1] - ONE
     rho = wp.sqrt(a * a + b * b)
     if rho > ONE + EDGE:
-        return Shape(False, ZERO, ZERO, ZERO)
+        return DeviceShape(False, ZERO, ZERO, ZERO)
     value, slope = any_curve(field, curve, wp.min(HALF + HALF * rho, ONE))
     slope = slope / rho if rho > ZERO else ZERO
-    return Shape(True, value, slope * a, slope * b)
+    return DeviceShape(True, value, slope * a, slope * b)
 
 
 @wp.func
-def turned(pose: Pose, at: wp.vec2d, sin_u: wp.float64, sin_v: wp.float64):
-    """Position in the turned rectangle of a point of the cell."""
+def turn_point(pose: DevicePose, at: wp.vec2d, sin_u: wp.float64, sin_v: wp.float64):
+    """Return the position of a point of the cell in the turned rectangle."""
     a = at[0] - HALF
     b = at[1] - HALF
     return wp.vec2d(HALF + (a * pose.cos - b * sin_v), HALF + (a * sin_u + b * pose.cos))
@@ -532,13 +536,13 @@ def turned(pose: Pose, at: wp.vec2d, sin_u: wp.float64, sin_v: wp.float64):
 
 @wp.func
 def is_beyond(at: wp.vec2d):
-    """Whether a point lies outside of the rectangle, which is closed."""
+    """Tell whether a point lies outside of the rectangle, which includes its edge."""
     return wp.max(wp.abs(at[0] - HALF), wp.abs(at[1] - HALF)) > HALF + EDGE
 
 
 @wp.func
-def within(at: wp.vec2d):
-    """A point that rounding put a little beyond the rectangle, on its edge."""
+def clamp_to_rectangle(at: wp.vec2d):
+    """Clamp a point that rounding put a little beyond the rectangle to its edge."""
     return wp.vec2d(wp.clamp(at[0], ZERO, ONE), wp.clamp(at[1], ZERO, ONE))
 
 
@@ -546,16 +550,16 @@ def within(at: wp.vec2d):
 
 
 @wp.func
-def from_parent(axis: Axis, local: wp.int32, x: wp.float64, above: wp.float64):
-    """How far a point is from the corner of the cell that a free grid is in."""
+def from_parent(axis: DeviceAxis, local: wp.int32, x: wp.float64, above: wp.float64):
+    """Return the distance of a point from the corner of the cell that a free grid is in."""
     if local != 0:
         return above * (axis.pitch + axis.pitch_rest)
     return (x - axis.corner) - axis.rest
 
 
 @wp.func
-def free_axis(parent: Axis, place: Place, which: wp.int32):
-    """An axis of the grid of one cell that a free place is in its parent's cell."""
+def free_axis(parent: DeviceAxis, place: DevicePlace, which: wp.int32):
+    """Return an axis of the one-cell grid that a free place is in its parent's cell."""
     at = place.at[which]
     extent = place.extent[which]
     more = place.extent_rest[which]
@@ -566,12 +570,12 @@ def free_axis(parent: Axis, place: Place, which: wp.int32):
     per = ONE / extent
     noise = FREE_NOISE * wp.max(wp.abs(at) + extent, wp.abs(corner))
     near = wp.max(EDGE, noise * per)
-    return Axis(corner, rest, per, HALF - near, ONE, near, extent, more, parent.zero)
+    return DeviceAxis(corner, rest, per, HALF - near, ONE, near, extent, more, parent.zero)
 
 
 @wp.func
-def holds_along(axis: Axis, x: wp.float64, terrain_end: wp.float64):
-    """Whether a cell holds a coordinate: half-open, but for the terrain's own far edge."""
+def holds_along(axis: DeviceAxis, x: wp.float64, terrain_end: wp.float64):
+    """Tell whether a cell holds a coordinate: half-open, except at the terrain's own far edge."""
     if x < edge_double(axis, ZERO):
         return False
     end = edge_double(axis, ONE)
@@ -580,29 +584,33 @@ def holds_along(axis: Axis, x: wp.float64, terrain_end: wp.float64):
 
 @wp.func
 def position_holds(at: wp.float64, above: wp.float64):
-    """The same by the position in the cell, where cells are finer than doubles."""
+    """Tell whether a cell finer than doubles holds a point, by its position in the cell."""
     return at >= ZERO and (at < ONE or above == ONE)
 
 
 @wp.func
-def free_bin(bins: Bins, axis: wp.int32, from_corner: wp.float64):
-    """Which bin of a free grid holds a point so far from the corner of its parent's cell."""
+def free_bin(bins: DeviceBins, axis: wp.int32, from_corner: wp.float64):
+    """Return the bin of a free grid for a distance from the corner of the parent's cell."""
     s = (from_corner - bins.corner[axis]) * bins.per[axis]
     return wp.int32(wp.min(wp.max(s, ZERO), bins.last[axis]))
 
 
 @wp.func
-def is_inside(field: wp.array(dtype=Field), x: wp.float64, y: wp.float64):
-    """Whether a point is on the terrain, its edges included."""
+def is_inside(field: wp.array(dtype=DeviceField), x: wp.float64, y: wp.float64):
+    """Tell whether a point is on the terrain, its edges included."""
     b = field[0].bounds
     return b[0] <= x and x <= b[2] and b[1] <= y and y <= b[3]
 
 
 @wp.func
 def free_cell_holds(
-    field: wp.array(dtype=Field), place: Place, axis_x: Axis, axis_y: Axis, point: wp.vec2d
+    field: wp.array(dtype=DeviceField),
+    place: DevicePlace,
+    axis_x: DeviceAxis,
+    axis_y: DeviceAxis,
+    point: wp.vec2d,
 ):
-    """Whether a cell of a free grid holds a point, by the doubles that its edges stand at."""
+    """Tell whether a cell of a free grid holds a point, by the doubles of its edges."""
     along_x = free_axis(axis_x, place, 0)
     along_y = free_axis(axis_y, place, 1)
     end = field[0].bounds
@@ -610,10 +618,10 @@ def free_cell_holds(
 
 
 @wp.func
-def slot_of(field: wp.array(dtype=Field), g: wp.int32, above: wp.vec2d, point: wp.vec2d):
-    """The bin of a grid that holds a point, its cell, and its place in the cell.
+def slot_of(field: wp.array(dtype=DeviceField), g: wp.int32, above: wp.vec2d, point: wp.vec2d):
+    """Return the bin of a grid that holds a point, its cell, and the position in the cell.
 
-    In a grid of free elements the place is measured from the corner of the parent's cell.
+    In a grid of free elements, the position is measured from the corner of the parent's cell.
     """
     grid = field[0].grids[g]
     axis_x = field[0].axes[2 * g]
@@ -639,20 +647,20 @@ def slot_of(field: wp.array(dtype=Field), g: wp.int32, above: wp.vec2d, point: w
 
 @wp.func
 def spot_at_place(
-    field: wp.array(dtype=Field),
+    field: wp.array(dtype=DeviceField),
     g: wp.int32,
-    element: Element,
+    element: DeviceElement,
     at: wp.vec2d,
     above: wp.vec2d,
     point: wp.vec2d,
 ):
-    """Where a point is in a free element; `at` is measured from the corner of the parent's cell."""
+    """Return the spot of a point in a free element, `at` from the corner of the parent's cell."""
     grid = field[0].grids[g]
     axis_x = field[0].axes[2 * g]
     axis_y = field[0].axes[2 * g + 1]
     place = field[0].places[element.place]
     pose = field[0].poses[element.pose]
-    spot = Spot()
+    spot = DeviceSpot()
     dx = at[0] - place.at[0]
     dy = at[1] - place.at[1]
     spot.per = wp.vec2d(ONE / place.extent[0], ONE / place.extent[1])
@@ -666,7 +674,7 @@ def spot_at_place(
                 spot.in_cell = in_x and position_holds(spot.uv[1], above[1])
             else:
                 spot.in_cell = free_cell_holds(field, place, axis_x, axis_y, point)
-    spot.above = within(spot.uv)
+    spot.above = clamp_to_rectangle(spot.uv)
     if pose.turned != 0:
         spot.beyond_cell = True
         spot.sin_v = pose.sin_v * (place.extent[1] * spot.per[0])
@@ -681,11 +689,15 @@ def spot_at_place(
 
 @wp.func
 def spot_in_cell(
-    field: wp.array(dtype=Field), g: wp.int32, element: Element, cell: wp.vec2i, at: wp.vec2d
+    field: wp.array(dtype=DeviceField),
+    g: wp.int32,
+    element: DeviceElement,
+    cell: wp.vec2i,
+    at: wp.vec2d,
 ):
-    """Where a point is in an element that stands in cells; `at` is its place in one of them."""
+    """Return the spot of a point in an element that stands in cells, `at` its position in one."""
     pose = field[0].poses[element.pose]
-    spot = Spot()
+    spot = DeviceSpot()
     spot.axis_x = field[0].axes[2 * g]
     spot.axis_y = field[0].axes[2 * g + 1]
     spot.cell = wp.vec2d(wp.float64(element.cell_x), wp.float64(element.cell_y))
@@ -710,11 +722,15 @@ def spot_in_cell(
 
 @wp.func
 def shape_at(
-    field: wp.array(dtype=Field), element: Element, spot: Spot, is_leaf: wp.bool, point: wp.vec2d
+    field: wp.array(dtype=DeviceField),
+    element: DeviceElement,
+    spot: DeviceSpot,
+    is_leaf: wp.bool,
+    point: wp.vec2d,
 ):
-    """Whether a footprint holds a point, and the primitive's value and slopes along the cell there.
+    """Tell whether a footprint holds a point, with the primitive's value and slopes along the cell.
 
-    Of a leaf in cells the place is rounded as the other kernels round it, turned or not.
+    For leaves in cells, the position is rounded as the other kernels round it, turned or not.
     """
     pose = field[0].poses[element.pose]
     kind = field[0].kinds[element.kind]
@@ -722,8 +738,8 @@ def shape_at(
     curve_y = field[0].curves[2 * element.kind + 1]
     uv = spot.uv
     if pose.turned != 0 or is_leaf:
-        uv = turned(pose, uv, spot.sin_u, spot.sin_v)
-    shape = Shape(False, ZERO, ZERO, ZERO)
+        uv = turn_point(pose, uv, spot.sin_u, spot.sin_v)
+    shape = DeviceShape(False, ZERO, ZERO, ZERO)
     if kind.combine == RADIAL:
         shape = radial(field, curve_x, uv)
     elif pose.turned == 0:
@@ -731,13 +747,13 @@ def shape_at(
         width = spot.width
         a, da = curve_at(field, curve_x, spot.axis_x, cell[0], width[0], uv[0], point[0])
         b, db = curve_at(field, curve_y, spot.axis_y, cell[1], width[1], uv[1], point[1])
-        shape = combined(kind.combine, a, da, b, db)
+        shape = combine(kind.combine, a, da, b, db)
     elif not is_beyond(uv):
         if kind.special != 0 or element.place >= 0:
-            uv = within(uv)
+            uv = clamp_to_rectangle(uv)
         a, da = any_curve(field, curve_x, uv[0])
         b, db = any_curve(field, curve_y, uv[1])
-        shape = combined(kind.combine, a, da, b, db)
+        shape = combine(kind.combine, a, da, b, db)
     if pose.turned != 0:
         du = shape.du * pose.cos + shape.dv * spot.sin_u
         shape.dv = shape.dv * pose.cos - shape.du * spot.sin_v
@@ -750,7 +766,7 @@ def shape_at(
 
 @wp.func
 def hash64(key: wp.uint64):
-    """The hash of the kernels."""
+    """Hash 64 bits as the kernels do."""
     key = key * HASH_1
     key = (key ^ (key >> wp.uint64(30))) * HASH_2
     key = (key ^ (key >> wp.uint64(27))) * HASH_3
@@ -758,8 +774,8 @@ def hash64(key: wp.uint64):
 
 
 @wp.func
-def relief_at(relief: Relief, x: wp.float64, y: wp.float64):
-    """Height and gradient of a relief at a point."""
+def relief_at(relief: DeviceRelief, x: wp.float64, y: wp.float64):
+    """Return height and gradient of a relief at a point."""
     s = x * relief.per
     t = y * relief.per
     z = wp.float64(0.0)
@@ -789,8 +805,8 @@ def relief_at(relief: Relief, x: wp.float64, y: wp.float64):
 
 
 @wp.func
-def segment_holds(segment: Segment, x: wp.float64, y: wp.float64):
-    """Whether a point is no farther from a segment than half the width of its track."""
+def segment_holds(segment: DeviceSegment, x: wp.float64, y: wp.float64):
+    """Tell whether a point is at most half the track's width from a segment."""
     ex = x - segment.start[0]
     ey = y - segment.start[1]
     along = ex * segment.way[0] + ey * segment.way[1]
@@ -805,8 +821,8 @@ def segment_holds(segment: Segment, x: wp.float64, y: wp.float64):
 
 
 @wp.func
-def cell_near(field: wp.array(dtype=Field), x: wp.float64, y: wp.float64):
-    """The cell of the index of tracks that a point lies in; -1 if no track is near."""
+def cell_near(field: wp.array(dtype=DeviceField), x: wp.float64, y: wp.float64):
+    """Return the cell of the track index that a point lies in; -1 if no track is near."""
     u = (x - field[0].track_frame[0]) * field[0].track_frame[2]
     v = (y - field[0].track_frame[1]) * field[0].track_frame[3]
     columns = field[0].track_shape[0]
@@ -824,8 +840,8 @@ def cell_near(field: wp.array(dtype=Field), x: wp.float64, y: wp.float64):
 
 
 @wp.func
-def rut_at(field: wp.array(dtype=Field), x: wp.float64, y: wp.float64, ground: wp.int32):
-    """Depth of the rut at a point, and the track that decides the surface there, -1 for none."""
+def rut_at(field: wp.array(dtype=DeviceField), x: wp.float64, y: wp.float64, ground: wp.int32):
+    """Return the rut's depth at a point, and the track that decides the surface; -1 for none."""
     cell = cell_near(field, x, y)
     if cell < 0:
         return ZERO, -1
@@ -860,9 +876,9 @@ def rut_at(field: wp.array(dtype=Field), x: wp.float64, y: wp.float64, ground: w
 
 
 @wp.func
-def settled(field: wp.array(dtype=Field), found: Found, x: wp.float64, y: wp.float64):
-    """What tracks, reliefs and the void leave of what elements add up to."""
-    ground = Ground(found.z, wp.vec2d(found.slope_x, found.slope_y), -1, wp.float32(NAN))
+def settle(field: wp.array(dtype=DeviceField), found: ElementSum, x: wp.float64, y: wp.float64):
+    """Apply tracks, reliefs and the void to the sum of the elements at a point."""
+    ground = DeviceGround(found.z, wp.vec2d(found.slope_x, found.slope_y), -1, wp.float32(NAN))
     if found.top >= 0:
         kind = field[0].kinds[field[0].elements[found.top].kind]
         ground.surface = kind.surface
@@ -883,12 +899,12 @@ def settled(field: wp.array(dtype=Field), found: Found, x: wp.float64, y: wp.flo
     return ground
 
 
-class Compiled(NamedTuple):
-    """What Warp compiles for descents that remember at most so many grids.
+class DeviceFunctions(NamedTuple):
+    """Warp functions for descents in which a limited number of grids wait.
 
     Attributes:
-        ground_at: the function `ground_at(field, x, y) -> Ground`, for any kernel.
-        sample: the kernel of batches.
+        ground_at: the function `ground_at(field, x, y) -> DeviceGround`, for any kernel.
+        sample: the kernel for batches.
     """
 
     ground_at: Any
@@ -896,18 +912,18 @@ class Compiled(NamedTuple):
 
 
 @functools.cache
-def compiled(room: int) -> Compiled:
-    """The functions whose stack has room for so many grids that wait in a descent."""
+def compile_kernels(room: int) -> DeviceFunctions:
+    """Compile the functions whose stack has room for `room` grids that wait in a descent."""
     grids_type: Any = wp.types.vector(length=room, dtype=wp.int32)
     places_type: Any = wp.types.matrix(shape=(room, 2), dtype=wp.float64)
 
     @wp.func
-    def descend(field: wp.array(dtype=Field), point: wp.vec2d):
-        """Height, gradient and top element at a point inside the bounds, tracks apart."""
+    def descend(field: wp.array(dtype=DeviceField), point: wp.vec2d):
+        """Return height, gradient and top element at a point inside the bounds, without tracks."""
         waiting = grids_type()
         places = places_type()
         pending = wp.int32(0)
-        found = Found(ZERO, ZERO, ZERO, -1)
+        found = ElementSum(ZERO, ZERO, ZERO, -1)
         g = wp.int32(0)
         above = wp.vec2d(ZERO, ZERO)
         while g >= 0:
@@ -918,7 +934,7 @@ def compiled(room: int) -> Compiled:
                 if grid.listed != 0:
                     index = field[0].entries[k]
                 element = field[0].elements[index]
-                spot = Spot()
+                spot = DeviceSpot()
                 if element.place >= 0:
                     spot = spot_at_place(field, g, element, at, above, point)
                 else:
@@ -946,16 +962,16 @@ def compiled(room: int) -> Compiled:
         return found
 
     @wp.func
-    def ground_at(field: wp.array(dtype=Field), x: wp.float64, y: wp.float64):
-        """The ground at a point of the world."""
+    def ground_at(field: wp.array(dtype=DeviceField), x: wp.float64, y: wp.float64):
+        """Return the ground at a point of the world."""
         if is_inside(field, x, y):
             found = descend(field, wp.vec2d(x, y))
-            return settled(field, found, x, y)
-        return Ground(NAN, wp.vec2d(NAN, NAN), -1, wp.float32(NAN))
+            return settle(field, found, x, y)
+        return DeviceGround(NAN, wp.vec2d(NAN, NAN), -1, wp.float32(NAN))
 
     @wp.kernel(module="unique", module_options=OPTIONS)
     def sample(
-        field: wp.array(dtype=Field),
+        field: wp.array(dtype=DeviceField),
         each: wp.int32,
         points: wp.array(dtype=wp.vec2f),
         exact: wp.array(dtype=wp.vec2d),
@@ -964,7 +980,7 @@ def compiled(room: int) -> Compiled:
         surface: wp.array(dtype=wp.int32),
         friction: wp.array(dtype=wp.float32),
     ):
-        """The ground at points in float32 or float64, `each` to a thread; what is wanted of it."""
+        """Sample points in float32 or float64, `each` per thread, into the arrays given."""
         begin = wp.tid() * each
         for n in range(begin, wp.min(begin + each, height.shape[0])):
             x = wp.float64(0.0)
@@ -989,4 +1005,4 @@ def compiled(room: int) -> Compiled:
             if friction:
                 friction[n] = ground.friction
 
-    return Compiled(ground_at, sample)
+    return DeviceFunctions(ground_at, sample)

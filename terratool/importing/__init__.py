@@ -1,1 +1,1 @@
-"""The way back: a DEM or a mesh becomes primitives, or a whole definition within an error."""
+"""Import of rasters and meshes as definitions."""

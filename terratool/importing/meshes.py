@@ -1,4 +1,4 @@
-"""Meshes of many formats, DXF drawings among them, become triangles."""
+"""Readers of triangles from mesh files of many formats, and from DXF drawings."""
 
 from __future__ import annotations
 
@@ -31,17 +31,17 @@ from terratool.importing.types import (
     refuse_many_faces,
     refuse_missing_vertices,
 )
-from terratool.importing.vrml.scene import UP, read_vrml, stated_up
+from terratool.importing.vrml.scene import UP, read_vrml, up_axis_of
 from terratool.text.files import open_file
 
 MAX_VALUES = 2**28
-"""Values of glTF that the file does not hold, and that would have to be made up."""
+"""Most values of a glTF that its file does not hold, and that a reader would have to fill in."""
 
 _HEAD = 1 << 16
-"""Bytes in which a header has to say how many faces there are."""
+"""Bytes in which a PLY or OFF header has to state its number of faces."""
 
 MAX_ENTITIES = 10_000
-"""Blocks of DXF may come to so many entities, and one for each byte of the file besides."""
+"""Most entities that the blocks of a DXF may come to, besides one for each byte of the file."""
 
 _JSON, _MAGIC = 0x4E4F534A, b"glTF"
 _MODES = {0: "points", 1: "lines", 2: "lines", 3: "lines", 6: "triangle fans"}
@@ -55,20 +55,20 @@ _UNITS = {
     7: ("kilometre", 1000.0),
     14: ("decimetre", 0.1),
 }
-"""Names of $INSUNITS, and what they are in metres (DXF reference, header variables)."""
+"""Unit names of $INSUNITS, and their lengths in metres (DXF reference, header variables)."""
 
 LARGEST = 1e30
-"""Coordinates are below this in size, as those of a definition."""
+"""Limit of coordinates without sign, as in a definition."""
 
 
 @dataclass(frozen=True, slots=True)
 class Reader:
-    """How a format is read.
+    """Reader of a mesh format.
 
     Attributes:
-        name: what people call the format.
-        read: makes triangles of a file, in its own axes.
-        up: the axis that points up, or what says so of a file.
+        name: name of the format for people.
+        read: reads the triangles of a file, in the file's own axes.
+        up: axis that points up, or a function that finds it for a file.
         needs: packages beyond those that terratool always has.
     """
 
@@ -79,22 +79,22 @@ class Reader:
 
 
 def read_triangles(path: str | Path, up: str | None = None, scale: float = 1.0) -> Triangles:
-    """The triangles of a mesh in a file, z up.
+    """Read the triangles of a mesh file, z up.
 
-    Nothing is merged, repaired or reordered. Scenes are put together, with every part in its place.
+    Nothing is merged, repaired or reordered. Scenes are assembled, with every part in its place.
 
     Args:
         path: an .obj, .stl, .ply, .glb, .gltf, .off, .3mf, .dxf, .wrl, .wrz, .x3d, .x3dz, .x3dv or
             .x3dvz file.
-        up: the axis that points up, "y" or "z"; what the format is known for, if None: y for glTF,
-            VRML and X3D, unless the file says otherwise as those that we write do, and z for all
+        up: axis that points up, "y" or "z"; if None, the usual one of the format: y for glTF, VRML
+            and X3D, unless the file states another one as the project's own files do, and z for all
             others. With y, (x, y, z) becomes (x, -z, y).
-        scale: a factor on all coordinates; 3MF is in metres before that.
+        scale: factor on all coordinates, which are in metres for 3MF.
 
     Raises:
-        ReadError: the file is not there, is no whole mesh of its format, or has no faces; a package
+        ReadError: the file is missing, is no whole mesh of its format, or has no faces; a package
             is missing.
-        RequestError: an axis or scale that makes no sense.
+        RequestError: the axis or the scale makes no sense.
     """
     path = Path(path)
     if up not in (None, "y", "z"):
@@ -102,7 +102,7 @@ def read_triangles(path: str | Path, up: str | None = None, scale: float = 1.0) 
     if not 0 < scale < LARGEST:
         raise RequestError(f"The scale is {scale:g}.", "Give a factor above 0.")
     reader = _reader_of(path)
-    triangles = _cleaned(_attempted(reader, path), path)
+    triangles = _drop_bad_faces(_try_reader(reader, path), path)
     vertices, notes = triangles.vertices, triangles.notes
     if up is None:
         up = reader.up if isinstance(reader.up, str) else reader.up(path)
@@ -115,10 +115,11 @@ def read_triangles(path: str | Path, up: str | None = None, scale: float = 1.0) 
 
 
 def _reader_of(path: Path) -> Reader:
-    """The reader for a file that is there.
+    """Return the reader for a file.
 
     Raises:
-        ReadError: it is not, or has no suffix that is known, or a package is missing.
+        ReadError: the file is missing or unreadable, its suffix is unknown, or a package is
+            missing.
     """
     reader = READERS.get(path.suffix.lower())
     if reader is None:
@@ -150,11 +151,11 @@ def _reader_of(path: Path) -> Reader:
     return reader
 
 
-def _attempted(reader: Reader, path: Path) -> Triangles:
-    """What a reader makes of a file.
+def _try_reader(reader: Reader, path: Path) -> Triangles:
+    """Read a file, and turn every failure into an error for the user.
 
     Raises:
-        ReadError: it fails, in whatever way.
+        ReadError: the reader fails, in whatever way.
     """
     try:
         with _quiet():
@@ -168,9 +169,9 @@ def _attempted(reader: Reader, path: Path) -> Triangles:
     except RecursionError as error:
         raise ReadError(f"{path}: its parts hold themselves.", "Export it again.") from error
     except Exception as error:
-        # what the libraries raise for broken input is theirs, from AssertionError to zlib.error
+        # libraries raise anything for broken input, from AssertionError to zlib.error
         words = " ".join(str(error).split())
-        # a library that looks for another one to guess the encoding has found no text
+        # trimesh imports a guesser of encodings only where a file is no text
         why = f" ({words[:100]})" if words and not isinstance(error, ImportError) else ""
         raise ReadError(
             f"{path}: cannot be read as {reader.name}{why}.",
@@ -181,7 +182,7 @@ def _attempted(reader: Reader, path: Path) -> Triangles:
 
 @contextlib.contextmanager
 def _quiet() -> Iterator[None]:
-    """Keep readers from printing; numbers that NumPy gives up on become errors."""
+    """Silence the output of readers, and turn NumPy's warning of unread numbers into an error."""
     logs = [logging.getLogger(name) for name in ("trimesh", "ezdxf")]
     levels = [log.level for log in logs]
     with warnings.catch_warnings():
@@ -196,11 +197,11 @@ def _quiet() -> Iterator[None]:
                 log.setLevel(level)
 
 
-def _cleaned(triangles: Triangles, path: Path) -> Triangles:
-    """Triangles whose corners are there, and finite.
+def _drop_bad_faces(triangles: Triangles, path: Path) -> Triangles:
+    """Return triangles without faces whose coordinates are NaN, infinite or too large.
 
     Raises:
-        ReadError: there are none, or faces refer to vertices that are not there.
+        ReadError: no face is left, or a face refers to a missing vertex.
     """
     vertices, faces, notes = triangles.vertices, triangles.faces, triangles.notes
     if len(faces) == 0:
@@ -230,14 +231,14 @@ def _cleaned(triangles: Triangles, path: Path) -> Triangles:
 
 
 def _by_trimesh(path: Path, kind: str) -> Triangles:
-    """The meshes of a scene, each as often as it stands there."""
+    """Read the meshes of a scene by trimesh, each as often as the scene has it."""
     import trimesh
 
     notes = check_gltf(path) if kind in ("glb", "gltf") else ()
     plain = {} if kind in ("stl", "off") else {"skip_materials": True}
     with open_file(path) as file:
         scene: Any = trimesh.load(
-            _counted_up(_as_utf8(file.read())) if kind == "obj" else file,
+            _with_forward_numbers(_as_utf8(file.read())) if kind == "obj" else file,
             file_type=kind,
             resolver=_buffers_beside(path) if kind == "gltf" else None,
             force="scene",
@@ -253,7 +254,8 @@ def _by_trimesh(path: Path, kind: str) -> Triangles:
         )
     refuse_many_faces(path, sum(len(mesh.faces) for _, mesh in meshes))
     triangles = join_triangles(
-        ((_moved(mesh.vertices, matrix), np.asarray(mesh.faces)) for matrix, mesh in meshes), path
+        ((_transform(mesh.vertices, matrix), np.asarray(mesh.faces)) for matrix, mesh in meshes),
+        path,
     )
     declared = declared_faces(path)
     if 0 < len(triangles.faces) < declared:
@@ -265,7 +267,7 @@ def _by_trimesh(path: Path, kind: str) -> Triangles:
 
 
 def _buffers_beside(path: Path) -> Any:
-    """What gives trimesh the buffers of a glTF: regular files in its folder, and nothing else."""
+    """Return a resolver that gives trimesh regular files in a glTF's folder, and nothing else."""
     from trimesh.resolvers import FilePathResolver
 
     def get(name: str) -> bytes:
@@ -281,26 +283,26 @@ def _buffers_beside(path: Path) -> Any:
     return resolver
 
 
-def _moved(vertices: Any, matrix: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Vertices (n, 3) where a 4 × 4 matrix puts them."""
+def _transform(vertices: Any, matrix: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Transform vertices, (n, 3), by a 4 × 4 matrix."""
     points = np.asarray(vertices, np.float64)
     if np.array_equal(matrix, np.eye(4)):
         return points
     return np.asarray(points @ matrix[:3, :3].T + matrix[:3, 3])
 
 
-def _counted_up(text: bytes) -> io.BytesIO:
-    """An OBJ in which faces count vertices from the first on.
+def _with_forward_numbers(text: bytes) -> io.BytesIO:
+    """Return an OBJ whose faces count vertices from the first one.
 
     Negative numbers count back from the face (Wavefront, Object Files, "Referencing groups of
-    vertices"), which trimesh takes as counted back from the end of the file.
+    vertices"), but trimesh counts them back from the end of the file.
     """
     if re.search(rb"^[ \t]*f(?:[ \t]+[^\s\\]+){0,2}[ \t\r]*$", text, re.MULTILINE):
         raise ValueError("a face has fewer than three corners")
     if not re.search(rb"^\s*f\s(?:[^\n]*-|(?:[^\n]*\s)?0+[\s/])", text, re.MULTILINE):
         return io.BytesIO(text)
 
-    def counted(number: bytes, count: int) -> bytes:
+    def forward_number(number: bytes, count: int) -> bytes:
         place = int(number)
         if place == 0 or place < -count:
             raise ValueError(f"a face has the number {place}")
@@ -316,14 +318,15 @@ def _counted_up(text: bytes) -> io.BytesIO:
             counts = (seen[b"v"], seen[b"vt"], seen[b"vn"])
             corners = (zip(word.split(b"/"), counts, strict=False) for word in words[1:])
             line = b"f " + b" ".join(
-                b"/".join(counted(*pair) if pair[0] else b"" for pair in one) for one in corners
+                b"/".join(forward_number(*pair) if pair[0] else b"" for pair in one)
+                for one in corners
             )
         lines.append(line)
     return io.BytesIO(b"\n".join(lines))
 
 
 def _as_utf8(text: bytes) -> bytes:
-    """Text in UTF-8, or in Latin-1, in UTF-8; comments and names are all that it may matter to."""
+    """Return a text in UTF-8 or Latin-1 as UTF-8; only comments and names may differ."""
     try:
         text.decode()
     except UnicodeDecodeError:
@@ -335,10 +338,10 @@ def _as_utf8(text: bytes) -> bytes:
 
 
 def check_gltf(path: Path) -> tuple[str, ...]:
-    """Refuse a glTF or GLB that is compressed or makes up values; say what else is not read.
+    """Refuse a glTF or GLB that cannot be read whole, and return notes on parts left out.
 
     Raises:
-        ReadError: it is, or does.
+        ReadError: the file is compressed, lacks values, or has sparse or packed positions.
         ValueError: the header is no JSON, or is cut short.
     """
     header = _gltf_header(path)
@@ -371,7 +374,7 @@ def check_gltf(path: Path) -> tuple[str, ...]:
 
 
 def declared_faces(path: Path) -> int:
-    """How many faces a PLY or OFF says that it has, or a text of STL begins; 0 for others."""
+    """Number of faces that the header of a PLY or OFF states or a text STL begins; 0 for others."""
     kind = path.suffix.lower()
     with open_file(path) as file:
         if kind == ".stl":
@@ -402,7 +405,7 @@ def _gltf_header(path: Path) -> dict[str, Any]:
                 raise ValueError("it does not begin like a GLB")
             size = path.stat().st_size
             text = _exactly(file.read(min(length, size)), length)
-            while head := file.read(8):  # chunks of what trimesh reads at once
+            while head := file.read(8):  # chunks that trimesh would read at once
                 (length,) = struct.unpack("<I", _exactly(head, 8)[:4])
                 if length > size - file.tell():
                     raise ValueError("it is cut short")
@@ -412,7 +415,7 @@ def _gltf_header(path: Path) -> dict[str, Any]:
         raise ValueError("its header is no object")
     asset = header.get("asset")
     version = asset.get("version") if isinstance(asset, dict) else None
-    # in version 1 what later became lists are dictionaries
+    # version 1 has dictionaries where version 2 has lists
     old = version is None and isinstance(header.get("meshes"), dict)
     if old or str(version).startswith("1"):
         raise _old_gltf(path)
@@ -436,11 +439,11 @@ def _exactly(data: bytes, length: int) -> bytes:
 
 
 def read_dxf(path: Path) -> Triangles:
-    """The faces in the model space of a drawing; polygons are cut into triangles.
+    """Read the faces in the model space of a drawing, polygons cut into triangles.
 
     Raises:
         ReadError: blocks are nested without end.
-        Exception: whatever ezdxf raises where the file is no DXF.
+        Exception: any error of ezdxf where the file is no DXF.
     """
     import ezdxf
     from ezdxf.disassemble import recursive_decompose
@@ -477,7 +480,7 @@ def read_dxf(path: Path) -> Triangles:
 
 
 def _polygons(entity: Any) -> Any:
-    """The faces of an entity as lists of points."""
+    """Faces of a DXF entity, as lists of points; none for other kinds of entities."""
     from ezdxf.render.mesh import MeshBuilder
 
     kind = entity.dxftype()
@@ -491,7 +494,7 @@ def _polygons(entity: Any) -> Any:
 
 
 def _triangles(polygon: Any) -> Iterator[Any]:
-    """A polygon of points as triangles between the same points; none if it has less than three."""
+    """Cut a polygon of points into triangles between them; none if it has fewer than three."""
     points = list(polygon)
     count = len(points)
     first = 0
@@ -503,7 +506,7 @@ def _triangles(polygon: Any) -> Iterator[Any]:
         if inward and count > 4:
             from ezdxf.math.triangulation import mapbox_earcut_3d
 
-            # it gives points that are rounded, and all in one plane
+            # earcut returns rounded points in one plane
             for ear in mapbox_earcut_3d(points):
                 yield [min(points, key=corner.distance) for corner in ear]
             return
@@ -522,11 +525,11 @@ READERS = {
     ".off": Reader("OFF", partial(_by_trimesh, kind="off")),
     ".3mf": Reader("3MF", read_3mf),
     ".dxf": Reader("DXF", read_dxf, needs=("ezdxf",)),
-    ".wrl": Reader("VRML", read_vrml, up=lambda path: stated_up(path) or UP),
-    ".wrz": Reader("VRML", read_vrml, up=lambda path: stated_up(path) or UP),
-    ".x3d": Reader("X3D", read_vrml, up=lambda path: stated_up(path) or UP),
-    ".x3dz": Reader("X3D", read_vrml, up=lambda path: stated_up(path) or UP),
-    ".x3dv": Reader("X3D", read_vrml, up=lambda path: stated_up(path) or UP),
-    ".x3dvz": Reader("X3D", read_vrml, up=lambda path: stated_up(path) or UP),
+    ".wrl": Reader("VRML", read_vrml, up=lambda path: up_axis_of(path) or UP),
+    ".wrz": Reader("VRML", read_vrml, up=lambda path: up_axis_of(path) or UP),
+    ".x3d": Reader("X3D", read_vrml, up=lambda path: up_axis_of(path) or UP),
+    ".x3dz": Reader("X3D", read_vrml, up=lambda path: up_axis_of(path) or UP),
+    ".x3dv": Reader("X3D", read_vrml, up=lambda path: up_axis_of(path) or UP),
+    ".x3dvz": Reader("X3D", read_vrml, up=lambda path: up_axis_of(path) or UP),
 }
-"""Formats of meshes by suffix."""
+"""Readers of mesh formats by suffix."""

@@ -1,4 +1,4 @@
-"""Rasters as sources, opened by GDAL, as heights or as classes, by rows from the south."""
+"""Rasters that GDAL opens, read as heights or as classes by rows from the south."""
 
 from __future__ import annotations
 
@@ -30,20 +30,20 @@ from terratool.report.numbers import spelled
 from terratool.text.files import open_file
 
 HIGHEST = 1e9
-"""A definition's heights stay below this in size."""
+"""Limit of a definition's heights, without sign."""
 
 SUSPECTS = (-999.0, -9999.0, -32767.0, -32768.0, -99999.0, 9999.0, 32767.0, 65535.0, 99999.0)
-"""Numbers that often stand for nodata in files that do not say so."""
+"""Heights that often stand for nodata in files that do not declare it."""
 
 _CACHE_BYTES = 1 << 27
 _MOST_WARPED = 16
-"""Times as many pixels a raster may become where it is reprojected."""
+"""Most pixels of a reprojected raster per pixel of its file."""
 _ON_GRID = 1e-6
 _COLORS = (ColorInterp.red, ColorInterp.green, ColorInterp.blue, ColorInterp.palette)
 
 _MOST_CLASSES = 65536
 _MOST_READ = 1 << 24
-"""Classes may be much finer than the DEM; about so many pixels are read at a time."""
+"""Pixels of a class raster that are read at a time; it may be much finer than the DEM."""
 
 _SOILS = {
     "cohesion": "cohesion",
@@ -51,7 +51,7 @@ _SOILS = {
     "sinkage": "sinkage",
     "sonar": "sonarRefl",
 }
-"""Layers of a DEM by name, and their keys in a surface."""
+"""Keys of a surface by the names of DEM layers."""
 
 SurfaceEntry = tuple[str, dict[str, Any]]
 """Name and members of a surface."""
@@ -67,18 +67,18 @@ def _refuse_turned(name: str, transform: Affine, tolerance: float, hint: str) ->
 
 @dataclass(slots=True)
 class RasterHeights:
-    """One band of an open raster; it is a `HeightSource`.
+    """Heights of one band of an open raster; a `HeightSource`.
 
     Attributes:
-        file: what rasterio opened, or a warp of it.
-        window: the pixels that are read.
+        file: raster that rasterio opened, or a warp of it.
+        window: pixels that are read.
         south_up: whether the file's rows begin in the south.
-        east_first: whether its columns begin in the east.
+        east_first: whether the file's columns begin in the east.
         scale: factor and offset of the file's numbers.
         about: notes known before the reading.
-        infinite: pixels that were.
-        suspects: pixels that may be nodata, by their height.
-        others: lowest and highest height of the others.
+        infinite: number of infinite pixels read so far.
+        suspects: number of pixels that may be nodata, by their height.
+        others: lowest and highest height of all other pixels.
     """
 
     name: str
@@ -97,7 +97,7 @@ class RasterHeights:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Sentences about what a user should know, after the reading."""
+        """Sentences for the user about the source, complete after the reading."""
         found = list(self.about)
         if self.infinite:
             found.append(f"{_pixels(self.infinite)} infinite: taken as nodata.")
@@ -111,7 +111,7 @@ class RasterHeights:
         return tuple(found)
 
     def _count_suspects(self, heights: NDArray[np.float64], low: float, high: float) -> None:
-        """See whether the lowest or the highest heights are suspect."""
+        """Count pixels of the lowest and the highest height where these may stand for nodata."""
         for height in (low, high):
             if height in SUSPECTS:
                 at = heights == height
@@ -121,7 +121,7 @@ class RasterHeights:
         self.others = min(self.others[0], low), max(self.others[1], high)
 
     def read(self, first: int, count: int) -> NDArray[np.float64]:
-        """So many rows from `first`, (count, columns) float64; NaN for none.
+        """Read `count` rows from row `first`, (count, columns) float64; NaN for none.
 
         Raises:
             ReadError: the file is broken there, or holds numbers that are no heights.
@@ -130,13 +130,13 @@ class RasterHeights:
         window = Window(self.window.col_off, self.window.row_off + row, self.window.width, count)
         with gdal_errors(self.name):
             pixels = self.file.read(self.band, window=window, masked=True)
-        with np.errstate(invalid="ignore"):  # a signalling NaN is one all the same
+        with np.errstate(invalid="ignore"):  # signalling NaN count as NaN
             heights = np.ma.filled(pixels.astype(np.float64), math.nan)
         if self.nodata is not None:
             heights[heights == self.nodata] = math.nan
         raw = heights
         if self.scale != (1.0, 0.0):
-            with np.errstate(over="ignore", invalid="ignore"):  # what is infinite is counted
+            with np.errstate(over="ignore", invalid="ignore"):  # infinite heights are counted below
                 heights = heights * self.scale[0] + self.scale[1]
         low, high, _, infinite = sample_range(heights)
         self.infinite += infinite
@@ -161,12 +161,12 @@ def open_raster(name: str, options: SourceOptions) -> Iterator[RasterHeights]:
     """Open a raster as heights.
 
     Args:
-        name: a path, or whatever else GDAL opens.
-        options: of its bounds, pixels count whose centres lie within.
+        name: a path, or another name that GDAL opens.
+        options: part and band to read; within bounds, pixels count whose centres lie inside.
 
     Raises:
-        ReadError: it cannot be read, or is no raster of heights.
-        RequestError: the band, bounds or window are not in it.
+        ReadError: the file cannot be read, or is no raster of heights.
+        RequestError: the band, bounds or window are not in the raster.
     """
     cache = {"GDAL_CACHEMAX": _CACHE_BYTES, "AAIGRID_DATATYPE": "Float64"}
     with contextlib.ExitStack() as stack:
@@ -176,14 +176,14 @@ def open_raster(name: str, options: SourceOptions) -> Iterator[RasterHeights]:
             band = _band(name, file, options.band)
             scale = file.scales[band - 1], file.offsets[band - 1]
             if options.crs is not None:
-                file = stack.enter_context(_reprojected(name, file, options.crs, options.nodata))
+                file = stack.enter_context(_reproject(name, file, options.crs, options.nodata))
                 about.append(f"Reprojected to {options.crs}, bilinearly.")
             heights = _heights(name, file, band, scale, options, about)
         yield heights
 
 
 def _band(name: str, file: Any, band: int | None) -> int:
-    """The band that holds the heights."""
+    """Return the number of the band that holds the heights, from 1."""
     if file.count == 0:
         inner = ", ".join(file.subdatasets[:5])
         raise ReadError(
@@ -215,7 +215,7 @@ def _band(name: str, file: Any, band: int | None) -> int:
     return band
 
 
-def _reprojected(name: str, file: Any, crs: str, nodata: float | None) -> WarpedVRT:
+def _reproject(name: str, file: Any, crs: str, nodata: float | None) -> WarpedVRT:
     target = read_crs(crs)
     if file.crs is not None and crs_problem(file.crs.to_wkt()):
         raise RequestError(
@@ -266,7 +266,7 @@ def _heights(
     options: SourceOptions,
     about: list[str],
 ) -> RasterHeights:
-    """The pixels that are wanted of a band."""
+    """Return the requested pixels of a band as heights."""
     transform = transform_of(file)
     hint = "Add --crs with a reference system, to have it resampled north up."
     _refuse_turned(name, transform, 1e-9, hint)
@@ -276,7 +276,7 @@ def _heights(
     south, north = sorted((transform.f + transform.e * file.height, transform.f))
     if not is_placed(file):
         about.append("The raster does not say where it lies: a pixel is taken as 1 × 1.")
-    # columns from the west and rows from the north of what is wanted
+    # columns from the west and rows from the north
     columns, rows = (0, file.width), (0, file.height)
     if options.window is not None:
         column, row, width, height = options.window
@@ -304,7 +304,7 @@ def _heights(
     unit = _unit(file, band, ((west + east) / 2, (south + north) / 2), about)
     grid = PixelGrid(
         west + columns[0] * dx, north - rows[1] * dy, dx, dy, count_x, count_y,
-        _spelled(file.crs, about), unit,
+        _spell_crs(file.crs, about), unit,
     )  # fmt: skip
     first_column = file.width - columns[1] if east_first else columns[0]
     first_row = file.height - rows[1] if south_up else rows[0]
@@ -315,14 +315,14 @@ def _heights(
 
 
 def _within(pixels: tuple[int, int], low: float, high: float, side: float) -> tuple[int, int]:
-    """Pixels whose centres lie from `low` to `high`, but for rounding."""
+    """Return the range of pixels whose centres lie from `low` to `high`, tolerant of rounding."""
     first = math.ceil(low / side - 0.5 - _ON_GRID)
     last = math.floor(high / side - 0.5 + _ON_GRID)
     return max(pixels[0], first), min(pixels[1], last + 1)
 
 
-def _spelled(crs: CRS | None, about: list[str]) -> str | None:
-    """A reference system as a definition spells it; what no definition takes is noted."""
+def _spell_crs(crs: CRS | None, about: list[str]) -> str | None:
+    """Return a reference system as a definition spells it; None with a note if it is refused."""
     wkt = "" if crs is None else str(crs.to_wkt())
     if crs is None or not wkt:
         return None
@@ -334,13 +334,13 @@ def _spelled(crs: CRS | None, about: list[str]) -> str | None:
 
 
 def _unit(file: Any, band: int, middle: tuple[float, float], about: list[str]) -> str:
-    """What heights are measured in; what is odd is noted.
+    """Return the unit of the heights, and add notes on odd units.
 
     Args:
         file: the raster.
-        band: of the heights.
-        middle: x and y of its middle.
-        about: gets the notes.
+        band: number of the band of heights.
+        middle: x and y of the raster's middle.
+        about: list that gets the notes.
     """
     vertical = (file.units[band - 1] or "").strip()
     unit = "m" if vertical.lower() in ("", "m", "metre", "meter", "metres", "meters") else vertical
@@ -365,12 +365,12 @@ def _unit(file: Any, band: int, middle: tuple[float, float], about: list[str]) -
 
 @dataclass(slots=True)
 class ClassRaster:
-    """A raster of classes, open, sampled at the pixel centres of a grid.
+    """An open raster of classes, sampled at the pixel centres of a grid.
 
     Attributes:
-        surfaces: of the classes that the file says something of.
-        used: the classes met so far, in the order of their numbers.
-        lacking: pixels of the grid without a class.
+        surfaces: surfaces of the classes that the file describes.
+        used: numbers of the classes read so far.
+        lacking: number of the grid's pixels without a class.
     """
 
     name: str
@@ -381,7 +381,7 @@ class ClassRaster:
     lacking: int = 0
 
     def read(self, first: int, count: int) -> NDArray[np.int64]:
-        """Classes of some rows from the south, (count, columns) int64; -1 for none."""
+        """Read classes of `count` rows from row `first`, (count, columns) int64; -1 for none."""
         at = self.grid
         x = at.west + (np.arange(at.columns) + 0.5) * at.dx
         y = at.south + (np.arange(first, first + count) + 0.5) * at.dy
@@ -415,14 +415,14 @@ class ClassRaster:
         return classes
 
     def surface(self, number: int) -> SurfaceEntry:
-        """The surface of a class."""
+        """Return the surface of a class."""
         return self.surfaces.get(number, (f"class-{number}", {}))
 
 
 def _indices(
     factor: float, offset: float, places: NDArray[np.floating[Any]], count: int
 ) -> NDArray[np.int64]:
-    """Columns, or rows, of some places in a raster that has so many; -1 where it has none."""
+    """Columns, or rows, of places in a raster with `count` of them, int64; -1 outside."""
     with np.errstate(over="ignore", invalid="ignore"):
         found = np.floor(factor * places + offset)
     return np.where((found >= 0) & (found < count), found, -1.0).astype(np.int64)
@@ -430,10 +430,10 @@ def _indices(
 
 @contextlib.contextmanager
 def open_classes(name: str, grid: PixelGrid, allow_remote: bool = False) -> Iterator[ClassRaster]:
-    """Open a raster of classes for the pixels of a grid, reprojected if need be.
+    """Open a raster of classes for the pixels of a grid, reprojected if necessary.
 
     Raises:
-        ReadError: it cannot be read, or holds no whole numbers.
+        ReadError: the file cannot be read, or holds no whole numbers.
     """
     with contextlib.ExitStack() as stack:
         file = stack.enter_context(open_local(name, allow_remote=allow_remote))
@@ -447,7 +447,7 @@ def open_classes(name: str, grid: PixelGrid, allow_remote: bool = False) -> Iter
             odd = file.crs is not None and crs_problem(file.crs.to_wkt()) is not None
             if grid.crs is not None and file.crs is not None and not odd and file.crs != grid.crs:
                 west, _, _, north = grid.bounds
-                # the class that lies nearest to each pixel centre of the grid
+                # the class nearest to each pixel centre
                 warped = WarpedVRT(
                     file,
                     crs=grid.crs,
@@ -464,7 +464,7 @@ def open_classes(name: str, grid: PixelGrid, allow_remote: bool = False) -> Iter
 
 
 def _surfaces(name: str, file: Any) -> dict[int, SurfaceEntry]:
-    """Names, colours and soils of classes, as far as the file or the one beside it has them."""
+    """Names, colours and soils of classes, from the raster and the .aux.xml file beside it."""
     found: dict[int, SurfaceEntry] = {}
     table = _table(Path(name + ".aux.xml"))
     try:
@@ -484,7 +484,7 @@ def _surfaces(name: str, file: Any) -> dict[int, SurfaceEntry]:
 
 
 def _table(path: Path) -> dict[int, SurfaceEntry]:
-    """Names and soils by class from the file in which GDAL keeps them."""
+    """Names and soils by class, from the .aux.xml file in which GDAL keeps them."""
     if not path.is_file():
         return {}
     try:

@@ -1,4 +1,4 @@
-"""Heights at the centres of pixels: of meshes seen from above, and of fields; steps of meshes."""
+"""Heights of meshes and fields at the centres of pixels, and vertical walls of meshes."""
 
 from __future__ import annotations
 
@@ -21,25 +21,26 @@ if TYPE_CHECKING:
     from terratool.raster.grid import Window
 
 DEFAULT_PIXELS = 512
-"""The longer side of a mesh has at most this many pixels if no resolution was given."""
+"""Most pixels along the longer side of a mesh if no resolution is given."""
 
 NARROWEST = 1 / 65536
-"""A side that is a smaller part of the other than this does not decide about the resolution."""
+"""Share of the longer side below which the shorter one does not limit the resolution."""
 
 MAX_PIXELS = 2**30
-"""More heights than these, 8 GiB, are not made at once."""
+"""Most heights that are sampled at once; these take 8 GiB."""
 
 WALL_SLACK = 1e-6
-"""Positions that differ by no more than this part of a side of the patch are one."""
+"""Distance below which two positions are one, as a share of a side of the patch."""
 
 _NEAR = 1e-9
-"""A centre that is no farther than this from a triangle, in pixels, belongs to it."""
+"""Distance from a triangle, in pixels, within which a centre belongs to it."""
 
 _FAR = 0.1
-"""… nor one that is farther than this, however coarse doubles are there."""
+"""Largest distance, in pixels, within which a centre may belong to a triangle at large coordinates.
+"""
 
 _SAME = 1e-6
-"""Two surfaces this near to each other, in parts of the relief, are one."""
+"""Distance below which two surfaces are one, as a share of the relief."""
 
 
 def sample(
@@ -48,21 +49,21 @@ def sample(
     bounds: Bounds | None = None,
     name: str = "the mesh",
 ) -> SampledHeights:
-    """The highest surface of a mesh at the centres of square pixels.
+    """Sample the highest surface of a mesh at the centres of square pixels.
 
     Pixels count from the south-west corner of the mesh or of the bounds. A centre on an edge
     belongs to the face, as does one within 1e-9 of a pixel (or a few spacings of doubles, where
-    coordinates are large). The notes say what cannot be seen from above.
+    coordinates are large). The notes name all that cannot be seen from above.
 
     Args:
         triangles: finite vertices, z up.
-        resolution: side of a pixel; a 512th of the longer side or a little more, if None.
-        bounds: west, south, east, north of what is wanted; the whole mesh, if None.
-        name: what messages call the mesh.
+        resolution: side of a pixel; if None, a 512th of the longer side or a little more.
+        bounds: west, south, east, north of the part to sample; the whole mesh if None.
+        name: name of the mesh in messages.
 
     Raises:
-        ReadError: there is no face that is seen from above, or a corner is no place.
-        RequestError: a resolution or bounds that make no sense for this mesh.
+        ReadError: no face can be seen from above, or a corner is missing or infinite.
+        RequestError: the resolution or the bounds make no sense for this mesh.
     """
     vertices = np.ascontiguousarray(triangles.vertices, np.float64)
     faces = np.ascontiguousarray(triangles.faces, np.int32)
@@ -90,7 +91,7 @@ def sample(
     if flat == len(faces):
         raise ReadError(f"{name}: no face has an area.", "Check the coordinates of the mesh.")
     grid, why = _grid(bounds, resolution)
-    # the origin is taken off first, so that coordinates as large as those of UTM lose nothing
+    # subtract the origin first, so that large coordinates lose no digits
     points = kernels.to_pixels(vertices, grid.west, grid.south, grid.dx, grid.dy)
     spacing = np.spacing(max(map(abs, (*extent, *bounds)))) / grid.dx
     try:
@@ -115,14 +116,17 @@ def sample(
 
 
 class _SamplingLosses(NamedTuple):
-    """What pixels cannot show of a mesh.
+    """Losses of a mesh that is sampled by pixels.
 
     Attributes:
         grid: the pixels.
-        vertical_area: of vertical faces, but for those on the border.
-        flat, outside, faces: faces without area, those outside of the bounds, all of them.
-        hidden: pixels with a surface below the highest one that is open to the air.
-        holes, beyond: pixels without a height within the outline of the mesh, and beyond it.
+        vertical_area: area of vertical faces, m², without those on the border.
+        flat: number of faces without area.
+        outside: number of faces outside of the bounds.
+        faces: number of all faces.
+        hidden: number of pixels with another surface below the highest one, with air between.
+        holes: number of pixels without a height within the outline of the mesh.
+        beyond: number of pixels without a height beyond the outline.
     """
 
     grid: PixelGrid
@@ -135,14 +139,14 @@ class _SamplingLosses(NamedTuple):
     beyond: int
 
     def _part(self, count: int) -> str:
-        """So many pixels in words."""
+        """Return a number of pixels in words, with share and area."""
         grid = self.grid
         pixels = grid.rows * grid.columns
         area = count * grid.dx * grid.dy
         return f"{count:,} of {pixels:,} pixels ({per_cent(count / pixels, 2)}, {area:.4g} m²)"
 
     def sentences(self) -> Iterator[str]:
-        """What is lost, in numbers."""
+        """Yield a sentence with figures for each loss."""
         if self.vertical_area:
             yield (
                 f"{self.vertical_area:,.4g} m² of vertical faces are not seen from above; each "
@@ -165,10 +169,10 @@ class _SamplingLosses(NamedTuple):
 
 
 def _grid(bounds: Bounds, resolution: float | None) -> tuple[PixelGrid, tuple[str, ...]]:
-    """Square pixels that cover the bounds, and a sentence if their size was left to us.
+    """Return square pixels that cover the bounds, and a note if the resolution was chosen.
 
     Raises:
-        RequestError: no resolution above 0, or too many pixels.
+        RequestError: the resolution is not above 0, or makes too many pixels.
     """
     west, south, east, north = bounds
     sides = east - west, north - south
@@ -197,19 +201,20 @@ def _grid(bounds: Bounds, resolution: float | None) -> tuple[PixelGrid, tuple[st
 
 
 def steps(triangles: Triangles, bounds: Bounds) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Vertical walls that stand across the whole of a patch, parallel to one of its sides.
+    """Find vertical walls that stand across a whole patch, parallel to one of its sides.
 
-    A wall may consist of any number of vertical faces in one plane that together leave no gap, be
-    they above one another or hidden by something higher. Walls on the border of the patch do not
-    count, as there is nothing beyond them.
+    A wall may consist of any number of vertical faces in one plane that together leave no gap,
+    whether above one another or hidden by something higher. Walls on the border of the patch do not
+    count, as nothing lies beyond them.
 
     Args:
         triangles: a mesh, z up.
         bounds: west, south, east, north of the patch.
 
     Returns:
-        The x of walls that run from south to north, and the y of those from west to east: two
-        float64 arrays in world coordinates, sorted, without duplicates; empty for none.
+        The x of walls that run from south to north, and the y of walls from west to east: two
+            float64
+        arrays in world coordinates, sorted, without duplicates.
     """
     west, south, east, north = bounds
     return (
@@ -221,7 +226,7 @@ def steps(triangles: Triangles, bounds: Bounds) -> tuple[NDArray[np.float64], ND
 def _across(
     triangles: Triangles, axis: int, side: tuple[float, float], other: tuple[float, float]
 ) -> NDArray[np.float64]:
-    """Positions on one axis at which walls cover a range of the other one."""
+    """Positions along an axis, float64, of walls that cover the patch along the other axis."""
     near, gap = WALL_SLACK * (side[1] - side[0]), WALL_SLACK * (other[1] - other[0])
     low, high = _range(triangles, axis)
     begin, end = _range(triangles, 1 - axis)
@@ -242,7 +247,7 @@ def _across(
 
 
 def _range(triangles: Triangles, axis: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Least and greatest coordinate of each face, two (m,) float64."""
+    """Least and greatest coordinate of each face along an axis, two (m,) float64."""
     corners = triangles.vertices[:, axis][triangles.faces]
     return corners.min(axis=1), corners.max(axis=1)
 
@@ -250,7 +255,7 @@ def _range(triangles: Triangles, axis: int) -> tuple[NDArray[np.float64], NDArra
 def _covers(
     begin: NDArray[np.float64], end: NDArray[np.float64], other: tuple[float, float], gap: float
 ) -> bool:
-    """Whether intervals, (k,) float64 each, leave nothing of another one bare."""
+    """Tell whether intervals, (k,) float64 each, cover another interval without a gap."""
     order = np.argsort(begin, kind="stable")
     begin, reached = begin[order], np.maximum.accumulate(end[order])
     if begin[0] > other[0] + gap or reached[-1] < other[1] - gap:
@@ -269,7 +274,7 @@ def paint_pixels(
     Args:
         terrain: the field.
         shape: rows and columns of all pixels.
-        window: which of them are wanted, its rows counted from the north; all, if None.
+        window: pixels to paint, its rows counted from the north; all pixels if None.
 
     Returns:
         (rows, columns) float64, row 0 the southernmost.

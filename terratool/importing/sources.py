@@ -1,4 +1,4 @@
-"""Rasters and meshes, opened as heights by their names."""
+"""Opening rasters and meshes as heights, by their names."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ MESHES = (
     ".obj", ".stl", ".ply", ".glb", ".gltf", ".off", ".3mf", ".dxf", ".wrl", ".wrz", ".x3d",
     ".x3dv", ".x3dvz", ".x3dz",
 )  # fmt: skip
-"""Endings of the files that are read as meshes; all others are for GDAL."""
+"""Suffixes of the files that are read as meshes; GDAL opens all others."""
 
 _OTHER_MESHES = (
     ".3ds", ".blend", ".dae", ".dwg", ".fbx", ".igs", ".sdf", ".step", ".stp", ".urdf", ".usd",
@@ -26,7 +26,7 @@ _ALL_OF_IT = SourceOptions()
 
 
 def is_mesh(name: str) -> bool:
-    """Whether a file is read as a mesh, by its name."""
+    """Tell whether a file of this name is read as a mesh."""
     return name.lower().endswith(MESHES)
 
 
@@ -35,8 +35,8 @@ def open_source(name: str, options: SourceOptions = _ALL_OF_IT) -> Iterator[Heig
     """Open a raster or a mesh as heights at the centres of pixels.
 
     Raises:
-        ReadError: it cannot be read, or has no heights.
-        RequestError: an option does not fit it.
+        ReadError: the source cannot be read, or has no heights.
+        RequestError: an option does not fit the source.
     """
     check_options(name, options)
     if is_mesh(name):
@@ -53,11 +53,11 @@ def open_source(name: str, options: SourceOptions = _ALL_OF_IT) -> Iterator[Heig
 
 
 def check_options(name: str, options: SourceOptions) -> None:
-    """Refuse options that are about the other kind of source, and what is neither.
+    """Refuse options of the other kind of source, and sources of neither kind.
 
     Raises:
-        ReadError: it is a definition or a folder.
-        RequestError: an option does not fit it or another one, or the bounds are empty.
+        ReadError: the source is a definition, a folder or a file of another format.
+        RequestError: an option does not fit the source or another option, or the bounds are empty.
     """
     if name.lower().endswith(_OTHER_MESHES):
         raise ReadError(

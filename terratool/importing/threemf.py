@@ -1,7 +1,7 @@
-"""The triangles of a 3MF, in metres: an archive of XML in which objects are made of objects.
+"""Reader of the triangles of a 3MF, in metres.
 
-After the 3MF Core Specification 1.3; parts in files of their own are those of its Production
-Extension.
+A 3MF is an archive of XML files in which objects consist of objects (3MF Core Specification 1.3);
+parts in files of their own follow its Production Extension.
 """
 
 from __future__ import annotations
@@ -22,7 +22,9 @@ from terratool.text.files import open_file
 from terratool.text.packing import PackingError, refuse_members
 
 _PART = 100
+"""Faces that an object counts for, besides its own, as each takes time."""
 _PIECE, _LARGEST = 1 << 16, 1 << 26
+"""Bytes of the first piece of XML that is parsed, and of the largest; pieces double in between."""
 _METRES = {
     "micron": ("micrometres", 1e-6),
     "millimeter": ("millimetres", 0.001),
@@ -31,19 +33,20 @@ _METRES = {
     "foot": ("feet", 0.3048),
     "meter": ("metres", 1.0),
 }
-"""Units by name, and in metres (section 3.4)."""
+"""Names of units in words, and their lengths in metres (section 3.4)."""
 
 _PATH = "http://schemas.microsoft.com/3dmanufacturing/production/2015/06 path"
 Key = tuple[str, str]
-"""The file of an object, and its number there."""
+"""File of an object in the archive, and the object's id there."""
 
 Matrix = NDArray[np.float64]
-"""(4, 3) float64: a row of x, y, z, 1 is multiplied by it from the left (section 3.3)."""
+"""Transformation, (4, 3) float64: a row x, y, z, 1 is multiplied by it from the left (section 3.3).
+"""
 
 
 @dataclass(frozen=True, slots=True)
-class _Placed:
-    """An object and where it stands."""
+class _Placement:
+    """An object and its transformation."""
 
     key: Key
     matrix: Matrix
@@ -51,29 +54,29 @@ class _Placed:
 
 @dataclass(frozen=True, slots=True)
 class _Object:
-    """A mesh as flat lists of coordinates and corners, or other objects."""
+    """A mesh as flat lists of coordinates and vertex indices, and other objects as components."""
 
     points: list[float] = field(default_factory=list)
     corners: list[int] = field(default_factory=list)
-    components: list[_Placed] = field(default_factory=list)
+    components: list[_Placement] = field(default_factory=list)
 
 
 @dataclass(slots=True)
 class _Model:
-    """What a file of the archive says."""
+    """Objects, items to build and unit of an archive."""
 
     objects: dict[Key, _Object]
-    items: list[_Placed]
+    items: list[_Placement]
     unit: str = "millimeter"
 
 
 def read_3mf(path: Path) -> Triangles:
-    """The triangles of all items that are to be built, each in its place.
+    """Read the triangles of all items to build, each in its place, in metres.
 
     Raises:
-        ReadError: the archive comes to too much, an object holds itself or is not there, or there
-            are too many faces.
-        Exception: whatever zipfile and expat raise where the file is no 3MF.
+        ReadError: the archive is too large, an object contains itself or is missing, or there are
+            too many faces.
+        Exception: any error of zipfile and expat where the file is no 3MF.
     """
     with open_file(path) as file, zipfile.ZipFile(file) as archive:
         names = [name for name in archive.namelist() if name.lower().endswith(".model")]
@@ -102,7 +105,7 @@ def read_3mf(path: Path) -> Triangles:
         for key, item in model.objects.items()
     }
 
-    def place(placed: _Placed) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+    def place(placed: _Placement) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
         points, faces = meshes[placed.key]
         return points @ placed.matrix[:3] + placed.matrix[3], faces
 
@@ -113,8 +116,8 @@ def read_3mf(path: Path) -> Triangles:
     return Triangles(joined.vertices * factor, joined.faces, notes)
 
 
-def _spread(items: list[_Placed], model: _Model) -> Iterator[_Placed]:
-    """All objects with a mesh, in order, each as often as it is placed."""
+def _spread(items: list[_Placement], model: _Model) -> Iterator[_Placement]:
+    """Yield all objects with a mesh, in order, each as often as it is placed."""
     for item in items:
         own = model.objects[item.key]
         if own.corners:
@@ -122,14 +125,14 @@ def _spread(items: list[_Placed], model: _Model) -> Iterator[_Placed]:
         for part in _spread(own.components, model):
             matrix = part.matrix @ item.matrix[:3]
             matrix[3] += item.matrix[3]
-            yield _Placed(part.key, matrix)
+            yield _Placement(part.key, matrix)
 
 
 def _size(key: Key, model: _Model, sizes: dict[Key, int], path: Path) -> int:
-    """How many faces an object comes to; a part counts for as many as take its time.
+    """Number of faces of an object with its components, plus `_PART` for the time of each object.
 
     Raises:
-        ReadError: it holds itself, or is not there.
+        ReadError: the object contains itself, or is missing.
     """
     if key not in sizes:
         if key not in model.objects:
@@ -144,7 +147,7 @@ def _size(key: Key, model: _Model, sizes: dict[Key, int], path: Path) -> int:
 
 
 def _parse(file: IO[bytes], name: str, model: _Model, main: bool) -> None:
-    """Add what a file of the archive says to a model; items and the unit from the main one."""
+    """Add the objects of an archive's file to a model; items and unit if it is the main one."""
     current = _Object()
 
     def begin(tag: str, words: dict[str, str]) -> None:
@@ -157,24 +160,24 @@ def _parse(file: IO[bytes], name: str, model: _Model, main: bool) -> None:
         elif tag == "object":
             current = model.objects[name, words["id"]] = _Object()
         elif tag == "component":
-            current.components.append(_placed(words, name))
+            current.components.append(_placement_of(words, name))
         elif main and tag == "item":
-            model.items.append(_placed(words, name))
+            model.items.append(_placement_of(words, name))
         elif main and tag == "model":
             model.unit = words.get("unit", model.unit)
 
     parser = hardened(" ")
     parser.StartElementHandler = begin
     step = _PIECE
-    # a comment without end is gone through anew with each piece, so that there are few of these
+    # expat rescans an unfinished comment with each piece, so pieces double
     while piece := file.read(step):
         parser.Parse(piece, False)
         step = min(2 * step, _LARGEST)
     parser.Parse(b"", True)
 
 
-def _placed(words: dict[str, str], name: str) -> _Placed:
-    """An object as a component or an item names it."""
+def _placement_of(words: dict[str, str], name: str) -> _Placement:
+    """Return the object and transformation that a component or an item names."""
     numbers = [float(word) for word in words.get("transform", "1 0 0 0 1 0 0 0 1 0 0 0").split()]
     key = words.get(_PATH, name).lstrip("/"), words["objectid"]
-    return _Placed(key, np.array(numbers).reshape(4, 3))
+    return _Placement(key, np.array(numbers).reshape(4, 3))

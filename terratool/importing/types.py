@@ -1,4 +1,4 @@
-"""What sources of definitions hold: heights at pixels, triangles, and what is wanted of them."""
+"""Contents of sources of definitions: heights at pixels, triangles, and options of reading."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from terratool.definition.findings import Bounds
 from terratool.errors import ReadError
 
 MAX_FACES = 2**26
-"""Instances of instances that come to more faces than these are refused."""
+"""Most faces of a mesh with all instances of its parts."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,12 +22,15 @@ class PixelGrid:
     """Pixels of equal size, which may be oblong, counted from the south-west.
 
     Attributes:
-        west, south: world position of the south-west corner of the south-west pixel.
-        dx, dy: sides of a pixel along x and y, in units of the CRS.
-        columns, rows: how many there are.
-        crs: the reference system as a definition spells it ("EPSG:32633" or WKT), or None.
-        unit: what heights and sides are measured in, "m" if not known otherwise; "°" where x and y
-            are degrees.
+        west: world position of the west side of the westernmost pixels.
+        south: world position of the south side of the southernmost pixels.
+        dx: side of a pixel along x, in units of the CRS.
+        dy: side of a pixel along y, in units of the CRS.
+        columns: number of columns.
+        rows: number of rows.
+        crs: reference system as a definition spells it ("EPSG:32633" or WKT), or None.
+        unit: unit of heights and sides, "m" unless known to be another; "°" where x and y are
+            degrees.
     """
 
     west: float
@@ -41,17 +44,17 @@ class PixelGrid:
 
     @property
     def size(self) -> tuple[float, float]:
-        """Sides along x and y."""
+        """Side lengths along x and y, in units of the CRS."""
         return self.columns * self.dx, self.rows * self.dy
 
     @property
     def bounds(self) -> Bounds:
-        """West, south, east, north of the outermost pixels' edges."""
+        """World rectangle west, south, east, north."""
         width, depth = self.size
         return self.west, self.south, self.west + width, self.south + depth
 
     def centre(self, row: int, column: int) -> tuple[float, float]:
-        """The x and the y of a pixel's centre; rows count from the south."""
+        """Return x and y of a pixel's centre; rows count from the south."""
         return self.west + (column + 0.5) * self.dx, self.south + (row + 0.5) * self.dy
 
 
@@ -59,8 +62,8 @@ class HeightSource(Protocol):
     """A source of heights that is read by rows, so that it need not fit into memory.
 
     Attributes:
-        grid: where the heights lie.
-        notes: sentences about what a user should know (a unit that was guessed, what was lost).
+        grid: pixels of the heights.
+        notes: sentences for the user about the source (a guessed unit, losses).
     """
 
     @property
@@ -70,13 +73,13 @@ class HeightSource(Protocol):
     def notes(self) -> tuple[str, ...]: ...  # noqa: D102
 
     def read(self, first: int, count: int) -> NDArray[np.float64]:
-        """So many rows from `first`, (count, columns) float64; NaN for none."""
+        """Read `count` rows from row `first`, (count, columns) float64; NaN for none."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class SampledHeights:
-    """Heights in memory; it is a `HeightSource`.
+    """Heights in memory; a `HeightSource`.
 
     Attributes:
         values: (rows, columns) float64 at the pixel centres, row 0 the southernmost, NaN for none.
@@ -87,17 +90,18 @@ class SampledHeights:
     notes: tuple[str, ...] = ()
 
     def read(self, first: int, count: int) -> NDArray[np.float64]:
-        """So many rows from `first`, (count, columns) float64; NaN for none."""
+        """Return `count` rows from row `first`, (count, columns) float64; NaN for none."""
         return self.values[first : first + count]
 
 
 class SampleRange(NamedTuple):
-    """What some heights are like.
+    """Range of some heights.
 
     Attributes:
-        low, high: lowest and highest height, infinities where there is none.
-        unknown: how many are NaN.
-        infinite: how many of these were infinite.
+        low: lowest height, inf where there is none.
+        high: highest height, -inf where there is none.
+        unknown: number of NaN.
+        infinite: number of heights among them that were infinite before.
     """
 
     low: float
@@ -107,7 +111,7 @@ class SampleRange(NamedTuple):
 
 
 def sample_range(heights: NDArray[np.float64]) -> SampleRange:
-    """The range of (rows, columns) float64 heights; those that are infinite become NaN."""
+    """Return the range of (rows, columns) float64 heights; infinite heights become NaN in place."""
     low = float(np.fmin.reduce(heights, axis=None, initial=np.inf)) + 0.0  # which is never -0
     high = float(np.fmax.reduce(heights, axis=None, initial=-np.inf)) + 0.0
     if low == -np.inf or high == np.inf:
@@ -119,12 +123,12 @@ def sample_range(heights: NDArray[np.float64]) -> SampleRange:
 
 @dataclass(frozen=True, slots=True)
 class Triangles:
-    """Any triangles: they need not be closed, nor wound one way, nor in one part.
+    """Triangles of a mesh, which may be open, wound either way, and in several parts.
 
     Attributes:
         vertices: (n, 3) float64, x east, y north, z up once the axis that points up is known.
         faces: (m, 3) int32, indices of vertices.
-        notes: sentences about what was left out, in numbers.
+        notes: sentences with figures about parts that were left out.
     """
 
     vertices: NDArray[np.float64]
@@ -135,10 +139,10 @@ class Triangles:
 def join_triangles(
     parts: Iterable[tuple[NDArray[np.float64], NDArray[Any]]], path: Path
 ) -> Triangles:
-    """Meshes, each its vertices (n, 3) and faces (m, 3), as one.
+    """Join meshes, each its vertices (n, 3) and faces (m, 3), into one.
 
     Raises:
-        ReadError: a face refers to a vertex that is not there.
+        ReadError: a face refers to a missing vertex.
     """
     vertices, faces, count = [np.empty((0, 3))], [np.empty((0, 3), np.int32)], 0
     for points, corners in parts:
@@ -150,20 +154,20 @@ def join_triangles(
 
 
 def refuse_missing_vertices(path: Path, faces: NDArray[Any], count: int) -> None:
-    """Refuse faces that refer to other vertices than `count` many.
+    """Refuse faces that refer to vertices below 0 or from `count` on.
 
     Raises:
-        ReadError: they do.
+        ReadError: a face refers to a missing vertex.
     """
     if len(faces) and (faces.min() < 0 or faces.max() >= count):
         raise ReadError(f"{path}: a face refers to a vertex that is not there.", "Export it again.")
 
 
 def refuse_many_faces(path: Path, count: int) -> None:
-    """Refuse a mesh whose parts come to more than `MAX_FACES`.
+    """Refuse a mesh of more than `MAX_FACES`.
 
     Raises:
-        ReadError: they do.
+        ReadError: the mesh has more faces.
     """
     if count > MAX_FACES:
         raise ReadError(
@@ -173,18 +177,18 @@ def refuse_many_faces(path: Path, count: int) -> None:
 
 @dataclass(frozen=True, slots=True)
 class SourceOptions:
-    """What to take from a source, and how.
+    """Options for reading a source.
 
     Attributes:
         bounds: west, south, east, north in the source's coordinates (those of `crs`, if given).
         window: column, row, width, height in pixels of a raster, from the north-west.
-        band: of a raster, from 1.
-        crs: reference system to reproject a raster to, bilinearly.
-        nodata: a number that stands for none, besides what a raster says.
-        resolution: side of a pixel, for a mesh.
-        up: the axis of a mesh that points up, "y" or "z"; as its format has it, if None.
+        band: band of a raster, from 1.
+        crs: reference system to which a raster is reprojected bilinearly.
+        nodata: number that stands for no height, besides the raster's own.
+        resolution: side of a pixel when a mesh is sampled.
+        up: axis of a mesh that points up, "y" or "z"; the usual one of its format if None.
         scale: factor on the coordinates of a mesh.
-        allow_remote: whether a raster may lie on the net, or lead out of its folder.
+        allow_remote: whether a raster may lie on the net, or link out of its folder.
     """
 
     bounds: Bounds | None = None

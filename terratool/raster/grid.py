@@ -151,17 +151,17 @@ def _finest_element(terrain: Terrain, part: Bounds) -> tuple[float, float]:
 
     Where there are too many elements, it is the smallest cell of all, and no curve is looked at.
     """
-    least, by_elements = terrain.smallest_cell, terrain.by_elements
-    if by_elements is None:
+    least, whole = terrain.smallest_cell, terrain.written_out_or_none
+    if whole is None:
         return least, math.inf
-    west, south, east, north = by_elements.footprints()
+    west, south, east, north = whole.footprints()
     there = (west < part[2]) & (east > part[0]) & (south < part[3]) & (north > part[1])
-    west, south, east, north = by_elements.cells()
+    west, south, east, north = whole.cells()
     wide, tall = east - west, north - south
     cell = min(float(wide[there].min()), float(tall[there].min()))
     # but for the rounding of the cells' edges
     cell = least if cell <= least * (1 + _WHOLE) else cell
-    return cell, float(finest_details(by_elements.arrays, wide, tall)[there].min())
+    return cell, float(finest_details(whole.arrays, wide, tall)[there].min())
 
 
 def resolution_within(width: float, depth: float, most: int) -> tuple[float, str]:

@@ -273,8 +273,8 @@ def _points(terrain: Terrain, columns: Floats, rows: Floats) -> tuple[Floats, Fl
     low_y, high_y = max(south, rows[0]), min(north, rows[-1])
     half = min(POINTS, 4 * len(columns) * len(rows)) // 2
     x, y = spread_points((low_x, low_y, high_x, high_y), half)
-    by_elements = terrain.by_elements
-    left, bottom, right, top = np.empty((4, 0)) if by_elements is None else by_elements.cells()
+    whole = terrain.written_out_or_none
+    left, bottom, right, top = np.empty((4, 0)) if whole is None else whole.cells()
     middle_x, middle_y = left + (right - left) / 2, bottom + (top - bottom) / 2
     inside = np.flatnonzero(
         (low_x <= middle_x) & (middle_x <= high_x) & (low_y <= middle_y) & (middle_y <= high_y)
@@ -336,10 +336,10 @@ class LossFinder:
     """
 
     def __init__(self, terrain: Terrain, grid: Grid, dtype: DTypeLike = np.float32) -> None:
-        by_elements = terrain.by_elements
-        self.for_walls = by_elements is not None
+        whole = terrain.written_out_or_none
+        self.for_walls = whole is not None
         """Whether walls are looked for, which takes labels."""
-        self._terrain = terrain = by_elements or terrain
+        self._terrain = terrain = whole or terrain
         self._grid = grid
         self._dtype = np.dtype(dtype)
         self._finders = WallFinders(terrain)

@@ -27,10 +27,10 @@ class Document(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def plain(value: Any) -> Any:
-    """What msgspec cannot encode by itself, as what it can: paths as texts, NumPy's numbers.
+    """Convert a value that msgspec cannot encode: a path to text, a NumPy number to Python's.
 
     Raises:
-        TypeError: it is something else.
+        TypeError: the value is of another type.
     """
     if isinstance(value, Path):
         return str(value)

@@ -9,22 +9,22 @@ from collections.abc import Callable
 from terratool.text.display import printable
 
 _FORMULAS = ("=", "+", "-", "@", "'")
-"""What names begin with that get an apostrophe in CSV; one of their own included, so that it is
-known where to take it off."""
+"""First characters of names that get an apostrophe in CSV; the apostrophe itself is one of them, so
+that readers know where to remove it."""
 _CONTROL = "[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]"
 """Expression of characters that no XML has; it is long to compile, so not on import."""
 _command = re.compile(r"^((?:\x1b\[[0-9;]*m|\s)*):(?=:)", re.MULTILINE)
 
 
-def unheard(text: str, escaped: Callable[[str], str]) -> str:
-    """A text in which GitHub's log hears no command of a workflow.
+def without_workflow_commands(text: str, escaped: Callable[[str], str]) -> str:
+    """Return a text without workflow commands that GitHub's log would run.
 
-    A command begins with two colons at the beginning of a line, or anywhere with two hashes and a
+    Such a command begins with two colons at the beginning of a line, or anywhere with two hashes and a
     bracket.
 
     Args:
-        text: one line or several, perhaps with styles of a terminal.
-        escaped: gives the escape that stands for the first colon or hash.
+        text: one line or several, perhaps with escape sequences of a terminal.
+        escaped: returns the escape that replaces the first colon or hash.
     """
     if "::" in text:
         text = _command.sub(lambda found: f"{found[1]}{escaped(':')}", text)
@@ -32,37 +32,37 @@ def unheard(text: str, escaped: Callable[[str], str]) -> str:
 
 
 def inert_json(text: str) -> str:
-    """A text of JSON that means the same, with what cannot be printed as escapes of JSON.
+    """Return a JSON text of the same value, unprintable characters as escapes of JSON.
 
-    So are hashes that GitHub's log would take for a command. Line feeds stay: they stand between
-    values, never within one.
+    Hashes that GitHub's log would take for a command are escaped, too. Line feeds stay: they stand
+    between values, never within one.
     """
     return "\n".join(
         line
         if line.isprintable()
         else "".join(c if c.isprintable() else json.dumps(c)[1:-1] for c in line)
-        for line in unheard(text, lambda sign: f"\\u{ord(sign):04x}").split("\n")
+        for line in without_workflow_commands(text, lambda sign: f"\\u{ord(sign):04x}").split("\n")
     )
 
 
 def xml_text(text: str) -> str:
-    """A text without the control characters that JSON may hold and XML may not."""
+    """Return a text without the control characters that JSON allows and XML does not."""
     return re.sub(_CONTROL, "\ufffd", text)
 
 
 def inert_xml(text: str) -> str:
-    """A text of XML that means the same, with what cannot be printed as references.
+    """Return an XML text of the same meaning, unprintable characters as references.
 
-    So is what GitHub's log would take for the beginning of a command.
+    Colons and hashes with which GitHub's log would begin a command become references, too.
     """
-    text = unheard(text, lambda sign: f"&#{ord(sign)};")
+    text = without_workflow_commands(text, lambda sign: f"&#{ord(sign)};")
     return "".join(c if c.isprintable() or c == "\n" else f"&#{ord(c)};" for c in text)
 
 
 def inert_cell(name: str) -> str:
-    """A name that is no formula of a spreadsheet, and no more than text on a terminal.
+    """Return a name as a cell of CSV that is neither a formula nor a terminal's escape sequence.
 
-    A backslash is doubled, so that what is escaped can be told from what is written.
+    A backslash is doubled, so that readers can tell escapes from backslashes of the name.
     """
     text = printable(name.replace("\\", "\\\\"))
     return f"'{text}" if text.startswith(_FORMULAS) else text

@@ -8,12 +8,12 @@ from terratool.text.display import printable
 
 
 def annotation(level: str, where: Mapping[str, object], text: str) -> str:
-    """A line that GitHub shows as an annotation.
+    """Return a line that GitHub shows as an annotation.
 
     Args:
         level: error, warning or notice.
         where: properties such as file, line, col and title.
-        text: of one line or several.
+        text: message of one line or several.
     """
     place = ",".join(f"{key}={_property(str(value))}" for key, value in where.items())
     return f"::{level} {place}::{_data(text)}"

@@ -30,7 +30,7 @@ from terratool.report.numbers import metres
 from terratool.report.wording import counted
 from terratool.simulators.cells import cell_grid
 from terratool.simulators.options import SceneOptions
-from terratool.traversability.judge import Judge
+from terratool.traversability.judge import CellVerdict, Judge
 
 
 class Material(NamedTuple):

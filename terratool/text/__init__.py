@@ -1,1 +1,1 @@
-"""Texts: their bytes, values and places, what is wrong with them, and changes to them."""
+"""JSON texts: reading, values, positions, syntax errors, edits and layout."""

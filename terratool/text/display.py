@@ -1,4 +1,4 @@
-"""How texts, values and pointers are shown to people."""
+"""Texts, values and pointers in the form that people, terminals, logs and spreadsheets get."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from msgspec import Struct
 
 _digits = re.compile("[0-9]+").findall
 _NEAR = 0.8
-"""Names that are alike by this share, as difflib counts, are near."""
+"""Least similarity, 0 to 1 as difflib counts, at which one name is taken for another."""
 
 
 class Excerpt(Struct, frozen=True):
-    """A piece of the line that a finding is in.
+    """Part of the line that a finding is in.
 
     Attributes:
-        text: printable characters; "…" where the line goes on.
-        caret: index in `text` of the character at fault, or just behind its end.
+        text: printable characters; "…" where the line continues.
+        caret: index in `text` of the character at fault, or of the end.
     """
 
     text: str
@@ -26,50 +26,50 @@ class Excerpt(Struct, frozen=True):
 
 
 def escape(key: str) -> str:
-    """One reference token of a JSON pointer."""
+    """Return a key as one reference token of a JSON pointer (RFC 6901)."""
     return key.replace("~", "~0").replace("/", "~1")
 
 
 def unescape(token: str) -> str:
-    """The key behind a reference token."""
+    """Return the key that a reference token of a JSON pointer stands for."""
     return token.replace("~1", "/").replace("~0", "~")
 
 
 def printable(text: str) -> str:
-    """A text on one line, with what cannot be printed as escapes."""
+    """Return a text on one line, characters that cannot be printed as escapes of Python."""
     if text.isprintable():
         return text
     return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
 
 
-def _swapped(name: str, other: str) -> bool:
-    """Whether two neighbouring letters have changed places."""
+def _is_swap_of(name: str, other: str) -> bool:
+    """Tell whether two names differ by one swap of neighbouring letters."""
     return any(
         name == other[:k] + other[k + 1] + other[k] + other[k + 2 :] for k in range(len(other) - 1)
     )
 
 
 def only_answer(name: str, close: Sequence[str]) -> str:
-    """The one name that another one must have meant, as JSON; empty where there are two or none.
+    """Return the one name that a misspelled one must have meant, as JSON; empty where unclear.
 
     Args:
-        name: as it is written.
-        close: the two names that are nearest, or those that differ in their case alone.
+        name: name as it is written.
+        close: the two nearest names, or all that differ from it by case alone.
     """
     from difflib import get_close_matches
 
     near = [other for other in close if other.lower() == name.lower()]
     if not near:
         alike = get_close_matches(name, close, 2, _NEAR)
-        near = alike + [other for other in close if other not in alike and _swapped(name, other)]
-    # rock10 is not meant by rock1
+        near = alike + [other for other in close if other not in alike and _is_swap_of(name, other)]
+    # rock1 does not mean rock10
     if any(_digits(other) != _digits(name) for other in near):
         return ""
     return json.dumps(near[0], ensure_ascii=False) if len(near) == 1 else ""
 
 
 def shown(value: object) -> str:
-    """A name, text or number as a message shows it: on one line, printable, and not too long."""
+    """Return a name, text or number for a message: one line, printable, at most 60 characters."""
     if isinstance(value, str):
         return f'"{printable(value[:60])}{"…" if len(value) > 60 else ""}"'
     if isinstance(value, int):

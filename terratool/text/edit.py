@@ -1,7 +1,7 @@
-"""Adding to the text of a definition: what was there stays as it is, byte for byte.
+"""Edits of the text of a definition that leave all other bytes as they are.
 
-What is added looks like its neighbours: it stands on lines of its own if they do, is indented by
-what they are indented by, and ends lines as they do. Otherwise it has the canonical layout.
+An added member follows its neighbours: it stands on a line of its own if they do, with their
+indentation and line ends. Otherwise it gets the canonical layout.
 """
 
 from __future__ import annotations
@@ -25,14 +25,15 @@ _alone = re.compile(rb"(?:^|[\r\n])[ \t]*(?:%s)?\Z" % _key).search
 
 
 class Container(NamedTuple):
-    """An object or a list.
+    """An object or a list in a JSON text.
 
     Attributes:
-        open: offset of its opening bracket.
-        first_gap, last_gap: the white space before its first and its last member.
-        last: its last member, None if it is empty.
-        size: how many there are.
-        member: the member of that key, None if there is none.
+        open: offset in bytes of the opening bracket.
+        first_gap: white space before the first member.
+        last_gap: white space before the last member.
+        last: last member; None if the container is empty.
+        size: number of members.
+        member: member of the key that is looked for; None if there is none.
     """
 
     open: int
@@ -44,14 +45,16 @@ class Container(NamedTuple):
 
 
 class Style(NamedTuple):
-    """How a text is laid out at some place.
+    """Layout of the members of one container.
 
     Attributes:
-        broken: members stand on lines of their own, …
-        indent: … behind this white space.
-        unit: what a level is indented by.
+        broken: whether each member stands on a line of its own.
+        indent: white space before a member on its own line.
+        unit: white space of one level of indentation.
         line_end: LF, CRLF or CR.
-        colon, comma, pad: what stands between key and value, between members, inside of braces.
+        colon: characters between a key and its value.
+        comma: characters between two members.
+        pad: white space inside of braces.
     """
 
     broken: bool
@@ -64,19 +67,19 @@ class Style(NamedTuple):
 
 
 class Edit(NamedTuple):
-    """Bytes that take the place of others: text[:begin] + new + text[end:]."""
+    """Replacement of a range of bytes: text[:begin] + new + text[end:]."""
 
     begin: int
     end: int
     new: bytes
 
-    def applied(self, data: bytes) -> bytes:
-        """The text with the change."""
+    def apply(self, data: bytes) -> bytes:
+        """Return a text with this edit made."""
         return data[: self.begin] + self.new + data[self.end :]
 
 
 def apply_edits(data: bytes, edits: Iterable[Edit]) -> bytes:
-    """A text with edits that do not overlap, in one pass."""
+    """Return a text with edits made that do not overlap, in one pass."""
     parts, at = [], 0
     for edit in sorted(edits):
         parts += [data[at : edit.begin], edit.new]
@@ -85,21 +88,21 @@ def apply_edits(data: bytes, edits: Iterable[Edit]) -> bytes:
 
 
 def set_member(data: bytes, pointer: str, key: str, value: Any, layout: Layout) -> Edit:
-    """What sets a member of an object: the value of that key changes, or it is added at the end.
+    """Return the edit that sets a member of an object, in place or as its new last member.
 
     Args:
         data: a valid definition in UTF-8, without a byte order mark.
-        pointer: JSON pointer (RFC 6901) of the object, which is there: `elemTypes`, an element, or
-            "" for the definition.
-        key: of the member.
-        value: plain values: a primitive, the children of an element, or tracks.
-        layout: of the definition.
+        pointer: JSON pointer (RFC 6901) of the object, which exists: `elemTypes`, an element, or ""
+            for the definition.
+        key: key of the member.
+        value: plain value: a primitive, the children of an element, or tracks.
+        layout: canonical layout of the definition.
     """
     inside = _container(data, offsets(data, [Address(pointer)])[0], key)
     style = _style(data, inside)
     if inside.member is None:
         spelled = json.dumps(key, ensure_ascii=False)
-        return _added(inside, style, _text(style, pointer, spelled, value, layout))
+        return _insertion(inside, style, _text(style, pointer, spelled, value, layout))
     member = inside.member
     spelled = data[member.begin : member.key_end].decode()
     colon = ": " if style.broken else style.colon
@@ -110,31 +113,31 @@ def set_member(data: bytes, pointer: str, key: str, value: Any, layout: Layout) 
 def append_child(
     data: bytes, pointer: str, element: dict[str, Any], has_children: bool, layout: Layout
 ) -> Edit:
-    """What adds an element at the end of the children of another one.
+    """Return the edit that adds an element as the last child of another one.
 
     Args:
         data: a valid definition in UTF-8, without a byte order mark.
         pointer: JSON pointer of the parent.
-        element: plain values.
+        element: the new element in plain values.
         has_children: whether the parent has the key `children`.
-        layout: of the definition.
+        layout: canonical layout of the definition.
     """
     if not has_children:
         return set_member(data, pointer, "children", [element], layout)
     where = pointer + "/children"
     inside = _container(data, offsets(data, [Address(where)])[0], None)
     style = _style(data, inside)
-    return _added(inside, style, _text(style, where, "", element, layout))
+    return _insertion(inside, style, _text(style, where, "", element, layout))
 
 
-def _added(inside: Container, style: Style, text: str) -> Edit:
-    """What puts a text behind the last member."""
+def _insertion(inside: Container, style: Style, text: str) -> Edit:
+    """Return the edit that inserts a text behind the last member of a container."""
     if inside.last is not None:
         before = style.line_end + style.indent if style.broken else style.comma[1:]
         return Edit(inside.last.end, inside.last.end, f",{before}{text}".encode())
     at = inside.open + 1
     if style.broken:
-        # white space that is there already goes on to stand before the closing bracket
+        # existing white space stays before the closing bracket
         behind = style.line_end + style.indent.removesuffix(style.unit)
         if _line_end(inside.first_gap):
             behind = ""
@@ -143,14 +146,14 @@ def _added(inside: Container, style: Style, text: str) -> Edit:
 
 
 def _style(data: bytes, inside: Container) -> Style:
-    """How the members of an object or a list are laid out; if it has none, its surroundings."""
+    """Return the layout of the members of a container, or of its surroundings if it is empty."""
     found = _line_end(data)
     line_end = found.group().decode() if found else "\n"
     outer = _indent_of(data, inside.open)
     spaced = _colon(data, inside)
     colon, comma = (spaced, ", " if spaced[1:] else ",")
     if inside.last is None:
-        # on a line of its own where the key of the container begins one, or is in one that does
+        # members get lines of their own if the container's key begins a line
         alone = found is not None and _alone(data[: inside.open]) is not None
         broken = alone or bool(_line_end(inside.first_gap))
         unit = _unit(data)
@@ -167,44 +170,44 @@ def _style(data: bytes, inside: Container) -> Style:
 
 
 def _indent_of(data: bytes, at: int) -> str:
-    """The white space at the beginning of a line."""
+    """Return the white space at the beginning of the line that holds an offset."""
     begin = 1 + max(data.rfind(b"\n", 0, at), data.rfind(b"\r", 0, at))
     return _blank(data, begin).group().decode()  # type: ignore[union-attr]
 
 
 def _unit(data: bytes) -> str:
-    """What the first line that is indented is indented by; two spaces, if none is."""
+    """Return the indentation of the first indented line; two spaces if there is none."""
     found = _indented(data)
     return found[1].decode() if found else "  "
 
 
 def _colon(data: bytes, inside: Container) -> str:
-    """What stands between a key and its value, in the container or else in the first member."""
+    """Return the characters between a key and its value in a container, or else in the text."""
     at = 0 if inside.last is None or inside.last.key_end == inside.last.begin else inside.last.begin
     found = _colons(data, at)
     return found[1].decode() if found else ": "
 
 
 def _text(style: Style, where: str, key: str, value: Any, layout: Layout) -> str:
-    """A member, or an item if the key is empty, from its first character to its last."""
+    """Return the text of a member, or of an item if the key is empty, without commas around it."""
     if not style.broken:
         return (key + style.colon if key else "") + _inline(value, style)
-    # in the canonical layout, at the depth that it will have there
+    # the canonical layout at the depth of the place
     depth = where.count("/") + 1
     for token in where.split("/")[1:]:
         layout = layout.of(unescape(token))
     lines = member_lines(key, json.dumps(value, ensure_ascii=False), layout, depth)
     joint = style.line_end + style.indent
-    return joint.join(_indented_by(line[2 * depth :], style.unit) for line in lines)
+    return joint.join(_reindent(line[2 * depth :], style.unit) for line in lines)
 
 
-def _indented_by(line: str, unit: str) -> str:
+def _reindent(line: str, unit: str) -> str:
     bare = line.lstrip(" ")
     return unit * ((len(line) - len(bare)) // 2) + bare
 
 
 def _inline(value: Any, style: Style) -> str:
-    """Plain values on one line."""
+    """Return a plain value as JSON on one line."""
     if isinstance(value, dict):
         members = (
             json.dumps(key, ensure_ascii=False) + style.colon + _inline(item, style)
@@ -217,7 +220,7 @@ def _inline(value: Any, style: Style) -> str:
 
 
 def _container(data: bytes, start: int, key: str | None) -> Container:
-    """The object or list that begins there, and what stands in it."""
+    """Return the object or list that begins at an offset, with its member of a key."""
     inside = list(members(data, start, lambda _, __, value: value_end(data, value, len(data))))
     if not inside:
         gap = data[start + 1 : first_value(data, start + 1)]

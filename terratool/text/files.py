@@ -1,4 +1,4 @@
-"""Files of others, opened for reading in a way that none of them holds a command up."""
+"""Opening files of others for reading, so that none of them blocks a command."""
 
 from __future__ import annotations
 
@@ -14,22 +14,22 @@ _KINDS = {stat.S_IFIFO: "a pipe", stat.S_IFSOCK: "a socket"}
 
 
 def open_file(path: str | Path, *, named: bool = False) -> BufferedReader:
-    """Open a file for reading, and nothing that is none.
+    """Open a regular file for reading; refuse pipes, sockets and devices unless a user named them.
 
-    A pipe never begins where nobody writes into it, and some devices never end. What a command
-    meets in a folder, in a list of another file or behind a watch is therefore a regular file,
-    before and after it is opened, or is refused.
+    A pipe without a writer blocks for ever, and some devices never end. A file that a command finds
+    in a folder, in a list of another file or behind a watch is therefore checked to be regular,
+    before and after it is opened.
 
     Args:
-        path: the file, links followed.
-        named: whether a user named it, on the command line or from Python: then a pipe is waited
-            for, as ``<(…)`` of a shell is one, and a terminal and the null device are read.
+        path: the file; links are followed.
+        named: whether a user named the file, on the command line or from Python. Then a pipe is
+            waited for, as ``<(…)`` of a shell is one, and a terminal and the null device are read.
 
     Raises:
-        OSError: it cannot be opened, or is a pipe, a socket or a device.
-        ValueError: it is no name of a file.
+        OSError: the file cannot be opened, or is a pipe, a socket or a device.
+        ValueError: the path is no file name.
     """
-    _refuse(Path(path).stat(), named)  # as opening alone makes some devices act
+    _refuse(Path(path).stat(), named)  # before opening, which makes some devices act
     flags = 0 if named else _AT_ONCE
     file = open(path, "rb", opener=lambda name, mode: os.open(name, mode | flags))  # noqa: SIM115
     try:
@@ -44,14 +44,14 @@ def open_file(path: str | Path, *, named: bool = False) -> BufferedReader:
 
 
 def read_up_to(file: BufferedReader, most: int) -> bytes:
-    """The bytes of an open file, of which no more memory is asked for than they take.
+    """Read at most so many bytes of an open file, without allocating more than they take.
 
     Args:
-        file: which is read to its end, or to so many bytes.
-        most: how many.
+        file: open file, read to its end or to the limit.
+        most: limit in bytes.
 
     Raises:
-        OSError: it cannot be read, or has nothing to say yet, as some files of the kernel.
+        OSError: the file cannot be read, or has no data yet, as some files of the kernel.
     """
     parts: list[bytes] = []
     left, step = most, os.fstat(file.fileno()).st_size + 1
@@ -67,17 +67,17 @@ def read_up_to(file: BufferedReader, most: int) -> bytes:
 
 
 def is_regular(path: str | Path) -> bool:
-    """Whether a path leads to a regular file; it is not opened."""
+    """Tell whether a path leads to a regular file, without opening it."""
     return stat.S_ISREG(_mode(path))
 
 
 def is_pipe(path: str | Path) -> bool:
-    """Whether a path leads to a pipe; it is not opened."""
+    """Tell whether a path leads to a pipe, without opening it."""
     return stat.S_ISFIFO(_mode(path))
 
 
 def _mode(path: str | Path) -> int:
-    """What a path leads to, as `stat` has it; 0 where that is nothing."""
+    """Return the mode of the file that a path leads to, as `stat` gives it; 0 if there is none."""
     try:
         return Path(path).stat().st_mode
     except (OSError, ValueError):
@@ -85,7 +85,7 @@ def _mode(path: str | Path) -> int:
 
 
 def _refuse(found: os.stat_result, named: bool) -> None:
-    """Refuse what is no regular file, but for what may be meant if a user named it."""
+    """Refuse a file that is not regular, unless it is a pipe or terminal that a user named."""
     kind = stat.S_IFMT(found.st_mode)
     if kind == stat.S_IFREG or (named and kind in (stat.S_IFIFO, stat.S_IFCHR)):
         return

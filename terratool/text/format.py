@@ -1,4 +1,4 @@
-"""The canonical layout: values as they are spelled, keys in a given order."""
+"""The canonical layout of JSON texts: values as they are spelled, keys in a given order."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ from msgspec import Struct, field
 from terratool.text.scan import tokens
 
 WIDTH = 120
-"""Characters of a line, where its values can be broken."""
+"""Most characters of a line whose values can be broken."""
 _INDENT = "  "
 
 
 class Layout(Struct):
-    """How an object or a list is laid out.
+    """Canonical layout of an object or a list.
 
     Attributes:
-        order: the place of each key; no keys are sorted where it is empty.
-        others: the place of keys that are not in it.
-        members: the layout of the values of some keys.
-        items: that of all other values.
-        broken: it is never written on one line, unless it is empty.
-        rows: short members share a line.
+        order: sort position of each key; keys are not sorted where it is empty.
+        others: sort position of keys that `order` lacks.
+        members: layouts of the values of some keys.
+        items: layout of the values of all other keys, or of the items.
+        broken: whether it never goes on one line, unless it is empty.
+        rows: whether short members share a line.
     """
 
     order: Mapping[str, int] = field(default_factory=dict)
@@ -34,52 +34,52 @@ class Layout(Struct):
     rows: bool = False
 
     def of(self, key: str) -> Layout:
-        """The layout of a member or an item."""
+        """Return the layout of a member's value or an item."""
         return self.members.get(key) or self.items or FREE
 
 
 FREE = Layout()
-"""Of what is not in the format: as it stands."""
+"""Layout of values that the format does not define: keys in the order of the text."""
 
 
-class _Node(Struct):
-    """A value.
+class _JsonNode(Struct):
+    """A value of a JSON text with its width.
 
     Attributes:
-        open: its bracket, or all of a scalar.
-        layout: how it is laid out; None for a scalar.
-        members: key as it is spelled, "" in a list, and value.
-        width: characters if written on one line.
-        broken: it is never written on one line.
+        open: opening bracket, or the whole spelling of a scalar.
+        layout: layout of the container; None for a scalar.
+        members: spelled key, "" in a list, and value of each member.
+        width: number of characters when written on one line.
+        broken: whether it never goes on one line.
     """
 
     open: str
     layout: Layout | None = None
-    members: list[tuple[str, _Node]] = field(default_factory=list)
+    members: list[tuple[str, _JsonNode]] = field(default_factory=list)
     width: int = 0
     broken: bool = False
 
 
-_Line = str | tuple[_Node, str, str, str]
-"""A line, or a value with its indentation and what stands before and behind it."""
+_Line = str | tuple[_JsonNode, str, str, str]
+"""A finished line, or a value with its indentation and the texts before and behind it."""
 
 
 def canonical(text: str, layout: Layout) -> str:
-    """A JSON text without errors of syntax in its canonical layout, ending with a line end."""
+    """Return a JSON text without syntax errors in its canonical layout, ending with a line feed."""
     return "\n".join([*_lines([(_read(text, layout), "", "", "")]), ""])
 
 
 def member_lines(key: str, text: str, layout: Layout, depth: int) -> list[str]:
-    """The lines of one member of an object, or of one item of a list.
+    """Return the lines of one member of an object, or of one item of a list.
 
     Args:
-        key: as it is spelled; "" for an item.
+        key: key as it is spelled; "" for an item.
         text: JSON text of the value.
-        layout: of the object or list.
-        depth: how many levels the member is indented by.
+        layout: layout of the object or list.
+        depth: levels of indentation of the member.
     """
     value = _read(text, layout.of(_plain(key)))
-    parent = _Node("{" if key else "[", layout, [(key, value)])
+    parent = _JsonNode("{" if key else "[", layout, [(key, value)])
     return _lines(list(_rows(parent, _INDENT * depth)))
 
 
@@ -102,15 +102,15 @@ def _lines(items: list[_Line]) -> list[str]:
     return lines
 
 
-def _read(text: str, layout: Layout) -> _Node:
-    top = _Node("[", Layout(items=layout))
+def _read(text: str, layout: Layout) -> _JsonNode:
+    top = _JsonNode("[", Layout(items=layout))
     stack = [top]
     key = ""
     for token in tokens(text):
         node = stack[-1]
         if token in "{[":
             assert node.layout is not None
-            stack.append(_Node(token, node.layout.of(_plain(key))))
+            stack.append(_JsonNode(token, node.layout.of(_plain(key))))
             node.members.append((key, stack[-1]))
             key = ""
         elif token in "}]":
@@ -118,12 +118,12 @@ def _read(text: str, layout: Layout) -> _Node:
         elif node.open == "{" and not key:
             key = token
         else:
-            node.members.append((key, _Node(token, width=len(token))))
+            node.members.append((key, _JsonNode(token, width=len(token))))
             key = ""
     return top.members[0][1]
 
 
-def _finish(node: _Node) -> None:
+def _finish(node: _JsonNode) -> None:
     layout = node.layout
     assert layout is not None
     if layout.order and node.open == "{":
@@ -137,17 +137,17 @@ def _finish(node: _Node) -> None:
 
 
 def _plain(key: str) -> str:
-    """The key behind its spelling."""
+    """Return the key that a spelling in quotes stands for; "" for an item."""
     return msgspec.json.decode(key, type=str) if key else ""
 
 
-def _close(node: _Node) -> str:
+def _close(node: _JsonNode) -> str:
     return "}" if node.open == "{" else "]"
 
 
-def _on_one_line(node: _Node) -> str:
+def _on_one_line(node: _JsonNode) -> str:
     parts: list[str] = []
-    pending: list[str | _Node] = [node]  # last first
+    pending: list[str | _JsonNode] = [node]  # last first
     while pending:
         item = pending.pop()
         if isinstance(item, str):
@@ -158,20 +158,20 @@ def _on_one_line(node: _Node) -> str:
             parts.append(item.open + _close(item))
         else:
             space = " " if item.open == "{" else ""
-            inner: list[str | _Node] = [item.open + space]
+            inner: list[str | _JsonNode] = [item.open + space]
             for place, (key, value) in enumerate(item.members):
                 inner += [(", " if place else "") + (f"{key}: " if key else ""), value]
             pending.extend(reversed([*inner, space + _close(item)]))
     return "".join(parts)
 
 
-def _rows(node: _Node, indent: str) -> Iterator[_Line]:
-    """The members of a broken object or list: short ones share a line."""
+def _rows(node: _JsonNode, indent: str) -> Iterator[_Line]:
+    """Yield the lines of the members of a broken container; short members share a line."""
     row = ""
     for place, (key, value) in enumerate(node.members):
         comma = "," if place + 1 < len(node.members) else ""
         before = f"{key}: " if key else ""
-        if not _shares(node, key, value):
+        if not _may_share_line(node, key, value):
             if row:
                 yield indent + row
                 row = ""
@@ -186,8 +186,8 @@ def _rows(node: _Node, indent: str) -> Iterator[_Line]:
         yield indent + row
 
 
-def _shares(node: _Node, key: str, value: _Node) -> bool:
-    """Whether a member may share a line with its neighbours."""
+def _may_share_line(node: _JsonNode, key: str, value: _JsonNode) -> bool:
+    """Tell whether a member may share a line with its neighbours."""
     if value.broken or value.width > WIDTH // 2:
         return False
     if node.open == "[":

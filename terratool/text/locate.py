@@ -1,4 +1,4 @@
-"""Where the values of a text stand: looked up for those few that there is something to say about.
+"""Lines and columns of values in a JSON text, looked up for the few values that a message names.
 
 Values that no pointer leads into are skipped at the speed of C.
 """
@@ -17,15 +17,15 @@ from terratool.text.numbers import parse_whole
 from terratool.text.scan import first_value, members, value_end
 
 _ABOUT = 60
-"""Characters shown before and behind the one at fault."""
+"""Most characters shown before and behind the one at fault."""
 
 _SHORT = 500
-"""Bytes up to which brackets are counted; longer values are skipped by decoding."""
+"""Most bytes of a value whose brackets are counted; longer ones are skipped by decoding."""
 _LINE_ENDS = (b"\n", b"\r", b"\r\n")
 
 
 class Address(NamedTuple):
-    """A value, or its key, to be found: see `findings.Remark`."""
+    """Address of a value or key in a JSON text; `findings.Remark` explains the attributes."""
 
     pointer: str
     on_key: bool = False
@@ -33,7 +33,7 @@ class Address(NamedTuple):
 
 
 class Position(NamedTuple):
-    """Line and column, both from 1, and the text around."""
+    """Line and column, both from 1, with the text around."""
 
     line: int
     column: int
@@ -41,18 +41,18 @@ class Position(NamedTuple):
 
 
 def locate(data: bytes, addresses: Sequence[Address], repeated: bool = False) -> list[Position]:
-    """Where values stand in a JSON text in UTF-8; that of what is absent is its parent's.
+    """Return the positions of values in a JSON text; an absent value has that of its parent.
 
     Args:
-        data: the text.
-        addresses: what is looked for.
-        repeated: keys may stand twice in an object; the last one counts.
+        data: JSON text in UTF-8.
+        addresses: addresses of the values.
+        repeated: whether a key may stand twice in an object; then its last value counts.
     """
     return positions_of(data, offsets(data, addresses, repeated))
 
 
 def offsets(data: bytes, addresses: Sequence[Address], repeated: bool = False) -> list[int]:
-    """The same as offsets in bytes."""
+    """Return the offsets in bytes of values in a JSON text, with the arguments of `locate`."""
     try:
         root = _Value(data, first_value(data), len(data))
         return [_offset(root, address, repeated) for address in addresses]
@@ -64,19 +64,19 @@ def offsets(data: bytes, addresses: Sequence[Address], repeated: bool = False) -
 
 
 def value_at(data: bytes, pointer: str) -> bytes | None:
-    """The text of the value that a JSON pointer names; None where there is none.
+    """Return the text of the value that a JSON pointer names; None where there is none.
 
     Args:
         data: a JSON text in UTF-8, in which no key stands twice in an object.
-        pointer: of the value, not empty.
+        pointer: JSON pointer of the value, not empty.
     """
-    # what is absent is where its parent is, and no value begins where its parent does
+    # an absent value has its parent's offset, and no value begins where its parent does
     above, at = offsets(data, [Address(pointer.rpartition("/")[0]), Address(pointer)])
     return None if at == above else data[at : value_end(data, at, len(data))]
 
 
 def positions_of(data: bytes, at: Sequence[int]) -> list[Position]:
-    """Line, column and surroundings of offsets in bytes; CRLF, LF and CR end a line."""
+    """Return the positions of offsets in bytes; CRLF, LF and CR end a line."""
     found = {}
     line, column, before = 1, 1, 0
     for offset in sorted(set(at)):
@@ -95,7 +95,7 @@ def _characters(data: bytes) -> int:
 
 
 def _excerpt(data: bytes, offset: int) -> Excerpt:
-    size = 4 * _ABOUT + 4  # bytes that surely hold as many characters, and one more
+    size = 4 * _ABOUT + 4  # bytes of at least _ABOUT + 1 characters
     before = re.split(rb"[\r\n]", data[max(0, offset - size) : offset])[-1].decode(
         "utf-8", "ignore"
     )
@@ -113,7 +113,7 @@ def _printable(text: str) -> str:
 
 
 class _Value:
-    """A value at its place; what is in it is looked up as far as it is asked for."""
+    """A value of a JSON text whose members are looked up on demand."""
 
     __slots__ = ("_begins", "_data", "_found", "_inner", "_raws", "_rest", "end", "start")
 
@@ -131,9 +131,11 @@ class _Value:
         self._rest: Iterator[tuple[str, int, _Value]] | None = None
 
     def find(self, token: str, occurrence: int) -> tuple[int, _Value] | None:
-        """Where the member of this key, or the item of this index, begins, and its value.
+        """Return the offset and the value of a member by its key, or of an item by its index.
 
-        The occurrence counts from 1; 0 is the last one.
+        Args:
+            token: reference token of a JSON pointer.
+            occurrence: which of the members with this key, from 1; 0 is the last one.
         """
         first = self._data[self.start : self.start + 1]
         if first == b"[":
@@ -171,13 +173,13 @@ class _Value:
             yield key, begin, _Value(self._data, value, end)
 
     def _end_of(self, begin: int, key_end: int, value: int) -> int:
-        """Where the value of a member ends."""
+        """Return the offset in bytes at which the value of a member ends."""
         end = value_end(self._data, value, value + _SHORT)
         if end < 0:
             raw = self._values(dict[str, Raw])[msgspec.json.decode(self._data[begin:key_end])]
             if self._data.startswith(bytes(raw), value):
                 return value + _length(raw)
-            # of a repeated key only the last value is known
+            # msgspec keeps only the last value of a repeated key
             end = value_end(self._data, value, len(self._data))
         return end
 

@@ -1,4 +1,4 @@
-"""Packed bytes, gzip and zip, unpacked no further than may be meant."""
+"""Unpacking of gzip and zip up to a limit, so that a small file cannot fill the memory."""
 
 from __future__ import annotations
 
@@ -11,24 +11,28 @@ if TYPE_CHECKING:
     import zipfile
 
 GZIP = b"\x1f\x8b"
-"""What gzip begins with."""
-PLENTY, TIMES = 1 << 22, 100
-"""What is packed may come to so many bytes, or to so many times its own, whichever is more."""
+"""First two bytes of a gzip."""
+PLENTY = 1 << 22
+"""Unpacked bytes that are allowed whatever the packed size."""
+TIMES = 100
+"""Unpacked bytes allowed per packed byte, where that is more than `PLENTY`."""
 MOST_MEMBERS = 1 << 16
-"""Most members of a gzip; BGZF has 64 KiB in each, so that 2 GiB of text are half as many."""
+"""Most members of a gzip; BGZF packs 64 KiB into each, so that 2 GiB of text have half as many."""
 
-_FIRST, _LARGEST = 1 << 6, 1 << 20
+_FIRST_STEP = 1 << 6
+"""Packed bytes of a member that are unpacked first; the step doubles up to `_LARGEST_STEP`."""
+_LARGEST_STEP = 1 << 20
 _ENCRYPTED = 0x1
 _GUNZIP = "Unpack it with gunzip first, if it is meant to be so large."
 _padding = re.compile(rb"\0*").match
 
 
 class PackingError(Exception):
-    """Packed bytes are broken, or come to more than may be meant.
+    """Broken packed bytes, or bytes that unpack to more than is allowed.
 
     Args:
-        message: what is wrong with a file, to stand behind its name.
-        hint: what to do.
+        message: sentence on the fault, to stand behind a file's name.
+        hint: sentence on the remedy.
     """
 
     def __init__(self, message: str, hint: str) -> None:
@@ -37,16 +41,18 @@ class PackingError(Exception):
 
 
 def most_unpacked(size: int) -> int:
-    """Bytes that a packed file of so many may come to."""
+    """Return the most unpacked bytes that a packed file of a size in bytes may have."""
     return max(PLENTY, TIMES * size)
 
 
 def pack(data: bytes, compress: Callable[[bytes], bytes]) -> bytes:
-    """A gzip that `gunzip` takes, alone or behind others: some is stored where it is too small.
+    """Pack bytes into a gzip that `gunzip` accepts.
+
+    Of bytes that pack too well for the limit, a part is stored without compression.
 
     Args:
-        data: what is packed.
-        compress: makes a gzip of some bytes.
+        data: bytes to pack.
+        compress: returns a gzip of bytes.
     """
     packed = compress(data)
     if len(data) <= TIMES * len(packed):
@@ -58,14 +64,15 @@ def pack(data: bytes, compress: Callable[[bytes], bytes]) -> bytes:
 
 
 def gunzip(data: bytes, most: int) -> bytes:
-    """The bytes that a gzip packs, in time proportional to both.
+    """Unpack a gzip, in time proportional to its packed and unpacked size.
 
     Args:
-        data: one member or several, zeros behind each allowed.
-        most: what they may come to; of more one byte too many is given.
+        data: one member or several; zeros may stand behind each.
+        most: limit of the unpacked bytes; of a longer text the first `most` + 1 are returned.
 
     Raises:
-        PackingError: it is broken, comes to far more than its size, or has too many members.
+        PackingError: the gzip is broken, unpacks to far more than its size, or has too many
+            members.
     """
     parts: list[bytes] = []
     allowed = min(most, most_unpacked(len(data)))
@@ -74,43 +81,44 @@ def gunzip(data: bytes, most: int) -> bytes:
         members += 1
         if members > MOST_MEMBERS:
             raise PackingError(f"is gzip of more than {MOST_MEMBERS:,} members.", _GUNZIP)
-        stream, step = zlib.decompressobj(wbits=31), _FIRST
-        # what is behind a member is copied at its end, so that it gets little at first
+        stream, step = zlib.decompressobj(wbits=31), _FIRST_STEP
+        # zlib copies the bytes behind a member, so that the first step is small
         while not stream.eof and size <= allowed:
             fed = data[at : at + step]
             if not fed:
-                raise _broken("the stream ends too early")
+                raise _gzip_error("the stream ends too early")
             try:
                 part = stream.decompress(fed, allowed + 1 - size)
             except zlib.error as error:
-                # without the number of the error
-                raise _broken(str(error).rsplit(": ", 1)[-1]) from error
+                # zlib's words without the error number
+                raise _gzip_error(str(error).rsplit(": ", 1)[-1]) from error
             parts.append(part)
             size += len(part)
             at += len(fed)
-            step = min(2 * step, _LARGEST)
+            step = min(2 * step, _LARGEST_STEP)
         at = _padding(data, at - len(stream.unused_data)).end()  # type: ignore[union-attr]
     if allowed < min(size, most):
         raise PackingError(f"comes to more than {TIMES} times its size.", _GUNZIP)
     return b"".join(parts)
 
 
-def _broken(reason: str) -> PackingError:
+def _gzip_error(reason: str) -> PackingError:
     return PackingError(f"is broken gzip ({reason}).", "Write or fetch the file again.")
 
 
 def refuse_members(archive: zipfile.ZipFile, names: Iterable[str], size: int) -> None:
-    """Refuse members of a zip archive that cannot be meant, before any of them is read.
+    """Refuse members of a zip archive before they are read: encrypted, oddly packed or too large.
 
-    No more is read of a member than it says that it has.
+    Reading a member never gives more bytes than the archive declares for it.
 
     Args:
-        archive: which is open.
-        names: of the members that are to be read.
-        size: of the archive, in bytes.
+        archive: open archive.
+        names: names of the members that are to be read.
+        size: size of the archive in bytes.
 
     Raises:
-        PackingError: they are encrypted, packed otherwise than by deflate, or come to too much.
+        PackingError: a member is encrypted or packed otherwise than by deflate, or all of them come
+            to too many bytes.
     """
     import zipfile
 

@@ -1,4 +1,4 @@
-"""A scanner of texts that are JSON: what stands in them, by offsets, without reading the values."""
+"""Scanner of valid JSON texts: offsets of members and values, without decoding the values."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 TEXT = r'"(?:[^"\\]++|\\.)*+"'
-"""Expression of a text in quotes."""
+"""Regular expression of a text in double quotes."""
 _TEXT = TEXT.encode()
 
 _tokens = re.compile(TEXT + r"|[-+.0-9a-zA-Z]++|[{}\[\]]").finditer
@@ -19,13 +19,13 @@ _bracket = re.compile(rb'%s|[{}\[\]"]' % _TEXT).finditer
 
 
 def tokens(text: str) -> Iterator[str]:
-    """The brackets and scalars of a text, as they are spelled."""
+    """Yield the brackets and scalars of a JSON text, as they are spelled."""
     for match in _tokens(text):
         yield match.group()
 
 
 class Member(NamedTuple):
-    """A member of an object or an item of a list, by offsets in bytes; an item's key is empty."""
+    """Offsets in bytes of a member of an object or an item of a list; an item's key is empty."""
 
     begin: int
     key_end: int
@@ -34,12 +34,12 @@ class Member(NamedTuple):
 
 
 def first_value(data: bytes, at: int = 0) -> int:
-    """Where the next value or key behind white space and commas begins."""
+    """Return the offset of the next value or key behind white space and commas."""
     return _gap(data, at).end()  # type: ignore[union-attr]
 
 
 def value_end(data: bytes, begin: int, limit: int) -> int:
-    """Where the value that begins there ends; -1 if an object, list or text goes beyond a limit."""
+    """Return the offset of a value's end; -1 if an object, list or text goes beyond a limit."""
     first = data[begin : begin + 1]
     if first == b'"':
         match = _text(data, begin, limit)
@@ -49,7 +49,7 @@ def value_end(data: bytes, begin: int, limit: int) -> int:
     depth = 0
     for match in _bracket(data, begin, limit):
         sign = match.group()
-        if sign == b'"':  # this text does not end here, whatever is in it
+        if sign == b'"':  # an unfinished text, whatever it contains
             return -1
         depth += (sign in (b"{", b"[")) - (sign in (b"}", b"]"))
         if depth == 0:
@@ -58,12 +58,12 @@ def value_end(data: bytes, begin: int, limit: int) -> int:
 
 
 def members(data: bytes, start: int, end_of: Callable[[int, int, int], int]) -> Iterator[Member]:
-    """What stands in the object or list that begins there.
+    """Yield the members of the object, or the items of the list, that begins at an offset.
 
     Args:
         data: a text in UTF-8.
         start: offset of the opening bracket.
-        end_of: where a value ends, by the first three offsets of its `Member`.
+        end_of: returns the end of a value by the first three offsets of its `Member`.
     """
     listed = data[start : start + 1] == b"["
     at = start + 1

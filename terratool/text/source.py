@@ -1,4 +1,4 @@
-"""The bytes of a definition: where they come from, their text, and back."""
+"""Reading and writing the bytes of a definition, from files, folders and standard input."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ _BOM = b"\xef\xbb\xbf"
 
 
 class Source(Struct, frozen=True):
-    """A text under a name; gzip is already undone and a byte order mark taken off.
+    """A named text, with gzip undone and a byte order mark removed.
 
     Attributes:
-        name: of the file.
-        data: the text in UTF-8.
-        packed: whether it came from gzip …
-        marked: … and whether a byte order mark stood before it.
+        name: name of the file.
+        data: text in UTF-8.
+        packed: whether the file was a gzip.
+        marked: whether a byte order mark stood before the text.
     """
 
     name: str
@@ -38,7 +38,7 @@ class Source(Struct, frozen=True):
 
     @property
     def size(self) -> int:
-        """Bytes of the text."""
+        """Size of the text in bytes."""
         return len(self.data)
 
 
@@ -49,18 +49,18 @@ def read_source(
 
     Args:
         path: the file.
-        most: bytes of its text, unpacked.
-        hint: what to do about a file that holds more.
-        named: whether a user named it, as of `open_file`; else it has to be a regular file.
+        most: most bytes of its unpacked text.
+        hint: remedy for a file that holds more.
+        named: whether a user named it, as in `open_file`; otherwise it has to be a regular file.
 
     Raises:
-        ReadError: the file is missing, unreadable, too large, broken gzip or one that comes to far
-            more than its size.
+        ReadError: the file is missing, unreadable, too large, broken gzip or a gzip that unpacks to
+            far more than its size.
     """
     name = str(path)
     try:
         if name == "-":
-            if sys.stdin is None:  # as it is where it was closed
+            if sys.stdin is None:  # None if it was closed
                 raise OSError("it is closed")
             data = sys.stdin.buffer.read(most + 1)
             name = "<stdin>"
@@ -82,10 +82,10 @@ def read_source(
 
 
 def write_source(source: Source, path: str | Path, overwrite: bool) -> None:
-    """Write a text, gzipped and marked as it says, whole or not at all.
+    """Write a text whole or not at all, as gzip and with a byte order mark if the source says so.
 
     Raises:
-        WriteError: it cannot be written, or is there already.
+        WriteError: the file cannot be written, or exists already and must not be overwritten.
     """
     data = _BOM + source.data if source.marked else source.data
     if source.packed:
@@ -103,20 +103,20 @@ PLAIN, ALL = (".json",), (".json", ".json.gz")
 
 
 def is_folder(name: str) -> bool:
-    """Whether a name is that of a directory."""
+    """Tell whether a name is that of a directory."""
     return name != "-" and os.path.isdir(name)  # noqa: PTH112, that of Path raises
 
 
 def real_path(name: str) -> str:
-    """The path of a file without links, or the name itself if it can be none."""
+    """Return the path of a file with links resolved, or the name itself if it can be no path."""
     return name if "\0" in name else os.path.realpath(name)
 
 
 def sources(name: str, endings: tuple[str, ...] = ALL) -> Iterator[str]:
-    """The file of that name, or all in the directory of that name with these endings, in order.
+    """Yield the file of a name, or all files with these endings in a directory, sorted.
 
     Raises:
-        ReadError: the directory has none, or one in it cannot be listed; after the others.
+        ReadError: the directory has no such file, or one in it cannot be listed; raised last.
     """
     if not is_folder(name):
         yield name
@@ -139,7 +139,7 @@ def sources(name: str, endings: tuple[str, ...] = ALL) -> Iterator[str]:
 
 
 def leads_out(name: str, folders: Iterable[str]) -> bool:
-    """Whether a file is a link to what lies in none of some folders."""
+    """Tell whether a file is a link to a target outside of all of some folders."""
     if not os.path.islink(name):  # noqa: PTH114, that of Path raises
         return False
     real = Path(real_path(name))

@@ -1,4 +1,4 @@
-"""A strict RFC 8259 reader, and what it says of a text that is not JSON and was meant to be."""
+"""A strict reader of RFC 8259, and messages about texts that were meant to be JSON."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ NO_TEXT = "Save the file as UTF-8; it may be UTF-16, or no text at all."
 _OTHER_FILE = "Check the name of the file; a definition is a JSON text in UTF-8."
 
 _word = re.compile(r"[\w.+-]*").match
-"""What hangs together as a number or a word, right or wrong."""
+"""Match the characters that form one number or word, valid or not."""
 
 _hexadecimal = re.compile(r"0[xX]([0-9a-fA-F]+)").fullmatch
 _found = re.compile(
@@ -57,15 +57,17 @@ _LITERALS = {"true": True, "false": False, "null": None}
 
 
 class JsonSyntaxError(Exception):
-    """The text is no JSON.
+    """Fault in a text that is not valid JSON.
 
     Attributes:
-        code: of the rule that says so.
-        offset: of the fault, in characters from 0.
-        message: one sentence, what is wrong.
-        hint: one sentence, what to do.
-        fix: what is to stand in place of so many characters from there, if that is clear.
-        inside: the message ends with "inside an object" or "inside a list", the `innermost` one.
+        code: code of the rule, such as TT101.
+        offset: offset of the fault in characters, from 0.
+        message: one sentence on the fault.
+        hint: one sentence on the remedy.
+        fix: number of characters to replace from the offset on, and their replacement; None if
+            unclear.
+        inside: whether the message ends with "inside an object" or "inside a list", the `innermost`
+            one.
     """
 
     def __init__(
@@ -82,10 +84,10 @@ class JsonSyntaxError(Exception):
 
 
 class JsonText(Struct):
-    """A parsed text.
+    """A parsed JSON text.
 
     Attributes:
-        text: the characters.
+        text: characters of the text.
         value: plain dicts, lists, strings, numbers, booleans and None; the last of duplicates.
         duplicates: (pointer, offset) of each key that stood in its object before.
     """
@@ -97,7 +99,7 @@ class JsonText(Struct):
     _start: int
 
     def offset(self, pointer: str, on_key: bool = False, occurrence: int = 1) -> int:
-        """Where the value (or its key) that a pointer names begins; its parent if absent."""
+        """Return the offset of a value (or its key) by its pointer; of its parent if absent."""
         if occurrence > 1:
             again = [offset for repeated, offset in self.duplicates if repeated == pointer]
             return again[occurrence - 2]
@@ -120,11 +122,11 @@ class JsonText(Struct):
 
 
 def parse(text: str) -> JsonText:
-    """Parse a text.
+    """Parse a JSON text.
 
     Raises:
-        JsonSyntaxError: at the first character that RFC 8259 does not allow, or that nests too
-            deep.
+        JsonSyntaxError: the text has a character that RFC 8259 does not allow, or nests too deep;
+            the error names the first fault.
     """
     start = _space(text, 0).end()  # type: ignore[union-attr]
     if start == len(text):
@@ -188,7 +190,7 @@ def parse(text: str) -> JsonText:
             offset = _space(text, offset).end()  # type: ignore[union-attr]
             if container is None:
                 if offset < len(text):
-                    raise left_over(text, offset)
+                    raise trailing_text(text, offset)
                 return JsonText(text, top, duplicates, places, start)
             char = text[offset : offset + 1]
             closing = "}" if isinstance(container, dict) else "]"
@@ -200,7 +202,7 @@ def parse(text: str) -> JsonText:
                 continue
             break
         if char != ",":
-            raise expected_comma(text, offset)
+            raise missing_comma(text, offset)
         comma = offset
         offset = _space(text, offset + 1).end()  # type: ignore[union-attr]
         if text.startswith(closing, offset):
@@ -217,11 +219,11 @@ def parse(text: str) -> JsonText:
 
 def _key(text: str, offset: int) -> tuple[str, int, int]:
     if not text.startswith('"', offset):
-        raise unexpected(text, offset, A_KEY)
+        raise unexpected_token(text, offset, A_KEY)
     key, end = _string(text, offset)
     end = _space(text, end).end()  # type: ignore[union-attr]
     if not text.startswith(":", end):
-        raise unexpected(text, end, f'the ":" after the key {shown(key)}')
+        raise unexpected_token(text, end, f'the ":" after the key {shown(key)}')
     return key, offset, _space(text, end + 1).end()  # type: ignore[union-attr]
 
 
@@ -254,7 +256,7 @@ def _scalar(text: str, offset: int) -> tuple[Any, int]:
         )
     if char and char in "+-.":
         raise bad_number(text, offset)
-    raise unexpected(text, offset, A_VALUE)
+    raise unexpected_token(text, offset, A_VALUE)
 
 
 def _string(text: str, offset: int) -> tuple[str, int]:
@@ -268,7 +270,7 @@ def _string(text: str, offset: int) -> tuple[str, int]:
         if char == '"':
             return "".join(parts), end + 1
         if char == "\\":
-            part, end = _escaped(text, end)
+            part, end = _read_escape(text, end)
             parts.append(part)
         elif char == "":
             raise JsonSyntaxError(
@@ -281,7 +283,7 @@ def _string(text: str, offset: int) -> tuple[str, int]:
         end = match.end()  # type: ignore[union-attr]
 
 
-def _escaped(text: str, offset: int) -> tuple[str, int]:
+def _read_escape(text: str, offset: int) -> tuple[str, int]:
     char = text[offset + 1 : offset + 2]
     if char in _ESCAPES:
         return _ESCAPES[char], offset + 2
@@ -306,17 +308,17 @@ def _escaped(text: str, offset: int) -> tuple[str, int]:
 
 
 def parse_near(text: str, fault: int) -> None:
-    """Read what may be the first place at which a text is no JSON, and a little before it.
+    """Parse only the surroundings of the likely first fault of a text.
 
     Args:
-        text: the text, which is JSON up to the token at `fault`.
+        text: text that is JSON up to the token at `fault`.
         fault: offset in characters.
 
     Raises:
-        JsonSyntaxError: the same one as `parse` raises, if there is one near.
+        JsonSyntaxError: there is a fault near; the error equals that of `parse`.
     """
     begins, behind = open_brackets(text, max(0, fault - _TOKEN))
-    # what came before is replaced by the least that opens the same brackets
+    # replace the text before by the shortest one that opens the same brackets
     before = "".join('{"":' if text[at] == "{" else "[" for at in begins[:-1])
     before += "".join(text[at] for at in begins[-1:])
     if behind and (not begins or begins[-1] != behind - 1):  # the last bracket closed a value
@@ -329,7 +331,7 @@ def parse_near(text: str, fault: int) -> None:
 
 
 def bad_encoding(data: bytes, error: UnicodeDecodeError) -> JsonSyntaxError:
-    """Bytes that are no UTF-8."""
+    """Return the error for bytes that are no UTF-8."""
     before = data[: error.start].decode("utf-8")
     message = f"the byte 0x{data[error.start]:02X} is not valid UTF-8."
     hint = "Save the file as UTF-8."
@@ -344,7 +346,7 @@ def bad_encoding(data: bytes, error: UnicodeDecodeError) -> JsonSyntaxError:
 
 
 def bad_number(text: str, offset: int) -> JsonSyntaxError:
-    """Something at an offset that begins like a number and is none."""
+    """Return the error for a malformed number at an offset."""
     spelling = _word(text, offset).group()  # type: ignore[union-attr]
     meant = _number_meant(spelling)
     hint = f"Write {meant}." if meant else "Write it like 12, -0.5 or 1e-3."
@@ -367,7 +369,7 @@ def _number_meant(spelling: str) -> str:
 
 
 def bad_character(text: str, offset: int) -> JsonSyntaxError:
-    """A control character at an offset, inside of a text in quotes."""
+    """Return the error for a control character at an offset inside of a text in quotes."""
     char = text[offset]
     if char in "\r\n":
         message = "the line ends before the text in quotes does."
@@ -381,7 +383,7 @@ def bad_character(text: str, offset: int) -> JsonSyntaxError:
 
 
 def bad_escape(text: str, offset: int) -> JsonSyntaxError:
-    """A backslash at an offset, with something behind it that makes no escape."""
+    """Return the error for a backslash at an offset that begins no valid escape."""
     char = text[offset + 1 : offset + 2]
     hint = "Write \\\\ for a backslash."
     if char == "u":
@@ -392,11 +394,11 @@ def bad_escape(text: str, offset: int) -> JsonSyntaxError:
     return JsonSyntaxError("TT101", offset, message, hint)
 
 
-def expected_comma(text: str, offset: int) -> JsonSyntaxError:
-    """Something at an offset, behind an item, that is neither a comma nor the closing bracket."""
+def missing_comma(text: str, offset: int) -> JsonSyntaxError:
+    """Return the error for an offset behind an item without a comma or closing bracket."""
     char = text[offset : offset + 1]
     if char and (char in "\"'{[-" or char.isalnum()):
-        # the comma belongs right behind the value before
+        # the comma belongs behind the previous value
         behind = len(text[:offset].rstrip())
         hint = "Write a comma here."
         if behind == offset and text[offset - 1] == '"':
@@ -408,11 +410,11 @@ def expected_comma(text: str, offset: int) -> JsonSyntaxError:
         hint = 'Close the list with "]" before the key, or write an object, in { and }.'
     elif char and char in "+*/^(":
         hint = "JSON does no arithmetic: write the result, or an expression in double quotes."
-    return unexpected(text, offset, '"," or "]"' if in_list else '"," or "}"', hint)
+    return unexpected_token(text, offset, '"," or "]"' if in_list else '"," or "}"', hint)
 
 
-def left_over(text: str, offset: int) -> JsonSyntaxError:
-    """Something at an offset behind the end of the outermost value."""
+def trailing_text(text: str, offset: int) -> JsonSyntaxError:
+    """Return the error for characters at an offset behind the end of the outermost value."""
     found = _found(text, offset).group()  # type: ignore[union-attr]
     hint = "Remove it; one file holds one JSON object."
     if found in _COMMENTS:
@@ -423,12 +425,12 @@ def left_over(text: str, offset: int) -> JsonSyntaxError:
     return JsonSyntaxError("TT101", offset, message, hint)
 
 
-def unexpected(text: str, offset: int, wanted: str, hint: str = "") -> JsonSyntaxError:
-    """Something at an offset, or the end of the file, where another thing must stand."""
+def unexpected_token(text: str, offset: int, wanted: str, hint: str = "") -> JsonSyntaxError:
+    """Return the error for a wrong character at an offset, or the end of the file."""
     begin = innermost(text, offset)
     if begin < 0:
         wanted = 'the "{" of a definition'
-        if not _commented(text):
+        if not _is_behind_comments(text):
             begins = _found(text, offset).group()  # type: ignore[union-attr]
             if begins.isprintable():
                 message = (
@@ -457,15 +459,15 @@ def unexpected(text: str, offset: int, wanted: str, hint: str = "") -> JsonSynta
     return JsonSyntaxError("TT101", offset, message, hint)
 
 
-def _commented(text: str) -> bool:
-    """Whether a text is an object behind comments, which it must not have."""
+def _is_behind_comments(text: str) -> bool:
+    """Tell whether a text is an object behind comments, which JSON does not allow."""
     return _behind_comments(text).group().endswith("{")  # type: ignore[union-attr]
 
 
 def open_brackets(text: str, offset: int) -> tuple[list[int], int]:
-    """Where the objects and lists begin that are open at an offset, and the last bracket ends.
+    """Return the offsets of the brackets open at an offset, and the end of the last one before.
 
-    Objects and lists with no other ones in them are skipped at the speed of C.
+    Objects and lists without others in them are skipped at the speed of C.
     """
     begins: list[int] = []
     behind = 0
@@ -479,13 +481,13 @@ def open_brackets(text: str, offset: int) -> tuple[list[int], int]:
 
 
 def innermost(text: str, offset: int) -> int:
-    """Where the innermost object or list begins that is open at an offset; -1 outside of all."""
+    """Return the offset of the innermost object or list open at an offset; -1 outside of all."""
     begins, _ = open_brackets(text, offset)
     return begins[-1] if begins else -1
 
 
 def _meant(text: str, offset: int, wanted: str) -> str:
-    """What to write instead of what stands at an offset where a key or a value must stand."""
+    """Return the sentence that says what to write at an offset in place of a wrong key or value."""
     if wanted not in (A_KEY, A_VALUE):
         return ""
     match = _found(text, offset)

@@ -1,4 +1,4 @@
-"""The values of a JSON text, read at the speed of C where that can be."""
+"""Decoding of the values of a JSON text, at the speed of C unless it has a fault."""
 
 from __future__ import annotations
 
@@ -12,25 +12,26 @@ import msgspec
 from terratool.text.display import escape
 
 _LONG = 100_000
-"""Bytes of a text that is read sooner than the kernels are loaded."""
+"""Bytes of a text from which on loading the kernels pays off."""
 
 Repeated = tuple[str, int]
-"""A key that stood in its object before: its pointer, and the how-many-th it is."""
+"""Pointer of a key that stood in its object before, and its occurrence, from 2."""
 
 _CONTAINERS = frozenset([dict, list])
 
 _byte = re.compile(r".*\(byte ([0-9]+)\)").fullmatch
-"""Where msgspec found that a text is no JSON; it says nothing where that is the end."""
+"""Byte offset in msgspec's message about a text that is no JSON; absent where the text ends early.
+"""
 
 _decoder = msgspec.json.Decoder(float_hook=float)  # numbers beyond floats are infinite
 
 
 def read_values(data: bytes) -> Any:
-    """Plain dicts, lists, strings, numbers, booleans and None; the last of repeated keys.
+    """Decode a JSON text to plain values; of a repeated key the last value counts.
 
     Raises:
-        JsonSyntaxError: at the first byte that is no UTF-8, or the first character that RFC 8259
-            does not allow.
+        JsonSyntaxError: the text has a byte that is no UTF-8, or a character that RFC 8259 does not
+            allow; the error names the first.
     """
     if not data.isascii():
         try:
@@ -80,12 +81,12 @@ def survey_keys(data: bytes, names: Sequence[str] = ()) -> KeySurvey:
 def repeated_keys(
     data: bytes, limit: int, survey: KeySurvey | None = None
 ) -> tuple[list[Repeated], int]:
-    """The keys that stood in their object before, so many of them at most, and how many there are.
+    """Return the first keys that stood in their object before, and the number of all of them.
 
     Args:
-        data: a JSON text in UTF-8 without errors of syntax.
-        limit: how many are wanted.
-        survey: what is known of its keys.
+        data: a JSON text in UTF-8 without syntax errors.
+        limit: most keys that are returned.
+        survey: facts about the keys of the text.
     """
     if not (survey or survey_keys(data)).may_repeat:
         return [], 0
@@ -99,10 +100,10 @@ def repeated_keys(
         if lost:
             count += lost
             if count - lost < limit:
-                # what it is of is kept alive, so that its id stays its own
-                found[id(members)] = members, list(_repeated(key for key, _ in pairs))
+                # keep the object alive, so that its id stays unique
+                found[id(members)] = members, list(_repeats(key for key, _ in pairs))
                 return members
-        # one with nothing more in it leads nowhere
+        # objects without containers lead to no further keys
         return None if _CONTAINERS.isdisjoint(map(type, members.values())) else members
 
     try:
@@ -112,14 +113,16 @@ def repeated_keys(
 
         keys = [pointer for pointer, _ in parse(data.decode("utf-8")).duplicates]
         first = dict.fromkeys(keys)
-        return list(_repeated([*first, *keys]))[:limit], len(keys)
-    repeated = [each for _, each in zip(range(limit), _pointed(value, found), strict=False)]
-    if count <= limit:  # those not found are in values that another of their key replaced
+        return list(_repeats([*first, *keys]))[:limit], len(keys)
+    repeated = [
+        each for _, each in zip(range(limit), _repeats_with_pointers(value, found), strict=False)
+    ]
+    if count <= limit:  # the others are in values that a repeated key replaced
         count = len(repeated)
     return repeated, count
 
 
-def _repeated(keys: Iterable[str]) -> Iterator[Repeated]:
+def _repeats(keys: Iterable[str]) -> Iterator[Repeated]:
     counts: dict[str, int] = {}
     for key in keys:
         counts[key] = counts.get(key, 0) + 1
@@ -127,8 +130,10 @@ def _repeated(keys: Iterable[str]) -> Iterator[Repeated]:
             yield key, counts[key]
 
 
-def _pointed(value: Any, found: dict[int, tuple[Any, list[Repeated]]]) -> Iterator[Repeated]:
-    # each container with the place of the one that it is in, and its key there
+def _repeats_with_pointers(
+    value: Any, found: dict[int, tuple[Any, list[Repeated]]]
+) -> Iterator[Repeated]:
+    # each container with the index of its parent, and its key there
     containers: list[tuple[int, str | int, Any]] = [(-1, "", value)]
     for place, (_, _, container) in enumerate(containers):  # grows while we go
         if not found:

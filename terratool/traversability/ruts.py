@@ -398,7 +398,7 @@ def write_deformed(
     source = read_source(path)
     tracks = msgspec.to_builtins(deformed.tracks)
     text = moved(source, output)
-    data = set_member(text, "", "tracks", tracks, TERRAIN).applied(text)
+    data = set_member(text, "", "tracks", tracks, TERRAIN).apply(text)
     packed = Path(output).name.lower().endswith(".gz")
     result = Source(str(output), data, packed, source.marked)
     options = CheckOptions(warnings=False, library_roots=(*library_roots, str(Path(path).parent)))

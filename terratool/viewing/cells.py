@@ -71,7 +71,7 @@ def cell_lines(terrain: Terrain, bounds: Bounds, per_point: float) -> CellLines:
         bounds: west, south, east, north of the picture, world units.
         per_point: length of a point of the picture, 1/72 inch, on the ground, world units.
     """
-    whole = terrain.by_elements
+    whole = terrain.written_out_or_none
     if whole is None:
         note = f"There are too many elements for their cells to be drawn: {terrain.elements:,}."
         return CellLines((), (), (), (note,))

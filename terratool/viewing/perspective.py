@@ -256,7 +256,7 @@ def _block(
         # half a pixel, of ground or of towers that are far higher than it is wide
         extent = max(part[2] - part[0], part[3] - part[1], relief_of(terrain, options.bounds))
         error = 0.5 * extent / options.size
-    whole = terrain.by_elements
+    whole = terrain.written_out_or_none
     if whole is not None:
         west, south, east, north = whole.footprints()
         there = (west < part[2]) & (east > part[0]) & (south < part[3]) & (north > part[1])

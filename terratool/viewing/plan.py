@@ -284,7 +284,7 @@ def _light_caption(factor: float) -> str:
 
 def _narrow_note(terrain: Terrain, part: Bounds, pixel: float) -> list[str]:
     """A sentence on elements that are narrower than a pixel; none where there are none."""
-    whole = terrain.by_elements
+    whole = terrain.written_out_or_none
     if whole is None:
         return []
     west, south, east, north = whole.footprints()

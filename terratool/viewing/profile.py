@@ -209,7 +209,7 @@ def _crossings(line: Line, rectangles: Floats) -> Floats:
 def _first_distances(terrain: Terrain, line: Line, length: float) -> Floats:
     """Distances of the first samples, rising."""
     found = [np.linspace(0.0, length, EVEN + 1)]
-    whole = terrain.by_elements
+    whole = terrain.written_out_or_none
     if whole is not None:
         enter, leave = _crossings(line, whole.footprints())
         crossed = np.flatnonzero(enter < leave)
@@ -367,7 +367,7 @@ def draw_section(
         f"{walls} wall{'s' * (walls != 1)}"
     )
     notes: list[str] = [*note_of_chosen(factor, options.exaggeration)]
-    if terrain.by_elements is None:
+    if terrain.written_out_or_none is None:
         notes.append("There are too many elements to look at each: narrow ones may be missing.")
     return Drawn(sheet, what, tuple(notes))
 

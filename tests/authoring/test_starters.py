@@ -429,8 +429,8 @@ def test_a_worn_crater_is_half_as_deep() -> None:
     children.remove(next(one for one in children if one["type"] == "freshCrater"))
     del definition["elemTypes"]["freshCrater"]
     terrain = Terrain(check(Source("worn", json.dumps(definition).encode())))
-    assert terrain.by_elements is not None
-    west, south, east, north = terrain.by_elements.cells()[:, 1]
+    assert terrain.written_out_or_none is not None
+    west, south, east, north = terrain.written_out_or_none.cells()[:, 1]
     width = (east - west) / 1.5
     x = np.linspace(west, east, 2001)
     along = terrain.height(x, np.full(x.shape, (south + north) / 2))
@@ -451,8 +451,8 @@ def test_craters_are_as_many_and_as_large_as_asked_for() -> None:
         "freshCrater": 251,
         "knob": 7,
     }
-    assert terrain.by_elements is not None
-    west, _, east, _ = terrain.by_elements.cells()
+    assert terrain.written_out_or_none is not None
+    west, _, east, _ = terrain.written_out_or_none.cells()
     wide = np.sort(east - west)[::-1]
     worn = 750
     share = (

@@ -318,7 +318,7 @@ class TestKernels:
 
         @wp.kernel(module="unique", module_options=kernels.OPTIONS)
         def ask(
-            field: wp.array(dtype=kernels.Field),
+            field: wp.array(dtype=kernels.DeviceField),
             points: wp.array(dtype=wp.vec2d),
             heights: wp.array(dtype=wp.float64),
             slopes: wp.array(dtype=wp.float64),
@@ -336,7 +336,7 @@ class TestKernels:
     def test_it_compiles_for_cuda(self, tmp_path: Path) -> None:
         """Without a GPU, by NVRTC; sums and products are rounded each by itself, as edges want."""
         wp.init()
-        kernel = kernels.compiled(warp_field._ROOMS[0]).sample
+        kernel = kernels.compile_kernels(warp_field._ROOMS[0]).sample
         wp.compile_aot_module(kernel.module, arch=86, module_dir=tmp_path, use_ptx=True)
         (code,) = (path.read_text("utf-8", "replace") for path in tmp_path.glob("*.ptx"))
         assert ".visible .entry" in code

@@ -471,7 +471,7 @@ def scattered(seed: int, known: int) -> SampledHeights:
     """Few pixels of a large patch, none of which stands in its columns and rows of 64 or 128."""
     z = np.full((700, 900), np.nan)
     for most in (64, 128):
-        row, column = products.picked(Patch(samples_of(np.zeros(z.shape))), most)
+        row, column = products.pick_pixels(Patch(samples_of(np.zeros(z.shape))), most)
         z[row, column] = np.inf
     free = np.flatnonzero(np.isnan(z))
     at = np.random.default_rng(seed).choice(free, known, replace=False)

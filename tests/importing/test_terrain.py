@@ -19,7 +19,7 @@ from terratool.definition.reader import check
 from terratool.errors import ReadError, RequestError, WriteError
 from terratool.field.terrain import Terrain, load
 from terratool.importing.terrain import build, writing
-from terratool.importing.terrain.build import ImportOptions, filled, import_terrain
+from terratool.importing.terrain.build import ImportOptions, fill_gaps, import_terrain
 from terratool.importing.terrain.methods import METHODS, methods_named, step_for
 from terratool.importing.terrain.writing import BoundError, Checker
 from terratool.importing.types import PixelGrid, SampledHeights
@@ -597,7 +597,7 @@ def test_gaps_are_filled_from_around_them():
     heights = np.full((40, 50), 3.0)
     heights[:, 25:] = 7.0
     heights[10:30, 15:35] = np.nan
-    whole = filled(heights)
+    whole = fill_gaps(heights)
     known = ~np.isnan(heights)
     np.testing.assert_array_equal(whole[known], heights[known])
     assert (whole[10:30, 15] < 3.5).all()

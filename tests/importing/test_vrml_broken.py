@@ -246,9 +246,9 @@ def test_a_small_text_is_given_up_soon(
 ) -> None:
     """Of 2 to the power of 40 nodes so many are visited as take a second, whatever they are."""
     visits = []
-    visit = scene._Walker.visit
+    visit = scene._SceneWalker.visit
     monkeypatch.setattr(
-        scene._Walker, "visit", lambda self, place: visits.append(1) or visit(self, place)
+        scene._SceneWalker, "visit", lambda self, place: visits.append(1) or visit(self, place)
     )
     inner = "DEF N0 " + node.replace("%s", "")
     around = node if "%s" in node else "Group { children [ %s ] }"

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import terratool
-from terratool.importing.vrml.scene import read_vrml, stated_up
+from terratool.importing.vrml.scene import read_vrml, up_axis_of
 from terratool.mesh.export import write_mesh
 from terratool.mesh.formats.vrml import write_elevation_grid
 from terratool.mesh.types import HeightGrid
@@ -178,7 +178,7 @@ def test_meshes_come_back(tmp_path: Path) -> None:
     wanted = mesh.vertices.astype(np.float32)[mesh.faces]
     assert found.notes == ()
     assert sorted(corners(found).astype(np.float32).tolist()) == sorted(wanted.tolist())
-    assert stated_up(path) == "z"
+    assert up_axis_of(path) == "z"
 
 
 def test_grids_of_heights_come_back(tmp_path: Path) -> None:
@@ -203,7 +203,7 @@ def test_grids_of_heights_come_back(tmp_path: Path) -> None:
         corners(found)[:, 1] - corners(found)[:, 0], corners(found)[:, 2] - corners(found)[:, 0]
     )
     assert (normals[:, 2] > 0).all()
-    assert stated_up(path) == "z"
+    assert up_axis_of(path) == "z"
 
 
 @pytest.mark.parametrize("name", ["warehouse", "paper-example"])

@@ -12,8 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from terratool.importing.vrml.scene import UP, read_vrml, stated_up
-from terratool.importing.vrml.shapes import SIDES, extrusion, placed, planes_along, pose, product
+from terratool.importing.vrml.scene import UP, read_vrml, up_axis_of
+from terratool.importing.vrml.shapes import SIDES, extrusion, planes_along, pose, product, transform
 from tests.vrml import HEADER, TRIANGLE, corners, measures, read, saved
 
 trimesh = pytest.importorskip("trimesh")
@@ -39,7 +39,7 @@ def test_y_is_up() -> None:
      ("Group { }\n# z is up\n", None), ("# z is up, perhaps\n", None), ("", None)],
 )  # fmt: skip
 def test_the_axis_that_a_comment_states(text: str, axis: str | None, tmp_path: Path) -> None:
-    assert stated_up(saved(tmp_path, text)) == axis
+    assert up_axis_of(saved(tmp_path, text)) == axis
 
 
 @pytest.mark.parametrize("ending", ["\n", "\r", "\r\n"])
@@ -175,9 +175,11 @@ def test_transform(
         np.array(translation),
     )
     points = np.array([point, (0, 0, 0)])
-    found = placed(matrix, points)
+    found = transform(matrix, points)
     assert np.allclose(found[0], wanted, atol=1e-9)
-    assert np.allclose(placed(product(matrix, matrix), points), placed(matrix, found), atol=1e-8)
+    assert np.allclose(
+        transform(product(matrix, matrix), points), transform(matrix, found), atol=1e-8
+    )
 
 
 def test_an_axis_of_no_length_turns_nothing(tmp_path: Path) -> None:

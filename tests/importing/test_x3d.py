@@ -16,7 +16,7 @@ from terratool.errors import ReadError
 from terratool.importing.meshes import read_triangles
 from terratool.importing.sources import open_source
 from terratool.importing.types import SourceOptions
-from terratool.importing.vrml.scene import read_vrml, stated_up
+from terratool.importing.vrml.scene import read_vrml, up_axis_of
 from terratool.mesh.export import write_mesh
 from tests.commands import ROOT, SAMPLE, run
 from tests.programs import program
@@ -228,7 +228,7 @@ def test_what_is_written_comes_back_vertex_for_vertex(tmp_path: Path) -> None:
     mesh = oblong()
     (path,) = write_mesh(mesh, tmp_path / "t.x3d", descr='y "z" <b> ')
     found = read_triangles(path)
-    assert stated_up(path) == "z"
+    assert up_axis_of(path) == "z"
     assert found.notes == ()
     points = np.asarray(mesh.vertices, np.float32)
 
@@ -422,7 +422,7 @@ def test_texts_in_utf_16(encoding: str, mark: str, tmp_path: Path) -> None:
     data = scene(SHAPE, head).decode().replace("UTF-8", "UTF-16")
     path = tmp_path / "t.x3d"
     path.write_bytes((mark + data).encode(encoding))
-    assert stated_up(path) == "z"
+    assert up_axis_of(path) == "z"
     fault = data.replace("0 0 5", "0 0 O").replace("<Scene>", "<Scene>\n<!-- Löß 🚜 --> ")
     said = refusal(tmp_path, (mark + fault).encode(encoding))
     assert said.startswith("4:") and 'in "point" "O" is no number' in said

@@ -223,7 +223,16 @@ class TestResumed:
         assert [path.name for path in folder.iterdir()] == [NAME]
 
     @pytest.mark.parametrize(
-        "damage", ["truncated", "flipped", "foreign", "missing", "torn", "changed", "unheard of"]
+        "damage",
+        [
+            "truncated",
+            "flipped",
+            "foreign",
+            "missing",
+            "torn",
+            "changed",
+            "unheard of",
+        ],
     )
     def test_what_is_not_as_it_was_is_made_again(self, tmp_path: Path, damage: str) -> None:
         """Whatever happened to a tile, or to its line of the journal."""

@@ -48,7 +48,7 @@ def spelled(draw: st.DrawFn) -> tuple[bytes, Json]:
 
 def restored(edit: Edit, data: bytes) -> bytes:
     """The text with what was inserted taken out again."""
-    after = edit.applied(data)
+    after = edit.apply(data)
     return after[: edit.begin] + data[edit.begin : edit.end] + after[edit.begin + len(edit.new) :]
 
 
@@ -70,7 +70,7 @@ def test_a_primitive_is_inserted_and_nothing_else_changes(
     edit = set_member(data, "/elemTypes", name, PRIMITIVE, TERRAIN)
     expected = deepcopy(value)
     expected["elemTypes"][name] = PRIMITIVE
-    after = json.loads(edit.applied(data))
+    after = json.loads(edit.apply(data))
     assert after == expected
     assert list(after["elemTypes"]) == list(expected["elemTypes"])
     if name not in value["elemTypes"]:
@@ -86,7 +86,7 @@ def test_a_child_is_appended_to_any_element(drawn: tuple[bytes, Json], data: st.
     parent = dict(elements_of(expected))[pointer]
     edit = append_child(text, pointer, ELEMENT, "children" in parent, TERRAIN)
     parent.setdefault("children", []).append(ELEMENT)
-    assert json.loads(edit.applied(text)) == expected
+    assert json.loads(edit.apply(text)) == expected
     assert edit.begin == edit.end
     assert restored(edit, text) == text
 
@@ -100,7 +100,7 @@ def test_a_primitive_is_replaced_in_its_place(
         return
     name = data.draw(st.sampled_from(list(value["elemTypes"])))
     edit = set_member(text, "/elemTypes", name, PRIMITIVE, TERRAIN)
-    after = json.loads(edit.applied(text))
+    after = json.loads(edit.apply(text))
     assert after == {**value, "elemTypes": {**value["elemTypes"], name: PRIMITIVE}}
     assert list(after["elemTypes"]) == list(value["elemTypes"])
     assert json.loads(text[edit.begin : edit.end]) == value["elemTypes"][name]
@@ -116,15 +116,15 @@ def test_what_is_canonical_stays_canonical(value: Json, data: st.DataObject) -> 
     )
     if pointer:
         edit = append_child(text.encode(), pointer, ELEMENT, True, TERRAIN)
-        text = edit.applied(text.encode()).decode()
+        text = edit.apply(text.encode()).decode()
     text = (
         set_member(text.encode(), "/elemTypes", "new", PRIMITIVE, TERRAIN)
-        .applied(text.encode())
+        .apply(text.encode())
         .decode()
     )
     curve = [n / 1000 for n in range(70)]
     edit = set_member(text.encode(), "/elemTypes", "long", {"x": curve, "y": curve}, TERRAIN)
-    text = edit.applied(text.encode()).decode()
+    text = edit.apply(text.encode()).decode()
     assert canonical(text) == text
 
 
@@ -156,7 +156,7 @@ def test_lines_are_imitated() -> None:
     ]
     for before, after in cases:
         edit = set_member(before.encode(), "/elemTypes", "b", {"x": [0, 0.5]}, TERRAIN)
-        assert edit.applied(before.encode()).decode() == after
+        assert edit.apply(before.encode()).decode() == after
 
 
 def test_children_are_added_where_there_are_none() -> None:
@@ -168,9 +168,9 @@ def test_children_are_added_where_there_are_none() -> None:
     edit = append_child(
         before.encode(), "/elemTree", {"cellX": 1, "cellY": 2, "type": "b"}, False, TERRAIN
     )
-    assert edit.applied(before.encode()).decode() == after
+    assert edit.apply(before.encode()).decode() == after
     again = append_child(after.encode(), "/elemTree", {"type": "c"}, True, TERRAIN)
-    assert again.applied(after.encode()).decode() == after.replace(
+    assert again.apply(after.encode()).decode() == after.replace(
         " }\n    ]", ' },\n      { "type": "c" }\n    ]'
     )
 
@@ -178,7 +178,7 @@ def test_children_are_added_where_there_are_none() -> None:
 @pytest.mark.parametrize("escape", ['"\\u0061"', '"a"'])
 def test_a_key_that_is_spelled_by_escapes_is_found(escape: str) -> None:
     text = f'{{"x-a":"}}","elemTypes":{{{escape}:{{"x":[1]}},"b":{{"x":[2]}}}}}}'
-    after: Any = set_member(text.encode(), "/elemTypes", "a", {"x": [3]}, TERRAIN).applied(
+    after: Any = set_member(text.encode(), "/elemTypes", "a", {"x": [3]}, TERRAIN).apply(
         text.encode()
     )
     assert after.decode() == text.replace("[1]", "[3]")

@@ -1,1 +1,1 @@
-"""A patch of a DEM becomes a primitive."""
+"""Import of one patch of heights as primitives."""

@@ -1,4 +1,4 @@
-"""One patch of heights becomes one primitive, or a few that stand in one cell."""
+"""Import of a patch of heights as one primitive, or as a few that stand in one cell."""
 
 from __future__ import annotations
 
@@ -26,35 +26,35 @@ from terratool.report.numbers import spelled, tenths
 MOST_TERMS = 16
 MOST_SAMPLES = 256
 MOST_VALUES = 512
-"""Terms times values: the time for a fit grows with the cube."""
+"""Most values of all terms along a side; the time for a fit grows with the cube."""
 
 _GAIN = 0.98
-"""A turn must leave this part of the error at most, a sum instead of a product, too."""
+"""Largest ratio of errors at which a turn is kept, or a sum in place of a product."""
 
 _POOR = 0.01
-"""Of an error of more than this part of the relief is said what would fit better."""
+"""Share of the relief above which an error is reported with better options."""
 
 _OTHERWISE = "For a smaller error there is import-terrain."
 _ROWS = 1024
 _HELPS = 0.9
-"""One more term is spoken of if the largest error gets so much smaller."""
+"""Largest ratio of errors at which one more term is recommended."""
 
 Combine = Literal["auto", "product", "sum"]
 
 
 @dataclass(frozen=True, slots=True)
 class PrimitiveRequest:
-    """What is asked for.
+    """Options for importing a patch.
 
     Attributes:
-        samples: values in each curve; the fewest that serve, if None.
-        turn: look for the best angle.
-        terms: primitives for one cell.
-        recognise: write named curves where they fit.
+        samples: values in each curve; the fewest that suffice if None.
+        turn: whether to look for the best angle.
+        terms: number of primitives in the cell.
+        recognise: whether to write named curves where they fit.
         tolerance: largest error, in units of the heights; None for any.
-        combine: how the two curves become one; "auto" takes what fits better.
+        combine: combination of the two curves; "auto" takes the better one.
         x_steps: world positions of vertical steps along x, as walls of a mesh make.
-        y_steps: the same along y.
+        y_steps: world positions of vertical steps along y.
     """
 
     samples: int | None = None
@@ -69,18 +69,18 @@ class PrimitiveRequest:
 
 @dataclass(frozen=True, slots=True)
 class ImportedPrimitive:
-    """Primitives for a patch, and how well they fit.
+    """Primitives for a patch, with their error.
 
     Attributes:
-        names: of the primitives.
+        names: names of the primitives.
         entries: the primitives.
-        error: as asked of the compiled terrain.
-        missing: pixels without a height.
-        size: sides of the patch along x and y.
-        unit: of the heights.
-        unturned: the largest error without the turn, of the same pixels; None without a turn.
-        more: the largest error with one term more; None if that was not tried.
-        notes: sentences about the source and what was chosen.
+        error: error of the compiled terrain.
+        missing: number of pixels without a height.
+        size: sides of the patch along x and y, in units of the CRS.
+        unit: unit of the heights.
+        unturned: largest error on the same pixels without the turn; None without a turn.
+        more: largest error with one more term; None if it was not tried or is no better.
+        notes: sentences about the source and the choices made.
     """
 
     names: tuple[str, ...]
@@ -94,7 +94,7 @@ class ImportedPrimitive:
     notes: tuple[str, ...] = ()
 
     def primitives(self) -> dict[str, Any]:
-        """The entries for `elemTypes`."""
+        """Return the members of `elemTypes`."""
         return {
             name: entry.primitive() for name, entry in zip(self.names, self.entries, strict=True)
         }
@@ -102,7 +102,7 @@ class ImportedPrimitive:
     def elements(
         self, cell: tuple[int, int] | None = None, span: tuple[int, int] = (1, 1)
     ) -> list[dict[str, Any]]:
-        """The elements that stand them on the ground, all in one block of cells."""
+        """Return the elements that place the primitives, all in one block of cells."""
         found = []
         for k, (name, entry) in enumerate(zip(self.names, self.entries, strict=True)):
             element = entry.element(name, cell, span)
@@ -112,7 +112,7 @@ class ImportedPrimitive:
         return found
 
     def to_json(self) -> dict[str, Any]:
-        """The report for programs."""
+        """Return the report as JSON values."""
         return {
             "primitives": self.primitives(),
             "elements": self.elements(),
@@ -126,7 +126,7 @@ class ImportedPrimitive:
 
 
 def read_samples(heights: HeightSource) -> SampledHeights:
-    """All heights of a source in memory."""
+    """Read all heights of a source into memory."""
     if isinstance(heights, SampledHeights):
         return heights
     grid = heights.grid
@@ -142,16 +142,16 @@ def import_primitive(
 ) -> ImportedPrimitive:
     """Make primitives of a patch of heights.
 
-    The heights of one are vScale · x(u) · y(v) + vOffset with u and v from 0 to 1 over the whole
-    patch, from the outer edges of its pixels; of several, the sum.
+    One primitive makes the heights vScale · x(u) · y(v) + vOffset with u and v from 0 to 1 over the
+    whole patch, from the outer edges of its pixels; several make the sum.
 
     Args:
         samples: the patch.
-        name: what the primitive is called; with several terms they are called NAME-1, NAME-2, ….
-        wanted: how.
+        name: name of the primitive; several terms get the names NAME-1, NAME-2, ….
+        wanted: options; the defaults if None.
 
     Raises:
-        RequestError: the patch has fewer than two pixels with a height, or what is wanted makes no
+        RequestError: the patch has fewer than two pixels with a height, or the options make no
             sense.
     """
     wanted = wanted or PrimitiveRequest()
@@ -192,10 +192,10 @@ def import_primitive(
 
 
 def names_of(name: str, wanted: PrimitiveRequest) -> tuple[str, ...]:
-    """The names of the primitives: NAME, or NAME-1, NAME-2, … for several terms.
+    """Return the names of the primitives: NAME, or NAME-1, NAME-2, … for several terms.
 
     Raises:
-        RequestError: what is wanted makes no sense.
+        RequestError: the options make no sense.
     """
     _refuse_request(name, wanted)
     if wanted.terms == 1:
@@ -204,14 +204,14 @@ def names_of(name: str, wanted: PrimitiveRequest) -> tuple[str, ...]:
 
 
 def _best(patch: Patch, wanted: PrimitiveRequest) -> tuple[Patch, ProductSum, float | None]:
-    """The fit that is wanted, the turn it is for, and the error without that turn."""
+    """Return the best fit, the patch with its turn, and the largest error without that turn."""
     unturned = None
     if wanted.turn:
         counts = None if wanted.samples is None else (wanted.samples, wanted.samples)
         turned = replace(patch, turn=fit.best_turn(patch, wanted.terms, counts))
-        covered = _covered(turned)
+        covered = _covered_patch(turned)
         heights = covered.values[~np.isnan(covered.values)]
-        # what has no relief says nothing of a turn
+        # heights without relief determine no turn
         if turned.turn != 0.0 and heights.size and heights.min() < heights.max():
             terms, error = _best_combination(turned, wanted)
             unturned = _best_combination(covered, wanted)[1]
@@ -220,8 +220,8 @@ def _best(patch: Patch, wanted: PrimitiveRequest) -> tuple[Patch, ProductSum, fl
     return patch, _best_combination(patch, wanted)[0], None
 
 
-def _covered(turned: Patch) -> Patch:
-    """The pixels that a turned primitive covers, unturned."""
+def _covered_patch(turned: Patch) -> Patch:
+    """Return the pixels that a turned primitive covers, as an unturned patch."""
     rows, columns = turned.values.shape
     within = turned.covers(np.arange(rows)[:, None], np.arange(columns)[None, :])
     values = np.where(within, turned.values, np.nan)
@@ -229,7 +229,7 @@ def _covered(turned: Patch) -> Patch:
 
 
 def _best_combination(patch: Patch, wanted: PrimitiveRequest) -> tuple[ProductSum, float]:
-    """The better of a product and a sum, as far as both are wanted, and its largest error."""
+    """Return the better of a product and a sum, if both are allowed, and its largest error."""
     found = []
     for summed in (False, True):
         if wanted.combine in ("auto", "sum" if summed else "product"):
@@ -254,12 +254,12 @@ def _counts(patch: Patch, curves: CurveForm, samples: int | None) -> tuple[int, 
     if samples is None:
         return fit.fewest_values(patch, curves)
     rows, columns = patch.values.shape
-    # across a single row or column nothing is known
+    # a single row or column determines no curve across
     return samples if columns > 1 else 1, samples if rows > 1 else 1
 
 
 def _one_more(patch: Patch, wanted: PrimitiveRequest, terms: ProductSum) -> float | None:
-    """The error with one term more."""
+    """Return the largest error with one more term; None if no more are allowed."""
     if terms.count >= MOST_TERMS or min(patch.values.shape) <= terms.count:
         return None
     curves = replace(_curves(patch, wanted, False), terms=terms.count + 1)
@@ -268,7 +268,7 @@ def _one_more(patch: Patch, wanted: PrimitiveRequest, terms: ProductSum) -> floa
 
 
 def _refuse_request(name: str, wanted: PrimitiveRequest) -> None:
-    """Refuse numbers and combinations that make no sense."""
+    """Refuse options that make no sense, alone or together."""
     if not name:
         raise RequestError("The primitive has no name.", "Give it one with --name.")
     try:
@@ -313,7 +313,7 @@ def _refuse_request(name: str, wanted: PrimitiveRequest) -> None:
 
 
 def _refuse_empty(samples: SampledHeights) -> None:
-    """Refuse a patch that says nothing of a shape, or that no definition can hold."""
+    """Refuse a patch with too few heights for a curve, or with sides that no definition allows."""
     grid = samples.grid
     size = f"{grid.columns} × {grid.rows} pixels"
     sides = grid.size
@@ -336,11 +336,11 @@ def _refuse_empty(samples: SampledHeights) -> None:
 
 
 def sentences(imported: ImportedPrimitive) -> Iterator[str]:
-    """What is to be said of the fit, for people."""
+    """Yield sentences for people about the fit."""
     error, unit = imported.error, imported.unit
     yield (
-        f"Error: {_sized(error.largest, error, unit)} at most, at {spelled((error.x, error.y))};"
-        f" {_sized(error.rms, error, unit)} RMS, over {error.pixels:,} pixels."
+        f"Error: {_size_text(error.largest, error, unit)} at most, at {spelled((error.x, error.y))};"
+        f" {_size_text(error.rms, error, unit)} RMS, over {error.pixels:,} pixels."
     )
     if imported.missing:
         yield f"{imported.missing:,} pixels without a height count for nothing."
@@ -356,11 +356,11 @@ def sentences(imported: ImportedPrimitive) -> Iterator[str]:
             count = len(imported.entries) + 1
             more = (
                 f"{count} terms in the same cell (--terms {count}) would leave "
-                f"{_sized(imported.more, error, unit)}; "
+                f"{_size_text(imported.more, error, unit)}; "
             )
         yield f"{more}import-terrain keeps to any error." if more else _OTHERWISE
     yield from imported.notes
 
 
-def _sized(size: float, error: FitError, unit: str) -> str:
+def _size_text(size: float, error: FitError, unit: str) -> str:
     return f"{size:.4g} {unit} ({error.share(size):.3g} % of the relief)"

@@ -1,4 +1,4 @@
-"""What is written of a fit, and how far it is from the patch on the compiled field."""
+"""Primitives and elements as written to a definition, and their error on the compiled field."""
 
 from __future__ import annotations
 
@@ -14,28 +14,30 @@ from terratool.importing.primitive.products import Floats, Patch, ProductSum
 
 _DECIMALS = range(3, 10)
 _WORSE = 1.001
-"""Rounding may make the error so many times as large, …"""
+"""Largest ratio of errors after and before rounding."""
 
 _ALWAYS = 1e-6
-"""… or this part of the relief."""
+"""Error that rounding may always reach, as a share of the relief."""
 
 _FINE = 1e-4
-"""Factors have decimals for a thousandth of the error, or of this part of the relief."""
+"""Share of the relief; factors have decimals for a thousandth of the error, or of this share."""
 
 _T_DECIMALS = 9
 _PIXELS = 1 << 20
-"""Heights are asked of so many pixels at a time, about."""
+"""Pixels whose heights are evaluated at a time, about."""
 
 
 @dataclass(frozen=True, slots=True)
 class PrimitiveEntry:
-    """A primitive, and the element that stands it on the ground.
+    """A primitive, and the scale, offset and turn of its element.
 
     Attributes:
-        x, y: curves as a definition has them; None where left out.
-        scale, offset: `vScale` and `vOffset` of the element, units of the terrain.
+        x: curve along x as a definition has it; None if it is left out.
+        y: curve along y as a definition has it; None if it is left out.
+        scale: `vScale` of the element, units of the terrain.
+        offset: `vOffset` of the element, units of the terrain.
         turn: `turnDeg` of the element.
-        summed: the curves are added.
+        summed: whether the curves are added rather than multiplied.
     """
 
     x: Any
@@ -46,9 +48,9 @@ class PrimitiveEntry:
     summed: bool = False
 
     def primitive(self) -> dict[str, Any]:
-        """The value of its entry in `elemTypes`."""
+        """Return the value of the primitive in `elemTypes`."""
         low = any(value < 0.0 for value in (*_heights(self.x), *_heights(self.y)))
-        return _given(
+        return _without_none(
             {
                 "x": self.x,
                 "y": self.y,
@@ -60,8 +62,8 @@ class PrimitiveEntry:
     def element(
         self, name: str, cell: tuple[int, int] | None = None, span: tuple[int, int] = (1, 1)
     ) -> dict[str, Any]:
-        """An element of this type, in cells from the given one on."""
-        return _given(
+        """Return an element of type `name` in a cell with a span; None leaves the cell out."""
+        return _without_none(
             {
                 "cellX": cell and cell[0],
                 "cellY": cell and cell[1],
@@ -74,8 +76,8 @@ class PrimitiveEntry:
         )
 
 
-def _given(members: dict[str, Any]) -> dict[str, Any]:
-    """Members but for those that are None."""
+def _without_none(members: dict[str, Any]) -> dict[str, Any]:
+    """Return members without those that are None."""
     return {key: value for key, value in members.items() if value is not None}
 
 
@@ -85,39 +87,39 @@ def entries_of(
     relief: float,
     error: Callable[[ProductSum], tuple[float, ProductSum]],
 ) -> tuple[PrimitiveEntry, ...]:
-    """The terms as primitives, with as few decimals as serve.
+    """Return the terms as primitives, with as few decimals as suffice.
 
     Args:
         terms: the fit.
-        turn: in degrees.
-        relief: of the heights, above 0.
-        error: the largest error of terms, with the offset that makes it smallest, and those.
+        turn: turn in degrees.
+        relief: highest minus lowest height, above 0.
+        error: returns the largest error of terms with their best offset, and the terms with it.
     """
     terms, factors = _normal(terms)
-    limit = max(_WORSE * error(_scaled(terms, factors))[0], _ALWAYS * relief)
+    limit = max(_WORSE * error(_apply_factors(terms, factors))[0], _ALWAYS * relief)
     for decimals in _DECIMALS:
-        rounded = replace(terms, x=_rounded(terms.x, decimals), y=_rounded(terms.y, decimals))
-        after, fitted = error(_scaled(rounded, factors))
+        rounded = replace(terms, x=_round(terms.x, decimals), y=_round(terms.y, decimals))
+        after, fitted = error(_apply_factors(rounded, factors))
         if after <= limit:
             break
     unit = 1e-3 * max(after, _FINE * relief)
     places = -math.floor(math.log10(unit))
     found = []
     for k in range(terms.count):
-        x = spelled(rounded.x_nodes, rounded.x[k], terms.summed)
-        y = spelled(rounded.y_nodes, rounded.y[k], terms.summed)
+        x = spell_curve(rounded.x_nodes, rounded.x[k], terms.summed)
+        y = spell_curve(rounded.y_nodes, rounded.y[k], terms.summed)
         if x is None and y is None:
             x = [1]
         offset = fitted.offset if k == 0 else 0.0
         scale, offset = round(float(factors[k]), places), round(offset, places)
         if scale == 0.0 and k > 0:
-            continue  # the others are exact without it
+            continue  # the other terms are exact without this one
         found.append(PrimitiveEntry(x, y, scale, offset, turn, terms.summed))
     return tuple(found)
 
 
 def _normal(terms: ProductSum) -> tuple[ProductSum, Floats]:
-    """Curves of size 1 at most, those of a sum from 0 on; and the (K,) factors for them."""
+    """Scale curves to size 1 at most, a sum's from 0 on; return them with their factors, (K,)."""
     if terms.summed:
         low_x, low_y = float(terms.x.min()), float(terms.y.min())
         x, y = terms.x - low_x, terms.y - low_y
@@ -134,7 +136,7 @@ def _normal(terms: ProductSum) -> tuple[ProductSum, Floats]:
 
 
 def _from_zero(terms: ProductSum) -> ProductSum:
-    """If one curve is constant, the other one as it begins at 0: the offset takes the rest."""
+    """If one curve is constant, shift the other to begin at 0, and the offset by the difference."""
     if terms.count > 1 or 1 not in (len(terms.x_nodes), len(terms.y_nodes)):
         return terms
     one = np.ones((1, 1))
@@ -147,18 +149,18 @@ def _from_zero(terms: ProductSum) -> ProductSum:
     return replace(terms, x=one, y=curve - low, offset=terms.offset + low)
 
 
-def _scaled(terms: ProductSum, factors: Floats) -> ProductSum:
-    """Terms with their factors in the curves."""
+def _apply_factors(terms: ProductSum, factors: Floats) -> ProductSum:
+    """Multiply terms by their factors, (K,)."""
     y = terms.y * factors[:, None] if terms.summed else terms.y
     return replace(terms, x=terms.x * factors[:, None], y=y)
 
 
-def _rounded(values: Floats, decimals: int) -> Floats:
+def _round(values: Floats, decimals: int) -> Floats:
     return np.round(values, decimals) + 0.0  # no negative zeros
 
 
-def spelled(nodes: Floats, values: Floats, summed: bool) -> list[Any] | None:
-    """A curve in JSON: numbers where nodes are even, otherwise knots; None for 1 everywhere."""
+def spell_curve(nodes: Floats, values: Floats, summed: bool) -> list[Any] | None:
+    """Return a curve as JSON: numbers at even nodes, else knots; None for 1 everywhere."""
     heights = [_plain(z) for z in values.tolist()]
     if len(set(heights)) == 1:
         return None if heights[0] == 1 and not summed else heights[:1]
@@ -169,12 +171,12 @@ def spelled(nodes: Floats, values: Floats, summed: bool) -> list[Any] | None:
 
 
 def _plain(number: float) -> float | int:
-    """A number as it is spelled best: whole ones without a point."""
+    """Return a number as it is spell_curve best: a whole one without a point."""
     return int(number) if number.is_integer() and abs(number) < 1e15 else number
 
 
 def _heights(curve: Any) -> list[float]:
-    """The values of a curve that is no text."""
+    """Values of a curve; none for a named curve or expression."""
     if not isinstance(curve, list):
         return []
     return [item[1] if isinstance(item, list) else item for item in curve]
@@ -182,14 +184,15 @@ def _heights(curve: Any) -> list[float]:
 
 @dataclass(frozen=True, slots=True)
 class FitError:
-    """How far the heights are from the pixels that primitives cover.
+    """Error of primitives at the pixels that they cover.
 
     Attributes:
-        largest: the largest difference, without sign.
-        rms: the root of the mean of their squares.
-        x, y: world position of the pixel with the largest one.
-        pixels: how many have a height and are covered.
-        bare: how many have a height and are not covered.
+        largest: largest difference of heights, without sign.
+        rms: root mean square of the differences.
+        x: world position along x of the pixel with the largest difference.
+        y: world position along y of the pixel with the largest difference.
+        pixels: number of covered pixels with a height.
+        bare: number of pixels with a height that are not covered.
         relief: highest minus lowest height of all pixels.
     """
 
@@ -202,11 +205,11 @@ class FitError:
     relief: float
 
     def share(self, size: float) -> float:
-        """A size in per cent of the relief."""
+        """Return a size as a percentage of the relief."""
         return 100.0 * size / self.relief if self.relief > 0.0 else 0.0
 
     def to_json(self) -> dict[str, Any]:
-        """The same for programs."""
+        """Return the error as JSON values, with percentages."""
         return {
             **asdict(self),
             "largestPercent": self.share(self.largest),
@@ -215,7 +218,7 @@ class FitError:
 
 
 def fit_error(patch: Patch, entries: tuple[PrimitiveEntry, ...]) -> FitError:
-    """Compile a terrain with the primitives in a cell of the patch's size, and compare it."""
+    """Compile the primitives in one cell of the patch's size, and measure their error."""
     from terratool.definition.reader import check
     from terratool.field.terrain import Terrain
     from terratool.text.source import Source

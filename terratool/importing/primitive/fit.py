@@ -1,4 +1,4 @@
-"""From a patch to curves: how many values they need, and which fit best, at which angle."""
+"""Fitting curves to a patch: their number of values, their values, and the angle."""
 
 from __future__ import annotations
 
@@ -14,65 +14,71 @@ from terratool.importing.primitive.products import REACH, Floats, Patch, Points,
 from terratool.kernels import importing as kernels
 
 _LIGHT = 1e-11
-"""Weight of differences between neighbouring values: it decides where no pixel does."""
+"""Weight of differences between neighbouring values, which decides where no pixel does."""
 
-_DAMPING = 1e-3, 1e-12, 1e6
-"""At first, at least, and where no better fit is to be had."""
+_FIRST_DAMPING = 1e-3
+_LEAST_DAMPING = 1e-12
+_MOST_DAMPING = 1e6
+"""Damping at which least squares end, as no better fit is to be had."""
 
 _FIRM = 1e-9
-"""Part of the mean diagonal that damping takes for the least of it."""
+"""Share of the mean diagonal that damping assumes at least for each entry."""
 
 _ENOUGH = 1e-4
-"""Squares that become smaller by less than this part are as small as they get."""
+"""Relative decrease of the sum of squares below which least squares end."""
 
 _EXACT = 1e-10
-"""Errors of this part of the relief are rounding."""
+"""Share of the relief below which an error is rounding."""
 
 _STEPS = 12
-"""So many steps for each power."""
+"""Most steps for each power."""
 
 _LONG = 3.0
-"""First steps are so many times those that surely converge."""
+"""First step of each power, as a multiple of the step that surely converges."""
 
 _HALVINGS = 10
 _LEAST_GAIN = 5e-4
-"""A power is left for the next one when its mean becomes smaller by less than this part."""
+"""Relative decrease of a power's mean below which the next power begins."""
 
 QUICK = (3.0, 5.0, 8.0, 14.0, 30.0)
 THOROUGH = (3.0, 5.0, 8.0, 12.0, 20.0, 40.0, 80.0, 160.0, 320.0)
 FURTHER = (20.0, 40.0, 80.0, 160.0, 320.0)
-"""Powers of residuals: to compare, to be content with, and to go on from a thorough fit."""
+"""Powers of residuals: for comparing, for a final fit, and for continuing a thorough fit."""
 
 SLACK = 1.05
-"""The fewest values are taken whose error is no more than so many times the smallest."""
+"""Largest ratio of an error to the smallest one for which fewer values are taken."""
 
 EXACT = 1e-6
-"""An error of this part of the relief is as good as none."""
+"""Share of the relief below which an error counts as none."""
 
 _COUNTS = (*range(1, 18), 21, 25, 33, 41, 49, 65)
 _VALUES, _FEWEST = 320, 17
-"""Curves of all terms together have no more values along a side, but as many of each at least."""
+"""Most values of all terms along a side, and the number of values that each may have at least."""
 
 _COARSE, _FINE = 64, 128
-"""Columns and rows of pixels to choose by, and to begin the fit with."""
+"""Columns and rows of pixels for choosing the number of values, and for beginning the fit."""
 
 _BLOCKS = 64
-"""Along each side; the worst pixel of each joins the fit."""
+"""Blocks along each side; the worst pixel of each joins the fit."""
 
 _JOINS = 4
 _NEAR = 1.002
 _SHORT, _VAIN, _GAIN = 17, 2, 0.98
-"""Behind so many values, so many longer curves in vain are enough: that gain less than this."""
+"""Number of values beyond which a search ends after `_VAIN` longer curves whose error exceeds
+`_GAIN` times the smallest."""
 
 _ANGLES = 9
-"""Angles that are tried at first; a product turned by 90° is a product again."""
+"""Angles tried at first over 90°; a product turned by 90° is a product again."""
 
 _BEST = 2
-"""So many of them are refined, to within some tenths, and the best to within hundredths."""
+"""Number of best angles that are refined to within tenths of a degree; the best one is refined to
+within hundredths."""
 
 _CLOSE = 0.2, 0.005
+"""Width in degrees of the range at which each of the two refinements ends."""
+
 _FEW, _SOME, _MANY = 64, 96, 256
-"""Columns and rows of pixels for trying, for refining, and for the last digits."""
+"""Columns and rows of pixels for trying angles, for refining them, and for the last digits."""
 
 _NODES = 17
 _GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
@@ -80,11 +86,17 @@ _GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
 
 @dataclass(slots=True)
 class FitProblem:
-    """Points between the nodes of two curves.
+    """Heights at points, and their positions between the nodes of two curves.
 
     Attributes:
-        i, f, j, g: (n,) the node before each point and how far it is on the way to the next one.
-        lowest, highest: offsets that are allowed.
+        z: (n,) heights.
+        i: (n,) node of x before each point.
+        f: (n,) fraction of the way from node i to the next one.
+        j: (n,) node of y before each point.
+        g: (n,) fraction of the way from node j to the next one.
+        relief: highest minus lowest height.
+        lowest: least offset allowed.
+        highest: greatest offset allowed.
     """
 
     z: Floats
@@ -98,7 +110,7 @@ class FitProblem:
 
 
 def problem_of(points: Points, x_nodes: Floats, y_nodes: Floats) -> FitProblem:
-    """Heights at points as a problem for curves with these nodes."""
+    """Return the fitting problem of heights at points for curves with these nodes."""
     i, f = kernels.locate(x_nodes, points.u)
     j, g = kernels.locate(y_nodes, points.v)
     low, high = float(points.z.min()), float(points.z.max())
@@ -109,13 +121,13 @@ def problem_of(points: Points, x_nodes: Floats, y_nodes: Floats) -> FitProblem:
 def least_squares(
     problem: FitProblem, terms: ProductSum, steps: int, weights: Floats | None = None
 ) -> ProductSum:
-    """Better curves and offset by weighted squares, in no more than so many steps.
+    """Improve curves and offset by weighted least squares.
 
     Args:
         problem: the heights.
-        terms: where to begin.
-        steps: of Levenberg and Marquardt, those in vain included.
-        weights: (n,), their sum is 1; all equal, if not given.
+        terms: fit to begin with.
+        steps: most steps of Levenberg and Marquardt, failed ones included.
+        weights: (n,) with the sum 1; equal weights if None.
     """
     if weights is None:
         weights = np.full(len(problem.z), 1.0 / len(problem.z))
@@ -123,7 +135,7 @@ def least_squares(
     matrix, right = np.empty((size, size)), np.empty(size)
     own, next_one = _stiffness(terms)
     at = np.arange(size)
-    damping, least, most = _DAMPING
+    damping = _FIRST_DAMPING
     cost = _cost(problem, terms, weights)
     fresh = False
     for _ in range(steps):
@@ -141,17 +153,17 @@ def least_squares(
         damped[at, at] += damping * (matrix[at, at] + _FIRM * scale)
         better, after = terms, cost
         if kernels.solve(damped, step):
-            better = _moved(problem, terms, step)
+            better = _apply_step(problem, terms, step)
             after = _cost(problem, better, weights)
         if after < cost:
             gained = (cost - after) / cost
             terms, cost, fresh = better, after, False
-            damping = max(damping * 0.1, least)
+            damping = max(damping * 0.1, _LEAST_DAMPING)
             if gained < _ENOUGH:
                 break
         else:
             damping *= 10.0
-            if damping > most:
+            if damping > _MOST_DAMPING:
                 break
         if cost <= (_EXACT * problem.relief) ** 2:
             break
@@ -161,18 +173,18 @@ def least_squares(
 def smallest_largest(
     problem: FitProblem, terms: ProductSum, powers: tuple[float, ...]
 ) -> tuple[ProductSum, float]:
-    """The fit with the smallest largest error that is met on the way through some powers.
+    """Find a fit with a small largest error by least powers, and return it with that error.
 
     Args:
         problem: the heights.
-        terms: where to begin.
-        powers: of the residuals whose sum is made small, ascending, above 2.
+        terms: fit to begin with.
+        powers: powers of the residuals whose sum is minimised in turn, ascending, above 2.
 
     Returns:
-        The fit, and its largest error.
+        The best fit met on the way, and its largest error.
     """
     off = kernels.residuals(problem, terms)
-    best, worst = _balanced(terms, off)
+    best, worst = _balance(terms, off)
     for power in powers:
         for _ in range(_STEPS):
             if worst <= _EXACT * problem.relief:
@@ -181,7 +193,7 @@ def smallest_largest(
             weights = (size / size.max()) ** (power - 2.0)
             target = least_squares(problem, terms, 1, weights / weights.sum())
             terms, off, gained = _towards(problem, terms, target, power, size)
-            balanced, largest = _balanced(terms, off)
+            balanced, largest = _balance(terms, off)
             if largest < worst:
                 best, worst = balanced, largest
             if gained < _LEAST_GAIN:
@@ -189,8 +201,8 @@ def smallest_largest(
     return best, worst
 
 
-def _balanced(terms: ProductSum, off: Floats) -> tuple[ProductSum, float]:
-    """The same with the offset for which the largest errors up and down are equal, and those."""
+def _balance(terms: ProductSum, off: Floats) -> tuple[ProductSum, float]:
+    """Shift the offset until the largest errors up and down are equal; return terms and error."""
     middle = 0.5 * float(off.max() + off.min())
     return replace(terms, offset=terms.offset + middle), 0.5 * float(off.max() - off.min())
 
@@ -198,10 +210,10 @@ def _balanced(terms: ProductSum, off: Floats) -> tuple[ProductSum, float]:
 def _towards(
     problem: FitProblem, terms: ProductSum, target: ProductSum, power: float, size: Floats
 ) -> tuple[ProductSum, Floats, float]:
-    """As far towards a target as the powers' sum becomes smaller.
+    """Go towards a target as far as the sum of powers decreases.
 
     Returns:
-        The terms there, their residuals, and by what part the power's mean became smaller.
+        The terms there, their residuals, and the relative decrease of the power's mean.
     """
     largest = float(size.max())
     before = float(((size / largest) ** power).sum())
@@ -222,7 +234,7 @@ def _towards(
     return terms, kernels.residuals(problem, terms), 0.0
 
 
-def _moved(problem: FitProblem, terms: ProductSum, step: Floats) -> ProductSum:
+def _apply_step(problem: FitProblem, terms: ProductSum, step: Floats) -> ProductSum:
     cut = terms.x.size
     offset = min(max(terms.offset + float(step[-1]), problem.lowest), problem.highest)
     return replace(
@@ -239,7 +251,7 @@ def _cost(problem: FitProblem, terms: ProductSum, weights: Floats) -> float:
 
 
 def _stiffness(terms: ProductSum) -> tuple[Floats, Floats]:
-    """Squares of differences between values of neighbouring nodes, times a light weight.
+    """Second differences of node values with a light weight, as a tridiagonal matrix.
 
     Returns:
         (M,) and (M − 1,): the diagonal of a matrix for all unknowns, and the one beside it.
@@ -260,12 +272,13 @@ def _stiffness(terms: ProductSum) -> tuple[Floats, Floats]:
 
 @dataclass(frozen=True, slots=True)
 class CurveForm:
-    """What curves are to be: so many terms, with steps, added or multiplied.
+    """Form of the curves to fit.
 
     Attributes:
-        terms: how many products.
-        x_steps, y_steps: places from 0 to 1 of vertical steps.
-        summed: the two curves are added.
+        terms: number of products.
+        x_steps: positions along x, 0 to 1, of vertical steps.
+        y_steps: positions along y, 0 to 1, of vertical steps.
+        summed: whether the two curves are added rather than multiplied.
     """
 
     terms: int = 1
@@ -274,15 +287,15 @@ class CurveForm:
     summed: bool = False
 
     def nodes(self, counts: tuple[int, int]) -> tuple[Floats, Floats]:
-        """Nodes of curves with so many values each."""
+        """Return the nodes of curves with `counts` values along x and y."""
         return nodes(counts[0], self.x_steps), nodes(counts[1], self.y_steps)
 
 
 def fit_terms(patch: Patch, curves: CurveForm, counts: tuple[int, int]) -> tuple[ProductSum, float]:
-    """The curves of so many values that fit all pixels best, and their largest error.
+    """Fit curves of `counts` values to all pixels; return the best and its largest error.
 
-    Pixels in columns and rows are fitted first; then the worst of all are added, block by block,
-    until none is worse than those that were fitted.
+    Pixels in columns and rows are fitted first. Then the worst pixel of each block joins the fit,
+    until no pixel is worse than those fitted.
     """
     points = products.points_of(patch, _FINE)
     terms, worst = _fit_points(patch, points, curves, counts, _FINE, THOROUGH)
@@ -295,14 +308,14 @@ def fit_terms(patch: Patch, curves: CurveForm, counts: tuple[int, int]) -> tuple
             best, least = terms, largest
         if largest <= max(_NEAR * worst, EXACT * patch.relief):
             break
-        points = points.joined(others)
+        points = points.join(others)
         problem = problem_of(points, terms.x_nodes, terms.y_nodes)
         terms, worst = smallest_largest(problem, terms, FURTHER)
     return best, least
 
 
 def fewest_values(patch: Patch, curves: CurveForm) -> tuple[int, int]:
-    """How many values x and y need, for an error close to the smallest that is possible."""
+    """Fewest values along x and y whose error is close to the smallest possible one."""
     rows, columns = patch.values.shape
     points = products.points_of(patch, _COARSE)
 
@@ -337,7 +350,7 @@ def _fit_points(
     most: int,
     powers: tuple[float, ...],
 ) -> tuple[ProductSum, float]:
-    """A fit to points that begins with what least squares on a grid say for several offsets."""
+    """Fit curves to points, beginning with least squares on a grid for several offsets."""
     x_nodes, y_nodes = curves.nodes(counts)
     problem = problem_of(points, x_nodes, y_nodes)
     if curves.summed:
@@ -358,7 +371,7 @@ def _fit_points(
 
 
 def _worst(patch: Patch, terms: ProductSum) -> tuple[Points, float]:
-    """The pixel of each block that is fitted worst, and the largest error."""
+    """Return the worst pixel of each block, and the largest error."""
     rows, columns = patch.values.shape
     block = math.ceil(max(rows, columns) / _BLOCKS)
     pixels, largest = kernels.worst_pixels(patch.values, patch.affine, terms, block)
@@ -366,21 +379,21 @@ def _worst(patch: Patch, terms: ProductSum) -> tuple[Points, float]:
 
 
 def center_error(patch: Patch, terms: ProductSum) -> tuple[float, ProductSum]:
-    """The largest error of all pixels with the offset that makes it smallest, and such terms."""
+    """Return the largest error over all pixels with the best offset, and the terms with it."""
     low, high = kernels.error_range(patch.values, patch.affine, terms)
     return 0.5 * (high - low), replace(terms, offset=terms.offset + 0.5 * (low + high))
 
 
 def best_turn(patch: Patch, terms: int, counts: tuple[int, int] | None) -> float:
-    """The turn in degrees, from −45 to 45, with the smallest RMS error of the pixels it covers.
+    """Return the turn in degrees, −45 to 45, with the smallest RMS error of the covered pixels.
 
-    Least squares decide, as single pixels count little for them; the turn is good to some
-    hundredths of a degree, and has two decimals.
+    Least squares decide, as single pixels count little in them. The turn is good to some hundredths
+    of a degree, and has two decimals.
 
     Args:
-        patch: its own turn counts for nothing.
-        terms: how many products.
-        counts: how many values x and y have; 17, if not said.
+        patch: the patch; its own turn is ignored.
+        terms: number of products.
+        counts: number of values along x and y; 17 each if None.
     """
     rows, columns = patch.values.shape
     across, along = counts or (_NODES, _NODES)
@@ -395,20 +408,20 @@ def best_turn(patch: Patch, terms: int, counts: tuple[int, int] | None) -> float
         begin = products.best_sums(products.grid_of(turned, _FEW), x_nodes, y_nodes, terms, 1)[0]
         coarse.append((*_fit_turned(points, begin), turned.turn))
     coarse.sort(key=lambda fit: fit[0])
-    fine = [(*_refined(patch, begin, turn, step, 0), begin) for _, begin, turn in coarse[:_BEST]]
+    fine = [(*_refine(patch, begin, turn, step, 0), begin) for _, begin, turn in coarse[:_BEST]]
     _, turn, begin = min(fine, key=lambda fit: fit[0])
-    turn = _refined(patch, begin, turn, 5 * _CLOSE[0], 1)[1]
+    turn = _refine(patch, begin, turn, 5 * _CLOSE[0], 1)[1]
     return round((turn + 45.0) % 90.0 - 45.0, 2) + 0.0  # no negative zero
 
 
 def _error_at(
     patch: Patch, begin: ProductSum, ends: tuple[float, float], most: int, turn: float
 ) -> float:
-    """RMS error at a turn, of the pixels that are covered there and at both ends.
+    """RMS error at a turn, over the pixels that are covered there and at both ends of a range.
 
-    Pixels that come and go would count for more than a small turn does.
+    Pixels that come and go would weigh more than a small turn does.
     """
-    row, column = products.picked(patch, most)
+    row, column = products.pick_pixels(patch, most)
     for end in (*ends, turn):
         within = replace(patch, turn=end).covers(row, column)
         row, column = row[within], column[within]
@@ -424,10 +437,10 @@ def _fit_turned(points: Points, begin: ProductSum) -> tuple[float, ProductSum]:
     return float(np.sqrt(np.mean(kernels.residuals(problem, fit) ** 2))), fit
 
 
-def _refined(
+def _refine(
     patch: Patch, begin: ProductSum, turn: float, reach: float, stage: int
 ) -> tuple[float, float]:
-    """The smallest error within `reach` of a turn and where it is, by golden sections."""
+    """Return the smallest RMS error within `reach` of a turn, and its turn, by golden section."""
     low, high = turn - reach, turn + reach
     error = partial(_error_at, patch, begin, (low, high), (_SOME, _MANY)[stage])
     left, right = high - _GOLDEN * (high - low), low + _GOLDEN * (high - low)

@@ -1,4 +1,4 @@
-"""Primitives are added to the file of a terrain or a library, and elements of them to its tree."""
+"""Insertion of primitives into the file of a terrain or a library, and of their elements."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ _step = re.compile(r"/children/(0|[1-9][0-9]*)")
 
 @dataclass(frozen=True, slots=True)
 class CellPath:
-    """A cell in the grid of an element.
+    """Cells in the grid of an element.
 
     Attributes:
-        cell: column and row.
+        cell: column and row of the south-western cell.
         parent: JSON pointer of the element.
-        span: columns and rows of cells to the east and north that are taken.
+        span: columns and rows of cells, to the east and north.
     """
 
     cell: tuple[int, int]
@@ -44,14 +44,14 @@ class PrimitiveTarget:
 
     Attributes:
         target: the file.
-        place: where elements go, if anywhere.
+        place: cells that the elements go into; None to add no elements.
     """
 
     target: Target
     place: CellPath | None
 
     def cell(self) -> Bounds | None:
-        """The world rectangle of the cells that elements go into; None where that is not known."""
+        """Return the world rectangle of the cells that elements go into; None if it is unknown."""
         definition, tree = self.target.checked.terrain, self.target.checked.tree
         if self.place is None or definition is None or tree is None:
             return None
@@ -75,20 +75,20 @@ def target_of(
     overwrite: bool,
     library_roots: tuple[str, ...] = (),
 ) -> PrimitiveTarget:
-    """Read the terrain or the library, and refuse what cannot be added to it.
+    """Read the terrain or the library, and refuse primitives that cannot be added to it.
 
     Args:
-        path: of the file, plain or gzipped.
-        names: of the primitives.
-        place: where elements of them go.
+        path: the file, plain or gzipped.
+        names: names of the primitives.
+        place: cells that elements of them go into; None to add no elements.
         output: another file for the result.
-        overwrite: replace primitives of these names, and the output.
+        overwrite: whether to replace primitives of these names, and the output.
         library_roots: further folders under which its libraries may lie.
 
     Raises:
         ReadError: the file cannot be read.
-        DefinitionError: it has errors.
-        RequestError: it has such a primitive already, or no such place.
+        DefinitionError: the file has errors.
+        RequestError: the file has such a primitive already, or no such place.
         WriteError: the output exists.
     """
     target = open_target(path, output, overwrite, library_roots)
@@ -116,10 +116,10 @@ def target_of(
 def text_with(
     into: PrimitiveTarget, primitives: dict[str, Any], elements: list[dict[str, Any]]
 ) -> bytes:
-    """The text with primitives and, if there is a place, elements at its end.
+    """Return the file's text with primitives and, if there is a place, elements added.
 
     Raises:
-        DefinitionError: it would have errors.
+        DefinitionError: the text would have errors.
     """
     target = into.target
     data = target.source.data
@@ -132,7 +132,7 @@ def text_with(
 
 
 def remarks(into: PrimitiveTarget, imported: ImportedPrimitive) -> list[str]:
-    """What a user should know of the cell: its size, and the ground that is there already."""
+    """Return remarks about the cell: its proportions, and ground that it has already."""
     cell = into.cell()
     if cell is None:
         return []
@@ -161,10 +161,10 @@ def remarks(into: PrimitiveTarget, imported: ImportedPrimitive) -> list[str]:
 
 
 def parse_cell_path(text: str, span: str | None = None) -> CellPath:
-    """A place as it is given: CELLX,CELLY or CELLX,CELLY,PARENT, and W,H for its span.
+    """Parse a place, CELLX,CELLY or CELLX,CELLY,PARENT, and its span W,H.
 
     Raises:
-        RequestError: one is not of that form.
+        RequestError: the place or the span has another form.
     """
     parts = text.split(",", 2)
     if len(parts) < 2 or not all(re.fullmatch("[0-9]{1,9}", part.strip()) for part in parts[:2]):
@@ -186,7 +186,7 @@ def parse_cell_path(text: str, span: str | None = None) -> CellPath:
 
 
 def _refuse_outside(path: str, grid: tuple[int, int], place: CellPath) -> None:
-    """Refuse a cell outside of the grid."""
+    """Refuse cells outside of the grid."""
     if place.cell[0] + place.span[0] > grid[0] or place.cell[1] + place.span[1] > grid[1]:
         wide = "" if place.span == (1, 1) else f" with {place.span[0]} × {place.span[1]} cells"
         raise RequestError(
@@ -197,7 +197,7 @@ def _refuse_outside(path: str, grid: tuple[int, int], place: CellPath) -> None:
 
 
 def _index(tree: Tree, pointer: str) -> int | None:
-    """Index of the element of a JSON pointer; None if there is none."""
+    """Return the index of the element that a JSON pointer names; None if there is none."""
     if not len(tree) or not re.fullmatch(rf"{ROOT}(?:{_step.pattern})*", pointer):
         return None
     index = 0

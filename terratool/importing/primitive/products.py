@@ -1,4 +1,4 @@
-"""Sums of products of two curves, and the best of few terms for a grid, by least squares."""
+"""Sums of products of two curves, and the best of few terms for a grid by least squares."""
 
 from __future__ import annotations
 
@@ -12,15 +12,16 @@ from terratool.importing.types import SampledHeights
 
 Floats = NDArray[np.float64]
 REACH = 4.0
-"""Offsets are looked for so many reliefs below the lowest height and above the highest one."""
+"""Distance, in reliefs, below the lowest and above the highest height at which offsets are sought.
+"""
 
 _OFFSETS = 49
 _ROUNDS = 4
-"""So often heights of missing pixels are replaced by those of the fit."""
+"""Rounds in which heights of missing pixels are replaced by those of the fit."""
 
 _TINY = 1e-9
 _SPARSE = 0.9
-"""If more than this part of the pixels in columns and rows has no height, others are taken."""
+"""Share of missing heights above which scattered pixels replace columns and rows."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,11 +29,13 @@ class ProductSum:
     """Heights over the unit square: `offset` + Σₖ xₖ(u) · yₖ(v), or `offset` + x(u) + y(v).
 
     Attributes:
-        x_nodes, y_nodes: (p,), (q,) ascending from 0 to 1; two equal ones are a vertical step, a
-            single one is a constant.
-        x, y: (K, p), (K, q) values at the nodes, straight in between.
-        offset: is added.
-        summed: the two curves are added; K is 1.
+        x_nodes: (p,) ascending from 0 to 1; two equal nodes are a vertical step, a single one is a
+            constant.
+        y_nodes: (q,) nodes along y, as `x_nodes`.
+        x: (K, p) values at the nodes, linear in between.
+        y: (K, q) values at the nodes, linear in between.
+        offset: height added to the sum.
+        summed: whether the two curves are added; then K is 1.
     """
 
     x_nodes: Floats
@@ -44,17 +47,17 @@ class ProductSum:
 
     @property
     def count(self) -> int:
-        """How many terms."""
+        """Number of terms, K."""
         return len(self.x)
 
 
 @dataclass(frozen=True, slots=True)
 class Patch:
-    """Heights of pixels, and the unit square that a primitive spans over them.
+    """Heights of pixels, and the turn of the unit square that a primitive spans over them.
 
     Attributes:
         samples: the pixels, row 0 the southernmost.
-        turn: of the primitive in degrees, clockwise as seen from above.
+        turn: turn of the primitive in degrees, clockwise as seen from above.
     """
 
     samples: SampledHeights
@@ -62,7 +65,7 @@ class Patch:
 
     @property
     def values(self) -> Floats:
-        """(rows, columns) heights, NaN for none."""
+        """Heights, (rows, columns) float64, NaN for none."""
         return np.ascontiguousarray(self.samples.values)
 
     @property
@@ -72,7 +75,7 @@ class Patch:
 
     @property
     def affine(self) -> Floats:
-        """(4,) how u and v change by column and by row: docs/format.md, footprints and turning."""
+        """Changes of u and v by column and by row, (4,): docs/format.md, footprints and turning."""
         grid = self.samples.grid
         columns, rows = grid.columns, grid.rows
         if self.turn == 0.0:
@@ -83,28 +86,28 @@ class Patch:
         return np.array([cos / columns, -sin * stretch / columns, sin / stretch / rows, cos / rows])
 
     def unit(self, row: NDArray[np.int64], column: NDArray[np.int64]) -> tuple[Floats, Floats]:
-        """Places u and v of pixel centres, in the shape of row and column together."""
+        """Return positions u and v of pixel centres, in the shape of row and column together."""
         rows, columns = self.values.shape
         dx, dy = column + 0.5 - 0.5 * columns, row + 0.5 - 0.5 * rows
         a, b, c, d = self.affine
         return 0.5 + (a * dx + b * dy), 0.5 + (c * dx + d * dy)
 
     def covers(self, row: NDArray[np.int64], column: NDArray[np.int64]) -> NDArray[np.bool_]:
-        """Whether pixel centres lie in the unit square, in the shape of row and column together."""
+        """Mask of pixel centres in the unit square, in the shape of row and column together."""
         u, v = self.unit(row, column)
         return np.asarray((np.abs(u - 0.5) <= 0.5) & (np.abs(v - 0.5) <= 0.5))
 
 
 @dataclass(frozen=True, slots=True)
 class Points:
-    """Scattered heights: (n,) float64 each, u and v in the unit square."""
+    """Scattered heights z at u and v in the unit square, (n,) float64 each."""
 
     u: Floats
     v: Floats
     z: Floats
 
-    def joined(self, other: Points) -> Points:
-        """These and others."""
+    def join(self, other: Points) -> Points:
+        """Return these points and others."""
         return Points(
             np.concatenate([self.u, other.u]),
             np.concatenate([self.v, other.v]),
@@ -113,11 +116,11 @@ class Points:
 
 
 def nodes(count: int, steps: tuple[float, ...] = ()) -> Floats:
-    """So many evenly spaced nodes from 0 to 1, and two at each step; those close to a step go.
+    """Return evenly spaced nodes from 0 to 1, with two at each step in place of nodes near it.
 
     Args:
-        count: 1 is a constant, where there are no steps.
-        steps: places of vertical steps; those at 0 and 1, and beyond, are none.
+        count: number of even nodes; 1 makes a constant if there are no steps.
+        steps: positions of vertical steps; those at or beyond 0 and 1 are ignored.
     """
     inner = sorted({step for step in steps if 0.0 < step < 1.0})
     if count == 1 and not inner:
@@ -134,10 +137,11 @@ def nodes(count: int, steps: tuple[float, ...] = ()) -> Floats:
 
 @dataclass(frozen=True, slots=True)
 class PatchGrid:
-    """Heights at some places of the unit square that lie in columns and rows.
+    """Heights at positions of the unit square in columns and rows.
 
     Attributes:
-        u, v: (n,), (m,) places, ascending.
+        u: (n,) positions of the columns, ascending.
+        v: (m,) positions of the rows, ascending.
         z: (m, n) heights, NaN for none.
     """
 
@@ -147,7 +151,7 @@ class PatchGrid:
 
 
 def grid_of(patch: Patch, most: int) -> PatchGrid:
-    """Columns and rows of pixels, no more than so many of each; turned, the nearest pixels."""
+    """Return heights at up to `most` columns and rows; of the nearest pixels if turned."""
     grid = _regular(patch, most)
     if np.isnan(grid.z).mean() <= _SPARSE:
         return grid
@@ -161,7 +165,7 @@ def grid_of(patch: Patch, most: int) -> PatchGrid:
 def _regular(patch: Patch, most: int) -> PatchGrid:
     rows, columns = patch.values.shape
     if patch.turn == 0.0:
-        row, column = _picked(rows, most), _picked(columns, most)
+        row, column = _spread_indices(rows, most), _spread_indices(columns, most)
         u, v = (column + 0.5) / columns, (row + 0.5) / rows
         return PatchGrid(u, v, np.ascontiguousarray(patch.values[np.ix_(row, column)]))
     n, m = min(columns, most), min(rows, most)
@@ -178,33 +182,35 @@ def _regular(patch: Patch, most: int) -> PatchGrid:
 
 
 def points_of(patch: Patch, most: int) -> Points:
-    """Pixels in columns and rows, no more than so many of each, that lie in the unit square."""
-    return points_at(patch, *picked(patch, most))
+    """Return pixels in the unit square that stand in `most` columns and rows at most."""
+    return points_at(patch, *pick_pixels(patch, most))
 
 
-def picked(patch: Patch, most: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Rows and columns, (n,) each, of pixels that stand in no more than so many of each.
+def pick_pixels(patch: Patch, most: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return rows and columns, (n,) each, of pixels in `most` rows and columns at most.
 
-    Where hardly any of them has a height, those of as many pixels that have one.
+    If hardly any of these pixels has a height, as many pixels with a height are returned instead.
     """
     rows, columns = patch.values.shape
-    row, column = np.meshgrid(_picked(rows, most), _picked(columns, most), indexing="ij")
+    row, column = np.meshgrid(
+        _spread_indices(rows, most), _spread_indices(columns, most), indexing="ij"
+    )
     if np.isnan(patch.values[row, column]).mean() <= _SPARSE:
         return row.ravel(), column.ravel()
     known = np.flatnonzero(~np.isnan(patch.values))
-    row, column = np.divmod(known[_picked(len(known), most * most)], columns)
+    row, column = np.divmod(known[_spread_indices(len(known), most * most)], columns)
     return row, column
 
 
 def points_at(patch: Patch, row: NDArray[np.int64], column: NDArray[np.int64]) -> Points:
-    """Some pixels, but those without a height or outside of the unit square."""
+    """Return points at some pixels, but for those without a height or outside of the square."""
     u, v = patch.unit(row, column)
     z = patch.values[row, column]
     within = (u >= 0) & (u <= 1) & (v >= 0) & (v <= 1) & ~np.isnan(z)
     return Points(u[within], v[within], z[within])
 
 
-def _picked(count: int, most: int) -> NDArray[np.int64]:
+def _spread_indices(count: int, most: int) -> NDArray[np.int64]:
     if count <= most:
         return np.arange(count)
     # the middles of equal parts: a mirrored patch gives mirrored pixels, but for rounding
@@ -212,7 +218,7 @@ def _picked(count: int, most: int) -> NDArray[np.int64]:
 
 
 def basis(nodes: Floats, t: Floats) -> Floats:
-    """(n, p): what each node's value counts at each t."""
+    """Weights of the nodes' values at each t, (n, p)."""
     matrix = np.zeros((len(t), len(nodes)))
     if len(nodes) == 1:
         matrix[:] = 1.0
@@ -228,17 +234,16 @@ def basis(nodes: Floats, t: Floats) -> Floats:
 def best_sums(
     grid: PatchGrid, x_nodes: Floats, y_nodes: Floats, terms: int, best: int = 3
 ) -> list[ProductSum]:
-    """The best sums of products for the offsets with the smallest largest errors, best first.
+    """Return the best sums of products, for the offsets of smallest largest error, best first.
 
-    Where a height is missing, that of the fit takes its place, again and again, so that it counts
-    for nothing.
+    A missing height is replaced by that of the fit, several times, so that it has no effect.
 
     Args:
-        grid: at least one height.
-        x_nodes: of the curves along x.
-        y_nodes: of those along y.
-        terms: how many products.
-        best: how many offsets.
+        grid: heights, at least one of them known.
+        x_nodes: nodes of the curves along x.
+        y_nodes: nodes of the curves along y.
+        terms: number of products.
+        best: number of offsets.
     """
     low, high = float(np.nanmin(grid.z)), float(np.nanmax(grid.z))
     relief = high - low
@@ -249,7 +254,7 @@ def best_sums(
         worst = np.nanmax(np.abs(grid.z - values), axis=(1, 2))
     found: list[int] = []
     for n in np.argsort(worst, kind="stable"):
-        # of neighbours the better one
+        # skip the neighbours of a better offset
         if all(abs(n - other) > 1 for other in found):
             found.append(int(n))
     return [ProductSum(x_nodes, y_nodes, x[n], y[n], float(offsets[n])) for n in found[:best]]
@@ -258,7 +263,7 @@ def best_sums(
 def _products(
     grid: PatchGrid, a: Floats, b: Floats, offsets: Floats, terms: int
 ) -> tuple[Floats, Floats, Floats]:
-    """Fitted heights (offsets, m, n), and the values of the curves (offsets, K, p) and …, q)."""
+    """Fit heights (offsets, m, n) and curve values (offsets, K, p) and (offsets, K, q)."""
     columns, from_columns = _orthogonal(a)
     rows, from_rows = _orthogonal(b)
     missing = np.isnan(grid.z)
@@ -275,14 +280,14 @@ def _products(
 
 
 def _orthogonal(matrix: Floats) -> tuple[Floats, Floats]:
-    """An orthonormal basis of the columns' span, and what takes coordinates to coefficients."""
+    """Return an orthonormal basis of the columns' span, and its matrix to coefficients."""
     u, s, vt = _svd(matrix)
     kept = s > _TINY * s[0]
     return u[:, kept], vt[kept].T / s[kept]
 
 
 def _svd(matrices: Floats) -> tuple[Floats, Floats, Floats]:
-    """The reduced singular value decomposition: u (…, m, k), s (…, k), vt (…, k, n)."""
+    """Reduced singular value decomposition: u (…, m, k), s (…, k), vt (…, k, n)."""
     try:
         return np.linalg.svd(matrices, full_matrices=False)
     except np.linalg.LinAlgError:  # LAPACK's gesdd gives up on one matrix in a million
@@ -291,7 +296,7 @@ def _svd(matrices: Floats) -> tuple[Floats, Floats, Floats]:
 
 
 def _nearest(z: Floats) -> Floats:
-    """Missing heights are those of the nearest pixel in their row, or else in their column."""
+    """Fill missing heights from the nearest pixel in their row, or else in their column."""
     for _ in range(2):
         known = ~np.isnan(z)
         index = np.arange(z.shape[1])

@@ -1,7 +1,7 @@
-"""Named curves of the format in place of values, where they fit a patch as well.
+"""Recognition of named curves that fit a patch as well as free values.
 
-Curves that were fitted freely only suggest which ones to try; what counts is the error of the
-heights, with the best vScale and vOffset for each pair of curves.
+Freely fitted curves only suggest which named ones to try. The error of the heights decides, with
+the best vScale and vOffset for each pair of curves.
 """
 
 from __future__ import annotations
@@ -17,21 +17,21 @@ import numpy as np
 from terratool.definition.expression import NAMED, evaluate, parse
 from terratool.field.pieces import FUNCTIONS
 from terratool.importing.primitive import fit, products
-from terratool.importing.primitive.entries import PrimitiveEntry, fit_error, spelled
+from terratool.importing.primitive.entries import PrimitiveEntry, fit_error, spell_curve
 from terratool.importing.primitive.products import Floats, Patch, Points, ProductSum, basis, nodes
 
 _CURVES = {name: parse(text) for name, text in NAMED.items()}
 _RISING = ("ramp", "smoothstep")
-"""Those that differ from their mirror image."""
+"""Names of the curves that differ from their mirror image."""
 
 _ENDS = np.round(np.arange(0.0, 1.0001, 0.05), 2)
 _SHORTEST = 0.15
 _STEPS = 0.02, 0.01, 0.005, 0.002, 0.001
 _WORSE = 1.1
-"""Of pairs that are so many times as far off as the best one at most, the plainest is taken."""
+"""Largest ratio of a pair's error to the best one's at which the plainest pair is taken."""
 
 _LOOSE, _SHARE = 1.25, 0.01
-"""Without a tolerance they may be so many times worse, or off by that part of the relief."""
+"""Error allowed without a tolerance: a multiple of the free fit's, or a share of the relief."""
 
 _PIXELS = 64
 _TRIED = 3
@@ -47,28 +47,28 @@ class NamedForm:
     mirrored: bool = False
 
     @property
-    def trimmed(self) -> bool:
-        """Whether it is shorter than the cell."""
+    def is_trimmed(self) -> bool:
+        """Whether the curve is shorter than the cell."""
         return (self.low, self.high) != (0.0, 1.0)
 
     def values(self, t: Floats) -> Floats:
-        """Its values, in the shape of t."""
+        """Return the curve's values, in the shape of t."""
         s = (t - self.low) / (self.high - self.low)
         if self.name != "gauss":
             s = np.clip(s, 0.0, 1.0)
         values = evaluate(_CURVES[self.name], 1.0 - s if self.mirrored else s, FUNCTIONS)
         return np.broadcast_to(values, t.shape)
 
-    def spelled(self) -> str:
-        """Its name, or an expression."""
+    def spell(self) -> str:
+        """Return the curve's name, or an expression."""
         s = "t"
-        if self.trimmed:
+        if self.is_trimmed:
             width = f"{self.high - self.low:.6g}"
             s = f"(t - {self.low:g})/{width}" if self.low else f"t/{width}"
             if self.name != "gauss":
                 s = f"min(1, max(0, {s}))" if self.low else f"min(1, {s})"
         if self.mirrored:
-            s = f"1 - {s}" if not self.trimmed or s.startswith("min") else f"1 - ({s})"
+            s = f"1 - {s}" if not self.is_trimmed or s.startswith("min") else f"1 - ({s})"
         if s == "t":
             return self.name
         if self.name == "ramp":
@@ -79,7 +79,7 @@ class NamedForm:
 
 @dataclass(frozen=True, slots=True)
 class RecognisedPair:
-    """A pair of curves; a free one is a list of values."""
+    """A pair of curves with their factor and offset; a free curve is an array of values."""
 
     error: float
     x: NamedForm | Floats
@@ -89,25 +89,25 @@ class RecognisedPair:
 
     @property
     def plainness(self) -> tuple[int, int]:
-        """Free curves, and trimmed ones, for comparing."""
+        """Number of free curves, and of trimmed ones, for comparing."""
         curves = (self.x, self.y)
         return (
             sum(not isinstance(curve, NamedForm) for curve in curves),
-            sum(isinstance(curve, NamedForm) and curve.trimmed for curve in curves),
+            sum(isinstance(curve, NamedForm) and curve.is_trimmed for curve in curves),
         )
 
 
 def recognise(
     patch: Patch, terms: ProductSum, error: float, tolerance: float | None
 ) -> PrimitiveEntry | None:
-    """Named curves for one product, or for one of its two curves, if they fit well enough.
+    """Return the plainest named curves for one product, or for one of its curves, that fit.
 
     Args:
         patch: the heights; they have a relief.
         terms: the free fit.
-        error: its largest error.
-        tolerance: the largest error that is allowed; if None, 1.25 times that of the free fit or
-            1 % of the relief.
+        error: largest error of the free fit.
+        tolerance: largest error allowed; if None, 1.25 times that of the free fit or 1 % of the
+            relief.
 
     Returns:
         The plainest pair that fits, or None.
@@ -115,7 +115,7 @@ def recognise(
     relief = patch.relief
     limit = max(_LOOSE * error, _SHARE * relief) if tolerance is None else tolerance
     points = products.points_of(patch, _PIXELS)
-    x_forms, y_forms = _suggested(patch, points)
+    x_forms, y_forms = _suggest_forms(patch, points)
     whole = [_best_factor(points, x, y) for x, y in product(_forms(), repeat=2)]
     found = [*whole, *_pairs(points, x_forms, y_forms)]
     fitting_pairs = _close([pair for pair in found if pair.error <= limit])
@@ -130,7 +130,7 @@ def recognise(
 
 
 def _close(found: list[RecognisedPair]) -> list[RecognisedPair]:
-    """The plainest of those that are not much worse than the best one first."""
+    """Sort pairs that are nearly as good as the best one by plainness; return the first few."""
     if not found:
         return []
     least = min(pair.error for pair in found)
@@ -147,23 +147,23 @@ def _forms() -> Iterator[NamedForm]:
 
 
 def _best_factor(points: Points, x: NamedForm, y: NamedForm) -> RecognisedPair:
-    """The best factor and offset for two curves, by least squares, and then the best offset."""
+    """Return the best factor and offset for two curves, by least squares and then for the error."""
     values = x.values(points.u) * y.values(points.v)
     middle, mean = float(values.mean()), float(points.z.mean())
     spread = float(((values - middle) ** 2).sum())
     scale = float(((values - middle) * (points.z - mean)).sum()) / spread if spread > 0.0 else 0.0
-    error, offset = _centred(points.z - scale * values)
+    error, offset = _centre(points.z - scale * values)
     return RecognisedPair(error, x, y, scale, offset)
 
 
-def _centred(residuals: Floats) -> tuple[float, float]:
-    """The largest error with the best offset, and that."""
+def _centre(residuals: Floats) -> tuple[float, float]:
+    """Return the largest error with the best offset, and that offset."""
     low, high = float(residuals.min()), float(residuals.max())
     return 0.5 * (high - low), 0.5 * (low + high)
 
 
-def _suggested(patch: Patch, points: Points) -> tuple[list[NamedForm], list[NamedForm]]:
-    """The named curves that look most like the freely fitted ones, trimmed as these are."""
+def _suggest_forms(patch: Patch, points: Points) -> tuple[list[NamedForm], list[NamedForm]]:
+    """Return the named curves along x and y most similar to freely fitted ones, trimmed alike."""
     rows, columns = patch.values.shape
     x_nodes, y_nodes = nodes(min(33, columns)), nodes(min(33, rows))
     begin = products.best_sums(products.grid_of(patch, _PIXELS), x_nodes, y_nodes, 1, 1)[0]
@@ -173,7 +173,7 @@ def _suggested(patch: Patch, points: Points) -> tuple[list[NamedForm], list[Name
 
 
 def _alike(t: Floats, values: Floats) -> list[NamedForm]:
-    """For each name the best trimming, the closest names first."""
+    """Return the best trimming of each name, the most similar names first."""
     found = []
     for plain in _forms():
         tried: list[tuple[float, int, NamedForm]] = []
@@ -188,7 +188,7 @@ def _alike(t: Floats, values: Floats) -> list[NamedForm]:
 
 
 def _unlike(curve: Floats, values: Floats) -> float:
-    """What is left of squares behind the best factor and offset."""
+    """Return the sum of squares that the best factor and offset leave."""
     curve, values = curve - curve.mean(), values - values.mean()
     square = float(curve @ curve)
     return float(values @ values) - (float(curve @ values) ** 2 / square if square > 0.0 else 0.0)
@@ -197,7 +197,7 @@ def _unlike(curve: Floats, values: Floats) -> float:
 def _pairs(
     points: Points, x_forms: list[NamedForm], y_forms: list[NamedForm]
 ) -> Iterator[RecognisedPair]:
-    """Pairs of suggested curves, their ends moved for the smallest error."""
+    """Yield pairs of suggested curves, with ends moved to the smallest error."""
     for x, y in product(x_forms, y_forms):
         best = _best_factor(points, x, y)
         for step in _STEPS:
@@ -212,7 +212,7 @@ def _pairs(
 
 
 def _neighbours(pair: RecognisedPair, step: float) -> Iterator[tuple[NamedForm, NamedForm]]:
-    """The pair with one end of one curve moved."""
+    """Yield the pairs with one end of one curve moved by a step."""
     x, y = pair.x, pair.y
     assert isinstance(x, NamedForm) and isinstance(y, NamedForm)
     for form, other, first in ((x, y, True), (y, x, False)):
@@ -230,7 +230,7 @@ def _neighbours(pair: RecognisedPair, step: float) -> Iterator[tuple[NamedForm, 
 def _halves(
     points: Points, x_forms: list[NamedForm], y_forms: list[NamedForm], terms: ProductSum
 ) -> Iterator[RecognisedPair]:
-    """One named curve, and the values of the other one."""
+    """Yield pairs of one named curve and free values of the other."""
     for form in dict.fromkeys([*_forms(), *x_forms]):
         yield _with_values(points, form, terms.y_nodes, True)
     for form in dict.fromkeys([*_forms(), *y_forms]):
@@ -238,13 +238,13 @@ def _halves(
 
 
 def _with_values(points: Points, form: NamedForm, free: Floats, along_x: bool) -> RecognisedPair:
-    """A named curve along x or along y, and the best values of the other one: a linear problem."""
+    """Fit free values to the other axis of a named curve, by linear least squares."""
     named, other = (points.u, points.v) if along_x else (points.v, points.u)
     matrix = np.column_stack(
         [form.values(named)[:, None] * basis(free, other), np.ones(len(other))]
     )
     solution = np.linalg.lstsq(matrix, points.z, rcond=1e-12)[0]
-    error, middle = _centred(points.z - matrix @ solution)
+    error, middle = _centre(points.z - matrix @ solution)
     values, offset = solution[:-1], float(solution[-1]) + middle
     scale = float(values[np.abs(values).argmax()]) or 1.0
     curve: Floats = np.asarray(values / scale, np.float64)
@@ -255,7 +255,7 @@ def _with_values(points: Points, form: NamedForm, free: Floats, along_x: bool) -
 
 def _entry(pair: RecognisedPair, terms: ProductSum, turn: float, relief: float) -> PrimitiveEntry:
     places = -int(np.floor(np.log10(1e-3 * max(pair.error, 1e-4 * relief))))
-    x, y = _spelled(pair.x, terms.x_nodes), _spelled(pair.y, terms.y_nodes)
+    x, y = _spell(pair.x, terms.x_nodes), _spell(pair.y, terms.y_nodes)
     if x == "flat" and y != "flat":
         x = None
     elif y == "flat":
@@ -263,7 +263,7 @@ def _entry(pair: RecognisedPair, terms: ProductSum, turn: float, relief: float) 
     return PrimitiveEntry(x, y, round(pair.scale, places), round(pair.offset, places), turn)
 
 
-def _spelled(curve: NamedForm | Floats, free: Floats) -> Any:
+def _spell(curve: NamedForm | Floats, free: Floats) -> Any:
     if isinstance(curve, NamedForm):
-        return curve.spelled()
-    return spelled(free, np.round(curve, 4) + 0.0, summed=True)
+        return curve.spell()
+    return spell_curve(free, np.round(curve, 4) + 0.0, summed=True)

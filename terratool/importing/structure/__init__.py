@@ -1,1 +1,1 @@
-"""Boxes, ramps, ridges and hills are recovered from a DEM."""
+"""Search for structures in a DEM: boxes, ramps, ridges, hills and craters."""

@@ -1,4 +1,4 @@
-"""Boxes, from the four spikes at their corners; parts that are one are merged."""
+"""Boxes found from the four mixed differences at their corners, and merging of boxes into ramps."""
 
 from __future__ import annotations
 
@@ -13,29 +13,29 @@ from terratool.importing.structure.structures import Axis, PixelPart
 from terratool.kernels import importing as kernels
 
 SPIKES = 20_000
-"""So many of the largest differences are looked at."""
+"""Number of the largest mixed differences that are tried."""
 
 NEAREST = 12
-"""Corners are sought among so many in each direction."""
+"""Number of nearest candidates for a corner in each direction."""
 
 PATIENCE = 200
-"""So many spikes in a row may lead to nothing."""
+"""Number of failures in a row after which a search ends."""
 
 STICKS_OUT = 2.0
-"""A spike is so much larger than what is next to it."""
+"""Least ratio of a corner's difference to those around it."""
 
 SIDES = {4: 3, 3: 2, 2: 3, 1: 3}
-"""By corners that lie open, on how many sides there have to be walls of the box's height."""
+"""Number of sides that need walls of the box's height, by the number of corners that lie open."""
 
 EVEN = 0.3
-"""How far the jump along a wall may be off, in heights of the box, where corners say too little."""
+"""Largest error of the jump along a wall, in heights of the box, where corners do not suffice."""
 
 CLOSE = 1e-3
-"""How far heights may be apart, in steps of a ramp."""
+"""Largest difference of heights that count as equal, in steps of a ramp."""
 
 
-class Rectangle(NamedTuple):
-    """Pixels from `south` and `west` to before `north` and `east`."""
+class PixelRectangle(NamedTuple):
+    """Pixels from rows `south` to before `north` and columns `west` to before `east`."""
 
     south: int
     north: int
@@ -44,24 +44,24 @@ class Rectangle(NamedTuple):
 
     @property
     def area(self) -> int:
-        """How many pixels."""
+        """Number of pixels."""
         return (self.north - self.south) * (self.east - self.west)
 
 
 def find_boxes(
     residual: Residual, noise: float, height: float, least_corners: int = 1
 ) -> list[PixelPart]:
-    """Take away all boxes that are found.
+    """Find boxes, and subtract each from the residual.
 
     Args:
-        residual: what is left; changed.
-        noise: how far mixed differences may be off.
-        height: boxes that are lower are not wanted.
-        least_corners: boxes of which fewer corners lie open are not wanted; if 4, neither are those
-            with other walls on any side, such as the stairs of a turned edge.
+        residual: heights without the parts found so far; changed.
+        noise: largest error of mixed differences.
+        height: least height of a box.
+        least_corners: least number of corners of a box that lie open; with 4, boxes also need walls
+            of their height on all sides, unlike the stairs of a turned edge.
     """
     found: list[PixelPart] = []
-    # boxes with more clean corners first, as what they leave makes others clean
+    # boxes with more open corners first; without them other corners are open
     for wanted in range(4, least_corners - 1, -1):
         failures = 0
         for row, column in _spikes(residual, max(4.0 * noise, height)):
@@ -83,7 +83,7 @@ def find_boxes(
 
 
 def _spikes(residual: Residual, least: float) -> list[tuple[int, int]]:
-    """Gaps with the largest differences, the largest first."""
+    """Return row and column of the gaps with the largest mixed differences, the largest first."""
     sizes = np.abs(residual.mixed).ravel()
     places = np.flatnonzero(sizes > least)
     if len(places) > SPIKES:
@@ -94,7 +94,7 @@ def _spikes(residual: Residual, least: float) -> list[tuple[int, int]]:
 
 
 def _sticks_out(residual: Residual, row: int, column: int) -> bool:
-    """Whether a difference is larger by far than those around it: else it is a part of a curve.
+    """Tell whether a difference is much larger than those around it, unlike a part of a curve.
 
     The next corner of a box that is one pixel wide has the opposite sign.
     """
@@ -103,7 +103,7 @@ def _sticks_out(residual: Residual, row: int, column: int) -> bool:
     around = residual.mixed[south : row + 2, west : column + 2]
     large = np.abs(around) * STICKS_OUT > abs(value)
     across = (np.add.outer(np.arange(around.shape[0]), np.arange(around.shape[1]))) % 2
-    # at odd steps from the spike itself
+    # gaps at odd distances from the spike
     odd = across != (row - south + column - west) % 2
     return bool((around[large & odd] * value < 0.0).all() and np.count_nonzero(large) <= 4)
 
@@ -111,20 +111,20 @@ def _sticks_out(residual: Residual, row: int, column: int) -> bool:
 def _best(
     residual: Residual, row: int, column: int, noise: float, wanted: int, sides: int
 ) -> PixelPart | None:
-    """The smallest box with a corner here that explains so many corners."""
+    """Return the smallest box with a corner at a gap that explains `wanted` corners, or None."""
     cells = _cells(residual, row, column, noise, wanted)
     for cell in sorted(cells, key=lambda cell: cell.area):
         box = _box(residual, row, column, cell)
-        cleaned, corners = _cleaned(residual, box, noise)
+        cleaned, corners = _count_cleared(residual, box, noise)
         if cleaned < min(wanted, corners) or (corners < wanted and wanted > 2):
             continue
-        if _stands(residual, box, sides):
+        if _has_walls(residual, box, sides):
             return box
     return None
 
 
-def _box(residual: Residual, row: int, column: int, cell: Rectangle) -> PixelPart:
-    """A box on whole pixels, as high as the difference at its corner says."""
+def _box(residual: Residual, row: int, column: int, cell: PixelRectangle) -> PixelPart:
+    """Return a box on whole pixels, as high as the difference at its corner."""
     value = float(residual.mixed[row, column])
     sign = (1.0 if row + 1 == cell.south else -1.0) * (1.0 if column + 1 == cell.west else -1.0)
     x = Axis(kernels.FLAT, 2 * cell.west, 2 * cell.east)
@@ -134,8 +134,8 @@ def _box(residual: Residual, row: int, column: int, cell: Rectangle) -> PixelPar
 
 def _cells(
     residual: Residual, row: int, column: int, noise: float, wanted: int
-) -> Iterator[Rectangle]:
-    """Cells that may have a corner here."""
+) -> Iterator[PixelRectangle]:
+    """Yield the cells that may have a corner at a gap."""
     mixed = residual.mixed
     value = mixed[row, column]
     near = 2.0 * noise
@@ -166,7 +166,7 @@ def _cells(
         if j != row and i != column:
             south, north = sorted((row, j))
             west, east = sorted((column, i))
-            yield Rectangle(south + 1, north + 1, west + 1, east + 1)
+            yield PixelRectangle(south + 1, north + 1, west + 1, east + 1)
 
 
 def _nearest(hits: NDArray[np.bool_], place: int) -> list[int]:
@@ -175,11 +175,11 @@ def _nearest(hits: NDArray[np.bool_], place: int) -> list[int]:
     return [one for one in found[order].tolist() if one != place]
 
 
-def _cleaned(residual: Residual, box: PixelPart, noise: float) -> tuple[int, int]:
-    """How many of a box's corners it leaves without a difference, less those that it spoils.
+def _count_cleared(residual: Residual, box: PixelPart, noise: float) -> tuple[int, int]:
+    """Count corners of a box that it clears of a difference, minus twice those that it spoils.
 
     Returns:
-        That, and how many corners lie within the DEM.
+        That count, and the number of corners within the DEM.
     """
     mixed = residual.mixed
     cleaned = corners = 0
@@ -213,24 +213,24 @@ def jumps(residual: Residual, box: PixelPart) -> list[Floats]:
     return [side[np.isfinite(side)] for side in sides]
 
 
-def _stands(residual: Residual, box: PixelPart, sides_wanted: int) -> bool:
-    """Whether there are walls of the box's height on so many sides, or on all that there are."""
+def _has_walls(residual: Residual, box: PixelPart, sides_wanted: int) -> bool:
+    """Tell whether a box has walls of its height on `sides_wanted` sides, or on all in the DEM."""
     sides = [side for side in jumps(residual, box) if len(side)]
     good = [abs(_median(side) - box.scale) <= EVEN * abs(box.scale) for side in sides]
     return bool(good) and sum(good) >= min(len(good), sides_wanted)
 
 
 def _median(values: Floats) -> float:
-    """The median, without what NumPy spends on arrays of more dimensions."""
+    """Return the median of a line, faster than NumPy's general one."""
     values, middle = np.sort(values), len(values) // 2
     return float(values[middle] + values[(len(values) - 1) // 2]) / 2.0
 
 
-def merged(parts: list[PixelPart]) -> list[PixelPart]:
-    """Parts without the boxes that are the high end of a ramp.
+def merge_ramps(parts: list[PixelPart]) -> list[PixelPart]:
+    """Return parts without boxes that are only the high end of a ramp.
 
-    Where a ramp leads up to a platform of its own height, its high end has no wall, so that it
-    could as well be one pixel shorter and have a box of one pixel beside it.
+    Where a ramp leads up to a platform of its own height, its high end has no wall. Then a ramp
+    that is one pixel shorter, with a box of one pixel beside it, fits equally well.
     """
     places = {(part.x, part.y): index for index, part in enumerate(parts)}
     out: list[PixelPart | None] = list(parts)

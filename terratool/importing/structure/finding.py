@@ -1,16 +1,16 @@
-"""The structures of a DEM: which there are, how sure, how spelled, and what lies below."""
+"""Search for the structures of a DEM, their final form, and the slope below them."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from terratool.importing.structure.boxes import jumps, merged
+from terratool.importing.structure.boxes import jumps, merge_ramps
 from terratool.importing.structure.peeling import is_quiet, peel
 from terratool.importing.structure.residual import (
     PRECISION,
     Floats,
-    Limits,
     Residual,
+    ResidualLimits,
     noise_level,
     residual_of,
 )
@@ -30,19 +30,19 @@ from terratool.importing.structure.turned import BLOCKS, disc_of, islands, turne
 from terratool.kernels import importing as kernels
 
 SHARE = 0.5
-"""A slope has to explain so much of the DEM where there are structures on it."""
+"""Least share of the DEM that a slope has to explain if there are structures on it."""
 
 SHARE_ALONE = 0.98
-"""So much where there are none."""
+"""As SHARE, for DEMs without structures."""
 
 ROUNDS = 6
 _SAMPLED = 1 << 16
 SPARE = 0.25
-"""Smooth curves may use up this share of the error between the centres of pixels."""
+"""Share of the error between the centres of pixels that smooth curves may use up."""
 
 
 def twist_of(residual: Residual) -> PixelPart | None:
-    """The product of two ramps over all of the DEM, whose mixed difference is the same all over."""
+    """Return the product of two ramps that makes the whole DEM's mixed difference, or None."""
     known = residual.mixed[residual.known]
     if not len(known):
         return None
@@ -64,14 +64,15 @@ def ground_of(
     twist: PixelPart | None,
     walls: bool,
 ) -> tuple[Structure, ...]:
-    """The slope that is left, if one is, and its twist.
+    """Return the slope of the ground and its twist, as far as there are any.
 
     Args:
-        residual: heights without the structures on the slope; changed.
-        max_error: how far off the slope may be.
-        structured: whether there are structures on it.
-        twist: what was taken away of it already.
-        walls: whether it may go on to the edges; if not, it is level in the outer half pixels.
+        residual: heights without the structures on the ground; changed.
+        max_error: largest error of the slope, in units of the heights.
+        structured: whether there are structures on the ground.
+        twist: twist that was subtracted already; None without one.
+        walls: whether the slope may continue to the edges; if not, it is level in the outer half
+            pixels.
     """
     heights, precision = residual.heights, PRECISION * max_error
     rows, columns = heights.shape
@@ -116,7 +117,7 @@ def ground_of(
 
 
 def _level_at_ends(first: float, last: float, count: int) -> tuple[tuple[float, float], ...]:
-    """A straight line as knots, level before the first and after the last of `count` centres."""
+    """Return knots of a line that is level outside of the first and the last of `count` centres."""
     half = 0.5 / count
     low, high = first + (last - first) * half, last - (last - first) * half
     return (0.0, low), (half, low), (1.0 - half, high), (1.0, high)
@@ -127,19 +128,19 @@ def find_structures(
 ) -> tuple[Structure, ...]:
     """Find boxes, ramps, ridges and hills in a DEM.
 
-    Where a DEM is free of noise, but for the rounding to single precision, nearly all of these are
-    found; under noise, those whose mixed differences stand out of it, which boxes do first. Natural
-    ground has none.
+    In a DEM without noise, apart from rounding to single precision, nearly all of these are found.
+    Under noise, those are found whose mixed differences exceed it, boxes first. Natural ground has
+    none.
 
     Args:
         heights: (rows, columns) float64 at the centres of pixels, row 0 the southernmost, NaN for
             none.
-        max_error: what is lower is not looked for, in units of the heights.
+        max_error: least height of a structure, in units of the heights.
         walls: whether structures may have upright walls, half way between centres of pixels; if
-            not, none is farther from its bilinear surface than a part of `max_error`.
+            not, each stays within a share of `max_error` of its bilinear surface.
 
     Returns:
-        The structures, the ground first. What they do not explain is left, a constant among it.
+        The structures, the ground first. They leave a residual, which may include a constant.
     """
     rows, columns = heights.shape
     if min(rows, columns) < 3 or max(rows, columns) > MOST_PIXELS:
@@ -156,40 +157,45 @@ def find_structures(
     level = noise_level(residual)
     parts: list[PixelPart] = []
     others: list[Structure] = []
-    # hills all over leave nothing that would show the noise, so the rounding is tried first
+    # hills everywhere hide the noise level, so rounding is tried first
     visible = residual.coarse or (
         level > residual.rounding and is_quiet(residual, residual.rounding)
     )
     if not visible:
-        parts, others = _peeled(residual, Limits(residual.rounding, max_error))
+        parts, others = _peel_all(residual, ResidualLimits(residual.rounding, max_error))
     noise = residual.rounding
     if not parts and not others and level < np.inf and (visible or level > noise):
         noise = level
-        parts, others = _peeled(residual, Limits(noise, max_error))
+        parts, others = _peel_all(residual, ResidualLimits(noise, max_error))
     explained = bool(parts or others)
-    parts = merged(refined(residual, parts, noise))
+    parts = merge_ramps(refine_scales(residual, parts, noise))
     if visible or noise > residual.rounding:
-        parts = [leveled(residual, part) for part in parts]
+        parts = [level_box(residual, part) for part in parts]
     ground = ground_of(residual, max_error, explained, twist, walls)
     structures = [*ground]
-    # one for all, so that curves of equal parts are spelled alike
+    # one precision for all, so that equal parts have equal curves
     fineness = precision / max([1.0, *(abs(part.scale) for part in parts)])
     if walls:
         walled = [with_walls(part, precision, fineness) for part in parts]
         return with_names([*structures, *walled, *others])
-    return with_names([*structures, *_flanked(parts, others, (rows, columns), max_error, fineness)])
+    return with_names(
+        [
+            *structures,
+            *_structures_without_walls(parts, others, (rows, columns), max_error, fineness),
+        ]
+    )
 
 
-def _flanked(
+def _structures_without_walls(
     parts: list[PixelPart],
     others: list[Structure],
     shape: tuple[int, int],
     max_error: float,
     fineness: float,
 ) -> list[Structure]:
-    """Structures without walls, all of which together stay close enough to bilinear."""
+    """Return structures without walls that together stay close enough to bilinear."""
     structures = []
-    left = np.full(shape, SPARE * max_error)  # how much of the error is not used up
+    left = np.full(shape, SPARE * max_error)  # error that is still available
     for part in parts:
         reach = (
             slice(max(0, part.y.first - 1), part.y.stop + 1),
@@ -200,7 +206,7 @@ def _flanked(
         left[reach] -= deviation(structure, shape)
         structures.append(structure)
     for other in others:
-        # what is turned is never bilinear; it is kept where it is smooth enough
+        # turned structures are never bilinear; smooth ones are kept
         first = max(0, other.row // 2 - 1), max(0, other.column // 2 - 1)
         stop = (other.row + other.span[1]) // 2 + 2, (other.column + other.span[0]) // 2 + 2
         reach = slice(first[0], stop[0]), slice(first[1], stop[1])
@@ -211,15 +217,17 @@ def _flanked(
     return structures
 
 
-def _peeled(residual: Residual, limits: Limits) -> tuple[list[PixelPart], list[Structure]]:
-    """Parts along the axes, and what is turned; both are taken away."""
-    # what is turned goes first where it stands alone: its edge could be had from boxes as well
-    others = _turned(residual, limits, loose=False)
+def _peel_all(
+    residual: Residual, limits: ResidualLimits
+) -> tuple[list[PixelPart], list[Structure]]:
+    """Find and subtract parts along the axes, and turned structures."""
+    # turned structures first, as boxes could imitate their edges
+    others = _peel_turned(residual, limits, loose=False)
     parts = peel(residual, limits, hidden=False)
     if not parts and not is_quiet(residual, limits.noise):
         return parts, others
     for loose in (False, True):
-        turned = _turned(residual, limits, loose)
+        turned = _peel_turned(residual, limits, loose)
         more = peel(residual, limits, hidden=True)
         others += turned
         parts += more
@@ -228,8 +236,8 @@ def _peeled(residual: Residual, limits: Limits) -> tuple[list[PixelPart], list[S
     return parts, others
 
 
-def _turned(residual: Residual, limits: Limits, loose: bool) -> list[Structure]:
-    """Turned boxes and turned profiles, which are taken away."""
+def _peel_turned(residual: Residual, limits: ResidualLimits, loose: bool) -> list[Structure]:
+    """Find and subtract turned boxes and turned profiles."""
     if not is_quiet(residual, limits.noise):
         return []
     found = []
@@ -245,8 +253,8 @@ def _turned(residual: Residual, limits: Limits, loose: bool) -> list[Structure]:
     return found
 
 
-def refined(residual: Residual, parts: list[PixelPart], noise: float) -> list[PixelPart]:
-    """Scales once more, from all places where everything is explained; `residual` is changed."""
+def refine_scales(residual: Residual, parts: list[PixelPart], noise: float) -> list[PixelPart]:
+    """Refine the scales of parts from all fully explained places; `residual` is changed."""
     out = list(parts)
     for _ in range(2):
         for at, part in enumerate(out):
@@ -261,8 +269,8 @@ def refined(residual: Residual, parts: list[PixelPart], noise: float) -> list[Pi
     return out
 
 
-def leveled(residual: Residual, part: PixelPart) -> PixelPart:
-    """A box as high as its walls are on average, which noise says less of than of its corners."""
+def level_box(residual: Residual, part: PixelPart) -> PixelPart:
+    """Return a box with the median height of its walls, which noise disturbs less than corners."""
     if part.x.code != kernels.FLAT or part.y.code != kernels.FLAT:
         return part
     residual.subtract(PixelPart(part.x, part.y, -part.scale))

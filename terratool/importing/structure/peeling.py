@@ -1,4 +1,4 @@
-"""Parts are taken away one after the other, the surest first: hills, ridges and ramps, boxes."""
+"""Peeling: parts are found and subtracted one after the other, hills, ridges, ramps and boxes."""
 
 from __future__ import annotations
 
@@ -12,41 +12,41 @@ from terratool.importing.structure.boxes import find_boxes
 from terratool.importing.structure.residual import (
     QUIET_SHARE,
     Floats,
-    Limits,
     Residual,
+    ResidualLimits,
     share_within,
 )
 from terratool.importing.structure.structures import VECTOR, Axis, PixelPart
 from terratool.kernels import importing as kernels
 
 GOOD = 0.06
-"""The largest error of a curve that is believed."""
+"""Largest error of a fitted curve, relative to its size."""
 
 SLACK = 4
-"""How many gaps a curve may go on where its differences vanish in the rounding."""
+"""Gaps that a curve may extend beyond the last visible difference."""
 
 CELLS = 400
-"""So many cells are tried where ends lie hidden below other structures."""
+"""Most cells that are tried where ends lie hidden below other structures."""
 
 MOST = 0.5
-"""So much of a row has to be another one upside down."""
+"""Least share of a row that has to equal another row with opposite sign."""
 
 QUIET = 3
-"""A curve ends where this many gaps in a row hold nothing."""
+"""Number of empty gaps in a row at which a curve ends."""
 
 ROUNDS = 8
 
 BLOCK = 16
-"""One pivot is tried in each block of so many gaps to a side, at most, in each round."""
+"""Side, in gaps, of the blocks in each of which one pivot is tried per round."""
 
 PATIENCE = 150
-"""So many pivots in a row may lead to nothing."""
+"""Number of failed pivots in a row after which a pass ends."""
 
 DOUBT = 24
-"""So many where nothing was found yet, and hardly anything is flat or sloping evenly."""
+"""As PATIENCE, while nothing was found and few differences vanish."""
 
 GAIN = 0.15
-"""A part is believed if it leaves nothing in so much more of its window than before."""
+"""Least increase of the explained share of its window for which a part is accepted."""
 
 PARTNERS = 6
 
@@ -57,8 +57,8 @@ class AxisProfile:
 
     Attributes:
         ratios: (n,) float64, 1 at the pivot.
-        valid: (n,) bool, where the band is a multiple of the pivot's.
-        tolerance: (n,) float64, how far a ratio may be off.
+        valid: (n,) bool, whether the band is a multiple of the pivot's.
+        tolerance: (n,) float64, largest error of each ratio.
         pivot: index of the pivot.
     """
 
@@ -71,14 +71,14 @@ class AxisProfile:
 def profile_along(
     mixed: Floats, known: NDArray[np.bool_], pivot: tuple[int, int], half: int, noise: float
 ) -> AxisProfile:
-    """The profile along the second axis of an array through a pivot.
+    """Return the profile along the second axis of an array through a pivot.
 
     Args:
         mixed: mixed differences, (m, n).
-        known: where they are known.
+        known: mask of known differences, (m, n).
         pivot: indices in both axes.
-        half: the band is this many wide to each side.
-        noise: how far differences may be off.
+        half: half width of the band, without the pivot's row.
+        noise: largest error of differences.
     """
     first, last = max(0, pivot[0] - half), pivot[0] + half + 1
     band = mixed[first:last]
@@ -93,12 +93,12 @@ def profile_along(
 
 
 def curve_of(profile: AxisProfile, unusual: bool) -> Axis | None:
-    """The curve that a profile shows around its pivot, or None.
+    """Return the curve that a profile shows around its pivot, or None.
 
     Args:
         profile: the profile.
-        unusual: whether the curve may begin at the centre of a pixel as well, and be a vector, if
-            all of it lies open; if not, it is a named one on whole pixels.
+        unusual: whether the curve may also begin at the centre of a pixel, and be a vector if all
+            of it lies open; if not, it is a named curve on whole pixels.
     """
     last = len(profile.ratios) - 1
     east, open_east = _end(profile, 1)
@@ -108,7 +108,7 @@ def curve_of(profile: AxisProfile, unusual: bool) -> Axis | None:
     begins = np.arange(west, max(open_west, -1) - 1, -1)  # the shortest cells first
     ends = np.arange(east, min(open_east, last + 1) + 1)
     while len(begins) * len(ends) > CELLS:
-        # both ends are hidden: the far ones can wait until other structures are gone
+        # with both ends hidden, far ends wait until other structures are gone
         begins = begins[: max(1, CELLS // len(ends), len(begins) // 2)]
         ends = ends[: max(1, len(ends) // 2)]
     for odd in (0, 1) if unusual else (0,):
@@ -121,7 +121,7 @@ def curve_of(profile: AxisProfile, unusual: bool) -> Axis | None:
 
 
 def _edges(gaps: NDArray[np.int64], odd: int) -> NDArray[np.int64]:
-    """Edges of cells in half pixels: amid gaps, or also at the centres beside them."""
+    """Return edges of cells in half pixels: between pixels, and if `odd` also at their centres."""
     amid = 2 * (gaps + 1)
     if not odd:
         return amid.astype(np.int64)
@@ -129,7 +129,7 @@ def _edges(gaps: NDArray[np.int64], odd: int) -> NDArray[np.int64]:
 
 
 def _end(profile: AxisProfile, way: int) -> tuple[int, int]:
-    """The last gap that a curve surely holds in one direction, and the last that it may hold.
+    """Return the last gap that a curve surely reaches in one direction, and the last possible one.
 
     The latter lies one beyond the last gap where the curve may end with the DEM.
     """
@@ -150,7 +150,7 @@ def _end(profile: AxisProfile, way: int) -> tuple[int, int]:
 
 
 def _vector_of(profile: AxisProfile, west: int, east: int) -> Axis | None:
-    """The curve without a name from one gap to another, if all of it lies open and it ends at 0."""
+    """Return the curve without a name between two gaps; None unless it lies open and ends at 0."""
     wide = slice(west - QUIET, east + QUIET + 1)
     if west < QUIET or wide.stop > len(profile.ratios) or not profile.valid[wide].all():
         return None
@@ -165,7 +165,7 @@ def _vector_of(profile: AxisProfile, west: int, east: int) -> Axis | None:
 def partners(
     mixed: Floats, known: NDArray[np.bool_], pivot: tuple[int, int], curve: Axis, noise: float
 ) -> NDArray[np.int64]:
-    """Rows that hold the pivot's row upside down, over most of a curve's cell; nearest first."""
+    """Return rows that equal the pivot's row with opposite sign along a curve; nearest first."""
     across = slice(max(0, curve.first - 1), curve.stop)
     own = mixed[pivot[0], across]
     tells = np.abs(own) > 4.0 * noise
@@ -175,13 +175,13 @@ def partners(
     return np.asarray(found[np.argsort(np.abs(found - pivot[0]), kind="stable")])
 
 
-def peel(residual: Residual, limits: Limits, hidden: bool) -> list[PixelPart]:
-    """Take away all parts that are found; they come back in the order of being found.
+def peel(residual: Residual, limits: ResidualLimits, hidden: bool) -> list[PixelPart]:
+    """Find parts, subtract them, and return them in the order of being found.
 
     Args:
-        residual: what is left; changed.
-        limits: what counts.
-        hidden: whether also those are looked for of which corners or all edges but one are hidden.
+        residual: heights without the parts found so far; changed.
+        limits: limits of the parts.
+        hidden: whether to look also for parts of which corners or all edges but one are hidden.
     """
     parts: list[PixelPart] = []
     failed: Failed = {}
@@ -201,17 +201,17 @@ def peel(residual: Residual, limits: Limits, hidden: bool) -> list[PixelPart]:
     return parts
 
 
-Guess = Callable[[Residual, tuple[int, int], Limits], Iterator[PixelPart]]
-"""Parts that may stand at a pivot, their scales still open."""
+Guess = Callable[[Residual, tuple[int, int], ResidualLimits], Iterator[PixelPart]]
+"""Guess of the parts at a pivot, their scales still open."""
 
 Failed = dict[tuple[Guess, bool, int, int], float]
-"""What a guess at a pivot found along its lines when it failed."""
+"""Sum of the differences along a pivot's lines at which a guess failed there."""
 
 
 def _all_but_boxes(
-    residual: Residual, limits: Limits, failed: Failed, hidden: bool = False
+    residual: Residual, limits: ResidualLimits, failed: Failed, hidden: bool = False
 ) -> list[PixelPart]:
-    """Take away hills and ridges."""
+    """Find and subtract hills and ridges."""
     return [
         *_pass(residual, limits, (1, 1), _hill, failed),
         *_pass(residual, limits, (0, 1), _Ridge(True, hidden), failed),
@@ -220,31 +220,34 @@ def _all_but_boxes(
 
 
 def is_quiet(residual: Residual, noise: float) -> bool:
-    """Whether enough of the mixed differences vanish."""
+    """Tell whether enough mixed differences vanish to look for parts."""
     return share_within(residual.mixed, residual.known, 2.0 * noise) >= QUIET_SHARE
 
 
 def _pass(
     residual: Residual,
-    limits: Limits,
+    limits: ResidualLimits,
     reach: tuple[int, int],
     guess: Guess,
     failed: Failed,
 ) -> list[PixelPart]:
-    """Try pivots from the strongest on, which are so together with neighbours along y and x."""
+    """Try a guess at pivots from the strongest on; return the parts found, which are subtracted.
+
+    A pivot's strength is the least difference among its neighbours within `reach` along y and x.
+    """
     found: list[PixelPart] = []
     failures = 0
     patience = PATIENCE if is_quiet(residual, limits.noise) else DOUBT
     for pivot in _pivots(residual, reach, 4.0 * limits.noise):
         row, column = pivot
-        # what failed need not be tried again as long as nothing has changed along its lines
+        # do not retry a guess while the differences along its lines are the same
         state = float(residual.mixed[row].sum() + residual.mixed[:, column].sum())
         attempt = (guess, limits.unusual, row, column)
         if failed.get(attempt) == state:
             continue
         if kernels.least_size(residual.mixed, row, column, *reach) <= 4.0 * limits.noise:
-            continue  # it went with another one
-        tried = (_scaled(residual, part, limits) for part in guess(residual, pivot, limits))
+            continue  # explained by another part meanwhile
+        tried = (_scale_guess(residual, part, limits) for part in guess(residual, pivot, limits))
         part = next((part for part in tried if part is not None), None)
         if part is not None:
             residual.subtract(part)
@@ -259,7 +262,7 @@ def _pass(
 
 
 def _pivots(residual: Residual, reach: tuple[int, int], least: float) -> Iterator[tuple[int, int]]:
-    """The strongest gap of each block, the strongest first."""
+    """Yield the strongest gap of each block, the strongest first."""
     if reach not in residual.pivots:
         residual.pivots[reach] = kernels.find_strongest(residual.mixed, *reach, BLOCK)
     best, at = residual.pivots[reach]
@@ -270,8 +273,10 @@ def _pivots(residual: Residual, reach: tuple[int, int], least: float) -> Iterato
         yield row, column
 
 
-def _hill(residual: Residual, pivot: tuple[int, int], limits: Limits) -> Iterator[PixelPart]:
-    """Products of two curves through a pivot, the width of the band tried from wide to narrow."""
+def _hill(
+    residual: Residual, pivot: tuple[int, int], limits: ResidualLimits
+) -> Iterator[PixelPart]:
+    """Guess a product of two curves through a pivot, from a wide band or else from a narrow one."""
     row, column = pivot
     for half in (4, 1):
         x = curve_of(
@@ -288,10 +293,10 @@ def _hill(residual: Residual, pivot: tuple[int, int], limits: Limits) -> Iterato
 
 @dataclass(frozen=True, slots=True)
 class _Ridge:
-    """Guesses curves along x, or along y, through a pivot that are flat across.
+    """Guess of parts with a curve along one axis through a pivot, and flat along the other.
 
     Attributes:
-        along_x: or along y.
+        along_x: whether the curve runs along x rather than y.
         hidden: whether the other edge of the flat cell may be hidden, or lie on the border.
     """
 
@@ -299,7 +304,7 @@ class _Ridge:
     hidden: bool
 
     def __call__(
-        self, residual: Residual, pivot: tuple[int, int], limits: Limits
+        self, residual: Residual, pivot: tuple[int, int], limits: ResidualLimits
     ) -> Iterator[PixelPart]:
         heights, mixed, known = residual.heights, residual.mixed, residual.known
         if not self.along_x:
@@ -317,9 +322,9 @@ class _Ridge:
 
 
 def _line(
-    mixed: Floats, known: NDArray[np.bool_], pivot: tuple[int, int], limits: Limits
+    mixed: Floats, known: NDArray[np.bool_], pivot: tuple[int, int], limits: ResidualLimits
 ) -> Axis | None:
-    """The curve along the second axis that a line of differences shows."""
+    """Return the curve along the second axis that a single row of differences shows, or None."""
     row, column = pivot
     around = np.abs(mixed[max(0, row - 1) : row + 2, column])
     if np.count_nonzero(around > 2.0 * limits.noise) > 1:
@@ -330,7 +335,7 @@ def _line(
 def _flats(
     mixed: Floats, known: NDArray[np.bool_], pivot: tuple[int, int], along: Axis, noise: float
 ) -> Iterator[Axis]:
-    """Flat cells along the first axis with one edge at a pivot, the nearest first."""
+    """Yield flat cells along the first axis with one edge at a pivot, the nearest first."""
     for other in partners(mixed, known, pivot, along, noise)[:PARTNERS].tolist():
         low, high = sorted((pivot[0], other))
         yield Axis(kernels.FLAT, 2 * (low + 1), 2 * (high + 1))
@@ -339,7 +344,7 @@ def _flats(
 def _by_height(
     heights: Floats, mixed: Floats, pivot: tuple[int, int], along: Axis
 ) -> Iterator[Axis]:
-    """Flat cells with one edge at a pivot, as far as taking the curve away makes rows smoother."""
+    """Yield flat cells with one edge at a pivot, as far as subtracting the curve smooths rows."""
     gap = pivot[0]
     first, steps = along.steps(heights.shape[1])
     line = mixed[gap, first : first + len(steps)]
@@ -362,21 +367,21 @@ def _by_height(
 
 
 def _roughness(heights: Floats) -> Floats:
-    """The sum of the sizes of second differences of each row."""
+    """Sum of the sizes of second differences of each row."""
     return np.asarray(np.nansum(np.abs(np.diff(heights, 2, axis=1)), axis=1))
 
 
 def _run(flags: NDArray[np.bool_]) -> int:
-    """How many are set before the first that is not."""
+    """Number of flags that are set before the first that is not."""
     return len(flags) if flags.all() else int(flags.argmin())
 
 
-def _scaled(residual: Residual, guess: PixelPart, limits: Limits) -> PixelPart | None:
-    """A guess with the scale that leaves least, or None if that explains too little."""
+def _scale_guess(residual: Residual, guess: PixelPart, limits: ResidualLimits) -> PixelPart | None:
+    """Return a guess with the scale that leaves least, or None if that explains too little."""
     gaps, shape = residual.window(guess)
     here, known = residual.mixed[gaps], residual.known[gaps]
     sizes = np.abs(shape)
-    # the high end of a ramp is much larger than its slope, but may be hidden
+    # a ramp's high end exceeds its slope by far, but may be hidden
     least = min(0.25 * float(sizes.max()), float(np.median(sizes[sizes > 0.0])))
     tells = known & (sizes >= least)
     if not tells.any():
@@ -399,7 +404,7 @@ def _scaled(residual: Residual, guess: PixelPart, limits: Limits) -> PixelPart |
 
 
 def _mode(values: NDArray[np.float64], width: float) -> float:
-    """Where most values lie within a small width: a part's scale wherever it stands alone."""
+    """Return the value with most others near it: the scale of a part wherever it lies open."""
     values = np.sort(values)
     near = np.searchsorted(values, values + 8.0 * width, side="right") - np.arange(len(values))
     at = int(near.argmax())

@@ -1,4 +1,4 @@
-"""What is left of a DEM while structures are taken away, and how far that may be off."""
+"""The residual of a DEM while structures are subtracted, and the noise of its differences."""
 
 from __future__ import annotations
 
@@ -12,39 +12,40 @@ from terratool.importing.structure.structures import PixelPart, shortest
 Floats = NDArray[np.float64]
 
 PRECISION = 1e-3
-"""Numbers are rounded to this share of the error that is allowed."""
+"""Precision of numbers in the definition, as a share of the error that is allowed."""
 
 SINGLE = 2.0**-22
-"""The error that four heights rounded to single precision can make together, in heights."""
+"""Largest error of a sum of four heights rounded to single precision, as a share of the heights."""
 
 CURVES = 1e-7
-"""What curves compiled to cubics, and sums of doubles, may be off, in relief."""
+"""Largest error of curves compiled to cubics and of sums of doubles, as a share of the relief."""
 
 _SAMPLED = 1 << 16
 
 QUIET_SHARE = 0.1
-"""A DEM of structures has at least so many mixed differences that vanish."""
+"""Least share of mixed differences that vanish in a DEM of structures."""
 
 DOUBLINGS = 40
 
 SHOWS = 0.02
-"""So many mixed differences show that heights were rounded, at least."""
+"""Least share of mixed differences that show a rounding of the heights."""
 
 MOSTLY = 0.98
-"""So many of those, and of the heights, are multiples of what heights were rounded to."""
+"""Least share of these differences, and of the heights, that are multiples of the rounding's unit.
+"""
 
 FINER = 20.0
-"""That is so much larger than the rounding of floats."""
+"""Least ratio of such a unit to the rounding of floats."""
 
 
 @dataclass(frozen=True, slots=True)
-class Limits:
-    """What counts.
+class ResidualLimits:
+    """Limits of the parts that are sought.
 
     Attributes:
-        noise: how far mixed differences may be off.
-        height: parts that are lower are not wanted.
-        unusual: whether curves without a name are wanted, too.
+        noise: largest error of mixed differences.
+        height: least height of a part.
+        unusual: whether curves without a name are sought, too.
     """
 
     noise: float
@@ -53,21 +54,22 @@ class Limits:
 
     @property
     def precision(self) -> float:
-        """How far heights may be rounded in the definition."""
+        """Largest error of rounded heights in the definition."""
         return PRECISION * self.height
 
 
 @dataclass(frozen=True, slots=True)
 class Residual:
-    """Heights and their mixed differences, both changed as parts are taken away.
+    """Heights and their mixed differences, both changed when parts are subtracted.
 
     Attributes:
         heights: (rows, columns) float64, NaN for none.
         mixed: (rows − 1, columns − 1) float64, 0 where a height is unknown.
-        known: where `mixed` is known, bool.
-        rounding: how large `mixed` may be by rounding alone.
-        coarse: whether heights were rounded to more than floats are, so that curves are lost in it.
-        pivots: what is known of the strongest differences, until these change.
+        known: (rows − 1, columns − 1) bool, whether all four heights are known.
+        rounding: largest size of `mixed` by rounding alone.
+        coarse: whether heights were rounded more coarsely than to floats, which hides curves.
+        pivots: cache of the strongest differences by the pixels that a pivot reaches; cleared by
+            each change.
     """
 
     heights: Floats
@@ -78,7 +80,7 @@ class Residual:
     pivots: dict[tuple[int, int], tuple[Floats, NDArray[np.int64]]] = field(default_factory=dict)
 
     def window(self, part: PixelPart) -> tuple[tuple[slice, slice], Floats]:
-        """The gaps that a part's differences reach, and its differences there for a scale of 1."""
+        """Return the gaps that a part's differences reach, and its differences for a scale of 1."""
         rows, columns = self.heights.shape
         south, dy = part.y.steps(rows)
         west, dx = part.x.steps(columns)
@@ -86,7 +88,7 @@ class Residual:
         return gaps, np.multiply.outer(dy, dx)
 
     def subtract(self, part: PixelPart) -> None:
-        """Take a part away."""
+        """Subtract a part."""
         self.pivots.clear()
         gaps, shape = self.window(part)
         self.mixed[gaps] -= part.scale * shape
@@ -95,7 +97,7 @@ class Residual:
         self.heights[inner] -= part.heights()
 
     def subtract_values(self, row: int, column: int, values: Floats) -> None:
-        """Take heights away from a window that begins at a pixel."""
+        """Subtract heights from a window whose south-western pixel is given."""
         self.pivots.clear()
         rows, columns = slice(row, row + len(values)), slice(column, column + values.shape[1])
         self.heights[rows, columns] -= values
@@ -107,18 +109,18 @@ class Residual:
 
 
 def residual_of(heights: Floats) -> Residual:
-    """The residual of a whole DEM."""
+    """Return the residual of a whole DEM."""
     heights = np.ascontiguousarray(np.where(np.isfinite(heights), heights, np.nan))
     east = heights[:, 1:] - heights[:, :-1]
     mixed = east[1:] - east[:-1]
     known = np.isfinite(mixed)
     mixed[~known] = 0.0
-    fine, unit = rounding(heights), quantum(heights, mixed, known)
+    fine, unit = rounding_error(heights), quantum(heights, mixed, known)
     return Residual(heights, mixed, known, max(fine, 2.0 * unit), unit > 0.0)
 
 
-def rounding(heights: Floats) -> float:
-    """How large mixed differences may be by the rounding of heights alone."""
+def rounding_error(heights: Floats) -> float:
+    """Largest size of mixed differences that come from the rounding of heights alone."""
     low, high = float(np.nanmin(heights)), float(np.nanmax(heights))
     largest = max(abs(low), abs(high))
     flat = heights.ravel()
@@ -130,12 +132,13 @@ def rounding(heights: Floats) -> float:
 
 
 def quantum(heights: Floats, mixed: Floats, known: NDArray[np.bool_]) -> float:
-    """What heights were rounded to, where that shows: in centimetres, say; otherwise 0.
+    """Return the unit that heights were rounded to, such as 0.01, if it shows; otherwise 0.
 
-    Then nearly all heights and differences are multiples of it, and not only a few are not 0.
+    It shows if nearly all heights and differences are multiples of it, and more than a few
+    differences are not 0.
     """
     sizes = _some_sizes(mixed, known)
-    fine = rounding(heights)
+    fine = rounding_error(heights)
     steps = sizes[sizes > FINER * fine]
     if len(steps) < SHOWS * len(sizes) or not len(steps):
         return 0.0
@@ -150,16 +153,16 @@ def quantum(heights: Floats, mixed: Floats, known: NDArray[np.bool_]) -> float:
 
 
 def share_within(mixed: Floats, known: NDArray[np.bool_], bound: float) -> float:
-    """The share of known mixed differences of at most some size, from a part of them."""
+    """Share of known mixed differences of at most some size, from a sample."""
     sizes = _some_sizes(mixed, known)
     return float((sizes <= bound).mean()) if len(sizes) else 1.0
 
 
 def noise_level(residual: Residual) -> float:
-    """How far mixed differences may be off: by rounding, or by as much noise as there is.
+    """Largest error of mixed differences, from rounding or noise; inf if there is no clear level.
 
-    Noise ends where twice the size takes in hardly more differences; that is at some 1.65 standard
-    deviations of it, and it stays within four.
+    Noise ends at the level whose double takes in hardly more differences. That is at about 1.65
+    standard deviations, and noise stays within four.
     """
     sizes = _some_sizes(residual.mixed, residual.known)
     if not len(sizes):

@@ -1,4 +1,4 @@
-"""Parts on pixels, and the structures that a definition makes of them."""
+"""Parts on pixels, and the structures that they become in a definition."""
 
 from __future__ import annotations
 
@@ -20,22 +20,22 @@ from terratool.kernels import importing as kernels
 Floats = NDArray[np.float64]
 
 CurveText = str | tuple[float, ...] | tuple[tuple[float, float], ...]
-"""A curve as the definition spells it: a name or an expression, a vector, knots."""
+"""A curve as the definition spells it: a name or an expression, a vector, or knots."""
 
 VECTOR = -1
-"""The code of a curve that has no name."""
+"""Code of a curve without a name."""
 
 MOST_PIXELS = MAX_CELLS // 2
-"""A grid has two cells for each pixel."""
+"""Most pixels along a side; a grid has two cells for each pixel."""
 
 
 class KnownCurve(NamedTuple):
-    """A curve that structures may have; its code in the kernels is its place in `KNOWN`.
+    """A curve that structures may have; its code in the kernels is its index in `KNOWN`.
 
     Attributes:
-        name: what it is called in names of primitives.
-        spelling: as a definition has it.
-        bend: its largest second derivative; None where it is not smooth.
+        name: name in the names of primitives.
+        spelling: curve as a definition spells it.
+        bend: largest second derivative; None for a curve that is not smooth.
     """
 
     name: str
@@ -67,16 +67,16 @@ _KINDS = {
 }  # fmt: skip
 
 _STRAIGHT = 1e-9
-"""A knot is left out where a curve bends by less than this."""
+"""Largest bend at which a knot is left out, as a change of height per step."""
 
 _MOST_KNOTS = 8
 
 _ROUND_EDGES = {"cosbell": 0.0, "gauss": math.exp(-4.5)}
-"""Named curves that are smooth when turned, and their values at the edge."""
+"""Values at the edge of the named curves that are smooth when turned about their middle."""
 
 
 def curve_at(code: int, t: Floats) -> Floats:
-    """Values of a known curve at any t, 0 where that is not in [0, 1); in the shape of `t`."""
+    """Values of a known curve at any t, in the shape of `t`; 0 for t outside of [0, 1)."""
     return kernels.sample_curve(code, np.ravel(t)).reshape(t.shape)
 
 
@@ -84,19 +84,20 @@ def curve_at(code: int, t: Floats) -> Floats:
 class Structure:
     """An element that explains a part of a DEM, in a grid of half pixels.
 
-    That grid divides the DEM into 2 · columns × 2 · rows cells, so that the edges of pixels and
-    their centres are corners of cells. Over its footprint the element adds
-    v_scale · shape(u, v).
+    The grid divides the DEM into 2 · columns × 2 · rows cells, so that the edges of pixels and
+    their centres are corners of cells. Over its footprint the element adds v_scale · shape(u, v).
 
     Attributes:
-        kind: what it is: "box", "ramp-e", "cosbell-hill" and so on.
-        name: of its primitive; structures of one name have the same curves.
-        x, y: curves; y is None where `combine` is "radial".
+        kind: kind of structure: "box", "ramp-e", "cosbell-hill" and so on.
+        name: name of its primitive; structures of one name have the same curves.
+        x: curve along x, or along the radius.
+        y: curve along y; None where `combine` is "radial".
         combine: "product", "sum" or "radial".
-        column, row: the south-western cell.
-        span: how many cells it takes to the east and to the north.
+        column: column of the south-western cell.
+        row: row of the south-western cell.
+        span: number of cells to the east and to the north.
         v_scale: factor, in units of the heights.
-        turn_deg: degrees clockwise.
+        turn_deg: turn in degrees, clockwise.
     """
 
     kind: str
@@ -116,9 +117,10 @@ class Axis:
     """A curve along one axis of the pixels.
 
     Attributes:
-        code: one of the known curves, or `VECTOR`.
-        begin, end: where its cell begins and ends, in half pixels.
-        values: of a vector, what it is at the pixel centres within the cell.
+        code: code of a known curve, or `VECTOR`.
+        begin: begin of its cell, in half pixels.
+        end: end of its cell, in half pixels.
+        values: values of a vector at the pixel centres within the cell.
     """
 
     code: int
@@ -128,17 +130,17 @@ class Axis:
 
     @property
     def bend(self) -> float | None:
-        """The largest second derivative of its curve; None where it is not smooth."""
+        """Largest second derivative of the curve; None if it is not smooth."""
         return None if self.code == VECTOR else KNOWN[self.code].bend
 
     @property
     def first(self) -> int:
-        """The first pixel whose centre the cell holds."""
+        """First pixel whose centre the cell holds."""
         return self.begin // 2
 
     @property
     def stop(self) -> int:
-        """The pixel after the last whose centre the cell holds."""
+        """Pixel after the last one whose centre the cell holds."""
         return self.end // 2
 
     def samples(self) -> Floats:
@@ -156,7 +158,7 @@ class Axis:
             count: pixels along the axis.
 
         Returns:
-            The first gap and the differences from there on, those that lie within the DEM.
+            The first gap, and the differences from there on within the DEM.
         """
         steps = np.diff(self.samples(), prepend=0.0, append=0.0)
         first = self.first - 1
@@ -169,41 +171,41 @@ class Axis:
 
 @dataclass(frozen=True, slots=True)
 class PixelPart:
-    """A product of two curves, `scale` high, on pixels."""
+    """A product of two curves on pixels, `scale` high."""
 
     x: Axis
     y: Axis
     scale: float
 
     def heights(self) -> Floats:
-        """What it adds at the centres of its pixels, (rows, columns) float64."""
+        """Heights that the part adds at the centres of its pixels, (rows, columns) float64."""
         return self.scale * np.multiply.outer(self.y.samples(), self.x.samples())
 
 
 def with_walls(part: PixelPart, precision: float, fineness: float) -> Structure:
-    """A part as a structure with upright walls, exact at the centres of pixels.
+    """Return a part as a structure with upright walls, exact at the centres of pixels.
 
     Args:
         part: the part.
-        precision: how far factors may be rounded, in units of the heights.
-        fineness: how far values of curves may be.
+        precision: largest error of rounded factors, in units of the heights.
+        fineness: largest error of rounded values of curves.
     """
     axes = (part.x, part.y)
-    curves = [_walled(axis, fineness) for axis in axes]
-    return _placed(part, curves, [(axis.begin, axis.end) for axis in axes], precision)
+    curves = [_walled_curve(axis, fineness) for axis in axes]
+    return _structure_of(part, curves, [(axis.begin, axis.end) for axis in axes], precision)
 
 
 def with_flanks(
     part: PixelPart, shape: tuple[int, int], precision: float, fineness: float, spare: float
 ) -> Structure:
-    """A part as a structure without walls, nearly bilinear between the centres of pixels.
+    """Return a part as a structure without walls, nearly bilinear between the centres of pixels.
 
     Args:
         part: the part.
         shape: rows and columns of the DEM.
-        precision: how far factors may be rounded, in units of the heights.
-        fineness: how far values of curves may be.
-        spare: how far the structure may lie from its bilinear surface, by its named curves.
+        precision: largest error of rounded factors, in units of the heights.
+        fineness: largest error of rounded values of curves.
+        spare: largest distance from its bilinear surface that named curves may cause.
     """
     axes = (part.x, part.y)
     bends = [departure(axis) * abs(part.scale) for axis in axes]
@@ -219,16 +221,16 @@ def with_flanks(
         curve, cell = KNOWN[axis.code].spelling, (axis.begin, axis.end)
         # a ramp would go on in the outer half pixels
         if not is_smooth and (axis.code != kernels.FLAT or cell != (0, 2 * whole)):
-            curve, cell = _flanked(axis, whole, fineness)
+            curve, cell = _flanked_curve(axis, whole, fineness)
         curves.append(curve)
         cells.append(cell)
-    return _placed(part, curves, cells, precision)
+    return _structure_of(part, curves, cells, precision)
 
 
-def _placed(
+def _structure_of(
     part: PixelPart, curves: list[CurveText], cells: list[tuple[int, int]], precision: float
 ) -> Structure:
-    """A product of curves along x and y, each from one half pixel to another."""
+    """Return a product of curves along x and y with their cells in half pixels as a structure."""
     (west, east), (south, north) = cells
     span, scale = (east - west, north - south), shortest(part.scale, precision)
     x, y = ("curve" if axis.code == VECTOR else KNOWN[axis.code].name for axis in (part.x, part.y))
@@ -237,9 +239,9 @@ def _placed(
 
 
 def with_names(structures: Iterable[Structure]) -> tuple[Structure, ...]:
-    """Structures with a name for each pair of curves: the kind, and a number where it has several.
+    """Return structures with a name for each pair of curves: the kind, numbered if it has several.
 
-    Structures of one kind whose curves say how many pixels they take have many: "box-1", "box-2", …
+    Kinds whose curves depend on the number of pixels have several: "box-1", "box-2", …
     """
     structures = tuple(structures)
     shapes: dict[str, dict[tuple[object, ...], int]] = {}
@@ -255,10 +257,10 @@ def with_names(structures: Iterable[Structure]) -> tuple[Structure, ...]:
 
 
 def departure(axis: Axis) -> float:
-    """How far a known curve may lie from straight lines between the centres of pixels.
+    """Largest distance of a known curve from straight lines between the centres of pixels.
 
-    Within the cell that is at most the largest second derivative times an eighth of the square of
-    a pixel; at its ends the curve rises from 0 to its value at the first centre, by less than that.
+    Within the cell it is at most the largest second derivative times an eighth of the square of a
+    pixel. At its ends the curve rises from 0 to its value at the first centre, by less than that.
     """
     length = (axis.end - axis.begin) / 2.0  # in pixels
     values = np.abs(axis.samples())
@@ -269,7 +271,7 @@ def departure(axis: Axis) -> float:
 
 
 def shortest(value: float, precision: float) -> float:
-    """The decimal number with the fewest digits that is near enough."""
+    """Return the decimal number with the fewest digits within `precision` of a value."""
     if not precision > 0.0:
         return value
     for digits in range(16):
@@ -279,8 +281,8 @@ def shortest(value: float, precision: float) -> float:
     return value
 
 
-def _walled(axis: Axis, precision: float) -> CurveText:
-    """A curve over its own cell, level for half a pixel at each end if it has no name."""
+def _walled_curve(axis: Axis, precision: float) -> CurveText:
+    """Return a curve over its own cell, level for half a pixel at each end if it has no name."""
     if axis.code != VECTOR:
         return KNOWN[axis.code].spelling
     values = axis.samples()
@@ -290,8 +292,8 @@ def _walled(axis: Axis, precision: float) -> CurveText:
     return _knots(times, values, precision)
 
 
-def _flanked(axis: Axis, whole: int, precision: float) -> tuple[CurveText, tuple[int, int]]:
-    """A curve that is straight between centres of pixels, and its cell in half pixels."""
+def _flanked_curve(axis: Axis, whole: int, precision: float) -> tuple[CurveText, tuple[int, int]]:
+    """Return a curve that is straight between centres of pixels, and its cell in half pixels."""
     values, first, stop = axis.samples(), axis.first, axis.stop
     centres = 2 * np.arange(first, stop) + 1
     if first > 0:
@@ -309,7 +311,7 @@ def _flanked(axis: Axis, whole: int, precision: float) -> tuple[CurveText, tuple
 
 
 def _knots(times: Floats, values: Floats, precision: float) -> CurveText:
-    """The shortest spelling of a curve that is straight between given points."""
+    """Return the shortest spelling of a curve that is straight between given points."""
     bends = _bends(times, values)
     even = np.allclose(np.diff(times), 1.0 / (len(times) - 1), rtol=1e-9, atol=0.0)
     if np.count_nonzero(bends) > _MOST_KNOTS and even:
@@ -317,7 +319,7 @@ def _knots(times: Floats, values: Floats, precision: float) -> CurveText:
     times, values = times[bends], values[bends]
     if len(times) == 2 and values[0] == values[1] == 1.0:
         return "flat"
-    # a knot that is off by so much, of a slope, is off in height by the precision
+    # shifting a knot by this changes heights by at most the precision
     lengths = np.diff(times)
     steepest = float(np.abs(np.diff(values) / lengths).max())
     apart = precision / max(steepest, 1e-300)
@@ -328,23 +330,23 @@ def _knots(times: Floats, values: Floats, precision: float) -> CurveText:
 
 
 def _bends(times: Floats, values: Floats) -> NDArray[np.bool_]:
-    """Which points are ends, or lie off the line between their neighbours that are kept."""
+    """Mask of points that are ends, or lie off the line between their neighbours."""
     keep = np.ones(len(times), np.bool_)
     slopes = np.diff(values) / np.diff(times)
-    # slopes are compared by what they make of one step, so that nothing creeps along a curve
+    # compare slopes per step, so that small bends do not add up along a curve
     keep[1:-1] = np.abs(np.diff(slopes)) * np.diff(times)[1:] > _STRAIGHT
     return keep
 
 
 def primitive_of(structure: Structure) -> Primitive:
-    """The primitive of a structure."""
+    """Return the primitive of a structure."""
     combine = UNSET if structure.combine == "product" else structure.combine
     y = UNSET if structure.y is None else structure.y
     return Primitive(x=structure.x, y=y, combine=combine)
 
 
 def element_of(structure: Structure) -> Element:
-    """The element of a structure, in a parent with a grid of half pixels."""
+    """Return the element of a structure, in a parent with a grid of half pixels."""
     return Element(
         type=structure.name,
         cell_x=structure.column,
@@ -356,7 +358,7 @@ def element_of(structure: Structure) -> Element:
 
 
 def definition_of(structures: Iterable[Structure], shape: tuple[int, int]) -> Definition:
-    """A definition of these structures alone, one unit to a pixel.
+    """Return a definition of these structures alone, one unit to a pixel.
 
     Args:
         structures: the structures, in the order of the elements.
@@ -381,7 +383,7 @@ def definition_of(structures: Iterable[Structure], shape: tuple[int, int]) -> De
 
 
 def evaluate(structures: Iterable[Structure], shape: tuple[int, int]) -> Floats:
-    """What structures add at the centres of pixels by the compiled field, (rows, columns) float64.
+    """Heights that structures add at the centres of pixels by the compiled field, (rows, columns).
 
     Args:
         structures: the structures.
@@ -396,17 +398,17 @@ def evaluate(structures: Iterable[Structure], shape: tuple[int, int]) -> Floats:
 
 
 def deviation(structure: Structure, shape: tuple[int, int]) -> float:
-    """How far a structure may lie from the bilinear surface through its own values at the centres.
+    """Largest distance of a structure from the bilinear surface through its values at the centres.
 
-    That surface goes on level in the outer half pixels; walls count in full.
+    That surface is level in the outer half pixels; walls count in full.
 
     Args:
         structure: the structure.
         shape: rows and columns of the DEM.
 
     Returns:
-        A bound in units of the heights; 0 for what is bilinear, up to the rounding of numbers in
-        the definition, which is included.
+        An upper bound in units of the heights; 0 for a bilinear structure, plus the rounding of
+        numbers in the definition.
     """
     if structure.y is None:
         return _bound_of_disc(structure)
@@ -420,14 +422,14 @@ def deviation(structure: Structure, shape: tuple[int, int]) -> float:
 
 
 def _largest(text: CurveText | None) -> float:
-    """The largest size of a curve's values; named curves stay within 1."""
+    """Largest size of a curve's values; 1 for named curves."""
     if text is None or isinstance(text, str):
         return 1.0
     return float(np.abs(np.array(text, np.float64).reshape(len(text), -1)[:, -1]).max())
 
 
 def _bound(text: CurveText, begin: int, length: int, count: int) -> tuple[float, float]:
-    """How far a curve is from straight between centres of pixels, and its largest size."""
+    """Largest distance of a curve from straight lines between pixel centres, and its size."""
     if isinstance(text, str):
         if text == "flat" and begin <= 1 and begin + length >= 2 * count - 1:
             return 0.0, 1.0
@@ -459,11 +461,11 @@ def _bound(text: CurveText, begin: int, length: int, count: int) -> tuple[float,
 
 
 def _bound_of_disc(structure: Structure) -> float:
-    """The same for a turned profile.
+    """Largest distance of a turned profile from its bilinear surface, as in `deviation`.
 
     Linear interpolation along one axis and then along the other is off by at most an eighth of the
-    largest second derivative along each, and of what is no steeper than L along any line by at most
-    L times the mean distance of four centres from a point between them.
+    largest second derivative along each. For a profile with slopes of at most L along any line, it
+    is off by at most L times the mean distance of four centres from a point between them.
     """
     radii = (structure.span[0] / 4.0, structure.span[1] / 4.0)  # in pixels
     scale = abs(structure.v_scale)

@@ -1,4 +1,4 @@
-"""Turned boxes and turned profiles: islands that stand out of even ground, and what they are."""
+"""Turned boxes and turned profiles, found as islands that stand out of even ground."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from terratool.importing.structure.residual import Floats, Limits, Residual
+from terratool.importing.structure.residual import Floats, Residual, ResidualLimits
 from terratool.importing.structure.structures import (
     KNOWN,
     VECTOR,
@@ -23,25 +23,25 @@ from terratool.kernels import field
 from terratool.kernels import importing as kernels
 
 BLOCKS = (8, 16, 32)
-"""What lies in neighbouring blocks of so many gaps belongs together; then the same more and more
-coarsely, as the stairs of an edge that runs nearly along an axis are long."""
+"""Sides, in gaps, of the blocks by which neighbouring differences form one island; coarser blocks
+join the long stairs of an edge that runs nearly along an axis."""
 
 MOST = 400
-"""So many places are looked at, the largest first."""
+"""Most islands that are tried, the largest first."""
 
 LARGEST = 400
-"""Places of more pixels to a side are left alone."""
+"""Most pixels to a side of an island."""
 
 RING = 3
 
 LEVEL = 0.97
-"""So many pixels of an island have to be level, at one of two heights."""
+"""Least share of an island's pixels that are level, at one of two heights."""
 
 WRONG = 0.02
-"""So many pixels along the edge may be covered wrongly, of its length."""
+"""Most pixels along the edge that a turned box may cover wrongly, as a share of its length."""
 
 FINENESS = 0.05
-"""Angles are rounded by at most so many degrees."""
+"""Coarsest rounding of angles, in degrees."""
 
 _STEPS = (1.0, 0.2, 0.04, 0.01)
 
@@ -52,10 +52,10 @@ PROFILES = (
 _KINDS = {"tent": "cone", "flat": "column", "dome": "round-dome"}
 
 REACH = 4
-"""A profile that ends flat may go on so many pixels beyond what shows."""
+"""Most pixels that a profile with a flat end may reach beyond its visible part."""
 
 MOST_SAMPLES = 24
-"""A profile without a name has at most so many steps from the middle to the edge."""
+"""Most steps of a profile without a name from the middle to the edge."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,11 +63,13 @@ class Island:
     """A rectangle of pixels that stands out of even ground.
 
     Attributes:
-        row, column: its south-western pixel.
+        row: row of its south-western pixel.
+        column: column of its south-western pixel.
         heights: (h, w) float64, heights above the ground, NaN for none.
         around: heights above the ground in a wider window, for cells that reach farther.
-        south, west: how many pixels that window reaches farther to the south and west.
-        off: how far the ground around it is off from the slope that was fitted.
+        south: rows that the window has more to the south.
+        west: columns that the window has more to the west.
+        off: largest distance of the ground around it from the fitted slope.
     """
 
     row: int
@@ -80,16 +82,16 @@ class Island:
 
 
 def islands(residual: Residual, noise: float, block: int) -> Iterator[Island]:
-    """Each place that stands out of even ground, the largest first.
+    """Yield each island that stands out of even ground, the largest first.
 
     Args:
         residual: heights and their differences.
-        noise: how far differences may be off.
-        block: what lies in neighbouring blocks of so many gaps belongs together.
+        noise: largest error of differences.
+        block: side, in gaps, of the blocks by which neighbouring differences form one island.
     """
     busy = np.abs(residual.mixed) > 2.0 * noise
     rectangles = []
-    for blocks in _components(_occupied(busy, block)):
+    for blocks in _components(_occupied_blocks(busy, block)):
         low, high = blocks.min(axis=0) * block, (blocks.max(axis=0) + 1) * block
         j, i = np.nonzero(busy[low[0] : high[0], low[1] : high[1]])
         # from the gap before the first pixel to the gap after the last
@@ -105,8 +107,8 @@ def islands(residual: Residual, noise: float, block: int) -> Iterator[Island]:
             yield island
 
 
-def _occupied(busy: NDArray[np.bool_], block: int) -> NDArray[np.bool_]:
-    """Which blocks hold something."""
+def _occupied_blocks(busy: NDArray[np.bool_], block: int) -> NDArray[np.bool_]:
+    """Mask of the blocks that hold a flag."""
     rows, columns = (-(-side // block) * block for side in busy.shape)
     padded = np.zeros((rows, columns), np.bool_)
     padded[: busy.shape[0], : busy.shape[1]] = busy
@@ -115,7 +117,7 @@ def _occupied(busy: NDArray[np.bool_], block: int) -> NDArray[np.bool_]:
 
 
 def _components(occupied: NDArray[np.bool_]) -> Iterator[NDArray[np.int64]]:
-    """Blocks that touch one another, also at corners: (n, 2) rows and columns for each group."""
+    """Yield groups of blocks that touch, also at corners: (n, 2) rows and columns each."""
     waiting = dict.fromkeys(map(tuple, np.argwhere(occupied).tolist()))
     while waiting:
         seed, _ = waiting.popitem()
@@ -131,7 +133,7 @@ def _components(occupied: NDArray[np.bool_]) -> Iterator[NDArray[np.int64]]:
 
 
 def _island(residual: Residual, south: int, west: int, north: int, east: int) -> Island | None:
-    """The heights of a rectangle above the slope around it, or None if that is not even."""
+    """Return a rectangle's heights above the slope around it, or None if the slope is not even."""
     low = max(0, south - RING), max(0, west - RING)
     window = residual.heights[low[0] : north + RING, low[1] : east + RING]
     ring = np.isfinite(window)
@@ -149,8 +151,8 @@ def _island(residual: Residual, south: int, west: int, north: int, east: int) ->
     return Island(south, west, inner, around, south - low[0], west - low[1], off)
 
 
-def turned_box_of(island: Island, limits: Limits) -> tuple[Structure, Floats] | None:
-    """The turned box that an island is, and its heights in the window around it."""
+def turned_box_of(island: Island, limits: ResidualLimits) -> tuple[Structure, Floats] | None:
+    """Return the turned box that an island is, with its heights in the window around, or None."""
     exact = 4.0 * limits.noise + 2.0 * island.off
     inner = island.heights[np.isfinite(island.heights)]
     if exact > 0.25 * limits.height or len(inner) < 16:
@@ -164,7 +166,7 @@ def turned_box_of(island: Island, limits: Limits) -> tuple[Structure, Floats] | 
     if not covered.any() or (covered | (np.abs(heights) <= exact)).mean() < LEVEL:
         return None
     if not (np.abs(inner) <= exact).any():
-        return None  # all of it: a box that is not turned
+        return None  # a box that is not turned
     # distances from the middle, in pixels, to the east and to the north
     height, width = island.heights.shape
     dx = np.arange(heights.shape[1]) + 0.5 - island.west - width / 2
@@ -185,13 +187,13 @@ def turned_box_of(island: Island, limits: Limits) -> tuple[Structure, Floats] | 
 
 
 class _TurnedCell(NamedTuple):
-    """A turned rectangle that covers pixels.
+    """A turned rectangle fitted to covered pixels.
 
     Attributes:
-        angle: in degrees, in the middle of those that cover as many pixels rightly.
+        angle: angle in degrees, in the middle of those that cover as many pixels rightly.
         sides: width and height in pixels.
-        wrong: how many pixels it covers wrongly.
-        slack: how far the angle may be off.
+        wrong: number of pixels covered wrongly.
+        slack: largest error of the angle, in degrees.
     """
 
     angle: float
@@ -203,7 +205,7 @@ class _TurnedCell(NamedTuple):
 def _search(
     covered: NDArray[np.bool_], dx: Floats, dy: Floats, width: int, height: int
 ) -> _TurnedCell | None:
-    """The turned rectangle that covers the fewest pixels wrongly."""
+    """Return the turned rectangle that covers the fewest pixels wrongly."""
     j, i = np.nonzero(covered)
     x, y = dx[i], dy[j, 0]
     angles = np.arange(-89.0, 90.0, _STEPS[0])
@@ -221,7 +223,7 @@ def _search(
     wrong, angle, sides = best
 
     def last(angle: float, step: float) -> float:
-        """The last angle in one direction that covers as many pixels rightly."""
+        """Return the last angle in one direction that covers as many pixels rightly."""
         for _ in range(100):
             if int((_covers(angle + step, *sides, dx, dy) != covered).sum()) > wrong:
                 break
@@ -233,9 +235,9 @@ def _search(
 
 
 def _sides(angle: float, x: Floats, y: Floats, width: int, height: int) -> list[tuple[int, int]]:
-    """Sides of the cell, in pixels, that the covered pixels allow for at an angle.
+    """Return the sides of the cell, in pixels, that covered pixels allow at an angle.
 
-    The cell has the middle of the pixels, so its sides are odd where theirs are.
+    The cell shares the middle of the pixels, so its sides are odd where theirs are.
     """
     cos, sin = math.cos(math.radians(angle)), math.sin(math.radians(angle))
     across = 2.0 * float(np.abs(x * cos - y * sin).max())
@@ -244,14 +246,14 @@ def _sides(angle: float, x: Floats, y: Floats, width: int, height: int) -> list[
 
 
 def _near(length: float, least: int) -> list[int]:
-    """Whole lengths from a little below one on, at least `least` and odd where that is."""
+    """Return two whole lengths near a length, at least `least` and odd if that is odd."""
     first = max(least, math.ceil(length - 0.5))
     first += (first - least) % 2
     return [first, first + 2]
 
 
 def _covers(angle: float, width: int, height: int, dx: Floats, dy: Floats) -> NDArray[np.bool_]:
-    """Which pixels a turned rectangle covers, trimmed to its cell."""
+    """Mask of the pixels that a turned rectangle covers, trimmed to its cell."""
     cos, sin = math.cos(math.radians(angle)), math.sin(math.radians(angle))
     u, v = (dx * cos - dy * sin) / width, (dx * sin + dy * cos) / height
     covers: NDArray[np.bool_] = (
@@ -262,14 +264,14 @@ def _covers(angle: float, width: int, height: int, dx: Floats, dy: Floats) -> ND
     return covers
 
 
-def disc_of(island: Island, limits: Limits, loose: bool) -> tuple[Structure, Floats] | None:
-    """The turned profile that an island is, and its heights in the window around it.
+def disc_of(island: Island, limits: ResidualLimits, loose: bool) -> tuple[Structure, Floats] | None:
+    """Return the turned profile that an island is, with its heights in the window around, or None.
 
     Args:
-        island: what stands out.
-        limits: lower profiles are not wanted.
-        loose: whether a profile without a name may be off by a quarter of that height, or only by
-            as much as one with a name.
+        island: the island.
+        limits: limits of the profile's height and noise.
+        loose: whether the error of a profile without a name may be a quarter of the least height,
+            rather than that of one with a name.
     """
     exact = 4.0 * limits.noise + 2.0 * island.off
     if exact > 0.25 * limits.height:
@@ -281,7 +283,7 @@ def disc_of(island: Island, limits: Limits, loose: bool) -> tuple[Structure, Flo
             if rho is None:
                 continue
             for code in PROFILES:
-                shape = _turned(code, rho)
+                shape = _turned_values(code, rho)
                 scale, off = _fit(shape, island.around)
                 if off <= exact + limits.precision and off < best.off / 2.0:
                     best = _Disc(off, code, scale, grow_x, grow_y)
@@ -295,16 +297,18 @@ def disc_of(island: Island, limits: Limits, loose: bool) -> tuple[Structure, Flo
     curve = KNOWN[best.code]
     kind = _KINDS.get(curve.name, f"round-{curve.name}-hill")
     structure = _structure(kind, curve.spelling, island, best, limits.precision)
-    return structure, best.scale * _turned(best.code, rho)
+    return structure, best.scale * _turned_values(best.code, rho)
 
 
 class _Disc(NamedTuple):
-    """A turned profile, and how far it is off.
+    """A turned profile and its error.
 
     Attributes:
-        code: of its curve.
-        scale: its height.
-        grow_x, grow_y: how many pixels it reaches beyond the island to each side.
+        off: largest error.
+        code: code of its curve.
+        scale: height.
+        grow_x: pixels that it reaches beyond the island to each side along x.
+        grow_y: pixels that it reaches beyond the island to each side along y.
     """
 
     off: float
@@ -315,7 +319,7 @@ class _Disc(NamedTuple):
 
 
 def _radii(island: Island, grow_x: int, grow_y: int) -> Floats | None:
-    """Distances from the middle, in radii, of the window around an island."""
+    """Distances from the middle, in radii, in an island's window; None if the disc leaves it."""
     height, width = island.heights.shape
     if grow_x > min(island.west, island.column) or grow_y > min(island.south, island.row):
         return None
@@ -331,14 +335,14 @@ def _radii(island: Island, grow_x: int, grow_y: int) -> Floats | None:
     return np.asarray(np.sqrt(u**2 + (v**2)[:, None]))
 
 
-def _turned(code: int, rho: Floats) -> Floats:
-    """A named curve turned about its middle, 0 beyond its edge."""
+def _turned_values(code: int, rho: Floats) -> Floats:
+    """Values of a named curve turned about its middle, 0 beyond its edge."""
     t = np.minimum(0.5 + 0.5 * rho, 1.0 - 1e-15)  # the edge is a part of the disc
     return np.where(rho <= 1.0 + field.EDGE, curve_at(code, t), 0.0)
 
 
 def _fit(shape: Floats, heights: Floats) -> tuple[float, float]:
-    """The best factor of a shape, and how far it is off at most."""
+    """Return the best factor of a shape, and the largest error with it."""
     finite = np.isfinite(heights)
     power = float((shape[finite] ** 2).sum())
     if power == 0.0:
@@ -347,8 +351,10 @@ def _fit(shape: Floats, heights: Floats) -> tuple[float, float]:
     return scale, float(np.abs(heights - scale * shape)[finite].max())
 
 
-def _crater(island: Island, limits: Limits, tolerance: float) -> tuple[Structure, Floats] | None:
-    """A profile without a name, as few evenly spaced samples as come close enough."""
+def _crater(
+    island: Island, limits: ResidualLimits, tolerance: float
+) -> tuple[Structure, Floats] | None:
+    """Return a profile without a name, of as few evenly spaced samples as suffice, or None."""
     rho = _radii(island, 0, 0)
     if rho is None:
         return None
@@ -377,7 +383,7 @@ def _crater(island: Island, limits: Limits, tolerance: float) -> tuple[Structure
 
 
 def _weights(rho: NDArray[np.float64], steps: int) -> Floats:
-    """How much each of evenly spaced samples counts at each place, straight in between."""
+    """Weights of evenly spaced samples at distances in radii, linear in between, (n, steps + 1)."""
     at = np.minimum(rho, 1.0) * steps
     low = np.minimum(at.astype(np.int64), steps - 1)
     weights = np.zeros((len(rho), steps + 1))

@@ -1,1 +1,1 @@
-"""A whole DEM becomes a definition within an error."""
+"""Import of a whole DEM as a terrain."""

@@ -1,4 +1,4 @@
-"""A whole DEM becomes a definition that stays within an error everywhere."""
+"""Import of a whole DEM as a definition that stays within an error everywhere."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ from terratool.importing.structure.structures import (
 )
 from terratool.importing.terrain.methods import (
     METHODS,
+    HeightRounding,
     Method,
     Read,
-    Rounding,
     hat_texts,
     hats_of,
     rows_of,
@@ -46,7 +46,7 @@ from terratool.importing.terrain.writing import (
     Chunk,
     ElementText,
     MeasuredError,
-    Spool,
+    TextSpool,
     Writer,
     element,
     root_of,
@@ -58,38 +58,38 @@ from terratool.output import refuse_existing, whole_file
 from terratool.text.display import shown
 
 _NARROWEST = 2.0**-40
-"""Pixels below this part of the largest coordinate drown in the rounding of doubles."""
+"""Least ratio of a pixel's side to the largest coordinate; below it doubles round pixels away."""
 
 _SAMPLE = 192
 _SAMPLED = 1 << 18
-"""DEMs of more pixels than this are sampled to choose the method."""
+"""Pixels of a DEM above which only samples are used to choose the method."""
 
 _SEARCHED = 1 << 22
-"""DEMs of more pixels than this are searched for structures only if a sample has some."""
+"""Pixels of a DEM above which it is searched for structures only if a sample has some."""
 
 MOST_IN_MEMORY = 1 << 24
-"""DEMs of up to this many pixels are held in memory; larger ones are read by rows, twice."""
+"""Most pixels of a DEM that is held in memory; larger ones are read by rows, twice."""
 
 REACH = 512
-"""Pixels that GDAL looks around itself to fill a gap."""
+"""Distance in pixels within which GDAL looks for heights to fill a gap."""
 
 _ROWS = 256
 _VOID = int(np.iinfo(np.int64).max)
-"""A class of its own, for pixels without a height."""
+"""Class number of pixels without a height."""
 _NO_GROUND = "void"
-"""The surface of these."""
+"""Name of the surface of pixels without a height."""
 
 Floats = NDArray[np.float64]
 Progress = Callable[[int], object]
 
 
 @dataclass(frozen=True, slots=True)
-class Ground:
-    """What the terrain wears where no class says otherwise.
+class GroundSurface:
+    """Surface of the terrain where no class gives another one.
 
     Attributes:
-        name: of the surface.
-        preset: the soil that it is; None leaves its figures to the user.
+        name: name of the surface.
+        preset: its soil; None leaves the figures to the user.
     """
 
     name: str
@@ -97,25 +97,25 @@ class Ground:
 
     @property
     def surface(self) -> dict[str, Any]:
-        """The surface as a definition has it."""
+        """Return the members of the surface in a definition."""
         return {} if self.preset is None else {"preset": self.preset}
 
 
 @dataclass(frozen=True, slots=True)
 class ImportOptions:
-    """How a DEM is imported.
+    """Options for importing a DEM.
 
     Attributes:
-        max_error: in units of the heights.
-        methods: which may be tried; all, if empty.
+        max_error: largest error, in units of the heights.
+        methods: methods that may be tried; all if empty.
         fill: whether unknown heights are filled rather than void.
-        structures: whether boxes, ramps and hills are looked for.
-        walls: whether these get upright walls, where the DEM has a gap of a pixel.
+        structures: whether to look for boxes, ramps and hills.
+        walls: whether structures get upright walls where the DEM has a gap of a pixel.
         surfaces: name of a raster of classes, or None.
-        title: the source, for the description.
-        allow_remote: whether the raster of classes may lie on the net, or lead out of its folder.
+        title: name of the source, for the description.
+        allow_remote: whether the raster of classes may lie on the net, or link out of its folder.
         pixels: whether the root's cells are the pixels, so that own elements are easily added.
-        ground: the surface of the root, or None.
+        ground: surface of the root, or None.
     """
 
     max_error: float
@@ -127,25 +127,25 @@ class ImportOptions:
     title: str = ""
     allow_remote: bool = False
     pixels: bool = False
-    ground: Ground | None = None
+    ground: GroundSurface | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class ImportReport:
-    """What came of an import.
+    """Result of an import.
 
     Attributes:
         grid: the pixels.
-        options: what was asked for.
-        method: how the heights were written; None where there is nothing besides structures.
-        step: what they were rounded to.
-        relief: highest less lowest height.
-        error: measured on the compiled field at the pixel centres.
-        bound: the error that holds everywhere against the bilinear DEM.
-        unknown: pixels without a height.
-        structures: how many of each kind were found.
-        surfaces: pixels of each surface.
-        size: bytes of the file.
+        options: options of the import.
+        method: method by which the heights were written; None if structures explain all of them.
+        step: unit to which heights were rounded.
+        relief: highest minus lowest height.
+        error: error measured on the compiled field at the pixel centres.
+        bound: error that holds everywhere against the bilinear DEM.
+        unknown: number of pixels without a height.
+        structures: number of structures of each kind.
+        surfaces: number of pixels of each surface.
+        size: size of the file in bytes.
         notes: sentences about the source.
     """
 
@@ -170,13 +170,14 @@ class ImportReport:
 
 @dataclass(frozen=True, slots=True)
 class _FoundStructures:
-    """Structures, and what they cost.
+    """Structures of a DEM, with their heights, deviation and texts.
 
     Attributes:
-        heights: (rows, columns) float64, what they add at the pixel centres; None without any.
-        deviation: how far they are from bilinear between the centres, at most, walls left out.
-        texts: of each.
-        kinds: how many of each kind.
+        heights: (rows, columns) float64, heights that they add at the pixel centres; None without
+            any.
+        deviation: largest distance from bilinear between the centres, apart from walls.
+        texts: text of each structure.
+        kinds: number of structures of each kind.
     """
 
     heights: Floats | None = None
@@ -186,23 +187,25 @@ class _FoundStructures:
 
     @property
     def size(self) -> int:
-        """Bytes of their texts when compressed."""
+        """Compressed size of the texts in bytes."""
         return len(zlib.compress(b",".join(part for text in self.texts for part in text)))
 
 
 @dataclass(frozen=True, slots=True)
-class _Plan:
-    """What was decided before anything is written.
+class _WritingPlan:
+    """Decisions that precede the writing.
 
     Attributes:
-        found: structures that are taken off first.
-        rest: the DEM without them, or None where it is not in memory.
+        found: structures that are subtracted first.
+        rest: heights without the structures, or None if the DEM is not in memory.
+        method: method by which the heights are written.
+        rounding: rounding of the heights.
     """
 
     found: _FoundStructures
     rest: Floats | None
     method: Method
-    rounding: Rounding
+    rounding: HeightRounding
 
 
 def import_terrain(
@@ -216,10 +219,10 @@ def import_terrain(
 
     Args:
         source: the DEM.
-        output: the file that is to be; compressed if its name ends in .gz.
-        options: how.
-        overwrite: whether it may be there already.
-        progress: gets numbers of pixels that were worked on: all of them twice.
+        output: file to write; compressed if its name ends in .gz.
+        options: options of the import.
+        overwrite: whether the file may exist already.
+        progress: gets numbers of pixels done; they add up to twice the DEM.
 
     Raises:
         ReadError: the source is broken, has no height, or is too small or large.
@@ -229,18 +232,18 @@ def import_terrain(
     work = progress or (lambda _: None)
     _refuse_size(source.grid)
     _refuse_ground(options.ground)
-    step_for(options.max_error, 0.0)  # refuses what is no error before anything is read
+    step_for(options.max_error, 0.0)  # refuse a bad error before reading
     output = Path(output)
     refuse_existing(output, overwrite)
     summary = summarise_source(source, options, work)
-    plan = _planned(source, summary, options)
+    plan = _plan_import(source, summary, options)
     try:
-        return _written(source, output, summary, plan, options, overwrite, work)
+        return _write_definition(source, output, summary, plan, options, overwrite, work)
     except BoundError:
         if not plan.found.texts:
             raise
-    plan = _planned(source, summary, replace(options, structures=False))
-    return _written(source, output, summary, plan, options, overwrite, work)
+    plan = _plan_import(source, summary, replace(options, structures=False))
+    return _write_definition(source, output, summary, plan, options, overwrite, work)
 
 
 def _refuse_size(grid: PixelGrid) -> None:
@@ -260,7 +263,7 @@ def _refuse_size(grid: PixelGrid) -> None:
         )
 
 
-def _refuse_ground(ground: Ground | None) -> None:
+def _refuse_ground(ground: GroundSurface | None) -> None:
     if ground is None:
         return
     if not ground.name or ground.name == _NO_GROUND:
@@ -279,23 +282,25 @@ def _refuse_ground(ground: Ground | None) -> None:
 
 @dataclass(slots=True)
 class SourceSummary:
-    """What one reading of all rows of a source shows.
+    """Results of the first reading of all rows of a source.
 
     Attributes:
-        low, high: of the heights.
-        unknown: pixels without one.
-        heights: (rows, columns) float64, row 0 the southernmost, if they fit into memory.
+        low: lowest height.
+        high: highest height.
+        unknown: number of pixels without a height.
+        heights: (rows, columns) float64, row 0 the southernmost; None if they do not fit into
+            memory.
         cover: elements in a grid of pixels that carry surfaces, and the void.
-        surface_types: the surfaces by name, as the definition has them.
-        surfaces: pixels of each.
-        notes: sentences about the source and what was found.
+        surface_types: surfaces by name, as the definition has them.
+        surfaces: number of pixels of each surface.
+        notes: sentences about the source and its classes.
     """
 
     low: float = math.inf
     high: float = -math.inf
     unknown: int = 0
     heights: Floats | None = None
-    cover: Spool = field(default_factory=Spool)
+    cover: TextSpool = field(default_factory=TextSpool)
     surface_types: dict[str, Any] = field(default_factory=dict)
     surfaces: dict[str, int] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
@@ -304,12 +309,12 @@ class SourceSummary:
 def summarise_source(
     source: HeightSource, options: ImportOptions, progress: Progress
 ) -> SourceSummary:
-    """Read all rows once.
+    """Read all rows once, for heights, surfaces and notes.
 
     Args:
         source: the DEM.
-        options: unknown heights are filled as far as they are held in memory; if they are not to
-            be, the void covers them.
+        options: options of the import. With `fill`, unknown heights are filled if the DEM is in
+            memory; otherwise the void covers them.
         progress: gets numbers of pixels.
 
     Raises:
@@ -355,12 +360,12 @@ def summarise_source(
         raise ReadError(
             "Every pixel is nodata: there is no height.", "Take another part, band or file."
         )
-    summary.notes = source.notes  # now, as what is read once more would be counted twice
+    summary.notes = source.notes  # now, as the second reading would count twice
     if raster is not None and raster.lacking:
         bare = f"the surface {shown(options.ground.name)}" if options.ground else "no surface"
         summary.notes += (f"{raster.name} has no class for {raster.lacking:,} pixels: {bare}.",)
     if options.fill and summary.heights is not None:
-        summary.heights = filled(summary.heights)
+        summary.heights = fill_gaps(summary.heights)
     elif options.fill and summary.unknown:
         summary.notes += (
             f"The DEM has more than {MOST_IN_MEMORY:,} pixels: unknown heights are taken from "
@@ -369,11 +374,11 @@ def summarise_source(
     return summary
 
 
-def _add_ground(summary: SourceSummary, ground: Ground, grid: PixelGrid) -> None:
-    """Add the surface of the root, which all pixels wear that have none of their own.
+def _add_ground(summary: SourceSummary, ground: GroundSurface, grid: PixelGrid) -> None:
+    """Add the surface of the root, which all pixels without a class have.
 
     Raises:
-        RequestError: a class has that name, and another soil is wanted.
+        RequestError: a class has the same name, and a preset is given.
     """
     if ground.name in summary.surface_types and ground.preset is not None:
         raise RequestError(
@@ -387,14 +392,14 @@ def _add_ground(summary: SourceSummary, ground: Ground, grid: PixelGrid) -> None
 
 
 def _surface(raster: ClassRaster | None, number: int) -> tuple[str, dict[str, Any]]:
-    """Name and members of the surface of a class, or of the void."""
+    """Return name and members of the surface of a class, or of the void."""
     if number == _VOID or raster is None:
         return _NO_GROUND, {"void": True}
     return raster.surface(number)
 
 
-def filled(heights: Floats) -> Floats:
-    """Heights with fewer NaN: what was unknown is weighted by inverse distances, as GDAL does it.
+def fill_gaps(heights: Floats) -> Floats:
+    """Fill unknown heights by inverse distance weighting, as GDAL does.
 
     Args:
         heights: (rows, columns) float64, NaN where unknown.
@@ -418,17 +423,21 @@ def filled(heights: Floats) -> Floats:
 # --- planning ------------------------------------------------------------------------------------
 
 
-def _planned(source: HeightSource, summary: SourceSummary, options: ImportOptions) -> _Plan:
-    """Whether structures are taken off, and the method that makes the smallest file."""
+def _plan_import(
+    source: HeightSource, summary: SourceSummary, options: ImportOptions
+) -> _WritingPlan:
+    """Decide whether structures are subtracted, and which method makes the smallest file."""
     highest = max(abs(summary.low), abs(summary.high))
     heights = summary.heights
     methods = _methods(heights, options)
 
-    def without(found: _FoundStructures, rest: Floats | None, low: float) -> _Plan:
+    def without(found: _FoundStructures, rest: Floats | None, low: float) -> _WritingPlan:
         step = step_for(options.max_error - found.deviation, highest)
-        # from the lowest height on, to a digit that is small against a step; never -0
-        rounding = Rounding(step, round(low, 2 - math.floor(math.log10(step))) + 0.0)
-        return _Plan(found, rest, smallest(_samples(source, rest), rounding, methods), rounding)
+        # the lowest height, to a digit much finer than a step; never -0
+        rounding = HeightRounding(step, round(low, 2 - math.floor(math.log10(step))) + 0.0)
+        return _WritingPlan(
+            found, rest, smallest(_samples(source, rest), rounding, methods), rounding
+        )
 
     whole = without(_FoundStructures(), heights, summary.low)
     if heights is None or not (options.structures and _is_promising(source, heights, options)):
@@ -443,7 +452,7 @@ def _planned(source: HeightSource, summary: SourceSummary, options: ImportOption
 
 
 def _methods(heights: Floats | None, options: ImportOptions) -> tuple[Method, ...]:
-    """What may be tried: all that was asked for, by rows alone what is not in memory."""
+    """Return the methods to try; for a DEM that is not in memory, methods by rows alone."""
     wanted = options.methods or METHODS
     if options.pixels:
         wanted = tuple(replace(method, pixels=True) for method in wanted)
@@ -459,7 +468,7 @@ def _methods(heights: Floats | None, options: ImportOptions) -> tuple[Method, ..
 
 
 def _samples(source: HeightSource, heights: Floats | None) -> list[Floats]:
-    """The whole DEM if it is small, else some squares of it."""
+    """Return the whole DEM if it is small, else some squares of it."""
     rows, columns = source.grid.rows, source.grid.columns
     if heights is not None and heights.size <= _SAMPLED:
         return [heights]
@@ -473,7 +482,7 @@ def _samples(source: HeightSource, heights: Floats | None) -> list[Floats]:
 
 
 def _is_promising(source: HeightSource, heights: Floats, options: ImportOptions) -> bool:
-    """Whether a DEM may have structures: a large one if some squares of it have."""
+    """Tell whether a DEM may have structures: a large one if some squares of it have."""
     if heights.size <= _SEARCHED:
         return True
     squares = _samples(source, heights)
@@ -481,7 +490,7 @@ def _is_promising(source: HeightSource, heights: Floats, options: ImportOptions)
 
 
 def _find(heights: Floats, options: ImportOptions) -> _FoundStructures:
-    """The structures of a DEM, (rows, columns), row 0 the southernmost, NaN where unknown."""
+    """Find the structures of a DEM, (rows, columns), row 0 the southernmost, NaN where unknown."""
     structures = find_structures(heights, options.max_error, options.walls)
     if options.pixels:
         structures = tuple(one for one in structures if _has_whole_pixels(one))
@@ -491,7 +500,7 @@ def _find(heights: Floats, options: ImportOptions) -> _FoundStructures:
     off = np.zeros(shape)
     if not options.walls:
         for one in structures:
-            # pixels that it touches, and one more to each side
+            # touched pixels, and one more to each side
             rows, columns = (
                 slice(max(0, cell // 2 - 1), (cell + span + 1) // 2 + 1)
                 for cell, span in ((one.row, one.span[1]), (one.column, one.span[0]))
@@ -510,7 +519,7 @@ def _has_whole_pixels(one: Structure) -> bool:
 
 
 def _texts(structures: tuple[Structure, ...], pixels: bool) -> list[ElementText]:
-    """Each element, and its primitive where that did not come before."""
+    """Return the text of each structure: its element, and its primitive where that is new."""
     if pixels:
         structures = tuple(
             replace(
@@ -533,19 +542,19 @@ def _texts(structures: tuple[Structure, ...], pixels: bool) -> list[ElementText]
 # --- writing -------------------------------------------------------------------------------------
 
 
-def _written(
+def _write_definition(
     source: HeightSource,
     output: Path,
     summary: SourceSummary,
-    plan: _Plan,
+    plan: _WritingPlan,
     options: ImportOptions,
     overwrite: bool,
     work: Progress,
 ) -> ImportReport:
-    """Write and measure what was planned.
+    """Write and measure the definition as it was planned.
 
     Raises:
-        BoundError: it is farther off than it may be, and no file appears.
+        BoundError: the error is larger than allowed; no file appears.
     """
     grid, found = source.grid, plan.found
     error = MeasuredError(grid)
@@ -593,7 +602,7 @@ def _written(
 
 
 def _head(grid: PixelGrid, options: ImportOptions) -> dict[str, Any]:
-    """What a definition begins with."""
+    """Return the first members of the definition: description, size, origin and crs."""
     pixel = f"{grid.dx:.12g}"
     if grid.dx != grid.dy:
         pixel += f" × {grid.dy:.12g}"
@@ -612,11 +621,11 @@ def _write_heights(
     writer: Writer,
     source: HeightSource,
     summary: SourceSummary,
-    plan: _Plan,
+    plan: _WritingPlan,
     checker: Checker,
     work: Progress,
 ) -> None:
-    """Write what structures leave of the heights, each part once it was measured."""
+    """Write the heights without structures, each part once it was measured."""
     rows, columns = source.grid.rows, source.grid.columns
     if plan.method.kind == "hats":
         assert plan.rest is not None

@@ -1,18 +1,18 @@
-"""Ways of writing a DEM as elements, and which of them is the smallest when compressed.
+"""Methods of writing a DEM as elements, and the choice of the smallest one when compressed.
 
-All of them are linear between the centres of pixels along x and y, so that the sum is bilinear
-there, as the DEM between its pixels is said to be; in the outer half pixel the nearest centre's
-height goes on. The elements lie in a grid of half pixels, whose corners are the pixels' corners and
-centres; or, for people who add their own, in one of pixels, and cover the half pixels beside them
-with zeros.
+All methods are linear between the centres of pixels along x and y, so that the sum of elements is
+bilinear there, as is the DEM between its pixels. In the outer half pixel the nearest centre's
+height continues. The elements lie in a grid of half pixels, whose corners are the pixels' corners
+and centres; or, for people who add elements of their own, in a grid of pixels, where they cover the
+half pixels beside them with zeros.
 
-Rows: an element carries one row of pixels. Every `spacing`-th row stands by itself (it is nodal):
-its element is a tent over the rows up to the neighbouring nodal ones. Every other row is midway
-between two that came before, and its element adds what it differs from their mean.
+Rows: an element carries one row of pixels. Every `spacing`-th row is nodal: its element is a tent
+over the rows up to the neighbouring nodal rows. Every other row is midway between two rows written
+before, and its element adds the difference from their mean.
 
 Hats: an element is a tent along x and y at one pixel, coarse ones first. A hat stands where the DEM
-differs by more than half a step from what the coarser ones make of it, so that flat and smooth
-ground costs nothing.
+differs by more than half a step from the sum of coarser hats, so that flat and smooth ground costs
+nothing.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from terratool.importing.terrain.writing import (
     Chunk,
     ElementText,
     SizeCounter,
-    Spool,
+    TextSpool,
     Writer,
     WrittenRows,
     curve,
@@ -42,36 +42,37 @@ from terratool.importing.terrain.writing import (
 from terratool.kernels import importing as kernels
 
 BLOCK = 64
-"""Rows that are worked on at a time."""
+"""Rows that are processed at a time."""
 
 _FEW = 16
-"""So many zeros at the ends of a row, and a quarter of it, are written rather than left out."""
+"""Zeros at the ends of a row, besides a quarter of the row, that are written rather than left out.
+"""
 
 _HAT_BYTES = 6
-"""A hat takes about so many bytes when compressed, or more."""
+"""Least compressed bytes of a hat."""
 
 _MARGIN = 1e-3
-"""Of the error, left for the rounding of sums."""
+"""Share of the error that is left for the rounding of sums."""
 
 _DIGITS = 3
 _FINEST = 2.0**-48
-"""An error below this part of the largest height drowns in the rounding of doubles."""
+"""Least ratio of an error to the largest height; below it doubles round the error away."""
 
 Ints = NDArray[np.int64]
 Floats = NDArray[np.float64]
 
 Read = Callable[[int, int], Floats]
-"""Rows from a first one on, a number of them, (count, columns) float64."""
+"""Reader of rows: of `count` rows from a first one on, (count, columns) float64."""
 
 
 @dataclass(frozen=True, slots=True)
 class Method:
-    """A way of writing a DEM.
+    """Method of writing a DEM.
 
     Attributes:
         kind: "rows", "columns" or "hats".
-        spacing: from one nodal row to the next; 1 if all are.
-        pixels: whether the elements lie in a grid of whole pixels, not of half ones.
+        spacing: rows from one nodal row to the next; 1 if all are nodal.
+        pixels: whether the elements lie in a grid of whole pixels rather than half ones.
     """
 
     kind: str
@@ -80,7 +81,7 @@ class Method:
 
     @property
     def sentence(self) -> str:
-        """In words."""
+        """Name of the method in words."""
         if self.kind == "hats":
             return "sparse hats"
         return f"nodal {self.kind}" if self.spacing == 1 else f"hierarchical {self.kind}"
@@ -94,7 +95,7 @@ METHODS = (
 
 
 def methods_named(name: str) -> tuple[Method, ...]:
-    """The methods of a name: rows, columns, nodal-rows, nodal-columns or hats."""
+    """Return the methods of a name: rows, columns, nodal-rows, nodal-columns or hats."""
     kind = name.removeprefix("nodal-")
     return tuple(
         method
@@ -104,25 +105,24 @@ def methods_named(name: str) -> tuple[Method, ...]:
 
 
 @dataclass(frozen=True, slots=True)
-class Rounding:
-    """What heights are rounded to: whole steps above a base."""
+class HeightRounding:
+    """Rounding of heights to whole steps above a base, in units of the heights."""
 
     step: float
     base: float
 
 
 def step_for(max_error: float, highest: float) -> float:
-    """The largest number of three digits that heights may be rounded to within an error.
+    """Return the largest step of three digits that keeps rounded heights within an error.
 
-    Heights that are exported as single precision stay within the error, too, where that can hold
-    them that exactly.
+    Heights exported in single precision also stay within the error, if that precision suffices.
 
     Args:
-        max_error: in units of the heights.
-        highest: the largest height in size.
+        max_error: largest error, in units of the heights.
+        highest: largest height without sign.
 
     Raises:
-        RequestError: no error above 0, or one that doubles cannot keep at such heights.
+        RequestError: the error is not above 0, or doubles cannot keep it at such heights.
     """
     if not (math.isfinite(max_error) and max_error > 0):
         raise RequestError(
@@ -144,7 +144,7 @@ def step_for(max_error: float, highest: float) -> float:
 
 
 def cuts(rows: int, size: int) -> list[int]:
-    """Rows at which blocks end: the multiples of `size`, then ever smaller powers of two."""
+    """Return the rows at which blocks end: multiples of `size`, then ever smaller powers of two."""
     at = [0]
     while at[-1] < rows - 1:
         rest = rows - 1 - at[-1]
@@ -154,11 +154,14 @@ def cuts(rows: int, size: int) -> list[int]:
 
 @dataclass(frozen=True, slots=True)
 class Tent:
-    """How far a row, or a column, has an effect: up to its neighbours' middles.
+    """Tent of a row, or a column, that reaches to the middles of neighbouring ones.
 
     Attributes:
-        begin, middle, end: in half pixels.
-        south, north: whether it goes on at its height to begin or end.
+        begin: begin, in half pixels.
+        middle: middle, in half pixels.
+        end: end, in half pixels.
+        south: whether the full height continues to `begin`.
+        north: whether the full height continues to `end`.
     """
 
     begin: int
@@ -168,7 +171,7 @@ class Tent:
     north: bool = False
 
     def curve(self, pixels: bool) -> str:
-        """As JSON, over what it covers; of whole pixels, if so `pixels`."""
+        """Return the curve as JSON, over cells of half pixels, or of whole ones if `pixels`."""
         if self.south and self.north:
             return '"flat"'
         first, count = self.cells(pixels)
@@ -184,7 +187,7 @@ class Tent:
         return f"[{','.join(f'[{_number(t)},{z}]' for t, z in knots)}]"
 
     def cells(self, pixels: bool) -> tuple[int, int]:
-        """The first cell that it covers, and how many."""
+        """Return the first cell that the tent covers, and the number of cells."""
         if not pixels:
             return self.begin, self.end - self.begin
         return self.begin // 2, (self.end + 1) // 2 - self.begin // 2
@@ -195,7 +198,7 @@ def _number(t: float) -> str:
 
 
 def support(row: int, nodal: list[int], rows: int) -> Tent:
-    """How far a nodal row has an effect."""
+    """Return the tent of a nodal row."""
     place = bisect_left(nodal, row)
     return Tent(
         2 * nodal[place - 1] + 1 if place else 0,
@@ -211,12 +214,14 @@ def support(row: int, nodal: list[int], rows: int) -> Tent:
 
 @dataclass(frozen=True, slots=True)
 class RowElement:
-    """One element with a primitive of its own, but for its scale, which all share.
+    """An element with a primitive of its own, without the scale that all share.
 
     Attributes:
-        name: of the primitive, as rows are called.
-        x, y: its curves; whole numbers, or JSON; None for 1 everywhere.
-        cell, span: columns and rows of half pixels.
+        name: name of the primitive, as for rows.
+        x: curve along x as whole numbers or JSON; None for 1 everywhere.
+        y: curve along y as whole numbers or JSON; None for 1 everywhere.
+        cell: column and row of half pixels.
+        span: columns and rows of half pixels.
     """
 
     name: str
@@ -226,7 +231,7 @@ class RowElement:
     span: tuple[int, int]
 
     def text(self, transposed: bool, step: float) -> ElementText:
-        """Primitive and element; with x and y exchanged if `transposed`."""
+        """Return the texts of primitive and element, with x and y exchanged if `transposed`."""
         curves, cell, span, name = (self.x, self.y), self.cell, self.span, self.name
         if transposed:
             curves, cell, span = curves[::-1], cell[::-1], span[::-1]
@@ -247,18 +252,18 @@ _TURNED = {
     "south": "west",
     "north": "east",
 }
-"""What is called so with rows, with columns."""
+"""Words in names of elements of columns, by those for rows."""
 
 
 @dataclass(frozen=True, slots=True)
 class RowBlock:
-    """Some rows, rounded.
+    """Rounded heights of a block of rows.
 
     Attributes:
         first: the southernmost row.
-        spacing: from one nodal row to the next.
+        spacing: rows from one nodal row to the next.
         counts: (rows, columns) int64, steps above the base, or above the mean of two other rows.
-        levels: (rows, columns) float64, the heights that come of it.
+        levels: (rows, columns) float64, the rounded heights.
     """
 
     first: int
@@ -272,29 +277,32 @@ def write_rows(
     read: Read,
     shape: tuple[int, int],
     method: Method,
-    rounding: Rounding,
+    rounding: HeightRounding,
     check: Callable[[Chunk], object] | None = None,
 ) -> WrittenRows:
     """Write a DEM by rows, or by columns.
 
     Args:
-        writer: what is written to.
-        read: the DEM by rows; by columns, if these are to be written.
-        shape: how many rows, and columns of them.
-        method: how.
-        rounding: of the heights.
+        writer: writer of the definition.
+        read: reader of the DEM by rows, or by columns if these are written.
+        shape: number of rows and columns; of columns and rows if columns are written.
+        method: method of writing.
+        rounding: rounding of the heights.
         check: gets each block before it is written.
+
+    Returns:
+        The heights at the ends of the rows, for checks of the outer half pixels.
     """
     rows, columns = shape
     nodal = cuts(rows, method.spacing)
     ends, counts = np.empty((2, rows)), np.zeros((2, rows), np.int64)
     transposed = method.kind == "columns"
-    # in the middle between two pixels the heights are their mean, which has half steps
+    # midway between two pixels the mean height has half steps
     unit = rounding.step / 2 if method.pixels else rounding.step
     above = heights = None
     # neighbouring blocks share a row
     for first, last in reversed(list(pairwise(cuts(rows, BLOCK))) or [(0, 0)]):
-        # the block to the north has read the row that both have
+        # the shared row was read with the block to the north
         new = read(first, last - first + (heights is None))
         heights = new if heights is None else np.concatenate([new, heights[:1]])
         block = _round_block(heights, first, method.spacing, rounding, above)
@@ -316,23 +324,23 @@ def write_rows(
     outer = [
         entry.text(transposed, unit)
         for entry in _outer_elements(counts, nodal, method.spacing, columns)
-        if not method.pixels  # rows of whole pixels have them
+        if not method.pixels  # rows of whole pixels include them
     ]
     writer.write(*outer)
     return WrittenRows(ends, outer)
 
 
 def _round_block(
-    heights: Floats, first: int, spacing: int, rounding: Rounding, above: Ints | None
+    heights: Floats, first: int, spacing: int, rounding: HeightRounding, above: Ints | None
 ) -> RowBlock:
     """Round a block of rows.
 
     Args:
         heights: (rows, columns), NaN where unknown.
         first: the southernmost row.
-        spacing: from one nodal row to the next; a power of two.
-        rounding: of the heights.
-        above: what was counted in the last row, if that is known of the block to the north.
+        spacing: rows from one nodal row to the next; a power of two.
+        rounding: rounding of the heights.
+        above: counts of the last row from the block to the north; None without such a block.
     """
     size = max(1, min(spacing, len(heights) - 1))
     counts, levels = np.empty(heights.shape, np.int64), np.empty(heights.shape)
@@ -345,13 +353,13 @@ def _round_block(
 def _row_elements(
     block: RowBlock, nodal: list[int], rows: int, pixels: bool
 ) -> Iterator[RowElement]:
-    """The elements of a block's rows that are not zero, the last row's included.
+    """Yield the elements of a block's rows that are not zero, the last row included.
 
     Args:
         block: the rows.
         nodal: all nodal rows of the DEM, ascending.
-        rows: how many rows the DEM has.
-        pixels: whether they cover whole pixels.
+        rows: number of rows of the DEM.
+        pixels: whether elements cover whole pixels.
     """
     last = len(block.counts) - 1
     if block.counts.shape[1] == 1 and not pixels:
@@ -386,7 +394,7 @@ def _row_elements(
 
 
 def _with_middles(counts: Ints) -> Ints:
-    """Twice the counts at the centres of pixels, and their sums between; the ends go on."""
+    """Return twice the counts at pixel centres, their sums between, and the ends repeated."""
     values = np.empty(2 * len(counts) + 1, np.int64)
     values[1::2] = 2 * counts
     values[2:-1:2] = counts[:-1] + counts[1:]
@@ -397,13 +405,13 @@ def _with_middles(counts: Ints) -> Ints:
 def _outer_elements(
     counts: Ints, nodal: list[int], spacing: int, columns: int
 ) -> Iterator[RowElement]:
-    """The elements of the outer half pixels to the west and to the east.
+    """Yield the elements of the outer half pixels to the west and to the east.
 
     Args:
         counts: (2, rows) int64, of the first and of the last column.
         nodal: all nodal rows.
-        spacing: from one nodal row to the next, at most.
-        columns: how many columns the DEM has.
+        spacing: most rows from one nodal row to the next.
+        columns: number of columns of the DEM.
     """
     rows = counts.shape[1]
     for part, numbers, column in zip(("west", "east"), counts, (0, 2 * columns - 1), strict=True):
@@ -413,7 +421,7 @@ def _outer_elements(
             span = (1, 2 * (rows - 1))
             if any(heights):
                 yield RowElement(side, None, numbers[nodal], (column, 1), span)
-            # what lies beyond the outermost rows
+            # half pixels beyond the outermost rows
             for name, height, row in (
                 ("south", heights[0], 0),
                 ("north", heights[-1], 2 * rows - 1),
@@ -444,8 +452,9 @@ class HatLevel:
     """Hats of one fineness.
 
     Attributes:
-        rows, columns: ascending, the rows and columns of pixels at which hats may stand.
-        counts: (len(rows), len(columns)) int64, steps that each is high.
+        rows: rows of pixels at which hats may stand, ascending.
+        columns: columns of pixels at which hats may stand, ascending.
+        counts: (len(rows), len(columns)) int64, height of each hat in steps.
     """
 
     rows: Ints
@@ -453,12 +462,12 @@ class HatLevel:
     counts: Ints
 
 
-def hats_of(heights: Floats, rounding: Rounding) -> list[HatLevel]:
-    """The hats that make a DEM, coarse ones first.
+def hats_of(heights: Floats, rounding: HeightRounding) -> list[HatLevel]:
+    """Return the hats that make a DEM, coarse ones first.
 
     Args:
-        heights: (rows, columns), NaN where unknown; there they are what comes of the others.
-        rounding: of the heights.
+        heights: (rows, columns), NaN where unknown; no hat stands there.
+        rounding: rounding of the heights.
     """
     axes = [np.array(cuts(count, BLOCK)) for count in heights.shape]
     levels = np.full([len(axis) for axis in axes], rounding.base)
@@ -473,7 +482,7 @@ def hats_of(heights: Floats, rounding: Rounding) -> list[HatLevel]:
         if size == 1:
             return found
         size //= 2
-        finer = [_halved(axis, size) for axis in axes]
+        finer = [_insert_middles(axis, size) for axis in axes]
         for axis in range(2):
             levels = _between(levels, axes[axis], finer[axis], axis)
         old = [np.isin(new, axis) for new, axis in zip(finer, axes, strict=True)]
@@ -484,16 +493,16 @@ def hats_of(heights: Floats, rounding: Rounding) -> list[HatLevel]:
 def hat_texts(
     levels: list[HatLevel], shape: tuple[int, int], step: float, pixels: bool = False
 ) -> Iterator[ElementText]:
-    """The hats that are not 0 high as text.
+    """Yield the texts of the hats that are not 0 high.
 
     Args:
         levels: the hats, coarse ones first.
         shape: rows and columns of the DEM.
-        step: what heights were rounded to.
-        pixels: whether they cover whole pixels.
+        step: unit to which heights were rounded.
+        pixels: whether hats cover whole pixels.
 
     Yields:
-        A primitive, empty where it came before, or one element or several with commas between.
+        A new primitive without elements, or elements with commas between them.
     """
     names: dict[tuple[str, str], bytes] = {}
     for level in levels:
@@ -522,14 +531,14 @@ def hat_texts(
             yield ElementText(b"", b",\n".join(line))
 
 
-def _halved(axis: Ints, size: int) -> Ints:
-    """Positions with the middles of all gaps wider than `size`."""
+def _insert_middles(axis: Ints, size: int) -> Ints:
+    """Return positions with the middles of all gaps wider than `size` added."""
     wide = np.flatnonzero(np.diff(axis) > size)
     return np.insert(axis, wide + 1, (axis[wide] + axis[wide + 1]) // 2)
 
 
 def _between(levels: Floats, old: Ints, new: Ints, axis: int) -> Floats:
-    """Levels at new positions along an axis, linear between those at the old ones."""
+    """Interpolate levels at new positions along an axis, linearly between the old ones."""
     place = np.clip(np.searchsorted(old, new, side="right") - 1, 0, max(0, len(old) - 2))
     after = np.minimum(place + 1, len(old) - 1)
     gap = np.maximum(old[after] - old[place], 1)
@@ -543,14 +552,14 @@ def _between(levels: Floats, old: Ints, new: Ints, axis: int) -> Floats:
 
 
 def smallest(
-    parts: list[Floats], rounding: Rounding, methods: tuple[Method, ...] = METHODS
+    parts: list[Floats], rounding: HeightRounding, methods: tuple[Method, ...] = METHODS
 ) -> Method:
-    """The method by which parts of a DEM take the fewest bytes when compressed.
+    """Return the method by which parts of a DEM take the fewest bytes when compressed.
 
     Args:
         parts: (rows, columns) each, row 0 the southernmost, NaN where unknown.
-        rounding: of the heights.
-        methods: those to try.
+        rounding: rounding of the heights.
+        methods: methods to try.
     """
     best, fewest = methods[0], -1
     for method in methods:
@@ -560,8 +569,8 @@ def smallest(
     return best
 
 
-def size_of(heights: Floats, method: Method, rounding: Rounding, most: int = -1) -> int:
-    """Bytes that a DEM takes when compressed; for hats at least, if that is more than `most`."""
+def size_of(heights: Floats, method: Method, rounding: HeightRounding, most: int = -1) -> int:
+    """Return the compressed size of a DEM in bytes; for hats, a lower bound if above `most`."""
     counter = SizeCounter()
     writer = Writer(counter, {"size": 1})
     rows, columns = heights.shape
@@ -575,10 +584,10 @@ def size_of(heights: Floats, method: Method, rounding: Rounding, most: int = -1)
         part = np.ascontiguousarray(heights.T) if method.kind == "columns" else heights
         write_rows(writer, rows_of(part), (part.shape[0], part.shape[1]), method, rounding)
     root = root_of(rows, columns, rounding.base, method.pixels)
-    writer.finish({}, root, Spool(), method.pixels)
+    writer.finish({}, root, TextSpool(), method.pixels)
     return counter.size
 
 
 def rows_of(heights: Floats) -> Read:
-    """What reads rows of an array."""
+    """Return a reader of rows of an array."""
     return lambda first, count: heights[first : first + count]

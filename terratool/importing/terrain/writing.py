@@ -1,4 +1,4 @@
-"""The text of an imported definition: written piece by piece, and measured before it appears."""
+"""Piecewise writing of an imported definition, and measurement of its error before it appears."""
 
 from __future__ import annotations
 
@@ -28,52 +28,53 @@ _PIECE = 1 << 22
 """Bytes of text that are compressed at a time."""
 
 _SMALL = 1 << 21
-"""DEMs of up to this many pixels are compressed as well as possible, larger ones quickly."""
+"""Most pixels of a DEM that is compressed as well as possible; larger ones are compressed quickly.
+"""
 
 _PROMPT = 1 << 16
-"""Text of up to this many bytes is compressed as well as possible to see how small it gets."""
+"""Most bytes of text whose size is measured by the best compression."""
 
 _BEST, _QUICK = 11, 7
 
 FLAT = b'"flat":{"x":"flat","y":"flat"}'
-"""The primitive of the root and of what covers it."""
+"""Primitive of the root and of the elements that cover it."""
 
 _CRACK = 1e-6
-"""Heights on the two sides of an edge agree to this part of a step, which is rounding."""
+"""Largest difference of heights on the two sides of an edge, as a share of a step."""
 
 Floats = NDArray[np.float64]
 
 
 class ElementText(NamedTuple):
-    """A primitive as a member of its dictionary, and elements; either may be empty."""
+    """A primitive as a member of `elemTypes`, and elements; either may be empty."""
 
     primitive: bytes
     element: bytes
 
 
 class TextSink(Protocol):
-    """What text is written to."""
+    """Destination that text is written to."""
 
     def write(self, text: bytes, /) -> object: ...  # noqa: D102
 
 
 def curve(values: NDArray[np.int64] | str) -> bytes:
-    """A curve as JSON."""
+    """Return a curve as JSON."""
     if isinstance(values, str):
         return values.encode()
     return kernels.write_integers(np.ascontiguousarray(values))
 
 
 def element(name: str, cell: tuple[int, int], span: tuple[int, int], **more: Any) -> bytes:
-    """An element on one line."""
+    """Return an element as JSON on one line."""
     members: dict[str, Any] = {"cellX": cell[0], "cellY": cell[1]}
     if span != (1, 1):
         members["span"] = list(span)
     return msgspec.json.encode({**members, "type": name, **more})
 
 
-class Spool:
-    """Elements that wait in a temporary file until what stands before them is written."""
+class TextSpool:
+    """Elements that wait in a temporary file until the text before them is written."""
 
     def __init__(self) -> None:
         self._file = tempfile.SpooledTemporaryFile(_PIECE)  # noqa: SIM115, see __del__
@@ -99,14 +100,14 @@ class Spool:
         self.count += 1
 
     def copy_to(self, sink: TextSink) -> None:
-        """Write all of them, with commas between."""
+        """Write all elements to a sink, with commas between them."""
         self._file.seek(0)
         while piece := self._file.read(_PIECE):
             sink.write(piece)
 
 
 class Writer:
-    """Writes a definition: what comes before, primitives and, once these are done, the rest.
+    """Writer of a definition: its head, primitives and, once these are complete, the rest.
 
     Attributes:
         beyond: whether curves leave the range from 0 to 1.
@@ -114,7 +115,7 @@ class Writer:
 
     def __init__(self, sink: TextSink, head: dict[str, Any]) -> None:
         self._sink = sink
-        self._elements = Spool()
+        self._elements = TextSpool()
         self._first = True
         self.beyond = False
         text = json.dumps(head, ensure_ascii=False, indent=1)
@@ -122,11 +123,11 @@ class Writer:
 
     @property
     def count(self) -> int:
-        """How often elements were written so far."""
+        """Number of element texts written so far."""
         return self._elements.count
 
     def write(self, *texts: ElementText) -> None:
-        """Write primitives, and have elements written after all primitives."""
+        """Write primitives at once, and keep elements until all primitives are written."""
         for text in texts:
             if text.primitive:
                 self._sink.write((b"\n" if self._first else b",\n") + text.primitive)
@@ -135,13 +136,13 @@ class Writer:
                 self._elements.add(text.element)
 
     def finish(
-        self, surfaces: dict[str, Any], root: dict[str, Any], cover: Spool, pixels: bool = False
+        self, surfaces: dict[str, Any], root: dict[str, Any], cover: TextSpool, pixels: bool = False
     ) -> None:
-        """Write surfaces and the tree: the root, its elements, and what covers them.
+        """Write the surfaces and the tree: the root, its elements, and those that cover them.
 
         Args:
-            surfaces: by name.
-            root: the root's members, but for its children.
+            surfaces: members of surfaces by name.
+            root: members of the root, without its children.
             cover: elements in a grid of pixels, which decide the surface.
             pixels: whether the root's grid is one of pixels, too.
         """
@@ -173,18 +174,18 @@ class Writer:
 
 
 class SizeCounter:
-    """A sink that only counts what it would be compressed."""
+    """A sink that only measures the compressed size of its text."""
 
     def __init__(self) -> None:
         self._parts: list[bytes] = []
 
     def write(self, text: bytes) -> None:
-        """Take some text."""
+        """Add some text."""
         self._parts.append(text)
 
     @property
     def size(self) -> int:
-        """Bytes when compressed."""
+        """Compressed size of the text in bytes."""
         import deflate
 
         text = b"".join(self._parts)
@@ -193,7 +194,7 @@ class SizeCounter:
 
 @contextmanager
 def sink_for(path: Path, name: str, pixels: int) -> Iterator[TextSink]:
-    """A file that is compressed if its name ends in .gz; the same bytes each time."""
+    """Open a file for text, compressed if its name ends in .gz; equal text makes equal bytes."""
     with open(path, "wb") as file:
         if not name.endswith(".gz"):
             yield file
@@ -204,7 +205,7 @@ def sink_for(path: Path, name: str, pixels: int) -> Iterator[TextSink]:
 
 
 class _GzipSink:
-    """Compresses text piece by piece; each is a member of the gzip file."""
+    """A sink that compresses text piece by piece, each piece as a member of the gzip."""
 
     def __init__(self, file: BinaryIO, level: int) -> None:
         self._file = file
@@ -212,13 +213,13 @@ class _GzipSink:
         self._text = bytearray()
 
     def write(self, text: bytes) -> None:
-        """Take some text."""
+        """Add some text."""
         self._text += text
         if len(self._text) >= _PIECE:
             self.finish()
 
     def finish(self) -> None:
-        """Write what is left."""
+        """Write the text that is left."""
         import deflate
 
         if self._text:
@@ -233,12 +234,12 @@ class _GzipSink:
 
 @dataclass(frozen=True, slots=True)
 class Chunk:
-    """A block of rows as text, and what it was made of.
+    """A block of rows as text, with its heights.
 
     Attributes:
         first: the southernmost row.
-        heights: (rows, columns) float64, what was asked for.
-        texts: of each row.
+        heights: (rows, columns) float64, heights of the source, without structures.
+        texts: texts of the rows.
     """
 
     first: int
@@ -248,11 +249,11 @@ class Chunk:
 
 @dataclass(frozen=True, slots=True)
 class WrittenRows:
-    """What was written by rows, as far as the outer half pixels need it.
+    """Results of writing by rows that the outer half pixels need.
 
     Attributes:
         ends: (2, rows) float64, the heights of the first and of the last column.
-        outer: what carries them on over the outer half pixels, written already.
+        outer: elements that continue them over the outer half pixels, written already.
     """
 
     ends: Floats
@@ -260,7 +261,7 @@ class WrittenRows:
 
 
 class BoundError(WriteError):
-    """What was written is not what was meant; no file appears."""
+    """The definition is farther from its source than it may be; no file appears."""
 
     def __init__(self, what: str) -> None:
         super().__init__(
@@ -271,11 +272,12 @@ class BoundError(WriteError):
 
 @dataclass(slots=True)
 class MeasuredError:
-    """What was measured so far.
+    """Error measured so far at the pixel centres.
 
     Attributes:
-        where: place of the largest difference in the world.
-        count: pixels with a height.
+        grid: the pixels.
+        where: world position of the largest difference; None before the first height.
+        count: number of pixels with a height.
     """
 
     grid: PixelGrid
@@ -284,10 +286,10 @@ class MeasuredError:
     _sums: Floats = field(default_factory=lambda: np.array([0.0, -1.0]))
 
     def add(self, heights: Floats, ours: Floats, row: int, column: int = 0) -> None:
-        """Compare rows from `row` on, columns from `column` on; NaN heights do not count.
+        """Compare heights from a row and column on with the field's; NaN heights do not count.
 
         Raises:
-            BoundError: a height is missing in the field.
+            BoundError: the field has no height where the source has one.
         """
         at, count = kernels.compare(np.ravel(heights), np.ravel(ours), self._sums)
         if np.isnan(self._sums[1]):
@@ -299,34 +301,35 @@ class MeasuredError:
 
     @property
     def largest(self) -> float:
-        """The largest difference."""
+        """Largest difference, in units of the heights."""
         return max(0.0, float(self._sums[1]))
 
     @property
     def rms(self) -> float:
-        """Root of the mean square of the differences."""
+        """Root mean square of the differences, in units of the heights."""
         return math.sqrt(float(self._sums[0]) / self.count) if self.count else 0.0
 
 
 @dataclass(slots=True)
 class Checker:
-    """Compiles parts of a definition and measures how far they are from the DEM.
+    """Compiles parts of a definition, and measures their error against the DEM.
 
-    That is done with pixels of 1 × 1 and the origin at 0, where all centres and edges are doubles:
-    at large coordinates they are rounded, and beside a wall that would count as an error.
+    Pixels are 1 × 1 with the origin at 0 here, so that all centres and edges are doubles. At large
+    coordinates these are rounded, which beside a wall would count as an error.
 
     Attributes:
         grid: the pixels.
-        base: the height without any element.
-        always: texts of elements that stand everywhere, besides the rows.
-        added: (rows, columns) float64, or (columns, rows) where columns are written: what these
-            elements add at the pixel centres; None if there are none.
+        base: height without any element.
+        always: texts of elements that belong to every part, besides the rows.
+        added: (rows, columns) float64, or (columns, rows) where columns are written: heights that
+            these elements add at the pixel centres; None if there are none.
         transposed: whether columns are written.
-        deviation: how far structures may be from the DEM in the outer half pixels; None where they
-            have upright walls, so that nothing is known of that.
-        error: what was measured.
-        pixels: whether elements lie in a grid of pixels; then rows have the outer half pixels, too.
-        last: rows from a first one on, and the last pixel of each, which the outer elements carry.
+        deviation: largest error of structures in the outer half pixels; None if it is unknown
+            because they have upright walls.
+        error: error measured so far.
+        pixels: whether elements lie in a grid of pixels; then rows include the outer half pixels.
+        last: first row of each block, and the heights of the last pixel of its rows, which the
+            outer elements carry.
     """
 
     grid: PixelGrid
@@ -340,7 +343,7 @@ class Checker:
     last: list[tuple[int, Floats]] = field(default_factory=list)
 
     def check_chunk(self, chunk: Chunk) -> None:
-        """Measure a block of rows, or of columns; but the last pixel of each."""
+        """Measure a block of rows, or of columns, without the last pixel of each."""
         first, count = chunk.first, len(chunk.heights)
         wanted = chunk.heights
         if self.added is not None:
@@ -355,24 +358,24 @@ class Checker:
         if not across:
             return
         if self.transposed:
-            ours = self._painted(chunk.texts, 0, first, across, count).T
+            ours = self._paint(chunk.texts, 0, first, across, count).T
         else:
-            ours = self._painted(chunk.texts, first, 0, count, across)
+            ours = self._paint(chunk.texts, first, 0, count, across)
         self._add(wanted[:, :across], ours, first, 0)
 
     def check_borders(self, written: WrittenRows, step: float) -> None:
         """Measure the outer half pixels.
 
         Args:
-            written: what they have to meet, and what carries on the heights there.
-            step: what heights were rounded to.
+            written: heights that they have to meet, and the elements there.
+            step: unit to which heights were rounded.
 
         Raises:
-            BoundError: they do not meet the rows.
+            BoundError: the outer half pixels do not meet the rows.
         """
         along_x = self.grid.rows if self.transposed else self.grid.columns
         alone = self.deviation is None or self.added is None
-        terrain = self._compiled(written.outer if alone else [*self.always, *written.outer])
+        terrain = self._compile(written.outer if alone else [*self.always, *written.outer])
         ends = written.ends
         whole = ends if self.added is None else ends + self.added[:, [0, -1]].T
         along = np.arange(ends.shape[1]) + 0.5
@@ -388,7 +391,7 @@ class Checker:
 
     def check_whole(self, texts: list[ElementText], wanted: Floats) -> None:
         """Measure a definition that was written all at once against (rows, columns) heights."""
-        self.error.add(wanted, self._painted(texts, 0, 0, *wanted.shape), 0)
+        self.error.add(wanted, self._paint(texts, 0, 0, *wanted.shape), 0)
 
     def _add(self, wanted: Floats, ours: Floats, first: int, across: int) -> None:
         if self.transposed:
@@ -396,14 +399,14 @@ class Checker:
         else:
             self.error.add(wanted, ours, first, across)
 
-    def _painted(
+    def _paint(
         self, texts: list[ElementText], row: int, column: int, height: int, width: int
     ) -> Floats:
         shape = self.grid.rows, self.grid.columns
         window = Window(shape[0] - row - height, column, height, width)
-        return paint_pixels(self._compiled([*self.always, *texts]), shape, window)
+        return paint_pixels(self._compile([*self.always, *texts]), shape, window)
 
-    def _compiled(self, texts: list[ElementText]) -> Terrain:
+    def _compile(self, texts: list[ElementText]) -> Terrain:
         grid = self.grid
         head = msgspec.json.encode({"size": [grid.columns, grid.rows]})
         root = msgspec.json.encode(root_of(grid.rows, grid.columns, self.base, self.pixels))
@@ -418,6 +421,6 @@ class Checker:
 
 
 def root_of(rows: int, columns: int, base: float, pixels: bool) -> dict[str, Any]:
-    """The root: level ground, and a grid of half pixels, or of whole ones."""
+    """Return the members of the root: level ground with a grid of half pixels, or of whole ones."""
     per_pixel = 1 if pixels else 2
     return {"type": "flat", "vScale": base, "cells": [per_pixel * columns, per_pixel * rows]}

@@ -1,1 +1,1 @@
-"""VRML97 (ISO/IEC 14772-1) becomes triangles."""
+"""Reader of VRML97 and X3D."""

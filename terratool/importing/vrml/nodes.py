@@ -1,4 +1,4 @@
-"""The nodes of VRML97 (ISO/IEC 14772-1) and of X3D (ISO/IEC 19775-1), and what fields they have."""
+"""Nodes of VRML97 (ISO/IEC 14772-1) and X3D (ISO/IEC 19775-1), with the types of their fields."""
 
 from __future__ import annotations
 
@@ -24,20 +24,20 @@ WIDTHS = {
     "Vec4d": 4,
     "Vec4f": 4,
 }
-"""How many numbers a value has, by its type without SF or MF."""
+"""Numbers in a value, by its type without SF or MF."""
 
 
 class Language(NamedTuple):
-    """What a text may have.
+    """Nodes and statements that a text may have.
 
     Attributes:
-        name: what people call it.
-        fields: types of the fields of all nodes that have a part in where surfaces are.
-        others: all other nodes that there are; what fields they have is not looked at.
-        types: of fields.
-        statements: words before what is no node.
+        name: name of the language for people.
+        fields: types of fields by node, for all nodes that decide where surfaces are.
+        others: names of all other nodes, whose fields are not checked.
+        types: types of fields.
+        statements: words that begin a statement rather than a node.
         interface: words before a field or an event of a Script; the first two have a value.
-        is_open: whether there may be nodes and fields beyond these, which are passed over.
+        is_open: whether further nodes and fields may stand in a text, which are skipped.
     """
 
     name: str
@@ -159,5 +159,5 @@ X3D = Language(
     ("initializeOnly", "inputOutput", "inputOnly", "outputOnly", *VRML97.interface),
     is_open=True,
 )
-"""It has some two hundred nodes, of which those are listed that say where surfaces are, and those
-that may stand among them without a surface of their own."""
+"""X3D, of whose two hundred nodes only those are listed that say where surfaces are, and those that
+may stand among them without a surface of their own."""

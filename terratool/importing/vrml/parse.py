@@ -1,6 +1,6 @@
-"""A text of VRML97 (ISO/IEC 14772-1) becomes nodes, whose fields have values of their types.
+"""Parser of VRML97 texts (ISO/IEC 14772-1), and of X3D in the classic encoding (ISO/IEC 19776-2).
 
-So does X3D in the encoding that is like it (ISO/IEC 19776-2).
+It turns a text into nodes whose fields have values of their types.
 """
 
 from __future__ import annotations
@@ -27,21 +27,24 @@ _MEANING = {
 }
 T = TypeVar("T")
 Step = Generator[Any, Any, T]
-"""A step of reading, which yields the steps in it and is sent what they return."""
+"""A step of parsing, which yields inner steps and is sent what they return."""
 
 _WITH_VALUE = ("field", "exposedField", "initializeOnly", "inputOutput")
 _FLAGS = {"TRUE": True, "FALSE": False}
 _SPELLING = 0.85
 _MANY = 10_000
-"""Names among which a similar one is looked for."""
+"""Most names among which a similar one is looked for."""
 
 
 class FieldValue(NamedTuple):
-    """What stands behind the name of a field.
+    """Value of a field.
 
     Attributes:
-        kind: "empty" is what [] and NULL are.
-        at: where it begins, in bytes.
+        kind: kind of value; "empty" for [] and NULL.
+        at: offset of the value in bytes.
+        numbers: (n,) float64, the value of kind "numbers".
+        nodes: the value of kind "nodes".
+        flag: the value of kind "flag".
     """
 
     kind: Literal["numbers", "strings", "flag", "nodes", "empty"]
@@ -53,11 +56,12 @@ class FieldValue(NamedTuple):
 
 @dataclass(slots=True, eq=False)
 class Node:
-    """A node as the text has it; DEF and USE make it one object in several places.
+    """A node of a text; DEF and USE place one node in several parents.
 
     Attributes:
-        kind: its type, as Transform.
-        at: where that stands, in bytes.
+        kind: type of the node, such as Transform.
+        at: offset of the type's name in bytes.
+        fields: values by the names of fields.
     """
 
     kind: str
@@ -69,13 +73,14 @@ def check(text: PlacedText, value: FieldValue, kind: str, name: str) -> None:
     """Refuse the value of a field that is not of its type.
 
     Args:
-        text: where it stands.
-        value: what was read.
-        kind: the type, as MFVec3f.
-        name: what the field is called.
+        text: text with the value.
+        value: value that was read.
+        kind: type of the field, such as MFVec3f.
+        name: name of the field.
 
     Raises:
-        ReadError: it is of another type, has too few or too many numbers, or broken integers.
+        ReadError: the value is of another type, has too few or too many numbers, or broken
+            integers.
     """
     plain, single = kind[2:], kind.startswith("S")
     if plain == "Node":
@@ -112,20 +117,20 @@ def check(text: PlacedText, value: FieldValue, kind: str, name: str) -> None:
 
 
 class Unit(NamedTuple):
-    """A UNIT of X3D: what is measured in it, its name, and how many metres or radians it has."""
+    """A UNIT of X3D: its category, its name, and its size in metres or radians."""
 
     category: str
     name: str
     factor: float
 
 
-class Scene(NamedTuple):
-    """What a text holds.
+class VrmlScene(NamedTuple):
+    """Contents of a text.
 
     Attributes:
-        language: which nodes there are.
-        nodes: those that lie in no other one.
-        units: those that it states.
+        language: language of the text.
+        nodes: nodes outside of all others.
+        units: units that the text states.
     """
 
     language: Language
@@ -133,21 +138,21 @@ class Scene(NamedTuple):
     units: tuple[Unit, ...] = ()
 
 
-def parse(text: VrmlText, language: Language) -> Scene:
-    """Read what follows the first line.
+def parse(text: VrmlText, language: Language) -> VrmlScene:
+    """Parse a text behind its first line.
 
     Raises:
-        ReadError: it is not of that language; the message says where.
+        ReadError: the text is not of that language; the message says where.
     """
-    parser = _Parser(text, language)
+    parser = _VrmlParser(text, language)
     if language.is_open:
         parser.head()
     nodes = _finish(parser.statements(-1))
-    return Scene(language, nodes, tuple(parser.units))
+    return VrmlScene(language, nodes, tuple(parser.units))
 
 
 def _finish(step: Step[T]) -> T:
-    """What a step returns, after the steps in it, and those in them."""
+    """Run a step with all steps inside it, without recursion, and return its result."""
     steps: list[Step[Any]] = [step]
     result: Any = None
     while steps:
@@ -162,14 +167,16 @@ def _finish(step: Step[T]) -> T:
     return result  # type: ignore[no-any-return]
 
 
-class _Parser:
-    """Where reading has come to.
+class _VrmlParser:
+    """State of parsing a text.
 
     Attributes:
-        names: nodes that DEF gave a name.
-        open: names of the nodes that are not yet read to their end.
-        units: what the head of an X3D text says of them.
-        scripts: how many Scripts are open; they may point at nodes that they lie in.
+        text: the text.
+        language: language of the text.
+        units: units that the head of an X3D text states.
+        names: nodes by the names that DEF gives them.
+        open: number of unfinished nodes by name.
+        scripts: number of open Scripts, whose fields may refer to nodes around them.
     """
 
     def __init__(self, text: VrmlText, language: Language) -> None:
@@ -183,7 +190,7 @@ class _Parser:
     # --- statements -----------------------------------------------------------------------------
 
     def head(self) -> None:
-        """The statements with which an X3D text begins (ISO/IEC 19776-2, 4.3)."""
+        """Parse the statements with which an X3D text begins (ISO/IEC 19776-2, 4.3)."""
         text = self.text
         while text.peek() >= 0:
             at = text.at
@@ -211,10 +218,10 @@ class _Parser:
         return float(numbers[0])
 
     def statements(self, opened: int) -> Step[tuple[Node, ...]]:
-        """Nodes and ROUTEs up to the brace that closes them, or up to the end.
+        """Parse nodes and statements up to the closing brace, or up to the end of the text.
 
         Args:
-            opened: where the brace stands that opened them; -1 for the whole file.
+            opened: offset of the opening brace; -1 for the whole file.
         """
         text = self.text
         nodes: list[Node] = []
@@ -222,7 +229,7 @@ class _Parser:
             byte = text.peek()
             if byte < 0:
                 if opened >= 0:
-                    raise self._unclosed(opened)
+                    raise self._unclosed_error(opened)
                 return tuple(nodes)
             if opened >= 0 and text.take(b"}"):
                 return tuple(nodes)
@@ -234,10 +241,10 @@ class _Parser:
                 nodes.append((yield self.node(word, at)))
 
     def _statement(self, word: str, at: int) -> None:
-        """Pass over a ROUTE, or an IMPORT or EXPORT of X3D, whose first word was read.
+        """Skip a ROUTE, or an IMPORT or EXPORT of X3D, whose first word was read.
 
         Raises:
-            ReadError: it is a PROTO or an EXTERNPROTO, or broken.
+            ReadError: the statement is a PROTO or an EXTERNPROTO, or broken.
         """
         text = self.text
         if word in ("IMPORT", "EXPORT"):
@@ -257,10 +264,10 @@ class _Parser:
     # --- nodes ----------------------------------------------------------------------------------
 
     def node(self, word: str, at: int) -> Step[Node]:
-        """A node, or a USE, whose first word was read."""
+        """Parse a node, or a USE, whose first word was read."""
         text = self.text
         if word == "USE":
-            return self._used(text.word("the name behind USE"), at)
+            return self._use(text.word("the name behind USE"), at)
         name = ""
         if word == "DEF":
             name = text.word("the name behind DEF")
@@ -278,7 +285,7 @@ class _Parser:
             self.open[name] = self.open.get(name, 0) + 1
         while not text.take(b"}"):
             if text.peek() < 0:
-                raise self._unclosed(opened)
+                raise self._unclosed_error(opened)
             yield self.member(node)
         self.scripts -= script
         if name:
@@ -287,7 +294,7 @@ class _Parser:
         return node
 
     def member(self, node: Node) -> Step[None]:
-        """A field of a node, or another statement within it."""
+        """Parse a field of a node, or another statement within it."""
         text = self.text
         at = text.at
         word = text.word("a field")
@@ -310,14 +317,14 @@ class _Parser:
             )
 
     def _script_field(self, what: str) -> Step[None]:
-        """Pass over a field or an event of a Script, whose first word was read."""
+        """Skip a field or an event of a Script, whose first word was read."""
         text = self.text
         text.word("a type")
         text.word("a name")
         if what in _WITH_VALUE:
             yield self.value()
 
-    def _used(self, name: str, at: int) -> Node:
+    def _use(self, name: str, at: int) -> Node:
         if self.open.get(name) and name not in self.names:
             if self.scripts:
                 return Node("Script", at)
@@ -337,7 +344,7 @@ class _Parser:
     # --- values ---------------------------------------------------------------------------------
 
     def value(self) -> Step[FieldValue]:
-        """What stands behind the name of a field."""
+        """Parse the value of a field."""
         text = self.text
         byte = text.peek()
         at = text.at
@@ -381,13 +388,13 @@ class _Parser:
                     nodes.append((yield self.node(word, at)))
             value = FieldValue("nodes" if nodes else "empty", opened, nodes=tuple(nodes))
         if text.peek() < 0:
-            raise self._unclosed(opened)
+            raise self._unclosed_error(opened)
         if not text.take(b"]"):
             if value.kind == "numbers":
                 raise text.error(
-                    text.at, f"{text.shown()} is no number.", "Write it as 12 or 1.5e-3."
+                    text.at, f"{text.quote_next()} is no number.", "Write it as 12 or 1.5e-3."
                 )
-            raise text.unexpected('"]"')
+            raise text.missing_error('"]"')
         return value
 
     def _no_infinity(self, word: str, at: int) -> None:
@@ -398,7 +405,7 @@ class _Parser:
 
     # --- what is wrong --------------------------------------------------------------------------
 
-    def _unclosed(self, opened: int) -> Exception:
+    def _unclosed_error(self, opened: int) -> Exception:
         byte = chr(self.text.data[opened])
         return self.text.error(
             opened,
@@ -410,7 +417,7 @@ class _Parser:
         self.text.at = at
         return self.text.error(
             at,
-            f"VRML97 has no node {self.text.shown()}.",
+            f"VRML97 has no node {self.text.quote_next()}.",
             did_you_mean(
                 word, [*self.language.fields, *self.language.others], "Write the file without it."
             ),
@@ -418,13 +425,13 @@ class _Parser:
 
 
 def nearly(word: str, known: Iterable[str]) -> bool:
-    """Whether a word is one of these but for its spelling; others are of a newer version."""
+    """Tell whether a word is a misspelling of a known one, rather than of a newer version."""
     small = word.lower()
     return bool(get_close_matches(small[:80], [name.lower() for name in known], 1, _SPELLING))
 
 
 def unread_prototype(text: PlacedText, at: int, what: str) -> ReadError:
-    """The error of a prototype, of which none is read."""
+    """Return the error about a prototype, as none is read."""
     return text.error(
         at,
         f"{what} stands here, and prototypes are not read.",
@@ -433,7 +440,7 @@ def unread_prototype(text: PlacedText, at: int, what: str) -> ReadError:
 
 
 def did_you_mean(word: str, known: Iterable[str], otherwise: str = "Correct it.") -> str:
-    """The hint for a misspelt word."""
+    """Return the hint for a misspelt word."""
     names = sorted(known)
     near = get_close_matches(word[:80], names, 1) if len(names) <= _MANY else []
     return f'Did you mean "{near[0]}"?' if near else otherwise

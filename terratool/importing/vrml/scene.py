@@ -1,4 +1,4 @@
-"""Through a scene of VRML97 or X3D: nodes become triangles in the coordinates of the file."""
+"""Walk through a scene of VRML97 or X3D that collects triangles in the coordinates of the file."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from terratool.errors import ReadError
 from terratool.importing.types import Triangles
 from terratool.importing.vrml.nodes import VRML97, X3D
-from terratool.importing.vrml.parse import Node, Scene, Unit, parse, unread_prototype
+from terratool.importing.vrml.parse import Node, Unit, VrmlScene, parse, unread_prototype
 from terratool.importing.vrml.shapes import (
     PARTS,
     SIDES,
@@ -24,10 +24,10 @@ from terratool.importing.vrml.shapes import (
     cylinder,
     elevation_grid,
     extrusion,
-    placed,
     pose,
     product,
     sphere,
+    transform,
 )
 from terratool.importing.vrml.text import PlacedText, VrmlText, short
 from terratool.importing.vrml.xml import parse_xml
@@ -35,16 +35,16 @@ from terratool.kernels import importing as kernels
 from terratool.text.source import Source, read_source
 
 REPEATED = 25_000_000
-"""Steps that USE may take beyond what was written, of some 20 ns each …"""
+"""Steps that USE may cause beyond the nodes of the text, of some 20 ns each."""
 
 _PER_BYTE = 50
-"""… and so many more for each byte of the text."""
+"""Additional steps that USE may cause for each byte of the text."""
 
 _VISIT, _POSE, _MESH, _SPINE = 200, 1300, 1000, 2000
 """Steps of a visit to a node, of a Transform, of any shape, and of a point of a spine."""
 
 _ROUND = 8
-"""Steps of each triangle of a shape that is computed; of others a number or triangle is one."""
+"""Steps of each triangle of a computed shape; other shapes cost one per number or triangle."""
 
 _GROUPS = ("Anchor", "Billboard", "Collision", "Group", "Transform")
 _GROUPS_OF_X3D = ("CADAssembly", "CADLayer", "CADPart", "StaticGroup")
@@ -55,7 +55,7 @@ _CHILDREN = {
     "Shape": ("geometry",),
     "Switch": ("choice", "children"),
 }
-"""Fields with what is to be seen; of two names the first is that of VRML97."""
+"""Fields with visible children by node; of two names the first is that of VRML97."""
 
 _SOLIDS = ("Box", "Cone", "Cylinder", "Sphere", "ElevationGrid", "Extrusion", "IndexedFaceSet")
 _LEFT = ("IndexedLineSet", "PointSet", "Text", "LineSet")
@@ -69,19 +69,19 @@ _READ_AS = {
     "Sphere": f"with {SIDES} sides around and {SIDES // 2} from pole to pole",
 }
 _HEAD = 1 << 16
-"""Bytes that have the head of an X3D file."""
+"""Bytes that contain the head of an X3D file."""
 
 _WIDE = {
     b"\xff\xfe": "utf-16-le", b"\xfe\xff": "utf-16-be",
     b"<\0": "utf-16-le", b"\0<": "utf-16-be",
 }  # fmt: skip
-"""Beginnings of texts in UTF-16."""
+"""Beginnings of texts in UTF-16, and their encodings."""
 
 _KINDS = 5
-"""Kinds of nodes that are named before there are too many."""
+"""Most kinds of unknown nodes that a note names."""
 
 UP = "y"
-"""The axis that points up in VRML97 (4.4.5)."""
+"""Axis that points up in VRML97 (4.4.5)."""
 
 _header = re.compile(rb"#(?:VRML V2\.0|(X3D) V[34]\.[0-9])[ \t]+utf8(?!\S)").match
 _xml = re.compile(rb"\s*<").match
@@ -92,32 +92,32 @@ _declared = re.compile(r"""(\A<\?xml\s[^>]*?)(encoding\s*=\s*["'][^"'>]*["'])"""
 _stated = re.compile(rb"(?:#[^\r\n]*+[\r\n]++)*?#[ \t]*([xyz]) is up[ \t]*[\r\n]").match
 
 
-class _Place(NamedTuple):
-    """A node to be visited, and its pose; None is the world's."""
+class _ScenePlace(NamedTuple):
+    """A node to visit, with its pose; None for that of the world."""
 
     node: Node
     pose: Matrix | None
 
 
-def walk(scene: Scene, text: PlacedText) -> Triangles:
-    """All triangles of a scene, in the order of the text.
+def walk(scene: VrmlScene, text: PlacedText) -> Triangles:
+    """Collect all triangles of a scene, in the order of the text.
 
     Raises:
-        ReadError: a node is impossible, lies in another file, or is repeated too often.
+        ReadError: a node is invalid, lies in another file, or is repeated too often.
     """
-    walker = _Walker(scene, text)
-    pending = [_Place(node, None) for node in reversed(scene.nodes)]
-    with np.errstate(all="ignore"):  # what becomes too large is refused
+    walker = _SceneWalker(scene, text)
+    pending = [_ScenePlace(node, None) for node in reversed(scene.nodes)]
+    with np.errstate(all="ignore"):  # too large coordinates are refused
         while pending:
             pending += reversed(walker.visit(pending.pop()))
         return _in_metres(walker.triangles(), scene.units, text)
 
 
 def _in_metres(found: Triangles, units: tuple[Unit, ...], text: PlacedText) -> Triangles:
-    """Triangles of a scene that states its units (ISO/IEC 19775-1, 4.3.6).
+    """Return triangles in metres if the scene states its units (ISO/IEC 19775-1, 4.3.6).
 
     Raises:
-        ReadError: angles are in others than radians.
+        ReadError: angles are in another unit than radians.
     """
     for unit in units:
         if unit.category == "angle" and unit.factor != 1.0:
@@ -132,44 +132,44 @@ def _in_metres(found: Triangles, units: tuple[Unit, ...], text: PlacedText) -> T
 
 
 class _Fields(NamedTuple):
-    """Values of a node's fields, or what they are if nothing is said."""
+    """Values of a node's fields, or their defaults."""
 
     node: Node
 
     def nodes(self, name: str) -> tuple[Node, ...]:
-        """Nodes in a field."""
+        """Return the nodes in a field."""
         value = self.node.fields.get(name)
         return () if value is None else value.nodes
 
     def numbers(self, name: str, otherwise: tuple[float, ...]) -> NDArray[np.float64]:
-        """All numbers of a field, (n,) float64."""
+        """Return all numbers of a field, (n,) float64."""
         value = self.node.fields.get(name)
         return np.array(otherwise, np.float64) if value is None else value.numbers
 
     def number(self, name: str, otherwise: float) -> float:
-        """The only number."""
+        """Return the only number of a field."""
         return float(self.numbers(name, (otherwise,))[0])
 
     def integer(self, name: str, otherwise: int) -> int:
-        """The only number, which is a whole one."""
+        """Return the only number of a field as an integer."""
         return int(self.number(name, otherwise))
 
     def flag(self, name: str) -> bool:
-        """A flag; all those that are asked for are TRUE if nothing is said."""
+        """Return a flag of a field; the default of all flags read here is TRUE."""
         value = self.node.fields.get(name)
         return True if value is None else value.flag
 
 
-class _Walker:
-    """What was found so far.
+class _SceneWalker:
+    """Walker through a scene, with the triangles collected so far.
 
     Attributes:
-        steps: what is left of them.
-        visited: nodes by `id`.
-        again: whether the node that is visited was so before.
+        steps: steps that are left.
+        visited: ids of the nodes visited.
+        again: whether the current node was visited before.
     """
 
-    def __init__(self, scene: Scene, text: PlacedText) -> None:
+    def __init__(self, scene: VrmlScene, text: PlacedText) -> None:
         self.text = text
         self.language = scene.language
         self.steps = REPEATED + _PER_BYTE * len(text.data)
@@ -183,8 +183,8 @@ class _Walker:
         self.flat = 0
         self.crossed = 0
 
-    def visit(self, place: _Place) -> list[_Place]:
-        """Take up a node; returns those in it that are to be seen."""
+    def visit(self, place: _ScenePlace) -> list[_ScenePlace]:
+        """Visit a node, and return its visible children."""
         node, outer = place
         self.again = id(node) in self.visited
         self.visited.add(id(node))
@@ -218,13 +218,13 @@ class _Walker:
                 fields.numbers("translation", (0, 0, 0)),
             )
             outer = own if outer is None else product(outer, own)
-        return [_Place(child, outer) for child in children]
+        return [_ScenePlace(child, outer) for child in children]
 
     def triangles(self) -> Triangles:
-        """All that was found.
+        """Return all triangles collected.
 
         Raises:
-            ReadError: nothing was, or what was found is too large for numbers.
+            ReadError: there are none, or their coordinates are too large.
         """
         notes = tuple(self._notes())
         if not self.size or not any(len(faces) for faces in self.faces):
@@ -232,7 +232,7 @@ class _Walker:
                 f"{self.text.name}: no node in it has a surface.",
                 " ".join(notes) or "Choose a file with an IndexedFaceSet or an ElevationGrid.",
             )
-        return Triangles(_joined(self.vertices), _joined(self.faces), notes)
+        return Triangles(_join_arrays(self.vertices), _join_arrays(self.faces), notes)
 
     # --- geometry -------------------------------------------------------------------------------
 
@@ -276,7 +276,7 @@ class _Walker:
         return ShapeMesh(points, faces)
 
     def _triangle_set(self, fields: _Fields) -> ShapeMesh:
-        """Triangles, quadrilaterals, strips or fans of X3D (ISO/IEC 19775-1, 11.4)."""
+        """Mesh of triangles, quadrilaterals, strips or fans of X3D (ISO/IEC 19775-1, 11.4)."""
         node = fields.node
         points = self._points(fields)
         part = PARTS[node.kind]
@@ -299,7 +299,7 @@ class _Walker:
         return ShapeMesh(points, faces)
 
     def _points(self, fields: _Fields) -> NDArray[np.float64]:
-        """What "coord" has, (n, 3)."""
+        """Return the points in the field "coord", (n, 3) float64."""
         nodes = fields.nodes("coord")
         if not nodes:
             return np.empty((0, 3))
@@ -314,7 +314,7 @@ class _Walker:
         return _Fields(coord).numbers("point", ()).reshape(-1, 3)
 
     def _indices(self, fields: _Fields, name: str, count: int) -> NDArray[np.int32]:
-        """Numbers of points, of which there are `count`, and numbers below 0."""
+        """Return indices below `count` from a field, and its numbers below 0, int32."""
         value = fields.node.fields.get(name)
         numbers = np.empty(0) if value is None else value.numbers
         self.charge(len(numbers), fields.node)
@@ -361,17 +361,17 @@ class _Walker:
                 )
         if len(section) < 2 or len(spine) < 2:
             return ShapeMesh(np.empty((0, 3)), np.empty((0, 3), np.int32))
-        # what is written once can be large, too
+        # a single extrusion can be large, too
         self.spend(2 * len(section) * len(spine), fields.node)
         self.charge(_SPINE * len(spine), fields.node)
         caps = fields.flag("beginCap"), fields.flag("endCap")
         return extrusion(section, spine, scales, turns, *caps)
 
     def _add(self, node: Node, mesh: ShapeMesh, outer: Matrix | None) -> None:
-        vertices, faces = _used(mesh)
+        vertices, faces = _drop_unused(mesh)
         if outer is not None:
-            vertices = placed(outer, vertices)
-            if np.linalg.det(outer[:, :3]) < 0:  # a mirror turns what is outside
+            vertices = transform(outer, vertices)
+            if np.linalg.det(outer[:, :3]) < 0:  # a mirror swaps inside and outside
                 faces = faces[:, ::-1]
         if not np.isfinite(vertices).all():
             raise self.text.error(
@@ -395,7 +395,11 @@ class _Walker:
             self.spend(steps, node)
 
     def spend(self, steps: int, node: Node) -> None:
-        """Count the steps of reading; USE can repeat without end."""
+        """Count steps, as USE can repeat without end.
+
+        Raises:
+            ReadError: no steps are left.
+        """
         self.steps -= steps
         if self.steps < 0:
             raise self.text.error(
@@ -408,7 +412,7 @@ class _Walker:
         """Refuse a node whose content is elsewhere.
 
         Raises:
-            ReadError: it is an Inline, or an instance of a prototype.
+            ReadError: the node is an Inline, or an instance of a prototype.
         """
         if node.kind == "Inline":
             raise self.text.error(
@@ -441,12 +445,12 @@ class _Walker:
         return notes
 
 
-def _joined(parts: list[NDArray[Number]]) -> NDArray[Number]:
+def _join_arrays(parts: list[NDArray[Number]]) -> NDArray[Number]:
     return np.ascontiguousarray(parts[0]) if len(parts) == 1 else np.concatenate(parts)
 
 
-def _used(mesh: ShapeMesh) -> ShapeMesh:
-    """A mesh without the vertices that no face has."""
+def _drop_unused(mesh: ShapeMesh) -> ShapeMesh:
+    """Return a mesh without vertices that no face has."""
     vertices, faces = mesh
     if 4 * faces.size < len(vertices):  # many shapes may share the points of one
         own, inverse = np.unique(faces, return_inverse=True)
@@ -460,32 +464,33 @@ def _used(mesh: ShapeMesh) -> ShapeMesh:
 
 
 def read_vrml(path: str | Path) -> Triangles:
-    """The surfaces of a file of VRML97 or X3D, or of a gzip of one, in the coordinates of the file.
+    """Read the surfaces of a VRML97 or X3D file, or of a gzip of one, in the file's coordinates.
 
-    Nothing is turned: y is up by the standard (see `UP`), whatever a file's author thought.
+    Nothing is turned: y is up by the standard (see `UP`).
 
     Raises:
         ReadError: the file is missing, unreadable, neither of the two, or has no surface; or needs
-            others.
+            other files.
     """
-    source = _unpacked(path)
+    source = _read_text(path)
     scene, text = _scene_of(source.name, source.data)
     return walk(scene, text)
 
 
-def _unpacked(path: str | Path) -> Source:
-    """The text of a file, in UTF-8 where it is in UTF-16.
+def _read_text(path: str | Path) -> Source:
+    """Read the text of a file, and convert UTF-16 to UTF-8.
 
     Raises:
-        ReadError: it cannot be read, or is too large.
+        ReadError: the file cannot be read, or is too large.
     """
-    source = read_source(path, hint="Export a smaller part.", named=False)  # it is read twice
+    # a pipe could not be read twice
+    source = read_source(path, hint="Export a smaller part.", named=False)
     encoding = next((name for begin, name in _WIDE.items() if source.data.startswith(begin)), "")
     if not encoding:
         return source
     try:
         text = source.data.decode(encoding).removeprefix("\ufeff")
-        # what it says of its encoding is no longer true; all else stays where it is
+        # blank out the encoding that the text declares; all offsets stay
         text = _declared(lambda found: found[1] + " " * len(found[2]), text, count=1)
         return Source(source.name, text.encode())
     except UnicodeError as error:
@@ -494,8 +499,8 @@ def _unpacked(path: str | Path) -> Source:
         ) from error
 
 
-def _scene_of(name: str, data: bytes) -> tuple[Scene, PlacedText]:
-    """The nodes of a text, by what it begins with."""
+def _scene_of(name: str, data: bytes) -> tuple[VrmlScene, PlacedText]:
+    """Parse a text as XML, X3D or VRML97, by its beginning."""
     if _xml(data):
         text = PlacedText(name, data)
         return parse_xml(text), text
@@ -506,24 +511,25 @@ def _scene_of(name: str, data: bytes) -> tuple[Scene, PlacedText]:
     return parse(words, X3D if match[1] else VRML97), words
 
 
-def stated_up(path: str | Path) -> str | None:
-    """The axis that a file states, as those of this project do.
+def up_axis_of(path: str | Path) -> str | None:
+    """Return the up axis that a file states, as the project's own files do.
 
     Returns:
         "x", "y" or "z" where a comment of VRML before the first node is just "z is up", or a meta
-        of X3D with the name "up" says so; None without one.
+        of
+        X3D with the name "up" says so; None without one.
 
     Raises:
         ReadError: the file cannot be read.
     """
-    data = _unpacked(path).data
+    data = _read_text(path).data
     head = data[:_HEAD].partition(b"<Scene")[0]
     match = _stated_in_xml(head) if _xml(data) else _stated(data)
     return match[1].decode() if match else None
 
 
 def _other(name: str, data: bytes) -> ReadError:
-    """What a file is that begins as none does."""
+    """Return the error about a file with an unknown beginning."""
     where = f"{name}:1:1:"
     if not data:
         return ReadError(f"{where} the file is empty.", "Write or fetch it again.")

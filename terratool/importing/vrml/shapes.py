@@ -1,4 +1,4 @@
-"""Shapes of VRML97 and X3D as triangles, and their poses; y up."""
+"""Triangles of the shapes of VRML97 and X3D, and poses; y up."""
 
 from __future__ import annotations
 
@@ -13,18 +13,19 @@ from terratool.kernels import importing as kernels
 
 Matrix = NDArray[np.float64]
 SIDES = 64
-"""Sides of the polygon that stands for a circle; its corners lie on it."""
+"""Sides of the polygon that stands for a circle; its corners lie on the circle."""
 
 _STRAIGHT = 1e-7
-"""Sine of the angle below which the segments of a spine lie on one line: float32 knows no less."""
+"""Sine of the angle below which segments of a spine lie on one line, which float32 cannot resolve.
+"""
 
 
 def rotation(axis: NDArray[np.float64], angle: float) -> Matrix:
-    """A turn about an axis by Rodrigues' formula, (3, 3); none about an axis of no length.
+    """Return the rotation about an axis by Rodrigues' formula, (3, 3); no rotation for axis 0.
 
     Args:
         axis: (3,) of any length.
-        angle: in radians, counterclockwise where the axis points at the viewer.
+        angle: angle in radians, counterclockwise where the axis points at the viewer.
     """
     largest = float(np.abs(axis).max()) if angle else 0
     if not largest:
@@ -42,13 +43,13 @@ def pose(
     scale_turn: NDArray[np.float64],
     translation: NDArray[np.float64],
 ) -> Matrix:
-    """The matrix of a Transform, (3, 4): T C R SR S SR⁻¹ C⁻¹ (VRML97, 6.52).
+    """Return the matrix of a Transform, (3, 4): T C R SR S SR⁻¹ C⁻¹ (VRML97, 6.52).
 
     Args:
-        center: (3,), the point that turning and scaling leave where it is.
-        turn: axis and angle, (4,).
-        scale: (3,).
-        scale_turn: the axes along which it scales, as axis and angle, (4,).
+        center: (3,), the fixed point of rotation and scaling.
+        turn: axis and angle of the rotation, (4,).
+        scale: factors along the axes, (3,).
+        scale_turn: axis and angle, (4,), that turn the axes along which it scales.
         translation: (3,).
     """
     linear = np.diag(scale)
@@ -61,13 +62,13 @@ def pose(
 
 
 def product(outer: Matrix, inner: Matrix) -> Matrix:
-    """The pose of what has a pose within another one, both (3, 4)."""
+    """Return the pose in the world of a pose within another one, all (3, 4)."""
     linear = outer[:, :3] @ inner[:, :3]
     return np.column_stack((linear, outer[:, :3] @ inner[:, 3] + outer[:, 3]))
 
 
-def placed(pose: Matrix, points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Points (n, 3) in a pose (3, 4)."""
+def transform(pose: Matrix, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return points, (n, 3), transformed by a pose, (3, 4)."""
     x, y, z = points.T
     # BLAS would add in an order that depends on the machine
     return np.column_stack([a * x + b * y + c * z + d for a, b, c, d in pose.tolist()])
@@ -81,25 +82,25 @@ class ShapeMesh(NamedTuple):
 
 
 def box(size: NDArray[np.float64]) -> ShapeMesh:
-    """A box around the origin; `size` is (3,)."""
+    """Return a box around the origin with sides `size`, (3,)."""
     signs = [(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]
     quads = np.array(
         [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)],
         np.int32,
     )
-    return ShapeMesh(np.array(signs) * (size / 2), halved(quads))
+    return ShapeMesh(np.array(signs) * (size / 2), halve_quads(quads))
 
 
 def cone(radius: float, height: float, side: bool, bottom: bool) -> ShapeMesh:
-    """A cone around the y axis, half of its height below the origin."""
+    """Return a cone around the y axis, half of its height below the origin."""
     circle = _circle(radius, -height / 2)
     vertices = np.vstack((circle, (0, height / 2, 0), (0, -height / 2, 0)))
     faces = [_fan(SIDES, False)] * side + [_fan(SIDES + 1, True)] * bottom
-    return ShapeMesh(vertices, _joined(faces))
+    return ShapeMesh(vertices, _join_faces(faces))
 
 
 def cylinder(radius: float, height: float, side: bool, bottom: bool, top: bool) -> ShapeMesh:
-    """A cylinder around the y axis, half of its height below the origin."""
+    """Return a cylinder around the y axis, half of its height below the origin."""
     vertices = np.vstack(
         (
             _circle(radius, -height / 2),
@@ -111,13 +112,13 @@ def cylinder(radius: float, height: float, side: bool, bottom: bool, top: bool) 
     one = np.arange(SIDES, dtype=np.int32)
     two = (one + 1) % SIDES
     quads = np.column_stack((one, two, two + SIDES, one + SIDES))
-    faces = [halved(quads)] * side + [_fan(2 * SIDES, True)] * bottom
+    faces = [halve_quads(quads)] * side + [_fan(2 * SIDES, True)] * bottom
     faces += [_fan(2 * SIDES + 1, False, SIDES)] * top
-    return ShapeMesh(vertices, _joined(faces))
+    return ShapeMesh(vertices, _join_faces(faces))
 
 
 def sphere(radius: float) -> ShapeMesh:
-    """A sphere around the origin: circles of latitude in steps of 180° by half of `SIDES`."""
+    """Return a sphere around the origin: circles of latitude, half as many as `SIDES`, less one."""
     rows = SIDES // 2
     angles = np.linspace(-math.pi / 2, math.pi / 2, rows + 1)[1:-1]
     rings = [_circle(radius * math.cos(a), radius * math.sin(a)) for a in angles]
@@ -127,13 +128,13 @@ def sphere(radius: float) -> ShapeMesh:
     quads = np.column_stack((one, two, two + SIDES, one + SIDES))
     poles = len(vertices) - 2
     bottom, top = _fan(poles, True), _fan(poles + 1, False, (rows - 2) * SIDES)
-    return ShapeMesh(vertices, _joined([halved(quads), bottom, top]))
+    return ShapeMesh(vertices, _join_faces([halve_quads(quads), bottom, top]))
 
 
 def elevation_grid(heights: NDArray[np.float64], across: float, along: float) -> ShapeMesh:
-    """A grid of heights over the plane y = 0; squares are cut from least x and most z.
+    """Return a grid of heights over the plane y = 0, squares cut from least x and most z.
 
-    That is how Coin cuts them; the standard leaves it open.
+    The standard leaves the cut open; Coin cuts them so.
 
     Args:
         heights: (rows, columns) float64, along y; rows follow each other along z.
@@ -149,19 +150,19 @@ def elevation_grid(heights: NDArray[np.float64], across: float, along: float) ->
     north, south = numbers[:-1], numbers[1:]
     around = (south[:, :-1], south[:, 1:], north[:, 1:], north[:, :-1])
     quads = np.stack(around, axis=-1).reshape(-1, 4)
-    return ShapeMesh(vertices.reshape(-1, 3), halved(quads))
+    return ShapeMesh(vertices.reshape(-1, 3), halve_quads(quads))
 
 
 Ints = NDArray[np.int32]
 
 
-class Part(NamedTuple):
-    """How a node of X3D makes triangles of points.
+class FaceRule(NamedTuple):
+    """Rule by which a node of X3D makes triangles of points.
 
     Attributes:
-        numbers: the field with their numbers; "" where they are taken as they come.
-        counts: the field with how many each strip or fan has; "" for none.
-        faces: makes (m, 3) corners of (n,) numbers, and of these counts.
+        numbers: field with the points' indices; "" to take points in order.
+        counts: field with the number of points of each strip or fan; "" for none.
+        faces: returns (m, 3) vertex indices for (n,) indices and the counts.
     """
 
     numbers: str
@@ -170,33 +171,35 @@ class Part(NamedTuple):
 
 
 def _by_threes(numbers: Ints, _: object) -> Ints:
-    """Whole triangles (11.4.8); what is left over is none."""
-    return _listed(numbers[: len(numbers) // 3 * 3].reshape(-1, 3))
+    """Return whole triangles (11.4.8); leftover indices make none."""
+    return _drop_negative(numbers[: len(numbers) // 3 * 3].reshape(-1, 3))
 
 
 def _by_fours(numbers: Ints, _: object) -> Ints:
-    return _listed(halved(numbers[: len(numbers) // 4 * 4].reshape(-1, 4)))
+    return _drop_negative(halve_quads(numbers[: len(numbers) // 4 * 4].reshape(-1, 4)))
 
 
 def _strips(numbers: Ints, counts: NDArray[np.float64] | None) -> Ints:
-    """Every corner with the two before it; every second triangle is turned over (11.4.10)."""
+    """Return triangles of each corner and the two before, every second one reversed (11.4.10)."""
     place = _places(numbers, counts)
     ends = np.flatnonzero((place >= 2) & (numbers >= 0))
     before, last = numbers[ends - 2], numbers[ends - 1]
     odd = place[ends] % 2 == 1
     faces = np.column_stack((np.where(odd, last, before), np.where(odd, before, last)))
-    return _listed(np.column_stack((faces, numbers[ends])))
+    return _drop_negative(np.column_stack((faces, numbers[ends])))
 
 
 def _fans(numbers: Ints, counts: NDArray[np.float64] | None) -> Ints:
-    """Every corner with the one before it and the first (11.4.7)."""
+    """Return triangles of each corner, the one before it and the first (11.4.7)."""
     place = _places(numbers, counts)
     ends = np.flatnonzero((place >= 2) & (numbers >= 0))
-    return _listed(np.column_stack((numbers[ends - place[ends]], numbers[ends - 1], numbers[ends])))
+    return _drop_negative(
+        np.column_stack((numbers[ends - place[ends]], numbers[ends - 1], numbers[ends]))
+    )
 
 
 def _places(numbers: Ints, counts: NDArray[np.float64] | None) -> NDArray[np.int64]:
-    """Where in its strip or fan each corner stands; these end with a number below 0."""
+    """Return the position of each corner in its strip or fan, which a number below 0 ends."""
     everywhere = np.arange(len(numbers))
     begins = np.zeros(len(numbers), np.int64)
     if counts is None:
@@ -207,32 +210,32 @@ def _places(numbers: Ints, counts: NDArray[np.float64] | None) -> NDArray[np.int
     return everywhere - np.maximum.accumulate(begins)
 
 
-def _listed(faces: Ints) -> Ints:
-    """Without those that have a corner below 0, which is none."""
+def _drop_negative(faces: Ints) -> Ints:
+    """Return faces without those that have a corner below 0."""
     return np.ascontiguousarray(faces[(faces >= 0).all(axis=1)], np.int32)
 
 
 PARTS = {
-    "IndexedQuadSet": Part("index", "", _by_fours),
-    "IndexedTriangleFanSet": Part("index", "", _fans),
-    "IndexedTriangleSet": Part("index", "", _by_threes),
-    "IndexedTriangleStripSet": Part("index", "", _strips),
-    "QuadSet": Part("", "", _by_fours),
-    "TriangleFanSet": Part("", "fanCount", _fans),
-    "TriangleSet": Part("", "", _by_threes),
-    "TriangleStripSet": Part("", "stripCount", _strips),
+    "IndexedQuadSet": FaceRule("index", "", _by_fours),
+    "IndexedTriangleFanSet": FaceRule("index", "", _fans),
+    "IndexedTriangleSet": FaceRule("index", "", _by_threes),
+    "IndexedTriangleStripSet": FaceRule("index", "", _strips),
+    "QuadSet": FaceRule("", "", _by_fours),
+    "TriangleFanSet": FaceRule("", "fanCount", _fans),
+    "TriangleSet": FaceRule("", "", _by_threes),
+    "TriangleStripSet": FaceRule("", "stripCount", _strips),
 }
-"""Nodes of X3D that VRML97 does not have."""
+"""Rules by node of X3D, for nodes that VRML97 does not have."""
 
 
 def _circle(radius: float, y: float) -> NDArray[np.float64]:
-    """Counterclockwise as seen from above, that is from x to -z."""
+    """Return the corners of a circle, counterclockwise as seen from above, that is from x to -z."""
     angles = np.arange(SIDES) * (2 * math.pi / SIDES)
     return np.column_stack((radius * np.cos(angles), np.full(SIDES, y), -radius * np.sin(angles)))
 
 
-def halved(quads: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Two triangles of each quadrilateral, (2 m, 3), cut from the first to the third corner."""
+def halve_quads(quads: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Cut each quadrilateral into two triangles, (2 m, 3), from the first to the third corner."""
     faces = np.empty((len(quads), 2, 3), np.int32)
     faces[:, 0] = quads[:, :3]
     faces[:, 1, 0] = quads[:, 0]
@@ -241,14 +244,14 @@ def halved(quads: NDArray[np.int32]) -> NDArray[np.int32]:
 
 
 def _fan(middle: int, turned: bool, first: int = 0) -> NDArray[np.int32]:
-    """Triangles from a vertex to the circle from `first` on; `turned` to be seen from below."""
+    """Return triangles from a vertex to the circle at `first`, seen from below if `turned`."""
     one = np.arange(SIDES, dtype=np.int32)
     two = (one + 1) % SIDES
     ends = (two, one) if turned else (one, two)
     return np.column_stack((*(first + end for end in ends), np.full(SIDES, middle, np.int32)))
 
 
-def _joined(faces: list[NDArray[np.int32]]) -> NDArray[np.int32]:
+def _join_faces(faces: list[NDArray[np.int32]]) -> NDArray[np.int32]:
     return np.concatenate([np.empty((0, 3), np.int32), *faces])
 
 
@@ -260,7 +263,7 @@ def extrusion(
     begin: bool,
     end: bool,
 ) -> ShapeMesh:
-    """Sides and caps, seen from outside where the section runs counterclockwise from above.
+    """Return sides and caps, seen from outside where the section runs counterclockwise from above.
 
     Args:
         section: (n, 2) float64, x and z; n is 2 or more.
@@ -268,7 +271,7 @@ def extrusion(
         scales: (m, 2) float64, or (1, 2) for all points of the spine.
         turns: (m, 4) or (1, 4) float64, axis and angle relative to the plane of the section.
         begin: whether there is a cap at the first point of the spine.
-        end: whether there is one at the last.
+        end: whether there is a cap at the last point.
     """
     count, length = len(section), len(spine)
     flat = np.zeros((count, 3))
@@ -280,7 +283,7 @@ def extrusion(
         linear = planes[n] @ rotation(np.array([x, y, z]), angle)
         rings.append(flat @ linear.T + spine[n])
     vertices = np.concatenate(rings)
-    # what is closed has its first vertices for its last ones, too
+    # a closed section or spine shares its first vertices with its last ones
     columns = np.arange(count, dtype=np.int32)
     closed = count > 2 and bool((section[0] == section[-1]).all())
     if closed:
@@ -292,7 +295,7 @@ def extrusion(
     one, two = columns[:-1], columns[1:]
     quads = np.stack((low + one, low + two, high + two, high + one), axis=-1).reshape(-1, 4)
     around = columns[:-1] if closed else columns
-    faces = [halved(quads)]
+    faces = [halve_quads(quads)]
     if begin:
         faces.append(kernels.triangulate(vertices, (rows[0] + around)[::-1].copy())[0])
     if end:
@@ -301,16 +304,16 @@ def extrusion(
 
 
 def planes_along(spine: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Planes of the cross-sections: matrices whose columns are their x, y and z axes.
+    """Return the planes of the cross-sections: matrices whose columns are their x, y and z axes.
 
-    Where all of the spine is on one line, all turn the y axis to its first segment; about the z
-    axis if that points down, which the standard leaves open and Coin does so.
+    If the whole spine lies on one line, all planes turn the y axis to its first segment; about the
+    z axis if that points down. The standard leaves this open; Coin does so.
 
     Args:
         spine: (m, 3) float64.
 
     Returns:
-        (m, 3, 3) float64, one for each point; points that coincide have one together.
+        (m, 3, 3) float64, one plane for each point; coinciding points share one.
     """
     moves = np.ones(len(spine), np.bool_)
     moves[1:] = (spine[1:] != spine[:-1]).any(axis=1)
@@ -354,7 +357,7 @@ def _unit(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _turn_from_y(direction: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The smallest turn of the y axis to a direction of length 1."""
+    """Return the smallest rotation of the y axis to a direction of length 1, (3, 3)."""
     x, y, z = direction.tolist()
     across = math.hypot(x, z)
     if across == 0:

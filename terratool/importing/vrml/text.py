@@ -1,4 +1,4 @@
-"""The words of a text of VRML97 or X3D, and where they stand."""
+"""Words, strings and numbers of a VRML97 or X3D text, with their places."""
 
 from __future__ import annotations
 
@@ -28,33 +28,33 @@ _long = re.compile(rf"[^\s\"]{{{_SHOWN + 1},}}").sub
 
 
 def short(word: str) -> str:
-    """A word of a text as it may stand in a message."""
+    """Return a word of a text, shortened for a message."""
     if len(word) > _SHOWN:
         word = word[: _SHOWN - 1] + "…"
     return "".join(c if c.isprintable() else "�" for c in word)
 
 
 def _readable(message: str) -> str:
-    """A message in which words of the text stand as they are."""
+    """Return a message in which long and unprintable words of the text are shortened."""
     words = _long(lambda match: short(match.group()), message)
     return "".join(c if c.isprintable() else "�" for c in words)
 
 
 class PlacedText:
-    """A text in which nodes stand at bytes."""
+    """A text whose errors name line and column."""
 
     def __init__(self, name: str, data: bytes) -> None:
         self.name = name
         self.data = data
 
     def error(self, at: int, message: str, hint: str) -> ReadError:
-        """What is wrong at a byte, with its line and its column."""
+        """Return the error at an offset in bytes, with its line and its column."""
         (place,) = positions_of(self.data, [at])
         where = f"{self.name}:{place.line}:{place.column}"
         return ReadError(f"{where}: {_readable(message)}", _readable(hint))
 
     def place_of(self, at: int, index: int) -> int:  # noqa: ARG002, others can tell
-        """Where the number of an index stands in the value of a field that begins at a byte."""
+        """Return the offset of a number in the value of a field that begins at an offset."""
         return at
 
 
@@ -62,7 +62,7 @@ class VrmlText(PlacedText):
     """A text that is read from its beginning to its end.
 
     Attributes:
-        at: the next byte.
+        at: offset of the next byte.
     """
 
     def __init__(self, name: str, data: bytes) -> None:
@@ -71,7 +71,7 @@ class VrmlText(PlacedText):
         self._bytes = np.frombuffer(data, np.uint8)
 
     def peek(self) -> int:
-        """The first byte of the next word, or -1 at the end."""
+        """Return the first byte of the next word, or -1 at the end."""
         data, at = self.data, self.at
         if at < len(data) and data[at] not in _GAPS:
             return data[at]
@@ -79,40 +79,40 @@ class VrmlText(PlacedText):
         return data[at] if at < len(data) else -1
 
     def take(self, byte: bytes) -> bool:
-        """Pass over a bracket if it comes next."""
+        """Skip a bracket if it comes next, and tell whether it did."""
         if self.peek() == byte[0]:
             self.at += 1
             return True
         return False
 
     def need(self, byte: bytes, where: str) -> int:
-        """Pass over a bracket, which must come next; returns where it stands.
+        """Skip a bracket that has to come next, and return its offset.
 
         Raises:
-            ReadError: it does not.
+            ReadError: another word comes next.
         """
         if not self.take(byte):
-            raise self.unexpected(f'"{byte.decode()}" {where}')
+            raise self.missing_error(f'"{byte.decode()}" {where}')
         return self.at - 1
 
     def word(self, what: str) -> str:
-        """The next word, which must be there.
+        """Return the next word.
 
         Raises:
-            ReadError: it is not.
+            ReadError: no word comes next.
         """
         self.peek()
         match = _word(self.data, self.at)
         if match is None:
-            raise self.unexpected(what)
+            raise self.missing_error(what)
         self.at = match.end()
         return match.group().decode("utf-8", "replace")
 
     def string(self) -> str:
-        """Pass over a string; returns what stands between the quotation marks.
+        """Skip a string, and return the text between its quotation marks.
 
         Raises:
-            ReadError: it has no end, or is none.
+            ReadError: the string has no end, or none comes next.
         """
         match = _string(self.data, self.at)
         if match is None:
@@ -125,10 +125,10 @@ class VrmlText(PlacedText):
         return match.group()[1:-1].decode("utf-8", "replace")
 
     def run(self) -> NDArray[np.float64]:
-        """The numbers that follow, (n,) float64.
+        """Return the numbers that follow, (n,) float64.
 
         Raises:
-            ReadError: one is none, or too large.
+            ReadError: a word is no number, or too large.
         """
         numbers, hard, end = kernels.read_numbers(self._bytes, self.at, powers_of_ten())
         for index, begin in hard:
@@ -136,7 +136,7 @@ class VrmlText(PlacedText):
             numbers[index] = self._hard()
         self.at = end
         if end < len(self.data) and self.data[end] in NUMERIC:
-            raise self.error(end, f"{self.shown()} is no number.", "Write it as 12 or 1.5e-3.")
+            raise self.error(end, f"{self.quote_next()} is no number.", "Write it as 12 or 1.5e-3.")
         return numbers
 
     def _hard(self) -> float:
@@ -149,7 +149,7 @@ class VrmlText(PlacedText):
         return number
 
     def place_of(self, at: int, index: int) -> int:
-        """Where the number of an index stands in a run, or a list, that begins at a byte."""
+        """Return the offset of a number in a run, or a list, that begins at an offset."""
         begin = at + 1 if self.data[at : at + 1] == b"[" else at
         for match in _numbers(self.data, begin):
             if match.group()[:1] != b"#":
@@ -158,17 +158,17 @@ class VrmlText(PlacedText):
                 index -= 1
         return at
 
-    def shown(self) -> str:
-        """What comes next, for a message."""
+    def quote_next(self) -> str:
+        """Return the next word in quotes for a message."""
         if self.peek() < 0:
             return "the end of the file"
         match = _word(self.data, self.at)
         word = (match.group() if match else self.data[self.at : self.at + 1])[: 4 * _SHOWN]
         return f'"{short(word.decode("utf-8", "replace"))}"'
 
-    def unexpected(self, what: str) -> ReadError:
-        """What comes next is not what it should be."""
-        shown = self.shown()
+    def missing_error(self, what: str) -> ReadError:
+        """Return the error that `what` is missing at the next word."""
+        shown = self.quote_next()
         hint = "The file may be cut off; write or fetch it again."
         if self.at < len(self.data):
             hint = "Correct the file there, or write it again."

@@ -1,7 +1,7 @@
-"""X3D as XML (ISO/IEC 19776-1) becomes the nodes that the other encodings have.
+"""Reader of X3D as XML (ISO/IEC 19776-1), with the nodes of the other encodings as result.
 
-It is read by expat, which has neither the net nor the disk. What would make it large or curious is
-refused, and no tree of XML is built.
+Expat reads it, without access to net or disk, and no tree of XML is built. Entities and other
+content that could grow are refused.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ from terratool.importing.vrml.nodes import X3D
 from terratool.importing.vrml.parse import (
     FieldValue,
     Node,
-    Scene,
     Unit,
+    VrmlScene,
     check,
     did_you_mean,
     nearly,
@@ -32,11 +32,11 @@ _FIELD_OF = {
     "Normal": "normal",
     "TextureCoordinate": "texCoord",
 }
-"""The field of its parent that a node stands in, if it does not say so and is no child."""
+"""Field of the parent that a node belongs to, if the node does not name it and is no child."""
 
 _FLAGS = {"true": True, "false": False}
 _FRAMES = ("X3D", "head", "Scene")
-"""Elements around nodes."""
+"""Elements that enclose nodes."""
 
 _STATEMENTS = ("ExternProtoDeclare", "EXPORT", "IMPORT", "IS", "ProtoDeclare", "ROUTE")
 """Elements that are no nodes, besides those in small letters."""
@@ -44,13 +44,13 @@ _STATEMENTS = ("ExternProtoDeclare", "EXPORT", "IMPORT", "IS", "ProtoDeclare", "
 
 @dataclass(slots=True)
 class _Open:
-    """An element that is not yet read to its end.
+    """An XML element that is not yet read to its end.
 
     Attributes:
-        node: what it is; None where it is none, or lies in what is passed over.
-        name: that DEF gives it.
-        where: the field of its parent that it stands in.
-        nodes: in it, by field.
+        node: node of the element; None for an element that is none.
+        name: name that DEF gives the node.
+        where: field of the parent that the node belongs to.
+        nodes: nodes in it, by field.
     """
 
     node: Node | None
@@ -59,23 +59,25 @@ class _Open:
     nodes: dict[str, list[Node]] = field(default_factory=dict)
 
 
-def parse_xml(text: PlacedText) -> Scene:
+def parse_xml(text: PlacedText) -> VrmlScene:
     """Read an X3D scene.
 
     Raises:
-        ReadError: it is no X3D, or wants more than is in it; the message says where.
+        ReadError: the text is no X3D, or refers to other files; the message says where.
     """
     return _Reader(text).scene()
 
 
 class _Reader:
-    """Where reading has come to.
+    """State of reading an XML text.
 
     Attributes:
-        open: elements from the root on.
-        skipped: how many of the innermost ones are passed over with all that they have.
-        names: nodes that DEF gave a name.
-        unfinished: names of nodes that are open.
+        open: open elements from the root on.
+        skipped: number of the innermost open elements that are skipped with their content.
+        names: nodes by the names that DEF gives them.
+        unfinished: number of open nodes by name.
+        top: nodes outside of all others.
+        units: units that the text states.
     """
 
     def __init__(self, text: PlacedText) -> None:
@@ -90,8 +92,8 @@ class _Reader:
         self.top: list[Node] = []
         self.units: list[Unit] = []
 
-    def scene(self) -> Scene:
-        """What the whole text holds."""
+    def scene(self) -> VrmlScene:
+        """Return the contents of the whole text."""
         try:
             self.parser.Parse(self.text.data, True)
         except expat.ExpatError as error:
@@ -104,12 +106,12 @@ class _Reader:
             raise self.text.error(
                 self.parser.CurrentByteIndex, f"{error}.", "Export it without them."
             ) from error
-        return Scene(X3D, tuple(self.top), tuple(self.units))
+        return VrmlScene(X3D, tuple(self.top), tuple(self.units))
 
     # --- elements -------------------------------------------------------------------------------
 
     def begin(self, tag: str, words: dict[str, str]) -> None:
-        """An element begins."""
+        """Handle the begin of an element."""
         at = self.parser.CurrentByteIndex
         if not self.open and tag != "X3D":
             raise self.text.error(
@@ -131,7 +133,7 @@ class _Reader:
             self.open.append(self._node(tag, words, at))
 
     def end(self, _tag: str) -> None:
-        """An element ends."""
+        """Handle the end of an element."""
         if self.skipped:
             self.skipped -= 1
             return
@@ -151,7 +153,7 @@ class _Reader:
         self._place(node, done.where)
 
     def _place(self, node: Node, where: str) -> None:
-        """Put a node where it belongs: into the one that is open, or among those in none."""
+        """Put a node into the open node, or among the nodes outside of all others."""
         outer = self.open[-1] if self.open else None
         if outer is None or outer.node is None:
             self.top.append(node)
@@ -166,7 +168,7 @@ class _Reader:
             self.units.append(Unit(words.get("category", ""), name, float(factor)))
 
     def _use(self, tag: str, words: dict[str, str], at: int) -> None:
-        """A node that was there before; its element has no content of its own."""
+        """Place a node again that has a name; the element's own content is skipped."""
         name = words["USE"]
         if name in self.names:
             self._place(self.names[name], self._field_of(tag, words))
@@ -203,7 +205,7 @@ class _Reader:
         return _Open(node, name, self._field_of(tag, words))
 
     def _field_of(self, tag: str, words: dict[str, str]) -> str:
-        """The field of the open node that a node stands in."""
+        """Return the field of the open node that a node belongs to."""
         outer = self.open[-1].node
         if "containerField" in words:
             return words["containerField"]
@@ -216,10 +218,10 @@ class _Reader:
     # --- values ---------------------------------------------------------------------------------
 
     def _value(self, name: str, kind: str, written: str, at: int) -> FieldValue:
-        """An attribute as the value of a field of that type.
+        """Return an attribute as the value of a field of type `kind`.
 
         Raises:
-            ReadError: it is of another type.
+            ReadError: the attribute is of another type.
         """
         if kind == "SFBool":
             flag = _FLAGS.get(written.strip().lower())
@@ -234,7 +236,7 @@ class _Reader:
             raise self.text.error(at, f'in "{name}" {said}', error.hint) from error
         if words.peek() >= 0 or "#" in written:
             raise self.text.error(
-                at, f'in "{name}" {words.shown()} is no number.', "Write it as 12 or 1.5e-3."
+                at, f'in "{name}" {words.quote_next()} is no number.', "Write it as 12 or 1.5e-3."
             )
         value = FieldValue("numbers", at, numbers) if len(numbers) else FieldValue("empty", at)
         check(self.text, value, kind, name)
