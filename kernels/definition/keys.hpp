@@ -38,9 +38,9 @@ inline std::size_t shelf_of(std::string_view key) {
 // there is an escape all of them.
 inline bool survey_keys(Span<const u8> text, Span<const u8> names, Span<u8> present) {
     struct Object {
-        std::size_t begin;    // where its keys begin
-        u64 sets = 0;         // of its keys, 64 of them
-        bool close = false;   // whether two keys are in the same set
+        std::size_t begin;   // where its keys begin
+        u64 sets = 0;        // of its keys, 64 of them
+        bool close = false;  // whether two keys are in the same set
     };
     std::vector<std::string_view> keys;  // of the objects that are open
     std::vector<Object> objects;

@@ -19,8 +19,8 @@ _command = re.compile(r"^((?:\x1b\[[0-9;]*m|\s)*):(?=:)", re.MULTILINE)
 def without_workflow_commands(text: str, escaped: Callable[[str], str]) -> str:
     """Return a text without workflow commands that GitHub's log would run.
 
-    Such a command begins with two colons at the beginning of a line, or anywhere with two hashes and a
-    bracket.
+    Such a command begins with two colons at the beginning of a line, or anywhere with two hashes
+    and a bracket.
 
     Args:
         text: one line or several, perhaps with escape sequences of a terminal.

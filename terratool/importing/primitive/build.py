@@ -339,8 +339,8 @@ def sentences(imported: ImportedPrimitive) -> Iterator[str]:
     """Yield sentences for people about the fit."""
     error, unit = imported.error, imported.unit
     yield (
-        f"Error: {_size_text(error.largest, error, unit)} at most, at {spelled((error.x, error.y))};"
-        f" {_size_text(error.rms, error, unit)} RMS, over {error.pixels:,} pixels."
+        f"Error: {_size_text(error.largest, error, unit)} at most, at "
+        f"{spelled((error.x, error.y))}; {_size_text(error.rms, error, unit)} RMS, over {error.pixels:,} pixels."
     )
     if imported.missing:
         yield f"{imported.missing:,} pixels without a height count for nothing."
