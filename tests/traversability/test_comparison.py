@@ -98,6 +98,7 @@ def bytes_in(folder: Path) -> dict[str, bytes]:
 
 
 class TestSideBySide:
+    @pytest.mark.slow
     @pytest.mark.parametrize("turned", [False, True])
     def test_equals_the_single_runs(
         self, site: tuple[str, str, str], tmp_path: Path, turned: bool
@@ -174,6 +175,7 @@ class TestSideBySide:
         assert sum(shares.values()) == pytest.approx(1.0)
         assert shares[("narrow",)] > 0.05 and shares[()] > 0.05
 
+    @pytest.mark.slow
     def test_one_grid_is_the_finest(self, site: tuple[str, str, str]) -> None:
         """That of the small vehicle, and the same as if it had been asked for."""
         terrain, narrow, wide = site
@@ -393,6 +395,7 @@ class TestAnswers:
 
 
 class TestForms:
+    @pytest.mark.slow
     def test_all_are_there_and_the_same_again(
         self, site: tuple[str, str, str], tmp_path: Path
     ) -> None:

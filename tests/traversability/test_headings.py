@@ -30,6 +30,7 @@ from terratool.traversability.route.routes import plan_route, search_route, with
 from terratool.traversability.survey import Surveyor
 from terratool.traversability.tiles import SurveyTiles, survey
 from terratool.traversability.vehicle import Vehicle, load_vehicle
+from tests.budget import examples
 from tests.commands import call
 from tests.conftest import terrain_of
 from tests.surveys import level
@@ -242,7 +243,7 @@ def fields(draw: st.DrawFn) -> tuple[dict[str, Any], tuple[float, float, float, 
     return walled(60, 40, blocks), ends
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=examples(40), deadline=None)
 @given(field=fields())
 def test_answers_are_those_of_searches_over_all(
     field: tuple[dict[str, Any], tuple[float, float, float, float]], long: Vehicle

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import os
 import tempfile
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -19,12 +18,13 @@ from terratool.viewing.diff.compare import DiffOptions, diff
 from terratool.viewing.diff.results import Difference
 from terratool.viewing.diff.sides import Side, read_side
 from tests import composition
+from tests.budget import examples
 from tests.edits import Files, edited
 from tests.filesets import MAIN, file_sets
 from tests.oracle import Answer, Oracle
 from tests.strategies import box, definitions
 
-EXAMPLES = int(os.environ.get("TERRATOOL_FUZZ", "60"))
+EXAMPLES = examples(60)
 TOLERANCE = 0.01
 PIXELS = 6
 """Along the longer side: the oracle is slow."""

@@ -220,6 +220,7 @@ def test_layers_lie_on_the_ground(tmp_path: Path) -> None:
     assert columns.mean() > pixels.shape[1] / 2
 
 
+@pytest.mark.slow
 def test_too_many_elements_are_drawn_from_a_grid(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
