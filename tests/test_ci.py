@@ -528,4 +528,5 @@ def test_ci_wants_all_tests() -> None:
     script = (ROOT / ".ci" / "run").read_text()
     bare = script.index("PATH=$bare TERRATOOL_LACKING=$PWD/out/lacking make test\n")
     assert bare < script.index("TERRATOOL_NO_SKIPS=1 make test TESTS=@out/lacking\n")
+    assert bare < script.index("TERRATOOL_NO_SKIPS=1 make slow\n")
     assert "PATH=$bare make demo\n" in script[:bare]
