@@ -11,6 +11,8 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.slow  # the wheel is compiled
+
 ROOT = Path(__file__).parent.parent
 
 
@@ -40,7 +42,6 @@ def run(unpacked: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
     )  # fmt: skip
 
 
-@pytest.mark.slow
 def test_the_wheel_has_the_schemas_and_nothing_stray(unpacked: Path) -> None:
     tops = {path.name for path in unpacked.iterdir() if not path.name.endswith(".dist-info")}
     assert tops == {"terratool"}
