@@ -1,8 +1,8 @@
-"""Arithmetic over plain lists as IEEE 754 has it, for readers that have no NumPy loaded.
+"""Arithmetic over plain lists as in IEEE 754, for readers that have no NumPy loaded.
 
 An operation runs over whole lists in C, by `map`. Python raises where IEEE 754 has an infinity or
-no number: `map` goes on behind such an item, and where there are many, a comprehension that asks
-before it computes does the rest, since exceptions take ten times as long.
+no number: `map` goes on behind such an item. Where there are many, a comprehension that tests each
+item first does the rest, since exceptions take ten times as long.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ Floats = list[float]
 OverLists = Callable[..., Floats]
 
 _FEW = 3  # exceptions before the comprehension: poles at both ends and in the middle
-# the largest arguments of which these are finite
+# the largest arguments at which exp and cosh are finite
 _EXP_LIMIT = math.log(sys.float_info.max)
 _COSH_LIMIT = _EXP_LIMIT + math.log(2.0)
 
@@ -39,7 +39,7 @@ def _one_power(x: float, y: float) -> float:
         infinite = y < 0.0
     else:
         exponent = y * log2(abs(x))
-        # too coarse near the largest number; the square root of the power is not
+        # the logarithm is too coarse near the largest number; the square root of the power is not
         infinite = exponent > 1025.0 or (
             exponent >= 1024.0 and math.pow(abs(x), y / 2.0) >= 2.0**512
         )
@@ -82,7 +82,7 @@ def _within_one(function: Callable[[float], float]) -> OverLists:
 
 
 def _minimum(xs: Floats, ys: Floats) -> Floats:
-    # what is no number stays so, whichever of the two it is
+    # NaN stays NaN, whichever of the two it is
     return [x if x <= y or x != x else y for x, y in zip(xs, ys, strict=True)]
 
 
@@ -95,7 +95,7 @@ def _mapped(function: Callable[..., float]) -> OverLists:
 
 
 def _resumed(function: Callable[..., float], careful: OverLists) -> OverLists:
-    """Map `function`; where it raises, ask `careful`, which never does."""
+    """Map `function` over lists; where it raises, call `careful`, which never does."""
 
     def run(*lists: Floats) -> Floats:
         values: Floats = []
@@ -115,7 +115,7 @@ def _resumed(function: Callable[..., float], careful: OverLists) -> OverLists:
 
 
 def _broadcast(run: OverLists) -> Callable[..., Any]:
-    """Let an operation take numbers too; of numbers alone it makes a number."""
+    """Let an operation over lists take numbers too; for numbers alone it returns a number."""
 
     def over(*arguments: Any) -> Any:
         length = max((len(item) for item in arguments if isinstance(item, list)), default=0)
@@ -152,4 +152,4 @@ LIST_FUNCTIONS: dict[str, Callable[..., Any]] = {
         "max": lambda *lists: reduce(_maximum, lists),
     }.items()
 }
-"""Every operation of an expression, over lists of one length and numbers."""
+"""Functions of all operations of an expression, for numbers and lists of one length."""

@@ -1,4 +1,4 @@
-"""In what sizes the parts of a terrain stand, as far as that matters to elements in them."""
+"""Sizes in which the parts of a terrain stand, as far as they matter to the elements in them."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from terratool.definition.uses import Root, Uses, places_of, quarter_turns
 
 
 class PartSize(NamedTuple):
-    """A size that a part stands in.
+    """Size in which a part stands.
 
     Attributes:
-        part: its name, empty for the terrain.
-        sides: of its cell, as they are before any quarter turn of the part.
-        lies: whether it is turned by a quarter or three.
-        whole: whether its root is trimmed by no cell: it is that of the terrain, or stands free.
+        part: name of the part, empty for the terrain.
+        sides: sides of the part's cell before any quarter turn of the part.
+        lies: whether the part is turned by a quarter or three.
+        whole: whether no cell trims the part's root: the root is the terrain's, or stands free.
     """
 
     part: str
@@ -34,11 +34,11 @@ class PartSize(NamedTuple):
 
 
 class Limits(NamedTuple):
-    """How much is looked at.
+    """Limits of the search for sizes.
 
     Attributes:
-        sizes: so many of them.
-        cells: so many different cells in them, when each part was looked at once.
+        sizes: most sizes.
+        cells: most cells, uses and groups in parts that were followed before.
     """
 
     sizes: int
@@ -46,31 +46,31 @@ class Limits(NamedTuple):
 
 
 PLACES = Limits(10_000, 200_000)
-"""Of parts in which there are free places."""
+"""Limits for parts in which there are free places."""
 
 _Step = tuple[int, Pair, tuple[int, int]]
-"""The cell around and the block and grid in it; or -1 and the sides of a free place."""
+"""Number of the cell around with the block and grid in it; or -1 and the sides of a free place."""
 
 
 class Cells:
-    """The cells below a root; those that have the same sides in every size are one.
+    """Cells below a root; cells that have the same sides in every size count as one.
 
     Attributes:
-        root: where the tree of a terrain or of a part begins.
+        root: root of the tree of a terrain or of a part.
     """
 
     def __init__(self, root: Root) -> None:
         self.root = root
         self._numbers = {root.element: 0}
         self._steps: dict[_Step, int] = {(-1, (0.0, 0.0), (0, 0)): 0}
-        self._grid = lru_cache(maxsize=1)(root.tree.grid)  # siblings mostly follow
+        self._grid = lru_cache(maxsize=1)(root.tree.grid)  # siblings mostly follow each other
         self._free = is_free(root.tree)
 
     def __len__(self) -> int:
         return len(self._steps)
 
     def number(self, index: int) -> int:
-        """The number of the cell of an element; that of the root is 0."""
+        """Number of the cell of an element; the root's cell is 0."""
         parents, path = self.root.tree.parents, []
         while index not in self._numbers:
             path.append(index)
@@ -85,16 +85,16 @@ class Cells:
         tree = self.root.tree
         if self._free(index):
             scatter, extent = tree.value("scatter", index), tree.value("extent", index)
-            if scatter is not UNSET:  # of scattered copies the smallest counts
+            if scatter is not UNSET:  # the smallest of scattered copies counts
                 smallest = least_drawn(scatter, pair_of(extent, math.nan))
                 return -1, (smallest, smallest), (1, 1)
             return -1, pair_of(extent, math.nan), (1, 1)
         return around, tree.block(index)[2:], self._grid(tree.parents[index])
 
     def sides(self, size: PartSize) -> list[Sides]:
-        """The sides of all cells that were numbered, before quarter turns of the part.
+        """Sides of all cells that were numbered, before quarter turns of the part.
 
-        Those of a free place do not turn with the part: in one that lies they are exchanged.
+        Sides of a free place do not turn with the part, so they are exchanged in one that lies.
         """
         found = [size.sides]
         for around, own, grid in islice(self._steps, 1, None):
@@ -106,14 +106,14 @@ class Cells:
 
 
 class Alike(NamedTuple):
-    """Elements of one size of a part for which the same holds.
+    """Elements in one size of a part that have a cell and a key in common.
 
     Attributes:
-        size: of the part.
-        root: where the part begins.
-        sides: of the cell that they name, before quarter turns of the part.
-        key: what else is the same.
-        elements: by their indices.
+        size: size of the part.
+        root: root of the part.
+        sides: sides of the elements' cell, before quarter turns of the part.
+        key: further properties that the elements have in common.
+        elements: indices of the elements.
     """
 
     size: PartSize
@@ -124,16 +124,16 @@ class Alike(NamedTuple):
 
 
 Sorted = Callable[[Cells], Iterable[tuple[int, Hashable, int]]]
-"""Elements below a root that are looked at: the number of a cell, a key, and their index."""
+"""Function that yields the elements below a root to look at: number of a cell, key, index."""
 
 
 class _Plan(NamedTuple):
-    """What is below a root.
+    """Elements below a root that matter to the search.
 
     Attributes:
-        uses: of other parts, by cell, quarter turns, name, and whether they stand free; None where
-            that is as the root stands.
-        groups: of elements that are looked at, by cell and key.
+        uses: elements that use other parts, by cell, quarter turns, name, and whether they stand
+            free; None where that is as the root stands.
+        groups: elements that are looked at, by cell and key.
     """
 
     cells: Cells
@@ -146,11 +146,11 @@ class _Plan(NamedTuple):
 
 
 class PartSizes:
-    """The sizes of a terrain and of parts in it, each with what stands for it in which sizes.
+    """Sizes of a terrain and of the parts in it, with the elements that put a part in a size.
 
     Attributes:
-        found: the sizes; of each the users: a size, and an element in it.
-        complete: whether they are all; when there are more than may be, the last ones are missing.
+        found: users of each size: a size, and the elements in it.
+        complete: whether all sizes were found; the last ones are missing where a limit was reached.
     """
 
     def __init__(
@@ -164,11 +164,11 @@ class PartSizes:
         """Follow the uses of parts from the terrain on.
 
         Args:
-            uses: of the terrain; none of its parts contains itself.
-            parts: names of those that are looked at, and of those that lead to them.
-            look: the elements that are looked at.
-            limits: how much of it.
-            same: sizes for which this is the same count as one.
+            uses: uses of the terrain, of whose parts none contains itself.
+            parts: names of the parts that are looked at, and of those that lead to them.
+            look: function that yields the elements to look at.
+            limits: limits of the search.
+            same: key of a size; sizes with one key count as one.
         """
         self._uses, self._parts, self._look = uses, parts, look
         self._plans: dict[str, _Plan] = {}
@@ -222,7 +222,7 @@ class PartSizes:
         return plan
 
     def alike(self) -> Iterator[Alike]:
-        """The elements that are looked at, once for each size that they stand in."""
+        """Elements that are looked at, once for each size that they stand in."""
         for size in self._followed:
             plan = self._plan(size.part)
             lengths = plan.cells.sides(size) if plan.groups else []
@@ -230,11 +230,11 @@ class PartSizes:
                 yield Alike(size, plan.cells.root, lengths[cell], key, elements)
 
     def leading_to(self, size: PartSize, seen: set[PartSize]) -> Iterator[int]:
-        """The elements of the terrain with which a part comes to stand in a size.
+        """Elements of the terrain through which a part comes to stand in a size.
 
         Args:
-            size: of the part.
-            seen: sizes that are not looked at again.
+            size: size of the part.
+            seen: sizes that are not followed again; sizes that are followed are added.
         """
         pending = [size]
         while pending:
@@ -247,9 +247,9 @@ class PartSizes:
 
 
 def sizes_of_places(uses: Uses) -> PartSizes | None:
-    """The sizes of parts in which there are free places; None where there are none to be had.
+    """Sizes of parts in which there are free places; None where there are none, or no sizes.
 
-    The cells that are looked at are those around the free places.
+    The elements that are looked at stand at free places, and have the key of the cell around.
     """
     definition = uses.document.model
     if not uses.has_root or uses.circles:
@@ -270,7 +270,7 @@ def sizes_of_places(uses: Uses) -> PartSizes | None:
 
 
 def is_free(tree: Tree) -> Callable[[int], bool]:
-    """What tells whether an element stands at a free place, or its copies do."""
+    """Function that tells whether an element, or its copies, stand at a free place."""
     keys = ("extent", "scatter")
     columns = [tree.column(key) for key in keys if tree.distinct(key) != {UNSET}]
     return lambda index: any(column[index] is not UNSET for column in columns)

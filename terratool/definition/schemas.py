@@ -1,4 +1,4 @@
-"""The published JSON Schemas."""
+"""Published JSON Schemas."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ NAMES = (
 
 
 def schema(name: str = "terrain") -> dict[str, Any]:
-    """A published JSON Schema (2020-12) by name.
+    """Published JSON Schema (2020-12) by name.
 
     Raises:
-        ValueError: there is none of that name.
+        ValueError: no schema has that name.
     """
     if name not in NAMES:
         raise ValueError(f"There is no schema {name!r}; there is {', '.join(NAMES)}.")

@@ -20,11 +20,11 @@ from terratool.text.format import WIDTH
 
 @dataclass(frozen=True, slots=True)
 class Assignment:
-    """What each tile is.
+    """Kind and difficulty of each tile of a grid.
 
     Attributes:
         kinds: (rows, columns) int64, index into the spec's kinds.
-        difficulty: (rows, columns) float64.
+        difficulty: (rows, columns) float64, 0 to 1.
     """
 
     kinds: NDArray[np.int64]
@@ -35,17 +35,17 @@ def draw_of(spec: Spec, row: int, column: int, purpose: int = 0) -> Draw:
     """Random numbers of one tile, which do not depend on what other tiles are.
 
     Args:
-        spec: whose seed counts.
-        row: of the tile.
-        column: the same.
-        purpose: 0 for what the tile is, others for what is looked for on it.
+        spec: spec of the tiles, for its seed.
+        row: row of the tile, from 0.
+        column: column of the tile, from 0.
+        purpose: stream of random numbers: 0 for the tile itself, others for the level places on it.
     """
     seeds = np.random.SeedSequence((spec.seed, row, column, purpose))
     return Draw(np.random.Generator(np.random.PCG64(seeds)))
 
 
 def assign(spec: Spec) -> Assignment:
-    """Kind and difficulty of each tile.
+    """Choose the kind and the difficulty of each tile.
 
     In a curriculum the kind follows from the column, by the kinds' proportions, and the difficulty
     from the row: (row + η) / rows of the way through its range, η drawn from [0, jitter). Else each
@@ -69,7 +69,7 @@ def assign(spec: Spec) -> Assignment:
 
 @dataclass(slots=True)
 class _Contents:
-    """What tiles need, each once."""
+    """Primitives and parts that tiles need, each once, and the elements of the tiles."""
 
     primitives: dict[str, Members] = field(default_factory=dict)
     parts: dict[str, Members] = field(default_factory=dict)
@@ -77,7 +77,7 @@ class _Contents:
 
 
 def definition_text(spec: Spec, assignment: Assignment) -> str:
-    """The definition as text, as `terratool format` writes it.
+    """Definition of the tiles as text, as `terratool format` writes it.
 
     Raises:
         RequestError: the tiles come to too many elements.
@@ -164,7 +164,7 @@ def _exceeds(primitive: Mapping[str, Any]) -> bool:
 
 
 def _used(element: Mapping[str, Any], key: str) -> set[str]:
-    """The values of a key in an element and all on it."""
+    """Values of a key in an element and in all elements below it."""
     found = {element[key]} if key in element else set()
     children = element.get("children", ())
     if isinstance(children, Lines):
@@ -176,7 +176,7 @@ def _used(element: Mapping[str, Any], key: str) -> set[str]:
 
 
 def _text(document: Members) -> str:
-    """The document in the canonical layout, with the lines that are text already put in."""
+    """Text of a document in the canonical layout; the items of each `Lines` are put in verbatim."""
     kept: list[Lines] = []
 
     def keep(lines: object) -> list[str]:

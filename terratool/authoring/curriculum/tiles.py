@@ -1,8 +1,8 @@
-"""A tile of each kind: what a definition has for it, at a difficulty.
+"""Tiles: the element, parts and primitives of a tile of each kind, at a difficulty.
 
 Formulas are those of Isaac Lab's `terrains/height_field/hf_terrains.py` and
 `terrains/trimesh/mesh_terrains.py`, and of legged_gym's `utils/terrain.py` with the
-`terrain_utils` of Isaac Gym. What differs is said in docs/curriculum.md.
+`terrain_utils` of Isaac Gym. docs/curriculum.md lists the differences.
 """
 
 from __future__ import annotations
@@ -37,44 +37,44 @@ from terratool.authoring.curriculum.shapes import (
 from terratool.definition.tile_spec import KindSpec
 
 PIXEL = 100
-"""mm: the generators' horizontal scale, by which obstacles are placed."""
+"""Pixel by which obstacles are placed, mm: the generators' horizontal scale."""
 _STAR_PIXEL = 50
-"""mm, of the raster that a star is drawn by."""
+"""Pixel of the raster that a star is drawn by, mm."""
 _TRIES = 50
-"""For a place where an object touches no other."""
+"""Random places tried for an object before it is left out, as each place must be free."""
 _RINGS = 0.6
-"""Where the outer of two rings, or of two levels, ends: a share of the way to the tile's edge."""
+"""End of the outer of two rings, or of two levels: a share of the way to the tile's edge."""
 
 
 @dataclass(frozen=True, slots=True)
 class Draw:
-    """Random numbers that are the same on every machine: only uniform ones from [0, 1) are drawn.
+    """Random numbers that are alike on every machine, as only uniform ones from [0, 1) are drawn.
 
     Attributes:
-        generator: whose `random` is asked.
+        generator: generator that the numbers are drawn from.
     """
 
     generator: np.random.Generator
 
     def uniform(self, low: float, high: float, count: int = 1) -> NDArray[np.float64]:
-        """Numbers from `low` to below `high`, (count,) float64."""
+        """Uniform random numbers from `low` to below `high`, (count,) float64."""
         return low + (high - low) * self.generator.random(count)
 
     def whole(self, end: int, count: int = 1) -> NDArray[np.int64]:
-        """Whole numbers from 0 to below `end`, (count,) int64."""
+        """Random whole numbers from 0 to below `end`, (count,) int64."""
         return (self.generator.random(count) * end).astype(np.int64)
 
 
 @dataclass(frozen=True, slots=True)
 class Plot:
-    """What a tile is made for.
+    """Ground of a tile that is to be made, with its kind and difficulty.
 
     Attributes:
-        spec: its kind.
-        plan: the whole tile.
-        difficulty: from 0 to 1.
-        name: for what is this tile's alone.
-        draw: random numbers of its own.
+        spec: kind of the tile.
+        plan: rectangle of the whole tile, mm.
+        difficulty: difficulty, 0 to 1.
+        name: name for a part and primitives that only this tile uses.
+        draw: random numbers of the tile.
     """
 
     spec: KindSpec
@@ -84,33 +84,33 @@ class Plot:
     draw: Draw
 
     def at(self, key: str) -> float:
-        """The value of a range at this difficulty."""
+        """Value of a key with a range, at the tile's difficulty."""
         return self.spec.at(key, self.difficulty)
 
     @property
     def platform(self) -> Rectangle:
-        """The square in the middle."""
+        """Square platform in the middle of the tile."""
         return square(self.plan, self.spec.number("platform"))
 
     @property
     def border(self) -> int:
-        """Its width, mm."""
+        """Width of the border, mm."""
         return mm(self.spec.number("border"))
 
     @property
     def holes(self) -> list[Rectangle]:
-        """The corners, if there is no ground there."""
+        """Corners of the tile where there is no ground; empty unless the spec asks for holes."""
         return corners(self.plan, self.spec.number("platform")) if self.spec.flag("holes") else []
 
 
 @dataclass(frozen=True, slots=True)
 class Tile:
-    """What a definition has for a tile.
+    """Element of a tile with the parts and primitives that it needs.
 
     Attributes:
-        element: members of its element, but for the place; empty for level ground.
-        parts: what it needs of them, by name.
-        primitives: the same.
+        element: members of the element without its place; empty for level ground.
+        parts: parts that the element needs, by name.
+        primitives: primitives that the element needs, by name.
     """
 
     element: Members = field(default_factory=dict)
@@ -119,7 +119,7 @@ class Tile:
 
 
 def _scaled(plot: Plot, part: Members, factor: float) -> Tile:
-    """A part that all tiles of the kind share, its heights times a factor."""
+    """Tile with a part that all tiles of its kind share, heights multiplied by a factor."""
     factor = round(factor, 6)
     if not factor:
         return Tile()
@@ -127,7 +127,7 @@ def _scaled(plot: Plot, part: Members, factor: float) -> Tile:
 
 
 def _own(plot: Plot, part: Members) -> Tile:
-    """A part of this tile alone."""
+    """Tile with a part that no other tile has."""
     return Tile({"part": plot.name}, {plot.name: part})
 
 
@@ -146,7 +146,7 @@ def _pyramid_slope(plot: Plot) -> Tile:
 
 
 def nodes_of(spec: KindSpec, plan: Rectangle) -> tuple[int, int]:
-    """Rows and columns of random heights, those at the rim included."""
+    """Numbers of rows and columns of nodes with random heights, those at the rim included."""
     inner = plan.inset(mm(spec.number("border")))
     spacing = spec.number("spacing") * MM
     rows, columns = (max(1, math.floor(side / spacing + 0.5)) + 1 for side in (inner.h, inner.w))
@@ -201,7 +201,7 @@ def _waves(plot: Plot) -> Tile:
 
 
 def risers(spec: KindSpec, plan: Rectangle) -> int:
-    """Steps from the border up to the platform."""
+    """Number of steps from the border up to the platform."""
     room = min(plan.w, plan.h) - 2 * mm(spec.number("border")) - mm(spec.number("platform"))
     return room // (2 * mm(spec.number("stepWidth"))) + 2
 
@@ -210,7 +210,7 @@ def _stairs(plot: Plot) -> Tile:
     name, plan = plot.spec.name, plot.plan
     width, border = mm(plot.spec.number("stepWidth")), plot.border
     steps = risers(plot.spec, plan)
-    # so many as leave a platform
+    # no more steps than leave a platform
     steps = min(steps, (min(plan.w, plan.h) - 2 * border - 1) // (2 * width) + 1)
     part: Members = {"type": name, "vScale": 1}
     if plot.holes:
@@ -223,7 +223,7 @@ def _stairs(plot: Plot) -> Tile:
 
 
 def _rim(plot: Plot) -> list[Rectangle]:
-    """Where the border crosses the arms beside the corners."""
+    """Rectangles in which the border crosses the arms beside the corners."""
     plan, middle, border = plot.plan, plot.platform, plot.border
     return [
         Rectangle(middle.x, 0, middle.w, border),
@@ -234,7 +234,7 @@ def _rim(plot: Plot) -> list[Rectangle]:
 
 
 def _levels(plot: Plot, height: float) -> Tile:
-    """One or two levels on top of each other, or below."""
+    """Tile with one level in its middle, or two on top of each other; a negative height digs."""
     whole, inner = plot.plan, plot.platform
     level: Members = {"type": "level", "vScale": 1}
     if plot.spec.flag("double"):
@@ -346,7 +346,7 @@ def _star(plot: Plot) -> Tile:
         star |= np.abs(dx * math.sin(angle) - dy * math.cos(angle)) <= near
     rim = width + 1e-9
     star |= (x < rim) | (x > plan.w / MM - rim) | (y < rim) | (y > plan.h / MM - rim)
-    # the ground between the bars; a rest along the edges that is no pixel stays up
+    # the ground between the bars; a remainder along the edges narrower than a pixel stays up
     boxes = [Box(hole, -height) for hole, _ in merged((~star).astype(np.int64), _STAR_PIXEL)]
     return _own(plot, grounded(plan, box_lines(boxes)))
 
@@ -382,7 +382,7 @@ def _repeated(plot: Plot) -> Tile:
 
 
 def _object(plot: Plot) -> tuple[str, tuple[float, float], float]:
-    """The primitive of an object, its sides, m, and what share of its height is above ground."""
+    """Primitive of an object, its sides (x, y), m, and the share of its height above ground."""
     match plot.spec.kind:
         case "repeatedBoxes":
             # the generators have the middles of boxes and cylinders on the ground
@@ -396,7 +396,7 @@ def _object(plot: Plot) -> tuple[str, tuple[float, float], float]:
 
 
 def _strewn(plot: Plot, count: int, radius: int) -> list[tuple[int, int]]:
-    """Places of discs, mm, that touch neither each other nor the platform nor the tile's edge."""
+    """Middles (x, y) of discs, mm, that touch neither each other nor the platform or the edge."""
     plan, platform = plot.plan, plot.platform
     room = np.array([plan.w, plan.h]) - 2 * radius
     if (room <= 0).any():
@@ -437,11 +437,11 @@ MAKERS: dict[str, Callable[[Plot], Tile]] = {
     "repeatedPyramids": _repeated,
     "repeatedCylinders": _repeated,
 }
-"""What makes a tile of each kind."""
+"""Function that makes a tile, by the name of the kind."""
 
 
 def pieces(spec: KindSpec, plan: Rectangle) -> int:
-    """About how many elements and random heights a tile comes to, at most."""
+    """Upper estimate of the number of elements and random heights of a tile."""
     match spec.kind:
         case "randomRough" | "roughSlope":
             rows, columns = nodes_of(spec, plan)

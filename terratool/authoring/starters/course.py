@@ -1,4 +1,4 @@
-"""A course of training tiles, with the place where robots begin on each of them in the file."""
+"""Starter of a course of training tiles; each tile's element tells where robots begin on it."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ STYLES: dict[str, dict[str, Any]] = {
         },
     },
 }  # fmt: skip
-"""Kinds of tiles of the rough terrains of both, each as often as the others."""
+"""Options and kinds of tiles of the rough terrains of both projects; kinds are equally frequent."""
 _WHOSE = {"isaac-lab": "Isaac Lab", "legged-gym": "legged_gym"}
 
 

@@ -1,4 +1,4 @@
-"""Rough ground: random heights at the nodes of a grid, as training terrains have them."""
+"""Starter of rough ground: random heights at the nodes of a grid, as in training terrains."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from terratool.authoring.curriculum.shapes import Lines
 
 MOST_NODES = 250_000
-"""Random heights of a terrain."""
+"""Most random heights of a terrain."""
 
 
 def _rough(wanted: Wanted) -> Members:
@@ -74,7 +74,7 @@ def _rough(wanted: Wanted) -> Members:
 
 
 def _relief(heights: list[list[int]], step: float, low: float, surface: str) -> Members:
-    """Primitives and the tree of heights in steps, by rows from the south."""
+    """Primitives and tree of heights in steps, given by rows from the south."""
     import numpy as np
 
     from terratool.authoring.curriculum.shapes import PRIMITIVES, Rectangle, relief
@@ -99,7 +99,7 @@ _PLACED = ("cellX", "cellY", "span")
 
 
 def _plain(lines: Lines | list[int]) -> object:
-    """A list whose items may be text already."""
+    """List of JSON values from a list whose items may be text already."""
     return lines if isinstance(lines, list) else json.loads(f"[{','.join(lines.items)}]")
 
 

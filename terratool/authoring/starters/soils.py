@@ -11,12 +11,12 @@ from terratool.authoring.starters.options import (
 
 
 class Soil(NamedTuple):
-    """How a preset is called and shown.
+    """Surface of a preset: its name, description and colour.
 
     Attributes:
-        name: of the surface.
-        descr: what it is, with the source of its figures.
-        color: red, green and blue.
+        name: name of the surface.
+        descr: description of the soil, with the source of its figures.
+        color: red, green and blue, 0 to 255.
     """
 
     name: str
@@ -24,7 +24,7 @@ class Soil(NamedTuple):
     color: tuple[int, int, int]
 
     def surface(self, preset: str) -> dict[str, Any]:
-        """Its members in `surfTypes`."""
+        """Members of the surface in `surfTypes`."""
         return {"descr": self.descr, "preset": preset, "color": list(self.color)}
 
 
@@ -71,16 +71,16 @@ SOILS: dict[str, Soil] = {
     "snow-packed": Soil("packedSnow", "Hard-packed snow (Wong 2008, table 1.3)", (226, 232, 242)),
     "ice": Soil("ice", "Ice (Wong 2008, table 1.3)", (190, 212, 230)),
 }
-"""By the names of presets, all of them."""
+"""Surfaces by the names of all presets."""
 
 
 def soil_option(default: str) -> Option:
-    """The preset of the ground."""
+    """Option for the preset of the ground."""
     return choice_option(
         "soil", default, "The ground, by the name of a preset.", tuple(SOILS), "PRESET"
     )
 
 
 def surfaces(*presets: str) -> dict[str, Any]:
-    """`surfTypes` with the surfaces of presets, each once."""
+    """Dictionary `surfTypes` with the surfaces of presets, each once."""
     return {SOILS[preset].name: SOILS[preset].surface(preset) for preset in presets}

@@ -1,4 +1,4 @@
-"""Elements at free places, and copies in rows."""
+"""Rules on elements at free places, and on copies in rows."""
 
 from __future__ import annotations
 
@@ -190,7 +190,7 @@ def outside_cell(subject: Subject) -> Iterator[Remark]:
 
 
 class _Crowd:
-    """The footprints of elements at free places in cells of one size, their copies included."""
+    """Footprints of elements at free places in cells of one size, their copies included."""
 
     def __init__(self, subject: Subject, alike: Alike) -> None:
         self._boxes = {}
@@ -201,20 +201,20 @@ class _Crowd:
         self._surround()
 
     def _surround(self) -> None:
-        """All of them together: no box reaches further than this one."""
+        """Set the box around all footprints: no box reaches further than this one."""
         boxes = self._boxes.values()
         lows, highs = zip(*boxes, strict=True) if boxes else (((0.0, 0.0),), ((0.0, 0.0),))
         self._whole = tuple(map(min, *lows, lows[0])), tuple(map(max, *highs, highs[0]))
 
     def beyond(self, parent: Pair) -> Iterator[tuple[int, float]]:
-        """Those that reach out of a parent's cell with these sides, and how far."""
+        """Elements that reach out of a parent's cell with these sides, each with its longest excess."""
         if _out(self._whole, parent):
             for element, box in self._boxes.items():
                 if out := _out(box, parent):
                     yield element, out
 
     def taken_beyond(self, parent: Pair) -> list[tuple[int, float]]:
-        """The same, which are not looked at again."""
+        """Elements that reach out of the cell, as `beyond`; they are removed from the crowd."""
         found = list(self.beyond(parent))
         for element, _ in found:
             del self._boxes[element]
@@ -224,18 +224,18 @@ class _Crowd:
 
 
 _Box = tuple[Pair, Pair]
-"""The south-west and the north-east corner."""
+"""South-west and north-east corner of a box."""
 
 
 def _out(box: _Box, parent: Pair) -> float:
-    """How far a box reaches out of a cell that begins at 0; 0 where it does not."""
+    """Longest excess of a box beyond a cell that begins at 0; 0 for a box within the cell."""
     (west, south), (east, north) = box
     x, y = max(-west, east - parent[0]), max(-south, north - parent[1])
     return max(x if x > CLOSE * parent[0] else 0.0, y if y > CLOSE * parent[1] else 0.0)
 
 
 def _box(subject: Subject, tree: Tree, index: int) -> _Box | None:
-    """What the footprints of an element and of its copies reach; None if it is not known."""
+    """Box around the footprints of an element and its copies; None if they are not known."""
     at, extent, repeat = (tree.value(key, index) for key in ("at", "extent", "repeat"))
     if extent is UNSET or (tree is subject.tree and subject.left_out(index, "repeat", "turnDeg")):
         return None
@@ -243,7 +243,7 @@ def _box(subject: Subject, tree: Tree, index: int) -> _Box | None:
     if end is None:
         return None
     primitive = subject.primitives.get(end.root.tree.value("type", end.root.element))
-    scattered = tree.value("scatter", index) is not UNSET  # its copies stay in its cell
+    scattered = tree.value("scatter", index) is not UNSET  # copies stay in the element's cell
     round_ = primitive is not None and primitive.combine == "radial"
     reach = turned(pair_of(extent, math.nan), 0.0 if scattered else end.turn, round_).reach
     count, step = ((1, 1), (0.0, 0.0)) if repeat is UNSET else (repeat.count, repeat.step)
@@ -370,7 +370,7 @@ def overlapping_copies(subject: Subject) -> Iterator[Remark]:
                 continue
             reach = turned(pair_of(tree.value("extent", index), math.nan), turn, False).reach
             sides = 2 * reach[0], 2 * reach[1]
-        # neighbours in a row are moved by one axis alone
+        # neighbours in a row are moved along one axis alone
         for axis in (0, 1):
             step = abs(repeat.step[axis])
             if repeat.count[axis] > 1 and step < sides[axis] * (1 - CLOSE):

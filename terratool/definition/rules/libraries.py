@@ -1,4 +1,4 @@
-"""Libraries that a file uses, and the names that it has from them."""
+"""Rules on libraries that a file uses, and on the names that it has from them."""
 
 from __future__ import annotations
 

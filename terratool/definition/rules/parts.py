@@ -1,4 +1,4 @@
-"""Parts, and the elements that stand for them."""
+"""Rules on parts, and on elements that stand for them."""
 
 from __future__ import annotations
 
@@ -247,7 +247,7 @@ def beyond_limits(subject: Subject) -> Iterator[Remark]:
             "Give the part the same size in more places.",
         )
     for use, height in uses.tallest():
-        if not height <= LARGEST:  # it may be no number either
+        if not height <= LARGEST:  # true for NaN, too
             yield Remark(
                 "/part",
                 f"heights within the part {shown(use.part)} go beyond 1e30 here.",

@@ -1,4 +1,4 @@
-"""Cells and spans outside the parent's grid, and cells that siblings share."""
+"""Rules on cells and spans outside the parent's grid, and on cells that siblings share."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ def _outside(
 
 
 def _surely_inside(tree: Tree) -> bool:
-    """Whether every cell is in the smallest of all grids, and nothing spans more than one."""
+    """Whether every cell lies in the smallest of all grids, and no element has a span."""
     if not tree.families or tree.distinct("span") != {UNSET}:
         return not tree.families
     grids = {tree.value("cells", parent) for parent, _, _ in tree.families}

@@ -1,4 +1,4 @@
-"""Scattered copies."""
+"""Rules on scattered copies."""
 
 from __future__ import annotations
 
@@ -111,7 +111,7 @@ def _contradictions(tree: Tree, index: int, asked: Scatter) -> Iterator[tuple[st
 
 
 _TRIES = 1_000_000
-"""Most places that are tried in one file."""
+"""Most places that are tried for one file."""
 
 
 @rule("TT721", "crowded-scatter", "warning")
@@ -160,7 +160,7 @@ def crowded_scatter(subject: Subject) -> Iterator[Remark]:
             hint = "Raise it, make the area larger, or write a count."
             yield Remark("/scatter/density", message, hint, element=index)
         if asked.distance is UNSET and asked.sizes[1] * math.sqrt(2) < min(area):
-            continue  # the largest fits in, however it is turned
+            continue  # the largest copy fits in, however it is turned
         turn = tree.value("turn_deg", index)
         wish = strewing(
             asked, area, by_quarters=tree.value("part", index) is not UNSET,
@@ -180,11 +180,11 @@ def crowded_scatter(subject: Subject) -> Iterator[Remark]:
 
 
 _MANY = 250_000
-"""So many copies are placed without a word."""
+"""Most copies that are placed without a remark."""
 _EACH, _EACH_APART = 1.5e-6, 4e-6
-"""Seconds of a processor that a copy takes at most, and one that keeps its distance."""
+"""Processor time that a copy takes at most, and a copy that keeps its distance, s."""
 _BYTES = 700
-"""Memory that a copy takes while a terrain is read."""
+"""Memory that a copy takes while a terrain is read, bytes."""
 
 
 @rule("TT722", "many-scattered", "warning")
@@ -236,7 +236,7 @@ def many_scattered(subject: Subject) -> Iterator[Remark]:
 
 
 def _asked(root: Root) -> Iterator[tuple[int, Scatter]]:
-    """How many copies of each scattered element below a root are asked for."""
+    """Number of copies asked for, and `scatter`, of each scattered element below a root."""
     tree = root.tree
     if tree.distinct("scatter") == {UNSET}:
         return
@@ -247,7 +247,7 @@ def _asked(root: Root) -> Iterator[tuple[int, Scatter]]:
 
 
 def _sizes(uses: Uses) -> Iterator[tuple[Root, int]]:
-    """The terrain and its parts, and in how many sizes at most what is in each is placed."""
+    """Roots of the terrain and its parts, each with the most sizes in which copies are placed."""
     sized = uses.leading_to(scatters_over_cells)
     sizes = {name: int(name not in sized) for name in uses.reached}
     users_first = (name for name in reversed(uses.graph.inner_first) if name in sizes)
@@ -258,6 +258,6 @@ def _sizes(uses: Uses) -> Iterator[tuple[Root, int]]:
                 scatter, extent = (root.tree.value(key, element) for key in ("scatter", "extent"))
                 if scatter is not UNSET:
                     sizes[part] += wanted(scatter, pair_of(extent, math.nan))
-                else:  # a cell has a size for each that it is part of
+                else:  # a part in a grid's cell has the sizes of the part around
                     sizes[part] += own if extent is UNSET else 1
         yield root, own

@@ -1,4 +1,4 @@
-"""Sensors that are none, or whose figures contradict each other."""
+"""Rules on sensors that are none, or whose figures contradict each other."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from terratool.report.wording import listed
 from terratool.text.display import shown
 
 _SLACK = 1.0 + 1e-9
-"""For rounding, where the last beam of a column fires with the next column."""
+"""Slack for rounding, where the last beam of a column fires with the next column."""
 
 
 @rule("TT901", "no-single-sensor", kind="sensor")

@@ -1,4 +1,4 @@
-"""Turned elements that their cells trim."""
+"""Rule on turned elements that their cells trim."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from terratool.definition.uses import Uses, elements_of
 from terratool.text.display import shown
 
 _STEPS = 128
-"""Along each side, between points at which a shape is asked for."""
+"""Intervals along each side between the points at which a shape is sampled."""
 
 
 @rule("TT213", "trimmed-element", "warning")
@@ -73,7 +73,7 @@ def trimmed_element(subject: Subject) -> Iterator[Remark | RemarkBatch]:
 
 
 def _in_sight(subject: Subject) -> Iterator[RemarkBatch]:
-    """What is trimmed in the terrain itself, and in a library on free places in its parts."""
+    """Yield remarks on elements of the terrain itself, and on those at free places of a library."""
     tree = subject.tree
     turns = {turn for turn in tree.distinct("turn_deg") if turn is not UNSET and turn % 180 != 0}
     if not turns:
@@ -92,7 +92,7 @@ def _in_sight(subject: Subject) -> Iterator[RemarkBatch]:
         found = list(filter(cells.is_known, found))
     columns = [tree.column(key) for key in ("turn_deg", "type", "surface", "v_offset")]
     flat = map(eq, map(tree.column("v_scale").__getitem__, found), repeat(0))
-    # one look at each combination, at the speed of C
+    # one verdict for each combination, looked up at the speed of C
     looks = zip(
         *(map(column.__getitem__, found) for column in (cell_kinds(tree).of, *columns)),
         flat,
@@ -104,7 +104,7 @@ def _in_sight(subject: Subject) -> Iterator[RemarkBatch]:
 
 
 class _Verdicts(dict[Any, bool]):
-    """Whether elements are trimmed, by what they have: attributes, and the kind of their cells."""
+    """Verdicts whether elements are trimmed, by the kind of their cells and their attributes."""
 
     def __init__(self, cells: _Cells) -> None:
         self._cells = cells
@@ -130,11 +130,11 @@ def _remark(cells: _Cells, index: int) -> Remark:
 
 
 class _Cells:
-    """The sides of cells, as far as they are known: in parts they may not be.
+    """Sides of cells, as far as they are known; in parts they may not be.
 
     Attributes:
-        subject: whose elements they are of.
-        all_known: whether those of all elements are known.
+        subject: subject whose tree has the cells.
+        all_known: whether the sides of all elements' cells are known.
     """
 
     def __init__(self, subject: Subject) -> None:
@@ -181,12 +181,12 @@ class _Cells:
         return not subject.left_out(index, "span", "extent")
 
     def shape(self, kind: int, turn: float, primitive: Primitive | None) -> Turned:
-        """The shape of an element that is turned in a cell of a known kind."""
+        """Shape of an element that is turned in a cell of a known kind."""
         is_round = primitive is not None and primitive.combine == "radial"
         return turned(self.sides(kind).lengths, turn, is_round)
 
     def sides(self, kind: int) -> Sides:
-        """The sides of cells of a known kind."""
+        """Sides of cells of a known kind."""
         path = []
         while kind not in self._sides:
             origin = self._kinds.origins[kind]
@@ -203,12 +203,12 @@ class _Cells:
 
 
 def _is_aligned(tree: Tree) -> bool:
-    """Whether nothing is turned by other than half turns."""
+    """Whether no element is turned by other than half turns."""
     return all(turn is UNSET or turn % 180 == 0 for turn in tree.distinct("turn_deg"))
 
 
 class _Kind(NamedTuple):
-    """Elements of parts that lose the same where their cells are the same."""
+    """Properties of elements in parts that lose the same share in equal cells."""
 
     turn: float
     primitive: str
@@ -217,7 +217,7 @@ class _Kind(NamedTuple):
 
 
 def _in_parts(subject: Subject) -> Iterator[Remark]:
-    """What is trimmed where a part stands in the terrain."""
+    """Yield remarks on elements that are trimmed where a part stands in the terrain."""
     uses = subject.uses
     if not uses.has_root or uses.circles or subject.definition.size is UNSET:
         return
@@ -273,14 +273,14 @@ _LIMITS = Limits(1_000, 20_000)
 
 
 def _proportions(size: PartSize) -> tuple[str, float, bool, bool]:
-    """What is the same where the same share of an element is cut off."""
+    """Key of sizes of a part in which the same share of an element is cut off."""
     w, h = size.sides.lengths
     ratio = round(math.log(w) - math.log(h), 9) if min(w, h) > 0 else 0.0
     return size.part, ratio, size.lies, size.whole
 
 
 def _grouped(subject: Subject, cells: Cells) -> Iterator[tuple[int, _Kind, int]]:
-    """The elements of a part that cells of the grid may trim."""
+    """Elements of a part that cells of the grid may trim, by cell and kind."""
     root, tree = cells.root, cells.root.tree
     if root == subject.uses.root:
         return
@@ -311,10 +311,10 @@ def _is_bare(primitive: Primitive, shape: Turned) -> bool:
 
 @lru_cache(maxsize=4096)
 def _hull(primitive: Primitive) -> tuple[Point, ...]:
-    """Points around all of a primitive that is not 0, as far as evenly spaced ones tell.
+    """Points around the area in which a primitive is not 0, judged by evenly spaced samples.
 
-    They lie around its middle, in units of its sides. As a cell is convex, what is between these
-    points lies in it if they do.
+    They lie around the primitive's middle, in units of its sides. As a cell is convex, the area
+    between these points lies in the cell if the points do.
     """
     shape = shape_of(primitive)
     x_at = curve_values(shape.x)
@@ -339,7 +339,7 @@ def _hull(primitive: Primitive) -> tuple[Point, ...]:
 
 
 def _hint(tree: Tree, index: int, shape: Turned, around: Sides) -> str:
-    """How to keep all of an element."""
+    """Hint that tells how to keep all of an element."""
     parent = around.lengths
     block, grid = tree.block(index), tree.grid(tree.parents[index])
     middle = [
