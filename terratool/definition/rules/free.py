@@ -207,7 +207,7 @@ class _Crowd:
         self._whole = tuple(map(min, *lows, lows[0])), tuple(map(max, *highs, highs[0]))
 
     def beyond(self, parent: Pair) -> Iterator[tuple[int, float]]:
-        """Elements that reach out of a parent's cell with these sides, each with its longest excess."""
+        """Elements that reach out of a parent's cell with these sides, each with its excess."""
         if _out(self._whole, parent):
             for element, box in self._boxes.items():
                 if out := _out(box, parent):
