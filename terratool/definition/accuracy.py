@@ -39,7 +39,7 @@ _NAMES = ("number", "t", *BINARY, "neg", *UNARY, *VARIADIC)
 _CODES = {name: code for code, name in enumerate(_NAMES)}
 
 
-class Survey(NamedTuple):
+class AccuracySurvey(NamedTuple):
     """Bounds of the error of the pieces that approximate a formula.
 
     Attributes:
@@ -73,7 +73,7 @@ class Survey(NamedTuple):
 
 
 @lru_cache(maxsize=256)
-def survey(expression: Expression) -> Survey:
+def survey(expression: Expression) -> AccuracySurvey:
     """Bound the error of a valid expression by its derivatives, and find where it needs pieces."""
     from terratool.kernels import definition as kernels
 
@@ -91,4 +91,4 @@ def survey(expression: Expression) -> Survey:
     )
     if error > 2 * MAX_VALUE:  # values beyond are cut off
         error = float("inf")
-    return Survey(promised, error, t, rounding, tuple(places[:count]))
+    return AccuracySurvey(promised, error, t, rounding, tuple(places[:count]))

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 from msgspec import UNSET, UnsetType
 
-from terratool.definition.libraries import Document, path_between
+from terratool.definition.libraries import SourceDocument, path_between
 from terratool.definition.uses import Root, Uses, quarter_turns
 from terratool.text.display import escape
 
@@ -110,6 +110,6 @@ class Chains:
             inner, scales[-1], turns[-1], factor, offset, quarters, surface, descr, "".join(names)
         )
 
-    def _name(self, part: str, outer: Document, home: Document) -> str:
+    def _name(self, part: str, outer: SourceDocument, home: SourceDocument) -> str:
         where = "" if home is outer else f"{path_between(self._uses.document, home)}#"
         return f">{where}/parts/{escape(part)}"

@@ -50,7 +50,7 @@ class Parent(Struct):
 
 
 @dataclass(frozen=True, slots=True)
-class Target:
+class ChangeTarget:
     """Terrain or library that is to be changed.
 
     Attributes:
@@ -156,7 +156,7 @@ class Target:
 
 def open_target(
     path: str, output: str | None, overwrite: bool, library_roots: tuple[str, ...] = ()
-) -> Target:
+) -> ChangeTarget:
     """Read the file that is to be changed, and refuse one that cannot be changed.
 
     Args:
@@ -192,7 +192,7 @@ def open_target(
     packed = source.packed if output is None else result.name.lower().endswith(".gz")
     data = moved(source, result)
     source = structs.replace(source, data=data, packed=packed)
-    return Target(source, result, checked, library_roots)
+    return ChangeTarget(source, result, checked, library_roots)
 
 
 def moved(source: Source, output: str | Path) -> bytes:

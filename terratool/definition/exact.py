@@ -96,7 +96,7 @@ def _exact_sum(a: Any, b: Any) -> tuple[Any, Any]:
     return total, (a - (total - back)) + (b - back)
 
 
-class Side(NamedTuple):
+class ExactSide(NamedTuple):
     """Length as the sum of two doubles, of which the first has 36 bits; or arrays of both."""
 
     high: Any
@@ -116,16 +116,16 @@ class Side(NamedTuple):
         """Product of the length and a whole number of up to 17 bits."""
         return Exact(*_exact_sum(count * self.high, count * self.rest))
 
-    def share(self, cells: Any, of: Any) -> Side:
+    def share(self, cells: Any, of: Any) -> ExactSide:
         """Side of a block of `cells` of the `of` equal cells into which this side is divided."""
         high = _leading((self.high * cells + self.rest * cells) / of)
-        return Side(high, ((self.high * cells - high * of) + self.rest * cells) / of)
+        return ExactSide(high, ((self.high * cells - high * of) + self.rest * cells) / of)
 
 
-def side(length: Any, rest: Any = None) -> Side:
+def side(length: Any, rest: Any = None) -> ExactSide:
     """Side of a length: the decimal that its double means, or the double and a given rest."""
     high = _leading(length)
-    return Side(high, (length - high) + (rest_of(length) if rest is None else rest))
+    return ExactSide(high, (length - high) + (rest_of(length) if rest is None else rest))
 
 
 def _leading(value: Any) -> Any:
@@ -142,8 +142,8 @@ def _leading(value: Any) -> Any:
 class Sides(NamedTuple):
     """Sides of a cell along x and y."""
 
-    x: Side
-    y: Side
+    x: ExactSide
+    y: ExactSide
 
     @property
     def lengths(self) -> Pair:

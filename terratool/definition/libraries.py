@@ -37,7 +37,7 @@ Dictionary = Literal["surfTypes", "elemTypes", "parts"]
 _Value = TypeVar("_Value", Surface, Primitive, Element)
 
 
-class Document(Struct, eq=False, dict=True):
+class SourceDocument(Struct, eq=False, dict=True):
     """Text of a terrain or a library that was read.
 
     Attributes:
@@ -56,7 +56,7 @@ class Document(Struct, eq=False, dict=True):
     decoded: Decoded
     found: RemarkLog
     real: str = ""
-    uses: list[Document | None] = field(default_factory=list)
+    uses: list[SourceDocument | None] = field(default_factory=list)
     problems: list[tuple[str, Remark]] = field(default_factory=list)
     broken: JsonSyntaxError | None = None
     kind: Kind = "library"
@@ -82,7 +82,7 @@ class Document(Struct, eq=False, dict=True):
         return "." if self.source.name == "<stdin>" else str(Path(self.source.name).parent)
 
     @cached_property
-    def reached(self) -> tuple[Document, ...]:
+    def reached(self) -> tuple[SourceDocument, ...]:
         """Libraries that the document uses, directly or through others, each once, in order."""
         return tuple(self._reached())
 
@@ -96,7 +96,7 @@ class Document(Struct, eq=False, dict=True):
             "parts": model.assemblies,
         }
 
-    def _reached(self) -> Iterator[Document]:
+    def _reached(self) -> Iterator[SourceDocument]:
         seen = {id(self)}
         pending = [iter(self.uses)]
         while pending:
@@ -114,10 +114,10 @@ class Named(Struct, Generic[_Value], frozen=True):
     """Surface, primitive or part, with the file that it stands in."""
 
     value: _Value
-    home: Document
+    home: SourceDocument
 
 
-class Names(Struct, frozen=True):
+class KnownNames(Struct, frozen=True):
     """Names that a file knows: its own, and those of the libraries that it uses."""
 
     surfaces: Mapping[str, Named[Surface]] = {}
@@ -137,8 +137,8 @@ class Clash(Struct, frozen=True):
 
     dictionary: Dictionary
     name: str
-    first: Document
-    second: Document
+    first: SourceDocument
+    second: SourceDocument
 
 
 DICTIONARIES: tuple[Dictionary, ...] = ("surfTypes", "elemTypes", "parts")
@@ -154,7 +154,7 @@ class Catalogue:
         notes: results of rules and readers about all of the files, by name.
     """
 
-    def __init__(self, documents: Sequence[Document]) -> None:
+    def __init__(self, documents: Sequence[SourceDocument]) -> None:
         """Index files, which include all files that they use, and set their `catalogue`."""
         self._documents = tuple(documents)
         self._numbers = {id(document): n for n, document in enumerate(documents)}
@@ -172,7 +172,7 @@ class Catalogue:
                     reach |= 1 << other | self._reach[other]
                 changed |= reach != self._reach[n]
                 self._reach[n] = reach
-        self._kept: dict[Callable[[Document], bool], int] = {}
+        self._kept: dict[Callable[[SourceDocument], bool], int] = {}
         self.notes: dict[str, Any] = {}
         for document in documents:
             document._catalogue = self
@@ -195,11 +195,13 @@ class Catalogue:
             for dictionary, known in self._homes.items()
         }
 
-    def reaches(self, document: Document, library: Document) -> bool:
+    def reaches(self, document: SourceDocument, library: SourceDocument) -> bool:
         """Whether a file uses a library, directly or through others."""
         return bool(self._reach[self._number(document)] >> self._number(library) & 1)
 
-    def reached_of(self, document: Document, wanted: Callable[[Document], bool]) -> list[Document]:
+    def reached_of(
+        self, document: SourceDocument, wanted: Callable[[SourceDocument], bool]
+    ) -> list[SourceDocument]:
         """Libraries that a file reaches and that are wanted; `wanted` is called once for each."""
         if wanted not in self._kept:
             those = (1 << n for n, one in enumerate(self._documents) if wanted(one))
@@ -207,7 +209,9 @@ class Catalogue:
         found = self._kept[wanted] & self._others(document)
         return [one for n, one in enumerate(self._documents) if found >> n & 1] if found else []
 
-    def homes(self, document: Document, dictionary: Dictionary, name: str) -> list[Document]:
+    def homes(
+        self, document: SourceDocument, dictionary: Dictionary, name: str
+    ) -> list[SourceDocument]:
         """Libraries that a file reaches and where a name stands, in the order of `reached`."""
         reach = self._others(document)
         found = [
@@ -225,10 +229,10 @@ class Catalogue:
             for name, (first, *_) in self._homes[dictionary].items()
         }
 
-    def _number(self, document: Document) -> int:
+    def _number(self, document: SourceDocument) -> int:
         return self._numbers[id(document)]
 
-    def _others(self, document: Document) -> int:
+    def _others(self, document: SourceDocument) -> int:
         """Files that a file reaches, itself excluded, as a bit set."""
         number = self._number(document)
         return self._reach[number] & ~(1 << number)
@@ -237,7 +241,7 @@ class Catalogue:
 class _Known(Mapping[str, Named[Any]]):
     """Names of one dictionary that a file knows: its own, then those of its libraries."""
 
-    def __init__(self, document: Document, dictionary: Dictionary) -> None:
+    def __init__(self, document: SourceDocument, dictionary: Dictionary) -> None:
         self._document, self._dictionary = document, dictionary
         self._own = document.entries[dictionary]
         self._found: dict[str, Named[Any]] = {}
@@ -267,12 +271,12 @@ class _Known(Mapping[str, Named[Any]]):
         return names
 
 
-def known_names(document: Document) -> Names:
+def known_names(document: SourceDocument) -> KnownNames:
     """Names that a file knows; for a name in two libraries the first library counts."""
-    return Names(*(_Known(document, dictionary) for dictionary in DICTIONARIES))
+    return KnownNames(*(_Known(document, dictionary) for dictionary in DICTIONARIES))
 
 
-def clashes_of(document: Document) -> list[Clash]:
+def clashes_of(document: SourceDocument) -> list[Clash]:
     """Names that a file cannot know, as two of its libraries define them."""
     catalogue, found = document.catalogue, []
     for dictionary in DICTIONARIES:
@@ -293,7 +297,7 @@ class Shelf:
         files: names of all files that were looked for, whether they exist or not.
     """
 
-    def __init__(self, read: Callable[[Source], Document], roots: Sequence[str] = ()) -> None:
+    def __init__(self, read: Callable[[Source], SourceDocument], roots: Sequence[str] = ()) -> None:
         """Open a shelf without libraries.
 
         Args:
@@ -302,11 +306,11 @@ class Shelf:
         """
         self._roots = [real_path(root) for root in (".", *roots)]
         self._read = read
-        self._documents: dict[str, Document | tuple[str, str, str]] = {}
+        self._documents: dict[str, SourceDocument | tuple[str, str, str]] = {}
         self._room = MAX_BYTES
         self.files: dict[str, None] = {}
 
-    def link(self, document: Document) -> None:
+    def link(self, document: SourceDocument) -> None:
         """Open all libraries that a file uses, directly or through others."""
         base = real_path(document.folder)
         if document.real and document.kind == "library":
@@ -333,7 +337,7 @@ class Shelf:
                     user.uses.append(None)
                     break
                 found = self._open(user, path, base)
-                if isinstance(found, Document):
+                if isinstance(found, SourceDocument):
                     user.uses.append(found)
                     pending.append(found)
                     met.add(id(found))
@@ -343,7 +347,9 @@ class Shelf:
                     user.uses.append(None)
         Catalogue((document, *document.reached))
 
-    def _open(self, user: Document, path: str, base: str) -> Document | tuple[str, str, str]:
+    def _open(
+        self, user: SourceDocument, path: str, base: str
+    ) -> SourceDocument | tuple[str, str, str]:
         """Library at a path; code, message and hint where the path is wrong."""
         wrong = _refused(path)
         if wrong is not None:
@@ -360,7 +366,7 @@ class Shelf:
             self._documents[real] = self._load(name, real)
         return self._documents[real]
 
-    def _load(self, name: str, real: str) -> Document | tuple[str, str, str]:
+    def _load(self, name: str, real: str) -> SourceDocument | tuple[str, str, str]:
         said = shown(name)
         try:
             status = Path(real).stat()
@@ -434,6 +440,6 @@ def _is_under(path: str, folder: str) -> bool:
     return path.startswith(folder if folder.endswith(os.sep) else folder + os.sep)
 
 
-def path_between(user: Document, library: Document) -> str:
+def path_between(user: SourceDocument, library: SourceDocument) -> str:
     """Path of a library relative to the file that uses it, with forward slashes."""
     return os.path.relpath(library.source.name, user.folder).replace(os.sep, "/")

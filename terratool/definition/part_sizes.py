@@ -33,7 +33,7 @@ class PartSize(NamedTuple):
     whole: bool
 
 
-class Limits(NamedTuple):
+class SizeLimits(NamedTuple):
     """Limits of the search for sizes.
 
     Attributes:
@@ -45,7 +45,7 @@ class Limits(NamedTuple):
     cells: int
 
 
-PLACES = Limits(10_000, 200_000)
+PLACES = SizeLimits(10_000, 200_000)
 """Limits for parts in which there are free places."""
 
 _Step = tuple[int, Pair, tuple[int, int]]
@@ -127,7 +127,7 @@ Sorted = Callable[[Cells], Iterable[tuple[int, Hashable, int]]]
 """Function that yields the elements below a root to look at: number of a cell, key, index."""
 
 
-class _Plan(NamedTuple):
+class _PartContents(NamedTuple):
     """Elements below a root that matter to the search.
 
     Attributes:
@@ -158,7 +158,7 @@ class PartSizes:
         uses: Uses,
         parts: set[str],
         look: Sorted,
-        limits: Limits,
+        limits: SizeLimits,
         same: Callable[[PartSize], Hashable] = lambda size: size,
     ) -> None:
         """Follow the uses of parts from the terrain on.
@@ -171,7 +171,7 @@ class PartSizes:
             same: key of a size; sizes with one key count as one.
         """
         self._uses, self._parts, self._look = uses, parts, look
-        self._plans: dict[str, _Plan] = {}
+        self._plans: dict[str, _PartContents] = {}
         self._followed: list[PartSize] = []
         self.complete = True
         self.found: dict[PartSize, list[tuple[PartSize, list[int]]]] = {}
@@ -204,12 +204,12 @@ class PartSizes:
                     pending.append(below)
                 self.found[below].append((size, elements))
 
-    def _plan(self, part: str) -> _Plan:
+    def _plan(self, part: str) -> _PartContents:
         if part in self._plans:
             return self._plans[part]
         root = self._uses.part(part) if part else self._uses.root
         tree, cells = root.tree, Cells(root)
-        plan = self._plans[part] = _Plan(cells, {}, {})
+        plan = self._plans[part] = _PartContents(cells, {}, {})
         turns, free_at = tree.column("turn_deg"), is_free(tree)
         for use in self._uses.within(root):
             if use.part in self._parts:

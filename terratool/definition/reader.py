@@ -19,7 +19,7 @@ from terratool.definition.decode import Decoded, decode
 from terratool.definition.findings import Finding, Owner, Remark, RemarkBatch, RemarkLog
 from terratool.definition.key import Key
 from terratool.definition.keys import KEYS, Kind, document_kind
-from terratool.definition.libraries import Document, Shelf, known_names
+from terratool.definition.libraries import Shelf, SourceDocument, known_names
 from terratool.definition.model import (
     COMBINES,
     Definition,
@@ -225,7 +225,7 @@ class Checked(Struct, frozen=True, dict=True):
     curriculum: CurriculumText | None = None
     terrain: Definition | None = None
     tree: Tree | None = None
-    document: Document | None = None
+    document: SourceDocument | None = None
     libraries: tuple[Checked, ...] = ()
     name: str = ""
 
@@ -309,7 +309,7 @@ def load_definition(path: str | Path) -> Definition:
 def uses_of(definition: Definition) -> Uses:
     """Parts of a valid definition without libraries, and their uses."""
     source = Source("the definition", b"")
-    document = Document(source, Decoded(definition, tree=flatten(definition)), RemarkLog(0))
+    document = SourceDocument(source, Decoded(definition, tree=flatten(definition)), RemarkLog(0))
     return Uses(document, known_names(document))
 
 
@@ -363,7 +363,7 @@ def new_shelf(options: CheckOptions | None = None) -> Shelf:
     )
 
 
-def read_document(source: Source, kind: Kind, limit: int = 1000) -> Document:
+def read_document(source: Source, kind: Kind, limit: int = 1000) -> SourceDocument:
     """Read a text into the model, as far as its values fit."""
     found = RemarkLog(limit)
     quick = _decode_quickly(source.data, kind) if kind in ("terrain", "library") else None
@@ -374,12 +374,12 @@ def read_document(source: Source, kind: Kind, limit: int = 1000) -> Document:
         try:
             value = read_values(source.data)
         except _syntax_error() as error:
-            return Document(source, Decoded(), found, broken=error, kind=kind)
+            return SourceDocument(source, Decoded(), found, broken=error, kind=kind)
         decoded = decode(value, kind, found)
         del value
     repeated, count = repeated_keys(source.data, found.limit, keys)
     found.take("TT102", map(_duplicate, repeated), count)
-    return Document(source, decoded, found, kind=kind)
+    return SourceDocument(source, decoded, found, kind=kind)
 
 
 def _syntax_error() -> type[JsonSyntaxError]:
@@ -389,7 +389,7 @@ def _syntax_error() -> type[JsonSyntaxError]:
     return JsonSyntaxError
 
 
-def _checked(document: Document, options: CheckOptions) -> Checked:
+def _checked(document: SourceDocument, options: CheckOptions) -> Checked:
     """Result for a text, errors of the libraries that it uses included."""
     own = _looked_at(document, options)
     bad = document.catalogue.reached_of(document, _is_bad)
@@ -402,13 +402,13 @@ def _checked(document: Document, options: CheckOptions) -> Checked:
     return Checked(findings, found.counts, name=document.source.name)
 
 
-def _is_bad(document: Document) -> bool:
+def _is_bad(document: SourceDocument) -> bool:
     """Whether rules have found an error in a text that was checked."""
-    known: _LookedAt | None = document.__dict__.get("_looked_at")
+    known: _OwnResult | None = document.__dict__.get("_looked_at")
     return known is not None and not known.is_good
 
 
-class _LookedAt(Struct, frozen=True):
+class _OwnResult(Struct, frozen=True):
     """Findings of rules on a text by itself."""
 
     found: RemarkLog
@@ -420,21 +420,21 @@ class _LookedAt(Struct, frozen=True):
         return not any(RULES[code].severity == "error" for code in self.checked.counts)
 
 
-def _looked_at(document: Document, options: CheckOptions) -> _LookedAt:
+def _looked_at(document: SourceDocument, options: CheckOptions) -> _OwnResult:
     """Apply rules to a text, once for each text."""
     # kept beside the fields of the document, as pickling a terrain leaves it behind
-    known: _LookedAt | None = document.__dict__.get("_looked_at")
+    known: _OwnResult | None = document.__dict__.get("_looked_at")
     if known is not None:
         return known
     found, decoded = document.found.copied(), document.decoded
     if document.broken is not None:
-        looked = _LookedAt(found, _unreadable(document.source, document.broken))
+        looked = _OwnResult(found, _unreadable(document.source, document.broken))
     else:
         for code, remark in document.problems:
             found.take(code, iter((remark,)))
         _apply_rules(document, found, options)
         findings = _placed(document.source, found, decoded, options)
-        looked = _LookedAt(found, Checked(findings, found.counts, name=document.source.name))
+        looked = _OwnResult(found, Checked(findings, found.counts, name=document.source.name))
         if looked.is_good:
             looked = structs.replace(looked, checked=structs.replace(
                 looked.checked, vehicle=decoded.vehicle, sensor=decoded.sensor,
@@ -445,7 +445,7 @@ def _looked_at(document: Document, options: CheckOptions) -> _LookedAt:
     return looked
 
 
-def _broken_libraries(document: Document, broken: dict[int, Checked]) -> Iterator[Remark]:
+def _broken_libraries(document: SourceDocument, broken: dict[int, Checked]) -> Iterator[Remark]:
     """Yield a remark on each library with errors, at the entry of `use` that leads there."""
     left = dict(broken)
     for index, library in enumerate(document.uses):
@@ -541,7 +541,7 @@ def _all_hold(ranged: tuple[set[Any], Key]) -> bool:
     return not numbers or (key.holds(min(numbers)) and key.holds(max(numbers)))
 
 
-def _apply_rules(document: Document, found: RemarkLog, options: CheckOptions) -> None:
+def _apply_rules(document: SourceDocument, found: RemarkLog, options: CheckOptions) -> None:
     """Apply all rules to the models of a text; a text that is no object has none."""
     decoded = document.decoded
     ignores = IgnoreLists(decoded.ignores)
@@ -566,7 +566,7 @@ def _apply_rules(document: Document, found: RemarkLog, options: CheckOptions) ->
         found.take("TT113", ignores.unused(idle))
 
 
-def _subjects(document: Document, options: CheckOptions) -> list[tuple[Kind, Any]]:
+def _subjects(document: SourceDocument, options: CheckOptions) -> list[tuple[Kind, Any]]:
     """Subjects of rules with the kind of those rules; empty where a text is no object."""
     decoded, source = document.decoded, document.source
     terrain = decoded.definition

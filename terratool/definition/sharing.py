@@ -38,7 +38,7 @@ class Copies(NamedTuple):
     across: bool
 
 
-class Node(NamedTuple):
+class BlueprintNode(NamedTuple):
     """Element of a template, or all copies of a scattered one.
 
     For a scattered element `turn`, `cells`, `at`, `rests`, `extent`, `inner` and numbers of the
@@ -100,7 +100,7 @@ class Template(NamedTuple):
 
     cells: tuple[int, int]
     quarters: int
-    nodes: list[Node]
+    nodes: list[BlueprintNode]
     families: list[tuple[int, int, int]]
     levels: list[int]
 
@@ -115,7 +115,7 @@ class Blueprint(NamedTuple):
     """
 
     definition: Definition
-    root: Node
+    root: BlueprintNode
     templates: list[Template]
 
 
@@ -237,7 +237,7 @@ class _Drafter:
                 for node, one in zip(template.nodes, inner, strict=True)
             ]
             templates.append(template._replace(nodes=nodes))
-        root = Node(
+        root = BlueprintNode(
             chain, chain.surface, _turn(chain, chain.quarters), templates[0].cells, (0, 0), ONE,
             None, None, None, None, None,
             0 if tree.brood(element)[0] < tree.brood(element)[1] else -1, (ROOT, chain.name),
@@ -290,7 +290,7 @@ class _Drafter:
     def _sketch(self, key: _Key) -> _Sketch:
         root = self.roots[key]
         tree, quarters = root.tree, key.quarters
-        nodes: list[Node] = []
+        nodes: list[BlueprintNode] = []
         inner: list[_Inner] = []
         families: list[tuple[int, int, int]] = []
         levels = [0]
@@ -324,7 +324,7 @@ class _Drafter:
         cells = _turned_cells(root, quarters)
         return _Sketch(Template(cells, quarters, nodes, families, levels), inner)
 
-    def _single(self, site: _Site) -> tuple[Node, _Inner]:
+    def _single(self, site: _Site) -> tuple[BlueprintNode, _Inner]:
         """Node of an element that is not scattered, and its inner template where it has another."""
         chain = self.chains.of(site.root)
         worn = site.surface if chain.surface is UNSET else chain.surface
@@ -337,7 +337,7 @@ class _Drafter:
         turns = (site.quarters + chain.quarters) % 4
         return node, _Inner([self._key(chain.root, turns, worn, cell)])
 
-    def _scattered(self, site: _Site) -> tuple[Node, _Inner]:
+    def _scattered(self, site: _Site) -> tuple[BlueprintNode, _Inner]:
         """Node of the copies of a scattered element that have a place, and inner templates."""
         root, odd = site.root, site.quarters % 2 == 1
         area = area_of(root, site.pitches)
@@ -359,7 +359,7 @@ class _Drafter:
             each = range(4)
             turn = np.array([_turn(chain, turned) for turned in each])[quarters]
             cells = np.array([_turned_cells(chain.root, turned) for turned in each])[quarters]
-        node = Node(
+        node = BlueprintNode(
             chain, worn, turn, cells, (0, 0), ONE, np.column_stack([at[0].near, at[1].near]),
             np.column_stack([at[0].rest, at[1].rest]),
             np.broadcast_to(lengths[:, None], (len(x), 2)), None, numbers, -1,
@@ -404,7 +404,7 @@ def _turned_cells(root: Root, quarters: int) -> tuple[int, int]:
     return cells[::-1] if quarters % 2 else cells
 
 
-def _node(site: _Site, chain: Chain, surface: Any) -> Node:
+def _node(site: _Site, chain: Chain, surface: Any) -> BlueprintNode:
     """Node of an element in a template, with its copies in rows."""
     tree, index, quarters = site.root.tree, site.root.element, site.quarters
     repeat, at = tree.value("repeat", index), tree.value("at", index)
@@ -431,7 +431,7 @@ def _node(site: _Site, chain: Chain, surface: Any) -> Node:
         of = Copies(count[::-1] if odd else count, (dx, dy), odd)
     if repeat is not UNSET and of is None:
         step = f"{step[0]}[0,0]", step[1]
-    return Node(
+    return BlueprintNode(
         chain, surface, _turn(chain, inner_quarters), _turned_cells(chain.root, inner_quarters),
         cell, span, place, None, extent, of, None, -1, step,
     )  # fmt: skip
@@ -470,7 +470,7 @@ def smallest_cell(plan: Blueprint) -> float:
     return smallest
 
 
-def _smallest_of(node: Node) -> list[tuple[int, Sides | tuple[int, int]]]:
+def _smallest_of(node: BlueprintNode) -> list[tuple[int, Sides | tuple[int, int]]]:
     """Inner templates of an element with its free sides, or the span of its cell.
 
     Scattered copies with one template count by the smallest: cells in the others are larger.

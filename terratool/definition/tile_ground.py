@@ -8,7 +8,7 @@ from msgspec import UNSET, structs
 
 from terratool.definition.decode import Decoded
 from terratool.definition.findings import Owner, Remark, RemarkBatch, RemarkLog
-from terratool.definition.libraries import Document
+from terratool.definition.libraries import SourceDocument
 from terratool.definition.model import Definition, Element, Primitive
 from terratool.definition.rules.base import CurriculumSubject, Subject
 from terratool.definition.tree import flatten
@@ -30,7 +30,7 @@ def ground_subject(subject: CurriculumSubject) -> Subject | None:
         elem_tree=Element(type="level", surface="floor", v_scale=1.0),
     )
     tree = flatten(terrain)
-    document = Document(
+    document = SourceDocument(
         Source("the spec", b""), Decoded(terrain, tree=tree), RemarkLog(0), kind="terrain"
     )
     unfit: dict[str, Collection[Owner]] = {

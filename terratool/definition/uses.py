@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 from msgspec import UNSET, Struct
 
-from terratool.definition.libraries import Dictionary, Document, Named, Names
+from terratool.definition.libraries import Dictionary, KnownNames, Named, SourceDocument
 from terratool.definition.model import Definition, Element, Library, pair_of
 from terratool.definition.scattering import wanted
 from terratool.definition.tree import ROOT, Tree, part_pointer
@@ -23,7 +23,7 @@ class Root(NamedTuple):
 
     tree: Tree
     element: int
-    home: Document
+    home: SourceDocument
 
 
 class PartUse(NamedTuple):
@@ -154,13 +154,15 @@ class PartGraph(Struct, frozen=True, dict=True):
         return counts
 
     @cached_property
-    def heights(self) -> dict[str, _Heights]:
+    def heights(self) -> dict[str, _HeightBounds]:
         """Largest factors and offsets of heights in each part; parts in circles are left out."""
-        known: dict[str, _Heights] = {}
+        known: dict[str, _HeightBounds] = {}
         for name in self.inner_first:
             root = self.root(name)
             top, *below = (_heights(root.tree, index, known) for index in elements_of(root))
-            known[name] = _Heights(max([top.below, *(one.largest for one in below)]), top.offset)
+            known[name] = _HeightBounds(
+                max([top.below, *(one.largest for one in below)]), top.offset
+            )
         return known
 
 
@@ -172,8 +174,8 @@ class Uses(Struct, frozen=True, dict=True):
         names: names that the file knows.
     """
 
-    document: Document
-    names: Names
+    document: SourceDocument
+    names: KnownNames
 
     @cached_property
     def graph(self) -> PartGraph:
@@ -306,7 +308,7 @@ class Uses(Struct, frozen=True, dict=True):
         return found
 
 
-class _Heights(NamedTuple):
+class _HeightBounds(NamedTuple):
     """Offset of an element, and the largest of all other numbers in the part that it stands for."""
 
     below: float
@@ -317,7 +319,7 @@ class _Heights(NamedTuple):
         return max(self.below, abs(self.offset))
 
 
-def _heights(tree: Tree, index: int, known: dict[str, _Heights]) -> _Heights:
+def _heights(tree: Tree, index: int, known: dict[str, _HeightBounds]) -> _HeightBounds:
     """Largest numbers of an element; a vScale that it leaves out is 1 at most."""
     own, offset = tree.value("v_scale", index), tree.value("v_offset", index)
     scatter, inner = tree.value("scatter", index), known.get(tree.value("part", index))
@@ -326,8 +328,8 @@ def _heights(tree: Tree, index: int, known: dict[str, _Heights]) -> _Heights:
         scale *= scatter.sizes[1]
     offset = 0.0 if offset is UNSET else offset
     if inner is None:
-        return _Heights(abs(scale), offset)
-    return _Heights(abs(scale) * max(1.0, inner.below), scale * inner.offset + offset)
+        return _HeightBounds(abs(scale), offset)
+    return _HeightBounds(abs(scale) * max(1.0, inner.below), scale * inner.offset + offset)
 
 
 def track_surfaces(terrain: Library) -> set[str]:

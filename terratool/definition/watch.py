@@ -23,7 +23,7 @@ def pause(seconds: float) -> None:
     time.sleep(seconds)
 
 
-class _Seen(Struct):
+class _FileCheck(Struct):
     """Result of a check of a file, and the states of the file and its libraries at that time.
 
     Attributes:
@@ -48,7 +48,7 @@ class Watch:
     def __init__(self, listed: Callable[[], Iterable[str]], every: float = EVERY) -> None:
         self._listed = listed
         self._every = every
-        self._seen: dict[str, _Seen] = {}
+        self._seen: dict[str, _FileCheck] = {}
 
     def look(self, name: str, options: CheckOptions) -> Checked:
         """Result for a file, which is read only if it has changed; the models are left out.
@@ -61,7 +61,7 @@ class Watch:
             return seen.checked
         # later changes count as unseen; the libraries are mostly those of before
         states = _states([name, *(seen.states if seen else ())])
-        seen = self._seen[name] = _Seen({name: states[name]}, options)
+        seen = self._seen[name] = _FileCheck({name: states[name]}, options)
         shelf = new_shelf(options)
         # a pipe may stand where a file was
         checked = check(read_source(name, named=False), options, kind=None, shelf=shelf)
@@ -115,7 +115,7 @@ def _without_model(checked: Checked) -> Checked:
     )
 
 
-def _differs(seen: _Seen) -> bool:
+def _differs(seen: _FileCheck) -> bool:
     return _states(seen.states) != seen.states
 
 

@@ -11,7 +11,7 @@ from msgspec import UNSET
 from numpy.typing import NDArray
 
 from terratool.definition.chains import Chain, Chains
-from terratool.definition.exact import Exact, Side, Sides, rest_of, rests_of, side, sides
+from terratool.definition.exact import Exact, ExactSide, Sides, rest_of, rests_of, side, sides
 from terratool.definition.model import DEFAULT_CELLS, Definition, Element, pair_of
 from terratool.definition.scatter_areas import area_of, strewn_over
 from terratool.definition.tree import ROOT, Tree
@@ -21,7 +21,7 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 
-class Names:
+class ValueCodes:
     """Values that stand in columns as whole numbers (codes), in the order of their first use."""
 
     def __init__(self, *values: Any) -> None:
@@ -111,7 +111,7 @@ class Written(NamedTuple):
     parent: Ints
     cells: Ints
     levels: list[int]
-    names: Names
+    names: ValueCodes
 
     def __len__(self) -> int:
         return self.levels[-1]
@@ -187,7 +187,7 @@ class _Text:
         roots: text and file of each tree, with the index of its first element.
     """
 
-    def __init__(self, uses: Uses, names: Names) -> None:
+    def __init__(self, uses: Uses, names: ValueCodes) -> None:
         roots = [uses.root, *map(uses.part, uses.reached)]
         trees = {id(root.tree): root for root in roots}
         self._first: dict[int, int] = {}
@@ -276,7 +276,7 @@ class _Writer:
     def __init__(self, uses: Uses, definition: Definition) -> None:
         self._uses, self._size = uses, definition.extent
         self._chains = Chains(uses)
-        self._names = Names(UNSET, "")
+        self._names = ValueCodes(UNSET, "")
         self._text = _Text(uses, self._names)
         turned = [
             value[::-1] if isinstance(value, tuple) else value for value in self._names.values
@@ -412,7 +412,7 @@ class _Writer:
             quarters: (n,) quarter turns of the elements.
         """
         text = self._text
-        ends = _Ends(
+        ends = _ChainEnds(
             element, text.scale[element], text.turn[element], np.ones(len(element)),
             text.offset[element], np.zeros(len(element), np.int64), text.surface[element],
             text.descr[element], np.ones(len(element), np.int64),
@@ -425,18 +425,18 @@ class _Writer:
                 column[through] = np.array(values)[which]
         return self._finished(placed, ends, factor, quarters)
 
-    def _ends(self, chain: Chain) -> _Ends:
+    def _ends(self, chain: Chain) -> _ChainEnds:
         """End of a chain in numbers."""
         turn = math.nan if chain.turn is UNSET else chain.turn
         scale = math.nan if chain.scale is UNSET else chain.scale
         offset = math.nan if chain.offset is UNSET else chain.offset
         number = self._names.number
-        return _Ends(
+        return _ChainEnds(
             self._text.index(chain.root), scale, turn, chain.factor, offset, chain.quarters,
             number(chain.surface), number(chain.descr), number(chain.name),
         )  # fmt: skip
 
-    def _finished(self, placed: Rows, ends: _Ends, factor: Floats, quarters: Ints) -> Rows:
+    def _finished(self, placed: Rows, ends: _ChainEnds, factor: Floats, quarters: Ints) -> Rows:
         """Fill rows with all attributes, from the elements around and from the ends of chains."""
         quarters = (quarters + ends.quarters) % 4
         inner = factor * ends.factor
@@ -467,7 +467,7 @@ class _Writer:
         for index in scattered.tolist():
             own, around = int(element[index]), None
             if not self._text.free[own]:
-                around = Sides(*(Side(*pair) for pair in frame.around[parent[index]].tolist()))
+                around = Sides(*(ExactSide(*pair) for pair in frame.around[parent[index]].tolist()))
                 around = around.turned(int(frame.quarters[parent[index]]))
             key = own, around
             if key not in known:
@@ -505,7 +505,7 @@ class _Writer:
         for index, copies in strewn.items():
             own = np.arange(first[index], first[index] + len(copies.number))
             inside = np.full(len(own), parent[index])
-            ends = _Ends.of(len(own), copies.ends)
+            ends = _ChainEnds.of(len(own), copies.ends)
             placed = _blank(len(own))
             at = _turned_place(*copies.at, frame.lengths_of(inside), frame.quarters[inside])
             placed.at[:], placed.rests[:, :2] = at
@@ -518,7 +518,7 @@ class _Writer:
                 column[own] = values
 
 
-class _Ends(NamedTuple):
+class _ChainEnds(NamedTuple):
     """Ends of chains (`chains.Chain`): the numbers of one, or columns of many."""
 
     element: Any
@@ -532,7 +532,7 @@ class _Ends(NamedTuple):
     name: Any
 
     @classmethod
-    def of(cls, count: int, one: _Ends) -> _Ends:
+    def of(cls, count: int, one: _ChainEnds) -> _ChainEnds:
         """Columns of `count` rows from the numbers of one, or from columns of that length."""
         return cls._make(np.broadcast_to(value, count) for value in one)
 
@@ -550,7 +550,7 @@ class _Strewn(NamedTuple):
     number: Ints
     lengths: Floats
     at: tuple[Exact, Exact]
-    ends: _Ends
+    ends: _ChainEnds
 
 
 class _Frame(NamedTuple):
@@ -604,7 +604,7 @@ def _places(counts: Ints) -> Ints:
 
 def _times(own: Floats, span: Ints) -> tuple[Exact, Exact]:
     """Sides of blocks of `span` cells along x and y."""
-    x, y = (Side(own[:, axis, 0], own[:, axis, 1]).times(span[:, axis]) for axis in (0, 1))
+    x, y = (ExactSide(own[:, axis, 0], own[:, axis, 1]).times(span[:, axis]) for axis in (0, 1))
     return x, y
 
 
@@ -612,7 +612,7 @@ def _shares(own: Floats, span: Ints, grid: Ints) -> Floats:
     """Sides of the cells of the grids that divide blocks of cells, (n, 2, 2)."""
     found = np.empty_like(own)
     for axis in (0, 1):
-        one = Side(own[:, axis, 0], own[:, axis, 1])
+        one = ExactSide(own[:, axis, 0], own[:, axis, 1])
         found[:, axis, 0], found[:, axis, 1] = one.share(span[:, axis], grid[:, axis])
     return found
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from terratool.authoring.curriculum.shapes import PRIMITIVES, Lines, Members, Rectangle, mm
+from terratool.authoring.curriculum.shapes import PRIMITIVES, Members, TextLines, TileRectangle, mm
 from terratool.authoring.curriculum.tiles import MAKERS, Draw, Plot, pieces
 from terratool.definition.layout import canonical
 from terratool.definition.tile_spec import MOST_PIECES, Spec
@@ -82,7 +82,7 @@ def definition_text(spec: Spec, assignment: Assignment) -> str:
     Raises:
         RequestError: the tiles come to too many elements.
     """
-    plan = Rectangle(0, 0, mm(spec.tile[0]), mm(spec.tile[1]))
+    plan = TileRectangle(0, 0, mm(spec.tile[0]), mm(spec.tile[1]))
     counts = np.bincount(assignment.kinds.ravel(), minlength=len(spec.kinds)).tolist()
     total = sum(n * pieces(kind, plan) for n, kind in zip(counts, spec.kinds, strict=True))
     if total > MOST_PIECES:
@@ -98,7 +98,7 @@ def definition_text(spec: Spec, assignment: Assignment) -> str:
 
 
 def _add(
-    contents: _Contents, spec: Spec, plan: Rectangle, place: tuple[int, int], known: Assignment
+    contents: _Contents, spec: Spec, plan: TileRectangle, place: tuple[int, int], known: Assignment
 ) -> None:
     kind, difficulty = spec.kinds[known.kinds[place]], float(known.difficulty[place])
     row, column = place
@@ -158,7 +158,7 @@ def _document(spec: Spec, contents: _Contents) -> Members:
 def _exceeds(primitive: Mapping[str, Any]) -> bool:
     """Whether a curve leaves the range from 0 to 1, as that of random heights does."""
     curve = primitive["x"]
-    if isinstance(curve, Lines):
+    if isinstance(curve, TextLines):
         return any(number not in ("0", "1") for row in curve.items for number in row.split(", "))
     return isinstance(curve, list) and any(isinstance(z, int) and z > 1 for z in curve)
 
@@ -167,7 +167,7 @@ def _used(element: Mapping[str, Any], key: str) -> set[str]:
     """Values of a key in an element and in all elements below it."""
     found = {element[key]} if key in element else set()
     children = element.get("children", ())
-    if isinstance(children, Lines):
+    if isinstance(children, TextLines):
         mark = f'"{key}": "'
         return found | {
             line.partition(mark)[2].partition('"')[0] for line in children.items if mark in line
@@ -177,10 +177,10 @@ def _used(element: Mapping[str, Any], key: str) -> set[str]:
 
 def _text(document: Members) -> str:
     """Text of a document in the canonical layout; the items of each `Lines` are put in verbatim."""
-    kept: list[Lines] = []
+    kept: list[TextLines] = []
 
     def keep(lines: object) -> list[str]:
-        assert isinstance(lines, Lines)
+        assert isinstance(lines, TextLines)
         if not lines.items:
             return []
         kept.append(lines)

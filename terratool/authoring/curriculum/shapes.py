@@ -29,17 +29,17 @@ HYPERBOLA_ROWS = 32
 
 
 @dataclass(frozen=True, slots=True)
-class Lines:
+class TextLines:
     """Items of a JSON list that are text already, in the canonical layout without indentation."""
 
     items: tuple[str, ...]
 
-    def __add__(self, other: Lines) -> Lines:
+    def __add__(self, other: TextLines) -> TextLines:
         """Join the items of two lists."""
-        return Lines(self.items + other.items)
+        return TextLines(self.items + other.items)
 
 
-class Rectangle(NamedTuple):
+class TileRectangle(NamedTuple):
     """Rectangle of a plan: corner (x, y) from the tile's south-west corner and sides (w, h), mm."""
 
     x: int
@@ -47,9 +47,9 @@ class Rectangle(NamedTuple):
     w: int
     h: int
 
-    def inset(self, by: int) -> Rectangle:
+    def inset(self, by: int) -> TileRectangle:
         """Return the rectangle without a frame of a width, mm; a negative width adds a frame."""
-        return Rectangle(self.x + by, self.y + by, self.w - 2 * by, self.h - 2 * by)
+        return TileRectangle(self.x + by, self.y + by, self.w - 2 * by, self.h - 2 * by)
 
     @property
     def place(self) -> Members:
@@ -60,12 +60,12 @@ class Rectangle(NamedTuple):
 class Box(NamedTuple):
     """Rectangle with a level top, and its height, m."""
 
-    plan: Rectangle
+    plan: TileRectangle
     height: float
 
 
 @dataclass(frozen=True, slots=True)
-class Shape:
+class TileShape:
     """Element without its place, and the primitives that it needs.
 
     Attributes:
@@ -91,22 +91,22 @@ def mm(metres: float) -> int:
     return math.floor(metres * MM + 0.5)
 
 
-def square(tile: Rectangle, side: float) -> Rectangle:
+def square(tile: TileRectangle, side: float) -> TileRectangle:
     """Square with a side in m, in the middle of a tile and no larger than it."""
     w, h = min(mm(side), tile.w), min(mm(side), tile.h)
-    return Rectangle(tile.x + (tile.w - w) // 2, tile.y + (tile.h - h) // 2, w, h)
+    return TileRectangle(tile.x + (tile.w - w) // 2, tile.y + (tile.h - h) // 2, w, h)
 
 
-def ratio_within(tile: Rectangle, inner: Rectangle, ratio: float) -> Rectangle:
+def ratio_within(tile: TileRectangle, inner: TileRectangle, ratio: float) -> TileRectangle:
     """Rectangle around an inner one, up to a share `ratio` of the way to the tile's edges."""
     w, h = (
         n + 2 * mm((whole - n) * ratio / 2 / MM)
         for n, whole in ((inner.w, tile.w), (inner.h, tile.h))
     )
-    return Rectangle(tile.x + (tile.w - w) // 2, tile.y + (tile.h - h) // 2, w, h)
+    return TileRectangle(tile.x + (tile.w - w) // 2, tile.y + (tile.h - h) // 2, w, h)
 
 
-def grounded(tile: Rectangle, children: Any, **more: Any) -> Members:
+def grounded(tile: TileRectangle, children: Any, **more: Any) -> Members:
     """Members of level ground with children in a grid of millimetres."""
     base = {"type": "ground", "vScale": 1, **more}
     return {**base, "cells": [tile.w, tile.h], "children": children}
@@ -115,7 +115,7 @@ def grounded(tile: Rectangle, children: Any, **more: Any) -> Members:
 # --- boxes -------------------------------------------------------------------------------------
 
 
-def box_lines(boxes: Iterable[Box], raised: float = 0.0) -> Lines:
+def box_lines(boxes: Iterable[Box], raised: float = 0.0) -> TextLines:
     """Elements of boxes, each as a line of text; boxes without height or area are left out.
 
     Args:
@@ -130,7 +130,7 @@ def box_lines(boxes: Iterable[Box], raised: float = 0.0) -> Lines:
                 f'{{ "cellX": {x}, "cellY": {y}, "span": [{w}, {h}], "type": "level", '
                 f'"vScale": {_number(z)} }}'
             )
-    return Lines(tuple(items))
+    return TextLines(tuple(items))
 
 
 def _number(value: float) -> str:
@@ -138,7 +138,7 @@ def _number(value: float) -> str:
     return repr(int(value)) if value == int(value) else repr(value)
 
 
-def without(plan: Rectangle, hole: Rectangle) -> Iterator[Rectangle]:
+def without(plan: TileRectangle, hole: TileRectangle) -> Iterator[TileRectangle]:
     """Up to four rectangles that cover what of a rectangle lies outside another."""
     west, east = max(plan.x, hole.x), min(plan.x + plan.w, hole.x + hole.w)
     south, north = max(plan.y, hole.y), min(plan.y + plan.h, hole.y + hole.h)
@@ -146,15 +146,15 @@ def without(plan: Rectangle, hole: Rectangle) -> Iterator[Rectangle]:
         yield plan
         return
     parts = (
-        Rectangle(plan.x, plan.y, plan.w, south - plan.y),
-        Rectangle(plan.x, south, west - plan.x, north - south),
-        Rectangle(east, south, plan.x + plan.w - east, north - south),
-        Rectangle(plan.x, north, plan.w, plan.y + plan.h - north),
+        TileRectangle(plan.x, plan.y, plan.w, south - plan.y),
+        TileRectangle(plan.x, south, west - plan.x, north - south),
+        TileRectangle(east, south, plan.x + plan.w - east, north - south),
+        TileRectangle(plan.x, north, plan.w, plan.y + plan.h - north),
     )
     yield from (part for part in parts if part.w > 0 and part.h > 0)
 
 
-def outside(boxes: Iterable[Box], holes: Sequence[Rectangle]) -> list[Box]:
+def outside(boxes: Iterable[Box], holes: Sequence[TileRectangle]) -> list[Box]:
     """Boxes that cover what of boxes lies outside of all holes."""
     kept = list(boxes)
     for hole in holes:
@@ -162,24 +162,24 @@ def outside(boxes: Iterable[Box], holes: Sequence[Rectangle]) -> list[Box]:
     return kept
 
 
-def frame(outer: Rectangle, thickness: int, height: float) -> list[Box]:
+def frame(outer: TileRectangle, thickness: int, height: float) -> list[Box]:
     """Four boxes along the inner edges of a rectangle; their thickness in mm, their height in m."""
     return [Box(plan, height) for plan in without(outer, outer.inset(thickness))]
 
 
-def corners(tile: Rectangle, arms: float) -> list[Rectangle]:
+def corners(tile: TileRectangle, arms: float) -> list[TileRectangle]:
     """Four corners of a tile beside the arms of a cross through its middle, `arms` m wide."""
     middle = square(tile, arms)
     w, h = middle.x - tile.x, middle.y - tile.y
     places = itertools.product(
         (tile.y, tile.y + tile.h - h) if h else (), (tile.x, tile.x + tile.w - w) if w else ()
     )
-    return [Rectangle(x, y, w, h) for y, x in places]
+    return [TileRectangle(x, y, w, h) for y, x in places]
 
 
-def hole_lines(holes: Iterable[Rectangle]) -> Lines:
+def hole_lines(holes: Iterable[TileRectangle]) -> TextLines:
     """Elements of rectangles without ground, each as a line of text."""
-    return Lines(
+    return TextLines(
         tuple(
             f'{{ "cellX": {x}, "cellY": {y}, "span": [{w}, {h}], "type": "ground", '
             '"surface": "hole", "vScale": 1 }'
@@ -188,7 +188,7 @@ def hole_lines(holes: Iterable[Rectangle]) -> Lines:
     )
 
 
-def merged(levels: NDArray[np.int64], pixel: int) -> list[tuple[Rectangle, int]]:
+def merged(levels: NDArray[np.int64], pixel: int) -> list[tuple[TileRectangle, int]]:
     """Rectangles of equal level that cover the pixels that are not at level 0.
 
     Args:
@@ -203,7 +203,7 @@ def merged(levels: NDArray[np.int64], pixel: int) -> list[tuple[Rectangle, int]]
             first, end, level = run
             since = begun.pop(run)
             plan = (first, since, end - first, row - since)
-            found.append((Rectangle(*(n * pixel for n in plan)), level))
+            found.append((TileRectangle(*(n * pixel for n in plan)), level))
         for run in sorted(runs):
             begun.setdefault(run, row)
     return found
@@ -221,8 +221,8 @@ def _runs(row: NDArray[np.int64]) -> Iterator[tuple[int, int, int]]:
 
 
 def relief(
-    name: str, plan: Rectangle, heights: NDArray[np.int64], step: float, lowest: float
-) -> Shape:
+    name: str, plan: TileRectangle, heights: NDArray[np.int64], step: float, lowest: float
+) -> TileShape:
     """Heights at the nodes of a grid, bilinear in between: each row of nodes is a tent along y.
 
     Args:
@@ -254,20 +254,20 @@ def relief(
         "vScale": 1,
         "vOffset": lowest,
         "cells": [1, last],
-        "children": Lines(tuple(items)),
+        "children": TextLines(tuple(items)),
     }
     if not lowest:
         del element["vOffset"]
     if (there[1:] & there[:-1]).any():  # neighbours share a cell
         element["x-ignore"] = ["TT208"]
-    return Shape(element, primitives)
+    return TileShape(element, primitives)
 
 
 _INNER = WIDTH - 8
 """Width of a row of a curve's numbers, characters; the rows are indented by eight."""
 
 
-def number_rows(values: Sequence[int]) -> Lines | list[int]:
+def number_rows(values: Sequence[int]) -> TextLines | list[int]:
     """Numbers in rows as wide as the canonical layout has them; a list if they fit on one line."""
     text = ", ".join(map(str, values))
     if len(text) <= WIDTH:
@@ -277,7 +277,7 @@ def number_rows(values: Sequence[int]) -> Lines | list[int]:
         end = text.rindex(", ", 0, _INNER + 1)
         rows.append(text[:end])
         text = text[end + 2 :]
-    return Lines((*rows, text))
+    return TextLines((*rows, text))
 
 
 # --- pyramids ------------------------------------------------------------------------------------
@@ -299,7 +299,7 @@ def _mirrored(points: Sequence[tuple[float, float]]) -> list[tuple[float, float]
     return [*points, *(behind[1:] if points[-1][0] == 0.5 else behind)]
 
 
-def stairs(tile: Rectangle, border: int, width: int, steps: int) -> Members:
+def stairs(tile: TileRectangle, border: int, width: int, steps: int) -> Members:
     """Primitive of stairs on four sides, whose heights count steps.
 
     Args:
@@ -327,7 +327,7 @@ def stairs(tile: Rectangle, border: int, width: int, steps: int) -> Members:
     return {**primitive, "x-ignore": ["TT306"]} if steps > 1 else primitive
 
 
-def pyramid_slope(name: str, tile: Rectangle, border: int, platform: float) -> Shape:
+def pyramid_slope(name: str, tile: TileRectangle, border: int, platform: float) -> TileShape:
     """Even slopes of 1 along the axes, as high as the published generators make them.
 
     The height is w/2 · min(X·Y, c): X and Y rise from 0 at the border to 1 in the middle, and c
@@ -381,4 +381,4 @@ def pyramid_slope(name: str, tile: Rectangle, border: int, platform: float) -> S
     }
     if len(children) > 1:
         element["x-ignore"] = ["TT208"]
-    return Shape(element, primitives)
+    return TileShape(element, primitives)

@@ -58,7 +58,7 @@ def origins(spec: Spec, terrain: Terrain) -> Floats:
 
 
 @dataclass(frozen=True, slots=True)
-class _Disc:
+class _LevelDisc:
     """Sample points of a disc, from its middle; the middle is the last one.
 
     Attributes:
@@ -70,7 +70,7 @@ class _Disc:
     y: Floats
 
     @classmethod
-    def of(cls, radius: float) -> _Disc:
+    def of(cls, radius: float) -> _LevelDisc:
         angle = np.arange(_ON_RING) * (2.0 * np.pi / _ON_RING)
         rings = np.array(_RINGS)[:, np.newaxis] * radius
         return cls(
@@ -135,7 +135,7 @@ def _patches(spec: Spec, number: int, terrain: Terrain, origin: Floats) -> Float
 
 def _level_heights(terrain: Terrain, patch: PatchSpec, places: Floats, base: Floats) -> Floats:
     """Heights in the middle of level discs, (tiles, places) float64, m; NaN for discs not level."""
-    disc = _Disc.of(patch.radius)
+    disc = _LevelDisc.of(patch.radius)
     middle = np.full(places.shape[:2], np.nan)
     # most discs are refused by a few points of their rim
     few = slice(-1 - _ON_RING, None, 3)

@@ -19,7 +19,7 @@ from terratool.authoring.curriculum.shapes import (
     MM,
     Box,
     Members,
-    Rectangle,
+    TileRectangle,
     box_lines,
     corners,
     frame,
@@ -78,7 +78,7 @@ class Plot:
     """
 
     spec: KindSpec
-    plan: Rectangle
+    plan: TileRectangle
     difficulty: float
     name: str
     draw: Draw
@@ -88,7 +88,7 @@ class Plot:
         return self.spec.at(key, self.difficulty)
 
     @property
-    def platform(self) -> Rectangle:
+    def platform(self) -> TileRectangle:
         """Square platform in the middle of the tile."""
         return square(self.plan, self.spec.number("platform"))
 
@@ -98,7 +98,7 @@ class Plot:
         return mm(self.spec.number("border"))
 
     @property
-    def holes(self) -> list[Rectangle]:
+    def holes(self) -> list[TileRectangle]:
         """Corners of the tile where there is no ground; empty unless the spec asks for holes."""
         return corners(self.plan, self.spec.number("platform")) if self.spec.flag("holes") else []
 
@@ -145,7 +145,7 @@ def _pyramid_slope(plot: Plot) -> Tile:
     return Tile(tile.element, tile.parts, shape.primitives if tile.element else {})
 
 
-def nodes_of(spec: KindSpec, plan: Rectangle) -> tuple[int, int]:
+def nodes_of(spec: KindSpec, plan: TileRectangle) -> tuple[int, int]:
     """Numbers of rows and columns of nodes with random heights, those at the rim included."""
     inner = plan.inset(mm(spec.number("border")))
     spacing = spec.number("spacing") * MM
@@ -200,7 +200,7 @@ def _waves(plot: Plot) -> Tile:
 # --- steps and boxes of one plan -----------------------------------------------------------------
 
 
-def risers(spec: KindSpec, plan: Rectangle) -> int:
+def risers(spec: KindSpec, plan: TileRectangle) -> int:
     """Number of steps from the border up to the platform."""
     room = min(plan.w, plan.h) - 2 * mm(spec.number("border")) - mm(spec.number("platform"))
     return room // (2 * mm(spec.number("stepWidth"))) + 2
@@ -222,14 +222,14 @@ def _stairs(plot: Plot) -> Tile:
     return _own(plot, grounded(plan, part["children"])) if plot.holes else tile
 
 
-def _rim(plot: Plot) -> list[Rectangle]:
+def _rim(plot: Plot) -> list[TileRectangle]:
     """Rectangles in which the border crosses the arms beside the corners."""
     plan, middle, border = plot.plan, plot.platform, plot.border
     return [
-        Rectangle(middle.x, 0, middle.w, border),
-        Rectangle(middle.x, plan.h - border, middle.w, border),
-        Rectangle(0, middle.y, border, middle.h),
-        Rectangle(plan.w - border, middle.y, border, middle.h),
+        TileRectangle(middle.x, 0, middle.w, border),
+        TileRectangle(middle.x, plan.h - border, middle.w, border),
+        TileRectangle(0, middle.y, border, middle.h),
+        TileRectangle(plan.w - border, middle.y, border, middle.h),
     ]
 
 
@@ -239,7 +239,7 @@ def _levels(plot: Plot, height: float) -> Tile:
     level: Members = {"type": "level", "vScale": 1}
     if plot.spec.flag("double"):
         outer = ratio_within(whole, inner, _RINGS)
-        within = Rectangle(inner.x - outer.x, inner.y - outer.y, inner.w, inner.h)
+        within = TileRectangle(inner.x - outer.x, inner.y - outer.y, inner.w, inner.h)
         upper = {**within.place, **level}
         element = {**outer.place, **level, "cells": [outer.w, outer.h], "children": [upper]}
     else:
@@ -278,7 +278,9 @@ def _random_grid(plot: Plot) -> Tile:
     west, south = (plan.w - columns * width) // 2, (plan.h - rows * width) // 2
     heights = plot.draw.uniform(-height, height, rows * columns).tolist()
     boxes = [
-        Box(Rectangle(west + i % columns * width, south + i // columns * width, width, width), z)
+        Box(
+            TileRectangle(west + i % columns * width, south + i // columns * width, width, width), z
+        )
         for i, z in enumerate(heights)
     ]
     holes, platform = plot.holes, plot.platform
@@ -324,7 +326,7 @@ def _stepping_stones(plot: Plot) -> Tile:
                 place = (low, begin, high - low, min(width, along - begin))
                 if not across:
                     place = place[1], place[0], place[3], place[2]
-                boxes.append(Box(Rectangle(*place), z))
+                boxes.append(Box(TileRectangle(*place), z))
     boxes = [*outside(boxes, [plot.platform]), Box(plot.platform, 0.0)]
     part = grounded(plan, box_lines(boxes, depth))
     return _own(plot, {**part, "type": "level", "vScale": -round(depth, DIGITS)} if depth else part)
@@ -440,7 +442,7 @@ MAKERS: dict[str, Callable[[Plot], Tile]] = {
 """Function that makes a tile, by the name of the kind."""
 
 
-def pieces(spec: KindSpec, plan: Rectangle) -> int:
+def pieces(spec: KindSpec, plan: TileRectangle) -> int:
     """Upper estimate of the number of elements and random heights of a tile."""
     match spec.kind:
         case "randomRough" | "roughSlope":

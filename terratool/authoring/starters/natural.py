@@ -7,9 +7,9 @@ import math
 from terratool.authoring.starters.built import GROUND, sides_text
 from terratool.authoring.starters.options import (
     SEED,
-    Draw,
     Kind,
     Members,
+    RandomDraw,
     Wanted,
     count_option,
     length_option,
@@ -125,7 +125,7 @@ def _craters(wanted: Wanted) -> Members:
     }
 
 
-def _strewn(count: int, sizes: tuple[float, float], draw: Draw, which: int) -> Members:
+def _strewn(count: int, sizes: tuple[float, float], draw: RandomDraw, which: int) -> Members:
     """Value of `scatter`, whose seed differs from those of the terrain's other scattered ones."""
     seed = (4 * draw.seed + which) % 2**53
     return {"count": count, "sizes": [m(side) for side in sizes], "seed": seed}
@@ -211,7 +211,9 @@ _Cell = tuple[int, int, int, int]
 """West, south, east and north edge of a cell, mm."""
 
 
-def _free_cell(size: tuple[int, int], tall: int, there: list[_Cell], draw: Draw) -> _Cell | None:
+def _free_cell(
+    size: tuple[int, int], tall: int, there: list[_Cell], draw: RandomDraw
+) -> _Cell | None:
     """Random cell for a dune of a height, mm, beside the other cells; None if no try succeeds."""
     long, wide = round(tall * _LONG), round(tall * _WIDE)
     for _ in range(_TRIES):

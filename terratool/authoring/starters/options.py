@@ -150,13 +150,13 @@ class Wanted:
         return mm(x), mm(y)
 
     @property
-    def draw(self) -> Draw:
+    def draw(self) -> RandomDraw:
         """Random numbers that follow from the seed."""
-        return Draw(self.whole("seed"))
+        return RandomDraw(self.whole("seed"))
 
 
 @dataclass(slots=True)
-class Draw:
+class RandomDraw:
     """Random numbers that are the same on every machine and in every version.
 
     The numbers are the shares by which the format strews copies: integers of 64 bits, mixed by

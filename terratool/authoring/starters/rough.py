@@ -21,7 +21,7 @@ from terratool.authoring.starters.soils import SOILS, soil_option, surfaces
 from terratool.errors import RequestError
 
 if TYPE_CHECKING:
-    from terratool.authoring.curriculum.shapes import Lines
+    from terratool.authoring.curriculum.shapes import TextLines
 
 MOST_NODES = 250_000
 """Most random heights of a terrain."""
@@ -77,9 +77,9 @@ def _relief(heights: list[list[int]], step: float, low: float, surface: str) -> 
     """Primitives and tree of heights in steps, given by rows from the south."""
     import numpy as np
 
-    from terratool.authoring.curriculum.shapes import PRIMITIVES, Rectangle, relief
+    from terratool.authoring.curriculum.shapes import PRIMITIVES, TileRectangle, relief
 
-    shape = relief("heights", Rectangle(0, 0, 0, 0), np.array(heights), step, low)
+    shape = relief("heights", TileRectangle(0, 0, 0, 0), np.array(heights), step, low)
     primitives = {name: {**one, "x": _plain(one["x"])} for name, one in shape.primitives.items()}
     element = {key: value for key, value in shape.element.items() if key not in _PLACED}
     rows = len(heights)
@@ -98,7 +98,7 @@ def _relief(heights: list[list[int]], step: float, low: float, surface: str) -> 
 _PLACED = ("cellX", "cellY", "span")
 
 
-def _plain(lines: Lines | list[int]) -> object:
+def _plain(lines: TextLines | list[int]) -> object:
     """List of JSON values from a list whose items may be text already."""
     return lines if isinstance(lines, list) else json.loads(f"[{','.join(lines.items)}]")
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from terratool.authoring.starters.built import GROUND, SLAB, sides_text
 from terratool.authoring.starters.options import (
     SEED,
-    Draw,
     Kind,
     Members,
+    RandomDraw,
     Wanted,
     length_option,
     m,
@@ -95,7 +95,7 @@ def _repeat(columns: int, rows: int, dx: float, dy: float) -> Members:
     return {"repeat": {"count": [columns, rows], "step": [m(dx), m(dy)]}}
 
 
-def _rack(bays: int, draw: Draw) -> Members:
+def _rack(bays: int, draw: RandomDraw) -> Members:
     """Primitive of a row of bays that are full or not, with a gap between the backs."""
     full = [_LEVELS[draw.below(len(_LEVELS))] for _ in range(bays)]
     ends = [0, *(round(number / bays, 9) for number in range(1, bays)), 1]
@@ -143,7 +143,7 @@ def _walls(size: tuple[int, int], height: int) -> list[Members]:
     ]  # fmt: skip
 
 
-def _pallets(size: tuple[int, int], draw: Draw) -> list[Members]:
+def _pallets(size: tuple[int, int], draw: RandomDraw) -> list[Members]:
     """Elements of some pallets in the west, beside the way from the gate to the racks."""
     found = []
     middle = size[1] / 2

@@ -13,7 +13,7 @@ from terratool.definition.curriculum import CurriculumText
 from terratool.definition.curves import CurveError, problems
 from terratool.definition.findings import Owner, Remark, RemarkBatch, Severity
 from terratool.definition.keys import SLOTS, Kind
-from terratool.definition.libraries import Clash, Document, Named, clashes_of, known_names
+from terratool.definition.libraries import Clash, Named, SourceDocument, clashes_of, known_names
 from terratool.definition.model import Definition, Primitive, Surface
 from terratool.definition.part_sizes import PartSizes, sizes_of_places
 from terratool.definition.sensor import SensorText
@@ -51,7 +51,7 @@ class Subject(_Subject, frozen=True, kw_only=True):
 
     definition: Definition
     tree: Tree
-    document: Document
+    document: SourceDocument
     size: int = 0
     packed: bool = False
     max_step: float | None = None
@@ -118,7 +118,7 @@ class Subject(_Subject, frozen=True, kw_only=True):
         return {name: summarise_shape(p) for name, p in primitives if name not in self.curve_errors}
 
 
-def _lacks(document: Document) -> bool:
+def _lacks(document: SourceDocument) -> bool:
     """Whether a file is broken, or a library that it names cannot be had."""
     return None in document.uses or document.broken is not None
 

@@ -63,7 +63,7 @@ def default_scale(subject: Subject) -> Iterator[Remark]:
         return
     if lacking == scales[: len(tree.roots)].count(UNSET):
         return
-    heights = _Heights(subject)
+    heights = _ElementScales(subject)
     alone: dict[int, list[int]] = {}
     for _, begin, end in tree.families:
         if UNSET not in scales[begin:end] or tree.roots[tree.root_of[begin]] != ROOT:
@@ -77,7 +77,7 @@ def default_scale(subject: Subject) -> Iterator[Remark]:
         yield from heights.remarks(own, range(*tree.levels[level - 1 : level + 1]))
 
 
-class _Heights:
+class _ElementScales:
     """Values of vScale of the elements of a terrain, and the heights that follow from them."""
 
     def __init__(self, subject: Subject) -> None:

@@ -19,7 +19,7 @@ from terratool.definition.exact import Sides, sides
 from terratool.definition.findings import Remark, RemarkBatch
 from terratool.definition.libraries import path_between
 from terratool.definition.model import Primitive
-from terratool.definition.part_sizes import Cells, Limits, PartSize, PartSizes, is_free
+from terratool.definition.part_sizes import Cells, PartSize, PartSizes, SizeLimits, is_free
 from terratool.definition.rules.base import Subject, rule
 from terratool.definition.summaries import combine_values, curve_values
 from terratool.definition.tree import ROOT, Tree
@@ -207,7 +207,7 @@ def _is_aligned(tree: Tree) -> bool:
     return all(turn is UNSET or turn % 180 == 0 for turn in tree.distinct("turn_deg"))
 
 
-class _Kind(NamedTuple):
+class _TrimKey(NamedTuple):
     """Properties of elements in parts that lose the same share in equal cells."""
 
     turn: float
@@ -230,7 +230,7 @@ def _in_parts(subject: Subject) -> Iterator[Remark]:
     users: set[int] = set()
     for alike in sizes.alike():
         size, kind = alike.size, alike.key
-        assert isinstance(kind, _Kind)
+        assert isinstance(kind, _TrimKey)
         own = alike.root.tree is subject.tree
         mark = id(alike.elements) if own else id(sizes.found[size])
         if mark in told or (kind.is_root and size.whole) or (not own and kind.turn % 90 != 0):
@@ -269,7 +269,7 @@ def _is_added_to(uses: Uses, users: list[tuple[PartSize, list[int]]]) -> bool:
     )
 
 
-_LIMITS = Limits(1_000, 20_000)
+_LIMITS = SizeLimits(1_000, 20_000)
 
 
 def _proportions(size: PartSize) -> tuple[str, float, bool, bool]:
@@ -279,7 +279,7 @@ def _proportions(size: PartSize) -> tuple[str, float, bool, bool]:
     return size.part, ratio, size.lies, size.whole
 
 
-def _grouped(subject: Subject, cells: Cells) -> Iterator[tuple[int, _Kind, int]]:
+def _grouped(subject: Subject, cells: Cells) -> Iterator[tuple[int, _TrimKey, int]]:
     """Elements of a part that cells of the grid may trim, by cell and kind."""
     root, tree = cells.root, cells.root.tree
     if root == subject.uses.root:
@@ -292,7 +292,7 @@ def _grouped(subject: Subject, cells: Cells) -> Iterator[tuple[int, _Kind, int]]
         bare = _may_be_bare(tree, index)
         if not bare or tree.value("v_scale", index) != 0:
             turn = 0.0 if turn is UNSET else math.fmod(turn, 360.0)
-            kind = _Kind(turn, name, bare, index == root.element)
+            kind = _TrimKey(turn, name, bare, index == root.element)
             yield cells.number(index), kind, index
 
 

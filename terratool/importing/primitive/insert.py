@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from terratool.definition.change import Target, open_target
+from terratool.definition.change import ChangeTarget, open_target
 from terratool.definition.findings import Bounds
 from terratool.definition.tree import ROOT, Tree
 from terratool.errors import RequestError
@@ -47,7 +47,7 @@ class PrimitiveTarget:
         place: cells that the elements go into; None to add no elements.
     """
 
-    target: Target
+    target: ChangeTarget
     place: CellPath | None
 
     def cell(self) -> Bounds | None:

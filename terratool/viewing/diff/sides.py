@@ -9,7 +9,7 @@ from typing import Any
 from msgspec import UNSET, Struct
 
 from terratool.definition.curves import shape_of
-from terratool.definition.libraries import Document, path_between
+from terratool.definition.libraries import SourceDocument, path_between
 from terratool.definition.model import Definition, Primitive, Surface
 from terratool.definition.reader import Checked, CheckOptions, check, no_terrain
 from terratool.definition.uses import Root, Uses
@@ -41,7 +41,7 @@ class Side(Struct, frozen=True, dict=True):
         return uses
 
     @property
-    def document(self) -> Document:
+    def document(self) -> SourceDocument:
         """The text."""
         return self.uses.document
 
