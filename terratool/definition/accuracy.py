@@ -13,7 +13,7 @@ from terratool.definition.expression import (
     UNARY,
     VARIADIC,
     Expression,
-    checked_values,
+    sample_values,
 )
 
 TOLERANCE = 1e-8
@@ -77,7 +77,7 @@ def survey(expression: Expression) -> AccuracySurvey:
     """Bound the error of a valid expression by its derivatives, and find where it needs pieces."""
     from terratool.kernels import definition as kernels
 
-    values = checked_values(expression)
+    values = sample_values(expression)
     promised = TOLERANCE + RELATIVE * max(map(abs, values))
     program = expression.program
     places = array("d", bytes(8 * _PLACES))

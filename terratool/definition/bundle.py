@@ -57,7 +57,7 @@ def bundle(checked: Checked, *, expanded: bool = False) -> Bundle:
     uses = Uses(document, known_names(document))
     members = _members(document.source.data)
     members.pop("use", None)
-    needed, rounded = uses.needed, 0
+    needed, rounded = uses.needed_names, 0
     if expanded:
         from terratool.definition.expand import expand
 
@@ -70,9 +70,9 @@ def bundle(checked: Checked, *, expanded: bool = False) -> Bundle:
             "parts": {},
         }
         members["elemTree"] = Raw("".join(_element(tree)).encode())
-        rounded = _rounded(tree, max(checked.terrain.extent))
+        rounded = _count_inexact(tree, max(checked.terrain.extent))
     for dictionary in DICTIONARIES:
-        entries = _needed(uses, dictionary, needed[dictionary])
+        entries = _entry_texts(uses, dictionary, needed[dictionary])
         if entries:
             members[dictionary] = Raw(_object(entries.items()))
         elif dictionary == "elemTypes":
@@ -82,7 +82,7 @@ def bundle(checked: Checked, *, expanded: bool = False) -> Bundle:
     return Bundle(canonical(_object(members.items()).decode()), rounded)
 
 
-def _rounded(tree: Tree, longest: float) -> int:
+def _count_inexact(tree: Tree, longest: float) -> int:
     """Number of elements of an expansion whose places no decimal gives exactly."""
     places = (
         (*at, *pair_of(extent, 0.0), *rests)
@@ -105,7 +105,7 @@ def _object(members: Iterable[tuple[str, Raw]]) -> bytes:
     return b"{" + b",".join(texts) + b"}"
 
 
-def _needed(uses: Uses, dictionary: Dictionary, needed: dict[str, None]) -> dict[str, Raw]:
+def _entry_texts(uses: Uses, dictionary: Dictionary, needed: dict[str, None]) -> dict[str, Raw]:
     """Texts of the entries of a dictionary that are needed, in the order of the files."""
     texts: dict[int, dict[str, Raw]] = {}
     found = {}

@@ -45,11 +45,11 @@ def cell_kinds(tree: Tree) -> CellKinds:
     """Kinds of the cells of a tree, computed once for each tree."""
     known: CellKinds | None = tree.notes.get("cell kinds")
     if known is None:
-        known = tree.notes["cell kinds"] = _found(tree)
+        known = tree.notes["cell kinds"] = _number_cells(tree)
     return known
 
 
-def _found(tree: Tree) -> CellKinds:
+def _number_cells(tree: Tree) -> CellKinds:
     roots = min(len(tree.roots), len(tree))
     of = list(range(roots))
     numbers: dict[CellOrigin, int] = {}

@@ -62,7 +62,7 @@ class Chains:
             self._known[key] = self._follow(root)
         return self._known[key]
 
-    def strewn(self, root: Root, side: Any, turn: Any) -> Chain:
+    def of_copies(self, root: Root, side: Any, turn: Any) -> Chain:
         """Chain of one copy of a scattered element, or of many copies at once.
 
         Args:

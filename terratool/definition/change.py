@@ -14,7 +14,7 @@ from msgspec import UNSET, Raw, Struct, UnsetType, structs
 
 from terratool.definition.keys import document_kind
 from terratool.definition.layout import TERRAIN
-from terratool.definition.libraries import spelled
+from terratool.definition.libraries import plain_path
 from terratool.definition.model import DEFAULT_CELLS, pair_of
 from terratool.definition.reader import Checked, CheckOptions, check, refusal
 from terratool.definition.rules import RULES
@@ -83,7 +83,8 @@ class ChangeTarget:
         if text is None:
             file, _, own = _copy("", pointer.rpartition(">")[2]).rpartition("#")
             if own != pointer:
-                at = spelled(str(Path(self.source.name).parent), file) if file else self.source.name
+                name = self.source.name
+                at = plain_path(str(Path(name).parent), file) if file else name
                 raise RequestError(
                     f"{self.source.name}: the element {shown(pointer)} is one of a part or of "
                     "copies, which stand in the text once.",
@@ -118,7 +119,7 @@ class ChangeTarget:
             has_children = True
         return data
 
-    def accepted(self, data: bytes, added: str, options: CheckOptions | None = None) -> Checked:
+    def check_change(self, data: bytes, added: str, options: CheckOptions | None = None) -> Checked:
         """Check a changed text and return what it says.
 
         Args:
@@ -190,12 +191,12 @@ def open_target(
         refuse_existing(result, overwrite)
         refuse_missing_folder(result)
     packed = source.packed if output is None else result.name.lower().endswith(".gz")
-    data = moved(source, result)
+    data = with_moved_paths(source, result)
     source = structs.replace(source, data=data, packed=packed)
     return ChangeTarget(source, result, checked, library_roots)
 
 
-def moved(source: Source, output: str | Path) -> bytes:
+def with_moved_paths(source: Source, output: str | Path) -> bytes:
     """Text with the paths of its libraries rewritten for the folder of the output."""
     here, there = (real_path(str(Path(file).parent)) for file in (source.name, output))
     if here == there or value_at(source.data, "/use") is None:
@@ -203,7 +204,7 @@ def moved(source: Source, output: str | Path) -> bytes:
     data = source.data
     paths = msgspec.json.decode(value_at(data, "/use") or b"", type=list[str])
     for index, path in enumerate(paths):
-        led = os.path.relpath(spelled(here, path), there).replace(os.sep, "/")
+        led = os.path.relpath(plain_path(here, path), there).replace(os.sep, "/")
         begin = offsets(data, [Address(f"/use/{index}")])[0]
         end = value_end(data, begin, len(data))
         data = Edit(begin, end, json.dumps(led, ensure_ascii=False).encode()).apply(data)

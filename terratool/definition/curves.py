@@ -135,7 +135,7 @@ def problems(primitive: Primitive) -> tuple[CurveError, ...]:
             found.extend(_knot_problems(value, key))
     if primitive.combine == "radial":
         found.extend(_radial_problems(primitive))
-    elif not _given(primitive.x) and not _given(primitive.y):
+    elif not _has_values(primitive.x) and not _has_values(primitive.y):
         what = {
             (True, True): 'both "x" and "y" are left out',
             (False, False): 'both "x" and "y" are empty',
@@ -150,7 +150,7 @@ def problems(primitive: Primitive) -> tuple[CurveError, ...]:
     return tuple(found)
 
 
-def _given(value: CurveValue | UnsetType) -> bool:
+def _has_values(value: CurveValue | UnsetType) -> bool:
     return value is not UNSET and value != ()
 
 
@@ -165,7 +165,7 @@ def _radial_problems(primitive: Primitive) -> list[CurveError]:
                 'Remove "y": "x" is turned about the middle.',
             )
         )
-    if not _given(primitive.x):
+    if not _has_values(primitive.x):
         found.append(
             CurveError(
                 "TT303",

@@ -491,7 +491,7 @@ class _Decoder:
         while level:
             start = len(values)
             if set(map(type, level)) != {dict}:
-                names = list(map(_called, roots)) if start == 0 else ["an element"] * len(level)
+                names = list(map(_part_name, roots)) if start == 0 else ["an element"] * len(level)
                 level = [
                     self._element(value, index, name)
                     for index, (value, name) in enumerate(zip(level, names, strict=True), start)
@@ -598,7 +598,7 @@ class _Decoder:
             self.decoded.unfit.setdefault(key, set()).update(unfit)
 
 
-def _called(part: str) -> str:
+def _part_name(part: str) -> str:
     """Name of a part in words, by its pointer."""
     return f"the part {shown(unescape(part[len(PARTS) + 1 :]))}"
 

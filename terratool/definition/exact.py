@@ -77,7 +77,7 @@ class Exact(NamedTuple):
     rest: Any
 
     @classmethod
-    def typed(cls, number: float) -> Exact:
+    def of_decimal(cls, number: float) -> Exact:
         """Number of a text, as the decimal that it means."""
         return cls(number, rest_of(number))
 
@@ -118,17 +118,17 @@ class ExactSide(NamedTuple):
 
     def share(self, cells: Any, of: Any) -> ExactSide:
         """Side of a block of `cells` of the `of` equal cells into which this side is divided."""
-        high = _leading((self.high * cells + self.rest * cells) / of)
+        high = _leading_bits((self.high * cells + self.rest * cells) / of)
         return ExactSide(high, ((self.high * cells - high * of) + self.rest * cells) / of)
 
 
 def side(length: Any, rest: Any = None) -> ExactSide:
     """Side of a length: the decimal that its double means, or the double and a given rest."""
-    high = _leading(length)
+    high = _leading_bits(length)
     return ExactSide(high, (length - high) + (rest_of(length) if rest is None else rest))
 
 
-def _leading(value: Any) -> Any:
+def _leading_bits(value: Any) -> Any:
     """Leading 36 bits of a number, or of each number of an array."""
     if not isinstance(value, (int, float)):
         import numpy as np
@@ -150,7 +150,7 @@ class Sides(NamedTuple):
         """Doubles nearest to the two sides."""
         return self.x.length, self.y.length
 
-    def turned(self, quarters: int) -> Sides:
+    def turn_by(self, quarters: int) -> Sides:
         """Return the sides after a number of quarter turns."""
         return Sides(self.y, self.x) if quarters % 2 else self
 

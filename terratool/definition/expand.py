@@ -62,7 +62,7 @@ def expand(uses: Uses) -> Expansion:
         RequestError: the definition comes to more than `MAX_ELEMENTS`.
     """
     definition, tree = with_names(uses), uses.document.decoded.tree
-    if not uses.composed and len(tree.roots) == 1:
+    if not uses.is_composed and len(tree.roots) == 1:
         names = tree.distinct("surface"), tree.distinct("type")
         return Expansion(with_names_in_use(definition, *names, uses), tree)
     if uses.elements > MAX_ELEMENTS:
@@ -71,9 +71,9 @@ def expand(uses: Uses) -> Expansion:
             f"elements, and more than {MAX_ELEMENTS:,} are not written out.",
             "Lower the counts, or leave out the smallest parts.",
         )
-    from terratool.definition.written import written
+    from terratool.definition.written import write_out
 
-    elements = written(uses, definition)
+    elements = write_out(uses, definition)
     definition = structs.replace(definition, elem_tree=UNSET)
     surfaces, primitives = map(elements.different, (elements.rows.surface, elements.rows.type))
     return Expansion(with_names_in_use(definition, surfaces, primitives, uses), elements)

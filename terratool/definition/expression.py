@@ -370,7 +370,7 @@ _TS = [i / (CHECK_POINTS - 1) for i in range(CHECK_POINTS)]
 
 
 @lru_cache(maxsize=32)
-def checked_values(expression: Expression) -> list[float]:
+def sample_values(expression: Expression) -> list[float]:
     """Values at 4,097 evenly spaced t; the list is shared and must not be changed."""
     values = evaluate(expression, _TS, LIST_FUNCTIONS)
     return values if isinstance(values, list) else [values] * CHECK_POINTS
@@ -398,7 +398,7 @@ def check(expression: Expression) -> None:
     Raises:
         ExpressionError: values are not; the message names the first such t.
     """
-    values = checked_values(expression)
+    values = sample_values(expression)
     if all(map(MAX_VALUE.__gt__, map(abs, values))):  # false for NaN
         return
     for t, value in zip(_TS, values, strict=True):

@@ -65,7 +65,7 @@ class RemarkLog(Struct):
     kept: list[tuple[str, Remark]] = field(default_factory=list)
     counts: Counter[str] = field(default_factory=Counter)
 
-    def copied(self) -> RemarkLog:
+    def copy(self) -> RemarkLog:
         """Copy of the log, to which remarks can be added."""
         return RemarkLog(self.limit, list(self.kept), Counter(self.counts))
 

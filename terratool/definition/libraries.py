@@ -67,7 +67,7 @@ class SourceDocument(Struct, eq=False, dict=True):
     def catalogue(self) -> Catalogue:
         """Files in which the names of the document's libraries stand."""
         if self._catalogue is None:
-            Catalogue((self, *self.reached))
+            Catalogue((self, *self.all_libraries))
         assert self._catalogue is not None
         return self._catalogue
 
@@ -82,9 +82,9 @@ class SourceDocument(Struct, eq=False, dict=True):
         return "." if self.source.name == "<stdin>" else str(Path(self.source.name).parent)
 
     @cached_property
-    def reached(self) -> tuple[SourceDocument, ...]:
+    def all_libraries(self) -> tuple[SourceDocument, ...]:
         """Libraries that the document uses, directly or through others, each once, in order."""
-        return tuple(self._reached())
+        return tuple(self._walk_libraries())
 
     @cached_property
     def entries(self) -> dict[Dictionary, dict[str, Any]]:
@@ -96,7 +96,7 @@ class SourceDocument(Struct, eq=False, dict=True):
             "parts": model.assemblies,
         }
 
-    def _reached(self) -> Iterator[SourceDocument]:
+    def _walk_libraries(self) -> Iterator[SourceDocument]:
         seen = {id(self)}
         pending = [iter(self.uses)]
         while pending:
@@ -188,7 +188,7 @@ class Catalogue:
         return homes
 
     @cached_property
-    def repeated(self) -> dict[Dictionary, list[str]]:
+    def repeated_names(self) -> dict[Dictionary, list[str]]:
         """Names that stand in several files, by dictionary."""
         return {
             dictionary: [name for name, homes in known.items() if len(homes) > 1]
@@ -199,7 +199,7 @@ class Catalogue:
         """Whether a file uses a library, directly or through others."""
         return bool(self._reach[self._number(document)] >> self._number(library) & 1)
 
-    def reached_of(
+    def libraries_where(
         self, document: SourceDocument, wanted: Callable[[SourceDocument], bool]
     ) -> list[SourceDocument]:
         """Libraries that a file reaches and that are wanted; `wanted` is called once for each."""
@@ -212,17 +212,17 @@ class Catalogue:
     def homes(
         self, document: SourceDocument, dictionary: Dictionary, name: str
     ) -> list[SourceDocument]:
-        """Libraries that a file reaches and where a name stands, in the order of `reached`."""
+        """Libraries with a name that a file reaches, in the order of `all_libraries`."""
         reach = self._others(document)
         found = [
             self._documents[n] for n in self._homes[dictionary].get(name, ()) if reach >> n & 1
         ]
         if len(found) < 2:
             return found
-        order = {id(library): place for place, library in enumerate(document.reached)}
+        order = {id(library): place for place, library in enumerate(document.all_libraries)}
         return sorted(found, key=lambda library: order[id(library)])
 
-    def named(self, dictionary: Dictionary) -> dict[str, Named[Any]]:
+    def all_names(self, dictionary: Dictionary) -> dict[str, Named[Any]]:
         """All names of a dictionary, each with the first file in which it stands."""
         return {
             name: Named(self._documents[first].entries[dictionary][name], self._documents[first])
@@ -266,7 +266,7 @@ class _Known(Mapping[str, Named[Any]]):
     @cached_property
     def _names(self) -> dict[str, None]:
         names = dict.fromkeys(self._own)
-        for library in self._document.reached:
+        for library in self._document.all_libraries:
             names |= dict.fromkeys(library.entries[self._dictionary])
         return names
 
@@ -280,13 +280,13 @@ def clashes_of(document: SourceDocument) -> list[Clash]:
     """Names that a file cannot know, as two of its libraries define them."""
     catalogue, found = document.catalogue, []
     for dictionary in DICTIONARIES:
-        for name in catalogue.repeated[dictionary]:
+        for name in catalogue.repeated_names[dictionary]:
             if name not in document.entries[dictionary]:
                 first, *others = catalogue.homes(document, dictionary, name) or [document]
                 found += [Clash(dictionary, name, first, other) for other in others]
     if not found:
         return []
-    order = {id(library): place for place, library in enumerate(document.reached)}
+    order = {id(library): place for place, library in enumerate(document.all_libraries)}
     return sorted(found, key=lambda c: (DICTIONARIES.index(c.dictionary), order[id(c.second)]))
 
 
@@ -322,7 +322,7 @@ class Shelf:
             if user.linked:
                 continue
             user.linked = True
-            paths = user.model.used
+            paths = user.model.library_paths
             count += len(paths)
             for index, path in enumerate(paths):
                 if count > MAX_ENTRIES or len(met) >= MAX_LIBRARIES:
@@ -345,16 +345,16 @@ class Shelf:
                     code, message, hint = found
                     user.problems.append((code, Remark(f"/use/{index}", message, hint)))
                     user.uses.append(None)
-        Catalogue((document, *document.reached))
+        Catalogue((document, *document.all_libraries))
 
     def _open(
         self, user: SourceDocument, path: str, base: str
     ) -> SourceDocument | tuple[str, str, str]:
         """Library at a path; code, message and hint where the path is wrong."""
-        wrong = _refused(path)
+        wrong = _path_problem(path)
         if wrong is not None:
             return "TT702", *wrong
-        name, real = spelled(user.folder, path), real_path(str(Path(user.folder, path)))
+        name, real = plain_path(user.folder, path), real_path(str(Path(user.folder, path)))
         self.files[name] = self.files[str(Path(user.folder, path))] = None
         if not any(_is_under(real, root) for root in (base, *self._roots)):
             return (
@@ -401,13 +401,13 @@ class Shelf:
         return document
 
 
-def spelled(folder: str, path: str) -> str:
+def plain_path(folder: str, path: str) -> str:
     """Path relative to a folder, without dots; the real path where dots lead out of a link."""
     name, real = os.path.normpath(Path(folder, path)), real_path(str(Path(folder, path)))
     return name if real_path(name) == real else real
 
 
-def _refused(path: str) -> tuple[str, str] | None:
+def _path_problem(path: str) -> tuple[str, str] | None:
     """Message and hint on a path that is wrong as it is written; None for a good one."""
     hint = "Write a path relative to this file, with forward slashes."
     if not path or "\0" in path:
@@ -433,7 +433,9 @@ def readable_library(folder: str, path: str, base: str) -> bool:
         base: folder of the terrain.
     """
     real = real_path(str(Path(folder, path)))
-    return _refused(path) is None and any(_is_under(real, real_path(one)) for one in (base, "."))
+    return _path_problem(path) is None and any(
+        _is_under(real, real_path(one)) for one in (base, ".")
+    )
 
 
 def _is_under(path: str, folder: str) -> bool:

@@ -90,11 +90,11 @@ def _maximum(xs: Floats, ys: Floats) -> Floats:
     return [x if x >= y or x != x else y for x, y in zip(xs, ys, strict=True)]
 
 
-def _mapped(function: Callable[..., float]) -> OverLists:
+def _map_over(function: Callable[..., float]) -> OverLists:
     return lambda *lists: list(map(function, *lists))
 
 
-def _resumed(function: Callable[..., float], careful: OverLists) -> OverLists:
+def _map_with_fallback(function: Callable[..., float], careful: OverLists) -> OverLists:
     """Map `function` over lists; where it raises, call `careful`, which never does."""
 
     def run(*lists: Floats) -> Floats:
@@ -129,25 +129,25 @@ def _broadcast(run: OverLists) -> Callable[..., Any]:
 LIST_FUNCTIONS: dict[str, Callable[..., Any]] = {
     name: _broadcast(run)
     for name, run in {
-        "add": _mapped(operator.add),
-        "sub": _mapped(operator.sub),
-        "mul": _mapped(operator.mul),
-        "div": _resumed(operator.truediv, _divide),
-        "pow": _resumed(math.pow, _power),
-        "neg": _mapped(operator.neg),
-        "abs": _mapped(abs),
-        "sin": _resumed(math.sin, _of_finite(math.sin)),
-        "cos": _resumed(math.cos, _of_finite(math.cos)),
-        "tan": _resumed(math.tan, _of_finite(math.tan)),
-        "asin": _resumed(math.asin, _within_one(math.asin)),
-        "acos": _resumed(math.acos, _within_one(math.acos)),
-        "atan": _mapped(math.atan),
-        "sinh": _resumed(math.sinh, _sinh),
-        "cosh": _resumed(math.cosh, _cosh),
-        "tanh": _mapped(math.tanh),
-        "exp": _resumed(math.exp, _exp),
-        "log": _resumed(math.log, _log),
-        "sqrt": _resumed(math.sqrt, _sqrt),
+        "add": _map_over(operator.add),
+        "sub": _map_over(operator.sub),
+        "mul": _map_over(operator.mul),
+        "div": _map_with_fallback(operator.truediv, _divide),
+        "pow": _map_with_fallback(math.pow, _power),
+        "neg": _map_over(operator.neg),
+        "abs": _map_over(abs),
+        "sin": _map_with_fallback(math.sin, _of_finite(math.sin)),
+        "cos": _map_with_fallback(math.cos, _of_finite(math.cos)),
+        "tan": _map_with_fallback(math.tan, _of_finite(math.tan)),
+        "asin": _map_with_fallback(math.asin, _within_one(math.asin)),
+        "acos": _map_with_fallback(math.acos, _within_one(math.acos)),
+        "atan": _map_over(math.atan),
+        "sinh": _map_with_fallback(math.sinh, _sinh),
+        "cosh": _map_with_fallback(math.cosh, _cosh),
+        "tanh": _map_over(math.tanh),
+        "exp": _map_with_fallback(math.exp, _exp),
+        "log": _map_with_fallback(math.log, _log),
+        "sqrt": _map_with_fallback(math.sqrt, _sqrt),
         "min": lambda *lists: reduce(_minimum, lists),
         "max": lambda *lists: reduce(_maximum, lists),
     }.items()

@@ -226,7 +226,7 @@ class Library(Struct, frozen=True, forbid_unknown_fields=True, rename="camel", k
     parts: dict[str, Element] | UnsetType = UNSET
 
     @property
-    def used(self) -> tuple[str, ...]:
+    def library_paths(self) -> tuple[str, ...]:
         """Paths of the libraries that the text uses, empty where absent."""
         return () if self.use is UNSET else self.use
 

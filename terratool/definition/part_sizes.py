@@ -12,7 +12,7 @@ from msgspec import UNSET
 
 from terratool.definition.exact import Sides, sides
 from terratool.definition.model import Definition, Pair, pair_of
-from terratool.definition.scattering import least_drawn
+from terratool.definition.scattering import smallest_side
 from terratool.definition.tree import Tree
 from terratool.definition.uses import Root, Uses, places_of, quarter_turns
 
@@ -86,7 +86,7 @@ class Cells:
         if self._free(index):
             scatter, extent = tree.value("scatter", index), tree.value("extent", index)
             if scatter is not UNSET:  # the smallest of scattered copies counts
-                smallest = least_drawn(scatter, pair_of(extent, math.nan))
+                smallest = smallest_side(scatter, pair_of(extent, math.nan))
                 return -1, (smallest, smallest), (1, 1)
             return -1, pair_of(extent, math.nan), (1, 1)
         return around, tree.block(index)[2:], self._grid(tree.parents[index])
@@ -99,7 +99,7 @@ class Cells:
         found = [size.sides]
         for around, own, grid in islice(self._steps, 1, None):
             if around < 0:
-                found.append(sides(own).turned(size.lies))
+                found.append(sides(own).turn_by(size.lies))
             else:
                 found.append(found[around].block((int(own[0]), int(own[1])), grid))
         return found
@@ -194,7 +194,7 @@ class PartSizes:
             for (cell, quarters, part, free), elements in plan.uses.items():
                 below = PartSize(
                     part,
-                    lengths[cell].turned(quarters),
+                    lengths[cell].turn_by(quarters),
                     size.lies ^ (quarters % 2 == 1),
                     size.whole if free is None else free,
                 )
@@ -229,7 +229,7 @@ class PartSizes:
             for (cell, key), elements in plan.groups.items():
                 yield Alike(size, plan.cells.root, lengths[cell], key, elements)
 
-    def leading_to(self, size: PartSize, seen: set[PartSize]) -> Iterator[int]:
+    def elements_leading_to(self, size: PartSize, seen: set[PartSize]) -> Iterator[int]:
         """Elements of the terrain through which a part comes to stand in a size.
 
         Args:
@@ -256,7 +256,7 @@ def sizes_of_places(uses: Uses) -> PartSizes | None:
         return None
     if not isinstance(definition, Definition) or definition.size is UNSET:
         return None
-    parts = uses.leading_to(lambda root: bool(places_of(root)))
+    parts = uses.parts_leading_to(lambda root: bool(places_of(root)))
     if not parts and not places_of(uses.root):
         return None
 

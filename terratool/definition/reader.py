@@ -80,7 +80,7 @@ class IgnoreLists:
     def __bool__(self) -> bool:
         return bool(self._lists)
 
-    def unsilenced(
+    def filter_remarks(
         self, code: str, remarks: Iterable[Remark | RemarkBatch], tree: Tree
     ) -> Iterator[Remark | RemarkBatch]:
         """Yield the warnings that no list around them silences; note the entries that do."""
@@ -112,7 +112,7 @@ class IgnoreLists:
             elif not is_silenced(_owner(remark, tree)):
                 yield remark
 
-    def unused(self, idle: tuple[str, ...]) -> Iterator[Remark]:
+    def useless_entries(self, idle: tuple[str, ...]) -> Iterator[Remark]:
         """Yield a remark on each entry that is no code of a warning, or that silenced nothing.
 
         Args:
@@ -124,10 +124,10 @@ class IgnoreLists:
                 continue
             for index, code in enumerate(listed):
                 if (owner, index) not in self._used and code not in idle:
-                    yield _remark(owner, f"/{index}", *_why(code))
+                    yield _remark(owner, f"/{index}", *_entry_problem(code))
 
 
-def _why(code: Any) -> tuple[str, str]:
+def _entry_problem(code: Any) -> tuple[str, str]:
     if not isinstance(code, str):
         return "an item is no code.", 'Write a text such as "TT208".'
     meant = [rule for rule in RULES.values() if code and rule.code.startswith(code)]
@@ -346,13 +346,13 @@ def check(
     options = options or CheckOptions()
     with _no_collector():
         document = read_document(source, kind, options.limit)
-        if document.model.used and source.name != "<stdin>":
+        if document.model.library_paths and source.name != "<stdin>":
             document.real = real_path(source.name)
         (shelf or new_shelf(options)).link(document)
-        for library in document.reached:
-            _looked_at(library, options)
-        libraries = tuple(_checked(library, options) for library in document.reached)
-        return structs.replace(_checked(document, options), libraries=libraries)
+        for library in document.all_libraries:
+            _own_result(library, options)
+        libraries = tuple(_full_result(library, options) for library in document.all_libraries)
+        return structs.replace(_full_result(document, options), libraries=libraries)
 
 
 def new_shelf(options: CheckOptions | None = None) -> Shelf:
@@ -389,22 +389,22 @@ def _syntax_error() -> type[JsonSyntaxError]:
     return JsonSyntaxError
 
 
-def _checked(document: SourceDocument, options: CheckOptions) -> Checked:
+def _full_result(document: SourceDocument, options: CheckOptions) -> Checked:
     """Result for a text, errors of the libraries that it uses included."""
-    own = _looked_at(document, options)
-    bad = document.catalogue.reached_of(document, _is_bad)
+    own = _own_result(document, options)
+    bad = document.catalogue.libraries_where(document, _is_bad)
     if not bad or document.broken is not None:
         return own.checked
-    broken = {id(library): _looked_at(library, options).checked for library in bad}
-    found = own.found.copied()
+    broken = {id(library): _own_result(library, options).checked for library in bad}
+    found = own.found.copy()
     found.take("TT706", _broken_libraries(document, broken))
-    findings = _placed(document.source, found, document.decoded, options)
+    findings = _locate_findings(document.source, found, document.decoded, options)
     return Checked(findings, found.counts, name=document.source.name)
 
 
 def _is_bad(document: SourceDocument) -> bool:
     """Whether rules have found an error in a text that was checked."""
-    known: _OwnResult | None = document.__dict__.get("_looked_at")
+    known: _OwnResult | None = document.__dict__.get("_own_result")
     return known is not None and not known.is_good
 
 
@@ -420,20 +420,20 @@ class _OwnResult(Struct, frozen=True):
         return not any(RULES[code].severity == "error" for code in self.checked.counts)
 
 
-def _looked_at(document: SourceDocument, options: CheckOptions) -> _OwnResult:
+def _own_result(document: SourceDocument, options: CheckOptions) -> _OwnResult:
     """Apply rules to a text, once for each text."""
     # kept beside the fields of the document, as pickling a terrain leaves it behind
-    known: _OwnResult | None = document.__dict__.get("_looked_at")
+    known: _OwnResult | None = document.__dict__.get("_own_result")
     if known is not None:
         return known
-    found, decoded = document.found.copied(), document.decoded
+    found, decoded = document.found.copy(), document.decoded
     if document.broken is not None:
         looked = _OwnResult(found, _unreadable(document.source, document.broken))
     else:
         for code, remark in document.problems:
             found.take(code, iter((remark,)))
         _apply_rules(document, found, options)
-        findings = _placed(document.source, found, decoded, options)
+        findings = _locate_findings(document.source, found, decoded, options)
         looked = _OwnResult(found, Checked(findings, found.counts, name=document.source.name))
         if looked.is_good:
             looked = structs.replace(looked, checked=structs.replace(
@@ -441,7 +441,7 @@ def _looked_at(document: SourceDocument, options: CheckOptions) -> _OwnResult:
                 curriculum=decoded.curriculum, terrain=decoded.definition, tree=decoded.tree,
                 document=document if decoded.definition or decoded.library else None,
             ))  # fmt: skip
-    document.__dict__["_looked_at"] = looked
+    document.__dict__["_own_result"] = looked
     return looked
 
 
@@ -449,7 +449,7 @@ def _broken_libraries(document: SourceDocument, broken: dict[int, Checked]) -> I
     """Yield a remark on each library with errors, at the entry of `use` that leads there."""
     left = dict(broken)
     for index, library in enumerate(document.uses):
-        for one in () if library is None else (library, *library.reached):
+        for one in () if library is None else (library, *library.all_libraries):
             checked = left.pop(id(one), None)
             if checked is None:
                 continue
@@ -558,12 +558,12 @@ def _apply_rules(document: SourceDocument, found: RemarkLog, options: CheckOptio
 
                 remarks = on_ground(remarks)
             if ignores and rule.severity == "warning":
-                remarks = ignores.unsilenced(rule.code, remarks, decoded.tree)
+                remarks = ignores.filter_remarks(rule.code, remarks, decoded.tree)
             found.take(rule.code, remarks)
     if options.warnings and subjects:
         looked = any(kind == "terrain" for kind, _ in subjects)
         idle = ("TT211",) if looked and options.max_step is None else ()
-        found.take("TT113", ignores.unused(idle))
+        found.take("TT113", ignores.useless_entries(idle))
 
 
 def _subjects(document: SourceDocument, options: CheckOptions) -> list[tuple[Kind, Any]]:
@@ -592,7 +592,7 @@ def _subjects(document: SourceDocument, options: CheckOptions) -> list[tuple[Kin
     return []
 
 
-def _placed(
+def _locate_findings(
     source: Source, found: RemarkLog, decoded: Decoded, options: CheckOptions
 ) -> tuple[Finding, ...]:
     """Findings that are wanted, sorted by their positions in the text."""

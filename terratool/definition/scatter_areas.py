@@ -9,7 +9,7 @@ from msgspec import UNSET
 
 from terratool.definition.exact import Exact, Sides, rest_of
 from terratool.definition.model import Pair, pair_of
-from terratool.definition.scattering import Strewn, strewing, strewn, wanted
+from terratool.definition.scattering import Strewn, copy_count, strew, strewing_of
 from terratool.definition.uses import Root
 
 
@@ -44,20 +44,20 @@ def area_of(root: Root, around: Sides | None) -> Area:
         return Area(around.x.times(x), around.y.times(y), lengths)
     lengths = pair_of(extent, math.nan)
     west, south = (
-        Exact.typed(middle) + Exact(-0.5 * length, -0.5 * rest_of(length))
+        Exact.of_decimal(middle) + Exact(-0.5 * length, -0.5 * rest_of(length))
         for middle, length in zip(at, lengths, strict=True)
     )
     return Area(west, south, lengths)
 
 
-def strewn_over(root: Root, area: Area) -> Strewn:
+def copies_over(root: Root, area: Area) -> Strewn:
     """Copies of a scattered element in its area."""
     tree, index = root.tree, root.element
     angle, scatter = tree.value("turn_deg", index), tree.value("scatter", index)
-    asked = strewing(
+    asked = strewing_of(
         scatter,
         area.lengths,
         by_quarters=tree.value("part", index) is not UNSET,
         tilted=angle is not UNSET and angle % 90 != 0,
     )
-    return strewn(asked, wanted(scatter, area.lengths))
+    return strew(asked, copy_count(scatter, area.lengths))

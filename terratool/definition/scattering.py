@@ -60,7 +60,7 @@ class Strewn(NamedTuple):
     left: int
 
 
-def wanted(scatter: Scatter, lengths: Pair) -> int:
+def copy_count(scatter: Scatter, lengths: Pair) -> int:
     """Number of copies asked for in a cell with these sides; MAX_SCATTERED + 1 for more."""
     if scatter.count is not UNSET:
         return scatter.count
@@ -69,7 +69,7 @@ def wanted(scatter: Scatter, lengths: Pair) -> int:
     return math.floor(count) if count <= MAX_SCATTERED else MAX_SCATTERED + 1
 
 
-def strewing(scatter: Scatter, area: Pair, *, by_quarters: bool, tilted: bool) -> Strewing:
+def strewing_of(scatter: Scatter, area: Pair, *, by_quarters: bool, tilted: bool) -> Strewing:
     """Parameters of the scattering of an element, in the order of the kernels.
 
     Args:
@@ -91,7 +91,7 @@ def strewing(scatter: Scatter, area: Pair, *, by_quarters: bool, tilted: bool) -
     )
 
 
-def strewn(asked: Strewing, count: int, tries: int = ALL_TRIES) -> Strewn:
+def strew(asked: Strewing, count: int, tries: int = ALL_TRIES) -> Strewn:
     """Place copies of a scattered element; copies that find no place before the tries end have NaN.
 
     A share of (least / D)² of all copies is larger than D, but for those cut off at the largest
@@ -107,7 +107,7 @@ def strewn(asked: Strewing, count: int, tries: int = ALL_TRIES) -> Strewn:
     return Strewn(sides, x, y, turns, looked, left)
 
 
-def least_drawn(scatter: Scatter, area: Pair) -> float:
+def smallest_side(scatter: Scatter, area: Pair) -> float:
     """Side of the smallest copy, whether it finds a place or not; the largest side without copies.
 
     Args:
@@ -116,8 +116,8 @@ def least_drawn(scatter: Scatter, area: Pair) -> float:
     """
     from terratool.kernels import definition as kernels
 
-    count = min(wanted(scatter, area), MAX_SCATTERED)
-    return kernels.least_side(strewing(scatter, area, by_quarters=False, tilted=False), count)
+    count = min(copy_count(scatter, area), MAX_SCATTERED)
+    return kernels.least_side(strewing_of(scatter, area, by_quarters=False, tilted=False), count)
 
 
 def share(seed: int, number: int, draw: int) -> float:

@@ -18,7 +18,7 @@ from terratool.definition.chains import Chain, Chains, with_quarters
 from terratool.definition.exact import Exact, Sides, side, sides
 from terratool.definition.expand import MAX_ELEMENTS, with_names, with_names_in_use
 from terratool.definition.model import Definition, Pair, pair_of
-from terratool.definition.scatter_areas import area_of, strewn_over
+from terratool.definition.scatter_areas import area_of, copies_over
 from terratool.definition.tree import ROOT
 from terratool.definition.uses import Root, Uses, copies, scatters_over_cells
 from terratool.errors import RequestError
@@ -130,9 +130,9 @@ class _Cell(NamedTuple):
     sides: Sides
     span: tuple[int, int]
 
-    def turned(self, quarters: int) -> _Cell:
+    def turn_by(self, quarters: int) -> _Cell:
         """Return the cell after quarter turns."""
-        return _Cell(self.sides.turned(quarters), self.span[::-1] if quarters % 2 else self.span)
+        return _Cell(self.sides.turn_by(quarters), self.span[::-1] if quarters % 2 else self.span)
 
 
 class _Key(NamedTuple):
@@ -198,7 +198,7 @@ class _Site(NamedTuple):
         tree, index = self.root.tree, self.root.element
         extent = tree.value("extent", index)
         if extent is not UNSET:
-            return _Cell(sides(pair_of(extent, math.nan)), ONE).turned(self.quarters)
+            return _Cell(sides(pair_of(extent, math.nan)), ONE).turn_by(self.quarters)
         return None if self.pitches is None else _Cell(self.pitches, tree.block(index)[2:])
 
 
@@ -218,14 +218,14 @@ class _Drafter:
         self.sketches: dict[_Key, _Sketch] = {}
         self.roots: dict[_Key, Root] = {}
         self.total = 0
-        self._sized = uses.leading_to(scatters_over_cells)
+        self._sized = uses.parts_leading_to(scatters_over_cells)
         self._depending: dict[tuple[int, int], bool] = {}
 
     def draw(self) -> Blueprint:
         chain = self.chains.of(self.uses.root)
         tree, element = chain.root.tree, chain.root.element
         whole = _Cell(sides(with_names(self.uses).extent), ONE)
-        whole = whole.turned(chain.quarters)
+        whole = whole.turn_by(chain.quarters)
         first = self._key(chain.root, chain.quarters, chain.surface, whole)
         order = self._sketch_all(first)
         number = {key: index for index, key in enumerate(order)}
@@ -306,7 +306,9 @@ class _Drafter:
                     own = Root(tree, index, root.home)
                     site = _Site(own, f"/children/{index - begin}", around, quarters, cell)
                     scattered = tree.value("scatter", index) is not UNSET
-                    node, found = self._scattered(site) if scattered else self._single(site)
+                    node, found = (
+                        self._scattered_node(site) if scattered else self._single_node(site)
+                    )
                     if node.chain.root == own and not scattered and _has_children(own):
                         below.append((len(nodes), index, node.surface, site.cell))
                     nodes.append(node)
@@ -321,10 +323,10 @@ class _Drafter:
                 f"come to more than {counted(MAX_ELEMENTS, 'element')}.",
                 "Use fewer of them, or name their surfaces in the parts.",
             )
-        cells = _turned_cells(root, quarters)
+        cells = _grid_after_turns(root, quarters)
         return _Sketch(Template(cells, quarters, nodes, families, levels), inner)
 
-    def _single(self, site: _Site) -> tuple[BlueprintNode, _Inner]:
+    def _single_node(self, site: _Site) -> tuple[BlueprintNode, _Inner]:
         """Node of an element that is not scattered, and its inner template where it has another."""
         chain = self.chains.of(site.root)
         worn = site.surface if chain.surface is UNSET else chain.surface
@@ -333,32 +335,32 @@ class _Drafter:
             return node, _Inner([])
         cell = None
         if self._depends_on_size(chain.root) and site.cell is not None:
-            cell = site.cell.turned(chain.quarters)
+            cell = site.cell.turn_by(chain.quarters)
         turns = (site.quarters + chain.quarters) % 4
         return node, _Inner([self._key(chain.root, turns, worn, cell)])
 
-    def _scattered(self, site: _Site) -> tuple[BlueprintNode, _Inner]:
+    def _scattered_node(self, site: _Site) -> tuple[BlueprintNode, _Inner]:
         """Node of the copies of a scattered element that have a place, and inner templates."""
         root, odd = site.root, site.quarters % 2 == 1
         area = area_of(root, site.pitches)
-        found = strewn_over(root, area)
+        found = copies_over(root, area)
         lengths, x, y, turns = map(np.frombuffer, found[:4])
         numbers = np.flatnonzero(~np.isnan(x))
         lengths, x, y, turns = (column[numbers] for column in (lengths, x, y, turns))
         at = area.x + Exact(x, np.zeros(len(x))), area.y + Exact(y, np.zeros(len(y)))
         at = at[::-1] if odd else at
         is_part = root.tree.value("part", root.element) is not UNSET
-        chain = self.chains.strewn(root, lengths, 0.0 if is_part else turns)
+        chain = self.chains.of_copies(root, lengths, 0.0 if is_part else turns)
         worn = site.surface if chain.surface is UNSET else chain.surface
         quarters = np.full(len(x), site.quarters + chain.quarters)
         if is_part:
             quarters += (turns // 90).astype(np.int64)
         quarters %= 4
-        turn, cells = _turn(chain, site.quarters), _turned_cells(chain.root, site.quarters)
+        turn, cells = _turn(chain, site.quarters), _grid_after_turns(chain.root, site.quarters)
         if is_part:
             each = range(4)
             turn = np.array([_turn(chain, turned) for turned in each])[quarters]
-            cells = np.array([_turned_cells(chain.root, turned) for turned in each])[quarters]
+            cells = np.array([_grid_after_turns(chain.root, turned) for turned in each])[quarters]
         node = BlueprintNode(
             chain, worn, turn, cells, (0, 0), ONE, np.column_stack([at[0].near, at[1].near]),
             np.column_stack([at[0].rest, at[1].rest]),
@@ -399,7 +401,7 @@ def _turn(chain: Chain, quarters: int) -> Any:
     return 0.0 if turn is UNSET else turn
 
 
-def _turned_cells(root: Root, quarters: int) -> tuple[int, int]:
+def _grid_after_turns(root: Root, quarters: int) -> tuple[int, int]:
     cells = root.tree.grid(root.element)
     return cells[::-1] if quarters % 2 else cells
 
@@ -414,7 +416,7 @@ def _node(site: _Site, chain: Chain, surface: Any) -> BlueprintNode:
     odd = quarters % 2 == 1
     if at is UNSET:
         grid = tree.grid(tree.parents[index])
-        span, turned = _turned_block(tree.block(index), grid, quarters)
+        span, turned = _turn_block(tree.block(index), grid, quarters)
         cell = turned["cell_x"], turned["cell_y"]
     else:
         extent = pair_of(tree.value("extent", index), math.nan)
@@ -432,7 +434,7 @@ def _node(site: _Site, chain: Chain, surface: Any) -> BlueprintNode:
     if repeat is not UNSET and of is None:
         step = f"{step[0]}[0,0]", step[1]
     return BlueprintNode(
-        chain, surface, _turn(chain, inner_quarters), _turned_cells(chain.root, inner_quarters),
+        chain, surface, _turn(chain, inner_quarters), _grid_after_turns(chain.root, inner_quarters),
         cell, span, place, None, extent, of, None, -1, step,
     )  # fmt: skip
 
@@ -494,7 +496,7 @@ def _lengths(
     return cell[0] * span[0], cell[1] * span[1]
 
 
-def _turned_block(
+def _turn_block(
     block: tuple[int, int, int, int], grid: tuple[int, int], quarters: int
 ) -> tuple[tuple[int, int], dict[str, Any]]:
     """Span and place of a block of cells of a grid after quarter turns."""

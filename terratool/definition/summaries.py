@@ -46,7 +46,7 @@ def summarise_curve(curve: Curve) -> CurveSummary:
     if isinstance(curve, SampledCurve):
         return _of_values(curve.values)
     if isinstance(curve, FormulaCurve):
-        return _of_values(expression.checked_values(curve.expression))
+        return _of_values(expression.sample_values(curve.expression))
     return _of_knots(curve.points)
 
 
@@ -128,7 +128,7 @@ def curve_values(curve: Curve) -> Callable[[float], float]:
     heights = (
         curve.values
         if isinstance(curve, SampledCurve)
-        else expression.checked_values(curve.expression)
+        else expression.sample_values(curve.expression)
     )
     last = len(heights) - 1
 
@@ -159,7 +159,7 @@ def value_range(summary: ShapeSummary) -> Range:
     """Least and largest value of a shape."""
     if summary.y is None:
         return summary.x.right
-    return _combined(summary.combine, summary.x.whole, summary.y.whole)
+    return _combined_range(summary.combine, summary.x.whole, summary.y.whole)
 
 
 def edge_range(summary: ShapeSummary) -> Range:
@@ -167,8 +167,8 @@ def edge_range(summary: ShapeSummary) -> Range:
     x, y = summary.x, summary.y
     if y is None:
         return x.ends[1], x.ends[1]
-    edges = [_combined(summary.combine, (end, end), y.inner) for end in x.ends]
-    edges += [_combined(summary.combine, x.inner, (end, end)) for end in y.ends]
+    edges = [_combined_range(summary.combine, (end, end), y.inner) for end in x.ends]
+    edges += [_combined_range(summary.combine, x.inner, (end, end)) for end in y.ends]
     return min(low for low, _ in edges), max(high for _, high in edges)
 
 
@@ -189,7 +189,7 @@ def tallest_step(summary: ShapeSummary) -> float:
     )
 
 
-def _combined(how: str, x: Range, y: Range) -> Range:
+def _combined_range(how: str, x: Range, y: Range) -> Range:
     """Least and largest combined value of curves with these ranges."""
     return _range([combine_values(how, a, b) for a in x for b in y])
 

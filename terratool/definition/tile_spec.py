@@ -30,7 +30,7 @@ FLOOR: Mapping[str, Any] = {
 """Surface of tiles where the spec gives none."""
 
 
-def _filled(text: Struct) -> dict[str, Any]:
+def _with_defaults(text: Struct) -> dict[str, Any]:
     """Attributes of a text by name, with the defaults of the keys that are absent."""
     keys = CURRICULUM_KEYS[type(text)]
     values = ((name, key, getattr(text, name)) for name, key in names_of(type(text)))
@@ -109,7 +109,7 @@ class PatchSpec(Struct, frozen=True):
     @classmethod
     def of(cls, name: str, text: PatchText) -> PatchSpec:
         """Level places of a text, with the defaults of absent keys."""
-        return cls(name, **_filled(text))
+        return cls(name, **_with_defaults(text))
 
 
 class Spec(Struct, frozen=True):
@@ -154,7 +154,7 @@ class Spec(Struct, frozen=True):
             text: spec as it is written.
             surface: surface of the ground, key by key as the user wrote it.
         """
-        values = _filled(text)
+        values = _with_defaults(text)
         del values["schema"]
         tile = values["tile"]
         return cls(**values | {

@@ -139,7 +139,7 @@ class Tree(Struct, frozen=True, dict=True):
             self._distinct[name] = set(self.column(name))
         return self._distinct[name]
 
-    def lacking(self, name: str) -> int:
+    def count_lacking(self, name: str) -> int:
         """Number of elements without an attribute."""
         key = f"lacking {name}"
         if key not in self.notes:
@@ -172,7 +172,7 @@ class Tree(Struct, frozen=True, dict=True):
         wide, tall = pair_of(extent, 0.0)
         return None if not all(map(_finite, (*at, wide, tall))) else ((at[0], wide), (at[1], tall))
 
-    def having(self, name: str, wanted: Container[Any]) -> Iterator[tuple[int, Any]]:
+    def elements_with(self, name: str, wanted: Container[Any]) -> Iterator[tuple[int, Any]]:
         """Indices and values of the elements whose attribute is one of some values."""
         if any(value in wanted for value in self.distinct(name)):
             for index, value in enumerate(self.column(name)):
@@ -218,7 +218,7 @@ class Tree(Struct, frozen=True, dict=True):
         return begin, end
 
     @cached_property
-    def crowded(self) -> list[tuple[int, int]]:
+    def crowded_siblings(self) -> list[tuple[int, int]]:
         """First and end (exclusive) of the siblings of which some may share a cell.
 
         Siblings with a missing cell are left out, as nothing can be said of them.
@@ -236,14 +236,18 @@ class Tree(Struct, frozen=True, dict=True):
         return crowded
 
     @cached_property
-    def shared(self) -> list[tuple[int, int]]:
+    def shared_cells(self) -> list[tuple[int, int]]:
         """Elements that share cells with an earlier sibling, each with that sibling."""
         xs, ys = self.column("cell_x"), self.column("cell_y")
         spans = self.distinct("span") != {UNSET}
         if any(self.distinct(key) != {UNSET} for key in ("at", "repeat", "scatter")):
-            return [pair for _, begin, end in self.families for pair in self._sharing(begin, end)]
+            return [
+                pair
+                for _, begin, end in self.families
+                for pair in self._shared_cells_of(begin, end)
+            ]
         shared = []
-        for begin, end in self.crowded:
+        for begin, end in self.crowded_siblings:
             if spans:
                 blocks = [self.block(index) for index in range(begin, end)]
                 shared += [(begin + later, begin + other) for later, other in overlaps(blocks)]
@@ -255,7 +259,7 @@ class Tree(Struct, frozen=True, dict=True):
                     shared.append((index, other))
         return shared
 
-    def _sharing(self, begin: int, end: int) -> list[tuple[int, int]]:
+    def _shared_cells_of(self, begin: int, end: int) -> list[tuple[int, int]]:
         """Siblings in a range that share cells with an earlier one, some copied or at free places.
 
         Where there are very many copies, only the first ones are compared.

@@ -55,17 +55,17 @@ class Turned(NamedTuple):
             return False
         return across - w / 2 > CLOSE * w or along - h / 2 > CLOSE * h
 
-    def placed(self, x: float, y: float) -> Point:
+    def place(self, x: float, y: float) -> Point:
         """Turned place of a point of the shape; both from the middle, in sides of the cell."""
         (w, h), (cosine, sine) = self.lengths, self.axes
         return x * cosine + y * sine * (h / w), y * cosine - x * sine * (w / h)
 
     def is_beyond(self, x: float, y: float) -> bool:
         """Whether a point of the shape lies outside its cell after the turn."""
-        return max(map(abs, self.placed(x, y))) > 0.5 + CLOSE
+        return max(map(abs, self.place(x, y))) > 0.5 + CLOSE
 
     @property
-    def lost(self) -> float:
+    def lost_share(self) -> float:
         """Share of the shape's area that lies outside its cell."""
         if self.is_round:
             # segments, which are disjoint: no ellipse in a cell reaches the cell's corners
@@ -74,10 +74,10 @@ class Turned(NamedTuple):
                 for length, reach in zip(self.lengths, self.reach, strict=True)
             )
             return sum(2 / math.pi * (math.acos(k) - k * math.sqrt(1 - k * k)) for k in shares)
-        kept = [self.placed(*corner) for corner in _CORNERS]
+        kept = [self.place(*corner) for corner in _CORNERS]
         for axis in (0, 1):
             for side in (-1.0, 1.0):
-                kept = _cut(kept, axis, side)
+                kept = _clip(kept, axis, side)
         return 1 - _area(kept)
 
     def sentence(self) -> str:
@@ -91,14 +91,14 @@ class Turned(NamedTuple):
             if out > CLOSE * length
         )
         what = "ellipse" if self.is_round else "footprint"
-        lost = self.lost
+        lost = self.lost_share
         return (
             f"the {what} of {w:.6g} × {h:.6g}, turned by {self.turn:.6g} degrees, loses "
             f"{100 * lost:.3g} % to its cell: {area * lost:.4g} of {area:.4g} square units, {out}."
         )
 
 
-def turned(lengths: Pair, turn: float, is_round: bool) -> Turned:
+def turned_shape(lengths: Pair, turn: float, is_round: bool) -> Turned:
     """Rectangle or ellipse with these sides, turned; quarter turns are exact."""
     angle = math.fmod(turn, 360.0)
     if angle % 90 == 0:
@@ -108,7 +108,7 @@ def turned(lengths: Pair, turn: float, is_round: bool) -> Turned:
     return Turned(lengths, turn, is_round, axes)
 
 
-def _cut(outline: list[Point], axis: int, side: float) -> list[Point]:
+def _clip(outline: list[Point], axis: int, side: float) -> list[Point]:
     """Part of a convex polygon within 0.5 of an axis, after Sutherland and Hodgman (1974)."""
     kept: list[Point] = []
     for here, there in zip(outline, [*outline[1:], *outline[:1]], strict=True):

@@ -11,7 +11,7 @@ from msgspec import UNSET, Struct
 
 from terratool.definition.libraries import Dictionary, KnownNames, Named, SourceDocument
 from terratool.definition.model import Definition, Element, Library, pair_of
-from terratool.definition.scattering import wanted
+from terratool.definition.scattering import copy_count
 from terratool.definition.tree import ROOT, Tree, part_pointer
 
 MAX_DEPTH = 1000
@@ -56,7 +56,7 @@ class PartGraph(Struct, frozen=True, dict=True):
         return Root(tree, tree.root_at[part_pointer(name)], home)
 
     @cached_property
-    def known(self) -> set[str]:
+    def known_parts(self) -> set[str]:
         """Names of all parts that could be read."""
         return {
             name
@@ -68,14 +68,14 @@ class PartGraph(Struct, frozen=True, dict=True):
     def inner(self) -> dict[str, set[str]]:
         """Parts that stand in each part, directly."""
         return {
-            name: {use.part for use in uses_below(self.root(name)) if use.part in self.known}
-            for name in self.known
+            name: {use.part for use in uses_below(self.root(name)) if use.part in self.known_parts}
+            for name in self.known_parts
         }
 
     @cached_property
     def inner_first(self) -> list[str]:
         """Parts that do not lead into a circle, each behind the parts that stand in it."""
-        users: dict[str, list[str]] = {name: [] for name in self.known}
+        users: dict[str, list[str]] = {name: [] for name in self.known_parts}
         for name, used in self.inner.items():
             for other in used:
                 users[other].append(name)
@@ -91,7 +91,7 @@ class PartGraph(Struct, frozen=True, dict=True):
     @cached_property
     def circles(self) -> set[str]:
         """Parts that contain themselves, or parts that do."""
-        return self.known.difference(self.inner_first)
+        return self.known_parts.difference(self.inner_first)
 
     @cached_property
     def circle_of(self) -> dict[str, int]:
@@ -146,7 +146,7 @@ class PartGraph(Struct, frozen=True, dict=True):
         return counts
 
     @cached_property
-    def scattered(self) -> dict[str, int]:
+    def scattered_counts(self) -> dict[str, int]:
         """Number of scattered copies of each part, written out; parts in circles are left out."""
         counts: dict[str, int] = {}
         for name in self.inner_first:
@@ -184,15 +184,15 @@ class Uses(Struct, frozen=True, dict=True):
         Files share a graph if each name that stands in several files means the same to them.
         """
         catalogue, parts = self.document.catalogue, self.names.parts
-        meant = {name: parts[name] for name in catalogue.repeated["parts"] if name in parts}
+        meant = {name: parts[name] for name in catalogue.repeated_names["parts"] if name in parts}
         graphs: dict[Any, PartGraph] = catalogue.notes.setdefault("part graphs", {})
         key = tuple((name, id(part.home)) for name, part in meant.items())
         if key not in graphs:
-            graphs[key] = PartGraph({**catalogue.named("parts"), **meant})
+            graphs[key] = PartGraph({**catalogue.all_names("parts"), **meant})
         return graphs[key]
 
     @cached_property
-    def composed(self) -> bool:
+    def is_composed(self) -> bool:
         """Whether parts or copies have to be written out."""
         tree = self.document.decoded.tree
         return any(tree.distinct(key) != {UNSET} for key in ("part", "repeat", "scatter"))
@@ -213,21 +213,21 @@ class Uses(Struct, frozen=True, dict=True):
 
     def is_known(self, name: Any) -> bool:
         """Whether the file knows a part, and the part could be read."""
-        return name in self.graph.known and name in self.names.parts
+        return name in self.graph.known_parts and name in self.names.parts
 
     def within(self, root: Root) -> list[PartUse]:
         """Elements that stand for known parts, of a root and all elements below."""
         return [use for use in uses_below(root) if self.is_known(use.part)]
 
     @cached_property
-    def known(self) -> set[str]:
+    def known_parts(self) -> set[str]:
         """Names of the known parts for which elements of the file stand."""
         return set(filter(self.is_known, self.document.decoded.tree.distinct("part")))
 
     @cached_property
     def circles(self) -> set[str]:
         """Parts that the file has, or names, and that contain themselves, or parts that do."""
-        own = self.known.union(self.document.entries["parts"])
+        own = self.known_parts.union(self.document.entries["parts"])
         return self.graph.circles.intersection(own)
 
     @property
@@ -248,7 +248,7 @@ class Uses(Struct, frozen=True, dict=True):
         return None
 
     @cached_property
-    def reached(self) -> dict[str, None]:
+    def parts_in_use(self) -> dict[str, None]:
         """Parts that stand in the terrain, directly or in others, in the order of their use."""
         found: dict[str, None] = {}
         pending = [self.root] if self.has_root else []
@@ -260,24 +260,24 @@ class Uses(Struct, frozen=True, dict=True):
         return found
 
     @cached_property
-    def unknown(self) -> bool:
+    def has_unknown_part(self) -> bool:
         """Whether an element stands for a part that is not known."""
         tree = self.document.decoded.tree
-        return bool(tree.distinct("part") - self.known - {UNSET})
+        return bool(tree.distinct("part") - self.known_parts - {UNSET})
 
     @cached_property
-    def needed(self) -> dict[Dictionary, dict[str, None]]:
+    def needed_names(self) -> dict[Dictionary, dict[str, None]]:
         """Names that the terrain needs by dictionary, in the order of their first use."""
         terrain = self.document.model
         surfaces: dict[str, None] = {}
         primitives: dict[str, None] = {}
-        for root in (self.root, *map(self.part, self.reached)):
+        for root in (self.root, *map(self.part, self.parts_in_use)):
             for names, key in (surfaces, "surface"), (primitives, "type"):
                 names |= dict.fromkeys(map(root.tree.column(key).__getitem__, elements_of(root)))
         surfaces |= dict.fromkeys(sorted(track_surfaces(terrain)))
         for names in (surfaces, primitives):
             names.pop(UNSET, None)  # type: ignore[call-overload]
-        return {"surfTypes": surfaces, "elemTypes": primitives, "parts": dict(self.reached)}
+        return {"surfTypes": surfaces, "elemTypes": primitives, "parts": dict(self.parts_in_use)}
 
     def tallest(self) -> Iterator[tuple[PartUse, float]]:
         """Elements of the terrain that stand for parts, each with the largest number in the part.
@@ -295,11 +295,11 @@ class Uses(Struct, frozen=True, dict=True):
         return _count(self.root, self.graph.counts)
 
     @property
-    def scattered(self) -> int:
+    def scattered_count(self) -> int:
         """Number of scattered copies of the terrain, written out."""
-        return _count(self.root, self.graph.scattered, scattered=True)
+        return _count(self.root, self.graph.scattered_counts, scattered=True)
 
-    def leading_to(self, wanted: Callable[[Root], bool]) -> set[str]:
+    def parts_leading_to(self, wanted: Callable[[Root], bool]) -> set[str]:
         """Parts whose root is wanted, and all parts in which they stand; circles are left out."""
         found: set[str] = set()
         for name in self.graph.inner_first:
@@ -424,7 +424,7 @@ def _count(root: Root, counts: dict[str, int], *, scattered: bool = False) -> in
             break
         times = copies(repeats[index])
         if scatters[index] is not UNSET:
-            times = wanted(scatters[index], pair_of(tree.value("extent", index), math.nan))
+            times = copy_count(scatters[index], pair_of(tree.value("extent", index), math.nan))
             below[index] += scattered
         below[tree.parents[index]] += below[index] * times
     return below[root.element]

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from terratool.definition.chains import Chain, Chains
 from terratool.definition.exact import Exact, ExactSide, Sides, rest_of, rests_of, side, sides
 from terratool.definition.model import DEFAULT_CELLS, Definition, Element, pair_of
-from terratool.definition.scatter_areas import area_of, strewn_over
+from terratool.definition.scatter_areas import area_of, copies_over
 from terratool.definition.tree import ROOT, Tree
 from terratool.definition.uses import Root, Uses
 
@@ -124,13 +124,13 @@ class Written(NamedTuple):
         own = ROOT if first else f"/children/{rows.child[index]}{copy}"
         return own + str(self.names.values[rows.chain[index]])
 
-    def named(self, column: Ints) -> list[Any]:
+    def values_of(self, column: Ints) -> list[Any]:
         """Values of a column of codes."""
         return list(map(self.names.values.__getitem__, column.tolist()))
 
     def different(self, column: Ints) -> set[Any]:
         """Different values of a column of codes."""
-        return set(self.named(np.unique(column)))
+        return set(self.values_of(np.unique(column)))
 
     def tree(self) -> Tree:
         """Elements as a tree, as a text would give it."""
@@ -142,7 +142,7 @@ class Written(NamedTuple):
             ("type", rows.type), ("surface", rows.surface), ("descr", rows.descr),
             ("cells", self.cells),
         ):  # fmt: skip
-            columns[name] = self.named(codes)
+            columns[name] = self.values_of(codes)
         for name, numbers in (
             ("v_scale", rows.scale), ("v_offset", rows.offset), ("turn_deg", rows.turn)
         ):  # fmt: skip
@@ -175,7 +175,7 @@ def _put(values: list[Any], where: NDArray[np.bool_], found: Any) -> None:
         values[index] = value
 
 
-def written(uses: Uses, definition: Definition) -> Written:
+def write_out(uses: Uses, definition: Definition) -> Written:
     """Write out the parts and copies of a valid definition."""
     return _Writer(uses, definition).write()
 
@@ -188,7 +188,7 @@ class _Text:
     """
 
     def __init__(self, uses: Uses, names: ValueCodes) -> None:
-        roots = [uses.root, *map(uses.part, uses.reached)]
+        roots = [uses.root, *map(uses.part, uses.parts_in_use)]
         trees = {id(root.tree): root for root in roots}
         self._first: dict[int, int] = {}
         self._homes: list[tuple[int, Root]] = []
@@ -333,7 +333,7 @@ class _Writer:
             times[index] = len(copies.number)
         row = np.repeat(np.arange(len(parent)), times)
         copy = _places(times)
-        placed = self._placed(frame, parent[row], element[row], copy)
+        placed = self._place_rows(frame, parent[row], element[row], copy)
         placed = placed._replace(child=child[row])
         found = self._with_ends(
             placed, element[row], frame.factor[parent[row]], frame.quarters[parent[row]]
@@ -354,7 +354,7 @@ class _Writer:
             own[free, axis, 0], own[free, axis, 1] = one
         return own
 
-    def _placed(self, frame: _Frame, parent: Ints, element: Ints, copy: Ints) -> Rows:
+    def _place_rows(self, frame: _Frame, parent: Ints, element: Ints, copy: Ints) -> Rows:
         """Rows with the places of elements that are not scattered."""
         text, count = self._text, len(element)
         quarters = frame.quarters[parent]
@@ -370,7 +370,7 @@ class _Writer:
         grid = frame.grid[parent]
         steps = np.where(found.free[:, None], 0, np.trunc(text.step[element])).astype(np.int64)
         block = np.hstack([text.cell[element] + at_copy * steps, text.span[element]])
-        block = _turned_block(block, grid, quarters)
+        block = _turn_blocks(block, grid, quarters)
         found.cell[:], found.span[:] = block[:, :2], block[:, 2:]
         found.around[:] = frame.around[parent]
         free = np.flatnonzero(found.free)
@@ -400,7 +400,7 @@ class _Writer:
             number = copy[:, axis]
             moved = at + Exact(number * step.high, number * step.rest)
             axes.append(_where(number > 0, moved, at))
-        return _turned_place(axes[0], axes[1], frame.lengths_of(parent), quarters)
+        return _turn_places(axes[0], axes[1], frame.lengths_of(parent), quarters)
 
     def _with_ends(self, placed: Rows, element: Ints, factor: Floats, quarters: Ints) -> Rows:
         """Fill rows with the ends of their elements' chains.
@@ -423,7 +423,7 @@ class _Writer:
             chains = [self._ends(self._chains.of(text.root(index))) for index in unique.tolist()]
             for column, values in zip(ends, zip(*chains, strict=True), strict=True):
                 column[through] = np.array(values)[which]
-        return self._finished(placed, ends, factor, quarters)
+        return self._finish(placed, ends, factor, quarters)
 
     def _ends(self, chain: Chain) -> _ChainEnds:
         """End of a chain in numbers."""
@@ -436,7 +436,7 @@ class _Writer:
             number(chain.surface), number(chain.descr), number(chain.name),
         )  # fmt: skip
 
-    def _finished(self, placed: Rows, ends: _ChainEnds, factor: Floats, quarters: Ints) -> Rows:
+    def _finish(self, placed: Rows, ends: _ChainEnds, factor: Floats, quarters: Ints) -> Rows:
         """Fill rows with all attributes, from the elements around and from the ends of chains."""
         quarters = (quarters + ends.quarters) % 4
         inner = factor * ends.factor
@@ -468,22 +468,22 @@ class _Writer:
             own, around = int(element[index]), None
             if not self._text.free[own]:
                 around = Sides(*(ExactSide(*pair) for pair in frame.around[parent[index]].tolist()))
-                around = around.turned(int(frame.quarters[parent[index]]))
+                around = around.turn_by(int(frame.quarters[parent[index]]))
             key = own, around
             if key not in known:
-                known[key] = self._strewn(self._text.root(own), around)
+                known[key] = self._scatter_copies(self._text.root(own), around)
             found[index] = known[key]
         return found
 
-    def _strewn(self, root: Root, around: Sides | None) -> _Strewn:
+    def _scatter_copies(self, root: Root, around: Sides | None) -> _Strewn:
         """Copies of a scattered element that have found a place."""
         area = area_of(root, around)
-        lengths, x, y, turns = map(np.frombuffer, strewn_over(root, area)[:4])
+        lengths, x, y, turns = map(np.frombuffer, copies_over(root, area)[:4])
         number = np.flatnonzero(~np.isnan(x))
         lengths, x, y, turns = (column[number] for column in (lengths, x, y, turns))
         zero = np.zeros(len(x))
         is_part = root.tree.value("part", root.element) is not UNSET
-        chain = self._chains.strewn(root, lengths, 0.0 if is_part else turns)
+        chain = self._chains.of_copies(root, lengths, 0.0 if is_part else turns)
         own = self._ends(chain)
         if is_part:
             own = own._replace(quarters=(own.quarters + (turns // 90).astype(np.int64)) % 4)
@@ -507,13 +507,13 @@ class _Writer:
             inside = np.full(len(own), parent[index])
             ends = _ChainEnds.of(len(own), copies.ends)
             placed = _blank(len(own))
-            at = _turned_place(*copies.at, frame.lengths_of(inside), frame.quarters[inside])
+            at = _turn_places(*copies.at, frame.lengths_of(inside), frame.quarters[inside])
             placed.at[:], placed.rests[:, :2] = at
             placed.extent[:] = copies.lengths[:, None]
             placed.free[:] = True
             placed.child[:] = rows.child[own]
             placed.copy[:, 0] = copies.number
-            finished = self._finished(placed, ends, frame.factor[inside], frame.quarters[inside])
+            finished = self._finish(placed, ends, frame.factor[inside], frame.quarters[inside])
             for column, values in zip(rows, finished, strict=True):
                 column[own] = values
 
@@ -623,7 +623,7 @@ def _where(condition: NDArray[np.bool_], one: Exact, other: Exact) -> Exact:
     )
 
 
-def _turned_place(
+def _turn_places(
     x: Exact, y: Exact, lengths: tuple[Exact, Exact], quarters: Ints
 ) -> tuple[Floats, Floats]:
     """Places in cells after quarter turns, (n, 2), and the rests of these doubles, (n, 2).
@@ -641,7 +641,7 @@ def _turned_place(
     return np.column_stack([first.near, second.near]), np.column_stack([first.rest, second.rest])
 
 
-def _turned_block(block: Ints, grid: Ints, quarters: Ints) -> Ints:
+def _turn_blocks(block: Ints, grid: Ints, quarters: Ints) -> Ints:
     """Blocks of cells, (n, 4) column, row, columns, rows, after quarter turns of their grids."""
     if not quarters.any():
         return block

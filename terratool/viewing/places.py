@@ -91,7 +91,7 @@ class Places(Struct, frozen=True, dict=True):
         """Texts by the path with which names of elements begin; "" for the terrain."""
         own = self.checked.document
         assert own is not None
-        return {"": own, **{path_between(own, one): one for one in own.reached}}
+        return {"": own, **{path_between(own, one): one for one in own.all_libraries}}
 
     @property
     def files(self) -> list[str]:

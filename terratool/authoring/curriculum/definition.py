@@ -131,11 +131,11 @@ def _document(spec: Spec, contents: _Contents) -> Members:
         }
         tiles = {"cells": 1, "children": [{**middle, **tiles}]}
     root = {"type": "ground", "surface": "floor", "vScale": 1, **tiles}
-    used = _used(root, "type")
+    used = _values_of(root, "type")
     for part in contents.parts.values():
-        used |= _used(part, "type")
+        used |= _values_of(part, "type")
     common = {name: primitive for name, primitive in PRIMITIVES.items() if name in used}
-    hollow = any("hole" in _used(part, "surface") for part in contents.parts.values())
+    hollow = any("hole" in _values_of(part, "surface") for part in contents.parts.values())
     surfaces: Members = {"floor": dict(spec.surface)}
     if hollow:
         surfaces["hole"] = {"descr": "No ground", "void": True}
@@ -163,7 +163,7 @@ def _exceeds(primitive: Mapping[str, Any]) -> bool:
     return isinstance(curve, list) and any(isinstance(z, int) and z > 1 for z in curve)
 
 
-def _used(element: Mapping[str, Any], key: str) -> set[str]:
+def _values_of(element: Mapping[str, Any], key: str) -> set[str]:
     """Values of a key in an element and in all elements below it."""
     found = {element[key]} if key in element else set()
     children = element.get("children", ())
@@ -172,7 +172,7 @@ def _used(element: Mapping[str, Any], key: str) -> set[str]:
         return found | {
             line.partition(mark)[2].partition('"')[0] for line in children.items if mark in line
         }
-    return found.union(*(_used(child, key) for child in children))
+    return found.union(*(_values_of(child, key) for child in children))
 
 
 def _text(document: Members) -> str:

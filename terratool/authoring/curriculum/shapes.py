@@ -106,7 +106,7 @@ def ratio_within(tile: TileRectangle, inner: TileRectangle, ratio: float) -> Til
     return TileRectangle(tile.x + (tile.w - w) // 2, tile.y + (tile.h - h) // 2, w, h)
 
 
-def grounded(tile: TileRectangle, children: Any, **more: Any) -> Members:
+def level_ground(tile: TileRectangle, children: Any, **more: Any) -> Members:
     """Members of level ground with children in a grid of millimetres."""
     base = {"type": "ground", "vScale": 1, **more}
     return {**base, "cells": [tile.w, tile.h], "children": children}
@@ -188,7 +188,7 @@ def hole_lines(holes: Iterable[TileRectangle]) -> TextLines:
     )
 
 
-def merged(levels: NDArray[np.int64], pixel: int) -> list[tuple[TileRectangle, int]]:
+def level_rectangles(levels: NDArray[np.int64], pixel: int) -> list[tuple[TileRectangle, int]]:
     """Rectangles of equal level that cover the pixels that are not at level 0.
 
     Args:
@@ -293,7 +293,7 @@ def _curve(points: Iterable[tuple[float, float]]) -> list[list[float]]:
     return [[t if t != int(t) else int(t), z if z != int(z) else int(z)] for t, z in knots]
 
 
-def _mirrored(points: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
+def _with_mirror_image(points: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
     """Points up to the middle and their mirror image behind; a point in the middle stands once."""
     behind = [(1.0 - t, z) for t, z in reversed(points)]
     return [*points, *(behind[1:] if points[-1][0] == 0.5 else behind)]
@@ -316,7 +316,7 @@ def stairs(tile: TileRectangle, border: int, width: int, steps: int) -> Members:
             for level in (k, k + 1)
         ]
         # without a border the first riser is the tile's edge
-        return _curve(_mirrored(points if border else points[1:]))
+        return _curve(_with_mirror_image(points if border else points[1:]))
 
     primitive = {
         "descr": f"Steps on four sides: the height is counted in steps, of which there are {steps}",
@@ -365,8 +365,8 @@ def pyramid_slope(name: str, tile: TileRectangle, border: int, platform: float) 
         end = math.ceil(hat[-1][0]) if k < rows else tile.h - first
         strip = [((y - first) / (end - first), z) for y, z in hat]
         primitives[own] = {
-            "x": _curve(_mirrored(along)),
-            "y": _curve(strip if k < rows else _mirrored(strip)),
+            "x": _curve(_with_mirror_image(along)),
+            "y": _curve(strip if k < rows else _with_mirror_image(strip)),
         }
         for y, turn in [(first, 0), (tile.h - end, 180)][: 1 + (k < rows)]:
             place = {"cellX": 0, "cellY": y, "span": [1, end - first]}

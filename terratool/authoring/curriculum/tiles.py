@@ -23,9 +23,9 @@ from terratool.authoring.curriculum.shapes import (
     box_lines,
     corners,
     frame,
-    grounded,
     hole_lines,
-    merged,
+    level_ground,
+    level_rectangles,
     mm,
     outside,
     pyramid_slope,
@@ -118,7 +118,7 @@ class Tile:
     primitives: Mapping[str, Members] = field(default_factory=dict)
 
 
-def _scaled(plot: Plot, part: Members, factor: float) -> Tile:
+def _shared_part_tile(plot: Plot, part: Members, factor: float) -> Tile:
     """Tile with a part that all tiles of its kind share, heights multiplied by a factor."""
     factor = round(factor, 6)
     if not factor:
@@ -126,7 +126,7 @@ def _scaled(plot: Plot, part: Members, factor: float) -> Tile:
     return Tile({"part": plot.spec.name, "vScale": factor}, {plot.spec.name: part})
 
 
-def _own(plot: Plot, part: Members) -> Tile:
+def _own_part_tile(plot: Plot, part: Members) -> Tile:
     """Tile with a part that no other tile has."""
     return Tile({"part": plot.name}, {plot.name: part})
 
@@ -141,7 +141,7 @@ def _sign(plot: Plot) -> int:
 def _pyramid_slope(plot: Plot) -> Tile:
     name = plot.spec.name
     shape = pyramid_slope(name, plot.plan, plot.border, plot.spec.number("platform"))
-    tile = _scaled(plot, shape.element, _sign(plot) * plot.at("slope"))
+    tile = _shared_part_tile(plot, shape.element, _sign(plot) * plot.at("slope"))
     return Tile(tile.element, tile.parts, shape.primitives if tile.element else {})
 
 
@@ -162,7 +162,7 @@ def _noise(plot: Plot) -> Tile:
     shape = relief(plot.name, plot.plan.inset(plot.border), heights, step, low)
     return Tile(
         {"part": plot.name},
-        {plot.name: grounded(plot.plan, [shape.element])},
+        {plot.name: level_ground(plot.plan, [shape.element])},
         shape.primitives,
     )
 
@@ -191,9 +191,9 @@ def _waves(plot: Plot) -> Tile:
         "combine": "sum",
     }
     wave = {"type": name, "vScale": 1, "vOffset": -1}
-    part = wave if inner == plan else grounded(plan, [{**inner.place, **wave}])
+    part = wave if inner == plan else level_ground(plan, [{**inner.place, **wave}])
     # half the amplitude to each side
-    tile = _scaled(plot, part, plot.at("amplitude"))
+    tile = _shared_part_tile(plot, part, plot.at("amplitude"))
     return Tile(tile.element, tile.parts, {name: primitive} if tile.element else {})
 
 
@@ -216,10 +216,10 @@ def _stairs(plot: Plot) -> Tile:
     if plot.holes:
         holes = hole_lines([*plot.holes, *(rim for rim in _rim(plot) if rim.w and rim.h)])
         part |= {"cells": [plan.w, plan.h], "children": holes}
-    tile = _scaled(plot, part, _sign(plot) * plot.at("stepHeight"))
+    tile = _shared_part_tile(plot, part, _sign(plot) * plot.at("stepHeight"))
     if tile.element:
         return Tile(tile.element, tile.parts, {name: stairs(plan, border, width, steps)})
-    return _own(plot, grounded(plan, part["children"])) if plot.holes else tile
+    return _own_part_tile(plot, level_ground(plan, part["children"])) if plot.holes else tile
 
 
 def _rim(plot: Plot) -> list[TileRectangle]:
@@ -244,7 +244,7 @@ def _levels(plot: Plot, height: float) -> Tile:
         element = {**outer.place, **level, "cells": [outer.w, outer.h], "children": [upper]}
     else:
         element = {**inner.place, **level}
-    return _scaled(plot, grounded(whole, [element]), height)
+    return _shared_part_tile(plot, level_ground(whole, [element]), height)
 
 
 def _rails(plot: Plot) -> Tile:
@@ -252,7 +252,7 @@ def _rails(plot: Plot) -> Tile:
     first, second = (mm(thickness) for thickness in plot.spec.range("thickness"))
     outer = ratio_within(plot.plan, inner, _RINGS)
     boxes = [*frame(inner.inset(-first), first, 1.0), *frame(outer.inset(-second), second, 1.0)]
-    return _scaled(plot, grounded(plot.plan, box_lines(boxes)), plot.at("height"))
+    return _shared_part_tile(plot, level_ground(plot.plan, box_lines(boxes)), plot.at("height"))
 
 
 def _gap(plot: Plot) -> Tile:
@@ -266,7 +266,7 @@ def _gap(plot: Plot) -> Tile:
         return Tile()
     gap = frame(outer, inner.x - outer.x, -depth)
     lines = hole_lines(plan for plan, _ in gap) if void else box_lines(gap)
-    return _own(plot, grounded(plot.plan, lines))
+    return _own_part_tile(plot, level_ground(plot.plan, lines))
 
 
 # --- random boxes and objects --------------------------------------------------------------------
@@ -285,7 +285,7 @@ def _random_grid(plot: Plot) -> Tile:
     ]
     holes, platform = plot.holes, plot.platform
     boxes = [*outside(boxes, [platform, *holes]), Box(platform, height)]
-    return _own(plot, grounded(plan, box_lines(boxes) + hole_lines(holes)))
+    return _own_part_tile(plot, level_ground(plan, box_lines(boxes) + hole_lines(holes)))
 
 
 def _discrete_obstacles(plot: Plot) -> Tile:
@@ -302,8 +302,10 @@ def _discrete_obstacles(plot: Plot) -> Tile:
         level = (-2, -1, 1, 2)[int(draw.whole(4)[0])]
         levels[y : y + h, x : x + w] = 2 if fixed else level
     height, platform = plot.at("height"), plot.platform
-    boxes = [Box(rectangle, level * height / 2) for rectangle, level in merged(levels, PIXEL)]
-    return _own(plot, grounded(plan, box_lines(outside(boxes, [platform]))))
+    boxes = [
+        Box(rectangle, level * height / 2) for rectangle, level in level_rectangles(levels, PIXEL)
+    ]
+    return _own_part_tile(plot, level_ground(plan, box_lines(outside(boxes, [platform]))))
 
 
 def _stepping_stones(plot: Plot) -> Tile:
@@ -328,8 +330,10 @@ def _stepping_stones(plot: Plot) -> Tile:
                     place = place[1], place[0], place[3], place[2]
                 boxes.append(Box(TileRectangle(*place), z))
     boxes = [*outside(boxes, [plot.platform]), Box(plot.platform, 0.0)]
-    part = grounded(plan, box_lines(boxes, depth))
-    return _own(plot, {**part, "type": "level", "vScale": -round(depth, DIGITS)} if depth else part)
+    part = level_ground(plan, box_lines(boxes, depth))
+    return _own_part_tile(
+        plot, {**part, "type": "level", "vScale": -round(depth, DIGITS)} if depth else part
+    )
 
 
 def _star(plot: Plot) -> Tile:
@@ -349,11 +353,13 @@ def _star(plot: Plot) -> Tile:
     rim = width + 1e-9
     star |= (x < rim) | (x > plan.w / MM - rim) | (y < rim) | (y > plan.h / MM - rim)
     # the ground between the bars; a remainder along the edges narrower than a pixel stays up
-    boxes = [Box(hole, -height) for hole, _ in merged((~star).astype(np.int64), _STAR_PIXEL)]
-    return _own(plot, grounded(plan, box_lines(boxes)))
+    boxes = [
+        Box(hole, -height) for hole, _ in level_rectangles((~star).astype(np.int64), _STAR_PIXEL)
+    ]
+    return _own_part_tile(plot, level_ground(plan, box_lines(boxes)))
 
 
-def _repeated(plot: Plot) -> Tile:
+def _repeated_objects(plot: Plot) -> Tile:
     spec, plan = plot.spec, plot.plan
     height = plot.at("height")
     fewest, most = spec.range("count")
@@ -362,7 +368,7 @@ def _repeated(plot: Plot) -> Tile:
     half_platform = (height if platform_height < 0.0 else platform_height) / 2
     kind, sides, share = _object(plot)
     radius = math.ceil(mm(math.hypot(*sides) if kind != "column" else sides[0]) / 2)
-    places = _strewn(plot, count, radius)
+    places = _disc_places(plot, count, radius)
     absolute = plot.draw.uniform(*spec.range("noise"), len(places)).tolist()
     factors = plot.draw.uniform(*spec.range("relativeNoise"), len(places)).tolist()
     turns = plot.draw.uniform(0.0, 360.0, len(places)).tolist()
@@ -380,7 +386,7 @@ def _repeated(plot: Plot) -> Tile:
     if z:
         elements.append({**plot.platform.place, "type": "level", "vScale": z})
     descr = f"{len(places)} of {count} places found, {len(elements) - bool(z)} objects"
-    return _own(plot, {"descr": descr, **grounded(plan, elements)})
+    return _own_part_tile(plot, {"descr": descr, **level_ground(plan, elements)})
 
 
 def _object(plot: Plot) -> tuple[str, tuple[float, float], float]:
@@ -397,7 +403,7 @@ def _object(plot: Plot) -> tuple[str, tuple[float, float], float]:
             return "pyramid", (side, side), 1.0
 
 
-def _strewn(plot: Plot, count: int, radius: int) -> list[tuple[int, int]]:
+def _disc_places(plot: Plot, count: int, radius: int) -> list[tuple[int, int]]:
     """Middles (x, y) of discs, mm, that touch neither each other nor the platform or the edge."""
     plan, platform = plot.plan, plot.platform
     room = np.array([plan.w, plan.h]) - 2 * radius
@@ -435,9 +441,9 @@ MAKERS: dict[str, Callable[[Plot], Tile]] = {
     "box": lambda plot: _levels(plot, plot.at("height")),
     "rails": _rails,
     "star": _star,
-    "repeatedBoxes": _repeated,
-    "repeatedPyramids": _repeated,
-    "repeatedCylinders": _repeated,
+    "repeatedBoxes": _repeated_objects,
+    "repeatedPyramids": _repeated_objects,
+    "repeatedCylinders": _repeated_objects,
 }
 """Function that makes a tile, by the name of the kind."""
 

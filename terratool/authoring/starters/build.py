@@ -49,10 +49,10 @@ def new(kind: str, **options: Any) -> str:
             raise RequestError(f"{kind} takes no {key!r}.", hint_for(key, list(known)))
     given = {key: value for key, value in options.items() if value is not None}
     values = {
-        key: option.accepted(given[key]) if key in given else option.default
+        key: option.valid_value(given[key]) if key in given else option.default
         for key, option in known.items()
     }
-    return text_of(_explained(KINDS[kind].make(Wanted(values))))
+    return text_of(_with_reasons(KINDS[kind].make(Wanted(values))))
 
 
 _REASONS = {
@@ -63,15 +63,15 @@ _REASONS = {
 """Reasons for which a new terrain has findings ignored, by their codes."""
 
 
-def _explained(value: Any) -> Any:
+def _with_reasons(value: Any) -> Any:
     """Copy of a JSON value in which `x-why` follows each `x-ignore` and gives the reasons."""
     if isinstance(value, list):
-        return [_explained(item) for item in value]
+        return [_with_reasons(item) for item in value]
     if not isinstance(value, dict):
         return value
     members: dict[str, Any] = {}
     for key, member in value.items():
-        members[key] = _explained(member)
+        members[key] = _with_reasons(member)
         if key == "x-ignore":
             members["x-why"] = ". ".join(_REASONS[code] for code in member)
     return members

@@ -66,7 +66,7 @@ def _craters(wanted: Wanted) -> Members:
         children.append(
             {
                 **whole,
-                "scatter": _strewn(worn, (3 * smallest / 2, 3 * largest / 2), draw, 1),
+                "scatter": _scatter_value(worn, (3 * smallest / 2, 3 * largest / 2), draw, 1),
                 "descr": "Worn craters: the share of those wider than D falls with its square",
                 "type": "wornCrater",
                 "vScale": 0.6667,
@@ -76,7 +76,7 @@ def _craters(wanted: Wanted) -> Members:
         children.append(
             {
                 **whole,
-                "scatter": _strewn(fresh, (2 * smallest, 2 * largest), draw, 2),
+                "scatter": _scatter_value(fresh, (2 * smallest, 2 * largest), draw, 2),
                 "descr": "Fresh craters, likewise; their cells are twice as wide as they",
                 "type": "freshCrater",
                 "vScale": 0.5,
@@ -104,7 +104,7 @@ def _craters(wanted: Wanted) -> Members:
         children.append(
             {
                 **whole,
-                "scatter": _strewn(rocks, (200, min(1000, min(size))), draw, 3),
+                "scatter": _scatter_value(rocks, (200, min(1000, min(size))), draw, 3),
                 "descr": "Rocks, half as high as wide",
                 "type": "knob",
                 "surface": "rock",
@@ -125,7 +125,7 @@ def _craters(wanted: Wanted) -> Members:
     }
 
 
-def _strewn(count: int, sizes: tuple[float, float], draw: RandomDraw, which: int) -> Members:
+def _scatter_value(count: int, sizes: tuple[float, float], draw: RandomDraw, which: int) -> Members:
     """Value of `scatter`, whose seed differs from those of the terrain's other scattered ones."""
     seed = (4 * draw.seed + which) % 2**53
     return {"count": count, "sizes": [m(side) for side in sizes], "seed": seed}

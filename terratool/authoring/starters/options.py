@@ -69,7 +69,7 @@ class Option(Key, frozen=True, kw_only=True):
         unit = f" {self.unit}" if self.unit else ""
         return f"{self.low:,.16g} to {self.high:,.16g}{unit}"
 
-    def accepted(self, value: Any) -> Value:
+    def valid_value(self, value: Any) -> Value:
         """Return a valid value of the option, lengths rounded to whole millimetres.
 
         Raises:

@@ -67,7 +67,7 @@ class Subject(_Subject, frozen=True, kw_only=True):
         if self.left_out("", "use"):
             return True
         document = self.document
-        return _lacks(document) or bool(document.catalogue.reached_of(document, _lacks))
+        return _lacks(document) or bool(document.catalogue.libraries_where(document, _lacks))
 
     @cached_property
     def uses(self) -> Uses:

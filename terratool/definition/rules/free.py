@@ -13,7 +13,7 @@ from terratool.definition.model import Pair, pair_of
 from terratool.definition.part_sizes import Alike, PartSize
 from terratool.definition.rules.base import Subject, rule
 from terratool.definition.tree import Tree
-from terratool.definition.turning import CLOSE, turned
+from terratool.definition.turning import CLOSE, turned_shape
 from terratool.definition.uses import Root, copies
 from terratool.text.display import shown
 
@@ -115,7 +115,7 @@ def turned_parent(subject: Subject) -> Iterator[Remark]:
                 "Turn it by 0, 90, 180 or 270, or place the children beside it.",
                 element=parent,
             )
-    for index, name in tree.having("part", subject.uses.known):
+    for index, name in tree.elements_with("part", subject.uses.known_parts):
         end = subject.uses.end(Root(tree, index, subject.document))
         free = places[index] is not UNSET or scatters[index] is not UNSET
         if not free or end is None or end.turn % 90 == 0:
@@ -178,7 +178,7 @@ def outside_cell(subject: Subject) -> Iterator[Remark]:
             continue
         for place, beyond in islice(crowd.beyond(parent), 1):
             pointer = f"{alike.root.tree.pointer(place)} of the part {shown(size.part)}"
-            for element in subject.place_sizes.leading_to(size, seen):
+            for element in subject.place_sizes.elements_leading_to(size, seen):
                 if element not in told:
                     told.add(element)
                     yield Remark(
@@ -245,7 +245,7 @@ def _box(subject: Subject, tree: Tree, index: int) -> _Box | None:
     primitive = subject.primitives.get(end.root.tree.value("type", end.root.element))
     scattered = tree.value("scatter", index) is not UNSET  # copies stay in the element's cell
     round_ = primitive is not None and primitive.combine == "radial"
-    reach = turned(pair_of(extent, math.nan), 0.0 if scattered else end.turn, round_).reach
+    reach = turned_shape(pair_of(extent, math.nan), 0.0 if scattered else end.turn, round_).reach
     count, step = ((1, 1), (0.0, 0.0)) if repeat is UNSET else (repeat.count, repeat.step)
     last = at[0] + (count[0] - 1) * step[0], at[1] + (count[1] - 1) * step[1]
     return (
@@ -368,7 +368,7 @@ def overlapping_copies(subject: Subject) -> Iterator[Remark]:
             turn = 0.0 if turn is UNSET else turn
             if turn % 90 != 0:
                 continue
-            reach = turned(pair_of(tree.value("extent", index), math.nan), turn, False).reach
+            reach = turned_shape(pair_of(tree.value("extent", index), math.nan), turn, False).reach
             sides = 2 * reach[0], 2 * reach[1]
         # neighbours in a row are moved along one axis alone
         for axis in (0, 1):

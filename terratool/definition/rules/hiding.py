@@ -63,13 +63,13 @@ def hidden_element(subject: Subject) -> Iterator[Remark]:
     """
     tree = subject.tree
     filling = _Filling(subject)
-    if not filling.tiled and not tree.shared:
+    if not filling.tiled and not tree.shared_cells:
         return
-    passed_on = _passed_on(tree)
+    passed_on = _surface_givers(tree)
     for index in sorted(filling.tiled):
         if tree.column("surface")[index] is not UNSET and index not in passed_on:
             yield _remark(tree, index, "its children")
-    sharing = {tree.parents[later] for later, _ in tree.shared}
+    sharing = {tree.parents[later] for later, _ in tree.shared_cells}
     for parent, begin, end in tree.families if sharing else ():
         if parent in sharing:
             for index in _hidden_by_siblings(tree, filling, begin, end):
@@ -110,7 +110,7 @@ def _remark(tree: Tree, index: int, by: str) -> Remark:
     )
 
 
-def _passed_on(tree: Tree) -> set[int]:
+def _surface_givers(tree: Tree) -> set[int]:
     """Elements whose surface a child takes over, as it has none of its own."""
     surfaces = tree.column("surface")
     if surfaces.count(UNSET) == 0:

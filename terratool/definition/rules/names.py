@@ -49,7 +49,7 @@ def unknown_primitive(subject: Subject) -> Iterator[Remark]:
         return
     missing = subject.tree.distinct("type") - primitives.keys() - {UNSET}
     hints = NameHints(primitives, "elemTypes")
-    for index, name in subject.tree.having("type", missing):
+    for index, name in subject.tree.elements_with("type", missing):
         if name in surfaces:
             message = f"{shown(name)} is a surface, where a primitive belongs."
             hint, fix = f'Write the primitive as "type" and "surface": {shown(name)}.', ""
@@ -96,7 +96,7 @@ def unknown_surface(subject: Subject) -> Iterator[Remark]:
         return
     missing = subject.tree.distinct("surface") - surfaces.keys() - {UNSET}
     hints = NameHints(surfaces, "surfTypes")
-    for index, name in subject.tree.having("surface", missing):
+    for index, name in subject.tree.elements_with("surface", missing):
         if name in primitives:
             message = f"{shown(name)} is a primitive, where a surface belongs."
             hint, fix = f'Write "type": {shown(name)} and the surface as "surface".', ""

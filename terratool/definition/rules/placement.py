@@ -128,7 +128,7 @@ def shared_cell(subject: Subject) -> Iterator[Remark]:
     TT208 by x-ignore, in the later element or in the parent.
     """
     tree = subject.tree
-    for later, earlier in tree.shared:
+    for later, earlier in tree.shared_cells:
         pointer = tree.pointer(earlier)
         if len(pointer) > _LONG:
             pointer = "…/children/" + pointer.rpartition("/")[2]

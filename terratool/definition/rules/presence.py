@@ -68,7 +68,7 @@ def missing_key(subject: Subject) -> Iterator[Remark]:
         ("cellY", "cell_y", ("at", "extent")),
     ):
         first = 0 if key == "type" else len(tree.roots)  # a root has no cell
-        if tree.lacking(name) > first:
+        if tree.count_lacking(name) > first:
             column = tree.column(name)
             free = [tree.column(other) for other in others if tree.distinct(other) != {UNSET}]
             message = f'the element has no "{key}".'

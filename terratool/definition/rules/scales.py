@@ -58,7 +58,7 @@ def default_scale(subject: Subject) -> Iterator[Remark]:
     To mend: write the vScale that is meant, also where it is the default.
     """
     tree = subject.tree
-    scales, lacking = tree.column("v_scale"), tree.lacking("v_scale")
+    scales, lacking = tree.column("v_scale"), tree.count_lacking("v_scale")
     if subject.is_library or lacking == len(tree):
         return
     if lacking == scales[: len(tree.roots)].count(UNSET):

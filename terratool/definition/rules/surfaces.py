@@ -247,7 +247,7 @@ def unknown_preset(subject: Subject) -> Iterator[Remark]:
             yield Remark(
                 f"/surfTypes/{escape(name)}/preset",
                 f"no soil is called {shown(surface.preset)}.",
-                _meant(surface.preset),
+                _preset_hint(surface.preset),
             )
 
 
@@ -383,7 +383,7 @@ def single_value_range(subject: Subject) -> Iterator[Remark]:
             )
 
 
-def _meant(name: str) -> str:
+def _preset_hint(name: str) -> str:
     from difflib import get_close_matches
 
     # names mostly differ by a whole word: "sand" for "dry-sand"

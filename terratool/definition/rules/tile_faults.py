@@ -31,7 +31,7 @@ def faults(subject: CurriculumSubject) -> Iterator[Remark]:
     yield from _grid(text, sides)
     yield from _names("/kinds", text.kinds)
     yield from _names("/patches", text.patches)
-    yield from _reversed("", [("difficulty", text.difficulty)])
+    yield from _reversed_ranges("", [("difficulty", text.difficulty)])
     yield from _kinds(subject, sides)
     yield from _patches(text, sides)
     if text.surface is not UNSET and text.surface.void is True:
@@ -94,7 +94,7 @@ def _names(pointer: str, names: Iterable[str]) -> Iterator[Remark]:
             yield Remark(here, message, "Choose another one.", on_key=True)
 
 
-def _reversed(pointer: str, values: Iterable[tuple[str, object]]) -> Iterator[Remark]:
+def _reversed_ranges(pointer: str, values: Iterable[tuple[str, object]]) -> Iterator[Remark]:
     """Yield remarks on ranges that end before they begin."""
     for key, value in values:
         if isinstance(value, tuple) and value[0] > value[1]:
@@ -112,7 +112,7 @@ def _kinds(subject: CurriculumSubject, sides: Pair | None) -> Iterator[Remark]:
             if tile.kind is not UNSET:
                 yield Remark(f"{pointer}/kind", *_unknown_kind(tile.kind))
             continue
-        ends = list(_reversed(pointer, tile.values.items()))
+        ends = list(_reversed_ranges(pointer, tile.values.items()))
         yield from ends
         kind = KindSpec.of(name, tile)
         total += kind.proportion
@@ -137,7 +137,7 @@ def _unknown_kind(kind: str) -> tuple[str, str]:
 def _patches(text: CurriculumText, sides: Pair | None) -> Iterator[Remark]:
     for name, patch in text.patches.items():
         pointer = f"/patches/{escape(name)}"
-        yield from _reversed(pointer, [("x", patch.x), ("y", patch.y), ("z", patch.z)])
+        yield from _reversed_ranges(pointer, [("x", patch.x), ("y", patch.y), ("z", patch.z)])
         if sides is not None and patch.radius is not UNSET and patch.radius > min(sides) / 2:
             yield Remark(
                 f"{pointer}/radius",

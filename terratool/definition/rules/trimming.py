@@ -23,7 +23,7 @@ from terratool.definition.part_sizes import Cells, PartSize, PartSizes, SizeLimi
 from terratool.definition.rules.base import Subject, rule
 from terratool.definition.summaries import combine_values, curve_values
 from terratool.definition.tree import ROOT, Tree
-from terratool.definition.turning import CLOSE, Point, Turned, turned
+from terratool.definition.turning import CLOSE, Point, Turned, turned_shape
 from terratool.definition.uses import Uses, elements_of
 from terratool.text.display import shown
 
@@ -156,7 +156,7 @@ class _Cells:
         self.all_known = (
             all(self._known.values())
             and not subject.unfit
-            and all(tree.lacking(key) == len(tree.roots) for key in ("cell_x", "cell_y"))
+            and all(tree.count_lacking(key) == len(tree.roots) for key in ("cell_x", "cell_y"))
         )
 
     def is_known(self, index: int) -> bool:
@@ -183,7 +183,7 @@ class _Cells:
     def shape(self, kind: int, turn: float, primitive: Primitive | None) -> Turned:
         """Shape of an element that is turned in a cell of a known kind."""
         is_round = primitive is not None and primitive.combine == "radial"
-        return turned(self.sides(kind).lengths, turn, is_round)
+        return turned_shape(self.sides(kind).lengths, turn, is_round)
 
     def sides(self, kind: int) -> Sides:
         """Sides of cells of a known kind."""
@@ -221,10 +221,12 @@ def _in_parts(subject: Subject) -> Iterator[Remark]:
     uses = subject.uses
     if not uses.has_root or uses.circles or subject.definition.size is UNSET:
         return
-    trees = {id(root.tree): root.tree for root in (uses.root, *map(uses.part, uses.reached))}
-    if not uses.reached or all(map(_is_aligned, trees.values())):
+    trees = {id(root.tree): root.tree for root in (uses.root, *map(uses.part, uses.parts_in_use))}
+    if not uses.parts_in_use or all(map(_is_aligned, trees.values())):
         return
-    sizes = PartSizes(uses, set(uses.reached), partial(_grouped, subject), _LIMITS, _proportions)
+    sizes = PartSizes(
+        uses, set(uses.parts_in_use), partial(_group_elements, subject), _LIMITS, _proportions
+    )
     told: set[int] = set()
     seen: set[PartSize] = set()
     users: set[int] = set()
@@ -236,9 +238,9 @@ def _in_parts(subject: Subject) -> Iterator[Remark]:
         if mark in told or (kind.is_root and size.whole) or (not own and kind.turn % 90 != 0):
             continue
         primitive = subject.primitives[kind.primitive]
-        lengths, cell = (each.turned(size.lies).lengths for each in (alike.sides, size.sides))
+        lengths, cell = (each.turn_by(size.lies).lengths for each in (alike.sides, size.sides))
         turn = math.fmod(kind.turn + 90 * size.lies, 360.0)
-        shape = turned(lengths, turn, primitive.combine == "radial")
+        shape = turned_shape(lengths, turn, primitive.combine == "radial")
         bare = kind.may_be_bare and not (kind.is_root and _is_added_to(uses, sizes.found[size]))
         if not shape.is_trimmed or (bare and _is_bare(primitive, shape)):
             continue
@@ -254,7 +256,7 @@ def _in_parts(subject: Subject) -> Iterator[Remark]:
             continue
         library = path_between(subject.document, alike.root.home)
         place = f"{library}#{alike.root.tree.pointer(alike.elements[0])}"
-        for user in sizes.leading_to(size, seen):
+        for user in sizes.elements_leading_to(size, seen):
             if user not in users:
                 users.add(user)
                 yield Remark("/part", f"in {place}, {lost}, {where}.", hint, element=user)
@@ -279,7 +281,7 @@ def _proportions(size: PartSize) -> tuple[str, float, bool, bool]:
     return size.part, ratio, size.lies, size.whole
 
 
-def _grouped(subject: Subject, cells: Cells) -> Iterator[tuple[int, _TrimKey, int]]:
+def _group_elements(subject: Subject, cells: Cells) -> Iterator[tuple[int, _TrimKey, int]]:
     """Elements of a part that cells of the grid may trim, by cell and kind."""
     root, tree = cells.root, cells.root.tree
     if root == subject.uses.root:
