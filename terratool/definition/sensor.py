@@ -83,7 +83,7 @@ class LidarText(Struct, frozen=True, rename="camel", kw_only=True):
         return max(steps, 1) if self.is_full else steps + 1
 
     @property
-    def firing(self) -> float:
+    def column_duration(self) -> float:
         """Time from the first beam of a column to its last one, s."""
         interval = 0.0 if self.firing_interval is UNSET else self.firing_interval
         return interval * max(self.rings - 1, 0)

@@ -14,7 +14,7 @@ from terratool.definition import sharing
 from terratool.definition.model import Scatter
 from terratool.definition.reader import Checked, CheckOptions, check
 from terratool.definition.rules import scatter
-from terratool.definition.scatter_areas import Area, strewn_over
+from terratool.definition.scatter_areas import Area, copies_over
 from terratool.definition.scattering import Strewn, share, strew, strewing_of
 from terratool.definition.uses import Root
 from terratool.field.terrain import Terrain
@@ -294,11 +294,11 @@ def test_so_many_are_announced_as_are_placed(
     placed = []
 
     def counted(root: Root, area: Area) -> Strewn:
-        found = strewn_over(root, area)
+        found = copies_over(root, area)
         placed.append(len(found.sides))
         return found
 
-    monkeypatch.setattr(sharing, "strewn_over", counted)
+    monkeypatch.setattr(sharing, "copies_over", counted)
     Terrain(checked, share_above=0)
     assert 0 < sum(placed) <= copies
     assert (sum(placed) == copies) == exactly

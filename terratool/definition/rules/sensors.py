@@ -231,10 +231,10 @@ def slow_firing(subject: SensorSubject) -> Iterator[Remark]:
     if lidar is UNSET or subject.left_out("", "rate"):
         return
     column = lidar.column_time(RATE if sensor.rate is UNSET else sensor.rate)
-    if lidar.firing > column * _SLACK:
+    if lidar.column_duration > column * _SLACK:
         yield Remark(
             "/lidar/firingInterval",
-            f"the last beam of a column fires {lidar.firing:.4g} s after the first, but the "
-            f"next column comes after {column:.4g} s.",
+            f"the last beam of a column fires {lidar.column_duration:.4g} s after the first, but "
+            f"the next column comes after {column:.4g} s.",
             'Give a shorter "firingInterval", a coarser "azimuthStep" or a lower "rate".',
         )
