@@ -17,10 +17,10 @@ from terratool.definition.expression import (
 )
 
 TOLERANCE = 1e-8
-"""Error that the pieces of a formula aim at, for values up to 1."""
+"""Error that the pieces of a formula aim at, in the formula's values."""
 
 RELATIVE = 1e-12
-"""Further error allowed over the largest value, as the rounding of the values is of that size."""
+"""Error allowed besides, over the largest value, as rounding of the values is of that size."""
 
 MAX_PIECES = 1 << 16
 SLACK = 10.0

@@ -21,7 +21,7 @@ from terratool.definition.uses import Uses, track_surfaces
 from terratool.text.scan import first_value, members, value_end
 
 _EXACT = 1e15
-_TOLD = 2.0**-84
+_NEGLIGIBLE = 2.0**-84
 """Error of a place, over the longer side of the terrain, below which its edges are the same."""
 
 
@@ -62,7 +62,7 @@ def bundle(checked: Checked, *, expanded: bool = False) -> Bundle:
         from terratool.definition.expand import expand
 
         tree = expand(uses).tree
-        # a surface that only parts use is written into their elements
+        # a surface given to a part is not worn where the part's elements have their own
         worn = tree.distinct("surface") | track_surfaces(checked.terrain)
         needed = {
             "surfTypes": {name: None for name in needed["surfTypes"] if name in worn},
@@ -93,7 +93,7 @@ def _count_inexact(tree: Tree, longest: float) -> int:
     )
     return sum(
         any(
-            abs(rest - rest_of(near)) > _TOLD * longest
+            abs(rest - rest_of(near)) > _NEGLIGIBLE * longest
             for near, rest in zip(p[:4], p[4:], strict=True)
         )
         for p in places

@@ -120,7 +120,7 @@ class ChangeTarget:
         return data
 
     def check_change(self, data: bytes, added: str, options: CheckOptions | None = None) -> Checked:
-        """Check a changed text and return what it says.
+        """Check a changed text and return the result.
 
         Args:
             data: the changed text.
@@ -168,8 +168,8 @@ def open_target(
 
     Raises:
         ReadError: the file cannot be read.
-        DefinitionError: it has an error, or is no terrain or library.
-        RequestError: it is standard input, or the output would be standard output.
+        DefinitionError: the text has an error, or is no terrain or library.
+        RequestError: the path is standard input, or the output standard output.
         WriteError: the output exists.
     """
     if path == "-":

@@ -45,7 +45,7 @@ _reads = re.compile(
 _grids = re.compile(rf"\b(?:nadgrids|geoidgrids)\s*=|{_FILES}", re.IGNORECASE).search
 """Search for grids that PROJ reads, in a text that may hold other things."""
 _NO_GRIDS = re.compile(r"\+nadgrids=@null(?=[\s\"]|$)")
-"""A datum shift of nothing, as in the Mercator projection of web maps; it reads no file."""
+"""Empty datum shift, as in the Mercator projection of web maps; no file is read for it."""
 _DEEPEST = 50
 _parameter = re.compile(r"\+([a-z][a-z0-9_]*)(?:=([-+.\w'\"°,]+))?", re.IGNORECASE).fullmatch
 

@@ -1,7 +1,7 @@
 """Specs of grids of training tiles as they are written: frozen typed values, absent keys `UNSET`.
 
 The classes mirror the text key by key, in its units. `terratool.definition.tile_spec` fills
-in what was left out.
+in the defaults of absent keys.
 """
 
 from __future__ import annotations

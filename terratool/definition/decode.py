@@ -275,7 +275,7 @@ class _Decoder:
                 continue
             name, types, low, high, number = slot
             its = type(item)
-            if its in types:  # a million elements pass here
+            if its in types:  # fast path, as a million elements may pass here
                 if its is int:
                     if low <= item <= high:
                         fields[name] = float(item) if number else item

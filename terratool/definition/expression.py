@@ -126,7 +126,7 @@ Op = tuple[str, float | int | None]
 
 
 class ExpressionError(ValueError):
-    """Error of an expression that does not parse, or is not finite; `hint` says what to do."""
+    """Error of an expression that does not parse, or is not finite, with a hint."""
 
     def __init__(self, message: str, hint: str) -> None:
         super().__init__(message)

@@ -49,13 +49,13 @@ def _layouts() -> dict[type, Layout]:
 _LAYOUTS = _layouts()
 TERRAIN, VEHICLE, SENSOR = (_LAYOUTS[kind] for kind in (Definition, VehicleText, SensorText))
 """Layouts of texts; libraries have that of terrains, as their keys are some of a terrain's."""
-_TOLD = Layout({"kind": 0, "proportion": 1}, others=2, rows=True)
+_TILE_KIND = Layout({"kind": 0, "proportion": 1}, others=2, rows=True)
 CURRICULUM = Layout(
     {key: place for place, key in enumerate(KEYS[CurriculumText])},
     others=list(KEYS[CurriculumText]).index("surface") - 0.5,
     members={
         "surface": _LAYOUTS[Surface],
-        "kinds": Layout(items=_TOLD, broken=True),
+        "kinds": Layout(items=_TILE_KIND, broken=True),
         "patches": Layout(broken=True),
     },
     broken=True,

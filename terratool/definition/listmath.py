@@ -46,7 +46,7 @@ def _one_power(x: float, y: float) -> float:
     if not infinite:
         try:
             return math.pow(x, y)
-        except OverflowError:  # by rounding
+        except OverflowError:  # overflow by rounding alone
             pass
     # a large exponent is even, and its remainder would take long
     negative = copysign(1.0, x) < 0.0 and abs(y) < 2.0**53 and y % 2.0 == 1.0

@@ -22,7 +22,7 @@ def schema(name: str = "terrain") -> dict[str, Any]:
     if name not in NAMES:
         raise ValueError(f"There is no schema {name!r}; there is {', '.join(NAMES)}.")
     packaged = files("terratool") / "schemas" / f"{name}.schema.json"
-    if not packaged.is_file():  # a checkout keeps them at its top
+    if not packaged.is_file():  # a checkout has schemas/ at its top
         packaged = Path(__file__).parents[2] / "schemas" / f"{name}.schema.json"
     loaded: dict[str, Any] = json.loads(packaged.read_text("utf-8"))
     return loaded

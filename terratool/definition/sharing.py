@@ -475,7 +475,7 @@ def smallest_cell(plan: Blueprint) -> float:
 def _smallest_of(node: BlueprintNode) -> list[tuple[int, Sides | tuple[int, int]]]:
     """Inner templates of an element with its free sides, or the span of its cell.
 
-    Scattered copies with one template count by the smallest: cells in the others are larger.
+    Scattered copies with one template count by the smallest: cells in the others are no smaller.
     """
     if node.numbers is None:
         return [(node.inner, sides(node.extent) if node.extent else node.span)]

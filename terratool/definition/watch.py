@@ -51,7 +51,7 @@ class Watch:
         self._seen: dict[str, _FileCheck] = {}
 
     def look(self, name: str, options: CheckOptions) -> Checked:
-        """Result for a file, which is read only if it has changed; the models are left out.
+        """Result for a file, which is read only if it has changed; a kept result has no model.
 
         Raises:
             ReadError: the file cannot be read, or is no regular file.

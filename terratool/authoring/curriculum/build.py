@@ -31,8 +31,8 @@ class Curriculum:
 
     Attributes:
         spec: the spec that it was made of.
-        text: its definition, as `terratool format` writes it.
-        terrain: the terrain that the definition describes.
+        text: definition of the grid, as `terratool format` writes it.
+        terrain: terrain of that definition, compiled.
         assignment: kind and difficulty of each tile.
         origins: places where robots begin, (rows, columns, 3) float64, world, m.
         patches: level places by name, (rows, columns, count, 3) float64, world, m; NaN where none

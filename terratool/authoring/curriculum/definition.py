@@ -32,7 +32,7 @@ class Assignment:
 
 
 def draw_of(spec: Spec, row: int, column: int, purpose: int = 0) -> Draw:
-    """Random numbers of one tile, which do not depend on what other tiles are.
+    """Random numbers of one tile, which do not depend on other tiles.
 
     Args:
         spec: spec of the tiles, for its seed.
@@ -103,7 +103,7 @@ def _add(
     kind, difficulty = spec.kinds[known.kinds[place]], float(known.difficulty[place])
     row, column = place
     draw = draw_of(spec, row, column)
-    draw.uniform(0.0, 1.0, 2)  # what `assign` took
+    draw.uniform(0.0, 1.0, 2)  # `assign` has drawn these two
     name = f"{kind.name} {row},{column}"
     tile = MAKERS[kind.kind](Plot(kind, plan, difficulty, name, draw))
     contents.primitives.update(tile.primitives)

@@ -139,7 +139,7 @@ def _number(value: float) -> str:
 
 
 def without(plan: TileRectangle, hole: TileRectangle) -> Iterator[TileRectangle]:
-    """Up to four rectangles that cover what of a rectangle lies outside another."""
+    """Up to four rectangles that cover the area of one rectangle outside of another."""
     west, east = max(plan.x, hole.x), min(plan.x + plan.w, hole.x + hole.w)
     south, north = max(plan.y, hole.y), min(plan.y + plan.h, hole.y + hole.h)
     if west >= east or south >= north:
@@ -155,7 +155,7 @@ def without(plan: TileRectangle, hole: TileRectangle) -> Iterator[TileRectangle]
 
 
 def outside(boxes: Iterable[Box], holes: Sequence[TileRectangle]) -> list[Box]:
-    """Boxes that cover what of boxes lies outside of all holes."""
+    """Boxes that cover the areas of boxes outside of all holes."""
     kept = list(boxes)
     for hole in holes:
         kept = [Box(part, height) for plan, height in kept for part in without(plan, hole)]

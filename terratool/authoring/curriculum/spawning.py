@@ -1,4 +1,4 @@
-"""Where robots begin: the origin of each tile, and level places on it."""
+"""Spawning places of robots: the origin of each tile, and level places on it."""
 
 from __future__ import annotations
 
@@ -119,7 +119,7 @@ def _patches(spec: Spec, number: int, terrain: Terrain, origin: Floats) -> Float
                 for i in wanting.tolist()
             ]
         )
-        # whole micrometres, so that the place that is kept is the one that was looked at
+        # rounded to micrometres first, so that the place that is kept is the place that was tested
         places = np.round(centre[wanting, np.newaxis, :2] + places, _DIGITS)
         z = _level_heights(terrain, patch, places, centre[wanting, 2])
         for i, place, height in zip(wanting.tolist(), places, z, strict=True):

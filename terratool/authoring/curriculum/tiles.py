@@ -343,7 +343,7 @@ def _star(plot: Plot) -> Tile:
     columns, rows = plan.w // _STAR_PIXEL, plan.h // _STAR_PIXEL
     x = (np.arange(columns) + 0.5) * _STAR_PIXEL / MM
     y = ((np.arange(rows) + 0.5) * _STAR_PIXEL / MM)[:, np.newaxis]
-    # what is on an edge to within rounding counts as inside, on every machine
+    # points on an edge, to within rounding, count as inside on every machine
     near = width / 2 + 1e-9
     dx, dy = x - plan.w / 2 / MM, y - plan.h / 2 / MM
     star = dx * dx + dy * dy <= (spec.number("platform") / 2 + 1e-9) ** 2
@@ -393,7 +393,7 @@ def _object(plot: Plot) -> tuple[str, tuple[float, float], float]:
     """Primitive of an object, its sides (x, y), m, and the share of its height above ground."""
     match plot.spec.kind:
         case "repeatedBoxes":
-            # the generators have the middles of boxes and cylinders on the ground
+            # boxes and cylinders of the generators have their middles on the ground
             return "level", (round(plot.at("length"), 3), round(plot.at("width"), 3)), 0.5
         case "repeatedCylinders":
             side = round(2 * plot.at("radius"), 3)

@@ -70,7 +70,7 @@ def _course(wanted: Wanted) -> Members:
     except DefinitionError as error:
         first = error.findings[0]
         raise RequestError(f"Such a course cannot be made: {first.message}", first.hint) from error
-    except RequestError as error:  # too many pieces; of the options only these two help
+    except RequestError as error:  # too many pieces: only these two options reduce them
         raise RequestError(error.message, "Ask for fewer --rows or --columns.") from error
     document: Members = json.loads(made.text)
     root = document["elemTree"]

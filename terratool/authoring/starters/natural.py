@@ -184,7 +184,7 @@ def _barchan(surface: str) -> Members:
         if row:  # the same on the other side of the middle line
             lee["repeat"] = {"count": [1, 2], "step": [0, apart]}
             rows.append({"cellX": _TOP, "cellY": south, **lee})
-        else:  # these two overlap
+        else:  # the row on the middle line is two overlapping ones
             rows += [{"cellX": _TOP, "cellY": south + one, **lee} for one in (0, apart)]
     return {
         "descr": f"{_LONG:g} × {_WIDE:g} m, 1 m high, slip face in the east; scale extent and "
@@ -241,7 +241,7 @@ def _dunes(wanted: Wanted) -> Members:
     there: list[_Cell] = []
     children = []
     for wish in sorted(tall, reverse=True):
-        # where no more of that height fit, a lower one may
+        # where no dune of that height fits any more, a lower one may
         for one in (wish, least):
             found = _free_cell(size, one, there, draw)
             if found is not None:

@@ -94,7 +94,7 @@ class Option(Key, frozen=True, kw_only=True):
             number = float(value)
         except OverflowError:
             number = math.inf
-        if not self.holds(number):  # nor NaN
+        if not self.holds(number):  # true for NaN, too
             raise RequestError(f"{name} is {number:,.16g}.", f"Give {self.range}.")
         if self.kind == "whole":
             if not number.is_integer():

@@ -49,7 +49,7 @@ def _rough(wanted: Wanted) -> Members:
             f"more than {MOST_NODES:,}.",
             "Make --spacing wider, or the terrain smaller.",
         )
-    high = low + (levels - 1) * step  # the highest that there is
+    high = low + (levels - 1) * step  # the highest level
     draw = wanted.draw
     heights = [[draw.below(levels) for _ in range(columns)] for _ in range(rows)]
     ground = {**surfaces(soil)[SOILS[soil].name]}

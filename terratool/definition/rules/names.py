@@ -45,7 +45,7 @@ def unknown_primitive(subject: Subject) -> Iterator[Remark]:
     if subject.lacks_library or subject.left_out("", "elemTypes"):
         return
     lacks = subject.definition.elem_types is UNSET and subject.definition.use is UNSET
-    if lacks and not subject.is_library:  # TT104 has that
+    if lacks and not subject.is_library:  # TT104 reports a missing dictionary
         return
     missing = subject.tree.distinct("type") - primitives.keys() - {UNSET}
     hints = NameHints(primitives, "elemTypes")

@@ -56,7 +56,7 @@ def outside_grid(subject: Subject) -> Iterator[Remark]:
                 continue
             for axis, (key, what) in enumerate(_AXES):
                 place = places[axis][index]
-                if place is not UNSET:  # TT104 or TT106 has that
+                if place is not UNSET:  # TT104 or TT106 reports a missing place
                     yield from _outside(index, axis, key, what, place, block[axis + 2], grid[axis])
 
 

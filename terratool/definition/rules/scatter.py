@@ -262,6 +262,6 @@ def _sizes(uses: Uses) -> Iterator[tuple[Root, int]]:
                 scatter, extent = (root.tree.value(key, element) for key in ("scatter", "extent"))
                 if scatter is not UNSET:
                     sizes[part] += copy_count(scatter, pair_of(extent, math.nan))
-                else:  # a part in a grid's cell has the sizes of the part around
+                else:  # a part in a grid's cell has as many sizes as the part around
                     sizes[part] += own if extent is UNSET else 1
         yield root, own

@@ -47,7 +47,7 @@ def curve_range(subject: Subject) -> Iterator[Remark]:
             ("y", primitive.y, summary.y),
         ):
             if curve is UNSET or curve == () or curve_summary is None:
-                continue  # an absent curve is 1, and a copied one is reported by its key
+                continue  # an absent curve is 1, and a copied one is reported at the other key
             worst = max(curve_summary.whole, key=lambda value: abs(value - 0.5))
             if -_CLOSE <= worst <= 1 + _CLOSE:
                 continue
