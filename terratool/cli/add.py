@@ -88,7 +88,7 @@ def command(file: str, parent: str, output: str | None, overwrite: bool, **value
     target = open_target(file, output, overwrite, library_roots())
     pointer = f"{parent}/children/{len(target.parent(parent).children or ())}"
     data = target.with_elements(target.source.data, parent, [element])
-    checked = target.accepted(data, "the element", CheckOptions(limit=_ALL))
+    checked = target.check_change(data, "the element", CheckOptions(limit=_ALL))
     target.write(data, overwrite)
     say(f"{target.output}: has {pointer} now.", err=True)
     for finding in checked.findings:

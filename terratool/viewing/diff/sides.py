@@ -9,7 +9,7 @@ from typing import Any
 from msgspec import UNSET, Struct
 
 from terratool.definition.curves import shape_of
-from terratool.definition.libraries import Document, path_between
+from terratool.definition.libraries import SourceDocument, path_between
 from terratool.definition.model import Definition, Primitive, Surface
 from terratool.definition.reader import Checked, CheckOptions, check, no_terrain
 from terratool.definition.uses import Root, Uses
@@ -41,7 +41,7 @@ class Side(Struct, frozen=True, dict=True):
         return uses
 
     @property
-    def document(self) -> Document:
+    def document(self) -> SourceDocument:
         """The text."""
         return self.uses.document
 
@@ -54,25 +54,25 @@ class Side(Struct, frozen=True, dict=True):
     @cached_property
     def surfaces(self) -> dict[str, Surface]:
         """All surfaces that it knows, those of libraries where they are in use."""
-        known, needed = self.uses.names.surfaces, self.uses.needed["surfTypes"]
+        known, needed = self.uses.names.surfaces, self.uses.needed_names["surfTypes"]
         own = self.document.entries["surfTypes"]
         return {n: named.value for n, named in known.items() if n in needed or n in own}
 
     @cached_property
     def primitives(self) -> dict[str, Primitive]:
         """All primitives that it knows, likewise."""
-        known, needed = self.uses.names.primitives, self.uses.needed["elemTypes"]
+        known, needed = self.uses.names.primitives, self.uses.needed_names["elemTypes"]
         own = self.document.entries["elemTypes"]
         return {n: named.value for n, named in known.items() if n in needed or n in own}
 
     @property
     def parts(self) -> dict[str, Root]:
         """The parts that stand in the terrain, directly or in others."""
-        return {name: self.uses.part(name) for name in self.uses.reached}
+        return {name: self.uses.part(name) for name in self.uses.parts_in_use}
 
     def uses_name(self, dictionary: str, name: str) -> bool:
         """Whether the terrain needs an entry of `surfTypes` or `elemTypes`."""
-        return name in self.uses.needed[dictionary]  # type: ignore[index]
+        return name in self.uses.needed_names[dictionary]  # type: ignore[index]
 
     def roots(self) -> Iterator[tuple[str, Root]]:
         """The terrain, and each part in it, by name; that of the terrain is empty."""
