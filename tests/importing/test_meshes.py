@@ -20,7 +20,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from terratool.errors import ReadError, RequestError, TerratoolError
-from terratool.importing import meshes, sources
+from terratool.importing import meshes, types
 from terratool.importing.meshes import READERS, read_triangles
 from terratool.importing.sources import open_source
 from terratool.importing.types import SampledHeights, SourceOptions, Triangles
@@ -834,7 +834,7 @@ def test_instances_that_multiply_are_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     put_glb(tmp_path / "tent.glb")
-    monkeypatch.setattr(sources, "MAX_FACES", 3)
+    monkeypatch.setattr(types, "MAX_FACES", 3)
     assert "more than 3 faces" in refused(tmp_path / "tent.glb").message
 
 
