@@ -320,7 +320,7 @@ def _compared(
     map_: str | None, picture: str | None, overwrite: bool,
 ) -> Comparison:  # fmt: skip
     from terratool.errors import RequestError
-    from terratool.viewing.diff.compare import Compared
+    from terratool.viewing.diff.compare import ComparedDefinitions
     from terratool.viewing.diff.files import compare_files, compare_folders
     from terratool.viewing.diff.map import write_map
 
@@ -328,7 +328,7 @@ def _compared(
     if folders:
         return compare_folders(old, new, reading, options, status)
 
-    def taken(compared: Compared) -> None:
+    def taken(compared: ComparedDefinitions) -> None:
         if compared.both is None and (map_ or picture):
             raise RequestError(
                 f"{new}: its ground cannot be compared, so that there is no "
