@@ -1,4 +1,4 @@
-"""The `terratool` command: commands are loaded by name when they are called."""
+"""The `terratool` command, which imports the module of a command when that is called."""
 
 from __future__ import annotations
 
@@ -48,15 +48,15 @@ _REMOTE = (
     "HTTP WMS WCS WMTS EEDA EEDAI DAAS STACIT STACTA PLMOSAIC OGCAPI GTI MRF KMLSUPEROVERLAY WFS "
     "OAPIF CSW Carto AmigoCloud Elastic NGW PLSCENES DERIVED GMLAS"
 )
-"""Drivers of GDAL that ask the net, or lead there; they are not even registered."""
+"""Drivers of GDAL that access the network, or lead there; none is registered."""
 
 
 COMPLETE = "_TERRATOOL_COMPLETE"
-"""The environment variable by which a shell asks what it may complete."""
+"""Environment variable by which a shell asks for completions."""
 
 
 class _OutputError(Exception):
-    """Standard output takes no more; not an OSError, which click would turn into exit code 1."""
+    """Failure to write standard output; no OSError, as click would turn that into exit code 1."""
 
     def __init__(self, cause: OSError) -> None:
         super().__init__(str(cause))
@@ -64,7 +64,7 @@ class _OutputError(Exception):
 
 
 def _import_quickly(name: str) -> ModuleType:
-    """A module, imported without looks for garbage, which modules do not leave."""
+    """Import a module without garbage collection, as imports leave no garbage."""
     was_enabled = gc.isenabled()
     gc.disable()
     try:
@@ -76,7 +76,7 @@ def _import_quickly(name: str) -> ModuleType:
 
 
 class _Lazy(click.Group):
-    """Lists its commands without importing them, so that --help is quick."""
+    """Group that lists its commands without importing them, so that --help is quick."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         return list(_COMMANDS)
@@ -112,7 +112,7 @@ class _Lazy(click.Group):
         return name, command, words
 
     def shell_complete(self, ctx: click.Context, incomplete: str) -> Any:
-        """Commands by their names, without importing them, and options."""
+        """Completions: names of commands, without importing these, and options."""
         from click.shell_completion import CompletionItem
 
         return [
@@ -189,7 +189,7 @@ def main() -> None:
 
 
 def _say(message: str, hint: str = "") -> None:
-    """Say what is wrong, by a module that --help does without, to be quick."""
+    """Print an error; imports late, so that --help is quick."""
     from terratool.cli.saying import say_error
 
     say_error(message, hint)
@@ -234,15 +234,15 @@ def _run() -> int:
 
 
 def _stopped() -> int:
-    from terratool.cli.stopping import said
+    from terratool.cli.stopping import stop_reported
 
-    said.set()
+    stop_reported.set()
     _say("stopped.")
     return 130
 
 
 def _cannot_write(error: OSError) -> int:
-    """Standard output takes no more: in silence if its reader has gone, as in `| head`."""
+    """Exit code after standard output failed; no message if its reader has gone, as in `| head`."""
     # what is still in the buffer must not be tried again at exit
     if sys.stdout is not None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
