@@ -101,7 +101,7 @@ def command(
 def _missed_conditions(
     comparison: MapComparison, max_rmse: float | None, min_coverage: float | None
 ) -> Iterator[str]:
-    # a map without a known cell fails
+    # without a known cell the RMSE is NaN, and no condition may hold
     rmse, coverage = comparison.errors.rmse, comparison.coverage
     if max_rmse is not None and math.isnan(rmse):
         yield f"No height is known in both, so the RMSE is not shown to be within {max_rmse:g} m."

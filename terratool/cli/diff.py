@@ -21,7 +21,7 @@ from terratool.text.display import shown
 
 if TYPE_CHECKING:
     from terratool.viewing.diff.compare import DiffOptions
-    from terratool.viewing.diff.files import Reading
+    from terratool.viewing.diff.files import ReadOptions
     from terratool.viewing.diff.results import Comparison
 
 # equal to those of terratool.viewing.diff.report, which is not imported for --help; a test checks
@@ -210,7 +210,7 @@ def command(
     if a file is invalid, and with 3 if one cannot be read.
     """
     from terratool.errors import TerratoolError
-    from terratool.viewing.diff.files import Reading, are_folders
+    from terratool.viewing.diff.files import ReadOptions, are_folders
 
     form, outputs = _plan(formats)
     if git and not files:
@@ -230,7 +230,7 @@ def command(
         raise click.UsageError(f"{option} is for two files, and these are folders.")
     written = [out for _, out in outputs] + [out for out in (map_, picture) if out]
     _refuse_outputs((*files, *values["vehicles"]), written, map_, picture, overwrite)
-    reading = Reading(called, library_roots(), has_roughness())
+    reading = ReadOptions(called, library_roots(), has_roughness())
     options = _options(values)
     try:
         with StatusLine("comparing") as status:
@@ -316,7 +316,7 @@ def _refuse_outputs(
 
 
 def _compare(
-    files: tuple[str, ...], folders: bool, reading: Reading, options: DiffOptions,
+    files: tuple[str, ...], folders: bool, reading: ReadOptions, options: DiffOptions,
     status: StatusLine, map_: str | None, picture: str | None, overwrite: bool,
 ) -> Comparison:  # fmt: skip
     from terratool.errors import RequestError

@@ -211,7 +211,7 @@ def _run() -> int:
         _say(message, "" if "--help" in message else f"See {of} --help.")
         return error.exit_code
     except click.Abort:
-        return _stopped()
+        return _report_stop()
     except TerratoolError as error:
         _say(error.message, error.hint)
         return error.exit_code
@@ -224,16 +224,16 @@ def _run() -> int:
     except _OutputError as error:
         return _cannot_write(error.cause)
     except Exception as error:
-        # a kernel that is interrupted while it is loaded is an ImportError
+        # a signal while a kernel is loaded becomes an ImportError
         stopped = interruption(error)
         if stopped is None:
             raise
         if not isinstance(stopped, KeyboardInterrupt):
             raise stopped from None
-        return _stopped()
+        return _report_stop()
 
 
-def _stopped() -> int:
+def _report_stop() -> int:
     from terratool.cli.stopping import stop_reported
 
     stop_reported.set()
@@ -243,7 +243,7 @@ def _stopped() -> int:
 
 def _cannot_write(error: OSError) -> int:
     """Exit code after standard output failed; no message if its reader has gone, as in `| head`."""
-    # what is still in the buffer must not be tried again at exit
+    # the rest of the buffer must not be written again at exit
     if sys.stdout is not None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     if isinstance(error, BrokenPipeError):

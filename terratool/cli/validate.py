@@ -387,10 +387,10 @@ class _ValidationJob(Struct, frozen=True):
         """Options of the check of a file, with at most `room` findings."""
         plan = self.plan
         return CheckOptions(
-            True, plan.max_step, room, plan.select, plan.ignore, self.roots, self.ignored_in
+            True, plan.max_step, room, plan.select, plan.ignore, self.roots, self.ignored_codes
         )
 
-    def ignored_in(self, file: str) -> tuple[str, ...]:
+    def ignored_codes(self, file: str) -> tuple[str, ...]:
         """Codes that the settings ignore in a file."""
         return _known_codes(self.settings.ignored_codes(file))
 

@@ -160,33 +160,33 @@ def _write(
         path = _temporary(file) if path is None else path
         with whole_file(path, overwrite) as part:
             part.write_text(text, encoding="utf-8", newline="\n")
-    told = scene.facts
-    within = f"{counted(len(scene.arrays['elements']), 'face')} within {metres(told['error'])}"
-    if told["measured"]:
+    facts = scene.facts
+    within = f"{counted(len(scene.arrays['elements']), 'face')} within {metres(facts['error'])}"
+    if facts["measured"]:
         within += ", as far as measured"
     say(f"{path}: {within}, {len(text.encode()):,} bytes")
-    for note in _notes(told):
+    for note in _notes(facts):
         say(f"  {note}")
     if opens and not _open(path.resolve().as_uri()):
         say("No browser can be opened here. Open the page in yours.", err=True)
-    lost = [route["note"] for route in told["routes"] if not route["found"]]
+    lost = [route["note"] for route in facts["routes"] if not route["found"]]
     for note in lost:
         say_error(f"There is no such route. {note}")
     return int(bool(lost))
 
 
-def _notes(told: dict[str, Any]) -> Iterator[str]:
+def _notes(facts: dict[str, Any]) -> Iterator[str]:
     """Sentences on parts of the terrain that the page cannot show."""
     from terratool.report.numbers import metres
     from terratool.report.wording import counted
 
-    if told["left_out"]:
+    if facts["left_out"]:
         yield (
-            f"Left out: {counted(told['left_out'], 'element')}; "
-            f"heights change by up to {metres(told['change'])}."
+            f"Left out: {counted(facts['left_out'], 'element')}; "
+            f"heights change by up to {metres(facts['change'])}."
         )
-    if told["grid"]:
-        rows, columns, step = told["grid"]
+    if facts["grid"]:
+        rows, columns, step = facts["grid"]
         yield (
             f"It is drawn from a grid of {rows:,} × {columns:,} heights, as there is too much for a"
             f" mesh. Walls are as wide as a step: {metres(step)}."
@@ -237,7 +237,7 @@ def _follow(
 
     read_source(file, named=False)  # what is no file is none to follow
     state = LiveState()
-    told = _version_printer(file)
+    print_version = _version_printer(file)
 
     def scene(site: Site) -> PageScene:
         with StatusLine(f"drawing {short_name(file)}") as status:
@@ -248,19 +248,19 @@ def _follow(
         flush()
         if opens and not _open(server.url):
             say("No browser can be opened here. Open this address in yours.", err=True)
-        follow(state, FollowedFile(file, library_roots(), has_roughness()), scene, told)
+        follow(state, FollowedFile(file, library_roots(), has_roughness()), scene, print_version)
 
 
 def _version_printer(file: str) -> Callable[[TerratoolError | None], object]:
     """Function that prints a line for each version of a file."""
 
-    def told(problem: TerratoolError | None) -> None:
+    def print_version(problem: TerratoolError | None) -> None:
         if problem is None:
             say_error(f"{file}: drawn.")
         else:
             say_error(problem.message)
 
-    return told
+    return print_version
 
 
 def _open(url: str) -> bool:

@@ -187,7 +187,7 @@ def draw_perspective(
     relief = float(np.ptp(block.vertices[block.faces[block.surfaces >= 0].ravel(), 2]))
     factor = options.exaggeration or chosen_exaggeration(float(sides.max()), relief, _MOST_CHOSEN)
     vertices = block.vertices * (1.0, 1.0, factor)
-    # void is open here, and needs no patch
+    # void has no faces, and so no entry in the legend
     swatches = tuple(
         swatch._replace(letter="") for swatch in plan.key.swatches if swatch.label != NO_GROUND
     )
@@ -472,7 +472,7 @@ def _draw_texts(
     north = np.array([0.0, 0.05 * float(high[1] - low[1]), 0.0])
     foot, tip = at(middle), at(middle + north)
     right, up = ((tip - foot) / max(float(np.linalg.norm(tip - foot)), 1e-12)).tolist()
-    # the arrow and its letter stay on the sheet, wherever it leads
+    # shifted so that the arrow and its letter stay on the sheet in any direction
     x = sheet.pixels(30.0 - 12.0 * right)
     y = sheet.pixels(22.0 - 12.0 * up)
     sheet.north_arrow(x, y, (right, up))

@@ -14,7 +14,7 @@ import pytest
 from terratool.text.source import Source
 from terratool.viewing.diff import ground
 from terratool.viewing.diff.compare import DiffOptions, diff
-from terratool.viewing.diff.results import DefinitionDifference, ElementChange
+from terratool.viewing.diff.results import Difference, ElementChange
 from terratool.viewing.diff.sides import side_of
 
 Json = dict[str, Any]
@@ -260,7 +260,7 @@ EDITS = [
 ]  # fmt: skip
 
 
-def compared(old: Json, new: Json, options: DiffOptions | None = None) -> DefinitionDifference:
+def compared(old: Json, new: Json, options: DiffOptions | None = None) -> Difference:
     sides = (side_of(Source(name, json.dumps(one, indent=1).encode()))
              for name, one in (("old.json", old), ("new.json", new)))  # fmt: skip
     return diff(*sides, options).difference

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from terratool.errors import TerratoolError
 from terratool.viewing.diff import ground
 from terratool.viewing.diff.compare import DiffOptions, diff
-from terratool.viewing.diff.results import DefinitionDifference
+from terratool.viewing.diff.results import Difference
 from terratool.viewing.diff.sides import DiffSide, read_side
 from tests import composition
 from tests.edits import Files, edited
@@ -121,7 +121,7 @@ def test_edits_change_what_the_format_says(data: st.DataObject) -> None:
     assert_holds(found, seen, resolution)
 
 
-def assert_holds(found: DefinitionDifference, seen: dict[Any, Pixel], resolution: float) -> None:
+def assert_holds(found: Difference, seen: dict[Any, Pixel], resolution: float) -> None:
     area = resolution**2
     known = {at: one.change for at, one in seen.items() if math.isfinite(one.change)}
     slack = MEAN * area * sum(max(1.0, abs(change)) for change in known.values())

@@ -284,7 +284,7 @@ class _Box(NamedTuple):
     @classmethod
     def of(cls, text: str, x: float, y: float) -> _Box:
         """Rectangle of a text that begins at x on the baseline y."""
-        return cls(x, y - 10.0, x + _wide(text), y + 3.0)
+        return cls(x, y - 10.0, x + _text_width(text), y + 3.0)
 
     def meets(self, other: _Box) -> bool:
         """Whether two rectangles overlap."""
@@ -330,7 +330,13 @@ def _curves(
     for x, y, line in ends:
         name = cut(line.name, _NAME)
         others = [end[:2] for end in ends if end[:2] != (x, y)]
-        for left, down in ((8, 4), (8, 16), (8, -8), (-8 - _wide(name), 4), (-8 - _wide(name), -8)):
+        for left, down in (
+            (8, 4),
+            (8, 16),
+            (8, -8),
+            (-8 - _text_width(name), 4),
+            (-8 - _text_width(name), -8),
+        ):
             box = _Box.of(name, x + left, y + down)
             # a name must be nearest to its own curve
             own = box.distance(x, y) + 3.0
@@ -360,7 +366,7 @@ def _legend(lines: Sequence[Line], left: float, width: float) -> tuple[list[str]
     for number, line in enumerate(lines):
         climb = "not on the level" if line.climb is None else numbers.degrees(line.climb)
         text = f"{cut(line.name, _NAME)} {climb}"
-        wide = _SWATCH + _wide(text) + 14.0
+        wide = _SWATCH + _text_width(text) + 14.0
         if x > left and x + wide > width:
             x, row = left, row + 1
         y = _TOP + _TALL + _BELOW + _ROW * row + 8.0
@@ -371,7 +377,7 @@ def _legend(lines: Sequence[Line], left: float, width: float) -> tuple[list[str]
     return parts, row + 1
 
 
-def _wide(text: str) -> float:
+def _text_width(text: str) -> float:
     return _LETTER * sum(map(columns_of, printable(text)))
 
 

@@ -557,10 +557,10 @@ def _comparison(found: VehicleComparison) -> ComparisonKeys:
             for name, one in zip(names, found.reports, strict=True)
         ),
         surfaces=tuple(
-            SurfaceVerdicts(row[0].surface, _picked(SurfaceVerdict, names, row)) for row in surfaces
+            SurfaceVerdicts(row[0].surface, _pick(SurfaceVerdict, names, row)) for row in surfaces
         ),
         routes=tuple(
-            RouteVerdicts(row[0].start, row[0].goal, _picked(RouteVerdict, names, row))
+            RouteVerdicts(row[0].start, row[0].goal, _pick(RouteVerdict, names, row))
             for row in routes
         ),
         map=_maps(found, names, [one.map for one in reports if one.map is not None]),
@@ -577,7 +577,7 @@ def _maps(
     grids = {(one.resolution_m, one.width, one.height, one.bounds) for one in maps}
     return MapComparisonKeys(
         one_grid=len(grids) == 1,
-        vehicles=_picked(MapShares, names, maps),
+        vehicles=_pick(MapShares, names, maps),
         together=tuple(
             TogetherKeys(vehicles, value_of(share))
             for vehicles, share in comparison.together(found)
@@ -585,8 +585,8 @@ def _maps(
     )
 
 
-def _picked(kind: type[Kind], names: Sequence[str], row: Sequence[Struct]) -> tuple[Kind, ...]:
-    """Some keys of what the reports have of one thing, each with the vehicle's name."""
+def _pick(kind: type[Kind], names: Sequence[str], row: Sequence[Struct]) -> tuple[Kind, ...]:
+    """Records of a type, one for each vehicle's name, with keys of the records in a row."""
     _, *keys = kind.__struct_fields__
     return tuple(
         kind(name, *(getattr(one, key) for key in keys))

@@ -53,7 +53,7 @@ def _one(report: TraversabilityReport) -> Iterator[str]:
             yield from wrapped(f"{route.verdict.label}: {line}")
     if report.reach and (line := wording.reach_line(report.reach)) != wording.conclusion(report):
         yield from wrapped(printable(line))
-    yield from _mending(report)
+    yield from _mend_lines(report)
     yield ""
     if any(not figures.missing for figures in report.surfaces):
         yield from aligned(_surfaces(report), words=_VERDICTS)
@@ -79,7 +79,7 @@ def _one(report: TraversabilityReport) -> Iterator[str]:
         yield from wrapped(printable(note))
 
 
-def _mending(report: TraversabilityReport) -> Iterator[str]:
+def _mend_lines(report: TraversabilityReport) -> Iterator[str]:
     """Sentence on surfaces that lack figures of a soil, and the lines of JSON that mend them."""
     mends = list(wording.mends(report))
     if mends:
@@ -155,7 +155,7 @@ def _several(found: VehicleComparison) -> Iterator[str]:
     for one in found.reports:
         line = printable(wording.conclusion(one))
         yield from wrapped(f"{wording.vehicle_name(one)}: {one.verdict.label}: {line}")
-    yield from _mending(first)
+    yield from _mend_lines(first)
     for number, route in enumerate(first.routes):
         yield ""
         yield f"way {wording.ends(route)}"

@@ -20,7 +20,7 @@ from terratool.traversability.vehicle import Vehicle
 from terratool.viewing.diff.ground import Both, area_of, common_bounds, compare_ground
 from terratool.viewing.diff.regions import intersection, reaches, track_reach, users
 from terratool.viewing.diff.results import (
-    DefinitionDifference,
+    Difference,
     GroundChange,
     KeyChange,
     VerdictChange,
@@ -61,7 +61,7 @@ class ComparedDefinitions:
         both: both terrains; None where their ground cannot be compared.
     """
 
-    difference: DefinitionDifference
+    difference: Difference
     both: Both | None
 
 
@@ -117,7 +117,7 @@ def diff(
             )
             for vehicle in options.vehicles
         )  # fmt: skip
-    difference = DefinitionDifference(
+    difference = Difference(
         old=old.name,
         new=new.name,
         same=not differs,
@@ -207,7 +207,7 @@ def _regions(
     found += (place.bounds for one in texts.tracks for place in (one.old, one.new)
               if place is not None and place.bounds is not None)  # fmt: skip
     if any(entry.dictionary == "surface" for entry in texts.entries.changes):
-        # how deep wheels sink follows from the surfaces
+        # surfaces decide the sinkage of wheels, and so the depth of tracks
         found += map(track_reach, (*old.definition.ruts, *new.definition.ruts))
     return tuple(dict.fromkeys(found))
 

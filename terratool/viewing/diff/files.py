@@ -22,7 +22,7 @@ _STILL = "The text is the same, and is no valid terrain."
 
 
 @dataclass(frozen=True, slots=True)
-class Reading:
+class ReadOptions:
     """Options for reading files.
 
     Attributes:
@@ -73,7 +73,7 @@ def is_nothing(name: str) -> bool:
 
 
 def compare_files(
-    old: str, new: str, reading: Reading, options: DiffOptions,
+    old: str, new: str, reading: ReadOptions, options: DiffOptions,
     progress: Progress | None = None, on_compared: PairCallback | None = None,
 ) -> Comparison:  # fmt: skip
     """Compare two definitions, of which one may be `/dev/null`.
@@ -89,7 +89,7 @@ def compare_files(
 
 
 def _pair(
-    old: str, new: str, name: str, reading: Reading, options: DiffOptions,
+    old: str, new: str, name: str, reading: ReadOptions, options: DiffOptions,
     progress: Progress | None, on_compared: PairCallback | None,
 ) -> FileDifference:  # fmt: skip
     if progress is not None:
@@ -101,7 +101,7 @@ def _pair(
     return FileDifference(name, "same" if found.same else "different", found)
 
 
-def _lone_file(old: str, new: str, name: str, reading: Reading) -> FileDifference:
+def _lone_file(old: str, new: str, name: str, reading: ReadOptions) -> FileDifference:
     """Result for a terrain on one side only; "same" if there is none on either side."""
     if is_nothing(old) and is_nothing(new):
         return FileDifference(name, "same", message="There is no terrain on either side.")
@@ -120,7 +120,7 @@ def _lone_file(old: str, new: str, name: str, reading: Reading) -> FileDifferenc
 
 
 def compare_folders(
-    old: str, new: str, reading: Reading, options: DiffOptions, progress: Progress | None = None
+    old: str, new: str, reading: ReadOptions, options: DiffOptions, progress: Progress | None = None
 ) -> Comparison:
     """Compare the terrains of two folders, pair by pair of one name.
 
@@ -167,7 +167,7 @@ def _with_name(error: RequestError, name: str) -> TerratoolError:
     return RequestError(f"{name}: {error.message}", error.hint)
 
 
-def _terrains(folder: str, reading: Reading) -> dict[str, str]:
+def _terrains(folder: str, reading: ReadOptions) -> dict[str, str]:
     """Paths of the terrains below a folder, by their names there; files without JSON included."""
     found = {}
     try:

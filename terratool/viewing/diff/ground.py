@@ -166,6 +166,22 @@ def exact_sum(numbers: NDArray[np.float64]) -> Exact:
     return total, math.fsum([*values, -total])
 
 
+class LargestPixel(NamedTuple):
+    """Pixel of a grid with the largest difference of heights.
+
+    Attributes:
+        size: absolute difference.
+        row, column: indices in the grid.
+        old, new: old and new height.
+    """
+
+    size: float
+    row: int
+    column: int
+    old: float
+    new: float
+
+
 class WindowSums(NamedTuple):
     """Sums over a window.
 
@@ -174,7 +190,7 @@ class WindowSums(NamedTuple):
         changed: number of pixels whose heights differ by more than the tolerance.
         lost, gained: number of pixels where ground became void, and void became ground.
         around: first row, first column, last row, last column of changed pixels; None for none.
-        largest: largest difference, its row, its column, old and new height; None for none.
+        largest: pixel with the largest difference of heights; None for none.
         surfaces: number of pixels by old and new number of the surface, where these differ.
     """
 
@@ -184,7 +200,7 @@ class WindowSums(NamedTuple):
     lost: int
     gained: int
     around: tuple[int, int, int, int] | None
-    largest: tuple[float, int, int, float, float] | None
+    largest: LargestPixel | None
     surfaces: dict[tuple[int, int], int]
 
 
@@ -205,7 +221,7 @@ def measure(window: Window, seen: ComparedWindow, tolerance: float) -> WindowSum
     at = int(np.argmax(known))
     row, column = divmod(at, window.width)
     if known[row, column] > 0.0:
-        largest = (
+        largest = LargestPixel(
             float(known[row, column]), window.row + row, window.column + column,
             float(seen.old[row, column]), float(seen.new[row, column]),
         )  # fmt: skip
@@ -305,14 +321,14 @@ def _first_grid(both: Both, part: Bounds) -> Grid:
     for box in (both.regions or ())[:_EDGES]:
         edges += (abs(box[k] - part[k % 2]) for k in range(4))
     count = max(1, math.ceil(min(sides) / finest - _WHOLE))
-    best = _aligned(range(count, _FINER * count + 1), min(sides), edges) or count
+    best = _aligned_count(range(count, _FINER * count + 1), min(sides), edges) or count
     while count > 1 and _pixels(both, grid_over(both.old, min(sides) / best, part)) > FIRST_PIXELS:
         count = count // 2
-        best = _aligned(range(count, count // 2, -1), min(sides), edges) or count
+        best = _aligned_count(range(count, count // 2, -1), min(sides), edges) or count
     return grid_over(both.old, min(sides) / best, part)
 
 
-def _aligned(counts: Iterable[int], side: float, edges: Sequence[float]) -> int | None:
+def _aligned_count(counts: Iterable[int], side: float, edges: Sequence[float]) -> int | None:
     """First number of pixels along a side for which all edges lie between pixels; None if none."""
     for count in counts:
         resolution = side / count
@@ -382,13 +398,11 @@ def _around(grid: Grid, boxes: Sequence[tuple[int, int, int, int]]) -> Bounds | 
     )  # fmt: skip
 
 
-def _largest(
-    both: Both, grid: Grid, found: Sequence[tuple[float, int, int, float, float]]
-) -> LargestChange | None:
+def _largest(both: Both, grid: Grid, found: Sequence[LargestPixel]) -> LargestChange | None:
     """Largest difference of heights; the first from the north-west among equal ones."""
     if not found:
         return None
-    _, row, column, old, new = min(found, key=lambda one: (-one[0], one[1], one[2]))
+    _, row, column, old, new = min(found, key=lambda one: (-one.size, one.row, one.column))
     at = Window(row, column, 1, 1)
     x, y = float(grid.columns(at)[0]), float(grid.rows(at)[0])
     return LargestChange(x, y, old, new, both.old.element(x, y), both.new.element(x, y))

@@ -10,7 +10,7 @@ from terratool.io.geotiff import TILE
 from terratool.raster.grid import Grid, Window, grid_over
 from terratool.raster.prefetch import processors
 from terratool.viewing.diff.ground import Both, ComparedWindow, paint_windows
-from terratool.viewing.diff.results import DefinitionDifference
+from terratool.viewing.diff.results import Difference
 from terratool.viewing.differences import (
     LIGHT,
     DifferenceSheet,
@@ -29,7 +29,7 @@ _LOST, _GAINED, _SURFACE = (40, 40, 40), (240, 228, 66), (204, 187, 214)
 
 
 def write_picture(
-    both: Both, difference: DefinitionDifference, path: str | Path, *, tolerance: float,
+    both: Both, difference: Difference, path: str | Path, *, tolerance: float,
     overwrite: bool = False,
 ) -> None:  # fmt: skip
     """Draw a difference. Equal definitions give equal bytes.
@@ -60,7 +60,7 @@ def write_picture(
         write_sheet(drawn, places, both.new, path, overwrite)
 
 
-def _title(difference: DefinitionDifference) -> str:
+def _title(difference: Difference) -> str:
     ground = difference.ground
     if ground is None:
         return "Same ground"

@@ -13,8 +13,8 @@ from terratool.report.workflow import annotation
 from terratool.text.display import printable, shown
 from terratool.viewing.diff.results import (
     Comparison,
-    DefinitionDifference,
     DiffDocument,
+    Difference,
     ElementChange,
     EntryChange,
     FileDifference,
@@ -76,7 +76,7 @@ def _lines(file: FileDifference, most: int) -> Iterator[str]:
         yield from lines_of(file.difference, most)
 
 
-def lines_of(found: DefinitionDifference, most: int) -> Iterator[str]:
+def lines_of(found: Difference, most: int) -> Iterator[str]:
     """Differences in lines; a list has at most `most` of them, 0 for all."""
     for key in found.frame:
         yield _key(key)
@@ -277,7 +277,7 @@ def _cells(file: FileDifference, verdicts: bool) -> list[str]:
     return cells
 
 
-def _counts(found: DefinitionDifference) -> str:
+def _counts(found: Difference) -> str:
     kinds = ("added", "removed", "moved", "changed")
     counts = [f"{found.count(kind)} {kind}" for kind in kinds if found.count(kind)]  # type: ignore[arg-type]
     entries = [entry.name for entry in found.entries]

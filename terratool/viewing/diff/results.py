@@ -233,7 +233,7 @@ class VerdictChange(Struct, frozen=True):
     flips: tuple[Flip, ...]
 
 
-class DefinitionDifference(Struct, frozen=True):
+class Difference(Struct, frozen=True):
     """All differences between two definitions.
 
     Attributes:
@@ -277,7 +277,7 @@ class FileDifference(Struct, frozen=True):
 
     file: str
     status: FileStatus
-    difference: DefinitionDifference | None = None
+    difference: Difference | None = None
     message: str = ""
     hint: str = ""
 
