@@ -72,7 +72,7 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab", kw
         if "\0" not in path:
             found = os.path.relpath(Path(self.folder, path))
             if self.holds(found):
-                return f"./{found}" if found == "-" else found  # never standard input
+                return f"./{found}" if found == "-" else found  # "-" is stdin
         where = "outside of its folder"
         if self.named:
             where = "neither in its folder nor in the current one"
@@ -194,7 +194,7 @@ def read_config(path: Path, named: bool = False) -> Config | None:
         if _long_key(text):
             raise ValueError("a key has more than 30 parts")
         table: Any = tomllib.loads(text)
-    except (ValueError, RecursionError) as error:  # a number may have too many digits
+    except (ValueError, RecursionError) as error:  # a number may be too long
         raise RequestError(f"{path}: is no TOML ({error}).", "Correct the file there.") from error
     if shared:
         tool = table.get("tool")

@@ -90,13 +90,13 @@ class _Lazy(click.Group):
         if os.environ.get(COMPLETE):
             for parameter in command.params:
                 if parameter.type is click.STRING:
-                    parameter.type = click.Path()  # a text may be a file, which shells complete
+                    parameter.type = click.Path()  # shells complete texts as names of files
         return command
 
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
-        if ctx.resilient_parsing:  # a shell completes, and nothing may be said
+        if ctx.resilient_parsing:  # no error may be printed while a shell completes
             return super().resolve_command(ctx, args)
         if args and args[0] not in _COMMANDS and not args[0].startswith("-"):
             from difflib import get_close_matches
@@ -107,7 +107,7 @@ class _Lazy(click.Group):
         from terratool.cli.options import refuse_ambiguous
 
         name, command, words = super().resolve_command(ctx, args)
-        if name != "diff":  # which knows the words of git, and asks about the others itself
+        if name != "diff":  # diff refuses by itself, as words of git may look like options
             refuse_ambiguous(words)
         return name, command, words
 
@@ -172,15 +172,15 @@ def main() -> None:
             encoding = None if stream is sys.stderr or stream.isatty() else "utf-8"
             stream.reconfigure(encoding=encoding, errors="backslashreplace")
     keep_apart()
-    os.environ["PROJ_NETWORK"] = "OFF"  # no grids are fetched, whatever proj.ini says
-    os.environ.setdefault("PROJ_DEBUG", "0")  # it would print what GDAL says again
+    os.environ["PROJ_NETWORK"] = "OFF"  # overrides proj.ini, so that no grids are fetched
+    os.environ.setdefault("PROJ_DEBUG", "0")  # PROJ would repeat the errors of GDAL
     if "--allow-remote" not in sys.argv:
         os.environ["GDAL_SKIP"] = f"{os.environ.get('GDAL_SKIP', '')} {_REMOTE}"
     from terratool.cli.stopping import end_on_signals
 
     with end_on_signals():
         code = _run()
-        if sys.stdout is not None:  # as it is where it was closed
+        if sys.stdout is not None:  # None where standard output was closed
             try:
                 sys.stdout.flush()
             except OSError as error:
@@ -206,7 +206,7 @@ def _run() -> int:
         return 2
     except click.ClickException as error:
         message = error.format_message()
-        ctx = getattr(error, "ctx", None)  # click knows none of an option without its value
+        ctx = getattr(error, "ctx", None)  # None for an option without its value
         of = ctx.command_path if ctx else "terratool"
         _say(message, "" if "--help" in message else f"See {of} --help.")
         return error.exit_code

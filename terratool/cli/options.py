@@ -49,7 +49,7 @@ def refuse_ambiguous(words: list[str]) -> None:
     for place, word in enumerate(words):
         if word[:1] != "-" or (place >= end and word != "-") or not os.path.lexists(word):
             continue
-        if word[1:].lstrip(".")[:1].isdecimal():  # a number is no option
+        if word[1:].lstrip(".")[:1].isdecimal():  # negative numbers are no options
             continue
         what = "stands for standard input" if word == "-" else "is an option"
         raise RequestError(
@@ -187,7 +187,7 @@ def finite(ctx: click.Context, param: click.Parameter, value: Any) -> Any:
 
 
 def _positive(ctx: click.Context, param: click.Parameter, value: float | None) -> float | None:
-    if value is not None and not _LEAST <= value <= _MOST:  # nor NaN
+    if value is not None and not _LEAST <= value <= _MOST:  # NaN is refused, too
         what = "is no number" if math.isnan(value) else f"is not from {_LEAST:g} to {_MOST:g}"
         raise click.BadParameter(f"{value:g} {what}.")
     return value

@@ -136,7 +136,7 @@ def _layout(line: str) -> tuple[Callable[[str], list[str]], tuple[int, int] | No
         split = partial(_cells, delimiter=delimiter)
         try:
             cells = split(line)
-        except csv.Error:  # quotes that make no sense with this delimiter
+        except csv.Error:  # quotes do not match this delimiter
             continue
         names = [cell.lower() for cell in cells]
         if {"x", "y"} <= set(names):
@@ -198,7 +198,7 @@ def _or_none(values: list[float]) -> list[float | None]:
 
 
 def _write_csv(rows: Iterator[tuple[Any, ...]]) -> None:
-    first = list(islice(rows, 1))  # before the header: if there are no points, there is no output
+    first = list(islice(rows, 1))  # an error in the first point leaves no output
     write_rows(chain([COLUMNS], first, rows))
 
 

@@ -82,13 +82,13 @@ def write_rows(rows: Iterable[Iterable[Any]]) -> None:
 
 def write_definition(text: str) -> None:
     """Print a definition byte for byte, but on a terminal with escapes, which mean the same."""
-    # JSON is UTF-8, whatever the terminal speaks
+    # as bytes, since JSON is UTF-8 in any locale
     click.echo((inert_json(text) if is_terminal() else text).encode(), nl=False)
 
 
 def is_terminal() -> bool:
     """Whether standard output is a terminal."""
-    return sys.stdout is not None and sys.stdout.isatty()  # None where it was closed
+    return sys.stdout is not None and sys.stdout.isatty()  # None where standard output was closed
 
 
 def flush() -> None:

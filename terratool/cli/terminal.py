@@ -89,11 +89,11 @@ class StatusLine:
         self._ended.set()
         StatusLine.shown = None
         if self._stream is not None:
-            self._thread.join(timeout=1.0)  # longer where nobody takes what is written
+            self._thread.join(timeout=1.0)  # the thread may hang in a write that nobody reads
 
     def _tell(self) -> None:
         assert self._stream is not None
-        with contextlib.suppress(OSError, ValueError):  # nobody reads it any more
+        with contextlib.suppress(OSError, ValueError):  # the reader has gone
             terminal = self._stream.isatty()
             wait = AFTER if terminal else EVERY
             while not self._ended.wait(wait):
@@ -105,7 +105,7 @@ class StatusLine:
     def _show(self) -> None:
         """Write the line on the terminal anew."""
         assert self._stream is not None
-        # some terminals do not know their size
+        # some terminals report 0 columns
         columns = (os.get_terminal_size(self._stream.fileno()).columns or 80) - 1
         line = self._line(columns)[:columns]
         self._write("\r" + line.ljust(self._width))

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 # imported for --help; tests check
 PREFERENCES = ("length", "time", "energy", "margin")
 MODELS = ("slip", "paper")
-SAMPLES = (256, 16, 1024)  # the default, least and most
+SAMPLES = (256, 16, 1024)  # default, least, most
 
 
 @click.command(
@@ -281,7 +281,7 @@ def _print_result(result: Reports, checks: list[Condition], wants_json: bool) ->
             for line in as_lines(result):
                 say(line)
     except BrokenPipeError:
-        if not code:  # a "no" is one, whether somebody reads on or not
+        if not code:  # with a "no" the exit code stays 1 even if the reader has gone
             raise
     for text, why in held:
         say_error(f"--fail-on {text}: {why}.")

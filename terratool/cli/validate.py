@@ -621,7 +621,7 @@ def command(
         if given["baseline"] is None:
             settings.refuse_output(plan.baseline)
         if Path(plan.baseline).exists():
-            read_baseline(plan.baseline)  # no other file is written over
+            read_baseline(plan.baseline)  # refuses to replace a file that is no baseline
     folders = (name if is_folder(name) else str(Path(name).parent) for name in names)
     roots = library_roots() + tuple(folders)
     reached = (".", *roots, *(() if files else (settings.folder,)))

@@ -61,7 +61,7 @@ def _requirements() -> tuple[list[str], dict[str, list[str]]]:
     """Names of required packages, and of those of each extra, from the installed metadata."""
     try:
         lines = metadata.requires("terratool") or []
-    except metadata.PackageNotFoundError:  # a checkout on the path
+    except metadata.PackageNotFoundError:  # not installed: a checkout on the path
         lines = []
     needed: list[str] = []
     extras: dict[str, list[str]] = {}
@@ -102,5 +102,5 @@ def _gdal() -> tuple[str, str]:
         spec.loader.exec_module(module)
         proj = ".".join(map(str, module.get_proj_version()))
         return str(module.gdal_version()), proj
-    except Exception:  # whatever another rasterio may do, --version has to answer
+    except Exception:  # --version has to answer with any version of rasterio
         return "unknown", "unknown"

@@ -235,7 +235,7 @@ def _follow(
     from terratool.viewing.live import FollowedFile, LiveState, PageServer, follow
     from terratool.viewing.pages import page_of
 
-    read_source(file, named=False)  # what is no file is none to follow
+    read_source(file, named=False)  # refuses what is no regular file
     state = LiveState()
     print_version = _version_printer(file)
 

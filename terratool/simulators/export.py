@@ -155,7 +155,7 @@ def _make_folder(folder: Path) -> Iterator[None]:
         yield
     finally:
         if not was_there:
-            with contextlib.suppress(OSError):  # it may hold something
+            with contextlib.suppress(OSError):  # the folder may not be empty
                 folder.rmdir()
 
 
@@ -216,7 +216,7 @@ def _put_in_place(part: Path, place: Path) -> None:
     """
     if not place.exists():
         part.replace(place)
-        part.mkdir()  # whoever made it removes it
+        part.mkdir()  # the caller, who made the folder, removes it
         return
     new = sorted(_files(part), key=lambda name: name == MANIFEST)
     old = _earlier_files(place)

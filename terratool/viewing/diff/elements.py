@@ -169,7 +169,7 @@ class TreeComparison(Struct, frozen=True):
         """Record the move of an element that is equal on both sides."""
         shift, resized = self._movement(ours.element, ours.at, theirs.element, theirs.at)
         if shift is None and not resized:
-            found.written += 1  # as a cell and as a free place
+            found.written += 1  # one place, as a cell on one side and as a free place on the other
             return
         kind: ChangeKind = "changed" if resized else "moved"
         found.changes.append(

@@ -209,7 +209,7 @@ def measure(window: Window, seen: ComparedWindow, tolerance: float) -> WindowSum
     change = seen.change
     size = np.abs(change)
     was, now = np.isfinite(seen.old), np.isfinite(seen.new)
-    beyond = size > tolerance  # NaN is not
+    beyond = size > tolerance  # False for NaN
     around = largest = None
     if beyond.any():
         rows, columns = np.flatnonzero(beyond.any(axis=1)), np.flatnonzero(beyond.any(axis=0))
