@@ -288,10 +288,10 @@ class TreeComparison(Struct, frozen=True):
         def new_exact(one: Sibling) -> Hashable:
             return new.place[one.element], new.plain[one.element]
 
-        def written(one: Sibling) -> Hashable:
+        def text_place(one: Sibling) -> Hashable:
             return as_written(old.tree, one.element), old.plain[one.element]
 
-        def new_written(one: Sibling) -> Hashable:
+        def new_text_place(one: Sibling) -> Hashable:
             return as_written(new.tree, one.element), new.plain[one.element]
 
         def cell(one: Sibling) -> Hashable:
@@ -314,12 +314,12 @@ class TreeComparison(Struct, frozen=True):
 
         ours, theirs = self._siblings(self.old, a, at), self._siblings(self.new, b, bt)
         regrid = old.tree.grid(a) != new.tree.grid(b) and (
-            common(map(written, ours), map(new_written, theirs))
+            common(map(text_place, ours), map(new_text_place, theirs))
             > common(map(exact, ours), map(new_exact, theirs))
         )
         matching = Matching(ours, theirs)
         if regrid:
-            matching.take(written, new_written)
+            matching.take(text_place, new_text_place)
         matching.take(exact, new_exact)
         matching.take_moved_alike(content, new_content)
         matching.take(
