@@ -20,7 +20,7 @@ import shapely.ops
 from rio_cogeo.cogeo import cog_validate
 
 import terratool
-from terratool.cli.terminal import Status
+from terratool.cli.terminal import StatusLine
 from terratool.cli.traversability import MODELS, PREFERENCES
 from terratool.errors import WriteError
 from terratool.field.terrain import Terrain, load
@@ -290,14 +290,14 @@ def test_tells_of_the_files_that_it_writes(
 ) -> None:
     """Until they have taken their places, which takes long where they are large."""
     map_, said, there = tmp_path / "m.tif", [], []
-    leave = Status.__exit__
+    leave = StatusLine.__exit__
 
-    def noted(self: Status, *error: Any) -> None:
+    def noted(self: StatusLine, *error: Any) -> None:
         there.append(map_.is_file())
         leave(self, *error)
 
-    monkeypatch.setattr(Status, "say", lambda self, what, total=None: said.append(what))
-    monkeypatch.setattr(Status, "__exit__", noted)
+    monkeypatch.setattr(StatusLine, "say", lambda self, what, total=None: said.append(what))
+    monkeypatch.setattr(StatusLine, "__exit__", noted)
     assert drive(*site, "--map", map_).code == 0
     assert said == ["finding what can be reached", "writing the map", "writing files"]
     assert there == [False, True]

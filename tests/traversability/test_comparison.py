@@ -19,7 +19,7 @@ import rasterio
 from referencing import Registry, Resource
 
 import terratool
-from terratool.cli.terminal import Status
+from terratool.cli.terminal import StatusLine
 from terratool.raster.grid import Window
 from terratool.report.tables import columns_of
 from terratool.traversability.assess import Request
@@ -379,13 +379,13 @@ class TestAnswers:
         self, site: tuple[str, str, str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         said: list[str] = []
-        say = Status.say
+        say = StatusLine.say
 
-        def noted(self: Status, what: str, total: int | None = None) -> None:
+        def noted(self: StatusLine, what: str, total: int | None = None) -> None:
             say(self, what, total)
             said.append(self._what)
 
-        monkeypatch.setattr(Status, "say", noted)
+        monkeypatch.setattr(StatusLine, "say", noted)
         terrain, narrow, wide = site
         map_ = ("--map", tmp_path / "m.tif", "--resolution", 0.2)
         assert drive(terrain, "--vehicle", narrow, "--vehicle", wide, *map_).code == 0

@@ -176,9 +176,9 @@ def test_narrower_bend_takes_32(long: Vehicle) -> None:
         level(9, 9), long, survey(level(9, 9), long, grid_over(level(9, 9), 0.5)), (3, 3), (6, 6)
     )
     only_back = with_way_back(replace(open_ground, tried_headings=(8,)), route.back)
-    assert wording.returning(only_back).endswith("; 8 and 16 do not show it.")
+    assert wording.return_line(only_back).endswith("; 8 and 16 do not show it.")
     lost = replace(route.back, found=False, ruled_out_headings=32)
-    assert wording.returning(with_way_back(open_ground, lost)).endswith(", do not change that.")
+    assert wording.return_line(with_way_back(open_ground, lost)).endswith(", do not change that.")
 
 
 def test_bend_that_is_too_narrow_stays_so_and_says_what_was_tried(long: Vehicle) -> None:

@@ -16,7 +16,7 @@ from terratool.errors import TerratoolError
 from terratool.viewing.diff import ground
 from terratool.viewing.diff.compare import DiffOptions, diff
 from terratool.viewing.diff.results import Difference
-from terratool.viewing.diff.sides import Side, read_side
+from terratool.viewing.diff.sides import DiffSide, read_side
 from tests import composition
 from tests.budget import examples
 from tests.edits import Files, edited
@@ -58,7 +58,7 @@ def meaning(files: Files) -> dict[str, Any]:
     ).definition
 
 
-def side(files: Files, folder: Path) -> Side | None:
+def side(files: Files, folder: Path) -> DiffSide | None:
     """The definition, None where an edit has spoilt it."""
     try:
         return read_side(saved(files, folder), called=None, roots=(str(folder),), roughness=True)
