@@ -21,7 +21,7 @@ from terratool.io.geotiff import (
     TILE,
     Compression,
     TiffProfile,
-    complaints,
+    gdal_write_errors,
     geotiff,
     tile_options,
 )
@@ -61,7 +61,7 @@ def add_overviews(path: Path, bands: Bands, threads: int) -> None:
     resampling = Resampling.average if bands.means[0] else Resampling.nearest
     settings = {"GDAL_NUM_THREADS": str(max(1, threads)), "GDAL_TIFF_OVR_BLOCKSIZE": str(TILE)}
     with (
-        complaints(path),
+        gdal_write_errors(path),
         rasterio.Env(GDAL_CACHEMAX=CACHE_BYTES, ZSTD_LEVEL_OVERVIEW="1", **settings),
         rasterio.open(path, "r+", num_threads=str(max(1, threads))) as file,
     ):
@@ -81,12 +81,12 @@ def with_overviews(path: Path, bands: Bands) -> Iterator[Path]:
     levels = []
     virtual = path.with_name(f"{path.stem}.overviews.vrt")
     try:
-        with complaints(path), rasterio.open(path) as file:
+        with gdal_write_errors(path), rasterio.open(path) as file:
             count = len(factors(file.width, file.height))
         for level in range(1, count + 1):
             levels.append(path.with_name(f"{path.stem}.{level}.tif"))
             _halve(levels[-2] if level > 1 else path, levels[-1], bands)
-        with complaints(path):
+        with gdal_write_errors(path):
             rasterio.shutil.copy(path, virtual, driver="VRT")
         root = ElementTree.fromstring(virtual.read_bytes())
         for number, band in enumerate(root.iter("VRTRasterBand"), 1):
@@ -104,7 +104,7 @@ def with_overviews(path: Path, bands: Bands) -> Iterator[Path]:
 
 def _halve(source: Path, target: Path, bands: Bands) -> None:
     """Write a GeoTIFF at half the resolution of another one."""
-    with complaints(source), rasterio.open(source) as file:
+    with gdal_write_errors(source), rasterio.open(source) as file:
         width, height = -(-file.width // 2), -(-file.height // 2)
         profile = TiffProfile(
             width, height, file.transform, options=tile_options(bands.dtype, Compression()),

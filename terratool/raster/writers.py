@@ -19,7 +19,7 @@ from rasterio.errors import NotGeoreferencedWarning
 from terratool.errors import WriteError
 from terratool.io.bands import Bands, BandStatistics
 from terratool.io.gdal_copy import cog_options, gdal_copy
-from terratool.io.geotiff import Compression, GeoTiff, complaints, tile_options
+from terratool.io.geotiff import Compression, GeoTiff, gdal_write_errors, tile_options
 from terratool.io.pam import pam_path
 from terratool.raster.formats import Coding, RasterFormat
 from terratool.raster.geotiff import MOST_COLORS, RasterExtent, name_surfaces, terrain_tiff
@@ -46,7 +46,7 @@ def difference(one: Path, other: Path, bands: Bands, nodata: float) -> float:
             cannot be read.
     """
     largest = 0.0
-    with complaints(other, "Ask for a .tif instead."), contextlib.ExitStack() as stack:
+    with gdal_write_errors(other, "Ask for a .tif instead."), contextlib.ExitStack() as stack:
         stack.enter_context(warnings.catch_warnings())
         warnings.simplefilter("ignore", NotGeoreferencedWarning)
         if bands.dtype == np.float64:  # text is read as single precision, if nothing else is said

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from terratool.errors import ReadError, RequestError
 from terratool.extras import install_command
 from terratool.io import csv_, las, npz, pcd, ply
-from terratool.io.points import Columns, Points, Wanted
+from terratool.io.points import Columns, PointBatch, Wanted
 from terratool.report.wording import listed
 from terratool.sensing.formats.common import SENSOR_AXES
 from terratool.sensing.poses import Poses
@@ -26,7 +26,7 @@ MOST = 1e30
 _WANTED = {name: 3 if name == "origin" else 0 for name in (
     "x", "y", "z", "range", "time", "surface", "variance", "origin"
 )}  # fmt: skip
-_READERS: dict[str, Callable[[Path, Wanted], Iterator[Points]]] = {
+_READERS: dict[str, Callable[[Path, Wanted], Iterator[PointBatch]]] = {
     ".npz": npz.read_points, ".csv": csv_.read_points, ".ply": ply.read_points,
     ".pcd": pcd.read_points, ".las": las.read_points, ".laz": las.read_points,
 }  # fmt: skip
@@ -60,7 +60,7 @@ def read_clouds(path: str | Path) -> Iterator[Cloud]:
 
     It is what `terratool scan` writes, or another file that has x, y and z by these names: .npz,
     .csv, .ply, .pcd, .las or .laz. Range, time, surface and variance are taken where they are.
-    Points that are no finite numbers are rays without a reading, and are left out.
+    PointBatch that are no finite numbers are rays without a reading, and are left out.
 
     Raises:
         RequestError: the suffix says no format, or what it needs is not installed.
@@ -77,7 +77,7 @@ def read_clouds(path: str | Path) -> Iterator[Cloud]:
         raise ReadError.of(path, error) from error
 
 
-def checked_reader(path: Path) -> Callable[[Path, Wanted], Iterator[Points]]:
+def checked_reader(path: Path) -> Callable[[Path, Wanted], Iterator[PointBatch]]:
     """What reads a file, by its suffix.
 
     Raises:
@@ -102,8 +102,8 @@ def checked_reader(path: Path) -> Callable[[Path, Wanted], Iterator[Points]]:
     return reader
 
 
-def _cloud(path: Path, read: Points) -> Cloud:
-    """Points as the columns of a file have them.
+def _cloud(path: Path, read: PointBatch) -> Cloud:
+    """PointBatch as the columns of a file have them.
 
     Raises:
         ReadError: they have no x, y and z, or are in the sensor's axes.
