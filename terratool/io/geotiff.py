@@ -184,7 +184,7 @@ class GeoTiff:
     file: Any
 
     def write(self, pixels: NDArray[Any], row: int = 0, column: int = 0) -> None:
-        """Write a block of pixels, (bands, height, width), whose first pixel is at `row`, `column`."""
+        """Write pixels, (bands, height, width), from the pixel at `row` and `column` on."""
         _, height, width = pixels.shape
         self.file.write(pixels, window=Window(column, row, width, height))
 

@@ -118,7 +118,7 @@ def _is_there(name: str) -> bool:
 
 
 def on_disk(name: str) -> Path | None:
-    """Local file behind a GDAL name: the file itself, or the outermost archive; None for neither."""
+    """Local file of a GDAL name: the file itself, or the outermost archive; None for neither."""
     found = _systems(name)
     whole = Path(name if found is None else name[found.end() :].replace("}", ""))
     places = (whole,) if found is None else (whole, *whole.parents)

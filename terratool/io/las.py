@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terratool.errors import DAMAGED, ReadError
-from terratool.io.points import BATCH, NAMED, Columns, Points, Wanted, check_names, short_text
+from terratool.io.points import BATCH, NAMED, Columns, PointBatch, Wanted, check_names, short_text
 from terratool.io.rows import Spool
 from terratool.processes import limit_memory, python_calling
 from terratool.text.files import open_file
@@ -72,7 +72,7 @@ class _Claims(NamedTuple):
     points: int
 
 
-def read_points(path: Path, wanted: Wanted) -> Iterator[Points]:
+def read_points(path: Path, wanted: Wanted) -> Iterator[PointBatch]:
     """Read points of LAS or LAZ, with the extra columns and names of files of `write_points`.
 
     Raises:
@@ -93,7 +93,7 @@ def read_points(path: Path, wanted: Wanted) -> Iterator[Points]:
                         columns[name] = np.asarray(points[dimension])
             if any(column.ndim != 1 for column in columns.values()):
                 raise ReadError(f"{path}: has a column of several numbers a point.", DAMAGED)
-            yield Points(columns, names)
+            yield PointBatch(columns, names)
 
 
 class _OpenPoints:

@@ -54,7 +54,7 @@ _PLAIN_DRIVERS = tuple(driver for driver in DRIVERS if driver != _PROBED)
 _NETCDFS = (".nc", ".nc4", ".cdf")
 
 _NOT_ARCHIVED = ("GSAG", "ISIS3", "PDS", "PDS4")
-"""Drivers refused in archives: claims and links in their headers are checked in plain files only."""
+"""Drivers refused in archives, where the claims and links of their headers are not checked."""
 _LOCAL = frozenset(["file", "gz", "gzip", "tar", "zip"])
 _ARCHIVES = ("vsizip/", "vsitar/", "vsigzip/", "vsi7z/", "vsirar/")
 _SIDECARS = (".msk", ".MSK", ".ovr", ".OVR")
@@ -66,18 +66,8 @@ _virtual = re.compile(r"(?<=[/{])vsi[a-z0-9_]+[/?]", re.IGNORECASE).findall
 
 _ZIP, _GZIP, _TAR = b"PK\3\4", b"\x1f\x8b", b"ustar"
 _SIDECAR_ENDINGS = (
-    ".att",
-    ".eph",
-    ".hdr",
-    ".imd",
-    ".prj",
-    ".pvl",
-    ".rpb",
-    ".rpc",
-    ".til",
-    ".txt",
-    ".xml",
-)
+    ".att", ".eph", ".hdr", ".imd", ".prj", ".pvl", ".rpb", ".rpc", ".til", ".txt", ".xml",
+)  # fmt: skip
 """Endings of sidecar files that GDAL reads whatever their stem."""
 _TIFF = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 _described = re.compile(rb"<\s*(?:VRTDataset|GDAL_|WM|WCS|Capabilities|OGR)", re.IGNORECASE).search

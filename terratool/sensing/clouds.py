@@ -60,7 +60,7 @@ def read_clouds(path: str | Path) -> Iterator[Cloud]:
 
     It is what `terratool scan` writes, or another file that has x, y and z by these names: .npz,
     .csv, .ply, .pcd, .las or .laz. Range, time, surface and variance are taken where they are.
-    PointBatch that are no finite numbers are rays without a reading, and are left out.
+    Points that are no finite numbers are rays without a reading, and are left out.
 
     Raises:
         RequestError: the suffix says no format, or what it needs is not installed.
@@ -103,7 +103,7 @@ def checked_reader(path: Path) -> Callable[[Path, Wanted], Iterator[PointBatch]]
 
 
 def _cloud(path: Path, read: PointBatch) -> Cloud:
-    """PointBatch as the columns of a file have them.
+    """Points as the columns of a file have them.
 
     Raises:
         ReadError: they have no x, y and z, or are in the sensor's axes.

@@ -1,4 +1,4 @@
-"""PointBatch of every format: what is written of plain arrays is read again, and other tools agree."""
+"""Points of every format: what is written of plain arrays is read again, and other tools agree."""
 
 from __future__ import annotations
 
