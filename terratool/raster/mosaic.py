@@ -36,10 +36,10 @@ from terratool.raster.export import (
     RasterReport,
     RasterRequest,
     WrittenFile,
-    checked_threads,
     paths_of,
     refuse_full_disk,
     report_of,
+    thread_count,
 )
 from terratool.raster.formats import RasterFormat, plain_coding
 from terratool.raster.geotiff import (
@@ -126,7 +126,7 @@ def export_mosaic(
     tiling = Tiling(grid, files, compression, tile_size, request.losses, folder)
     indexes = paths_of(index, files)
     crs_of(terrain)
-    threads = checked_threads(request.threads)
+    threads = thread_count(request.threads)
     with (
         stop_on_signals(),
         _by_threads_or_dask(threads, dask) as make_tiles,
@@ -213,7 +213,7 @@ def _relative(path: Path, folder: Path) -> str:
 
 
 def _has_recorded_sizes(tiling: Tiling, known: FinishedTile | None) -> bool:
-    """Return whether the files of a tile have their recorded sizes; checksums are compared later."""
+    """Return whether a tile's files have their recorded sizes; checksums are compared later."""
     try:
         return known is not None and all(
             (tiling.folder / file.name).stat().st_size == file.size for file in known.files

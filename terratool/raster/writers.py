@@ -24,7 +24,7 @@ from terratool.io.pam import pam_path
 from terratool.raster.formats import Coding, RasterFormat
 from terratool.raster.geotiff import MOST_COLORS, RasterExtent, name_surfaces, terrain_tiff
 from terratool.raster.grid import Grid, Window
-from terratool.raster.overviews import add_overviews, by_gdal, with_overviews
+from terratool.raster.overviews import add_overviews, is_averaged_by_gdal, with_overviews
 
 _SHIFT = 1e-3
 """Largest shift of a copy, pixels; text formats round coordinates."""
@@ -147,7 +147,7 @@ def open_writer(
         yield _NpyWriter(path, bands, extent.grid, coding)
         return
     # GDAL averages all bands of a file alike
-    own = storage.overviews and bands.content == "number" and not by_gdal(bands)
+    own = storage.overviews and bands.content == "number" and not is_averaged_by_gdal(bands)
     direct = form.driver == "GTiff" and not own
     first = path if direct else path.with_name(f"{path.stem}.first.tif")
     # the intermediate file is lossless and fast to compress
