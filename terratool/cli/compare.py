@@ -70,7 +70,7 @@ def command(
     The height of the terrain in a cell is that at its middle; in coarser cells the mean of those
     at the middles of the finest ones.
     """
-    from terratool.sensing.comparison import cells_to_look_at, check_map, compare
+    from terratool.sensing.comparison import cells_to_compare, check_map, compare
     from terratool.sensing.map_files import read_map
 
     if picture is not None:
@@ -80,7 +80,7 @@ def command(
     mapped = read_map(map_)
     terrain = load(file)
     check_map(mapped, terrain)
-    with Status("comparing", cells_to_look_at(mapped, terrain)) as status:
+    with Status("comparing", cells_to_compare(mapped, terrain)) as status:
         comparison = compare(mapped, terrain, status)
         if picture is not None:
             from terratool.viewing.map_errors import write_picture

@@ -37,7 +37,7 @@ Floats = NDArray[np.float64]
 
 
 def factors(width: int, height: int) -> list[int]:
-    """Factors of the overviews, 2, 4, …, until one tile holds all; empty for a raster of one tile."""
+    """Factors of the overviews, 2, 4, …, down to one tile; empty for a raster of one tile."""
     longer = max(width, height)
     found = [2]
     while -(-longer // found[-1]) > TILE:
