@@ -15,7 +15,7 @@ from terratool.cli.saying import say, say_json
 from terratool.cli.terminal import Status, load
 from terratool.report.documents import Document
 from terratool.report.numbers import tenths
-from terratool.report.tables import aligned
+from terratool.report.tables import align
 from terratool.report.wording import counted
 from terratool.text.display import shown
 
@@ -255,7 +255,7 @@ def _pair(errors: Errors) -> tuple[str, str]:
 
 def _table(head: tuple[str, ...], rows: list[tuple[str, ...]]) -> Iterator[str]:
     # an empty last cell, as the last one is flush left
-    return (f"  {line}" for line in aligned([[*row, ""] for row in (head, *rows)]))
+    return (f"  {line}" for line in align([[*row, ""] for row in (head, *rows)]))
 
 
 def _metres(metres: float) -> str:

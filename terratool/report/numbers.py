@@ -117,7 +117,7 @@ def tenths(share: float) -> str:
 
 
 def never_quite(share: float) -> str:
-    """Format a share in per cent to a tenth; "less than 0.1 %" and "more than 99.9 %" near the ends."""
+    """Format a share in per cent to a tenth, without rounding to 0 or 100: "less than 0.1 %"."""
     text = f"{100.0 * share:.1f}"
     if 0.0 < share < 1.0 and text in ("0.0", "100.0"):
         return "less than 0.1 %" if share < 0.5 else "more than 99.9 %"

@@ -75,7 +75,7 @@ class Table:
     rows: tuple[tuple[Cell, ...], ...]
 
 
-def join(tables: Sequence[tuple[str, Table]], of: str) -> Table:
+def join_tables(tables: Sequence[tuple[str, Table]], of: str) -> Table:
     """Join tables of the same subjects into one.
 
     Tables of two columns are set side by side. Wider ones are stacked, the rows of a subject
