@@ -338,7 +338,7 @@ def report_of(
     soils = SurfaceValues(terrain)
     layers = [layer for file in written for layer in file.bands.layers]
     lacking = {layer.name: names for layer in layers if (names := soils.lacking(layer))}
-    ranged = {layer.name: names for layer in layers if (names := soils.ranged(layer))}
+    ranged = {layer.name: names for layer in layers if (names := soils.given_as_range(layer))}
     return RasterReport(
         grid,
         written,

@@ -155,7 +155,7 @@ class SurfaceValues:
             if surface.void is not True and property_of(surface, layer.soil) is UNSET
         ]
 
-    def ranged(self, layer: Layer) -> list[str]:
+    def given_as_range(self, layer: Layer) -> list[str]:
         """Names of the surfaces that give a layer as a range, whose middle is shown."""
         types = self.terrain.surface_types
         return [name for name, surface in types.items() if layer.soil in surface.ranges]

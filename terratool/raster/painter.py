@@ -39,7 +39,7 @@ class Planes(NamedTuple):
     slope_y: NDArray[Any] | None = None
     labels: NDArray[np.uint32] | None = None
 
-    def cropped(self, height: int, width: int) -> Planes:
+    def crop(self, height: int, width: int) -> Planes:
         """Views of the first `height` rows and `width` columns."""
         parts: Any = (None if plane is None else plane[:height, :width] for plane in self)
         return Planes(*parts)

@@ -107,7 +107,7 @@ class WindowMaker:
         buffer = self._buffer(window, painted)
         self._painter.paint(painted, buffer.planes)
         lost = self.losses.of(window, buffer.planes) if self.losses else LossCounts()
-        planes = buffer.planes.cropped(window.height, window.width)
+        planes = buffer.planes.crop(window.height, window.width)
         for paint_layers, bands in zip(self._layer_painters, buffer.pixels, strict=True):
             paint_layers(planes, bands)
         statistics = tuple(

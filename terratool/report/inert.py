@@ -9,8 +9,8 @@ from collections.abc import Callable
 from terratool.text.display import printable
 
 _FORMULAS = ("=", "+", "-", "@", "'")
-"""First characters of names that get an apostrophe in CSV. The apostrophe is one, so that readers can
-remove it again."""
+"""First characters of names that get an apostrophe in CSV; readers can remove it again, as a name's
+own apostrophe gets one, too."""
 _CONTROL = "[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]"
 """Regular expression of characters that XML forbids; not compiled on import, which is slow."""
 _command = re.compile(r"^((?:\x1b\[[0-9;]*m|\s)*):(?=:)", re.MULTILINE)

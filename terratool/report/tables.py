@@ -88,10 +88,10 @@ def join_tables(tables: Sequence[tuple[str, Table]], of: str) -> Table:
     longest = max((table for _, table in tables), key=lambda table: len(table.columns))
     if all(table == longest for _, table in tables):
         return longest
-    return _beside(tables) if len(longest.columns) == 2 else _stacked(tables, longest, of)
+    return _set_beside(tables) if len(longest.columns) == 2 else _stack(tables, longest, of)
 
 
-def _beside(tables: Sequence[tuple[str, Table]]) -> Table:
+def _set_beside(tables: Sequence[tuple[str, Table]]) -> Table:
     """Set tables side by side, a column each, with rows in the order of the longest table."""
     key, value = tables[0][1].columns
     each = [{row[0]: row[1] for row in table.rows} for _, table in tables]
@@ -102,7 +102,7 @@ def _beside(tables: Sequence[tuple[str, Table]]) -> Table:
     )
 
 
-def _stacked(tables: Sequence[tuple[str, Table]], longest: Table, of: str) -> Table:
+def _stack(tables: Sequence[tuple[str, Table]], longest: Table, of: str) -> Table:
     """Stack tables, with the columns of the widest one first."""
     others = (column for _, table in tables for column in table.columns[1:])
     columns = dict.fromkeys([*longest.columns[1:], *others])

@@ -288,21 +288,21 @@ class RobotMap:
     def _note(self, batch: _Batch, cloud: Cloud) -> None:
         """Update least and largest height, count, time and range of the cells of a batch."""
         cells = batch.cells
-        self._low[cells] = np.minimum(self._low[cells], batch.reduced(np.minimum, batch.heights))
-        self._high[cells] = np.maximum(self._high[cells], batch.reduced(np.maximum, batch.heights))
+        self._low[cells] = np.minimum(self._low[cells], batch.reduce(np.minimum, batch.heights))
+        self._high[cells] = np.maximum(self._high[cells], batch.reduce(np.maximum, batch.heights))
         self._count[cells] += batch.sizes
         if cloud.time is not None:
             time = cloud.time[batch.order]
             time = np.where(np.isfinite(time), time, -np.inf)
-            self._time[cells] = np.maximum(self._time[cells], batch.reduced(np.maximum, time))
+            self._time[cells] = np.maximum(self._time[cells], batch.reduce(np.maximum, time))
         ranges, origins = cloud.range, cloud.origin if cloud.origin is not None else self.origin
         if ranges is None and origins is not None:
             ranges = np.linalg.norm(cloud.points - origins, axis=1)
         if ranges is not None:
             ranges = ranges[batch.order]
             known = np.isfinite(ranges)
-            self._range[cells] += batch.reduced(np.add, np.where(known, ranges, 0.0))
-            self._ranged[cells] += batch.reduced(np.add, known.astype(np.int64))
+            self._range[cells] += batch.reduce(np.add, np.where(known, ranges, 0.0))
+            self._ranged[cells] += batch.reduce(np.add, known.astype(np.int64))
 
     def _fuse(
         self, cells: NDArray[np.int64], mean: Floats, variance: Floats, tau: float
@@ -366,7 +366,7 @@ class RobotMap:
         never = seen == 0
         some = np.maximum(seen, 1)
 
-        def emptied(values: NDArray[Any], where: NDArray[np.bool_] = never) -> Floats:
+        def nan_where(values: NDArray[Any], where: NDArray[np.bool_] = never) -> Floats:
             return np.where(where, np.nan, values)
 
         ranged = blocks(self._ranged).sum(axis=(1, 3))
@@ -378,15 +378,15 @@ class RobotMap:
         return MapLevel(
             level,
             grid,
-            emptied(height),
-            emptied(variance),
-            emptied(blocks(self._low).min(axis=(1, 3))),
-            emptied(blocks(self._high).max(axis=(1, 3))),
+            nan_where(height),
+            nan_where(variance),
+            nan_where(blocks(self._low).min(axis=(1, 3))),
+            nan_where(blocks(self._high).max(axis=(1, 3))),
             blocks(self._count).sum(axis=(1, 3)),
             self._likeliest(grid, parts),
-            emptied(time, ~np.isfinite(time)),
-            emptied(blocks(self._range).sum(axis=(1, 3)) / np.maximum(ranged, 1), ranged == 0),
-            emptied(seen / parts**2),
+            nan_where(time, ~np.isfinite(time)),
+            nan_where(blocks(self._range).sum(axis=(1, 3)) / np.maximum(ranged, 1), ranged == 0),
+            nan_where(seen / parts**2),
             tuple(self.surfaces),
         )
 
@@ -439,7 +439,7 @@ class _Batch:
         heights, variances = cloud.points[order, 2], variance[order]
         return cls(order, in_order[starts], starts, sizes, group, heights, variances)
 
-    def reduced(self, function: np.ufunc, values: NDArray[Any]) -> NDArray[Any]:
+    def reduce(self, function: np.ufunc, values: NDArray[Any]) -> NDArray[Any]:
         """Reduce values, (n,), over the readings of each cell, (m,)."""
         out: NDArray[Any] = function.reduceat(values, self.starts)
         return out
@@ -451,21 +451,21 @@ class _Batch:
         mean; a few iterations find the middle of a noisy surface.
 
         Args:
-            gate: squared standard deviations between readings of one surface.
+            gate: square of the gate, in standard deviations.
             tau: variance of heights within a cell by relief, m².
         """
-        highest = self.reduced(np.maximum, self.heights)
+        highest = self.reduce(np.maximum, self.heights)
         below = self.heights - highest[self.group]
         mean = np.zeros(len(self.cells))
-        variance = self.reduced(np.maximum, np.where(below == 0.0, self.variances, 0.0))
+        variance = self.reduce(np.maximum, np.where(below == 0.0, self.variances, 0.0))
         weights = 1.0 / self.variances
         member = np.ones(len(below), bool)
         for _ in range(_ROUNDS):
             off = below - mean[self.group]
             limit = gate * (self.variances + variance[self.group] + tau)
             member = (off >= 0.0) | (off * off <= limit)
-            information = self.reduced(np.add, np.where(member, weights, 0.0))
-            mean = self.reduced(np.add, np.where(member, weights * below, 0.0)) / information
+            information = self.reduce(np.add, np.where(member, weights, 0.0))
+            mean = self.reduce(np.add, np.where(member, weights * below, 0.0)) / information
             variance = 1.0 / information
         return highest + mean, variance, member
 
