@@ -15,7 +15,7 @@ from terratool.cli.saying import say, say_json
 from terratool.cli.terminal import StatusLine, load
 from terratool.report.documents import Document
 from terratool.report.numbers import tenths
-from terratool.report.tables import aligned
+from terratool.report.tables import align
 from terratool.report.wording import counted
 from terratool.text.display import shown
 
@@ -70,7 +70,7 @@ def command(
     The height of the terrain in a cell is that at its middle; in coarser cells the mean of those
     at the middles of the finest ones.
     """
-    from terratool.sensing.comparison import cells_to_look_at, check_map, compare
+    from terratool.sensing.comparison import cells_to_compare, check_map, compare
     from terratool.sensing.map_files import read_map
 
     if picture is not None:
@@ -80,7 +80,7 @@ def command(
     mapped = read_map(map_)
     terrain = load(file)
     check_map(mapped, terrain)
-    with StatusLine("comparing", cells_to_look_at(mapped, terrain)) as status:
+    with StatusLine("comparing", cells_to_compare(mapped, terrain)) as status:
         comparison = compare(mapped, terrain, status)
         if picture is not None:
             from terratool.viewing.map_errors import write_picture
@@ -255,7 +255,7 @@ def _pair(errors: Errors) -> tuple[str, str]:
 
 def _table(head: tuple[str, ...], rows: list[tuple[str, ...]]) -> Iterator[str]:
     # the last cell is empty, as a last column would be flush left
-    return (f"  {line}" for line in aligned([[*row, ""] for row in (head, *rows)]))
+    return (f"  {line}" for line in align([[*row, ""] for row in (head, *rows)]))
 
 
 def _metres(metres: float) -> str:

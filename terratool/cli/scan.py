@@ -116,10 +116,10 @@ def command(
         if source and source != "-" and is_same_file(output, source):
             raise WriteError(f"{output}: is read, too, as {source}.", "Choose another name.")
     sensor = load_sensor(sensor_file)
-    where = read_poses(path_file) if path_file else Poses.joined(list(map(one_pose, poses)))
+    where = read_poses(path_file) if path_file else Poses.join(list(map(one_pose, poses)))
     scan = Scan(sensor, where, ScanOptions(**options))
     wanted = ScanOutput(Path(output), frame == "world", misses, overwrite)
-    wanted.checked(scan)
+    wanted.checked_format(scan)
     terrain = load(file)
     with StatusLine("scanning", scan.rays, then="writing", unit="rays") as status:
         report = export_scan(terrain, scan, wanted, status)
@@ -146,7 +146,7 @@ class ScanDocument(Document, frozen=True, kw_only=True):
 
 
 def _document(report: ScanReport) -> ScanDocument:
-    from terratool.sensing.readings import Status as Of
+    from terratool.sensing.readings import ReadingStatus
 
     tally = report.tally
     return ScanDocument(
@@ -155,7 +155,7 @@ def _document(report: ScanReport) -> ScanDocument:
         sensor=report.scan.sensor.kind,
         frames=tally.frames,
         rays=tally.rays,
-        statuses={status.name.lower(): int(tally.statuses[status]) for status in Of},
+        statuses={status.name.lower(): int(tally.statuses[status]) for status in ReadingStatus},
         range=(tally.nearest, tally.farthest) if report.returns else None,
         walls=tally.walls,
         surfaces=report.by_surface,
@@ -165,7 +165,7 @@ def _document(report: ScanReport) -> ScanDocument:
 
 def as_text(report: ScanReport) -> Iterator[str]:
     """Summary of a scan, in lines for people."""
-    from terratool.sensing.readings import Status as Of
+    from terratool.sensing.readings import ReadingStatus
 
     tally, returns = report.tally, report.returns
     files = "" if len(report.files) < 2 else f", {counted(len(report.files), 'file')}"
@@ -183,7 +183,7 @@ def as_text(report: ScanReport) -> Iterator[str]:
         yield f"  On walls {tally.walls:,}. By surface: {', '.join(parts)}."
     lost = [
         f"{int(tally.statuses[status]):,} {_SEEN[status.name.lower()]}"
-        for status in Of
+        for status in ReadingStatus
         if status and tally.statuses[status]
     ]
     if lost:

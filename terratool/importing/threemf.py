@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from terratool.errors import ReadError
 from terratool.importing.types import Triangles, join_triangles, refuse_many_faces
-from terratool.io.expat import hardened
+from terratool.io.expat import hardened_parser
 from terratool.text.files import open_file
 from terratool.text.packing import PackingError, refuse_members
 
@@ -166,7 +166,7 @@ def _parse(file: IO[bytes], name: str, model: _Model, main: bool) -> None:
         elif main and tag == "model":
             model.unit = words.get("unit", model.unit)
 
-    parser = hardened(" ")
+    parser = hardened_parser(" ")
     parser.StartElementHandler = begin
     step = _PIECE
     # expat rescans an unfinished comment with each piece, so pieces double

@@ -1,1 +1,1 @@
-"""Files of others: what may be opened, and the formats that several packages read or write."""
+"""File input and output: guards for untrusted files, and formats that several packages use."""

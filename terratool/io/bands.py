@@ -1,4 +1,4 @@
-"""Bands of a raster file: their names, units and numbers, and statistics of these."""
+"""Bands of a raster file: names, units, data types and statistics."""
 
 from __future__ import annotations
 
@@ -9,22 +9,21 @@ from typing import Any
 import numpy as np
 
 _NO_LENGTH = 1e-9
-"""Directions whose mean vector is shorter point nowhere; the length counts as this."""
+"""Least length of a mean unit vector of directions, so that its logarithm is finite."""
 
 
 @dataclass(frozen=True)
 class Bands:
-    """Bands of one file, which share a type of number.
+    """Bands of one file, all of one data type.
 
     Attributes:
-        names: of the bands.
-        units: of their values, one a band; "1" for a share or a ratio, empty for what is counted
-            or chosen.
-        dtype: type of every band.
-        content: of the pixels: "number", "surface", "color" or "class".
-        empty: number that stands for none, in bands of numbers.
-        means: way to average the values of each band: as "number", as "direction" in degrees, as
-            "vector" of all bands; empty where they have no mean. Numbers, if not said.
+        names: band names, in file order.
+        units: unit of each band; "1" for a share or a ratio, empty for counts and categories.
+        dtype: data type of all bands.
+        content: meaning of the pixels: "number", "surface", "color" or "class".
+        empty: nodata value of bands of numbers; NaN by default.
+        means: averaging of each band: "number", "direction" in degrees, "vector" over all bands of
+            that kind, or empty for none. Default: "number", but empty for surfaces and classes.
     """
 
     names: tuple[str, ...]
@@ -46,25 +45,25 @@ class Bands:
 
     @property
     def nodata(self) -> float | None:
-        """Pixel that stands for none: `empty` of numbers, 0 of surfaces and classes; no colour."""
+        """Nodata value: `empty` for numbers, 0 for surfaces and classes, None for colours."""
         return {"number": self.empty, "color": None}.get(self.content, 0.0)
 
     @property
     def pixel_bytes(self) -> int:
-        """Bytes of a pixel in all bands."""
+        """Bytes of a pixel over all bands."""
         return self.count * self.dtype.itemsize
 
 
 @dataclass(frozen=True, slots=True)
 class BandStatistics:
-    """What the valid pixels of a band are like.
+    """Statistics of the valid pixels of a band.
 
     Attributes:
-        count: how many there are.
-        low, high: their range; infinite the wrong way round where there are none.
-        middle: their arithmetic mean.
-        square: sum of their squared differences from it.
-        sines, cosines: their sums, of a band of directions; None for others.
+        count: number of valid pixels.
+        low, high: least and largest value; inf and -inf without valid pixels.
+        middle: arithmetic mean.
+        square: sum of squared differences from `middle`.
+        sines, cosines: sums of sines and cosines in a band of directions; None in other bands.
     """
 
     count: int = 0
@@ -77,16 +76,16 @@ class BandStatistics:
 
     @property
     def mean(self) -> float:
-        """The mean; of directions the circular one, from 0 to 360 degrees."""
+        """Mean of the valid pixels; for directions the circular mean, 0 to 360 degrees."""
         if self.sines is None or self.cosines is None:
             return self.middle
         return math.degrees(math.atan2(self.sines, self.cosines)) % 360.0 % 360.0
 
     @property
     def deviation(self) -> float:
-        """Standard deviation of the pixels themselves, as GDAL has it.
+        """Population standard deviation of the valid pixels, as in GDAL; NaN without any.
 
-        Of directions it is the circular one in degrees, √(−2 ln R), with R the length of the mean
+        For directions it is the circular one in degrees, √(−2 ln R), with R the length of the mean
         vector: Mardia & Jupp (2000), Directional Statistics, 2.3.14.
         """
         if not self.count:
@@ -97,7 +96,7 @@ class BandStatistics:
         return math.degrees(math.sqrt(-2.0 * math.log(min(1.0, max(length, _NO_LENGTH)))))
 
     def __add__(self, other: BandStatistics) -> BandStatistics:
-        """Of the pixels of both. Chan, Golub & LeVeque (1979), Stanford STAN-CS-79-773."""
+        """Merge two sets of pixels: Chan, Golub & LeVeque (1979), Stanford STAN-CS-79-773."""
         count = self.count + other.count
         if not other.count or not self.count:
             return self if self.count else other

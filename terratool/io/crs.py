@@ -12,10 +12,10 @@ from terratool.text.display import shown
 
 
 def read_crs(crs: CrsValue) -> CRS:
-    """A coordinate reference system; nothing that it says makes PROJ or GDAL open a file.
+    """Parse a coordinate reference system without letting PROJ or GDAL open a file.
 
     Raises:
-        RequestError: it is none that is taken, or the library does not know it.
+        RequestError: the form is not accepted, or PROJ does not know the system.
     """
     problem = crs_problem(crs)
     if problem is not None:
@@ -34,5 +34,5 @@ def read_crs(crs: CrsValue) -> CRS:
 
 
 def shown_crs(crs: CrsValue) -> str:
-    """A reference system as a message shows it."""
+    """Text of a reference system for messages."""
     return shown(crs) if isinstance(crs, str | int) else "an object"

@@ -1,4 +1,4 @@
-"""A parser of XML for files from strangers."""
+"""XML parsing for untrusted files."""
 
 from __future__ import annotations
 
@@ -8,21 +8,19 @@ from xml.parsers import expat
 
 
 class EntityError(ValueError):
-    """A text declares or uses entities of its own."""
+    """Raised for an XML text that declares or uses entities."""
 
 
-def hardened(separator: str | None = None) -> expat.XMLParserType:
-    """A parser that reads no other file and expands nothing.
+def hardened_parser(separator: str | None = None) -> expat.XMLParserType:
+    """Create an expat parser that opens no other file and expands no entity.
 
-    A document type may be named, as X3D does it, but is neither fetched nor may it declare
-    anything. The handlers refuse what defusedxml does with `forbid_external` and, of document types
-    with a content, `forbid_dtd`; a package for these few lines would have to be installed by all.
+    A document type may be named, as in X3D, but is not fetched and may have no internal subset. The
+    handlers refuse what defusedxml does with `forbid_external` and, for an internal subset,
+    `forbid_dtd`; these few lines spare every installation that dependency. Parsing raises an
+    EntityError for a text with entities.
 
     Args:
-        separator: between the address of a namespace and a name; None to leave prefixes alone.
-
-    Raises:
-        EntityError: by parsing, where there is more.
+        separator: text between namespace address and local name; None to keep prefixes as written.
     """
     parser = expat.ParserCreate(namespace_separator=separator)
     parser.SetParamEntityParsing(expat.XML_PARAM_ENTITY_PARSING_NEVER)
@@ -36,14 +34,14 @@ def hardened(separator: str | None = None) -> expat.XMLParserType:
 
 
 def tree_of(text: bytes) -> Element:
-    """The elements of a text, without comments.
+    """Parse an XML text into its root element, without comments.
 
     Raises:
-        EntityError: it declares or uses entities.
-        ExpatError: it is no XML.
+        EntityError: the text declares or uses entities.
+        ExpatError: the text is no XML.
     """
     builder = TreeBuilder()
-    parser = hardened()
+    parser = hardened_parser()
     parser.StartElementHandler = builder.start
     parser.EndElementHandler = builder.end
     parser.CharacterDataHandler = builder.data

@@ -1,4 +1,4 @@
-"""Rasters written once more by another driver of GDAL, such as that of cloud-optimised GeoTIFFs."""
+"""Conversion of a raster by a GDAL driver, such as COG for cloud-optimised GeoTIFFs."""
 
 from __future__ import annotations
 
@@ -20,18 +20,21 @@ from rasterio.io import MemoryFile
 from terratool.apart import apart
 from terratool.errors import WriteError
 from terratool.io.bands import Bands
-from terratool.io.geotiff import CACHE_BYTES, TILE, Compression, check_blocks, complaints
+from terratool.io.geotiff import CACHE_BYTES, TILE, Compression, check_blocks, gdal_write_errors
 from terratool.processes import python_calling
 
 _TRUSTED = frozenset(["COG", "GTiff", "PNG", "AAIGrid", "XYZ", "SRTMHGT"])
-"""Drivers that run in this process; others may crash, and run in one of their own."""
+"""Drivers that run in this process; others may crash, and run in a child process."""
 _HINT = "Ask for a .tif, or for a layer or type that this format holds."
 
 
 def cog_options(bands: Bands, compression: Compression, own: bool = False) -> dict[str, Any]:
-    """Options of the driver of cloud-optimised GeoTIFFs.
+    """Creation options of GDAL's COG driver.
 
-    With `own` it takes the overviews that are there.
+    Args:
+        bands: bands of the source.
+        compression: compression of the tiles.
+        own: whether to take the overviews of the source instead of making new ones.
     """
     plain = compression.options(bands.dtype)
     average = set(bands.means) == {"number"}
@@ -54,10 +57,17 @@ def cog_options(bands: Bands, compression: Compression, own: bool = False) -> di
 def gdal_copy(
     source: Path, path: Path, driver: str, options: Mapping[str, Any], threads: int
 ) -> None:
-    """Write a raster once more, by another driver of GDAL; in bounded memory where that can.
+    """Write a copy of a raster by a GDAL driver; memory use is the driver's.
+
+    Args:
+        source: raster to be copied.
+        path: file to write.
+        driver: GDAL's name of the driver.
+        options: creation options of the driver.
+        threads: threads that compress a TIFF; 0 for the calling one.
 
     Raises:
-        WriteError: the driver cannot write it.
+        WriteError: the driver cannot write the raster.
     """
     if driver in _TRUSTED:
         tiff = driver in ("COG", "GTiff")
@@ -80,7 +90,7 @@ def gdal_copy(
 
 
 def main() -> None:
-    """Copy as the command line says; on failure say why on standard output."""
+    """Copy the raster that the command line names; on failure print the reason."""
     source, path, driver, options = sys.argv[1:]
     try:
         _copy(Path(source), Path(path), driver, json.loads(options))
@@ -93,13 +103,13 @@ def main() -> None:
 def _copy(source: Path, path: Path, driver: str, options: Mapping[str, Any]) -> None:
     if driver == "COG":
         _read_tilings()
-    with complaints(path, _HINT), rasterio.Env(GDAL_CACHEMAX=CACHE_BYTES):
+    with gdal_write_errors(path, _HINT), rasterio.Env(GDAL_CACHEMAX=CACHE_BYTES):
         rasterio.shutil.copy(source, path, driver=driver, strict=True, **options)
 
 
 @cache
 def _read_tilings() -> None:
-    """Have GDAL read once what tilings a COG may have: it looks for files of their names."""
+    """Make GDAL load its tiling schemes once: it looks for files of their names."""
     with apart(), rasterio.Env(), MemoryFile() as memory, warnings.catch_warnings():
         warnings.simplefilter("ignore", NotGeoreferencedWarning)
         with memory.open(driver="GTiff", width=1, height=1, count=1, dtype="uint8"):

@@ -1,4 +1,4 @@
-"""GeoTIFFs: one profile for all that are written, and what is held against them when they are."""
+"""GeoTIFF writing: profile, compression, tags, and a check that the file is complete."""
 
 from __future__ import annotations
 
@@ -29,21 +29,22 @@ TILE = 512
 """Side of a tile of a GeoTIFF, pixels."""
 
 COMPRESSIONS = ("zstd", "deflate", "lzw", "lerc", "none")
+"""Names of the compressions of a GeoTIFF."""
 
 CACHE_BYTES = 1 << 26
-"""GDAL would take a twentieth of the machine's memory for tiles that are complete anyway."""
+"""Bytes of GDAL's block cache; its default is a twentieth of the memory, for finished tiles."""
 
 Colors = Mapping[int, tuple[int, int, int, int]]
-"""Red, green, blue and opacity by value."""
+"""Colour table: red, green, blue and opacity, 0 to 255, by pixel value."""
 
 
 @dataclass(frozen=True, slots=True)
 class Compression:
-    """The compression of a GeoTIFF.
+    """Compression of a GeoTIFF.
 
     Attributes:
         name: one of COMPRESSIONS.
-        max_z_error: largest error of LERC, in units of the values; 0 for none.
+        max_z_error: largest error of LERC, in the unit of the band; 0 for lossless.
     """
 
     name: str = "zstd"
@@ -66,7 +67,7 @@ class Compression:
             )
 
     def options(self, dtype: np.dtype[Any]) -> dict[str, Any]:
-        """Options of GDAL for a file of a type of number."""
+        """GDAL creation options for a file of a data type."""
         real = dtype.kind == "f"
         if self.name == "none":
             return {}
@@ -82,13 +83,13 @@ class Compression:
 def tile_options(
     dtype: np.dtype[Any], compression: Compression, threads: int = 1, size: tuple[int, int] = (0, 0)
 ) -> dict[str, Any]:
-    """Options of GDAL for a tiled GeoTIFF.
+    """GDAL creation options for a tiled GeoTIFF.
 
     Args:
-        dtype: type of its numbers.
-        compression: of its tiles.
-        threads: that compress them; 0 for the calling one.
-        size: width and height of a tile, multiples of 16; TILE where 0.
+        dtype: data type of the bands.
+        compression: compression of the tiles.
+        threads: threads that compress tiles; 0 for the calling one.
+        size: width and height of a tile, pixels, multiples of 16; TILE where 0.
     """
     width, height = size
     return {
@@ -99,22 +100,22 @@ def tile_options(
 
 
 def software_tags(descr: str = "", version: str = __version__) -> dict[str, str]:
-    """Tags that say which program wrote a file, and what the file shows; no time."""
+    """TIFF tags of the software and, if not empty, the description of a file; no time."""
     described = {"TIFFTAG_IMAGEDESCRIPTION": xml_text(descr)} if descr else {}
     return {"TIFFTAG_SOFTWARE": f"terratool {version}", **described}
 
 
 @dataclass(frozen=True, slots=True)
 class TiffProfile:
-    """A GeoTIFF without its bands: size, place, texts and compression.
+    """Size, georeference, tags and creation options of a GeoTIFF.
 
     Attributes:
-        width, height: columns and rows of its pixels.
-        transform: from columns and rows to the world; None for a picture without a place.
-        crs: reference system of the world; None where it has none.
-        tags: texts by the names of TIFF or GDAL.
-        options: of GDAL for the pixels, as of `tile_options`.
-        nodata: pixel that stands for none; that of the bands, if None.
+        width, height: columns and rows of pixels.
+        transform: from column and row to world x and y; None without a georeference.
+        crs: reference system of x and y; None without one.
+        tags: texts by tag name of TIFF or GDAL.
+        options: GDAL creation options, as from `tile_options`.
+        nodata: nodata value; that of the bands if None.
     """
 
     width: int
@@ -128,15 +129,15 @@ class TiffProfile:
 
 @contextlib.contextmanager
 def geotiff(path: Path, bands: Bands, profile: TiffProfile) -> Iterator[GeoTiff]:
-    """A GeoTIFF; complete when the block has ended.
+    """Create a GeoTIFF to be filled in the block; the file is checked at its end.
 
     Args:
-        path: the file, which `terratool.output.whole_file` moves to its place.
-        bands: of the file.
-        profile: all else that it says.
+        path: file to write, often a part of `terratool.output.whole_file`.
+        bands: names, units and data type of the bands.
+        profile: size, georeference, tags and options.
 
     Raises:
-        WriteError: GDAL cannot write it.
+        WriteError: GDAL cannot write the file, or leaves it incomplete.
     """
     settings: dict[str, Any] = {
         "driver": "GTiff", "dtype": bands.dtype.name, "count": bands.count,
@@ -149,7 +150,7 @@ def geotiff(path: Path, bands: Bands, profile: TiffProfile) -> Iterator[GeoTiff]
     elif bands.count > 1 and bands.dtype == np.uint8:
         settings["photometric"] = "minisblack"  # three bands of bytes are not red, green and blue
     placed = profile.transform is not None
-    with contextlib.nullcontext() if placed else _no_place_warnings(), complaints(path):
+    with contextlib.nullcontext() if placed else _no_place_warnings(), gdal_write_errors(path):
         with (
             rasterio.Env(GDAL_CACHEMAX=CACHE_BYTES),
             rasterio.open(path, "w", **settings) as file,
@@ -166,7 +167,7 @@ def geotiff(path: Path, bands: Bands, profile: TiffProfile) -> Iterator[GeoTiff]
 
 @contextlib.contextmanager
 def _no_place_warnings() -> Iterator[None]:
-    """Keep rasterio from warning of files without a place in the world; no other thread may run."""
+    """Suppress rasterio's warning of a missing georeference; not safe with other threads."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", NotGeoreferencedWarning)
         yield
@@ -174,34 +175,34 @@ def _no_place_warnings() -> Iterator[None]:
 
 @dataclass(frozen=True, slots=True)
 class GeoTiff:
-    """A GeoTIFF that is being written.
+    """A GeoTIFF open for writing.
 
     Attributes:
-        file: rasterio's.
+        file: rasterio's dataset.
     """
 
     file: Any
 
     def write(self, pixels: NDArray[Any], row: int = 0, column: int = 0) -> None:
-        """Write pixels, (bands, height, width), the first of which lies at a row and a column."""
+        """Write pixels, (bands, height, width), from the pixel at `row` and `column` on."""
         _, height, width = pixels.shape
         self.file.write(pixels, window=Window(column, row, width, height))
 
     def name(self, names: Sequence[str]) -> None:
-        """Give the bands names."""
+        """Set the names of the bands."""
         self.file.descriptions = names
 
     def color(self, colors: Colors) -> None:
-        """Give the values of the one band colours."""
+        """Set the colour table of the only band."""
         self.file.write_colormap(1, colors)
 
     def scale(self, scale: float, offset: float) -> None:
-        """Say that a number is its pixel · scale + offset, in all bands."""
+        """Set scale and offset of all bands: value = pixel · scale + offset."""
         self.file.scales = (scale,) * self.file.count
         self.file.offsets = (offset,) * self.file.count
 
     def finish(self, statistics: Sequence[BandStatistics]) -> None:
-        """Write the statistics of the bands, when all pixels are written."""
+        """Write the statistics of the bands, after all pixels."""
         pixels = self.file.width * self.file.height
         for band, part in enumerate(statistics, 1):
             if part.count:
@@ -209,7 +210,7 @@ class GeoTiff:
 
 
 def statistics_tags(statistics: BandStatistics, pixels: int) -> dict[str, str]:
-    """Statistics as GDAL keeps them with a band of so many pixels."""
+    """GDAL's statistics tags of a band; `pixels` is the number of its pixels, valid or not."""
     return {
         "STATISTICS_MINIMUM": repr(statistics.low),
         "STATISTICS_MAXIMUM": repr(statistics.high),
@@ -220,13 +221,13 @@ def statistics_tags(statistics: BandStatistics, pixels: int) -> dict[str, str]:
 
 
 def check_blocks(path: Path) -> None:
-    """Make sure that all blocks of a GeoTIFF are in it: GDAL keeps errors at closing to itself.
+    """Check that all blocks of a GeoTIFF lie within the file: GDAL hides errors on closing.
 
     Raises:
-        WriteError: it is not complete.
+        WriteError: a block is missing, or ends beyond the end of the file.
     """
     size = path.stat().st_size
-    with complaints(path), rasterio.open(path) as file:
+    with gdal_write_errors(path), rasterio.open(path) as file:
         for band in file.indexes:
             for (row, column), _ in file.block_windows(band):
                 begin, length = (
@@ -241,13 +242,13 @@ def check_blocks(path: Path) -> None:
 
 
 @contextlib.contextmanager
-def complaints(
+def gdal_write_errors(
     path: Path, hint: str = "Check the folder, its permissions and the space on the disk."
 ) -> Iterator[None]:
-    """Turn GDAL's errors into sentences.
+    """Turn errors of GDAL and rasterio in the block into a WriteError.
 
     Raises:
-        WriteError: instead of any of them.
+        WriteError: GDAL cannot write or read `path`.
     """
     try:
         yield
@@ -255,7 +256,7 @@ def complaints(
         stopped = interruption(error)
         if stopped is not None:
             raise stopped from None
-        # without the folder of the unfinished file
+        # the unfinished file lies in a temporary folder
         reason = str(error.__cause__ or error).rstrip(".").replace(f"{path.parent}/", "")
         if isinstance(error, SystemError):
             reason = "GDAL does not say why"

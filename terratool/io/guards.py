@@ -1,4 +1,4 @@
-"""What a raster claims, held against what its file has, before memory is taken for it."""
+"""Checks of the size that a raster claims against its file, before memory is allocated."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from terratool.processes import limit_memory, python_calling
 from terratool.text.files import open_file
 
 HARMLESS = 1 << 22
-"""So many pixels are believed of any file."""
+"""Number of pixels that any file may claim, whatever its size."""
 PACKED, RAW = 4096, 16
-"""Pixels that a byte may stand for: where pixels are compressed, or missing; and where not."""
+"""Most pixels per byte of file: in formats that compress or leave out pixels, and in others."""
 
 _RAW_DRIVERS = frozenset(
     ["AAIGrid", "BT", "DTED", "EHdr", "ENVI", "GS7BG", "GSAG", "GSBG", "ISIS3", "LCP", "NWT_GRD",
@@ -29,14 +29,14 @@ _RAW_DRIVERS = frozenset(
      "VICAR", "XYZ", "ZMap"]
 )  # fmt: skip
 _TEXT_DRIVERS = frozenset(["AAIGrid", "GSAG", "XYZ", "ZMap"])
-"""Each pixel of these is a digit and a space at least. GDAL reads what is missing row by row, and
-rasterio makes a chain of exceptions of that."""
+"""Text drivers, with two bytes or more per pixel. GDAL reads missing rows one by one, and rasterio
+chains an exception for each."""
 _TEXT_PACKED = 64
-"""Pixels of a text that a byte of an archive may stand for: more do only where all is level."""
+"""Most pixels of a text raster per byte of its archive; only level ground needs more."""
 _PACKED_FILES = (".gz", ".jp2", ".tif", ".tiff", ".zip")
 
 _INDEX_BYTES = 6
-"""Of each block of a TIFF there are at least so many: its place, and how long it is."""
+"""Least bytes of the index of a TIFF per block: offset and length."""
 
 _PROBED_PIXELS = 1 << 24
 _PROBE_BYTES = 400 << 20
@@ -58,11 +58,12 @@ def refuse_claims(name: str, file: Any) -> None:
     """Refuse a raster that claims more pixels than its files can hold.
 
     Args:
-        name: of the raster.
-        file: what rasterio opened.
+        name: name of the raster, for messages.
+        file: open rasterio dataset.
 
     Raises:
-        ReadError: it does; or its place or its values are no numbers.
+        ReadError: the raster claims too many pixels, or its transform, scales or offsets are not
+            finite, or its pixels have no area.
     """
     transform = transform_of(file)
     if not all(map(math.isfinite, transform)) or transform.determinant == 0:
@@ -79,24 +80,24 @@ def refuse_claims(name: str, file: Any) -> None:
 
 
 def size_on_disk(file: Any) -> int | None:
-    """Bytes of the files in which what rasterio opened lies; None where it lies on the net."""
+    """Bytes of all local files of an open rasterio dataset; None for a remote one."""
     parts = set(filter(None, map(on_disk, file.files)))
     return sum(part.stat().st_size for part in parts) if parts else None
 
 
 def transform_of(file: Any) -> Affine:
-    """From columns and rows of what rasterio opened to the world.
+    """Affine transform from column and row of an open rasterio dataset to world x and y.
 
-    Pixels without a place are 1 × 1, and north of 0.
+    Without a georeference pixels are 1 × 1, with the south-west corner at (0, 0).
     """
     placed: Affine = file.transform
     return placed if is_placed(file) else Affine(1.0, 0.0, 0.0, 0.0, -1.0, file.height)
 
 
 def is_placed(file: Any) -> bool:
-    """Whether a raster says where it lies.
+    """Return whether a raster has a georeference.
 
-    Without a world file GDAL's driver of PNM fills in nothing, and leaves what memory had.
+    Without a world file GDAL's PNM driver leaves the transform uninitialised.
     """
     if file.driver == "PNM" and not any(
         _is_there(f"{file.name.rpartition('.')[0]}{suffix}") for suffix in (".wld", ".WLD")
@@ -106,7 +107,7 @@ def is_placed(file: Any) -> bool:
 
 
 def _is_there(name: str) -> bool:
-    """Whether there is a file, or one in an archive."""
+    """Return whether a file exists, on disk or in an archive."""
     if not name.startswith("/vsi"):
         return Path(name).is_file()
     try:
@@ -117,7 +118,7 @@ def _is_there(name: str) -> bool:
 
 
 def on_disk(name: str) -> Path | None:
-    """The file in which something lies that GDAL names: itself, or the outermost archive."""
+    """Local file of a GDAL name: the file itself, or the outermost archive; None for neither."""
     found = _systems(name)
     whole = Path(name if found is None else name[found.end() :].replace("}", ""))
     places = (whole,) if found is None else (whole, *whole.parents)
@@ -127,7 +128,7 @@ def on_disk(name: str) -> Path | None:
 
 
 def _most_pixels(file: Any, size: int, archived: bool) -> tuple[int, str]:
-    """The pixels that a raster may have whose files have so many bytes, and what else to do."""
+    """Most pixels that a raster of `size` bytes may have, and the hint for one with more."""
     raw = (
         file.driver in _RAW_DRIVERS
         and not archived
@@ -149,10 +150,10 @@ def _most_pixels(file: Any, size: int, archived: bool) -> tuple[int, str]:
 
 
 def refuse_surfer_claims(name: str, head: bytes) -> None:
-    """Refuse an ASCII grid of Surfer with more rows than bytes: GDAL would make a list of them.
+    """Refuse a Surfer ASCII grid that claims too many pixels: GDAL allocates a list of its rows.
 
     Raises:
-        ReadError: it has.
+        ReadError: the file claims more pixels than its bytes allow.
     """
     words = head[:200].split()
     if words[:1] == [b"DSAA"] and len(words) > 2:
@@ -167,17 +168,17 @@ def _claim(name: str, width: int, height: int, size: int, hint: str) -> ReadErro
 
 
 def is_netcdf(head: bytes) -> bool:
-    """Whether a file that begins like this is for the netCDF driver."""
+    """Return whether the first bytes of a file are those of netCDF or HDF5."""
     return head.startswith((_CLASSIC, _HDF5)) or head[512:520] == _HDF5
 
 
 def probe(name: str) -> None:
-    """Open a netCDF in a process of its own, with little memory, and read from it.
+    """Open and read a netCDF in a child process with limited memory.
 
-    The library takes the counts in a broken header at their word, and may crash.
+    The netCDF library trusts the counts in a broken header, and may crash.
 
     Raises:
-        ReadError: that process did not come to its end.
+        ReadError: the child process failed, crashed or took longer than a minute.
     """
     try:
         done = subprocess.run(
@@ -192,7 +193,7 @@ def probe(name: str) -> None:
 
 
 def main() -> None:
-    """Open what the command line names, and read from it; on failure say why."""
+    """Open and read the netCDF that the command line names; on failure print the reason."""
     import rasterio
     from rasterio._path import _parse_path
     from rasterio.io import DatasetReader
@@ -204,7 +205,7 @@ def main() -> None:
             try:
                 refuse_claims(sys.argv[1], file)
             except ReadError:
-                return  # as it will be said where it is opened for good
+                return  # the parent refuses it with the same message
             rows = min(file.height, max(1, _PROBED_PIXELS // file.width)) if file.count else 0
             if file.width * rows <= 2 * _PROBED_PIXELS:
                 step = max(1, (1 << 20) // file.width)

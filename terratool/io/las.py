@@ -1,4 +1,4 @@
-"""LAS and LAZ, by laspy: points, read as far as a file bears out its header, and written."""
+"""LAS and LAZ point clouds, read and written by laspy; headers are checked against file sizes."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terratool.errors import DAMAGED, ReadError
-from terratool.io.points import BATCH, NAMED, Columns, Points, Wanted, check_names, short_text
+from terratool.io.points import BATCH, NAMED, Columns, PointBatch, Wanted, check_names, short_text
 from terratool.io.rows import Spool
 from terratool.processes import limit_memory, python_calling
 from terratool.text.files import open_file
@@ -28,27 +28,38 @@ from terratool.text.packing import TIMES, most_unpacked
 
 _BATCH_BYTES = 1 << 25
 _APART_BYTES = 400 << 20
-"""Memory that a process which unpacks LAZ may take beyond its start."""
+"""Bytes of memory that the child process that unpacks LAZ may allocate."""
 _VLR_BYTES = 54
 _PACKED = 0xC0
-"""Bits of a point format that say LAZ."""
+"""Bits of the point format that mark LAZ."""
 _FINEST = 1e-4
-"""Finest step of coordinates, units; coarser where points lie too far apart for 31 bits of it."""
+"""Finest step of coordinates, world units; coarser where the extent needs more than 31 bits."""
 _CHUNK = 1 << 16
-"""Rows that are encoded together."""
+"""Rows encoded at a time."""
 _RECORD = "terratool", 1
-"""User and number of the record of variable length that has the names."""
+"""User ID and record ID of the variable length record of names."""
 _DIMENSIONS = {"gps_time": "time", "range": "range", "surface": NAMED}
-"""Columns by the names that LAS, or a file that is written here, has for them."""
+"""Columns by dimension name, in LAS or in files of this module."""
 
-# ASPRS, LAS 1.4 R15, table 3: the sizes of the header, the place of the points, how many records of
-# variable length there are, the format and the size of points and, in two ways, their count
+# ASPRS, LAS 1.4 R15, table 3: header size, offset of the points, number of variable length records,
+# format, size and number of points; then the 64-bit number of points of version 1.4
 _fields = struct.Struct("<4s20x2B68xHIIBHI")
 _count = struct.Struct("<247xQ")
 
 
 class _Claims(NamedTuple):
-    """What a header says of the rest of its file."""
+    """Fields of a LAS header that the file size bounds.
+
+    Attributes:
+        magic: file signature.
+        major, minor: version of LAS.
+        header: size of the header, bytes.
+        offset: offset of the points, bytes.
+        records: number of variable length records.
+        form: point format; the bits `_PACKED` mark LAZ.
+        size: size of a point, bytes.
+        points: number of points.
+    """
 
     magic: bytes
     major: int
@@ -61,11 +72,11 @@ class _Claims(NamedTuple):
     points: int
 
 
-def read_points(path: Path, wanted: Wanted) -> Iterator[Points]:
-    """Points of LAS and LAZ, and what is added to them where they were written here.
+def read_points(path: Path, wanted: Wanted) -> Iterator[PointBatch]:
+    """Read points of LAS or LAZ, with the extra columns and names of files of `write_points`.
 
     Raises:
-        ReadError: it is none, or its header claims more than the file has.
+        ReadError: the file is no LAS, or its header claims more than the file has.
     """
     with _open(path) as file:
         names: tuple[str, ...] = ()
@@ -75,21 +86,21 @@ def read_points(path: Path, wanted: Wanted) -> Iterator[Points]:
                 names = check_names(path, text.split("\n"))
         held = {*file.header.point_format.dimension_names}
         for points in file.batches(BATCH):
-            with np.errstate(all="ignore"):  # what is no number is left out
+            with np.errstate(all="ignore"):  # NaN is left out later
                 columns: Columns = {name: np.asarray(getattr(points, name)) for name in "xyz"}
                 for dimension, name in _DIMENSIONS.items():
                     if dimension in held and name in wanted:
                         columns[name] = np.asarray(points[dimension])
             if any(column.ndim != 1 for column in columns.values()):
                 raise ReadError(f"{path}: has a column of several numbers a point.", DAMAGED)
-            yield Points(columns, names)
+            yield PointBatch(columns, names)
 
 
 class _OpenPoints:
-    """An open file of points.
+    """Point records of an open LAS or unpacked LAZ.
 
     Attributes:
-        header: as laspy has it.
+        header: laspy's header.
     """
 
     def __init__(self, path: Path, header: Any, count: int, source: IO[bytes]) -> None:
@@ -97,10 +108,10 @@ class _OpenPoints:
         self._path, self._count, self._source = path, count, source
 
     def batches(self, most: int) -> Iterator[Any]:
-        """All points, up to so many at a time, as laspy's records, which scale coordinates.
+        """Yield all points as laspy's scaling records, at most `most` at a time.
 
         Raises:
-            ReadError: there are fewer than the header says.
+            ReadError: the file has fewer points than its header says.
         """
         import laspy
 
@@ -119,18 +130,18 @@ class _OpenPoints:
 
 @contextlib.contextmanager
 def _open(path: Path) -> Iterator[_OpenPoints]:
-    """Open a file of LAS or LAZ.
+    """Open LAS or LAZ for the block.
 
-    LAZ is unpacked by a process of its own: lazrs takes the sizes in a broken file at their word,
-    and ends the process where there is less memory.
+    LAZ is unpacked in a child process: lazrs trusts the sizes in a broken file, and aborts the
+    process when memory runs out.
 
     Raises:
-        ReadError: it is none, or its header claims more than the file has.
+        ReadError: the file is no LAS, or its header claims more than the file has.
     """
     with open_file(path) as file:
-        claims = _checked(path, file)
+        claims = _read_claims(path, file)
         file.seek(0)
-        with _quiet():
+        with _silent_log():
             header = _header(path, file)
         if not claims.form & _PACKED or not claims.points:
             file.seek(claims.offset)
@@ -149,11 +160,11 @@ def _open(path: Path) -> Iterator[_OpenPoints]:
         child.wait()
 
 
-def _checked(path: Path, file: BufferedReader) -> _Claims:
-    """What the header claims, if the file can have so much.
+def _read_claims(path: Path, file: BufferedReader) -> _Claims:
+    """Read the claims of a header and check them against the file size.
 
     Raises:
-        ReadError: it cannot, or is no LAS.
+        ReadError: the file is no LAS, or too small for its claims.
     """
     size, head = os.fstat(file.fileno()).st_size, file.read(_count.size)
     if len(head) < _fields.size or not head.startswith(b"LASF"):
@@ -176,19 +187,19 @@ def _checked(path: Path, file: BufferedReader) -> _Claims:
 
 
 def _header(path: Path, file: BufferedReader) -> Any:
-    """The header and the records of variable length.
+    """Read laspy's header, with the variable length records.
 
     Raises:
-        ReadError: they are broken.
+        ReadError: the header or a record is broken.
     """
     import laspy
 
     try:
         header = laspy.LasHeader.read_from(file)
-        header.point_format.dtype()  # which points cannot have where it is broken
+        header.point_format.dtype()  # raises for a broken point format
     except MemoryError:
         raise
-    except Exception as error:  # of many kinds, as it looks at nothing before it takes it apart
+    except Exception as error:  # laspy validates nothing, and raises errors of many types
         raise ReadError(
             f"{path}: its header is no LAS's ({short_text(error)}).", DAMAGED
         ) from error
@@ -196,8 +207,8 @@ def _header(path: Path, file: BufferedReader) -> Any:
 
 
 @contextlib.contextmanager
-def _quiet() -> Iterator[None]:
-    """Keep laspy from printing what it thinks of a header."""
+def _silent_log() -> Iterator[None]:
+    """Silence laspy's log in the block."""
     log = logging.getLogger("laspy")
     level = log.level
     log.setLevel(logging.CRITICAL + 1)
@@ -208,12 +219,12 @@ def _quiet() -> Iterator[None]:
 
 
 def unpack() -> None:
-    """Write the points of the LAZ that the command line names to standard output, unpacked."""
+    """Write the unpacked points of the LAZ that the command line names to standard output."""
     import laspy
 
     limit_memory(_APART_BYTES)
     with (
-        _quiet(),
+        _silent_log(),
         laspy.open(
             open_file(sys.argv[1]), laz_backend=laspy.LazBackend.Lazrs, read_evlrs=False
         ) as file,
@@ -222,18 +233,18 @@ def unpack() -> None:
         for points in file.chunk_iterator(many):
             sys.stdout.buffer.write(points.array.tobytes())
     sys.stdout.flush()
-    os._exit(0)  # what the library still holds need not be tidied up
+    os._exit(0)  # skips the slow cleanup of the library
 
 
 @dataclass(frozen=True, slots=True)
 class LasHeader:
-    """Texts that a LAS has besides its points.
+    """Texts of a LAS besides its points.
 
     Attributes:
-        system: the instrument that made them.
-        names: those that the column `NAMED` counts.
-        wkt: their reference system as WKT; empty for none.
-        extra: descriptions, of 32 characters at most, of columns that are none of LAS, by name.
+        system: system identifier, the instrument that measured the points.
+        names: names by the index in the column `NAMED`.
+        wkt: reference system of the points as WKT; empty for none.
+        extra: descriptions of the extra columns by name, of 32 characters at most.
     """
 
     system: str
@@ -245,10 +256,15 @@ class LasHeader:
 def write_points(
     path: Path, batches: Iterable[NDArray[Any]], kind: np.dtype[Any], said: LasHeader
 ) -> None:
-    """Write LAS 1.4, or LAZ by the suffix, of points of format 6, each the only return of its ray.
+    """Write LAS 1.4 of point format 6, or LAZ by the suffix; each point is its ray's only return.
 
-    Rows have fields of a `kind`: x, y, z, others of format 6 by laspy's names, and extra ones. The
-    names are a line each of a record of variable length. Offsets are whole, below all points.
+    Names are lines of a variable length record. Offsets are whole numbers below all points.
+
+    Args:
+        path: file to write.
+        batches: rows of points, (n,) of `kind`.
+        kind: fields x, y, z, others of format 6 by laspy's names, and the extra ones.
+        said: texts of the header.
     """
     import laspy
 
@@ -256,7 +272,7 @@ def write_points(
     header.creation_date = datetime.date(1980, 1, 1)  # no clock
     header.generating_software = "terratool"
     header.system_identifier = said.system
-    header.global_encoding.wkt = True  # as formats 6 and up want it, whether there is any or not
+    header.global_encoding.wkt = True  # required by formats 6 and up, even without a WKT
     header.add_extra_dims(
         [
             laspy.ExtraBytesParams(name=name, type=kind[name].str[1:], description=text)
@@ -280,11 +296,11 @@ def write_points(
         header.scales = np.full(3, step)
         with laspy.open(path, "w", header=header, do_compress=path.suffix == ".laz") as file:
             for rows in spool.chunks(kind, _CHUNK):
-                file.write_points(_encoded(rows, header))
+                file.write_points(_las_record(rows, header))
 
 
-def _encoded(rows: NDArray[Any], header: Any) -> Any:
-    """Rows as points of a header."""
+def _las_record(rows: NDArray[Any], header: Any) -> Any:
+    """Convert rows to laspy's point record, with the scales and offsets of a header."""
     import laspy
 
     points: Any = laspy.ScaleAwarePointRecord.zeros(len(rows), header=header)

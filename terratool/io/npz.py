@@ -1,4 +1,4 @@
-"""NumPy's .npz: columns of points, read and written row by row."""
+"""NumPy's .npz archives of point columns, read and written in batches of rows."""
 
 from __future__ import annotations
 
@@ -17,27 +17,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terratool.errors import DAMAGED, ReadError
-from terratool.io.points import BATCH, MOST_NAMES, NAMED, Points, Wanted, check_names, file_size
+from terratool.io.points import BATCH, MOST_NAMES, NAMED, PointBatch, Wanted, check_names, file_size
 from terratool.io.rows import Spool
 from terratool.text.files import open_file
 from terratool.text.packing import PackingError, refuse_members
 
 NAMES = f"{NAMED}s"
-"""The array of the names that the column `NAMED` counts."""
-_NO_ARCHIVE = (
+"""Name of the array of names that the column `NAMED` indexes."""
+_ARCHIVE_ERRORS = (
     zipfile.BadZipFile, zlib.error, struct.error, EOFError, NotImplementedError, OverflowError,
     ValueError,
 )  # fmt: skip
-"""What zipfile and NumPy raise for a file that is broken."""
+"""Errors that zipfile and NumPy raise for a broken archive."""
 _EPOCH = (1980, 1, 1, 0, 0, 0)
-"""The time of every member: no clock."""
+"""Fixed time of all members, for reproducible archives."""
 
 
-def read_points(path: Path, wanted: Wanted) -> Iterator[Points]:
-    """Arrays of an archive, each read on from where it was left.
+def read_points(path: Path, wanted: Wanted) -> Iterator[PointBatch]:
+    """Read columns of an archive, all arrays side by side in batches of rows.
 
     Raises:
-        ReadError: it is no archive of NumPy, or its arrays are no columns of one length.
+        ReadError: the file is no NumPy archive, or its arrays are no columns of one length.
     """
     with ExitStack() as stack:
         file = stack.enter_context(open_file(path))
@@ -66,38 +66,38 @@ def read_points(path: Path, wanted: Wanted) -> Iterator[Points]:
             for begin in range(0, total, BATCH):
                 count = min(BATCH, total - begin)
                 columns = {name: member.read(count) for name, member in members.items()}
-                yield Points(columns, names)
+                yield PointBatch(columns, names)
             if not counts:
-                yield Points({}, names)
+                yield PointBatch({}, names)
         except PackingError as error:
             raise ReadError(f"{path}: {error.message}", error.hint) from error
-        except _NO_ARCHIVE as error:
+        except _ARCHIVE_ERRORS as error:
             raise ReadError(f"{path}: is no archive of NumPy, or damaged.", DAMAGED) from error
 
 
 class _Member:
-    """An array in an archive, of which rows are read one after the other.
+    """Array in an archive whose rows are read in order.
 
     Args:
-        path: of the archive.
-        file: the member, open.
-        size: its bytes, as the archive says.
+        path: path of the archive, for messages.
+        file: open member of the archive.
+        size: unpacked size of the member by the archive, bytes.
 
     Attributes:
-        shape: of the array.
+        shape: shape of the array.
 
     Raises:
-        ReadError: it has no header, or one that claims more than there is.
+        ReadError: the header of the array is broken, or claims more than the member has.
     """
 
     def __init__(self, path: Path, file: Any, size: int) -> None:
         self._path, self._file = path, file
         try:
-            with warnings.catch_warnings():  # of headers as Python 2 wrote them
+            with warnings.catch_warnings():  # headers of Python 2 raise a warning
                 warnings.simplefilter("ignore")
                 self.shape, self._by_columns, self._type = _array_header(file)
-        except Exception as error:  # of many kinds, as a header is an expression of Python
-            deep = isinstance(error, MemoryError)  # as its parser says, whatever memory there is
+        except Exception as error:  # many types: a header is a Python expression
+            deep = isinstance(error, MemoryError)  # of the parser, for nested expressions
             raise ReadError(f"{path}: has an array whose header is none.", DAMAGED) from (
                 None if deep else error
             )
@@ -107,12 +107,12 @@ class _Member:
             raise ReadError(f"{path}: ends before its arrays do.", DAMAGED)
 
     def has_rows(self, width: int) -> bool:
-        """Whether it has rows of so many numbers, or is a column if that is 0."""
+        """Return whether each row has `width` numbers, or one without an axis if `width` is 0."""
         plain = self._type.kind in "fiub" and not (self._by_columns and width)
         return plain and self.shape[1:] == (width,) * bool(width) and len(self.shape) > 0
 
     def read(self, count: int) -> NDArray[Any]:
-        """So many rows."""
+        """Read the next `count` rows."""
         shape = (count, *self.shape[1:])
         size = math.prod(shape) * self._type.itemsize
         data = self._file.read(size)
@@ -121,10 +121,10 @@ class _Member:
         return np.frombuffer(data, self._type).reshape(shape)
 
     def texts(self) -> list[str]:
-        """All of it as texts, but no more than one more than there may be names.
+        """Read the array as texts, at most MOST_NAMES + 1 of them.
 
         Raises:
-            ReadError: it holds none.
+            ReadError: the array is not one-dimensional text.
         """
         if self._type.kind != "U" or len(self.shape) != 1 or not self._type.itemsize:
             raise ReadError(f"{self._path}: its {NAMES} are no list of names.", DAMAGED)
@@ -133,7 +133,7 @@ class _Member:
 
 
 def _array_header(file: Any) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
-    """Shape, whether it lies column by column, and type of an array, as NumPy reads them."""
+    """Shape, whether in Fortran order, and data type, from an array's header."""
     version = np.lib.format.read_magic(file)
     read = {(1, 0): np.lib.format.read_array_header_1_0}.get(
         version, np.lib.format.read_array_header_2_0
@@ -148,13 +148,13 @@ def write_points(
     kinds: Mapping[str, np.dtype[Any]],
     small: Callable[[], Mapping[str, NDArray[Any]]],
 ) -> None:
-    """Write an archive that `numpy.load` reads, not compressed.
+    """Write an uncompressed archive for `numpy.load`.
 
     Args:
-        path: the file.
-        batches: columns by name.
-        kinds: types of these, with the shape of a row where that is no single number.
-        small: makes the other arrays, when all batches are written.
+        path: file to write.
+        batches: columns by name, of equal length in a batch.
+        kinds: data types of the columns, with the shape of a row that is no single number.
+        small: makes the other arrays, called after the last batch.
     """
     count = 0
     with ExitStack() as stack:
@@ -171,7 +171,7 @@ def write_points(
                 kind = kinds[name]
                 with _member(archive, name) as file:
                     file.write(_header(kind.base, (count, *kind.shape)))
-                    spool.moved_to(file)
+                    spool.copy_to(file)
             for name, value in small().items():
                 with _member(archive, name) as file:
                     np.lib.format.write_array(file, value, (1, 0), allow_pickle=False)

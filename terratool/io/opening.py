@@ -1,4 +1,4 @@
-"""What GDAL may open: local rasters of known formats, and nothing that leads elsewhere."""
+"""Opening of rasters by GDAL, restricted to local files of known formats."""
 
 from __future__ import annotations
 
@@ -44,17 +44,17 @@ DRIVERS = (
     "PDS4", "PNG", "PNM", "ROI_PAC", "RST", "SAGA", "SDTS", "SGI", "SIGDEM", "SRTMHGT", "Terragen",
     "USGSDEM", "VICAR", "WEBP", "XYZ", "ZMap",
 )  # fmt: skip
-"""Of GDAL: those that read a raster from its own files. A VRT is opened by itself, if it may be."""
+"""GDAL drivers that read a raster from its own files; a VRT is checked and opened separately."""
 
 _LISTED = "AAIGrid"
-"""To find a row GDAL looks for all before it, for each of these that is missing once more for all
-before that: its rows are gone through in their order, in which the first one missing is told."""
+"""Driver whose rows are read once in order, so that the first missing one raises: GDAL seeks a row
+by all before it, and repeats that for each missing row."""
 _PROBED = "netCDF"
 _PLAIN_DRIVERS = tuple(driver for driver in DRIVERS if driver != _PROBED)
 _NETCDFS = (".nc", ".nc4", ".cdf")
 
 _NOT_ARCHIVED = ("GSAG", "ISIS3", "PDS", "PDS4")
-"""What these claim, or name, is looked up in the file before: not in an archive."""
+"""Drivers refused in archives, where the claims and links of their headers are not checked."""
 _LOCAL = frozenset(["file", "gz", "gzip", "tar", "zip"])
 _ARCHIVES = ("vsizip/", "vsitar/", "vsigzip/", "vsi7z/", "vsirar/")
 _SIDECARS = (".msk", ".MSK", ".ovr", ".OVR")
@@ -65,8 +65,10 @@ _address = re.compile(r"(?:https?|ftp|s3|gs|az|adls?|oss|swift|hdfs|dap):/", re.
 _virtual = re.compile(r"(?<=[/{])vsi[a-z0-9_]+[/?]", re.IGNORECASE).findall
 
 _ZIP, _GZIP, _TAR = b"PK\3\4", b"\x1f\x8b", b"ustar"
-_TOLD = (".att", ".eph", ".hdr", ".imd", ".prj", ".pvl", ".rpb", ".rpc", ".til", ".txt", ".xml")
-"""Endings of files beside a raster that GDAL reads under names that are not those of the raster."""
+_SIDECAR_ENDINGS = (
+    ".att", ".eph", ".hdr", ".imd", ".prj", ".pvl", ".rpb", ".rpc", ".til", ".txt", ".xml",
+)  # fmt: skip
+"""Endings of sidecar files that GDAL reads whatever their stem."""
 _TIFF = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 _described = re.compile(rb"<\s*(?:VRTDataset|GDAL_|WM|WCS|Capabilities|OGR)", re.IGNORECASE).search
 
@@ -77,10 +79,10 @@ _comments = re.compile(rb"/\*.*?\*/", re.DOTALL)
 _pointers = re.compile(
     rb"""\^[\w:]+[\s=({]*("[^"]*"|'[^']*'|[^\s,)}]*)|<(?:\w+:)?file_name\b[^>]*>([^<]*)"""
 ).findall
-"""Files that a label of PDS, ISIS or PDS4 names, which may have the pixels."""
+"""Find the files that a label of PDS, ISIS or PDS4 names, which may hold the pixels."""
 
 _HEAD = 1 << 14
-"""Bytes that GDAL's drivers look at, and more, to see what a file is."""
+"""Bytes read to tell a file's format; GDAL's drivers look at fewer."""
 _PIECE = 1 << 24
 _MAX_VRT = 256 << 20
 _MAX_LABEL = 16 << 20
@@ -111,21 +113,21 @@ _PLAIN: dict[str, frozenset[str]] = {
     "SrcRect": frozenset(["xOff", "yOff", "xSize", "ySize"]),
     "DstRect": frozenset(["xOff", "yOff", "xSize", "ySize"]),
 }  # fmt: skip
-"""The elements of a plain mosaic, and their attributes. GDAL heeds no case, and many more."""
+"""Elements allowed in a VRT, and the attributes of each; GDAL knows more, in any case."""
 _DOMAINS = (None, "", "IMAGE_STRUCTURE")
 
 
 @contextlib.contextmanager
 def open_local(name: str, *, allow_remote: bool, **environment: Any) -> Iterator[Any]:
-    """A raster as rasterio opens it.
+    """Open a raster by rasterio for the block, after checks of its files and its size.
 
     Args:
-        name: a path, or whatever else GDAL opens.
-        allow_remote: whether it may lie on the net, or lead there.
-        environment: settings of GDAL.
+        name: path, or another name that GDAL opens.
+        allow_remote: whether the raster may lie on a network or refer to remote files.
+        environment: GDAL configuration options.
 
     Raises:
-        ReadError: it cannot be opened, or leads where it may not.
+        ReadError: the raster cannot be opened, or refers to files that are not allowed.
     """
     drivers = None
     place = _place(name)
@@ -141,7 +143,7 @@ def open_local(name: str, *, allow_remote: bool, **environment: Any) -> Iterator
         if on_disk(name) is None:  # in an archive, or not at all: its neighbours are not asked
             environment["GDAL_DISABLE_READDIR_ON_OPEN"] = "EMPTY_DIR"
     with (
-        warnings.catch_warnings(), _unreadable_complaints(), rasterio.Env(**environment),
+        warnings.catch_warnings(), _no_decoding_tracebacks(), rasterio.Env(**environment),
         contextlib.ExitStack() as stack,
     ):  # fmt: skip
         warnings.simplefilter("ignore", NotGeoreferencedWarning)
@@ -166,11 +168,10 @@ def open_local(name: str, *, allow_remote: bool, **environment: Any) -> Iterator
 
 @contextlib.contextmanager
 def gdal_errors(name: str) -> Iterator[None]:
-    """GDAL's errors as ours.
+    """Turn errors of GDAL, rasterio and affine in the block into a ReadError.
 
     Raises:
-        ReadError: GDAL, or rasterio, raised what it raises for files that it cannot read; or there
-            is too little memory.
+        ReadError: the raster cannot be read, or memory ran out.
     """
     try:
         yield
@@ -197,7 +198,7 @@ def gdal_errors(name: str) -> Iterator[None]:
 
 
 def _of_gdal(error: BaseException) -> bool:
-    """Whether an error is one of rasterio's or of affine's, or came to be within them."""
+    """Return whether an error is defined, or was raised, in rasterio or affine."""
     modules = [type(error).__module__]
     trace = error.__traceback__
     while trace is not None:
@@ -207,7 +208,7 @@ def _of_gdal(error: BaseException) -> bool:
 
 
 def _way_out(name: str, reason: str) -> str:
-    """What to do about a raster that cannot be read."""
+    """Hint for a raster that cannot be read."""
     scheme = _scheme(name)
     if name.startswith("/vsi") or (scheme and scheme[1].lower() in ("gzip", "tar", "zip")):
         return f"Check the name within the archive. {UNPACK}"
@@ -230,10 +231,10 @@ def _way_out(name: str, reason: str) -> str:
 
 
 @contextlib.contextmanager
-def _unreadable_complaints() -> Iterator[None]:
-    """Keep quiet about messages of GDAL that are no UTF-8, of which rasterio makes a traceback.
+def _no_decoding_tracebacks() -> Iterator[None]:
+    """Suppress tracebacks that rasterio prints for GDAL messages that are no UTF-8.
 
-    Twice: for the one hook and for the other.
+    They reach either `sys.unraisablehook` or `sys.excepthook`.
     """
     unraisable, uncaught = sys.unraisablehook, sys.excepthook
 
@@ -253,10 +254,10 @@ def _unreadable_complaints() -> Iterator[None]:
 
 
 def refuse_remote(name: str) -> None:
-    """Refuse a name that is an address, or a file system of GDAL that leads to the net.
+    """Refuse a name that is a network address, or uses a network file system of GDAL.
 
     Raises:
-        ReadError: it is.
+        ReadError: the name is remote, or inline XML or JSON.
     """
     scheme = _scheme(name)
     remote = scheme is not None and not _LOCAL.issuperset(scheme[1].lower().split("+"))
@@ -269,16 +270,20 @@ def refuse_remote(name: str) -> None:
 
 
 def _place(name: str) -> str:
-    """A name as GDAL has it: of a file in an archive, by any path to it."""
+    """GDAL's name of a raster: zip:// and tar:// addresses become /vsizip/ and /vsitar/."""
     found = _archived(name)
     return f"/vsi{found[1].lower()}/{{{found[2]}}}/{found[3]}" if found else name
 
 
 def _drivers_for(name: str, place: str) -> list[str]:
-    """The drivers that may open a file, by its name and by that which GDAL gets.
+    """Drivers that may open a raster.
+
+    Args:
+        name: name as given.
+        place: name as passed to GDAL, from `_place`.
 
     Raises:
-        ReadError: it leads to the net, or out of its folder.
+        ReadError: the raster is remote, or refers to files outside its folder.
     """
     refuse_remote(name)
     refuse_remote(place)
@@ -304,7 +309,7 @@ def _drivers_for(name: str, place: str) -> list[str]:
 
 
 def _drivers_by_head(name: str, head: bytes) -> list[str]:
-    """The drivers that may open a file that begins like this."""
+    """Drivers that may open a file, by its first bytes."""
     refuse_surfer_claims(name, head)
     if not is_netcdf(head):
         return list(_PLAIN_DRIVERS)
@@ -313,9 +318,9 @@ def _drivers_by_head(name: str, head: bytes) -> list[str]:
 
 
 def _drivers_within(name: str) -> list[str]:
-    """The drivers that may open what is no file, but a part of an archive or of a netCDF.
+    """Drivers that may open a member of an archive or a variable of a netCDF.
 
-    Labels are not among them: what they name cannot be looked at before.
+    Drivers of labels are left out: the files that a label names cannot be checked in an archive.
     """
     packed = name.startswith("/vsi")
     if not name.upper().startswith("NETCDF:") and not (packed and name.lower().endswith(_NETCDFS)):
@@ -325,10 +330,10 @@ def _drivers_within(name: str) -> list[str]:
 
 
 def _refuse_pointers(path: Path, label: bytes) -> None:
-    """Refuse a label whose pixels lie out of its folder: GDAL opens them with it.
+    """Refuse a label whose pixels may lie outside its folder: GDAL opens the files it names.
 
     Raises:
-        ReadError: they may.
+        ReadError: the label names a file by a path, or by markup.
     """
     for parts in _pointers(_comments.sub(b" ", label)):
         named = b"".join(parts)
@@ -341,22 +346,22 @@ def _refuse_pointers(path: Path, label: bytes) -> None:
 
 
 def _refuse_special(path: Path) -> None:
-    """Refuse a pipe or a device, for which GDAL would wait.
+    """Refuse a pipe or a device, on which GDAL would block.
 
     Raises:
-        ReadError: it is one.
+        ReadError: the path is no regular file.
     """
     if not is_regular(path):
         raise ReadError(f"{path}: is no regular file.", "Copy what it gives into a file.")
 
 
 def _refuse_pipes(rasters: Collection[Path]) -> None:
-    """Refuse pipes and devices in the folders of rasters that GDAL may take for parts of them.
+    """Refuse pipes and devices beside rasters that GDAL may open as parts of these.
 
-    Some formats say in the file what their parts are called.
+    GDAL opens sidecar files by name, and in some formats files that the raster names.
 
     Raises:
-        ReadError: there is one, or a folder cannot be listed.
+        ReadError: a folder holds such a pipe or device, or cannot be listed.
     """
     stems: dict[Path, set[str]] = {}
     for path in rasters:
@@ -368,9 +373,9 @@ def _refuse_pipes(rasters: Collection[Path]) -> None:
         except OSError as error:
             raise ReadError.of(folder, error) from error
         special = [Path(entry.path) for entry in others if Path(entry.path).exists()]
-        for path in special:  # and no links to nothing
+        for path in special:
             name = path.name.casefold()
-            if name.endswith(_TOLD) or any(map(name.startswith, known)):
+            if name.endswith(_SIDECAR_ENDINGS) or any(map(name.startswith, known)):
                 _refuse_special(path)
         if special:
             for raster in (path for path in rasters if path.parent == folder):
@@ -378,10 +383,10 @@ def _refuse_pipes(rasters: Collection[Path]) -> None:
 
 
 def _refuse_named(raster: Path, special: list[Path]) -> None:
-    """Refuse pipes and devices whose names stand in a raster, in whatever case.
+    """Refuse pipes and devices whose names occur in the bytes of a raster, in any case.
 
     Raises:
-        ReadError: one does.
+        ReadError: the raster names one of them.
     """
     names = {os.fsencode(path.name).lower(): path for path in special}
     longest, before = max(map(len, names)), b""
@@ -395,7 +400,7 @@ def _refuse_named(raster: Path, special: list[Path]) -> None:
 
 
 def _refuse_sidecars(path: Path) -> None:
-    """Refuse masks and overviews beside a file that are no TIFF: GDAL opens them by any driver."""
+    """Refuse mask and overview sidecars that are no TIFF: GDAL opens them by any driver."""
     for suffix in _SIDECARS:
         sidecar = path.with_name(path.name + suffix)
         if sidecar.exists() and not _is_tiff(sidecar):
@@ -406,7 +411,7 @@ def _refuse_sidecars(path: Path) -> None:
 
 
 def _refuse_grids(path: Path) -> None:
-    """Refuse a reference system beside a file that names grids: PROJ looks for them on opening."""
+    """Refuse a sidecar whose reference system names grid files: PROJ would open these."""
     for beside in (
         path.with_name(path.name + ".aux.xml"), path.with_suffix(".aux.xml"),
         path.with_suffix(".prj"), path.with_suffix(".PRJ"), path.with_suffix(".qpj"),
@@ -423,7 +428,7 @@ def _refuse_grids(path: Path) -> None:
 
 
 def _is_tiff(path: Path) -> bool:
-    """Whether a file is a TIFF, and none that other drivers take for a description as well."""
+    """Return whether a file is a TIFF that no other driver takes for an XML description."""
     try:
         with open_file(path) as file:
             head = file.read(_HEAD)
@@ -433,10 +438,11 @@ def _is_tiff(path: Path) -> bool:
 
 
 def _refuse_sources(path: Path, text: bytes) -> None:
-    """Refuse a VRT that is no plain mosaic of TIFFs in its folder.
+    """Refuse a VRT other than a plain mosaic of TIFFs in its own folder.
 
     Raises:
-        ReadError: it is not.
+        ReadError: the VRT is too large, no plain XML, has other elements or attributes, or names a
+            source that is no TIFF in its folder.
     """
     hint = "Make a GeoTIFF of it with gdal_translate, or add --allow-remote."
     if len(text) > _MAX_VRT:
@@ -472,10 +478,10 @@ def _refuse_sources(path: Path, text: bytes) -> None:
 
 
 def _refuse_files(name: str, files: list[str]) -> None:
-    """Refuse a raster that has files outside of its folder, as labels may name any.
+    """Refuse a raster with parts outside its folder, which labels may name.
 
     Raises:
-        ReadError: it has.
+        ReadError: a file of the dataset lies elsewhere.
     """
     path = Path(name)
     if not path.is_file():

@@ -1,4 +1,4 @@
-"""PCD 0.7, the format of PCL: points, read and written."""
+"""PCD 0.7 point clouds, the format of PCL, read and written."""
 
 from __future__ import annotations
 
@@ -10,30 +10,30 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terratool.errors import ReadError
-from terratool.io.points import NAMED, Points, Wanted, short_text
-from terratool.io.rows import Fields, Layout, header_line, read_rows, write_after
+from terratool.io.points import NAMED, PointBatch, Wanted, short_text
+from terratool.io.rows import Fields, RowLayout, header_line, read_rows, write_after
 from terratool.text.display import shown
 from terratool.text.files import open_file
 from terratool.text.numbers import parse_number, parse_whole
 
 WORLD = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
-"""The viewpoint of points in the world's axes."""
+"""Viewpoint of points in world axes: position x, y, z and quaternion w, x, y, z."""
 _TYPES = {
     **{("I", str(size)): f"i{size}" for size in (1, 2, 4, 8)},
     **{("U", str(size)): f"u{size}" for size in (1, 2, 4, 8)},
     ("F", "4"): "f4", ("F", "8"): "f8",
 }  # fmt: skip
 _LARGEST = 1e30
-"""No number of a viewpoint is as large."""
+"""Bound on the numbers of a viewpoint, exclusive."""
 _FLATTEST = 1e-100
-"""A quaternion that is shorter than this has no direction."""
+"""Least size of the largest component of a quaternion; a smaller one has no direction."""
 
 
-def read_points(path: Path, wanted: Wanted) -> Iterator[Points]:
-    """Rows as PCL writes them, plain or binary. PCD has no place for names.
+def read_points(path: Path, wanted: Wanted) -> Iterator[PointBatch]:
+    """Read points of a PCD, text or binary; PCD holds no names.
 
     Raises:
-        ReadError: it is no PCD, or a packed one.
+        ReadError: the file is no PCD, or a compressed one.
     """
     with open_file(path) as file:
         said: dict[str, list[str]] = {}
@@ -60,14 +60,14 @@ def read_points(path: Path, wanted: Wanted) -> Iterator[Points]:
         turned = None if np.array_equal(viewpoint, WORLD) else viewpoint
         for columns in read_rows(path, file, layout, wanted):
             columns.pop(NAMED, None)
-            yield Points(columns, (), tuple(comments), turned)
+            yield PointBatch(columns, (), tuple(comments), turned)
 
 
-def _header(said: dict[str, list[str]], order: str) -> tuple[Layout, NDArray[np.float64]]:
-    """The rows, and the viewpoint.
+def _header(said: dict[str, list[str]], order: str) -> tuple[RowLayout, NDArray[np.float64]]:
+    """Layout of the rows, and viewpoint (7,), from the entries of a header.
 
     Raises:
-        KeyError, ValueError: the header does not say them.
+        KeyError, ValueError: an entry is missing or invalid.
     """
     names = said["FIELDS"]
     counts = [_whole(text) for text in said.get("COUNT", ["1"] * len(names))]
@@ -82,7 +82,7 @@ def _header(said: dict[str, list[str]], order: str) -> tuple[Layout, NDArray[np.
     if far or np.abs(pose[3:]).max() < _FLATTEST:
         raise ValueError("no viewpoint")
     [count] = said["POINTS"][:1]
-    return Layout(fields, _whole(count), order), pose
+    return RowLayout(fields, _whole(count), order), pose
 
 
 def _whole(text: str) -> int:
@@ -99,7 +99,7 @@ def write_points(
     comments: Sequence[str] = (),
     viewpoint: Sequence[float] = WORLD,
 ) -> None:
-    """Write rows of fields of a `kind`, binary; the `viewpoint` is as of `Points`."""
+    """Write a binary PCD of rows of `kind`; `viewpoint` as in `PointBatch`."""
     names = kind.names or ()
 
     def header(count: int) -> bytes:

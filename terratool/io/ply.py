@@ -1,4 +1,4 @@
-"""PLY: points, read and written, and the header of every PLY that is written."""
+"""PLY point clouds, read and written, and the header of PLY meshes."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terratool.errors import DAMAGED, ReadError
-from terratool.io.points import Points, Wanted, check_names
-from terratool.io.rows import Fields, Layout, header_line, read_rows, write_after
+from terratool.io.points import PointBatch, Wanted, check_names
+from terratool.io.rows import Fields, RowLayout, header_line, read_rows, write_after
 from terratool.text.display import shown
 from terratool.text.files import open_file
 from terratool.text.numbers import parse_whole
@@ -24,15 +24,15 @@ _TYPES = {
     "float": "f4", "float32": "f4", "double": "f8", "float64": "f8",
 }  # fmt: skip
 _WORDS = {form: word for word, form in reversed(_TYPES.items())}
-"""The older words for types, which every reader knows."""
+"""PLY type names by data type, the older ones that every reader knows."""
 _ORDERS = {"binary_little_endian": "<", "binary_big_endian": ">", "ascii": ""}
 
 
-def read_points(path: Path, wanted: Wanted) -> Iterator[Points]:
-    """The element vertex, which stands first; comments may name what the column `NAMED` counts.
+def read_points(path: Path, wanted: Wanted) -> Iterator[PointBatch]:
+    """Read the vertices of a PLY; its comments may hold the names of the column `NAMED`.
 
     Raises:
-        ReadError: it is no PLY, or has other elements before its points, or lists in them.
+        ReadError: the file is no PLY, has elements before its vertices, or lists in these.
     """
     with open_file(path) as file:
         if file.readline(8).strip() != b"ply":
@@ -46,7 +46,7 @@ def read_points(path: Path, wanted: Wanted) -> Iterator[Points]:
                 case ["format", form, *_]:
                     pass
                 case ["comment", "surface", _, _, *_]:
-                    names += _quoted(line.split(None, 3)[3])
+                    names += _names_in(line.split(None, 3)[3])
                 case ["comment", *rest]:
                     comments.append(" ".join(rest))
                 case ["element", element, claimed]:
@@ -69,12 +69,12 @@ def read_points(path: Path, wanted: Wanted) -> Iterator[Points]:
         if order is None or count < 0:
             raise ReadError(f"{path}: its header says no format, or no vertices.", DAMAGED)
         checked, said = check_names(path, names), tuple(comments)
-        for columns in read_rows(path, file, Layout(fields, count, order), wanted):
-            yield Points(columns, checked, said)
+        for columns in read_rows(path, file, RowLayout(fields, count, order), wanted):
+            yield PointBatch(columns, checked, said)
 
 
-def _quoted(text: str) -> list[str]:
-    """The name in a comment, or none if that is about something else."""
+def _names_in(text: str) -> list[str]:
+    """Name in a comment, as a JSON string; an empty list for other comments."""
     try:
         return [msgspec.json.decode(text, type=str)]
     except (msgspec.MsgspecError, UnicodeError):
@@ -84,24 +84,24 @@ def _quoted(text: str) -> list[str]:
 def write_points(
     path: Path, batches: Iterable[NDArray[Any]], kind: np.dtype[Any], comments: Sequence[str]
 ) -> None:
-    """Write a vertex for each row, of fields of a `kind`: binary, little endian."""
+    """Write a binary little-endian PLY with a vertex for each row of `kind`."""
     properties = [f"{_WORDS[kind[name].str[1:]]} {name}" for name in kind.names or ()]
     write_after(path, batches, lambda count: ply_header(comments, [("vertex", count, properties)]))
 
 
 def name_comments(names: Iterable[str]) -> list[str]:
-    """Comments that name what the column `NAMED` counts."""
+    """Comments with the names that the column `NAMED` indexes, one each."""
     return [f"surface {index} {json.dumps(name)}" for index, name in enumerate(names)]
 
 
 def ply_header(
     comments: Iterable[str], elements: Iterable[tuple[str, int, Sequence[str]]]
 ) -> bytes:
-    """The header of a binary PLY, little endian.
+    """Header of a binary little-endian PLY.
 
     Args:
-        comments: a line each.
-        elements: name, count, and properties as in "float x", of each.
+        comments: texts of one line each.
+        elements: name, count and properties, such as "float x", of each element.
     """
     # a header is ASCII, and some readers look for these words anywhere
     plain = [line.encode("ascii", "replace").decode() for line in comments]

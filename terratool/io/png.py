@@ -1,4 +1,4 @@
-"""PNG pictures, the same bytes from run to run."""
+"""Reproducible PNG encoding: equal pixels give equal bytes."""
 
 from __future__ import annotations
 
@@ -10,9 +10,11 @@ from numpy.typing import NDArray
 
 
 def png(pixels: NDArray[Any], level: int = 9) -> bytes:
-    """A picture, (height, width, bands) uint8 or uint16, as the bytes of a PNG file.
+    """Encode a picture, (height, width, bands) uint8 or uint16, as the bytes of a PNG file.
 
-    `level` is zlib's, from 1 to 9.
+    Args:
+        pixels: the picture, rows from the top.
+        level: compression level of zlib, 1 to 9.
     """
     import rasterio
     from rasterio.errors import NotGeoreferencedWarning

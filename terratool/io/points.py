@@ -1,7 +1,7 @@
-"""Points of a file, batch by batch: columns of numbers, and what a file says of them.
+"""Batches of points of a file: columns of numbers, names, comments and viewpoint.
 
-Each format is a module of its own, `csv_`, `las`, `npz`, `pcd` or `ply`, which reads and writes it.
-What a header claims is held against the size of its file before anything is made of it.
+The modules `csv_`, `las`, `npz`, `pcd` and `ply` each read and write one format. They check the
+claims of a header against the file size before they allocate memory.
 """
 
 from __future__ import annotations
@@ -18,30 +18,31 @@ from numpy.typing import NDArray
 from terratool.errors import RequestError
 
 NAMED = "surface"
-"""The column whose numbers count names, which a file may hold as well; -1 is none."""
+"""Column of indices into the names of a file; -1 for none."""
 BATCH = 1 << 20
-"""Most points that are in memory at a time."""
+"""Most points in a batch."""
 BATCH_BYTES = 1 << 26
-"""Bytes of rows after which no more are read at a time."""
+"""Bytes of rows at which a batch ends."""
 MOST_NAMES = 1 << 16
-"""Most names that the column `NAMED` may count."""
+"""Most names in a file."""
 _MOST_LETTERS = 1 << 20
-"""Most characters of all these names together."""
+"""Most characters of all names of a file together."""
 
 Columns = dict[str, NDArray[Any]]
+"""Columns of a batch by name, (n,) or (n, width)."""
 Wanted = Mapping[str, int]
-"""Numbers that each row of a column has, by the names of columns; 0 for a plain column."""
+"""Widths of the wanted columns by name: numbers per row, 0 for a column of shape (n,)."""
 
 
-class Points(NamedTuple):
-    """Some points of a file.
+class PointBatch(NamedTuple):
+    """A batch of points of a file.
 
     Attributes:
-        columns: (n,) or (n, width) numbers by name, as the file has them.
-        names: those that the column `NAMED` counts.
-        comments: of the header, their words one space apart.
-        viewpoint: (7,) float64 position and quaternion w, x, y, z of the axes that points are in;
-            None where these are the world's.
+        columns: (n,) or (n, width) numbers by column name, in the file's data types.
+        names: names that the column `NAMED` indexes.
+        comments: comments of the header, whitespace collapsed.
+        viewpoint: (7,) float64, position x, y, z and quaternion w, x, y, z of the points' axes in
+            the world; None for world axes.
     """
 
     columns: Columns
@@ -51,15 +52,15 @@ class Points(NamedTuple):
 
 
 def plain_columns(names: Iterable[str], wanted: Wanted) -> list[str]:
-    """Names that are wanted as plain columns, in their order."""
+    """Subset of `names` that is wanted as columns of shape (n,), in order."""
     return [name for name in names if wanted.get(name) == 0]
 
 
 def check_names(path: Path, names: Iterable[str]) -> tuple[str, ...]:
-    """Names, if they are not too many or too long.
+    """Collect the names of a file and check their number and length.
 
     Raises:
-        RequestError: they are.
+        RequestError: more than MOST_NAMES names, or more than 1 MiB of text.
     """
     checked, size = [], 0
     for name in names:
@@ -75,10 +76,10 @@ def check_names(path: Path, names: Iterable[str]) -> tuple[str, ...]:
 
 
 def short_text(error: BaseException) -> str:
-    """The message of a library's error, in a line of up to 100 characters."""
+    """Message of a library's error on one line, at most 100 characters."""
     return " ".join(str(error).split())[:100] or type(error).__name__
 
 
 def file_size(file: io.BufferedReader) -> int:
-    """Bytes of an open file."""
+    """Size of an open file, bytes."""
     return os.fstat(file.fileno()).st_size

@@ -1,4 +1,4 @@
-"""Rows of numbers behind a header: read as text or in an order of bytes; written as they come."""
+"""Rows of numbers behind a header, text or binary, read in batches and written as a stream."""
 
 from __future__ import annotations
 
@@ -25,25 +25,27 @@ from terratool.io.points import (
 )
 
 LINES = 1 << 17
-"""Most lines of a text that are read at a time."""
+"""Most lines of a text read at a time."""
 _FEW = 64
-"""Lines between two looks at how long they are."""
+"""Lines read between two checks of a batch's length in bytes."""
 _MOST_LINE = 1 << 20
 _MOST_HEADER = 1 << 20
 _MOST_ROW = (1 << 31) - 1
 
 Fields = list[tuple[str, str, int]]
-"""Columns of rows: name, type, and how many of that there are side by side."""
+"""Columns of a row: name, data type and number of adjacent values of each."""
 
 
 @dataclass
-class Lines(Generic[AnyStr]):
-    """The lines of a text, none of which is without end.
+class LineReader(Generic[AnyStr]):
+    """Reads lines of a text of limited length.
+
+    Iteration raises a ReadError for a line of more than 1 MiB.
 
     Attributes:
-        path: of the file.
-        file: which is open.
-        taken: bytes, or characters, of lines so far.
+        path: path of the file, for messages.
+        file: open file.
+        taken: bytes, or characters, read so far.
     """
 
     path: Path
@@ -59,8 +61,8 @@ class Lines(Generic[AnyStr]):
             self.taken += len(line)
             yield line
 
-    def some(self, rows: Iterator[Any], most: int) -> list[Any]:
-        """So many of the rows that are made of these lines, or fewer if they are long."""
+    def batch(self, rows: Iterator[Any], most: int) -> list[Any]:
+        """Take up to `most` rows, parsed from these lines; fewer once BATCH_BYTES are read."""
         until = self.taken + BATCH_BYTES
         found: list[Any] = []
         while self.taken < until and (more := list(islice(rows, min(_FEW, most - len(found))))):
@@ -69,10 +71,10 @@ class Lines(Generic[AnyStr]):
 
 
 def header_line(path: Path, file: io.BufferedReader) -> str:
-    """The next line of a header.
+    """Read the next line of a header.
 
     Raises:
-        ReadError: there is none, or there have been too many.
+        ReadError: the file ends, or the header exceeds 1 MiB.
     """
     line = file.readline(4096)
     if not line or file.tell() > _MOST_HEADER:
@@ -81,13 +83,13 @@ def header_line(path: Path, file: io.BufferedReader) -> str:
 
 
 @dataclass(frozen=True, slots=True)
-class Layout:
-    """The rows behind a header.
+class RowLayout:
+    """Layout of the rows behind a header.
 
     Attributes:
-        fields: their columns.
+        fields: columns of a row.
         count: number of rows.
-        order: "<" or ">" of binary numbers, empty for a text.
+        order: byte order of binary numbers, "<" or ">"; empty for text.
     """
 
     fields: Fields
@@ -96,12 +98,12 @@ class Layout:
 
 
 def read_rows(
-    path: Path, file: io.BufferedReader, layout: Layout, wanted: Wanted
+    path: Path, file: io.BufferedReader, layout: RowLayout, wanted: Wanted
 ) -> Iterator[Columns]:
-    """Columns of the rows of an open file, batch by batch.
+    """Yield the wanted columns of an open file, batch by batch.
 
     Raises:
-        ReadError: there are two columns of one name, or fewer rows than the header says.
+        ReadError: two columns have one name, or the file has fewer rows than the header says.
     """
     fields, count, order = layout.fields, layout.count, layout.order
     if not fields:
@@ -112,7 +114,7 @@ def read_rows(
         raise ReadError(f"{path}: has two columns of one name.", "Keep one of each.")
     size = sum(np.dtype(form).itemsize * many for _, form, many in fields)
     width = sum(many for _, _, many in fields)
-    # a number of a text takes a digit and what separates it from the next one
+    # a number in text takes two bytes at least: a digit and a separator
     least = count * (size if order else 2 * width) - (not order)
     if least > file_size(file) - file.tell() or (order and size > _MOST_ROW):
         raise ReadError(f"{path}: ends before its points do.", DAMAGED)
@@ -150,11 +152,11 @@ def _binary_rows(
 def _text_rows(
     path: Path, file: io.BufferedReader, places: list[int], count: int
 ) -> Iterator[NDArray[np.float64]]:
-    """(n, len(places)) the numbers that stand at these places of the next `count` lines."""
-    lines = Lines(path, file)
+    """Yield the numbers at column indices `places` of `count` lines, (n, len(places)) float64."""
+    lines = LineReader(path, file)
     each = iter(lines)
     while count > 0:
-        some = lines.some(each, min(LINES, count))
+        some = lines.batch(each, min(LINES, count))
         count -= len(some)
         try:
             if not all(map(bytes.strip, some)) or not some:
@@ -162,17 +164,17 @@ def _text_rows(
             text = [line.decode("ascii") for line in some]
             yield np.loadtxt(text, comments=None, usecols=places, ndmin=2)
         except ValueError as error:
-            what = short_text(error).partition(" at row ")[0]  # of those that are read at a time
+            what = short_text(error).partition(" at row ")[0]  # a row of the batch, not of the file
             raise ReadError(
                 f"{path}: has a line that is no row of numbers ({what}).", DAMAGED
             ) from error
 
 
 class Spool:
-    """Bytes that are written before it is known how many there will be.
+    """Temporary file of rows, for formats whose header needs their number first.
 
     Args:
-        path: a name for them; nothing is there after the block.
+        path: path of the temporary file, removed at the end of the block.
     """
 
     def __init__(self, path: Path) -> None:
@@ -190,14 +192,14 @@ class Spool:
         """Add the bytes of an array."""
         self._file.write(np.ascontiguousarray(rows).tobytes())
 
-    def moved_to(self, file: BinaryIO) -> None:
-        """Copy all of it into a file."""
+    def copy_to(self, file: BinaryIO) -> None:
+        """Copy all bytes into an open file."""
         self._file.close()
         with open(self._path, "rb") as source:
             shutil.copyfileobj(source, file, 1 << 20)
 
     def chunks(self, kind: np.dtype[Any], count: int) -> Iterator[NDArray[Any]]:
-        """All of it as rows, so many at a time."""
+        """Yield all rows, as arrays of `kind` of at most `count` rows."""
         self._file.close()
         with open(self._path, "rb") as source:
             while data := source.read(count * kind.itemsize):
@@ -207,7 +209,7 @@ class Spool:
 def write_after(
     path: Path, batches: Iterable[NDArray[Any]], header: Callable[[int], bytes]
 ) -> None:
-    """Write rows behind a header that is made of their number."""
+    """Write rows behind the header that `header` makes of their number."""
     count = 0
     with Spool(path.with_name(path.name + ".rows")) as spool:
         for rows in batches:
@@ -215,4 +217,4 @@ def write_after(
             spool.add(rows)
         with open(path, "wb") as file:
             file.write(header(count))
-            spool.moved_to(file)
+            spool.copy_to(file)

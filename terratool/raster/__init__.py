@@ -1,1 +1,1 @@
-"""Rasters of a field: grids and windows, heights over them, and files."""
+"""Rasters of a terrain: grids, windows, layers, statistics and files."""

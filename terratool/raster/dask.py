@@ -1,7 +1,7 @@
 """Tiles of a mosaic made by the workers of a Dask scheduler, on this machine or on others.
 
-The terrain is sent once and handed on among the workers. They write the tiles themselves, so that
-all need to share the folder; only what is known of a tile comes back.
+The terrain is sent once and passed on among the workers. Workers write the tiles, so all must share
+the folder; only the statistics and checksums of a tile are returned.
 """
 
 from __future__ import annotations
@@ -25,21 +25,25 @@ if TYPE_CHECKING:
 
 
 LOCAL = "local"
-"""In place of an address: processes on this machine."""
+"""Address that stands for processes on this machine."""
 
 _PATIENCE = 60
 """Seconds to wait for a first worker."""
 
 _AHEAD = 2
-"""Tiles for each thread of the workers that wait at the scheduler, so that none is ever idle."""
+"""Tiles queued at the scheduler per worker thread, so that no thread idles."""
 
 _LOST = 5
-"""How often in a row tiles may be lost together with all workers that knew the terrain."""
+"""Most consecutive losses of tiles together with all workers that hold the terrain."""
 
 
 @contextlib.contextmanager
-def connected(address: str, processes: int) -> Iterator[Client]:
-    """A connection to a Dask scheduler, whose log is quiet; "local" is processes on this machine.
+def connect(address: str, processes: int) -> Iterator[Client]:
+    """Connect to a Dask scheduler for the block, with its log silenced.
+
+    Args:
+        address: address of the scheduler; "local" starts one on this machine.
+        processes: number of processes of a local scheduler.
 
     Raises:
         RequestError: Dask is not installed.
@@ -49,30 +53,30 @@ def connected(address: str, processes: int) -> Iterator[Client]:
         import distributed  # noqa: F401 # before its log is made quiet
     except ImportError as error:
         raise RequestError("Dask is not installed.", f"Run {install_command('dask')}") from error
-    with _quiet(), _client(address, processes) as client:
+    with _silent_log(), _client(address, processes) as client:
         yield client
 
 
-def made_by_dask(
+def make_by_dask(
     client: Client, tiler: TileMaker, jobs: Iterable[Job], address: str
 ) -> Generator[Done, None, None]:
-    """Make tiles by Dask, in the order in which they are complete.
+    """Make tiles by Dask workers, yielded in order of completion.
 
-    A tile whose worker is lost is made by another one, unless it has lost as many as Dask allows
-    (its setting distributed.scheduler.allowed-failures).
+    A tile whose worker is lost goes to another worker, as often as Dask's setting
+    distributed.scheduler.allowed-failures permits.
 
     Args:
-        client: the connection.
-        tiler: makes a tile.
-        jobs: the tiles; are taken one by one when there is room for them.
-        address: what the scheduler is called in messages.
+        client: connection to the scheduler.
+        tiler: maker of tiles, sent to the workers.
+        jobs: tiles to be made, taken one by one as the queue has room.
+        address: name of the scheduler in messages.
 
     Raises:
         RequestError: terratool is not installed on the workers.
-        WriteError: the scheduler is lost, it has no workers, or they cannot write.
+        WriteError: the scheduler is lost, it has no workers, or these cannot write.
     """
     try:
-        yield from _made(client, tiler, iter(jobs), address)
+        yield from _make_tiles(client, tiler, iter(jobs), address)
     except (OSError, TimeoutError) as error:
         raise WriteError(
             f"{address}: the Dask scheduler, or each of its workers, was lost.",
@@ -80,13 +84,13 @@ def made_by_dask(
         ) from error
 
 
-def _made(
+def _make_tiles(
     client: Client, tiler: TileMaker, jobs: Iterator[Job], address: str
 ) -> Generator[Done, None, None]:
     from distributed import as_completed
 
     try:
-        terrain = _sent(client, tiler)
+        terrain = _send(client, tiler)
     except (OSError, TimeoutError) as error:
         raise WriteError(
             f"{address}: the scheduler has had no worker for {_PATIENCE} seconds.",
@@ -115,7 +119,7 @@ def _made(
                     yield job[0], *_result(future, job[1])
                 else:
                     again.append(job)
-            if again:  # all workers that knew the terrain are gone
+            if again:  # all workers that held the terrain are gone
                 lost += 1
                 if lost > _LOST:
                     raise WriteError(
@@ -123,11 +127,11 @@ def _made(
                         "Look at their logs; the next run goes on where this one stopped.",
                     )
                 if terrain.status != "finished":
-                    terrain = _sent(client, tiler)
+                    terrain = _send(client, tiler)
                 jobs = chain(again, jobs)
             submit()
     except BaseException:
-        remove_scratch(tiler.scratch)  # workers see that and stop
+        remove_scratch(tiler.scratch)  # workers notice and stop
         raise
     finally:
         with contextlib.suppress(Exception):  # the scheduler may be gone
@@ -137,25 +141,25 @@ def _made(
 def _make(
     tiler: TileMaker, tile: RasterTile, known: FinishedTile | None
 ) -> tuple[FinishedTile, bool]:
-    """Make a tile on a worker."""
+    """Make a tile on a worker; returns as `TileMaker.make`."""
     return tiler.make(tile, known, tiler.check)
 
 
-def _sent(client: Client, tiler: TileMaker) -> Future:
-    """The tiler on all workers that are there; later ones get it from these."""
+def _send(client: Client, tiler: TileMaker) -> Future:
+    """Send the tile maker to all present workers; later ones fetch it from these."""
     client.wait_for_workers(1, timeout=_PATIENCE)
     return client.scatter(tiler, broadcast=True, hash=False)
 
 
 def _result(future: Future, tile: RasterTile) -> tuple[FinishedTile, bool]:
-    """What a worker says of a tile, or its complaint in a sentence."""
+    """Result of a tile from its worker; errors of the worker become sentences."""
     from distributed import KilledWorker
     from distributed.comm import CommClosedError
 
     where = f"tile {tile.row}, {tile.column}"
     try:
         result: tuple[FinishedTile, bool] = future.result()
-    except (TerratoolError, CommClosedError):  # that is our own connection to the scheduler
+    except (TerratoolError, CommClosedError):  # the latter: our own connection is lost
         raise
     except KilledWorker as error:
         raise WriteError(
@@ -177,7 +181,7 @@ def _result(future: Future, tile: RasterTile) -> tuple[FinishedTile, bool]:
 
 @contextlib.contextmanager
 def _client(address: str, processes: int) -> Iterator[Any]:
-    """A connection to a scheduler, which is started for it if it is to be local."""
+    """Connect to a scheduler for the block; a local one is started first."""
     from distributed import Client
     from distributed.comm import normalize_address, resolve_address
 
@@ -187,7 +191,7 @@ def _client(address: str, processes: int) -> Iterator[Any]:
                 cluster = stack.enter_context(local_cluster(processes))
                 client = Client(cluster, set_as_default=False)
             else:
-                # a client that cannot even resolve it would complain once more when it is deleted
+                # a client with an address that does not resolve prints an error on deletion
                 resolve_address(normalize_address(address))
                 client = Client(address, set_as_default=False)
         except (OSError, ValueError, TimeoutError) as error:
@@ -199,28 +203,28 @@ def _client(address: str, processes: int) -> Iterator[Any]:
 
 
 def local_cluster(processes: int, **scheduler: Any) -> LocalCluster:
-    """A scheduler, with these options, and processes of one thread, for this machine alone."""
+    """Start a scheduler and one-thread worker processes that only this machine can reach."""
     from distributed import LocalCluster
 
-    with _deaf_to_interrupts():
+    with _blocked_interrupts():
         return LocalCluster(
             n_workers=processes, threads_per_worker=1, processes=True, host="127.0.0.1",
             dashboard_address=None, silence_logs=logging.CRITICAL,
-            # its web server is there even without a dashboard, and would want port 8787
+            # the web server starts even without a dashboard, by default on port 8787
             scheduler_kwargs={"dashboard_address": "127.0.0.1:0", **scheduler},
         )  # fmt: skip
 
 
 @contextlib.contextmanager
-def _deaf_to_interrupts() -> Iterator[None]:
-    """Let threads and processes that are started now, and theirs, hear no Ctrl-C.
+def _blocked_interrupts() -> Iterator[None]:
+    """Block SIGINT for threads and processes started in the block, and their children.
 
-    A terminal sends it to all processes; it is for the one that started the others to end them.
+    A terminal sends Ctrl-C to all processes; the parent ends the others.
     """
     if not hasattr(signal, "pthread_sigmask"):  # not there on Windows
         yield
         return
-    _start_tracker()  # would unblock them again later
+    _start_tracker()  # started later, it would unblock the signal
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
@@ -229,7 +233,7 @@ def _deaf_to_interrupts() -> Iterator[None]:
 
 
 def _start_tracker() -> None:
-    """Start the process that cleans up after killed ones, and let it do so in silence."""
+    """Start multiprocessing's resource tracker without its warnings."""
     before = os.environ.get("PYTHONWARNINGS")
     os.environ["PYTHONWARNINGS"] = "ignore:resource_tracker:UserWarning"
     try:
@@ -242,8 +246,8 @@ def _start_tracker() -> None:
 
 
 @contextlib.contextmanager
-def _quiet() -> Iterator[None]:
-    """Leave the log of Dask to its own processes: what matters here becomes a sentence."""
+def _silent_log() -> Iterator[None]:
+    """Silence Dask's loggers in this process for the block; errors become sentences."""
     names = [name for name in logging.root.manager.loggerDict if name.startswith("distributed")]
     before = {name: logging.getLogger(name).level for name in names}
     for name in names:

@@ -1,4 +1,4 @@
-"""Raster files of a terrain: painted, written and reported."""
+"""Raster export: layers of a terrain painted into files, and a report."""
 
 from __future__ import annotations
 
@@ -30,28 +30,30 @@ from terratool.raster.geotiff import RasterExtent, crs_of
 from terratool.raster.grid import Grid, Window
 from terratool.raster.layers import LayerBands, SurfaceValues, files_of, layers_named
 from terratool.raster.loss import LossFinder, RasterLoss
-from terratool.raster.overviews import OVERVIEWS_FROM, by_gdal, factors
+from terratool.raster.overviews import OVERVIEWS_FROM, factors, is_averaged_by_gdal
 from terratool.raster.prefetch import WindowMaker, prefetch, processors, windows_of
 from terratool.raster.statistics import RasterStatistics, StatisticsSum
 from terratool.raster.writers import Storage, open_writer
 
 DTYPES = ("float32", "float64")
+"""Data types of layers of numbers."""
 
 Progress = Callable[[int], object]
+"""Function called with the number of pixels done since its last call."""
 
 
 @dataclass(frozen=True, slots=True)
 class WrittenFile:
-    """One file that was written.
+    """A file of an export.
 
     Attributes:
-        path: where.
-        bands: what it holds.
-        statistics: of its bands; none for surfaces and colours.
-        coding: how its numbers became pixels.
-        difference: how far its numbers may be from those that were painted.
-        overviews: by how much each of its overviews is coarser; none where it is one tile, None
-            where they were not wanted.
+        path: path of the file.
+        bands: bands of the file.
+        statistics: statistics of each band; empty for surfaces and colours.
+        coding: coding of values as pixels.
+        difference: largest difference of stored from painted values, in the unit of the band.
+        overviews: factors of the overviews; empty where one tile holds all, None without
+            overviews.
     """
 
     path: Path
@@ -64,14 +66,14 @@ class WrittenFile:
 
 @dataclass(frozen=True, slots=True)
 class MosaicSummary:
-    """What a mosaic consists of.
+    """Tiles of a mosaic.
 
     Attributes:
-        folder: where the tiles are.
-        size: pixels on the side of a tile.
-        rows, columns: of tiles.
-        kept: tiles that an earlier run had finished.
-        made: tiles that this one has.
+        folder: folder of the tiles.
+        size: side of a tile, pixels.
+        rows, columns: numbers of rows and columns of tiles.
+        kept: number of tiles kept from an earlier run.
+        made: number of tiles made by this run.
     """
 
     folder: Path
@@ -84,17 +86,17 @@ class MosaicSummary:
 
 @dataclass(frozen=True, slots=True)
 class RasterReport:
-    """What an export has written, and what it could not keep.
+    """Report of an export: files, statistics and losses.
 
     Attributes:
-        grid: the pixels.
-        files: in the order of the layers.
-        nodata: pixels without a height.
-        surfaces: pixels by name of the surface, where a file holds them.
-        lacking: for each layer the surfaces that have no value for it.
-        ranged: for each layer the surfaces of which it has the middle of a range, if any.
-        losses: what the pixels do not show; None where it was not asked for.
-        tiles: of a mosaic; None for single files.
+        grid: pixels of the raster.
+        files: files in the order of their first layers.
+        nodata: number of pixels without a height.
+        surfaces: number of pixels by surface name; empty if no file holds surfaces.
+        lacking: by layer, names of the surfaces without a value.
+        ranged: by layer, names of the surfaces that give a range, whose middle is shown.
+        losses: losses between the pixels; None if not requested.
+        tiles: tiles of a mosaic; None for single files.
     """
 
     grid: Grid
@@ -108,24 +110,23 @@ class RasterReport:
 
     @property
     def pixels(self) -> int:
-        """Number of pixels."""
+        """Number of pixels of the grid."""
         return self.grid.width * self.grid.height
 
 
 @dataclass(frozen=True, slots=True)
 class RasterRequest:
-    """What is written of a terrain, and how.
+    """Layers and options of a raster export.
 
     Attributes:
         layers: names from `terratool.raster.layers.LAYERS`.
-        dtype: "float32" or "float64", of all layers of numbers.
-        compression: how GeoTIFFs are compressed; by ZSTD if None.
-        nodata: the number that stands for none in layers of numbers; NaN, or what the format has,
-            if None.
-        overviews: whether a GeoTIFF has them; if None, one that is larger than `OVERVIEWS_FROM`.
-        overwrite: whether files may be there already.
-        losses: whether to find out what the pixels do not show.
-        threads: number of threads; as many as there are processors if None.
+        dtype: data type of all layers of numbers, "float32" or "float64".
+        compression: compression of GeoTIFFs; ZSTD if None.
+        nodata: nodata value of layers of numbers; if None, NaN or the format's own.
+        overviews: whether GeoTIFFs have overviews; if None, those larger than `OVERVIEWS_FROM`.
+        overwrite: whether to replace existing files.
+        losses: whether to measure losses between the pixels.
+        threads: number of threads; the number of processors if None.
     """
 
     layers: Sequence[str] = ("height",)
@@ -138,10 +139,11 @@ class RasterRequest:
     threads: int | None = None
 
     def files(self, terrain: Terrain) -> tuple[LayerBands, ...]:
-        """The files that the layers take.
+        """Bands of the files that the layers need.
 
         Raises:
-            RequestError: there is no such layer or type, or nodata is no number of the type.
+            RequestError: a layer or the data type is unknown, or `nodata` is infinite, no value of
+                the data type, or without a layer of numbers.
         """
         layers = layers_named(self.layers)
         if self.dtype not in DTYPES:
@@ -167,10 +169,10 @@ class RasterRequest:
         return files
 
     def has_overviews(self, form: RasterFormat, grid: Grid) -> bool:
-        """Whether files of a format over a grid have overviews.
+        """Return whether files of a format over a grid get overviews.
 
         Raises:
-            RequestError: that was asked for, but does not go with the format.
+            RequestError: `overviews` conflicts with the format.
         """
         if form.driver == "COG":
             if self.overviews is False:
@@ -190,13 +192,13 @@ class RasterRequest:
 
 
 def _is_of_type(number: float, dtype: str) -> bool:
-    """Whether a type has exactly this number."""
+    """Return whether a data type holds a number exactly, or the number is NaN."""
     with np.errstate(over="ignore"):
         return math.isnan(number) or float(np.dtype(dtype).type(number)) == number
 
 
 HEIGHTS = RasterRequest()
-"""The heights alone."""
+"""Request of heights alone, with default options."""
 
 
 def export_dem(
@@ -210,25 +212,25 @@ def export_dem(
 ) -> RasterReport:
     """Write layers of a terrain at the pixel centres of a grid.
 
-    All layers of numbers are bands of one file; surfaces and colours get one of their own each. The
-    file of the first layer is `path`, the others have the name of their layer before the suffix.
-    Memory is bounded by some windows, whatever the size of the raster.
+    All layers of numbers are bands of one file; surfaces and colours get a file each. The file of
+    the first layer is `path`, further files have the layer's name before the suffix. Memory use is
+    that of a few windows, whatever the size of the raster.
 
     Args:
-        terrain: the terrain.
-        grid: the pixels.
-        path: the file; its suffix names the format.
-        request: what is written, and how.
-        cog: whether a GeoTIFF is to be cloud-optimised.
-        progress: is told the number of pixels of each window that is done.
+        terrain: terrain to be exported.
+        grid: pixels over the terrain.
+        path: file to write; the suffix selects the format.
+        request: layers and options.
+        cog: whether to write a cloud-optimised GeoTIFF.
+        progress: called with the number of pixels of each finished window.
 
     Raises:
         WriteError: a file exists, cannot be written or does not fit on the disk.
-        RequestError: layers, type or format do not go together, or numbers are beyond the type.
+        RequestError: layers, data type and format conflict, or values exceed the data type.
         DefinitionError: the CRS of the terrain is unknown.
     """
     path = Path(path)
-    threads = checked_threads(request.threads)
+    threads = thread_count(request.threads)
     form = raster_format(path, cog)
     if request.compression is not None and form.driver not in ("GTiff", "COG"):
         raise RequestError(
@@ -273,11 +275,11 @@ def export_dem(
 
 @dataclass(frozen=True, slots=True)
 class FilledFiles:
-    """What came of painting a window into files.
+    """Result of painting a window into files.
 
     Attributes:
-        statistics: of its pixels.
-        differences: how far the numbers of each file may be from those that were painted.
+        statistics: statistics of the pixels.
+        differences: largest difference of stored from painted values, by file.
     """
 
     statistics: RasterStatistics
@@ -293,16 +295,15 @@ def fill_files(
     window: Window | None = None,
     progress: Progress | None = None,
 ) -> FilledFiles:
-    """Paint a window, or the whole, of a grid into files, which are complete afterwards.
+    """Paint a grid, or a window of it, into complete files.
 
     Args:
-        paths: the files.
-        maker: paints them.
-        storage: how each file is stored.
-        codings: how the numbers of each file are coded; for formats that want no range of theirs
-            they need not be said.
-        window: of the grid; all of it, if not said. Only GeoTIFFs hold less.
-        progress: is told the number of pixels of each window that is done.
+        paths: files to write.
+        maker: maker of windows, with terrain, grid and bands.
+        storage: format and options of the files.
+        codings: coding of each file; by default those of a format that needs no range.
+        window: window of the grid; all of it if None. Only GeoTIFFs can hold a part.
+        progress: called with the number of pixels of each finished window.
     """
     files, extent = maker.files, RasterExtent(maker.terrain, maker.grid, window)
     codings = codings or [coding_of(storage.form, bands, None) for bands in files]
@@ -333,11 +334,11 @@ def report_of(
     losses: LossFinder | None,
     tiles: MosaicSummary | None = None,
 ) -> RasterReport:
-    """What there is to say when all is written."""
+    """Build the report of written files."""
     soils = SurfaceValues(terrain)
     layers = [layer for file in written for layer in file.bands.layers]
     lacking = {layer.name: names for layer in layers if (names := soils.lacking(layer))}
-    ranged = {layer.name: names for layer in layers if (names := soils.ranged(layer))}
+    ranged = {layer.name: names for layer in layers if (names := soils.given_as_range(layer))}
     return RasterReport(
         grid,
         written,
@@ -351,7 +352,7 @@ def report_of(
 
 
 def paths_of(path: Path, files: Sequence[LayerBands]) -> list[Path]:
-    """Where the files go: the first to `path`, the others with what they hold before the suffix."""
+    """Paths of the files: `path`, then names with the layer, or "numbers", before the suffix."""
     names = (
         "numbers" if bands.content == "number" and bands.count > 1 else bands.layers[0].name
         for bands in files[1:]
@@ -359,11 +360,11 @@ def paths_of(path: Path, files: Sequence[LayerBands]) -> list[Path]:
     return [path, *(path.with_name(f"{path.stem}-{name}{path.suffix}") for name in names)]
 
 
-def checked_threads(threads: int | None) -> int:
-    """The number of threads; as many as there are processors, if not said.
+def thread_count(threads: int | None) -> int:
+    """Number of threads as requested, or the number of processors for None.
 
     Raises:
-        RequestError: it is below 1.
+        RequestError: the number is below 1.
     """
     if threads is not None and threads < 1:
         raise RequestError(f"The number of threads is {threads}.", "Give 1 or more.")
@@ -373,7 +374,7 @@ def checked_threads(threads: int | None) -> int:
 def _ranges(
     terrain: Terrain, grid: Grid, files: Sequence[LayerBands], form: RasterFormat, threads: int
 ) -> list[BandStatistics | None]:
-    """Ranges of the numbers of each file whose format wants them: all is painted once for that."""
+    """Statistics of each file that `wants_range`, from a first painting; None for the others."""
     if not any(wants_range(form, bands) for bands in files):
         return [None] * len(files)
     wanting = [bands for bands in files if wants_range(form, bands)]
@@ -394,17 +395,25 @@ def refuse_full_disk(
     finished: int = 0,
     overviews: bool = False,
 ) -> None:
-    """Refuse what may not fit on the disk; so many pixels are finished.
+    """Refuse an export that may not fit on the disk.
+
+    Args:
+        path: file or folder to write to.
+        grid: pixels of the raster.
+        files: bands of the files.
+        form: format of the files.
+        finished: number of pixels already written.
+        overviews: whether files have overviews.
 
     Raises:
-        WriteError: there is less free than the pixels may take.
+        WriteError: the disk has fewer free bytes than the pixels may take.
     """
     if not path.absolute().parent.is_dir():
-        return  # whole_file says so
+        return  # whole_file reports the missing folder
     pixels = grid.width * grid.height - finished
     needed = pixels * sum(bands.pixel_bytes for bands in files)
-    if form.driver == "COG" or (overviews and not all(map(by_gdal, files))):
-        needed += needed + needed // 3  # what it is copied from, and its overviews
+    if form.driver == "COG" or (overviews and not all(map(is_averaged_by_gdal, files))):
+        needed += needed + needed // 3  # the source of the copy, and overviews
     elif overviews:
         needed += needed // 3
     elif form.text_bytes[0]:

@@ -1,4 +1,4 @@
-"""File formats by suffix: what they hold, and how numbers are coded for them."""
+"""Raster formats by suffix: their limits, and the coding of values as pixels."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ _HGT_SIDES = (1201, 3601)
 
 @dataclass(frozen=True, slots=True)
 class Coding:
-    """How numbers become pixels: number = pixel · scale + offset.
+    """Coding of values as pixels: value = pixel · scale + offset.
 
     Attributes:
-        dtype: of the pixels.
-        nodata: the pixel that stands for no number; None if there is none.
-        scale, offset: 1 and 0 where pixels are the numbers themselves.
-        difference: how far a pixel may be from its number.
+        dtype: data type of the pixels.
+        nodata: nodata pixel; None for none.
+        scale, offset: 1 and 0 where pixels are the values themselves.
+        difference: largest difference of a decoded pixel from its value, in the unit of the band.
     """
 
     dtype: np.dtype[Any]
@@ -43,14 +43,14 @@ class Coding:
 
     @property
     def exact(self) -> bool:
-        """Whether the pixels are the numbers themselves."""
+        """Whether pixels are the values themselves, as floats."""
         return self.dtype.kind == "f"
 
     def encode(self, numbers: Pixels) -> Pixels:
-        """Pixels of `numbers`, NaN for none.
+        """Code values as pixels; NaN becomes nodata.
 
         Raises:
-            RequestError: a number has no pixel.
+            RequestError: a value equals nodata, or is out of range.
         """
         none = np.isnan(numbers)
         if self.exact:
@@ -74,16 +74,16 @@ class Coding:
 
 @dataclass(frozen=True, slots=True)
 class RasterFormat:
-    """A file format.
+    """A raster format.
 
     Attributes:
-        driver: GDAL's name for it, or "NPY".
-        options: what its driver is told.
-        bits: of the integers that numbers become; 0 where they stay what they are.
-        nodata: what stands for no number; NaN if not said.
-        one_band: whether a file holds one band of numbers only.
-        text_bytes: that a number takes, of 4 and of 8 bytes; 0 for as many.
-        companions: suffixes of files that its driver may put beside.
+        driver: GDAL's name of the driver, or "NPY".
+        options: creation options of the driver.
+        bits: bits of the integers that values are coded as, negative for signed ones; 0 for none.
+        nodata: nodata value of the format; NaN by default.
+        one_band: whether a file holds only one band of numbers.
+        text_bytes: bytes of text per float32 and per float64 value; 0 for binary formats.
+        companions: suffixes of files that the driver may write beside.
     """
 
     driver: str
@@ -114,10 +114,10 @@ _FORMATS = {
 
 
 def raster_format(path: Path, cog: bool = False) -> RasterFormat:
-    """The format that a file's name asks for.
+    """Format of a file by its suffix, or cloud-optimised GeoTIFF if `cog`.
 
     Raises:
-        RequestError: it names none that can be written.
+        RequestError: no format that can be written has the suffix, or `cog` conflicts with it.
     """
     suffix = path.suffix.lower()
     if cog:
@@ -141,7 +141,7 @@ def raster_format(path: Path, cog: bool = False) -> RasterFormat:
             else f"Try {names}.",
         )
     driver = known[suffix[1:]]
-    # or it would say when and where it was written
+    # a netCDF would record time and path of its writing
     return RasterFormat(driver, {"write_gdal_history": "no"} if driver == "netCDF" else {})
 
 
@@ -153,10 +153,18 @@ def check_fit(
     grid: Grid,
     nodata: float | None,
 ) -> None:
-    """Refuse what a format cannot hold; `nodata` is what was asked for.
+    """Refuse bands that a format cannot hold.
+
+    Args:
+        form: format of the file.
+        path: path of the file.
+        bands: bands of the file.
+        terrain: terrain of the raster.
+        grid: pixels of the raster.
+        nodata: requested nodata value; None for the default.
 
     Raises:
-        RequestError: it cannot.
+        RequestError: the format does not hold the bands, the nodata value or the grid.
     """
     asked = nodata not in (None, form.nodata) and bands.content == "number"
     lacks_nan = math.isnan(bands.empty) and not math.isnan(form.nodata)
@@ -187,7 +195,7 @@ def check_fit(
 
 
 def _degree(terrain: Terrain, grid: Grid) -> str:
-    """Name of the tile of a degree that a grid is the points of; empty if it is none."""
+    """Name of the SRTM tile whose points are the grid's pixel centres; empty for none."""
     crs = crs_of(terrain)
     side, step = grid.width, grid.resolution
     east, north = grid.west + step / 2, grid.south + step / 2
@@ -207,9 +215,12 @@ def _degree(terrain: Terrain, grid: Grid) -> str:
 
 
 def coding_of(form: RasterFormat, bands: Bands, range_: BandStatistics | None) -> Coding | None:
-    """How a format wants numbers to be coded; None for as they are.
+    """Coding of bands in a format; None to store values as they are.
 
-    `range_` is that of the numbers, where `wants_range` says that it is needed.
+    Args:
+        form: format of the file.
+        bands: bands of the file.
+        range_: statistics of the values, where `wants_range`; else None.
     """
     if bands.content != "number":
         return None
@@ -222,15 +233,15 @@ def coding_of(form: RasterFormat, bands: Bands, range_: BandStatistics | None) -
     levels = (1 << form.bits) - 2  # 0 is nodata
     scale = (high - low) / levels
     lost = scale / 2
-    scale = scale or 1.0  # a level place
+    scale = scale or 1.0  # level ground
     return Coding(np.dtype(f"u{form.bits // 8}"), form.nodata, scale, low - scale, lost)
 
 
 def plain_coding(bands: Bands) -> Coding:
-    """That of pixels which are what was painted."""
+    """Coding of pixels that are the painted values."""
     return Coding(bands.dtype, bands.nodata)
 
 
 def wants_range(form: RasterFormat, bands: Bands) -> bool:
-    """Whether the range of the numbers has to be known before they are written."""
+    """Return whether coding needs the range of the values before they are written."""
     return form.bits > 0 and bands.content == "number"

@@ -1,4 +1,4 @@
-"""GeoTIFFs of a terrain: their place, and what GDAL is told of the surfaces."""
+"""GeoTIFFs of a terrain: georeference, colour table and attribute table of surfaces."""
 
 from __future__ import annotations
 
@@ -30,17 +30,17 @@ _INTEGER, _REAL, _STRING = 0, 1, 2
 _GENERIC, _PIXEL_COUNT, _NAME, _MIN_MAX, _RED, _GREEN, _BLUE = 0, 1, 2, 5, 6, 7, 8
 
 MOST_COLORS = 65536
-"""Colours that the colour table of a file holds."""
+"""Most entries of a GeoTIFF's colour table."""
 
 
 @dataclass(frozen=True, slots=True)
 class RasterExtent:
-    """The pixels of a file.
+    """Extent of a raster file.
 
     Attributes:
-        terrain: the terrain.
-        grid: the grid over it.
-        window: the part of the grid that the file holds; all of it if None.
+        terrain: terrain of the raster.
+        grid: pixels over the terrain.
+        window: window of the grid in the file; all of it if None.
     """
 
     terrain: Terrain
@@ -49,7 +49,7 @@ class RasterExtent:
 
     @property
     def pixels(self) -> Window:
-        """The window of the grid that the file holds."""
+        """Window of the grid in the file."""
         return self.window or self.grid.whole
 
 
@@ -62,15 +62,15 @@ def terrain_tiff(
     nodata: float | None = None,
     colors: int = MOST_COLORS,
 ) -> Iterator[GeoTiff]:
-    """A GeoTIFF in the place of a terrain, with its description; complete when the block has ended.
+    """Create a GeoTIFF with a terrain's georeference and description, to be filled in the block.
 
     Args:
-        path: the file.
-        extent: its pixels.
-        bands: what it holds.
-        options: of GDAL for them, as of `terratool.io.geotiff.tile_options`.
-        nodata: pixel that stands for none; that of the bands, if not said.
-        colors: surfaces get a colour table if they are fewer.
+        path: file to write.
+        extent: terrain and pixels of the file.
+        bands: bands of the file.
+        options: GDAL creation options, as from `terratool.io.geotiff.tile_options`.
+        nodata: nodata value; that of the bands if None.
+        colors: number of surfaces below which they get a colour table.
 
     Raises:
         DefinitionError: the CRS of the terrain is unknown.
@@ -88,7 +88,7 @@ def terrain_tiff(
 
 
 def colormap(terrain: Terrain) -> dict[int, tuple[int, int, int, int]]:
-    """Colours by id; no surface is transparent."""
+    """Red, green, blue and opacity by surface id; id 0, no surface, is transparent."""
     colors = SurfaceValues(terrain).colors.tolist()
     return {id_: (*color, 255 if id_ else 0) for id_, color in enumerate(colors)}
 
@@ -96,9 +96,12 @@ def colormap(terrain: Terrain) -> dict[int, tuple[int, int, int, int]]:
 def describe_surfaces(
     band: ElementTree.Element, terrain: Terrain, counts: NDArray[np.int64]
 ) -> None:
-    """Put category names and an attribute table of the surfaces into the element of a band.
+    """Add category names and the attribute table of surfaces to the element of a band.
 
-    `counts` are (surfaces + 1,) pixels of each id.
+    Args:
+        band: element of a band in a .vrt or .aux.xml.
+        terrain: terrain with the surfaces.
+        counts: (surfaces + 1,) pixels by surface id.
     """
     names = ["none", *map(xml_text, terrain.surfaces)]
     name_categories(band, names)
@@ -130,14 +133,14 @@ def describe_surfaces(
 
 
 def name_surfaces(path: Path, terrain: Terrain, counts: NDArray[np.int64]) -> None:
-    """Write the names, colours and soils of the surfaces into the .aux.xml of a raster of ids."""
+    """Write names, colours and soils of the surfaces to the .aux.xml of a raster of surface ids."""
     root, (band,) = pam_bands(1)
     describe_surfaces(band, terrain, counts)
     pam_path(path).write_bytes(xml_bytes(root))
 
 
 def transform_of(grid: Grid, window: Window | None = None) -> Affine:
-    """From columns and rows of a window, or the whole, of a grid to the world."""
+    """Affine transform from column and row of a grid, or of a window of it, to world x and y."""
     west, _, _, north = grid.bounds
     size = grid.resolution
     if window is not None:
@@ -146,10 +149,10 @@ def transform_of(grid: Grid, window: Window | None = None) -> Affine:
 
 
 def crs_of(terrain: Terrain) -> CRS | None:
-    """The coordinate reference system of a terrain.
+    """Coordinate reference system of a terrain; None without one.
 
     Raises:
-        DefinitionError: it is none that is taken, or the library does not know it.
+        DefinitionError: the form is not accepted, or PROJ does not know the system.
     """
     if terrain.crs is None:
         return None

@@ -1,4 +1,4 @@
-"""Grids of pixels over a terrain, and windows into them."""
+"""Grids of square pixels over a terrain, windows of a grid, and default resolutions."""
 
 from __future__ import annotations
 
@@ -16,19 +16,28 @@ from terratool.field.relief import relief_bounds
 from terratool.field.terrain import Terrain, check_bounds, clip_bounds
 
 DEFAULT_PIXELS = 4096
-"""The longer side of a raster has at most this many pixels, if no resolution is given."""
+"""Most pixels on the longer side at the default resolution."""
 
 PIXELS_PER_CELL = 10
+"""Pixels across the smallest cell at the default resolution."""
 PIXELS_PER_TRACK = 3
+"""Pixels across the narrowest track at the default resolution."""
 PIXELS_PER_CORRELATION = 4
+"""Pixels per shortest correlation length at the default resolution."""
 MAX_SIDE = 2**31 - 1
+"""Most pixels on a side of a raster file."""
 _WHOLE = 1e-6
-"""A quotient this near to a whole number of pixels is one."""
+"""Distance from a whole number of pixels, in pixels, that counts as rounding."""
 
 
 @dataclass(frozen=True, slots=True)
 class Window:
-    """A rectangle of pixels: first row and column from the north-west, height and width."""
+    """A rectangle of pixels of a grid.
+
+    Attributes:
+        row, column: first row and column, from the north-west.
+        height, width: rows and columns.
+    """
 
     row: int
     column: int
@@ -36,7 +45,7 @@ class Window:
     width: int
 
     def cut(self, height: int, width: int) -> Iterator[Window]:
-        """Windows of at most this size that cover it, row by row from the north-west."""
+        """Divide the window into windows of at most this size, row by row from the north-west."""
         for row in range(0, self.height, height):
             for column in range(0, self.width, width):
                 yield Window(
@@ -53,7 +62,7 @@ class Grid:
 
     Attributes:
         west, south: world position of the south-west corner.
-        resolution: side of a pixel in units of the terrain.
+        resolution: side of a pixel, world units.
         height, width: rows and columns.
     """
 
@@ -65,12 +74,12 @@ class Grid:
 
     @property
     def whole(self) -> Window:
-        """The window of all pixels."""
+        """Window of all pixels."""
         return Window(0, 0, self.height, self.width)
 
     @property
     def bounds(self) -> Bounds:
-        """West, south, east, north of the outermost pixels' edges."""
+        """West, south, east and north edge of the grid, world units."""
         return (
             self.west,
             self.south,
@@ -79,30 +88,33 @@ class Grid:
         )
 
     def columns(self, window: Window) -> NDArray[np.float64]:
-        """The x of the pixel centres of a window, (width,) float64."""
+        """World x of the pixel centres of a window, (width,) float64."""
         steps = np.arange(window.column, window.column + window.width)
         return np.asarray(self.west + (steps + 0.5) * self.resolution, np.float64)
 
     def rows(self, window: Window) -> NDArray[np.float64]:
-        """The y of the pixel centres of a window from north to south, (height,) float64.
+        """World y of the pixel centres of a window from north to south, (height,) float64.
 
-        Counted from the north, as readers of a geotransform do, to the same last bit.
+        Computed from the north edge as readers of a geotransform do, to the same bit.
         """
         steps = np.arange(window.row, window.row + window.height)
         return np.asarray(self.bounds[3] - (steps + 0.5) * self.resolution, np.float64)
 
     def windows(self, height: int, width: int) -> Iterator[Window]:
-        """Cut the grid into windows of at most this size, row by row from the north-west."""
+        """Divide the grid into windows of at most this size, row by row from the north-west."""
         return self.whole.cut(height, width)
 
 
 def default_resolution(terrain: Terrain, bounds: Bounds | None = None) -> tuple[float, str]:
-    """A resolution for a terrain, or a part of it, and in words why: what shows its features.
+    """Choose a resolution, world units, that shows the features of a terrain, and say why.
 
-    That is the least of a tenth of the smallest cell, the shortest straight stretch of a curve, a
-    third of the narrowest track, which then has three pixels across, and a quarter of the shortest
-    correlation length of a rough surface. Where the longer side would
-    have too many pixels, it is that of `resolution_within`.
+    The resolution is the least of a tenth of the smallest cell, the shortest straight stretch of a
+    curve, a third of the narrowest track, and a quarter of the shortest correlation length of a
+    rough surface. Where that makes too many pixels, `resolution_within` applies.
+
+    Args:
+        terrain: terrain of the raster.
+        bounds: part of the terrain; all of it if None.
 
     Raises:
         RequestError: the bounds are empty or miss the terrain.
@@ -120,7 +132,7 @@ def default_resolution(terrain: Terrain, bounds: Bounds | None = None) -> tuple[
 
 
 def _finest_feature(terrain: Terrain, part: Bounds) -> tuple[float, str]:
-    """A pixel that shows the finest feature of a part of a terrain, and what that feature is."""
+    """Side of a pixel that shows the finest feature of a part of a terrain, and its name."""
     cell, detail = _finest_element(terrain, part)
     segments = terrain.arrays.tracks.segments
     reach = segments["reach"][
@@ -147,9 +159,9 @@ def _finest_feature(terrain: Terrain, part: Bounds) -> tuple[float, str]:
 
 
 def _finest_element(terrain: Terrain, part: Bounds) -> tuple[float, float]:
-    """The smallest cell, and the finest detail of a curve, in a part of a terrain.
+    """Side of the smallest cell and of the finest curve detail in a part of a terrain.
 
-    Where there are too many elements, it is the smallest cell of all, and no curve is looked at.
+    With too many elements, the smallest cell of the whole terrain, and infinity for the detail.
     """
     least, whole = terrain.smallest_cell, terrain.written_out_or_none
     if whole is None:
@@ -159,16 +171,16 @@ def _finest_element(terrain: Terrain, part: Bounds) -> tuple[float, float]:
     west, south, east, north = whole.cells()
     wide, tall = east - west, north - south
     cell = min(float(wide[there].min()), float(tall[there].min()))
-    # but for the rounding of the cells' edges
+    # cell edges are rounded
     cell = least if cell <= least * (1 + _WHOLE) else cell
     return cell, float(finest_details(whole.arrays, wide, tall)[there].min())
 
 
 def resolution_within(width: float, depth: float, most: int) -> tuple[float, str]:
-    """A resolution for at most so many pixels on the longer side of a rectangle, and in words why.
+    """Choose a resolution for at most `most` pixels on the longer side, and say why.
 
-    There is one row of pixels where they would be wider than the shorter side. There are fewer,
-    down to half as many, where the shorter side has whole pixels then.
+    One row of pixels results where they would be wider than the shorter side. Fewer pixels, down to
+    half, are chosen where they divide the shorter side, too.
     """
     longest, shortest = max(width, depth), min(width, depth)
     if longest / most > shortest:
@@ -183,10 +195,10 @@ def resolution_within(width: float, depth: float, most: int) -> tuple[float, str
 
 
 def refuse_resolution(resolution: float) -> None:
-    """Refuse what is no side of a pixel.
+    """Refuse a resolution that is not finite and above 0.
 
     Raises:
-        RequestError: it is no number above 0.
+        RequestError: the resolution is not.
     """
     if not (math.isfinite(resolution) and resolution > 0):
         raise RequestError(
@@ -195,16 +207,15 @@ def refuse_resolution(resolution: float) -> None:
 
 
 def grid_over(terrain: Terrain, resolution: float, bounds: Bounds | None = None) -> Grid:
-    """The grid over the terrain, or over the given bounds.
+    """Grid over a terrain, or over the given bounds.
 
-    Pixels count from the south-west corner, and those are taken whose centres lie within. So, where
-    the resolution does not divide a side, the number of pixels is rounded to the nearest, as
-    `gdalwarp -tr` does: the last pixels reach over the east and north sides, or end before them, by
-    up to half a pixel.
+    Pixels count from the south-west corner and have their centres within the bounds. Where the
+    resolution does not divide a side, the number of pixels is rounded to the nearest as by
+    `gdalwarp -tr`: the grid ends up to half a pixel beyond or before the east and north side.
 
     Raises:
-        RequestError: no resolution above 0, bounds that are empty or miss the terrain, or a grid
-            that no file can hold or that has no pixel centre on the terrain.
+        RequestError: the resolution is not above 0, the bounds are empty or miss the terrain, or
+            the grid is too large for a file or has no pixel centre on the terrain.
     """
     refuse_resolution(resolution)
     west, south, east, north = terrain.bounds
@@ -232,13 +243,13 @@ def grid_over(terrain: Terrain, resolution: float, bounds: Bounds | None = None)
 
 
 def _overlap(one: Bounds, other: Bounds) -> float:
-    """Shorter side of the rectangle that two have in common."""
+    """Shorter side of the intersection of two rectangles."""
     width = min(one[2], other[2]) - max(one[0], other[0])
     return min(width, min(one[3], other[3]) - max(one[1], other[1]))
 
 
 def count_pixels(side: float, resolution: float) -> int:
-    """How many pixels cover a side; it ends at a pixel's edge where rounding alone hides that."""
+    """Number of pixels that cover a side; a remainder within rounding needs no further pixel."""
     quotient = side / resolution
     if quotient > 2 * MAX_SIDE:
         return 2 * MAX_SIDE
@@ -249,14 +260,14 @@ def count_pixels(side: float, resolution: float) -> int:
 
 
 def _count_centres(side: float, resolution: float) -> int:
-    """How many pixels have their centres clearly within a side; at least one."""
+    """Number of pixels with centres clearly within a side; at least one."""
     return max(1, math.ceil(min(side / resolution, 2 * MAX_SIDE) - 0.5 - _WHOLE))
 
 
 def overhang(grid: Grid, part: Bounds) -> tuple[float, float]:
-    """How far the pixels reach over the east and the north side of a rectangle.
+    """Overhang of the pixels beyond the east and the north side of a rectangle, world units.
 
-    Negative where they end before it; 0 where rounding alone makes a difference.
+    Negative where the grid ends before the side; 0 within rounding.
     """
     sides = part[2] - part[0], part[3] - part[1]
     counts = grid.width, grid.height

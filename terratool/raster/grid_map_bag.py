@@ -1,7 +1,7 @@
-"""Layers over a grid as messages of grid_map, in a bag of ROS 2.
+"""Layers over a grid as grid_map messages in a ROS 2 bag.
 
 The message is `grid_map_msgs/msg/GridMap` (github.com/ANYbotics/grid_map, `grid_map_msgs/msg`).
-How it is laid out follows grid_map's sources: `grid_map_core/src/GridMapMath.cpp` puts index (0, 0)
+The layout follows grid_map's sources: `grid_map_core/src/GridMapMath.cpp` puts index (0, 0)
 at the largest x and the largest y, rows along −x and columns along −y, and the map's position in
 its middle; `grid_map_ros/include/grid_map_ros/GridMapMsgHelpers.hpp` names the outer dimension
 "column_index" and the inner one "row_index", as Eigen keeps matrices column by column.
@@ -20,8 +20,9 @@ from numpy.typing import NDArray
 from terratool.raster.grid import Grid
 
 MOST_BYTES = 1 << 30
-"""Of a message: ROS 2 sends it in one piece."""
+"""Most bytes of a message, which ROS 2 sends in one piece."""
 TOPIC = "/grid_map"
+"""Topic of the finest map."""
 TYPE = "grid_map_msgs/msg/GridMap"
 
 Layers = dict[str, NDArray[np.float32]]
@@ -45,13 +46,13 @@ uint16 inner_start_index
 
 @dataclass(frozen=True, slots=True)
 class GridMap:
-    """A message.
+    """Content of a GridMap message.
 
     Attributes:
-        grid: the cells.
-        middle: x and y of their middle, in the frame "map".
-        layers: (height, width) float32 by name, rows from the north; one is called elevation.
-        topic: where it is sent.
+        grid: cells of the map.
+        middle: x and y of the centre of the map in the frame "map", m.
+        layers: (height, width) float32 by name, rows from the north; one is named elevation.
+        topic: topic of the message.
     """
 
     grid: Grid
@@ -61,12 +62,12 @@ class GridMap:
 
 
 def files_of_bag(path: Path) -> tuple[str, str]:
-    """The names of all files in a bag that was written under this path."""
+    """Names of all files in a bag written at `path`."""
     return "metadata.yaml", f"{Path(os.path.realpath(path)).name}.mcap"
 
 
 def write_grid_maps(path: Path, maps: Sequence[GridMap]) -> None:
-    """Write a folder that is a bag: messages at time 0, kept for those who subscribe later."""
+    """Write a bag, a folder, of messages at time 0 with transient local durability."""
     from rosbags.interfaces import (
         Qos,
         QosDurability,
@@ -78,7 +79,7 @@ def write_grid_maps(path: Path, maps: Sequence[GridMap]) -> None:
     from rosbags.rosbag2 import StoragePlugin, Writer
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-    # the types that a GridMap has in it are the same in all distributions
+    # the types within a GridMap are the same in all distributions
     store = get_typestore(Stores.ROS2_HUMBLE)
     for name, text in (("grid_map_msgs/msg/GridMapInfo", _INFO), (TYPE, _GRID_MAP)):
         store.register(get_types_from_msg(text, name))
@@ -90,7 +91,7 @@ def write_grid_maps(path: Path, maps: Sequence[GridMap]) -> None:
         QosHistory.KEEP_LAST, 1, QosReliability.RELIABLE, QosDurability.TRANSIENT_LOCAL, never,
         never, QosLiveliness.AUTOMATIC, never, False,
     )  # fmt: skip
-    # before version 9, of Jazzy, the quality of service is a text, which later ones read, too
+    # until version 8, before Jazzy, the quality of service is a text, which later readers accept
     with Writer(path, version=8, storage_plugin=StoragePlugin.MCAP) as writer:
         for one in maps:
             grid = one.grid
@@ -107,7 +108,7 @@ def write_grid_maps(path: Path, maps: Sequence[GridMap]) -> None:
                 ],
                 0,
             )
-            # rows of a grid_map run to the west, its columns to the south
+            # rows of a grid_map run west, columns south
             data = [
                 kind["std_msgs/msg/Float32MultiArray"](
                     layout, np.ascontiguousarray(layer[:, ::-1]).ravel()

@@ -1,8 +1,8 @@
-"""The journal of a mosaic: which of its tiles are finished, in lines that are whole or ignored.
+"""Journal of a mosaic: its finished tiles, in lines with checksums.
 
-The first line says what the mosaic is of, each other one what was finished: a tile, or an index
-that is about to be written. A line is a list of a checksum and the text that it is of, so that a
-line that was torn, or changed later, does not count. Only one process at a time writes it.
+The first line holds the request, each other one a finished tile or an index about to be written. A
+line is a JSON list of a CRC-32 and the text of an entry; torn or altered lines are ignored. Only
+one process at a time writes a journal.
 """
 
 from __future__ import annotations
@@ -36,16 +36,18 @@ from terratool.raster.tiles import (
 from terratool.report.documents import plain
 
 NAME = "mosaic.journal"
+"""Name of the journal in the folder of the tiles."""
 
 _HINT = "Choose another folder, or add --overwrite to begin anew."
 
 
 class Journal:
-    """An open journal.
+    """Open journal of a mosaic.
 
     Attributes:
-        known: the finished tiles by row and column.
-        indexes: checksums of the indexes by name, as seen from the folder.
+        header: request of the mosaic; None for a journal without a valid first line.
+        known: finished tiles by row and column.
+        indexes: checksums of the indexes by path relative to the folder.
     """
 
     def __init__(self, folder: Path, file: BinaryIO | None, request: dict[str, Any]) -> None:
@@ -61,7 +63,7 @@ class Journal:
         for line in file:
             if line.endswith(b"\n"):
                 self._end += len(line)
-            # what is not whole, or says something else, is as good as not there
+            # torn or foreign lines are ignored
             with contextlib.suppress(
                 ValueError, TypeError, KeyError, RecursionError, msgspec.MsgspecError
             ):
@@ -71,21 +73,21 @@ class Journal:
         if "mosaic" in entry:
             self.header = dict(entry["mosaic"])
         elif "tile" in entry:
-            finished = _finished(entry)
+            finished = _tile_of(entry)
             self.known[finished.row, finished.column] = finished
         else:
             self.indexes[str(entry["index"])] = str(entry["checksum"])
 
     def begin(self, overwrite: bool) -> Path:
-        """Be ready for entries, in a folder that is made if need be.
+        """Prepare the folder, which is made if missing, and the journal for new entries.
 
-        What an earlier run was in the middle of is removed; if this one begins anew, so are its
-        tiles and indexes, and nothing else.
+        Scratch folders of earlier runs are removed; with `overwrite`, or without a valid journal,
+        also their tiles and indexes, and nothing else.
 
         Returns:
-            A folder in that of the mosaic for what is not yet complete.
+            A new folder, in that of the mosaic, for unfinished files.
         """
-        with _sentences(self._folder):
+        with _os_errors(self._folder):
             self._folder.mkdir(exist_ok=True)
             if overwrite or self.header is None:
                 self._clear()
@@ -100,7 +102,7 @@ class Journal:
         return scratch
 
     def _begin_anew(self) -> None:
-        """Have a journal with its first line alone; it appears with that line whole."""
+        """Replace the journal by one of the first line alone, in one step."""
         path, old = self._folder / NAME, self._file
         line = _line_of({"mosaic": self._request})
         with part_folder(self._folder) as part:
@@ -111,7 +113,7 @@ class Journal:
             if old is None:
                 _put_new(part / NAME, path)
             else:
-                if os.name == "nt":  # where an open file cannot be replaced, and none is locked
+                if os.name == "nt":  # Windows cannot replace an open file, and locks none
                     old.close()
                 (part / NAME).replace(path)
         self._end = len(line)
@@ -119,22 +121,23 @@ class Journal:
         try:
             _lock(self._file, self._folder)
         finally:
-            if old is not None:  # it was locked until now
+            if old is not None:  # keeps its lock until the new one is locked
                 old.close()
 
     def _clear(self) -> None:
+        """Remove the tiles and indexes of an earlier run."""
         for name, known in self.indexes.items():
             path = self._folder / name
             own = not path.is_symlink() and path.is_file() and checksum(path) == known
-            if own and _is_index_of(path, self._folder):  # anyone may have written the journal
+            if own and _is_index_of(path, self._folder):  # the journal may be forged
                 path.unlink()
-        for path in owned(self._folder):
+        for path in own_files(self._folder):
             path.unlink()
         self.known, self.indexes = {}, {}
 
     def add_tile(self, finished: FinishedTile) -> None:
-        """Note that a tile is finished; it is on the disk when this returns."""
-        statistics = msgspec.msgpack.encode(finished.statistics, enc_hook=_encoded)
+        """Append a finished tile; the entry is on disk on return."""
+        statistics = msgspec.msgpack.encode(finished.statistics, enc_hook=_encode)
         self._add(
             {
                 "tile": [finished.row, finished.column],
@@ -144,40 +147,41 @@ class Journal:
         )
 
     def add_index(self, name: str, known: str) -> None:
-        """Note that an index with this checksum is about to be written."""
+        """Append the checksum of an index that is about to be written."""
         if self.indexes.get(name) != known:
             self.indexes[name] = known
             self._add({"index": name, "checksum": known})
 
     def _add(self, entry: dict[str, Any]) -> None:
-        with _sentences(self._folder):
+        with _os_errors(self._folder):
             assert self._file is not None
             self._file.write(_line_of(entry))
             self._file.flush()
             os.fsync(self._file.fileno())
 
     def close(self) -> None:
-        """Let other processes write it."""
+        """Close and unlock the journal."""
         if self._file is not None:
             self._file.close()
 
 
 @contextlib.contextmanager
 def journal_of(folder: Path, request: dict[str, Any], overwrite: bool) -> Iterator[Journal]:
-    """The journal of a folder, which nobody else can open meanwhile; nothing is written yet.
+    """Open and lock the journal of a folder for the block, without writing.
 
     Args:
-        folder: of the mosaic; need not exist.
-        request: what the mosaic is to be of, ready for JSON.
-        overwrite: whether another mosaic may be there.
+        folder: folder of the mosaic; may be missing.
+        request: everything that determines the mosaic, as plain JSON values.
+        overwrite: whether to accept another mosaic in the folder.
 
     Raises:
-        WriteError: there is, or tiles that no journal tells of, or another process at work.
+        WriteError: the folder holds another mosaic, or tiles without a journal, or another process
+            writes there.
     """
     if folder.exists() and not folder.is_dir():
         raise WriteError(f"{folder}: is no folder.", "Give the name of one for the tiles.")
     refuse_missing_folder(folder)
-    with _sentences(folder):
+    with _os_errors(folder):
         path = folder / NAME
         file = None
         if path.is_symlink() or path.exists():
@@ -201,18 +205,18 @@ def journal_of(folder: Path, request: dict[str, Any], overwrite: bool) -> Iterat
 
 def _refuse_another(journal: Journal, folder: Path, request: dict[str, Any]) -> None:
     if journal.header is None:
-        for path in owned(folder):
+        for path in own_files(folder):
             raise WriteError(f"{path}: exists already, but no journal tells of it.", _HINT)
-    elif not journal.known and not any(owned(folder)):
-        journal.header = None  # of a run that came to nothing
+    elif not journal.known and not any(own_files(folder)):
+        journal.header = None  # the earlier run finished nothing
     else:
         for key, value in request.items():
             if journal.header.get(key) != value:
                 raise WriteError(f"{folder}: holds a mosaic with another {key}.", _HINT)
 
 
-def owned(folder: Path) -> Iterator[Path]:
-    """Files in a folder, and links, that have the names of tiles or indexes, or belong to such."""
+def own_files(folder: Path) -> Iterator[Path]:
+    """Yield files and links in a folder with names of tiles, indexes or their sidecars."""
     if folder.is_dir():
         with os.scandir(folder) as entries:
             for entry in entries:
@@ -222,27 +226,27 @@ def owned(folder: Path) -> Iterator[Path]:
 
 
 def _no_link(path: str, flags: int) -> int:
-    """Open a file, but not what a link leads to."""
+    """Open a file unless it is a symbolic link."""
     return os.open(path, flags | getattr(os, "O_NOFOLLOW", 0))
 
 
 def _is_index_of(path: Path, folder: Path) -> bool:
-    """Whether a file is an index of a mosaic whose tiles are in a folder."""
+    """Return whether a file is the index of a mosaic with tiles in a folder."""
     tiles = Path(os.path.relpath(folder.resolve(), path.resolve().parent)) / "tile-"
     return f'relativeToVRT="1">{escape(tiles.as_posix())}'.encode() in path.read_bytes()
 
 
 def _line_of(entry: dict[str, Any]) -> bytes:
-    """A line with an entry."""
+    """Line of an entry, with its checksum."""
     text = json.dumps(entry, ensure_ascii=False)
     return json.dumps([zlib.crc32(text.encode()), text]).encode() + b"\n"
 
 
 def _put_new(part: Path, path: Path) -> None:
-    """Have a file appear under a name that is free.
+    """Move a file to a path that must not exist.
 
     Raises:
-        FileExistsError: it is not.
+        FileExistsError: the path exists.
     """
     try:
         os.link(part, path)
@@ -255,10 +259,10 @@ def _put_new(part: Path, path: Path) -> None:
 
 
 def _entry_of(line: bytes) -> dict[str, Any]:
-    """The entry of a line.
+    """Parse the entry of a line.
 
     Raises:
-        ValueError, TypeError: the line is not whole.
+        ValueError, TypeError: the line is torn or altered.
     """
     known, text = json.loads(line)
     if zlib.crc32(str(text).encode()) != known:
@@ -266,27 +270,34 @@ def _entry_of(line: bytes) -> dict[str, Any]:
     return dict(json.loads(text))
 
 
-def _finished(entry: dict[str, Any]) -> FinishedTile:
+def _tile_of(entry: dict[str, Any]) -> FinishedTile:
+    """Decode the finished tile of an entry."""
     statistics = msgspec.msgpack.decode(
-        base64.b64decode(entry["tally"]), type=RasterStatistics, dec_hook=_decoded
+        base64.b64decode(entry["tally"]), type=RasterStatistics, dec_hook=_decode
     )
     row, column = entry["tile"]
     return FinishedTile(row, column, tuple(FileState(*file) for file in entry["files"]), statistics)
 
 
-def _encoded(value: Any) -> Any:
-    """What msgspec does not know, in terms that it does."""
+def _encode(value: Any) -> Any:
+    """Encode an array as data type, shape and bytes, for msgspec."""
     if isinstance(value, np.ndarray):
         return [value.dtype.str, value.shape, value.tobytes()]
     return plain(value)
 
 
-def _decoded(_type: Any, value: Any) -> Any:
+def _decode(_type: Any, value: Any) -> Any:
+    """Decode an array of `_encode`."""
     dtype, shape, content = value
     return np.frombuffer(content, dtype).reshape(shape)
 
 
 def _lock(file: BinaryIO, folder: Path) -> None:
+    """Lock a journal against other processes, where the system has locks.
+
+    Raises:
+        WriteError: another process holds the lock.
+    """
     try:
         import fcntl
     except ImportError:  # not there on Windows
@@ -303,14 +314,15 @@ def _lock(file: BinaryIO, folder: Path) -> None:
 
 
 def _refuse_replaced(file: BinaryIO, folder: Path) -> None:
-    """Refuse a journal in whose place another one has come before it was locked."""
-    with _sentences(folder):
+    """Refuse a journal that another process replaced before it was locked."""
+    with _os_errors(folder):
         if not os.path.samestat(os.fstat(file.fileno()), os.lstat(folder / NAME)):
             raise FileExistsError(errno.EEXIST, "exists", str(folder))
 
 
 @contextlib.contextmanager
-def _sentences(folder: Path) -> Iterator[None]:
+def _os_errors(folder: Path) -> Iterator[None]:
+    """Turn operating system errors in the block into a WriteError."""
     try:
         yield
     except FileExistsError as error:

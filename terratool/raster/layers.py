@@ -1,4 +1,4 @@
-"""Layers: what a raster can hold besides heights, and how they are laid into files."""
+"""Layers of a raster: heights, surfaces, slopes, soils and colours, and their files."""
 
 from __future__ import annotations
 
@@ -21,22 +21,22 @@ from terratool.raster.painter import Planes, id_type
 Pixels = NDArray[Any]
 
 NO_COLOR = (128, 128, 128)
-"""Ground whose surface has no colour; where there is no ground it is black."""
+"""Red, green and blue of ground whose surface has no colour; pixels without ground are black."""
 
 
 @dataclass(frozen=True, slots=True)
 class Layer:
-    """One thing that is known of the ground at each pixel.
+    """A property of the ground at each pixel.
 
     Attributes:
-        name: how it is asked for.
-        bands: what its bands are called.
-        unit: of its values; "1" for a share or a ratio, empty for what is counted or chosen.
-        content: of its pixels: "number", "surface" or "color".
-        soil: the attribute of a surface that it shows; empty for others.
-        slopes: whether the slopes are needed for it.
-        mean: how values are averaged: as "number", as "direction" in degrees, as "vector" of all
-            bands; empty where they have no mean.
+        name: name on the command line and in requests.
+        bands: names of the bands.
+        unit: unit of the values; "1" for a share or a ratio, empty for counts and categories.
+        content: meaning of the pixels: "number", "surface" or "color".
+        soil: attribute of a surface that the layer shows; empty for computed layers.
+        slopes: whether the layer is computed from slopes.
+        mean: averaging of values: "number", "direction" in degrees, "vector" over all bands, or
+            empty for none.
     """
 
     name: str
@@ -49,12 +49,12 @@ class Layer:
 
     @property
     def title(self) -> str:
-        """What a column of its values is called."""
+        """Column title of the first band: its name, and its unit in parentheses."""
         return f"{self.bands[0]} ({self.unit})" if self.unit not in ("", "1") else self.bands[0]
 
     @property
     def surfaces(self) -> bool:
-        """Whether the surfaces are needed for it."""
+        """Whether the layer is computed from surfaces."""
         return bool(self.soil) or self.content != "number"
 
 
@@ -64,13 +64,13 @@ LAYERS: dict[str, Layer] = {
         Layer("height", ("height",), "m"),
         Layer("surface", ("surface",), "", "surface", mean=""),
         Layer("slope", ("slope",), "degree", slopes=True),
-        # where the ground falls to, clockwise from north
+        # downhill direction, clockwise from north
         Layer("aspect", ("aspect",), "degree", slopes=True, mean="direction"),
         Layer("normal", ("normal x", "normal y", "normal z"), "1", slopes=True, mean="vector"),
         Layer("cohesion", ("cohesion",), "kPa", soil="cohesion"),
         Layer("friction", ("friction angle",), "degree", soil="fric_angle"),
         Layer("sinkage", ("sinkage",), "m/kN", soil="sinkage"),
-        # the share of sound that comes back
+        # share of sound reflected
         Layer("sonar", ("sonar reflectance",), "1", soil="sonar_refl"),
         Layer("color", ("red", "green", "blue"), "", "color", soil="color"),
     )
@@ -79,10 +79,10 @@ LAYERS: dict[str, Layer] = {
 
 @dataclass(frozen=True)
 class LayerBands(Bands):
-    """Bands of one file that hold layers.
+    """Bands of one file, from layers.
 
     Attributes:
-        layers: in the order of their bands.
+        layers: layers in the order of their bands.
     """
 
     layers: tuple[Layer, ...] = ()
@@ -91,7 +91,7 @@ class LayerBands(Bands):
     def of(
         cls, layers: Sequence[Layer], dtype: np.dtype[Any], empty: float = math.nan
     ) -> LayerBands:
-        """Bands of layers of the same content; `empty` stands for none, in layers of numbers."""
+        """Build the bands of layers of equal content; `empty` is the nodata value of numbers."""
         bands = [(name, layer) for layer in layers for name in layer.bands]
         return cls(
             tuple(name for name, _ in bands),
@@ -105,10 +105,10 @@ class LayerBands(Bands):
 
 
 def layers_named(names: Sequence[str]) -> tuple[Layer, ...]:
-    """The layers of these names, each once.
+    """Look layers up by name; repeated names count once.
 
     Raises:
-        RequestError: there is no such layer.
+        RequestError: no name is given, or a name is unknown.
     """
     if not names:
         raise RequestError("No layer is asked for.", f"The layers are {', '.join(LAYERS)}.")
@@ -123,10 +123,10 @@ def layers_named(names: Sequence[str]) -> tuple[Layer, ...]:
 def files_of(
     layers: Sequence[Layer], terrain: Terrain, dtype: np.dtype[Any], empty: float = math.nan
 ) -> tuple[LayerBands, ...]:
-    """The files that layers take: one for all numbers, and one each for surfaces and colours.
+    """Group layers into files: one for all numbers, one for surfaces, one for colours.
 
-    Surfaces and colours cannot share one: their bytes are told apart by what the whole file says
-    of its colours. The first layer's file comes first.
+    Surfaces and colours cannot share a file, as its colour interpretation holds for all bands. The
+    file of the first layer comes first.
     """
     dtypes = {"number": dtype, "surface": id_type(terrain), "color": np.dtype(np.uint8)}
     return tuple(
@@ -141,12 +141,12 @@ def files_of(
 
 @dataclass(frozen=True)
 class SurfaceValues:
-    """Values of the surfaces of a terrain, by id: the index of the surface and one."""
+    """Property values of a terrain's surfaces by surface id: index + 1, 0 for no surface."""
 
     terrain: Terrain = field(repr=False)
 
     def lacking(self, layer: Layer) -> list[str]:
-        """Names of the surfaces, other than void ones, that have no value for a layer."""
+        """Names of the surfaces without a value for a layer; void ones are left out."""
         if not layer.soil:
             return []
         return [
@@ -155,37 +155,37 @@ class SurfaceValues:
             if surface.void is not True and property_of(surface, layer.soil) is UNSET
         ]
 
-    def ranged(self, layer: Layer) -> list[str]:
-        """Names of the surfaces of which a layer has the middle of a range."""
+    def given_as_range(self, layer: Layer) -> list[str]:
+        """Names of the surfaces that give a layer as a range, whose middle is shown."""
         types = self.terrain.surface_types
         return [name for name, surface in types.items() if layer.soil in surface.ranges]
 
     @cached_property
     def voids(self) -> NDArray[np.bool_]:
-        """Whether there is no ground."""
+        """Whether a surface id means no ground, (surfaces + 1,) bool."""
         kinds = (surface.void is True for surface in self.terrain.surface_types.values())
         return np.array([True, *kinds])
 
     def values(self, layer: Layer, dtype: np.dtype[Any]) -> Pixels:
-        """(surfaces + 1,) numbers, NaN where a surface has none and where there is no ground."""
+        """Values of a layer by surface id, (surfaces + 1,); NaN for unknown values and the void."""
         values = np.full(len(self.voids), np.nan)
         for id_, surface in enumerate(self.terrain.surface_types.values(), 1):
             value = property_of(surface, layer.soil)
             if value is not UNSET and not self.voids[id_]:
                 values[id_] = value
-        with np.errstate(over="ignore"):  # what is infinite is noticed when it is painted
+        with np.errstate(over="ignore"):  # infinite values are refused after painting
             return values.astype(dtype)
 
     @cached_property
     def colors(self) -> NDArray[np.uint8]:
-        """(surfaces + 1, 3) colours."""
+        """Red, green and blue by surface id, (surfaces + 1, 3) uint8."""
         surfaces = self.terrain.surface_types.values()
         colors = (NO_COLOR if surface.color is UNSET else surface.color for surface in surfaces)
         return np.array([NO_COLOR, *colors], np.uint8)
 
 
 def layer_painter(bands: LayerBands, terrain: Terrain) -> Callable[[Planes, Pixels], None]:
-    """A function from the planes of a window into the bands of a file, (bands, height, width)."""
+    """Build a function that fills bands of a file, (bands, height, width), from painted planes."""
     soils = SurfaceValues(terrain)
     tables: dict[str, Pixels] = {
         layer.name: soils.colors if layer.content == "color" else soils.values(layer, bands.dtype)
@@ -229,7 +229,7 @@ def _aspect(planes: Planes, out: Pixels) -> None:
     assert planes.slope_x is not None and planes.slope_y is not None
     angle = np.degrees(np.arctan2(-planes.slope_x, -planes.slope_y))
     np.mod(angle, 360.0, out=angle)
-    angle[angle == 360.0] = 0.0  # what is just below 0 rounds up
+    angle[angle == 360.0] = 0.0  # angles just below 0 round up to 360
     angle[(planes.slope_x == 0.0) & (planes.slope_y == 0.0)] = np.nan
     out[0] = angle
 

@@ -1,4 +1,4 @@
-"""What a grid of pixels loses of a terrain: walls, narrow features, shape between the pixels."""
+"""Losses of rasterisation: walls, features narrower than a pixel, and interpolation error."""
 
 from __future__ import annotations
 
@@ -22,35 +22,42 @@ from terratool.report.wording import counted
 Floats = NDArray[np.float64]
 
 FIRST = 20
-"""So many narrow features are named."""
+"""Most narrow features listed by name."""
 
 POINTS = 100_000
-"""The interpolation error is measured at up to so many points."""
+"""Most points at which the interpolation error is measured."""
 
 _NOISE = 1e-6
-"""Smaller interpolation errors, in parts of a pixel, are not named in the sentence."""
+"""Least interpolation error in the sentence, pixels."""
 
 _LEVEL = 1e-7
-"""A jump counts from here on, in parts of the largest height that an element adds …"""
+"""Least jump that counts, as a share of the largest height of an element."""
 _LOW = 1e-3
-"""… and of a pixel: what is lower makes a ramp of less than 0.06°."""
+"""Least jump that counts, pixels: a ramp of 0.06°."""
 
 _SHARE = 0.5
-"""A ramp between two pixels is that of the wall between them if so much of it is."""
+"""Least share of the rise between two pixels that a wall must have for the ramp to count."""
 
 _TESTS = 1 << 15
+"""Least number of pairs tested over a grid, divided among windows by their pixels."""
 _PIXELS_PER_TEST = 1 << 14
+"""Pixels per tested pair in grids too large for `_TESTS`."""
 _LEAST_TESTS = 32
-"""So many pairs are tested, or one for so many pixels if these are more. A window has its share of
-them by its pixels, but no fewer than the last."""
+"""Least number of pairs tested in a window."""
 
 _UNIT = 1 << 20
-"""Lengths are added as whole numbers of such parts of a pixel: in any order they are the same."""
+"""Parts of a pixel in which lengths are summed, as integers: the order has no effect."""
 
 
 @dataclass(frozen=True, slots=True)
 class SteepestRamp:
-    """The steepest ramp that a wall became: of two pixels as stored, in the middle between them."""
+    """The steepest ramp that replaces a wall, between two pixels.
+
+    Attributes:
+        degrees: slope of the ramp.
+        rise: difference of the two stored heights, world units.
+        x, y: middle between the pixel centres, world units.
+    """
 
     degrees: float
     rise: float
@@ -60,7 +67,12 @@ class SteepestRamp:
 
 @dataclass(frozen=True, slots=True)
 class LargestJump:
-    """The highest wall between two neighbouring pixels, in the middle between them."""
+    """The highest wall between two neighbouring pixels.
+
+    Attributes:
+        height: height of the wall, world units.
+        x, y: middle between the pixel centres, world units.
+    """
 
     height: float
     x: float
@@ -72,13 +84,13 @@ class WallLoss:
     """Walls that became ramps.
 
     Attributes:
-        length: seen from above. A wall between two pixels counts by the direction it runs in, so
-            turned and round walls have their length.
+        length: length of all walls in plan, world units; corrected for their direction, so that
+            oblique and round walls count in full.
         pairs: number of pairs of neighbours with a wall between them.
-        estimated: whether these two numbers are estimates, from a part of the walls; `largest_jump`
-            is then that of this part.
-        steepest_ramp: None without walls that are at least half of the ramp between their pixels.
-        largest_jump: None without walls.
+        estimated: whether `length` and `pairs` are estimates from a sample of the walls;
+            `largest_jump` is then the largest of the sample.
+        steepest_ramp: steepest ramp of which a wall makes up half or more; None without one.
+        largest_jump: highest wall; None without walls.
     """
 
     length: float
@@ -90,7 +102,12 @@ class WallLoss:
 
 @dataclass(frozen=True, slots=True)
 class SubpixelFeature:
-    """An element, or a detail of its curves, that is narrower than a pixel."""
+    """An element, or a detail of its curves, that is narrower than a pixel.
+
+    Attributes:
+        element: JSON pointer of the element or track.
+        width: width of the element or the detail, world units.
+    """
 
     element: str
     width: float
@@ -98,7 +115,12 @@ class SubpixelFeature:
 
 @dataclass(frozen=True, slots=True)
 class SubpixelFeatures:
-    """How many there are, and the first of them."""
+    """All features narrower than a pixel.
+
+    Attributes:
+        count: number of features.
+        first: up to FIRST of the features, in the order of the definition.
+    """
 
     count: int
     first: tuple[SubpixelFeature, ...]
@@ -106,14 +128,14 @@ class SubpixelFeatures:
 
 @dataclass(frozen=True, slots=True)
 class InterpolationError:
-    """How far bilinear interpolation between the pixels is from the terrain.
+    """Error of bilinear interpolation between the pixels, against the terrain.
 
     Attributes:
-        points: at how many points it was measured.
-        largest: the largest difference, without sign.
-        rms: the root of the mean of their squares.
-        x, y: where the largest one is.
-        element: JSON pointer of the element there, or None.
+        points: number of points measured.
+        largest: largest absolute difference, world units.
+        rms: root mean square difference, world units.
+        x, y: position of the largest difference, world units.
+        element: JSON pointer of the element at that position; None for none.
     """
 
     points: int
@@ -126,16 +148,16 @@ class InterpolationError:
 
 @dataclass(frozen=True, slots=True)
 class RasterLoss:
-    """What a grid loses. Lengths are in units of the terrain.
+    """Losses of a grid over a terrain; lengths are in world units.
 
     Attributes:
-        walls: those that became ramps.
-        narrow_elements: elements and tracks that are narrower than a pixel.
+        walls: walls that became ramps.
+        narrow_elements: elements and tracks narrower than a pixel.
         narrow_details: other elements with a straight stretch of a curve narrower than a pixel.
-        nodata: pixels without a height.
-        interpolation: what lies between the pixels; None where no four of them have heights.
-        left_out: elements, where they are too many to be looked at one by one: of walls and of what
-            is narrow nothing is said then; 0 otherwise.
+        nodata: number of pixels without a height.
+        interpolation: error between the pixels; None where no four neighbours have heights.
+        left_out: number of elements, where they are too many for walls and narrow features to be
+            looked for; else 0.
     """
 
     walls: WallLoss
@@ -146,7 +168,7 @@ class RasterLoss:
     left_out: int = 0
 
     def sentence(self, resolution: float, pixel: str = "pixel") -> str:
-        """All of it in a line of text; `resolution` is the side of a pixel, or as it is called."""
+        """One line about all losses; `resolution` is the side of a pixel, `pixel` its name."""
         parts = []
         ramp, jump = self.walls.steepest_ramp, self.walls.largest_jump
         if jump:
@@ -178,17 +200,16 @@ class RasterLoss:
 
 
 def subpixel_features(terrain: Terrain, grid: Grid) -> tuple[SubpixelFeatures, SubpixelFeatures]:
-    """Elements and tracks within the grid that are narrower than a pixel; others with such details.
+    """Find elements and tracks narrower than a pixel, then other elements with narrower details.
 
-    An element is as wide as the shorter side of its cells. Details are those of
-    `finest_details`.
+    The width of an element is the shorter side of its cells. Details are those of `finest_details`.
     """
     west, south, east, north = terrain.footprints()
     low_x, low_y, high_x, high_y = grid.bounds
     within = (west < high_x) & (east > low_x) & (south < high_y) & (north > low_y)
     west, south, east, north = terrain.cells()
     wide, tall = east - west, north - south
-    # as far as the edges of far cells can be told
+    # less the rounding of cell edges far from the origin
     side = grid.resolution * (1 - 1e-9) - 4 * np.spacing(np.abs(terrain.bounds).max())
     widths = np.minimum(wide, tall)
     narrow = within & (widths < side)
@@ -197,11 +218,11 @@ def subpixel_features(terrain: Terrain, grid: Grid) -> tuple[SubpixelFeatures, S
     slim, track_widths = _tracks(terrain, grid)
     narrow = np.append(narrow, slim & (track_widths < side))
     widths = np.append(widths, track_widths)
-    return _named(terrain, narrow, widths), _named(terrain, detailed, details)
+    return _features(terrain, narrow, widths), _features(terrain, detailed, details)
 
 
 def _tracks(terrain: Terrain, grid: Grid) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
-    """Which tracks may reach the grid, by the rectangles around their segments; their widths."""
+    """Which tracks may reach the grid, by rectangles around their segments, and track widths."""
     tracks = terrain.arrays.tracks
     segments, reach = tracks.segments, tracks.segments["reach"]
     west, south, east, north = grid.bounds
@@ -216,7 +237,7 @@ def _tracks(terrain: Terrain, grid: Grid) -> tuple[NDArray[np.bool_], NDArray[np
     return reached, 2.0 * reach[tracks.first[:-1]]
 
 
-def _named(
+def _features(
     terrain: Terrain, which: NDArray[np.bool_], widths: NDArray[np.float64]
 ) -> SubpixelFeatures:
     indices = np.flatnonzero(which)
@@ -230,10 +251,10 @@ def _named(
 def interpolation_error(
     terrain: Terrain, grid: Grid, dtype: np.dtype[Any]
 ) -> InterpolationError | None:
-    """Compare at up to POINTS points; None where no four pixels with heights lie around one.
+    """Measure the interpolation error at up to POINTS points; None if no point has four heights.
 
     Half of the points are evenly spread, half are the middles of elements. Pixels have the heights
-    that the queries give at their centres, rounded to `dtype`.
+    of queries at their centres, rounded to `dtype`.
     """
     columns = grid.columns(Window(0, 0, 1, grid.width))
     rows = grid.rows(Window(0, 0, grid.height, 1))[::-1]
@@ -267,7 +288,7 @@ def interpolation_error(
 
 
 def _points(terrain: Terrain, columns: Floats, rows: Floats) -> tuple[Floats, Floats]:
-    """Points between the outermost centres, on the terrain."""
+    """X and y of points on the terrain between the outermost pixel centres."""
     west, south, east, north = terrain.bounds
     low_x, high_x = max(west, columns[0]), min(east, columns[-1])
     low_y, high_y = max(south, rows[0]), min(north, rows[-1])
@@ -285,7 +306,7 @@ def _points(terrain: Terrain, columns: Floats, rows: Floats) -> tuple[Floats, Fl
 
 
 def _between(centres: Floats, at: Floats) -> tuple[NDArray[np.int64], Floats]:
-    """The last centre at or before each place, and how far on to the next it is, from 0 to 1."""
+    """Index of the last centre at or before each coordinate, and the share of the gap behind it."""
     i = np.clip(np.searchsorted(centres, at, side="right") - 1, 0, max(0, len(centres) - 2))
     if len(centres) == 1:
         return i, np.zeros(len(at))
@@ -296,15 +317,17 @@ def _between(centres: Floats, at: Floats) -> tuple[NDArray[np.int64], Floats]:
 
 @dataclass(frozen=True, slots=True)
 class LossCounts:
-    """What is lost in a part of a grid; parts add up, in any order, to that of the whole.
+    """Wall losses of a part of a grid; parts can be summed in any order.
+
+    Pairs are negative numbers by `LossFinder`, so that of equal losses the first pair is largest.
 
     Attributes:
-        candidates: pairs of neighbours that may have a wall between them.
-        tested: how many of them were looked at.
-        pairs: how many have a wall, as far as the tested ones tell.
-        length: of these walls, in parts of a pixel.
-        steepest: the largest difference of heights in a pair with a wall, and the pair, negative.
-        highest: the highest wall that was looked at, and its pair, negative.
+        candidates: number of pairs of neighbours that may have a wall between them.
+        tested: number of candidates tested.
+        pairs: number of pairs with a wall, extrapolated from the tested ones.
+        length: length of these walls in plan, 2⁻²⁰ pixels.
+        steepest: largest rise in a pair with a wall, world units, and the pair.
+        highest: highest wall tested, world units, and the pair.
     """
 
     candidates: int = 0
@@ -326,19 +349,23 @@ class LossCounts:
 
 
 class LossFinder:
-    """Looks for what a grid loses, window by window; may be used by several threads at a time.
+    """Finder of the losses of a grid, window by window; thread-safe.
 
-    A window with more candidates than can be looked at has some of them tested, evenly spread, and
-    the rest estimated; which ones depends on the window and on nothing else. The steepest ramp is
-    exact even so: whatever is steeper than the steepest so far is tested too, up to as many pairs
-    again. A ramp is a wall's if the wall is at least half of it. `dtype` is that of the heights in
-    the file. Where there are too many elements, no walls are looked for.
+    In a window with too many candidates an evenly spread sample is tested, and the rest estimated;
+    the sample depends on the window alone. The steepest ramp stays exact: candidates steeper than
+    the steepest of the sample are tested, too, up to as many again. A ramp counts as a wall's if
+    the wall makes up half or more of the rise. With too many elements no walls are looked for.
+
+    Args:
+        terrain: terrain of the grid.
+        grid: pixels over the terrain.
+        dtype: data type of the heights in the file.
     """
 
     def __init__(self, terrain: Terrain, grid: Grid, dtype: DTypeLike = np.float32) -> None:
         whole = terrain.written_out_or_none
         self.for_walls = whole is not None
-        """Whether walls are looked for, which takes labels."""
+        """Whether walls are looked for, which needs labels."""
         self._terrain = terrain = whole or terrain
         self._grid = grid
         self._dtype = np.dtype(dtype)
@@ -347,7 +374,7 @@ class LossFinder:
         self._level = max(_LEVEL * largest, _LOW * grid.resolution)
 
     def with_neighbours(self, window: Window) -> Window:
-        """The window, and one more row to the south and column to the east if the grid has them."""
+        """Window with one more row to the south and column to the east, within the grid."""
         return Window(
             window.row,
             window.column,
@@ -356,9 +383,11 @@ class LossFinder:
         )
 
     def of(self, window: Window, planes: Planes) -> LossCounts:
-        """What is lost between the pixels of a window and their neighbours to the east and south.
+        """Count wall losses between the pixels of a window and their east and south neighbours.
 
-        `planes` are heights and labels of the window with its neighbours.
+        Args:
+            window: window of the grid.
+            planes: heights and labels of the window `with_neighbours`.
         """
         if not self.for_walls:
             return LossCounts()
@@ -409,7 +438,7 @@ class LossFinder:
         )
 
     def statement(self, part: LossCounts, nodata: int) -> RasterLoss:
-        """What the whole grid loses, by the sum of its windows and its pixels without a height."""
+        """Losses of the whole grid, from the sum of its windows and its number of nodata pixels."""
         resolution = self._grid.resolution
         (rise, ramp), (height, jump) = part.steepest, part.highest
         degrees = math.degrees(math.atan2(rise, resolution))
@@ -428,13 +457,13 @@ class LossFinder:
         return RasterLoss(walls, narrow, details, nodata, interpolation, left_out)
 
     def _name(self, window: Window, pair: int) -> int:
-        """The number of a pair of a window in the grid, counted from 1."""
+        """Number of a pair in the grid, from 1, by its number in a window."""
         row, column = divmod(pair >> 1, window.width)
         pixel = (window.row + row) * self._grid.width + window.column + column
         return 2 * pixel + (pair & 1) + 1
 
     def _middle(self, name: int) -> tuple[float, float]:
-        """X and y between the pixels of a pair, by its negative number."""
+        """World x and y of the middle between two pixels, by the negative number of the pair."""
         pair = -name - 1
         row, column = divmod(pair >> 1, self._grid.width)
         two = Window(row, column, 1 + (pair & 1), 2 - (pair & 1))
@@ -442,11 +471,11 @@ class LossFinder:
 
 
 def _spread(count: int, limit: int) -> NDArray[np.int64]:
-    """At most `limit` of `count` indices, one from each of as many stretches, ascending."""
+    """At most `limit` of `count` indices, ascending, one from each of equal stretches."""
     if count <= limit:
         return np.arange(count)
     stretches = np.arange(limit + 1) * count // limit
-    # multiples of the golden section fall in step with nothing
+    # multiples of the golden section avoid aliasing with regular terrains
     places = np.mod(np.arange(limit) * 0.6180339887498949, 1.0)
     indices: NDArray[np.int64] = stretches[:-1] + (places * np.diff(stretches)).astype(np.int64)
     return indices

@@ -1,4 +1,4 @@
-"""A raster as tiles and an index; a run that was interrupted is resumed where it stopped."""
+"""Mosaic export: tiles and a VRT index, with resumption of interrupted runs."""
 
 from __future__ import annotations
 
@@ -36,10 +36,10 @@ from terratool.raster.export import (
     RasterReport,
     RasterRequest,
     WrittenFile,
-    checked_threads,
     paths_of,
     refuse_full_disk,
     report_of,
+    thread_count,
 )
 from terratool.raster.formats import RasterFormat, plain_coding
 from terratool.raster.geotiff import (
@@ -66,16 +66,16 @@ from terratool.raster.tiles import (
 )
 
 TILE_SIZE = 4096
-"""Pixels on the side of a tile, if not said."""
+"""Default side of a tile, pixels."""
 
 _TYPES = {
     "uint8": "Byte", "uint16": "UInt16", "uint32": "UInt32",
     "float32": "Float32", "float64": "Float64",
 }  # fmt: skip
-"""What a .vrt calls the types of numbers."""
+"""Data types of a .vrt by NumPy's name."""
 
 MakeTiles = Callable[[TileMaker, Iterable[Job]], Generator[Done, None, None]]
-"""Makes tiles, in any order."""
+"""Function that makes tiles, yielded in any order."""
 
 
 def export_mosaic(
@@ -89,29 +89,29 @@ def export_mosaic(
     dask: str | None = None,
     progress: Progress | None = None,
 ) -> RasterReport:
-    """Write layers of a terrain as tiles, which are GeoTIFFs, and an index that opens as one.
+    """Write layers of a terrain as GeoTIFF tiles and a VRT index over them.
 
-    The pixels are those of `export_dem`. A run that was interrupted goes on where it stopped, when
-    the same is asked for again: tiles are kept whose files are as the journal in the folder says.
-    Tiles and indexes are the same, byte for byte, whoever made them and in however many runs.
+    Pixels equal those of `export_dem`. The same request resumes an interrupted run: tiles whose
+    files match the journal in the folder are kept. Tiles and indexes are the same, byte for byte,
+    for any number of runs, threads and workers.
 
     Args:
-        terrain: the terrain.
-        grid: the pixels.
-        folder: where the tiles go; is made if need be.
-        path: the index, a .vrt; in the folder, if not said. Where there are several files to a
-            tile, the others have indexes with the name of their layer before the suffix.
-        request: what is written, and how. With `overwrite` it begins anew, whatever is there. Each
-            thread makes a tile; with "local" for `dask`, there are as many processes instead.
-        tile_size: pixels on the side of a tile, a multiple of 512.
+        terrain: terrain to be exported.
+        grid: pixels over the terrain.
+        folder: folder of the tiles; made if missing.
+        path: index, a .vrt; by default in the folder. Where a tile has several files, the further
+            indexes have the layer's name before the suffix.
+        request: layers and options. `overwrite` discards an earlier run. Each thread makes a tile;
+            with "local" for `dask`, there are as many processes instead.
+        tile_size: side of a tile, pixels, a multiple of 512.
         dask: address of a Dask scheduler whose workers make the tiles, or "local" for processes on
-            this machine.
-        progress: is told the number of pixels of each tile that is done.
+            this machine; None for threads.
+        progress: called with the number of pixels of each finished tile.
 
     Raises:
-        WriteError: something else is there, cannot be written or does not fit on the disk.
-        RequestError: what is asked for does not go together, numbers are beyond their type, or
-            there is no Dask or no scheduler.
+        WriteError: the folder holds something else, cannot be written, or the disk is too small; or
+            no Dask scheduler answers.
+        RequestError: options conflict, values exceed their data type, or Dask is not installed.
         DefinitionError: the CRS of the terrain is unknown.
     """
     given, folder = Path(folder), Path(folder).absolute()
@@ -126,7 +126,7 @@ def export_mosaic(
     tiling = Tiling(grid, files, compression, tile_size, request.losses, folder)
     indexes = paths_of(index, files)
     crs_of(terrain)
-    threads = checked_threads(request.threads)
+    threads = thread_count(request.threads)
     with (
         stop_on_signals(),
         _by_threads_or_dask(threads, dask) as make_tiles,
@@ -143,7 +143,7 @@ def export_mosaic(
         finished = sum(
             tile.window.height * tile.window.width
             for _, tile, done in jobs
-            if _has_its_sizes(tiling, done)
+            if _has_recorded_sizes(tiling, done)
         )
         refuse_full_disk(folder, grid, files, RasterFormat("GTiff"), finished)
         scratch = journal.begin(overwrite)
@@ -164,7 +164,7 @@ def export_mosaic(
 
 
 def request_of(terrain: Terrain, tiling: Tiling) -> dict[str, Any]:
-    """What decides each byte of a mosaic, in words and numbers for its journal."""
+    """Journal entry of everything that determines the bytes of a mosaic."""
     grid = tiling.grid
     return {
         "version of terratool": tiling.version,
@@ -180,7 +180,7 @@ def request_of(terrain: Terrain, tiling: Tiling) -> dict[str, Any]:
 
 
 def fingerprint(terrain: Terrain) -> str:
-    """BLAKE2b of all that a terrain's rasters depend on, however its definition is laid out."""
+    """BLAKE2b digest, hexadecimal, of everything in a terrain that its rasters depend on."""
     digest = hashlib.blake2b(digest_size=16)
     surfaces = list(terrain.surface_types.items())
     digest.update(msgspec.json.encode([terrain.descr, terrain.crs, surfaces], order="sorted"))
@@ -189,7 +189,7 @@ def fingerprint(terrain: Terrain) -> str:
     values += arrays.shared if terrain.is_shared else ()
     for value in values:
         if isinstance(value, np.ndarray):
-            # number by number: what lies between the members of a record means nothing
+            # column by column: padding between the members of a record is undefined
             for column in scalar_columns(value):
                 digest.update(f"{column.dtype.str}{column.shape}".encode())
                 digest.update(np.ascontiguousarray(column).data)
@@ -197,7 +197,7 @@ def fingerprint(terrain: Terrain) -> str:
 
 
 def _refuse_index(path: Path, journal: Journal, folder: Path, overwrite: bool) -> None:
-    """Refuse an index that is there, unless the mosaic's own."""
+    """Refuse to replace an existing index, unless it belongs to this mosaic."""
     if path.absolute().parent != folder:
         refuse_missing_folder(path)
     known = journal.indexes.get(_relative(path, folder))
@@ -208,12 +208,12 @@ def _refuse_index(path: Path, journal: Journal, folder: Path, overwrite: bool) -
 
 
 def _relative(path: Path, folder: Path) -> str:
-    """A path as seen from a folder."""
+    """Path relative to a folder, links resolved."""
     return os.path.relpath(path.resolve(), folder.resolve())
 
 
-def _has_its_sizes(tiling: Tiling, known: FinishedTile | None) -> bool:
-    """Whether the files of a tile have their sizes, at least; they are read when it is its turn."""
+def _has_recorded_sizes(tiling: Tiling, known: FinishedTile | None) -> bool:
+    """Return whether a tile's files have their recorded sizes; checksums are compared later."""
     try:
         return known is not None and all(
             (tiling.folder / file.name).stat().st_size == file.size for file in known.files
@@ -229,7 +229,7 @@ def _add_up(
     journal: Journal,
     progress: Progress | None,
 ) -> tuple[RasterStatistics, int]:
-    """Note tiles as they are made; the statistics of all, and how many were kept."""
+    """Journal finished tiles; return the statistics of all, and the number of kept tiles."""
     total = StatisticsSum(tiling.files)
     kept = wanted = 0
     waiting: dict[int, FinishedTile] = {}  # the order of tiles decides the last bits of means
@@ -250,24 +250,24 @@ def _add_up(
 
 @contextlib.contextmanager
 def _by_threads_or_dask(threads: int, dask: str | None) -> Iterator[MakeTiles]:
-    """What makes the tiles; connected to Dask while the block lasts, if that is to make them."""
+    """Choose the function that makes tiles; a Dask connection lasts for the block."""
     if dask is None:
-        yield partial(made_by_threads, threads=threads)
+        yield partial(make_by_threads, threads=threads)
         return
-    from terratool.raster.dask import connected, made_by_dask
+    from terratool.raster.dask import connect, make_by_dask
 
-    with connected(dask, threads) as client:
-        yield partial(made_by_dask, client, address=dask)
+    with connect(dask, threads) as client:
+        yield partial(make_by_dask, client, address=dask)
 
 
 class _StoppedError(Exception):
-    """Ends a tile whose run has ended."""
+    """Raised in a thread to abandon its tile when the run ends."""
 
 
-def made_by_threads(
+def make_by_threads(
     tiler: TileMaker, jobs: Iterable[Job], threads: int
 ) -> Generator[Done, None, None]:
-    """Make tiles by threads, one by each at a time."""
+    """Make tiles by threads, one tile per thread at a time, yielded in order."""
     stopped = threading.Event()
 
     def check(_pixels: int) -> None:
@@ -287,7 +287,7 @@ def _write_indexes(
     tiling = tiler.tiling
     for file, path in enumerate(paths):
         text = index_of(path, tiling, file, tiler.terrain, statistics)
-        # known before it is there, so that the next run does not take it for another's
+        # journalled first, so that the next run recognises the index as its own
         journal.add_index(
             _relative(path, tiling.folder), hashlib.blake2b(text, digest_size=16).hexdigest()
         )
@@ -300,9 +300,14 @@ def _write_indexes(
 def index_of(
     path: Path, tiling: Tiling, file: int, terrain: Terrain, statistics: RasterStatistics
 ) -> bytes:
-    """The text of the index of each tile's file of this number.
+    """Build the text of the VRT over file number `file` of every tile.
 
-    It names the tiles relative to `path`, where it will be.
+    Args:
+        path: final path of the index, to which the names of tiles are relative.
+        tiling: tiles of the mosaic.
+        file: index of the file within a tile.
+        terrain: terrain of the mosaic.
+        statistics: statistics over all tiles.
     """
     grid, bands = tiling.grid, tiling.files[file]
     root = Element("VRTDataset", rasterXSize=str(grid.width), rasterYSize=str(grid.height))
@@ -318,7 +323,7 @@ def index_of(
         band = _band(root, bands, number, terrain, statistics)
         own = statistics.statistics[file]
         if own and own[number].count and not tiling.compression.max_z_error:
-            # before all else: GDAL's schema of these files has an order
+            # first, by the order of elements in GDAL's schema
             band.insert(0, Element("Metadata"))
             _items(band[0], statistics_tags(own[number], grid.width * grid.height))
         _sources(band, path, tiling, file, number + 1)
@@ -358,7 +363,7 @@ def _interpretation(bands: Bands, number: int, terrain: Terrain) -> str:
 
 
 def _sources(band: Element, path: Path, tiling: Tiling, file: int, number: int) -> None:
-    """Where each tile is from which the band reads."""
+    """Add the source element of each tile to a band."""
     folder = Path(os.path.relpath(tiling.folder.resolve(), path.resolve().parent))
     for tile in tiling.tiles():
         window = tile.window
@@ -366,7 +371,7 @@ def _sources(band: Element, path: Path, tiling: Tiling, file: int, number: int) 
         name = (folder / tiling.paths(tile)[file].name).as_posix()
         SubElement(source, "SourceFilename", relativeToVRT="1").text = name
         SubElement(source, "SourceBand").text = str(number)
-        # so that a tile is opened when it is read and not before
+        # with these GDAL opens a tile only to read it
         SubElement(
             source, "SourceProperties", RasterXSize=str(window.width),
             RasterYSize=str(window.height), DataType=band.attrib["dataType"],

@@ -1,4 +1,4 @@
-"""Overviews of GeoTIFFs: the same pixels at half the resolution, a quarter, and so on."""
+"""Overviews of GeoTIFFs, at a half, a quarter, … of the resolution."""
 
 from __future__ import annotations
 
@@ -21,23 +21,23 @@ from terratool.io.geotiff import (
     TILE,
     Compression,
     TiffProfile,
-    complaints,
+    gdal_write_errors,
     geotiff,
     tile_options,
 )
 
 OVERVIEWS_FROM = 4096
-"""A plain GeoTIFF has overviews if its longer side has more pixels, and nothing else is said."""
+"""Pixels on the longer side above which a GeoTIFF has overviews by default."""
 
 _SIDE = TILE
 _NOWHERE = 1e-6
-"""Directions whose mean vector is shorter have no mean."""
+"""Length of a mean unit vector below which directions have no mean."""
 
 Floats = NDArray[np.float64]
 
 
 def factors(width: int, height: int) -> list[int]:
-    """By how much overviews are coarser: until the last of them is one tile."""
+    """Factors of the overviews, 2, 4, …, down to one tile; empty for a raster of one tile."""
     longer = max(width, height)
     found = [2]
     while -(-longer // found[-1]) > TILE:
@@ -45,23 +45,23 @@ def factors(width: int, height: int) -> list[int]:
     return found if longer > TILE else []
 
 
-def by_gdal(bands: Bands) -> bool:
-    """Whether GDAL averages all bands of a file as they are to be."""
+def is_averaged_by_gdal(bands: Bands) -> bool:
+    """Return whether GDAL's resampling suits all bands of a file."""
     return len(set(bands.means)) == 1 and bands.means[0] in ("number", "")
 
 
 def add_overviews(path: Path, bands: Bands, threads: int) -> None:
-    """Add overviews to a GeoTIFF whose bands GDAL averages as they are to be.
+    """Add overviews by GDAL to a GeoTIFF of bands that `is_averaged_by_gdal` accepts.
 
-    Numbers and colours are averaged; of surfaces the nearest pixel is taken.
+    Numbers and colours are averaged, surfaces resampled to the nearest pixel.
 
     Raises:
-        WriteError: GDAL cannot write them.
+        WriteError: GDAL cannot write the overviews.
     """
     resampling = Resampling.average if bands.means[0] else Resampling.nearest
     settings = {"GDAL_NUM_THREADS": str(max(1, threads)), "GDAL_TIFF_OVR_BLOCKSIZE": str(TILE)}
     with (
-        complaints(path),
+        gdal_write_errors(path),
         rasterio.Env(GDAL_CACHEMAX=CACHE_BYTES, ZSTD_LEVEL_OVERVIEW="1", **settings),
         rasterio.open(path, "r+", num_threads=str(max(1, threads))) as file,
     ):
@@ -70,23 +70,23 @@ def add_overviews(path: Path, bands: Bands, threads: int) -> None:
 
 @contextlib.contextmanager
 def with_overviews(path: Path, bands: Bands) -> Iterator[Path]:
-    """A raster that has the pixels of a GeoTIFF of numbers and overviews of our own, for a while.
+    """Make a temporary VRT for the block, with the pixels of a GeoTIFF of numbers and overviews.
 
-    Each is made of the one before: numbers by their mean, directions by the mean of their unit
-    vectors, vectors by their mean at length 1. What is known of some of four pixels is that of all.
+    Each overview is made from the one before: numbers by their mean, directions by the mean of
+    their unit vectors, vectors by their normalised mean. Nodata pixels are left out of means.
 
     Raises:
-        WriteError: there is no place for it.
+        WriteError: the overviews cannot be written.
     """
     levels = []
     virtual = path.with_name(f"{path.stem}.overviews.vrt")
     try:
-        with complaints(path), rasterio.open(path) as file:
+        with gdal_write_errors(path), rasterio.open(path) as file:
             count = len(factors(file.width, file.height))
         for level in range(1, count + 1):
             levels.append(path.with_name(f"{path.stem}.{level}.tif"))
             _halve(levels[-2] if level > 1 else path, levels[-1], bands)
-        with complaints(path):
+        with gdal_write_errors(path):
             rasterio.shutil.copy(path, virtual, driver="VRT")
         root = ElementTree.fromstring(virtual.read_bytes())
         for number, band in enumerate(root.iter("VRTRasterBand"), 1):
@@ -104,13 +104,13 @@ def with_overviews(path: Path, bands: Bands) -> Iterator[Path]:
 
 def _halve(source: Path, target: Path, bands: Bands) -> None:
     """Write a GeoTIFF at half the resolution of another one."""
-    with complaints(source), rasterio.open(source) as file:
+    with gdal_write_errors(source), rasterio.open(source) as file:
         width, height = -(-file.width // 2), -(-file.height // 2)
         profile = TiffProfile(
             width, height, file.transform, options=tile_options(bands.dtype, Compression()),
             nodata=file.nodata,
         )  # fmt: skip
-        down, across = _shares(file.height), _shares(file.width)
+        down, across = _shares_of(file.height), _shares_of(file.width)
         with geotiff(target, bands, profile) as out:
             for row in range(0, height, _SIDE):
                 for column in range(0, width, _SIDE):
@@ -120,7 +120,7 @@ def _halve(source: Path, target: Path, bands: Bands) -> None:
                     )).astype(np.float64)  # fmt: skip
                     if file.nodata is not None:
                         pixels[pixels == file.nodata] = np.nan
-                    half = _averaged(pixels, bands.means, rows, columns)
+                    half = _averages(pixels, bands.means, rows, columns)
                     if file.nodata is not None:
                         half[np.isnan(half)] = file.nodata
                     out.write(half.astype(bands.dtype), row, column)
@@ -128,11 +128,11 @@ def _halve(source: Path, target: Path, bands: Bands) -> None:
 
 @dataclass(frozen=True, slots=True)
 class _Shares:
-    """Which pixels of a line, and how much of them, each pixel at half the resolution covers.
+    """Pixels of a line, and their shares, covered by each of n pixels at half the resolution.
 
     Attributes:
-        indices: (n, 3) of pixels.
-        weights: (n, 3) 1 for a whole one, 0 for none; where the number is odd, parts.
+        indices: (n, 3) indices of the covered pixels.
+        weights: (n, 3) covered shares, 0 to 1; fractions occur in lines of odd length.
     """
 
     indices: NDArray[np.int64]
@@ -140,20 +140,20 @@ class _Shares:
 
     @property
     def first(self) -> int:
-        """The first pixel that is covered."""
+        """Index of the first covered pixel."""
         return int(self.indices[0, 0])
 
     @property
     def count(self) -> int:
-        """How many are covered."""
+        """Number of covered pixels."""
         return int(self.indices[-1].max()) + 1 - self.first
 
     def part(self, begin: int, end: int) -> _Shares:
-        """Those of some pixels at half the resolution."""
+        """Shares of the pixels at half the resolution from `begin` up to `end`."""
         return _Shares(self.indices[begin:end], self.weights[begin:end])
 
     def sums(self, values: Floats, axis: int) -> Floats:
-        """Weighted sums of what is covered along the axis of rows, 1, or of columns, 2."""
+        """Weighted sums of the covered values along axis 1, rows, or axis 2, columns."""
         if (self.weights == [1.0, 1.0, 0.0]).all():  # two whole pixels each: no need to look
             end = 2 * len(self.weights)
             if axis == 1:
@@ -166,8 +166,8 @@ class _Shares:
         return np.asarray(total)
 
 
-def _shares(count: int) -> _Shares:
-    """Of a line of so many pixels, ⌈count / 2⌉ equal parts."""
+def _shares_of(count: int) -> _Shares:
+    """Shares of a line of `count` pixels in ⌈count / 2⌉ equal parts."""
     half = -(-count // 2)
     edges = np.arange(half + 1) * count / half
     indices = np.floor(edges[:-1, None]).astype(np.int64) + np.arange(3)
@@ -175,14 +175,14 @@ def _shares(count: int) -> _Shares:
     return _Shares(np.minimum(indices, count - 1), np.maximum(weights, 0.0))
 
 
-def _averaged(pixels: Floats, means: tuple[str, ...], rows: _Shares, columns: _Shares) -> Floats:
-    """Means of what pixels at half the resolution cover, (bands, rows, columns).
+def _averages(pixels: Floats, means: tuple[str, ...], rows: _Shares, columns: _Shares) -> Floats:
+    """Means over the pixels at half the resolution, (bands, rows, columns).
 
     Args:
-        pixels: (bands, height, width), NaN for none.
-        means: how each band is averaged, as `Bands` has it.
-        rows: of the pixels.
-        columns: of them.
+        pixels: (bands, height, width), NaN for nodata.
+        means: averaging of each band, as in `Bands`.
+        rows: shares of the rows of pixels.
+        columns: shares of the columns of pixels.
     """
 
     def mean(values: Floats) -> Floats:
@@ -199,7 +199,7 @@ def _averaged(pixels: Floats, means: tuple[str, ...], rows: _Shares, columns: _S
             angles = np.radians(values)
             east, north = mean(np.sin(angles))[0], mean(np.cos(angles))[0]
             out[band] = np.degrees(np.arctan2(east, north)) % 360.0
-            out[band][out[band].astype(np.float32) >= 360.0] = 0.0  # what is just below rounds up
+            out[band][out[band].astype(np.float32) >= 360.0] = 0.0  # angles just below 360 round up
             out[band][np.hypot(east, north) < _NOWHERE] = np.nan
         else:
             out[band] = mean(values)[0]

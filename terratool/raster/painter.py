@@ -1,4 +1,4 @@
-"""Heights, surfaces, slopes and labels over windows of a grid."""
+"""Painting of heights, surfaces, slopes and labels over windows of a grid."""
 
 from __future__ import annotations
 
@@ -15,22 +15,22 @@ from terratool.raster.grid import Grid, Window
 
 
 def id_type(terrain: Terrain) -> np.dtype[Any]:
-    """The smallest unsigned type that holds 0 for no surface, and one more than each index."""
+    """Smallest unsigned type for surface ids: index + 1, 0 for no surface."""
     return np.min_scalar_type(len(terrain.surfaces))
 
 
 class Planes(NamedTuple):
-    """What is painted over a window: (height, width), C-contiguous, rows from the north.
+    """Arrays painted over a window: (height, width), C-contiguous, rows from the north.
 
-    All but the heights are None where not asked for.
+    Planes other than the heights are None unless requested.
 
     Attributes:
-        heights: float32 or float64, NaN outside and in the void.
-        surfaces: of `id_type(terrain)`, the index of the surface and one, 0 where there is none.
-        slope_x, slope_y: dz/dx to the east and dz/dy to the north, analytic, in the type of the
-            heights; NaN where these are.
-        labels: uint32; two neighbours of one label have no wall between them, but for a feature
-            that lies wholly between their centres. Where labels differ there may be one.
+        heights: float32 or float64, world units; NaN outside the terrain and in the void.
+        surfaces: surface ids of type `id_type(terrain)`: index + 1, 0 for none.
+        slope_x, slope_y: analytic slopes dz/dx to the east and dz/dy to the north, in the data type
+            of the heights; NaN where these are.
+        labels: uint32. Neighbours of equal label have no wall between them, except within a
+            feature wholly between their centres; neighbours of unequal label may have one.
     """
 
     heights: NDArray[Any]
@@ -39,19 +39,24 @@ class Planes(NamedTuple):
     slope_y: NDArray[Any] | None = None
     labels: NDArray[np.uint32] | None = None
 
-    def cropped(self, height: int, width: int) -> Planes:
-        """The first rows and columns, not copied."""
+    def crop(self, height: int, width: int) -> Planes:
+        """Views of the first `height` rows and `width` columns."""
         parts: Any = (None if plane is None else plane[:height, :width] for plane in self)
         return Planes(*parts)
 
 
 class Painter:
-    """Paints windows of a grid over a terrain; may be used by several threads at a time.
+    """Painter of windows of a grid over a terrain; thread-safe.
 
-    At every pixel centre the same elements as the queries find, the same heights and slopes but for
-    the rounding of sums in double precision and then to the type of the planes. The value of a
-    pixel depends neither on the window nor on the planes that are asked for. Heights and slopes are
-    of `dtype`, float32 or float64.
+    Pixel centres have the elements, heights and slopes of the queries, up to rounding of sums in
+    double precision and to the data type. The value of a pixel depends neither on the window nor on
+    the planes requested.
+
+    Args:
+        terrain: terrain to be painted.
+        grid: pixels over the terrain.
+        dtype: data type of heights and slopes, float32 or float64.
+        surfaces, slopes, labels: whether to paint these planes.
     """
 
     def __init__(
@@ -81,15 +86,15 @@ class Painter:
         self._idle: deque[kernels.Painter] = deque()
 
     def blank(self, window: Window) -> Planes:
-        """Planes for a window, their contents undefined."""
+        """Allocate planes for a window, uninitialised."""
         shape = (window.height, window.width)
         planes: Any = (dtype and np.empty(shape, dtype) for dtype in self._dtypes)
         return Planes(*planes)
 
     def paint(self, window: Window, planes: Planes | None = None) -> Planes:
-        """Paint a window, on one thread, into the planes given or new ones.
+        """Paint a window in the calling thread, into the given planes or new ones.
 
-        Memory beside the planes is that of a tile.
+        Memory use beyond the planes is bounded, whatever the window.
         """
         if planes is None:
             planes = self.blank(window)

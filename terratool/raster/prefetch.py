@@ -1,4 +1,4 @@
-"""Windows of a raster, painted by several threads ahead of the one that writes them."""
+"""Windows of a raster, painted by threads ahead of the thread that writes them."""
 
 from __future__ import annotations
 
@@ -26,13 +26,14 @@ from terratool.raster.painter import Painter, Planes
 from terratool.raster.statistics import RasterStatistics, band_statistics
 
 _WINDOW_BYTES = 1 << 22
+"""Approximate bytes of the pixels of a window over all files."""
 
 T = TypeVar("T")
 R = TypeVar("R")
 
 
 def processors() -> int:
-    """Processors that this process may use."""
+    """Number of processors that this process may use."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
@@ -40,11 +41,11 @@ def processors() -> int:
 
 @dataclass(frozen=True, slots=True)
 class WindowBuffer:
-    """Memory for a window; to allocate it anew takes as long as to paint it.
+    """Reusable memory of a window; allocating it takes as long as painting.
 
     Attributes:
-        planes: of the window, and of its neighbours where losses are wanted.
-        pixels: for each file its bands, (bands, height, width).
+        planes: planes of the window, with its neighbours where losses are measured.
+        pixels: bands of each file, (bands, height, width).
     """
 
     planes: Planes
@@ -53,7 +54,13 @@ class WindowBuffer:
 
 @dataclass(frozen=True, slots=True)
 class WindowContent:
-    """A painted window, what is known of it, and where its pixels are."""
+    """A painted window.
+
+    Attributes:
+        window: window of the grid.
+        statistics: statistics of the pixels.
+        buffer: memory with the pixels.
+    """
 
     window: Window
     statistics: RasterStatistics
@@ -61,9 +68,13 @@ class WindowContent:
 
 
 class WindowMaker:
-    """Makes the windows of a raster's files; may be used by several threads at a time.
+    """Maker of the windows of a raster's files; thread-safe.
 
-    With `losses` it finds out what the pixels do not show, too.
+    Args:
+        terrain: terrain to be painted.
+        grid: pixels over the terrain.
+        files: bands of each file.
+        losses: whether to measure losses between the pixels.
     """
 
     def __init__(
@@ -87,16 +98,16 @@ class WindowMaker:
         self._ids = len(terrain.surfaces) + 1
 
     def make(self, window: Window) -> WindowContent:
-        """Paint a window and lay it out for each file.
+        """Paint a window and fill the bands of each file.
 
         Raises:
-            RequestError: it has numbers beyond those of its type.
+            RequestError: a value exceeds its data type.
         """
         painted = self.losses.with_neighbours(window) if self.losses else window
         buffer = self._buffer(window, painted)
         self._painter.paint(painted, buffer.planes)
         lost = self.losses.of(window, buffer.planes) if self.losses else LossCounts()
-        planes = buffer.planes.cropped(window.height, window.width)
+        planes = buffer.planes.crop(window.height, window.width)
         for paint_layers, bands in zip(self._layer_painters, buffer.pixels, strict=True):
             paint_layers(planes, bands)
         statistics = tuple(
@@ -121,7 +132,7 @@ class WindowMaker:
         return WindowContent(window, known, buffer)
 
     def reuse(self, made: WindowContent) -> None:
-        """Take back the memory of a window whose pixels are no longer needed."""
+        """Reuse the memory of a window whose pixels are no longer needed."""
         self._buffers.append(made.buffer)
 
     def _buffer(self, window: Window, painted: Window) -> WindowBuffer:
@@ -155,13 +166,13 @@ def _refuse_infinite(bands: Iterable[BandStatistics]) -> None:
 
 
 def heights_type(files: Sequence[Bands]) -> np.dtype[Any]:
-    """The type in which heights are painted: float64 if any numbers are, else float32."""
+    """Data type of painted heights: float64 if any file has it, else float32."""
     double = np.dtype(np.float64)
     return double if any(bands.dtype == double for bands in files) else np.dtype(np.float32)
 
 
 def windows_of(window: Window, files: Sequence[Bands]) -> list[Window]:
-    """Windows of a row of tiles, not too large in bytes, that cover a larger one."""
+    """Divide a window into windows one tile high, as wide as `_WINDOW_BYTES` permits."""
     most = _WINDOW_BYTES // (TILE * sum(bands.pixel_bytes for bands in files))
     return list(window.cut(TILE, max(1, most // TILE) * TILE))
 
@@ -172,13 +183,13 @@ def prefetch(
     threads: int,
     stop: Callable[[], object] | None = None,
 ) -> Generator[R, None, None]:
-    """Results of `function`, in the order of the items, by threads a few items ahead.
+    """Yield `function` of each item, in order, computed by threads a few items ahead.
 
     Args:
-        function: what is done to each item.
-        items: are taken one by one when there is room for them.
-        threads: how many; 0 to do all in the calling one.
-        stop: is called at the end, before threads that are still busy are waited for.
+        function: function of an item.
+        items: items, taken one by one as threads become free.
+        threads: number of threads; 0 for the calling thread alone.
+        stop: called at the end, before busy threads are awaited.
     """
     if not threads:
         yield from map(function, items)

@@ -1,4 +1,4 @@
-"""Light on the ground, contours, round numbers, and PNG files: what all pictures need."""
+"""Hillshade, vertical exaggeration, contour intervals and axis ticks for pictures."""
 
 from __future__ import annotations
 
@@ -10,18 +10,19 @@ from numpy.typing import NDArray
 Heights = NDArray[np.float32] | NDArray[np.float64]
 
 LIGHT = np.radians(315.0), np.radians(45.0)
-"""Azimuth and height of the light."""
+"""Azimuth and elevation of the light, rad."""
 _RELIEF = np.tan(np.radians(40.0))
-"""Slope that the steeper ground of a flat terrain is exaggerated to."""
+"""Slope to which the 95th percentile of slopes is exaggerated."""
 _MOST = 10.0
+"""Largest exaggeration."""
 _CONTOURS = 8
-"""Contours of the ground, about so many."""
+"""Approximate number of contours."""
 _LEVEL = 1e-3
-"""Ground that differs by less, m, has no contours."""
+"""Least range of heights with contours, world units."""
 
 
 def exaggeration(heights: Heights, resolution: float) -> float:
-    """How much steeper the shading shows the ground, 1 to 10: so that gentle hills are seen."""
+    """Factor on heights for the shading, 1 to 10, so that gentle hills show."""
     east, north = _gradient(heights, resolution)
     steepness = np.hypot(east, north)
     steepness = steepness[steepness > 0.0]
@@ -32,14 +33,14 @@ def exaggeration(heights: Heights, resolution: float) -> float:
 
 
 def hillshade(heights: Heights, resolution: float, exaggerated: float = 1.0) -> NDArray[np.float64]:
-    """Light on the ground, 0 to 1, (height, width) float64; level ground has sin 45°.
+    """Brightness of the ground, 0 to 1, (height, width) float64; level ground has sin 45°.
 
     Slopes by Horn's formula (B. K. P. Horn, Hill shading and the reflectance map, Proceedings of
     the IEEE 69(1), 1981), light from the north-west; missing neighbours count as level.
 
     Args:
-        heights: (height, width), rows from the north, NaN where there is no ground.
-        resolution: side of a pixel.
+        heights: (height, width), rows from the north, NaN without ground.
+        resolution: side of a pixel, world units.
         exaggerated: factor on heights.
     """
     east, north = _gradient(heights, resolution)
@@ -51,7 +52,7 @@ def hillshade(heights: Heights, resolution: float, exaggerated: float = 1.0) -> 
 
 
 def contour_interval(heights: Heights) -> float:
-    """How far contours are apart: 1, 2 or 5 times a power of ten; 0 for none."""
+    """Height between contours: 1, 2 or 5 times a power of ten; 0 for level ground."""
     known = heights[np.isfinite(heights)]
     if not known.size or float(np.ptp(known)) < _LEVEL:
         return 0.0
@@ -60,7 +61,7 @@ def contour_interval(heights: Heights) -> float:
 
 
 def ticks(first: float, last: float, count: int) -> list[float]:
-    """Round numbers from first to last: about so many, 1, 2 or 5 times a power of ten apart."""
+    """About `count` round numbers from first to last, 1, 2 or 5 times a power of ten apart."""
     raw = (last - first) / count
     power = 10.0 ** math.floor(math.log10(raw))
     step = next(factor * power for factor in (1.0, 2.0, 5.0, 10.0) if factor * power >= raw * 0.999)
@@ -71,7 +72,7 @@ def ticks(first: float, last: float, count: int) -> list[float]:
 def _gradient(
     heights: Heights, resolution: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Rise for each unit to the east and to the north, by Horn's weights; 0 where unknown."""
+    """Slopes to the east and to the north by Horn's weights, (height, width); 0 where unknown."""
     padded = np.pad(heights.astype(np.float64), 1, mode="reflect", reflect_type="odd")
     middle = padded[1:-1, 1:-1]
     rows, columns = middle.shape

@@ -1,4 +1,4 @@
-"""Statistics of bands and of whole rasters, gathered window by window, in their order."""
+"""Statistics of bands and whole rasters, summed window by window in a fixed order."""
 
 from __future__ import annotations
 
@@ -16,14 +16,17 @@ from terratool.kernels import raster as kernels
 from terratool.raster.loss import LossCounts
 
 _COLUMNS = 512
+"""Partial sums kept side by side; the number fixes the rounding of totals."""
 
 
 def band_statistics(pixels: NDArray[Any], directions: bool = False) -> BandStatistics:
-    """Statistics of what is not NaN in `pixels`, (height, width) of floats.
+    """Statistics of the pixels of a band that are not NaN.
 
-    Directions are in degrees.
+    Args:
+        pixels: (height, width) float32 or float64.
+        directions: whether pixels are directions in degrees, which need circular sums.
     """
-    shift = kernels.first_number(pixels)  # sums of squares lose less near 0
+    shift = kernels.first_number(pixels)  # sums of squares round less near 0
     sums = np.zeros((5, _COLUMNS))
     sums[1:3] = [[math.inf], [-math.inf]]
     kernels.gather(pixels, shift, sums)
@@ -48,13 +51,13 @@ def band_statistics(pixels: NDArray[Any], directions: bool = False) -> BandStati
 
 @dataclass(frozen=True, slots=True)
 class RasterStatistics:
-    """What is known of the pixels of some windows.
+    """Statistics of the pixels of one or more windows.
 
     Attributes:
-        statistics: for each file that of its bands; none for surfaces and colours.
-        counts: (surfaces + 1,) int64 pixels of each surface id; none if no file holds them.
-        nodata: pixels without a height.
-        lost: what the pixels do not show; nothing where it was not asked for.
+        statistics: statistics of each band, by file; empty for surfaces and colours.
+        counts: (surfaces + 1,) int64, pixels by surface id; (0,) if no file holds surfaces.
+        nodata: number of pixels without a height.
+        lost: losses between the pixels; all 0 if not requested.
     """
 
     statistics: tuple[tuple[BandStatistics, ...], ...]
@@ -64,7 +67,7 @@ class RasterStatistics:
 
 
 class StatisticsSum:
-    """The statistics of all windows added to it; their order decides the last bits of means."""
+    """Running sum of the statistics of windows; their order decides the last bits of means."""
 
     def __init__(self, files: Sequence[Bands]) -> None:
         self._statistics = [
@@ -75,7 +78,7 @@ class StatisticsSum:
         self._lost = LossCounts()
 
     def add(self, part: RasterStatistics) -> None:
-        """Add those of other windows."""
+        """Add the statistics of other windows."""
         for total, bands in zip(self._statistics, part.statistics, strict=True):
             total[:] = map(operator.add, total, bands)
         self._counts = part.counts + self._counts if self._counts.size else part.counts
@@ -83,6 +86,6 @@ class StatisticsSum:
         self._lost += part.lost
 
     def total(self) -> RasterStatistics:
-        """Those of all windows."""
+        """Statistics over all windows."""
         statistics = tuple(map(tuple, self._statistics))
         return RasterStatistics(statistics, self._counts, self._nodata, self._lost)

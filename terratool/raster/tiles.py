@@ -1,4 +1,4 @@
-"""Tiles of a mosaic: how they are cut and named, and made one by one, wherever that is."""
+"""Tiles of a mosaic: division, file names, and making of single tiles."""
 
 from __future__ import annotations
 
@@ -30,31 +30,31 @@ from terratool.raster.writers import Storage
 from terratool.text.files import open_file
 
 INDEX = "mosaic.vrt"
-"""The index, if it is not given another name."""
+"""Default name of the index."""
 
 OWNED = re.compile(
     r"(tile-\d+-\d+(-[a-z]+)?\.tif|mosaic(-[a-z]+)?\.vrt)"
     f"({'|'.join(re.escape(end[1:]) for end in COMPANIONS)})?"
 )
-"""Names of tiles and of their indexes, and of what GDAL keeps beside them."""
+"""Pattern of the names of tiles, indexes and their GDAL sidecars."""
 
 _OF = "tiles-"
 SCRATCH = f"{PART}{_OF}"
-"""How the names of folders begin in which tiles are made."""
+"""Prefix of scratch folders, in which tiles are made."""
 
 
 @dataclass(frozen=True, slots=True)
 class Tiling:
-    """All that decides the tiles of a terrain.
+    """Division of a grid into tiles, and options of their files.
 
     Attributes:
-        grid: the pixels of the whole.
-        files: what the mosaic holds; a tile is a file for each.
-        compression: of all tiles.
-        size: pixels on the side of a tile, but for the last ones.
-        losses: whether to find out what the pixels do not show.
-        folder: where the tiles go.
-        version: of the program that began the mosaic.
+        grid: pixels of the whole mosaic.
+        files: bands of each file of a tile.
+        compression: compression of all tiles.
+        size: side of a tile, pixels; the last row and column may be smaller.
+        losses: whether to measure losses between the pixels.
+        folder: folder of the tiles.
+        version: version of terratool that began the mosaic.
     """
 
     grid: Grid
@@ -74,21 +74,21 @@ class Tiling:
 
     @property
     def rows(self) -> int:
-        """Rows of tiles."""
+        """Number of rows of tiles."""
         return math.ceil(self.grid.height / self.size)
 
     @property
     def columns(self) -> int:
-        """Columns of tiles."""
+        """Number of columns of tiles."""
         return math.ceil(self.grid.width / self.size)
 
     def tiles(self) -> Iterator[RasterTile]:
-        """The tiles, row by row from the north-west."""
+        """Yield the tiles, row by row from the north-west."""
         for window in self.grid.windows(self.size, self.size):
             yield RasterTile(window.row // self.size, window.column // self.size, window)
 
     def paths(self, tile: RasterTile) -> list[Path]:
-        """Where the files of a tile are."""
+        """Paths of the files of a tile."""
         digits = len(str(max(self.rows, self.columns) - 1))
         name = f"tile-{tile.row:0{digits}}-{tile.column:0{digits}}.tif"
         return paths_of(self.folder / name, self.files)
@@ -96,7 +96,12 @@ class Tiling:
 
 @dataclass(frozen=True, slots=True)
 class RasterTile:
-    """A tile: its place among the others, from the north-west, and its pixels."""
+    """A tile of a mosaic.
+
+    Attributes:
+        row, column: position among the tiles, from the north-west.
+        window: pixels of the tile in the grid.
+    """
 
     row: int
     column: int
@@ -105,12 +110,12 @@ class RasterTile:
 
 @dataclass(frozen=True, slots=True)
 class FileState:
-    """What a file was like when it was complete.
+    """Size and checksum of a finished file.
 
     Attributes:
-        name: in the folder of the mosaic.
-        size: in bytes.
-        checksum: BLAKE2b of 16 bytes, in hexadecimal digits.
+        name: name in the folder of the mosaic.
+        size: size in bytes.
+        checksum: BLAKE2b digest of 16 bytes, hexadecimal.
     """
 
     name: str
@@ -123,9 +128,9 @@ class FinishedTile:
     """A tile whose files are complete.
 
     Attributes:
-        row, column: which one.
-        files: what they are like.
-        statistics: of its pixels.
+        row, column: position among the tiles, from the north-west.
+        files: sizes and checksums of the files.
+        statistics: statistics of the pixels.
     """
 
     row: int
@@ -135,28 +140,27 @@ class FinishedTile:
 
 
 Job = tuple[int, RasterTile, FinishedTile | None]
-"""A tile to be made: its number, itself, and what an earlier run says of it."""
+"""Tile to be made: its number, the tile, and its record from an earlier run or None."""
 
 Done = tuple[int, FinishedTile, bool]
-"""A tile that is complete: its number, what is known of it, and whether it was kept."""
+"""Finished tile: its number, its record, and whether it was kept from an earlier run."""
 
 
 class TileMaker:
-    """Makes tiles; the same for threads and for the workers of Dask, which are sent one.
+    """Maker of tiles, for threads and, pickled, for workers of Dask.
 
-    What is not yet complete is in `scratch`, a folder in that of the tiles. Who removes it stops
-    all that still write.
+    Unfinished files are in `scratch`, a folder in that of the tiles; its removal stops all makers.
     """
 
     def __init__(self, terrain: Terrain, tiling: Tiling, scratch: Path) -> None:
         self.terrain, self.tiling, self.scratch = terrain, tiling, scratch
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return TileMaker, (self.terrain, self.tiling, self.scratch)  # without what it works in
+        return TileMaker, (self.terrain, self.tiling, self.scratch)  # without buffers
 
     @cached_property
     def maker(self) -> WindowMaker:
-        """Makes the windows of all tiles."""
+        """Maker of windows for all tiles."""
         tiling = self.tiling
         return WindowMaker(self.terrain, tiling.grid, tiling.files, tiling.losses)
 
@@ -166,19 +170,19 @@ class TileMaker:
         known: FinishedTile | None = None,
         progress: Callable[[int], object] | None = None,
     ) -> tuple[FinishedTile, bool]:
-        """Make a tile in the calling thread, unless its files are as they are known to be.
+        """Make a tile in the calling thread, unless its files match an earlier record.
 
         Args:
-            tile: which one.
-            known: what an earlier run says of it.
-            progress: is told the number of pixels of each window; may raise to stop.
+            tile: tile to be made.
+            known: record of an earlier run; None for none.
+            progress: called with the number of pixels of each window; may raise to stop.
 
         Returns:
-            What is known of it now, and whether it was kept.
+            The record of the tile, and whether its files were kept.
 
         Raises:
-            WriteError: its files cannot be written, or the folder is not seen here.
-            RequestError: its numbers are beyond their type, or this is another version.
+            WriteError: a file cannot be written, or this machine does not see the folder.
+            RequestError: values exceed their data type, or the version of terratool differs.
         """
         tiling = self.tiling
         if tiling.version != __version__:
@@ -204,10 +208,10 @@ class TileMaker:
         return FinishedTile(tile.row, tile.column, files, filled.statistics), False
 
     def check(self, _pixels: int = 0) -> None:
-        """Find out whether tiles are still wanted.
+        """Check that the run still goes on.
 
         Raises:
-            WriteError: their run has ended, or its folder is not seen here.
+            WriteError: the run has ended, or this machine does not see its folder.
         """
         if not self.scratch.is_dir():
             raise WriteError(
@@ -217,20 +221,20 @@ class TileMaker:
 
 
 def remove_scratch(scratch: Path) -> None:
-    """Remove a folder in which tiles are made; who still writes there comes to nothing."""
+    """Remove a scratch folder; makers that still write there fail."""
     gone = scratch_in(scratch.parent)
     with contextlib.suppress(OSError):
-        scratch = scratch.rename(gone)  # at once, before its files go one by one
+        scratch = scratch.rename(gone)  # one atomic step, before files are deleted
     shutil.rmtree(scratch, ignore_errors=True)
 
 
 def scratch_in(folder: Path) -> Path:
-    """A new name for a folder in which the tiles of another folder are made."""
+    """New path for a scratch folder in the folder of the tiles."""
     return folder / part_name(_OF)
 
 
 def is_complete(path: Path, file: FileState) -> bool:
-    """Whether a file is there and as it was when it was complete."""
+    """Return whether a file exists with its recorded name, size and checksum."""
     try:
         return (
             path.name == file.name
@@ -242,6 +246,6 @@ def is_complete(path: Path, file: FileState) -> bool:
 
 
 def checksum(path: Path) -> str:
-    """BLAKE2b of a file, 16 bytes in hexadecimal digits."""
+    """BLAKE2b digest of a file, 16 bytes, hexadecimal."""
     with open_file(path) as file:
         return hashlib.file_digest(file, lambda: hashlib.blake2b(digest_size=16)).hexdigest()

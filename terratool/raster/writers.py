@@ -1,4 +1,4 @@
-"""Where the windows of a file go: GeoTIFFs, arrays, and by way of GeoTIFFs all other formats."""
+"""Writers of raster files by window: GeoTIFF and .npy, and other formats by a GeoTIFF copy."""
 
 from __future__ import annotations
 
@@ -19,37 +19,37 @@ from rasterio.errors import NotGeoreferencedWarning
 from terratool.errors import WriteError
 from terratool.io.bands import Bands, BandStatistics
 from terratool.io.gdal_copy import cog_options, gdal_copy
-from terratool.io.geotiff import Compression, GeoTiff, complaints, tile_options
+from terratool.io.geotiff import Compression, GeoTiff, gdal_write_errors, tile_options
 from terratool.io.pam import pam_path
 from terratool.raster.formats import Coding, RasterFormat
 from terratool.raster.geotiff import MOST_COLORS, RasterExtent, name_surfaces, terrain_tiff
 from terratool.raster.grid import Grid, Window
-from terratool.raster.overviews import add_overviews, by_gdal, with_overviews
+from terratool.raster.overviews import add_overviews, is_averaged_by_gdal, with_overviews
 
 _SHIFT = 1e-3
-"""So far, in pixels, a raster may have moved: coordinates are rounded where they are text."""
+"""Largest shift of a copy, pixels; text formats round coordinates."""
 
 Pixels = NDArray[Any]
 
 
 def difference(one: Path, other: Path, bands: Bands, nodata: float) -> float:
-    """The largest difference between the numbers of two rasters, in units of the numbers.
+    """Largest difference between the values of a GeoTIFF and of its copy, in the unit of the band.
 
     Args:
-        one: a GeoTIFF.
-        other: what was made of it.
-        bands: what both hold, as coded.
-        nodata: what stands for none in the other one, if it cannot say so itself; or NaN.
+        one: the GeoTIFF.
+        other: copy in another format.
+        bands: bands of both files, as coded.
+        nodata: nodata value of the copy, for formats that do not store it; NaN for none.
 
     Raises:
-        WriteError: the other one has other pixels, another place in the world, other surfaces, or
-            cannot be read.
+        WriteError: the copy cannot be read, or differs in shape, position, reference system, nodata
+            pixels, surfaces or colours.
     """
     largest = 0.0
-    with complaints(other, "Ask for a .tif instead."), contextlib.ExitStack() as stack:
+    with gdal_write_errors(other, "Ask for a .tif instead."), contextlib.ExitStack() as stack:
         stack.enter_context(warnings.catch_warnings())
         warnings.simplefilter("ignore", NotGeoreferencedWarning)
-        if bands.dtype == np.float64:  # text is read as single precision, if nothing else is said
+        if bands.dtype == np.float64:  # GDAL reads text as single precision by default
             stack.enter_context(rasterio.Env(AAIGRID_DATATYPE="Float64"))
         a, b = stack.enter_context(rasterio.open(one)), stack.enter_context(rasterio.open(other))
         _compare_places(a, b, other)
@@ -83,7 +83,7 @@ def _compare_places(a: Any, b: Any, path: Path) -> None:
         abs(p - q) > _SHIFT * a.transform.a for p, q in zip(a.bounds, b.bounds, strict=True)
     ):
         raise _unfit(path, "where the pixels are")
-    # many formats write a reference system in their own words, which have no number
+    # many formats rewrite the reference system in a form without an EPSG code
     codes = {crs.to_epsg() for crs in (a.crs, b.crs) if crs is not None} - {None}
     if len(codes) > 1:
         raise _unfit(path, "the coordinate reference system")
@@ -94,30 +94,31 @@ def _unfit(path: Path, what: str) -> WriteError:
 
 
 class RasterWriter(Protocol):
-    """Where the windows of one file go.
+    """Writer of one file, window by window.
 
     Attributes:
-        difference: how far the numbers of the file may be from those that were written to it.
+        difference: largest difference of the values in the file from those written, in the unit of
+            the band.
     """
 
     difference: float
 
     def write(self, window: Window, pixels: Pixels) -> None:
-        """Take the bands of a window, (bands, height, width)."""
+        """Write the bands of a window, (bands, height, width)."""
 
     def finish(self, statistics: Sequence[BandStatistics], counts: NDArray[np.int64], /) -> None:
-        """Take what is known when all windows are written."""
+        """Write statistics by band and pixel counts by surface id, after all windows."""
 
 
 @dataclass(frozen=True, slots=True)
 class Storage:
-    """How files are stored.
+    """Format and options of the files of an export.
 
     Attributes:
-        form: their format.
-        compression: of GeoTIFFs.
-        threads: that paint and compress; 0 for the calling one alone.
-        overviews: whether GeoTIFFs have them.
+        form: format of all files.
+        compression: compression of GeoTIFFs.
+        threads: threads that paint and compress; 0 for the calling one alone.
+        overviews: whether GeoTIFFs have overviews.
     """
 
     form: RasterFormat
@@ -130,20 +131,26 @@ class Storage:
 def open_writer(
     path: Path, extent: RasterExtent, bands: Bands, storage: Storage, coding: Coding | None
 ) -> Iterator[RasterWriter]:
-    """A file of a format to be written; complete when the block has ended.
+    """Open a writer of a file for the block, which completes the file at its end.
 
-    Only a GeoTIFF may hold less than its grid. It is then a tile of a mosaic, whose index has the
-    names of the surfaces.
+    Only a GeoTIFF may hold a part of its grid: a tile of a mosaic, whose index names the surfaces.
+
+    Args:
+        path: file to write.
+        extent: pixels of the file.
+        bands: bands of the file.
+        storage: format and options.
+        coding: coding of values as pixels; None to store them as they are.
     """
     form, compression, threads = storage.form, storage.compression, storage.threads
     if form.driver == "NPY":
-        yield _Array(path, bands, extent.grid, coding)
+        yield _NpyWriter(path, bands, extent.grid, coding)
         return
     # GDAL averages all bands of a file alike
-    own = storage.overviews and bands.content == "number" and not by_gdal(bands)
+    own = storage.overviews and bands.content == "number" and not is_averaged_by_gdal(bands)
     direct = form.driver == "GTiff" and not own
     first = path if direct else path.with_name(f"{path.stem}.first.tif")
-    # what is copied is not compressed for long, and loses nothing on the way
+    # the intermediate file is lossless and fast to compress
     first_compression = compression if direct else Compression("zstd")
     coded = bands if coding is None else replace(bands, dtype=coding.dtype)
     nodata = None if coding is None else coding.nodata
@@ -154,7 +161,7 @@ def open_writer(
         if coding is not None and not coding.exact:
             file.scale(coding.scale, coding.offset)
         named = None if extent.window or bands.content != "surface" else first
-        writer = _Raster(file, named, extent, coding)
+        writer = _TiffWriter(file, named, extent, coding)
         if tiff and bands.content == "number":
             writer.difference = compression.max_z_error
         yield writer
@@ -172,7 +179,7 @@ def open_writer(
 
 
 def _options(storage: Storage, bands: Bands, own: bool) -> dict[str, Any]:
-    """What a driver is told that copies a file; `own` if the overviews are there."""
+    """Creation options for the copy into the final format; `own` if the source has overviews."""
     form = storage.form
     if form.driver == "COG":
         return cog_options(bands, storage.compression, own)
@@ -185,8 +192,8 @@ def _options(storage: Storage, bands: Bands, own: bool) -> dict[str, Any]:
     return options
 
 
-class _Array:
-    """A .npy file: (height, width), or (bands, height, width) if there are several."""
+class _NpyWriter:
+    """Writer of a .npy file: (height, width), or (bands, height, width) for several bands."""
 
     difference = 0.0
 
@@ -199,7 +206,7 @@ class _Array:
             np.lib.format.write_array_header_1_0(file, header)
             begin = file.tell()
             size = begin + bands.pixel_bytes * grid.height * grid.width
-            # a process that writes to memory for which the disk has no room is ended by the system
+            # writing to mapped memory on a full disk kills the process
             allocate = getattr(os, "posix_fallocate", lambda file, _, size: os.truncate(file, size))
             allocate(file.fileno(), 0, size)
         self._array = np.memmap(path, bands.dtype, "r+", begin, shape)
@@ -214,13 +221,13 @@ class _Array:
         self._array.flush()
 
 
-class _Raster:
-    """A GeoTIFF, the file itself or what it is copied from."""
+class _TiffWriter:
+    """Writer of a GeoTIFF: the final file, or the source of its copy."""
 
     def __init__(
         self, file: GeoTiff, named: Path | None, extent: RasterExtent, coding: Coding | None
     ) -> None:
-        """`named` is the file whose surfaces get names; None if it has none."""
+        """Wrap an open GeoTIFF; `named` is the file to get surface names, None for none."""
         self._file, self._named, self._extent, self._coding = file, named, extent, coding
         self.difference = coding.difference if coding else 0.0
 
@@ -230,7 +237,7 @@ class _Raster:
         self._file.write(coded, window.row - first.row, window.column - first.column)
 
     def finish(self, statistics: Sequence[BandStatistics], counts: NDArray[np.int64]) -> None:
-        if not self.difference:  # or they would be those of other numbers
+        if not self.difference:  # statistics are of the uncoded values
             self._file.finish(statistics)
         if self._named:
             name_surfaces(self._named, self._extent.terrain, counts)

@@ -1,1 +1,1 @@
-"""How results are said: numbers, words, tables, Markdown, HTML and JSON; nothing of terrains."""
+"""Output of results: numbers, words, tables, Markdown, HTML and JSON, independent of terrains."""

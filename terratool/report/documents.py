@@ -1,4 +1,4 @@
-"""Results as JSON: records whose fields are the keys, encoded in one place."""
+"""JSON documents of results: records whose fields are the keys, and their encoding."""
 
 from __future__ import annotations
 
@@ -14,14 +14,23 @@ from terratool.report.inert import inert_json
 
 
 class Tool(msgspec.Struct, frozen=True):
-    """The program that has written a document."""
+    """Program that wrote a document.
+
+    Attributes:
+        name: name of the program.
+        version: version of the program.
+    """
 
     name: str = "terratool"
     version: str = __version__
 
 
 class Document(msgspec.Struct, frozen=True, kw_only=True):
-    """A result as JSON: the names of fields are its keys, in their order."""
+    """Base of JSON results; the names of fields are the keys, in their order.
+
+    Attributes:
+        format_version: version of the layout of keys.
+    """
 
     format_version: int = 1
 
@@ -40,19 +49,19 @@ def plain(value: Any) -> Any:
 
 
 def plain_document(record: msgspec.Struct) -> dict[str, Any]:
-    """A record as the dictionaries, lists, texts and finite numbers that its JSON reads as."""
+    """Convert a record to the dictionaries, lists, texts and numbers that its JSON parses to."""
     found: dict[str, Any] = json.loads(json_text(record, None))
     return found
 
 
 def json_text(value: Any, indent: int | None = 2) -> str:
-    """A record, or a plain value, as JSON that a terminal, a log and UTF-8 can have.
+    """Encode a record, or a plain value, as JSON that is safe for terminals, logs and UTF-8.
 
-    Numbers that are not finite are null.
+    Numbers that are not finite become null.
 
     Args:
-        value: frozen structs whose fields are keys, dictionaries, lists, texts and numbers.
-        indent: spaces for each depth; None for all on one line.
+        value: structs whose fields are keys, dictionaries, lists, texts and numbers.
+        indent: spaces per level; None for one line.
     """
     found = msgspec.to_builtins(value, enc_hook=plain)
     try:
@@ -63,7 +72,7 @@ def json_text(value: Any, indent: int | None = 2) -> str:
 
 
 def _finite(value: Any) -> Any:
-    """A value with None for numbers that are not finite, which JSON does not know."""
+    """Replace numbers that are not finite, which JSON does not allow, by None."""
     if isinstance(value, float):
         return value if math.isfinite(value) else None
     if isinstance(value, dict):

@@ -1,4 +1,4 @@
-"""Texts that others wrote, as terminals, logs, spreadsheets and XML take them: never obeyed."""
+"""Escaping of untrusted texts for terminals, GitHub logs, spreadsheets, JSON and XML."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ from collections.abc import Callable
 from terratool.text.display import printable
 
 _FORMULAS = ("=", "+", "-", "@", "'")
-"""First characters of names that get an apostrophe in CSV; the apostrophe itself is one of them, so
-that readers know where to remove it."""
+"""First characters of names that get an apostrophe in CSV; readers can remove it again, as a name's
+own apostrophe gets one, too."""
 _CONTROL = "[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]"
-"""Expression of characters that no XML has; it is long to compile, so not on import."""
+"""Regular expression of characters that XML forbids; not compiled on import, which is slow."""
 _command = re.compile(r"^((?:\x1b\[[0-9;]*m|\s)*):(?=:)", re.MULTILINE)
 
 
 def without_workflow_commands(text: str, escaped: Callable[[str], str]) -> str:
     """Return a text without workflow commands that GitHub's log would run.
 
-    Such a command begins with two colons at the beginning of a line, or anywhere with two hashes
-    and a bracket.
+    A command begins with two colons at the start of a line, or with two hashes and a bracket
+    anywhere.
 
     Args:
         text: one line or several, perhaps with escape sequences of a terminal.
@@ -32,10 +32,10 @@ def without_workflow_commands(text: str, escaped: Callable[[str], str]) -> str:
 
 
 def inert_json(text: str) -> str:
-    """Return a JSON text of the same value, unprintable characters as escapes of JSON.
+    """Return a JSON text of equal value, with unprintable characters as JSON escapes.
 
-    Hashes that GitHub's log would take for a command are escaped, too. Line feeds stay: they stand
-    between values, never within one.
+    Colons and hashes that begin a command in GitHub's log are escaped, too. Line feeds stay, as
+    they occur only between values.
     """
     return "\n".join(
         line
@@ -46,14 +46,14 @@ def inert_json(text: str) -> str:
 
 
 def xml_text(text: str) -> str:
-    """Return a text without the control characters that JSON allows and XML does not."""
+    """Return a text with characters that XML forbids replaced by U+FFFD."""
     return re.sub(_CONTROL, "\ufffd", text)
 
 
 def inert_xml(text: str) -> str:
-    """Return an XML text of the same meaning, unprintable characters as references.
+    """Return an XML text of equal content, with unprintable characters as references.
 
-    Colons and hashes with which GitHub's log would begin a command become references, too.
+    Colons and hashes that begin a command in GitHub's log become references, too.
     """
     text = without_workflow_commands(text, lambda sign: f"&#{ord(sign)};")
     return "".join(c if c.isprintable() or c == "\n" else f"&#{ord(c)};" for c in text)

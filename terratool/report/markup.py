@@ -1,4 +1,4 @@
-"""Markdown and HTML: texts that are no markup there, rows of tables, and templates."""
+"""Markdown and HTML: escaping of texts, table rows, and templates."""
 
 from __future__ import annotations
 
@@ -11,32 +11,32 @@ from typing import Any
 from terratool.text.display import printable
 
 _UNIT = re.compile(r"(?<=\d) (?=%|(?:mm|km|m|s|min|h|J|Wh|kWh|N|kg|W)\b)")
-# what begins markup anywhere in a line, a cell of a table and HTML included
+# characters that begin markup anywhere in a line, in table cells and HTML, too
 _MARKUP = re.compile(r"([\\`*_{}\[\]<>&|~#$])")
 
 
-def escaped_html(text: str) -> str:
-    """A text on one line, none of it markup, with numbers and their units kept together."""
+def escape_html(text: str) -> str:
+    """Escape a text for HTML, on one line, with no-break spaces between numbers and units."""
     return _UNIT.sub("\u00a0", html.escape(printable(text)))
 
 
-def escaped_markdown(text: str) -> str:
-    """A text on one line, none of it markup in GitHub's flavour of Markdown."""
+def escape_markdown(text: str) -> str:
+    """Escape a text for GitHub Flavored Markdown, on one line."""
     return _MARKUP.sub(r"\\\1", printable(text))
 
 
 def markdown_row(cells: Iterable[str]) -> str:
-    """A row of a table in Markdown; cells are markup already."""
+    """Row of a Markdown table; cells are markup."""
     return f"| {' | '.join(cells)} |"
 
 
-def rendered(template: Path, escape: Callable[[str], str], **told: Any) -> str:
-    """The text of a template of Jinja with what it tells, of which nothing is markup.
+def render(template: Path, escape: Callable[[str], str], **values: Any) -> str:
+    """Render a Jinja template with escaped values.
 
     Args:
-        template: the file; it may include what lies beside it, and the macros of this folder.
-        escape: makes a text that is no markup, as `escaped_html` does.
-        told: values by their names in the template; `Markup` is put in as it is.
+        template: file; it may include files beside it, and the macros of this folder.
+        escape: escapes a text, such as `escape_html`.
+        values: values by their names in the template; `Markup` is not escaped.
     """
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
     from markupsafe import Markup
@@ -49,4 +49,4 @@ def rendered(template: Path, escape: Callable[[str], str], **told: Any) -> str:
         autoescape=True, finalize=finalize, keep_trailing_newline=True, lstrip_blocks=True,
         trim_blocks=True, undefined=StrictUndefined,
     )  # fmt: skip
-    return environment.get_template(template.name).render(**told)
+    return environment.get_template(template.name).render(**values)

@@ -1,4 +1,4 @@
-"""Numbers for people: so many digits, a unit, and a dash for what is not known."""
+"""Numbers for people: rounded, with a unit, and a dash for unknown values."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ import math
 from collections.abc import Iterable
 
 NOTHING = "–"
-"""Stands for what means nothing or is not known."""
+"""Text for an unknown or meaningless value."""
 
 
 def number(value: float | None, digits: int = 3) -> str:
-    """A number to so many significant digits, whole ones in full, with thousands set apart.
+    """Format a number to `digits` significant digits, integer parts in full, thousands separated.
 
-    None and NaN are a dash, infinity is "no limit".
+    None, NaN and −inf become a dash, inf "no limit".
     """
     if value is None or math.isnan(value):
         return NOTHING
@@ -28,13 +28,13 @@ def number(value: float | None, digits: int = 3) -> str:
 
 
 def quantity(value: float | None, unit: str, digits: int = 3) -> str:
-    """A number and its unit; what is no number goes without."""
+    """Format a number with its unit; a dash or "no limit" has none."""
     text = number(value, digits)
     return f"{text} {unit}" if text[-1].isdigit() else text
 
 
 def length(metres: float | None) -> str:
-    """In mm, m or km."""
+    """Format a length in mm, m or km."""
     if metres is None or not math.isfinite(metres):
         return number(metres)
     if abs(metres) >= 9999.5:
@@ -45,14 +45,14 @@ def length(metres: float | None) -> str:
 
 
 def degrees(radians: float | None) -> str:
-    """An angle, to a tenth of a degree."""
+    """Format an angle to a tenth of a degree."""
     if radians is None or not math.isfinite(radians):
         return number(radians)
     return f"{math.degrees(radians) + 0.0:.1f}°".replace("-", "−").replace("−0.0", "0.0")
 
 
 def share(value: float | None) -> str:
-    """A share in per cent; 0 and 100 stand only for nothing and all."""
+    """Format a share in per cent; 0 % and 100 % stand for exactly none and all."""
     if value is None or not math.isfinite(value):
         return number(value)
     per_cent = 100.0 * value
@@ -64,7 +64,7 @@ def share(value: float | None) -> str:
 
 
 def duration(seconds: float | None) -> str:
-    """In s, min and s, or h and min."""
+    """Format a duration in s, in min and s, or in h and min."""
     if seconds is None or not math.isfinite(seconds):
         return number(seconds)
     if seconds < 59.5:
@@ -77,7 +77,7 @@ def duration(seconds: float | None) -> str:
 
 
 def energy(joules: float | None) -> str:
-    """In J, Wh or kWh; a dash where it does not move, or is not known."""
+    """Format an energy in J, Wh or kWh; a dash for None, NaN and infinity."""
     if joules is None or not math.isfinite(joules):
         return NOTHING
     if abs(joules) < 3600.0:
@@ -87,37 +87,37 @@ def energy(joules: float | None) -> str:
 
 
 def metres(metres: float) -> str:
-    """A length in words, to three digits, or to a metre from a kilometre on."""
+    """Format a length for sentences: to three digits, or to 1 m from 1 km on."""
     return f"{metres:.3g} m" if abs(metres) < 1000 else f"{metres:,.0f} m"
 
 
 def full(value: float) -> str:
-    """A coordinate in full, up to twelve digits."""
+    """Format a coordinate with up to twelve significant digits."""
     return f"{value + 0.0:.12g}".replace("-", "−")
 
 
 def spelled(values: Iterable[float]) -> str:
-    """Coordinates in full with spaces between, as commands take them."""
+    """Format coordinates for a command line, separated by spaces."""
     return " ".join(f"{value:.12g}" for value in values)
 
 
 def pixels(width: int, height: int, side: float) -> str:
-    """Number of pixels along x and y, and the side of one, m."""
+    """Format the number of pixels along x and y and the side of a pixel, m."""
     return f"{width} × {height} pixels of {side:.4g} m"
 
 
 def per_cent(share: float, digits: int = 3) -> str:
-    """A share in per cent to so many significant digits."""
+    """Format a share in per cent to `digits` significant digits."""
     return f"{100.0 * share:.{digits}g} %"
 
 
 def tenths(share: float) -> str:
-    """A share in per cent to a tenth."""
+    """Format a share in per cent to a tenth."""
     return f"{share:.1%}"
 
 
 def never_quite(share: float) -> str:
-    """A share in per cent to a tenth, in words where that would be none, or all, and it is not."""
+    """Format a share in per cent to a tenth, without rounding to 0 or 100: "less than 0.1 %"."""
     text = f"{100.0 * share:.1f}"
     if 0.0 < share < 1.0 and text in ("0.0", "100.0"):
         return "less than 0.1 %" if share < 0.5 else "more than 99.9 %"
@@ -125,8 +125,8 @@ def never_quite(share: float) -> str:
 
 
 def exact(value: float | None) -> float | None:
-    """A number for programs, to twelve digits; None for what is not finite.
+    """Round a number for programs to twelve digits; None for one that is not finite.
 
-    So no digits stand there that only come from factors of units.
+    This removes digits that come from conversion of units alone.
     """
     return float(f"{value:.12g}") if value is not None and math.isfinite(value) else None

@@ -1,4 +1,4 @@
-"""Tables of results: the same rows for a terminal, for Markdown and for a page."""
+"""Tables of results for terminal, Markdown and HTML, and their layout in a terminal."""
 
 from __future__ import annotations
 
@@ -10,42 +10,53 @@ from typing import NamedTuple, Protocol
 from terratool.report.numbers import NOTHING
 
 WIDTH = 80
-"""Columns of a terminal that lines take at most."""
+"""Most terminal columns of a line."""
 
 _SPACE = re.compile(r"\s+(?!%|J\b|k?Wh\b)")
-"""Where a line may be broken; not between a number and its "%", or its unit of energy."""
+"""Spaces at which a line may break; not between a number and "%" or a unit of energy."""
 
 
 class Mark(Protocol):
-    """A verdict, or the like: it has a name, and a sign for those who see no colours."""
+    """Verdict or similar, with a name, and a sign that does without colours."""
 
     @property
     def label(self) -> str:
-        """Name, as in a table."""
+        """Name in a table."""
 
     @property
     def sign(self) -> str:
-        """One character that stands beside the name."""
+        """Character beside the name."""
 
 
 class Judged(NamedTuple):
-    """A verdict, and what there is to say of it."""
+    """A verdict with a remark.
+
+    Attributes:
+        verdict: verdict of the cell.
+        text: remark on the verdict.
+    """
 
     verdict: Mark
     text: str
 
     @property
     def label(self) -> str:
-        """Both on one line."""
+        """Verdict and remark on one line."""
         return f"{self.verdict.label}, {self.text}"
 
 
 Cell = str | Mark | Judged
+"""Content of a cell of a table."""
 
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """A column: its title, and whether it holds numbers."""
+    """A column of a table.
+
+    Attributes:
+        title: title of the column.
+        numeric: whether the cells are numbers.
+    """
 
     title: str
     numeric: bool = True
@@ -53,26 +64,35 @@ class Column:
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """A table: each row begins with what it is about."""
+    """A table of results.
+
+    Attributes:
+        columns: columns, the first for the subjects of rows.
+        rows: cells of each row, one per column.
+    """
 
     columns: tuple[Column, ...]
     rows: tuple[tuple[Cell, ...], ...]
 
 
-def joined(tables: Sequence[tuple[str, Table]], of: str) -> Table:
-    """Tables of the same things as one, each with a name; `of` says of what names are.
+def join_tables(tables: Sequence[tuple[str, Table]], of: str) -> Table:
+    """Join tables of the same subjects into one.
 
-    Tables of two columns stand beside each other. Wider ones are stacked: rows of one thing
-    together, what a table has no column for is a dash. Tables that are all equal are one already.
+    Tables of two columns are set side by side. Wider ones are stacked, the rows of a subject
+    together, with dashes for missing columns. Equal tables are joined into that one.
+
+    Args:
+        tables: name and table of each.
+        of: kind of the names, for the title of the first column.
     """
     longest = max((table for _, table in tables), key=lambda table: len(table.columns))
     if all(table == longest for _, table in tables):
         return longest
-    return _beside(tables) if len(longest.columns) == 2 else _stacked(tables, longest, of)
+    return _set_beside(tables) if len(longest.columns) == 2 else _stack(tables, longest, of)
 
 
-def _beside(tables: Sequence[tuple[str, Table]]) -> Table:
-    """A column for each table, and rows in the order of the one that has most."""
+def _set_beside(tables: Sequence[tuple[str, Table]]) -> Table:
+    """Set tables side by side, a column each, with rows in the order of the longest table."""
     key, value = tables[0][1].columns
     each = [{row[0]: row[1] for row in table.rows} for _, table in tables]
     things = dict.fromkeys(row for one in sorted(each, key=len, reverse=True) for row in one)
@@ -82,8 +102,8 @@ def _beside(tables: Sequence[tuple[str, Table]]) -> Table:
     )
 
 
-def _stacked(tables: Sequence[tuple[str, Table]], longest: Table, of: str) -> Table:
-    """The columns of the longest table first, and what else others have."""
+def _stack(tables: Sequence[tuple[str, Table]], longest: Table, of: str) -> Table:
+    """Stack tables, with the columns of the widest one first."""
     others = (column for _, table in tables for column in table.columns[1:])
     columns = dict.fromkeys([*longest.columns[1:], *others])
     rows: list[tuple[Cell, ...]] = []
@@ -98,7 +118,7 @@ def _stacked(tables: Sequence[tuple[str, Table]], longest: Table, of: str) -> Ta
 
 
 def columns_of(char: str) -> int:
-    """Columns that a terminal gives a character."""
+    """Number of terminal columns of a character, 0 to 2."""
     if char.isascii():
         return 1
     import unicodedata
@@ -109,12 +129,12 @@ def columns_of(char: str) -> int:
 
 
 def columns_in(text: str) -> int:
-    """Columns that a text takes of a terminal."""
+    """Number of terminal columns of a text."""
     return sum(map(columns_of, text))
 
 
 def cut(text: str, columns: int) -> str:
-    """A text that takes at most so many columns of a terminal."""
+    """Truncate a text to at most `columns` terminal columns, with an ellipsis."""
     if not text or columns_in(text) <= columns:
         return text
     kept, room = "", columns - 1
@@ -126,8 +146,8 @@ def cut(text: str, columns: int) -> str:
     return f"{kept.rstrip()}…"
 
 
-def wrapped(text: str, indent: str = "  ", width: int = WIDTH) -> Iterator[str]:
-    """Lines of words; the module `textwrap` does not know that some letters take two columns."""
+def wrap(text: str, indent: str = "  ", width: int = WIDTH) -> Iterator[str]:
+    """Yield lines of at most `width` terminal columns; `textwrap` ignores wide letters."""
     line = ""
     for word in _SPACE.split(text.strip()):
         longer = f"{line} {word}" if line else word
@@ -139,24 +159,24 @@ def wrapped(text: str, indent: str = "  ", width: int = WIDTH) -> Iterator[str]:
         yield line
 
 
-def aligned(
+def align(
     rows: Iterable[Sequence[str]], *, left: bool = False, words: Container[str] = ()
 ) -> Iterator[str]:
-    """Rows in columns: the first and the last are flush left, the others right.
+    """Yield lines of aligned columns: the first and last flush left, the others flush right.
 
-    The last column gets what the others leave, and goes on below where that is not enough.
+    The last column has the remaining width, and wraps onto further lines.
 
     Args:
-        rows: cells, the titles first.
+        rows: cells of each row, titles first.
         left: whether all columns are flush left.
-        words: a column is flush left, too, if its first cell below the title is one of these.
+        words: words that make a column flush left if they are its first cell below the title.
     """
     cells = [list(row) for row in rows]
     widths = [max(columns_in(row[i]) for row in cells) for i in range(len(cells[0]))]
     widths[-1] = WIDTH - sum(widths[:-1]) - 2 * (len(widths) - 1)
     indent = " " * (WIDTH - widths[-1])
     for row in cells:
-        row[-1], *below = wrapped(row[-1], "", widths[-1]) if row[-1] else [""]
+        row[-1], *below = wrap(row[-1], "", widths[-1]) if row[-1] else [""]
         parts = []
         for index, (whole, width) in enumerate(zip(row, widths, strict=True)):
             text = cut(whole, width)

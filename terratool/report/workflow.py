@@ -1,4 +1,4 @@
-"""GitHub's workflow commands: lines of a log that it shows beside files."""
+"""GitHub workflow commands, which annotate lines of files."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from terratool.text.display import printable
 
 
 def annotation(level: str, where: Mapping[str, object], text: str) -> str:
-    """Return a line that GitHub shows as an annotation.
+    """Return a workflow command, which GitHub shows as an annotation.
 
     Args:
         level: error, warning or notice.
-        where: properties such as file, line, col and title.
+        where: properties of the annotation, such as file, line, col and title.
         text: message of one line or several.
     """
     place = ",".join(f"{key}={_property(str(value))}" for key, value in where.items())
@@ -20,9 +20,11 @@ def annotation(level: str, where: Mapping[str, object], text: str) -> str:
 
 
 def _data(text: str) -> str:
+    """Escape the message of a command."""
     shown = "".join(c if c in "\r\n" else printable(c) for c in text)
     return shown.replace("%", "%25").replace("\r", "%0D").replace("\n", "%0A")
 
 
 def _property(text: str) -> str:
+    """Escape a property of a command."""
     return _data(text).replace(":", "%3A").replace(",", "%2C")

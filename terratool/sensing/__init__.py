@@ -1,1 +1,1 @@
-"""What sensors read of a terrain."""
+"""Simulated lidars, depth cameras and sonars on a terrain, and maps from their scans."""

@@ -1,4 +1,4 @@
-"""The rays of a depth camera, by the pinhole model, and its matrices."""
+"""Rays of a depth camera by the pinhole model, and its intrinsic matrix."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from terratool.sensing.sensor import Camera
 
 
 def camera_rays(camera: Camera) -> Rays:
-    """Where the pixels look, row by row from the top, from the left in each.
+    """Rays of the pixels, row by row from the top, each row from the left.
 
-    Range counts along the axis, as depth does.
+    Range is measured along the optical axis, as depth.
     """
     fx, fy = camera.focal
     cx, cy = camera.principal
@@ -32,6 +32,6 @@ def camera_rays(camera: Camera) -> Rays:
 
 
 def intrinsics(camera: Camera) -> list[float]:
-    """K of `sensor_msgs/CameraInfo`, row by row: fx 0 cx, 0 fy cy, 0 0 1."""
+    """Intrinsic matrix K of `sensor_msgs/CameraInfo`, row by row: fx 0 cx, 0 fy cy, 0 0 1."""
     (fx, fy), (cx, cy) = camera.focal, camera.principal
     return [fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0]

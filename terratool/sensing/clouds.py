@@ -1,4 +1,4 @@
-"""Clouds of points: what scans in files have of each point, in batches."""
+"""Point clouds of scan files, read in batches."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from terratool.errors import ReadError, RequestError
 from terratool.extras import install_command
 from terratool.io import csv_, las, npz, pcd, ply
-from terratool.io.points import Columns, Points, Wanted
+from terratool.io.points import Columns, PointBatch, Wanted
 from terratool.report.wording import listed
 from terratool.sensing.formats.common import SENSOR_AXES
 from terratool.sensing.poses import Poses
@@ -22,11 +22,11 @@ from terratool.sensing.poses import Poses
 Floats = NDArray[np.float64]
 
 MOST = 1e30
-"""What is larger is taken for no number: squares of it and float32 have to hold it."""
+"""Bound on numbers, exclusive: larger ones become NaN, as squares and float32 must hold them."""
 _WANTED = {name: 3 if name == "origin" else 0 for name in (
     "x", "y", "z", "range", "time", "surface", "variance", "origin"
 )}  # fmt: skip
-_READERS: dict[str, Callable[[Path, Wanted], Iterator[Points]]] = {
+_READERS: dict[str, Callable[[Path, Wanted], Iterator[PointBatch]]] = {
     ".npz": npz.read_points, ".csv": csv_.read_points, ".ply": ply.read_points,
     ".pcd": pcd.read_points, ".las": las.read_points, ".laz": las.read_points,
 }  # fmt: skip
@@ -34,16 +34,16 @@ _READERS: dict[str, Callable[[Path, Wanted], Iterator[Points]]] = {
 
 @dataclass(frozen=True, slots=True)
 class Cloud:
-    """Some points of a scan.
+    """A batch of points of a scan.
 
     Attributes:
-        points: (n, 3) float64, m, in the world.
-        origin: (n, 3) float64, where the sensor was at each; None where that is not known.
-        range: (n,) float64, m; None where that is not known.
-        time: (n,) float64, s; None where that is not known.
-        surface: (n,) int32 index into `surfaces`, -1 for none; None where that is not known.
-        surfaces: names.
-        variance: (n,) float64, m², of the heights; None where that is not known.
+        points: (n, 3) float64, world positions, m.
+        origin: (n, 3) float64, world positions of the sensor, m; None if unknown.
+        range: (n,) float64, ranges, m; None if unknown.
+        time: (n,) float64, times, s; None if unknown.
+        surface: (n,) int32, index into `surfaces`, -1 for none; None if unknown.
+        surfaces: names of surfaces.
+        variance: (n,) float64, variances of the heights, m²; None if unknown.
     """
 
     points: Floats
@@ -56,18 +56,18 @@ class Cloud:
 
 
 def read_clouds(path: str | Path) -> Iterator[Cloud]:
-    """The points of a scan, batch by batch, in the order of the file.
+    """Yield the points of a scan, batch by batch, in file order.
 
-    It is what `terratool scan` writes, or another file that has x, y and z by these names: .npz,
-    .csv, .ply, .pcd, .las or .laz. Range, time, surface and variance are taken where they are.
-    Points that are no finite numbers are rays without a reading, and are left out.
+    Files are those of `terratool scan`, or others with columns x, y and z: .npz, .csv, .ply, .pcd,
+    .las or .laz. Columns range, time, surface and variance are read if present. Points that are not
+    finite are rays without a reading, and are left out.
 
     Raises:
-        RequestError: the suffix says no format, or what it needs is not installed.
+        RequestError: no format has the suffix, or its package is not installed.
         ReadError: the file cannot be read, or has no x, y and z.
     """
     path = Path(path)
-    reader = checked_reader(path)
+    reader = reader_of(path)
     try:
         for points in reader(path, _WANTED):
             cloud = _cloud(path, points)
@@ -77,11 +77,11 @@ def read_clouds(path: str | Path) -> Iterator[Cloud]:
         raise ReadError.of(path, error) from error
 
 
-def checked_reader(path: Path) -> Callable[[Path, Wanted], Iterator[Points]]:
-    """What reads a file, by its suffix.
+def reader_of(path: Path) -> Callable[[Path, Wanted], Iterator[PointBatch]]:
+    """Reader of a file by its suffix.
 
     Raises:
-        RequestError: the suffix says no format, or what it needs is not installed.
+        RequestError: no format has the suffix, or its package is not installed.
     """
     reader = _READERS.get(path.suffix.lower())
     if reader is None:
@@ -102,11 +102,11 @@ def checked_reader(path: Path) -> Callable[[Path, Wanted], Iterator[Points]]:
     return reader
 
 
-def _cloud(path: Path, read: Points) -> Cloud:
-    """Points as the columns of a file have them.
+def _cloud(path: Path, read: PointBatch) -> Cloud:
+    """Convert a batch of a file to finite points in world axes.
 
     Raises:
-        ReadError: they have no x, y and z, or are in the sensor's axes.
+        ReadError: the batch lacks x, y or z, or its points are in sensor axes.
     """
     columns, surfaces = read.columns, read.names
     if SENSOR_AXES in read.comments:
@@ -119,7 +119,7 @@ def _cloud(path: Path, read: Points) -> Cloud:
             f"{path}: has no {listed(lacking)}.", "Name the coordinates of its points x, y and z."
         )
     if read.viewpoint is not None:
-        columns = _placed(columns, read.viewpoint)
+        columns = _to_world(columns, read.viewpoint)
     points = np.stack([_numbers_of(columns[name]) for name in "xyz"], axis=-1)
     kept = np.isfinite(points).all(axis=1)
 
@@ -143,8 +143,8 @@ def _cloud(path: Path, read: Points) -> Cloud:
     )
 
 
-def _placed(columns: Columns, viewpoint: Floats) -> Columns:
-    """Columns with points in the world, of such as are in the axes of a viewpoint."""
+def _to_world(columns: Columns, viewpoint: Floats) -> Columns:
+    """Transform columns from the axes of a viewpoint to world axes, and add the origin."""
     turn = viewpoint[[4, 5, 6, 3]] / np.linalg.norm(viewpoint[3:])
     local = np.stack([_numbers_of(columns[name]) for name in "xyz"], axis=-1)
     matrix = Poses(np.zeros(1), viewpoint[None, :3], turn[None]).matrices[0]
@@ -154,7 +154,7 @@ def _placed(columns: Columns, viewpoint: Floats) -> Columns:
 
 
 def _numbers_of(column: NDArray[Any]) -> Floats:
-    """A column as float64, NaN where it is no number or too large."""
-    with np.errstate(invalid="ignore", over="ignore"):  # a signalling NaN is one all the same
+    """Convert a column to float64; NaN for numbers of MOST or more."""
+    with np.errstate(invalid="ignore", over="ignore"):  # a signalling NaN would warn
         values = column.astype(np.float64)
     return np.where(np.abs(values) < MOST, values, np.nan)

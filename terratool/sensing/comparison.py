@@ -1,4 +1,4 @@
-"""How good a robot's map is: its heights against the field, cell by cell."""
+"""Comparison of a robot's map with the terrain: height errors, coverage and surfaces by cell."""
 
 from __future__ import annotations
 
@@ -21,22 +21,22 @@ from terratool.sensing.robot_map import MapLevel
 Floats = NDArray[np.float64]
 
 MOST_CELLS = 1 << 30
-"""Finest cells over a terrain that are looked at."""
+"""Most finest cells over a terrain in a comparison."""
 _POINTS = 1 << 20
-"""Points that are asked for at a time."""
+"""Most heights queried at a time."""
 _BANDS = (5.0, 10.0, 20.0, 40.0, 80.0, 160.0)
-"""m: where bands of distance from the sensor end."""
+"""Far ends of the bands of distance from the sensor, m; the last band is open."""
 
 
 @dataclass(frozen=True, slots=True)
 class Errors:
-    """What some cells are off by: map less terrain.
+    """Height errors of a set of cells, map less terrain.
 
     Attributes:
-        cells: that are known in both.
-        rmse: root of the mean square, m; NaN of none.
-        bias: mean, m; NaN of none.
-        worst: the largest size, m; NaN of none.
+        cells: number of cells with a height in map and terrain.
+        rmse: root mean square error, m; NaN without cells.
+        bias: mean error, m; NaN without cells.
+        worst: largest absolute error, m; NaN without cells.
     """
 
     cells: int
@@ -46,7 +46,7 @@ class Errors:
 
     @classmethod
     def of(cls, errors: Floats) -> Errors:
-        """Of the cells with these errors."""
+        """Summarise the errors of cells, (n,) float64, m."""
         if not len(errors):
             return cls(0, math.nan, math.nan, math.nan)
         mean_square = float(np.square(errors).mean())
@@ -57,14 +57,14 @@ class Errors:
 
 @dataclass(frozen=True, slots=True)
 class SurfaceErrors:
-    """Cells of one surface of the terrain.
+    """Errors of the cells of one surface of the terrain.
 
     Attributes:
-        name: of the surface; "" for none.
-        ground: cells of it.
-        errors: of those that the map knows.
-        named: those of which the map has a surface …
-        right: … and those of which it is this one.
+        name: name of the surface; "" for none.
+        ground: number of cells with ground of the surface.
+        errors: height errors of those cells that the map knows.
+        named: number of those known cells with any surface in the map.
+        right: number of those known cells with this surface in the map.
     """
 
     name: str
@@ -76,7 +76,13 @@ class SurfaceErrors:
 
 @dataclass(frozen=True, slots=True)
 class BandErrors:
-    """Cells seen from a band of distances: `low` up to, and without, `high`, m."""
+    """Errors of the cells seen from a band of distances.
+
+    Attributes:
+        low: least distance, m, inclusive.
+        high: largest distance, m, exclusive; may be inf.
+        errors: height errors of the cells.
+    """
 
     low: float
     high: float
@@ -84,8 +90,15 @@ class BandErrors:
 
 
 @dataclass(frozen=True, slots=True)
-class Worst:
-    """The cell that is off most: the middle of it, its heights in map and terrain, its surface."""
+class WorstCell:
+    """The cell with the largest absolute error.
+
+    Attributes:
+        x, y: centre of the cell, m.
+        mapped: height in the map, m.
+        true: height in the terrain, m.
+        surface: name of the surface in the terrain; None for none.
+    """
 
     x: float
     y: float
@@ -96,20 +109,21 @@ class Worst:
 
 @dataclass(frozen=True, slots=True)
 class MapComparison:
-    """How good a map is.
+    """Comparison of a map with its terrain.
 
     Attributes:
-        map: what was compared.
-        ground: cells of the lattice of the map, over the whole terrain, that have ground.
-        known: those of them that the map knows.
-        beyond: cells that the map knows where the terrain has no ground.
-        errors: of all known ones.
-        within: share of errors within two standard deviations, as the map has them; NaN where it
-            has none. 0.95 would be right.
-        worst: the cell that is off most; None if none is known.
-        surfaces: by the surface of the terrain at the middle of each cell.
-        distances: by the distance that cells were seen from; none if the map has none.
-        truth: (height, width) float64, heights of the terrain in the cells of the map.
+        map: compared map.
+        ground: number of cells with ground over the whole terrain, on the lattice of the map.
+        known: number of cells with ground that the map knows.
+        beyond: number of cells that the map knows where the terrain has no ground.
+        errors: errors of all known cells.
+        within: share of errors within two of the map's standard deviations, ideally 0.95; NaN for a
+            map without variances.
+        worst: cell with the largest error; None without known cells.
+        surfaces: errors by the terrain's surface at the centre of a cell.
+        distances: errors by the distance that cells were seen from; empty without distances.
+        truth: (height, width) float64, heights of the terrain in the cells of the map, m; NaN
+            without ground.
     """
 
     map: MapFile
@@ -118,22 +132,22 @@ class MapComparison:
     beyond: int
     errors: Errors
     within: float
-    worst: Worst | None
+    worst: WorstCell | None
     surfaces: tuple[SurfaceErrors, ...]
     distances: tuple[BandErrors, ...]
     truth: Floats
 
     @property
     def coverage(self) -> float:
-        """Share of the terrain's ground that the map knows."""
+        """Share of the terrain's ground that the map knows; NaN without ground."""
         return self.known / self.ground if self.ground else math.nan
 
 
 def check_map(map_: MapFile, terrain: Terrain) -> None:
-    """Refuse a map that is of another place.
+    """Refuse a map that cannot be compared with a terrain.
 
     Raises:
-        RequestError: it misses the terrain, has another reference system, or is too fine.
+        RequestError: the map misses the terrain, has another reference system, or is too fine.
     """
     grid = map_.level.grid
     check_overlap(terrain.bounds, grid.bounds, map_.name)
@@ -156,19 +170,19 @@ def check_map(map_: MapFile, terrain: Terrain) -> None:
 def compare(
     map_: MapFile, terrain: Terrain, progress: Callable[[int], object] = lambda _: None
 ) -> MapComparison:
-    """Compare a map with what it is of.
+    """Compare a map with its terrain.
 
-    The height of a terrain in a cell is that at its middle; in a cell of level l, the mean of those
-    at the middles of the finest cells in it that have ground, as the map has it. The surface is
-    that at the middle of the cell.
+    The terrain's height in a finest cell is that at the centre; in a coarse cell, the mean over the
+    centres of its finest cells that have ground, as in the map. The surface is that at the centre
+    of the cell.
 
     Args:
-        map_: the map.
-        terrain: what it is of.
-        progress: is told how many cells more are done.
+        map_: map to be compared.
+        terrain: terrain of the map.
+        progress: called with the number of cells done since its last call.
 
     Raises:
-        RequestError: as of `check_map`.
+        RequestError: as for `check_map`.
     """
     check_map(map_, terrain)
     level, most = map_.level, len(terrain.surfaces) + 1
@@ -181,17 +195,17 @@ def compare(
         _put(window, truth, heights)
         _put(window, surface, surfaces)
         progress(window.height * window.width)
-    return _summed(map_, terrain, truth, surface, grounds)
+    return _comparison_of(map_, terrain, truth, surface, grounds)
 
 
-def cells_to_look_at(map_: MapFile, terrain: Terrain) -> int:
-    """How many cells `compare` goes through."""
+def cells_to_compare(map_: MapFile, terrain: Terrain) -> int:
+    """Number of cells that `compare` visits."""
     lattice = _lattice(map_.level, terrain)
     return lattice.height * lattice.width
 
 
 def _lattice(level: MapLevel, terrain: Terrain) -> Window:
-    """The cells over the terrain, counted as those of the map are, which may begin below 0."""
+    """Window of the map's lattice that covers the terrain; row and column may be negative."""
     grid = level.grid
     west, south, east, north = terrain.bounds
     side, top = grid.resolution, grid.bounds[3]
@@ -209,7 +223,7 @@ def _windows(level: MapLevel, terrain: Terrain) -> Iterator[Window]:
 
 
 def _truth(level: MapLevel, window: Window, terrain: Terrain) -> tuple[Floats, NDArray[np.int32]]:
-    """Heights of cells as a map has them, and surfaces at their middles, -1 for none."""
+    """Heights of cells as `compare` defines them, and surfaces at their centres, -1 for none."""
     grid, parts = level.grid, 2**level.level
     columns = window.column + np.arange(window.width)
     rows = window.row + np.arange(window.height)
@@ -232,7 +246,7 @@ def _truth(level: MapLevel, window: Window, terrain: Terrain) -> tuple[Floats, N
 
 
 def _put(window: Window, whole: NDArray[Any], part: NDArray[Any]) -> None:
-    """Put the cells of a window into those of the map, as far as it has them."""
+    """Copy the cells of a window into the map's array, as far as they overlap."""
     rows, columns = (
         (max(first, 0), min(first + count, most), first)
         for first, count, most in zip(
@@ -246,7 +260,7 @@ def _put(window: Window, whole: NDArray[Any], part: NDArray[Any]) -> None:
         ]
 
 
-def _summed(
+def _comparison_of(
     map_: MapFile, terrain: Terrain, truth: Floats, surface: NDArray[np.int32],
     grounds: NDArray[np.int64],
 ) -> MapComparison:  # fmt: skip
@@ -274,14 +288,14 @@ def _summed(
 def _worst(
     level: MapLevel, terrain: Terrain, truth: Floats, surface: NDArray[np.int32],
     both: NDArray[np.bool_],
-) -> Worst | None:  # fmt: skip
+) -> WorstCell | None:  # fmt: skip
     if not both.any():
         return None
     size = np.where(both, np.abs(level.elevation - truth), -1.0)
     row, column = np.unravel_index(int(np.argmax(size)), size.shape)
     grid = level.grid
     index = int(surface[row, column])
-    return Worst(
+    return WorstCell(
         float(grid.columns(grid.whole)[column]),
         float(grid.rows(grid.whole)[row]),
         float(level.elevation[row, column]),

@@ -1,4 +1,4 @@
-"""Scans as files: what is asked for is looked at first, then frames are read and written."""
+"""Scan export: checks of the request, then simulation and writing frame by frame."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ from terratool.raster.grid_map_bag import files_of_bag
 from terratool.sensing.formats.common import Record
 from terratool.sensing.formats.images import image_path
 from terratool.sensing.formats.table import ScanFormat, format_of
-from terratool.sensing.readings import Status
-from terratool.sensing.scan import Scan, Tally
+from terratool.sensing.readings import ReadingStatus
+from terratool.sensing.scan import Scan, ScanTally
 from terratool.sensing.sensor import Camera
 
 
 @dataclass(frozen=True, slots=True)
 class ScanOutput:
-    """Where a scan goes, and what of it.
+    """Destination and content of a scan file.
 
     Attributes:
-        path: the file, or the folder of a bag.
-        world: whether points are in the world's axes; else in the sensor's.
+        path: file to write, or folder of a bag.
+        world: whether points are in world axes; else in sensor axes.
         misses: whether rays without a reading are kept.
-        overwrite: whether it may be there already.
+        overwrite: whether to replace existing files.
     """
 
     path: Path
@@ -40,12 +40,12 @@ class ScanOutput:
     misses: bool = False
     overwrite: bool = False
 
-    def checked(self, scan: Scan) -> ScanFormat:
-        """The format, if it goes with the scan.
+    def checked_format(self, scan: Scan) -> ScanFormat:
+        """Format of the path, checked against the scan.
 
         Raises:
-            RequestError: it does not, or what it needs is not installed.
-            WriteError: the path cannot be written.
+            RequestError: the format does not hold the scan, or needs a package that is missing.
+            WriteError: the path exists or cannot be written.
         """
         form = format_of(self.path)
         suffix = self.path.suffix.lower()
@@ -76,30 +76,30 @@ class ScanOutput:
 
 @dataclass(frozen=True, slots=True)
 class ScanReport:
-    """What was read and written.
+    """Report of an exported scan.
 
     Attributes:
-        path: where.
-        files: their names; of a bag those in it.
-        tally: what was read.
-        scan: what was scanned with, and from where.
-        surfaces: names of the surfaces, as `Tally.surfaces` has them.
+        path: file, or folder of a bag.
+        files: names of all files written; of a bag those within.
+        tally: counts of the readings.
+        scan: sensor, poses and options of the scan.
+        surfaces: names of the surfaces, in the order of `ScanTally.surfaces`.
     """
 
     path: Path
     files: tuple[str, ...]
-    tally: Tally
+    tally: ScanTally
     scan: Scan
     surfaces: tuple[str, ...]
 
     @property
     def returns(self) -> int:
-        """How many rays have a reading."""
-        return int(self.tally.statuses[Status.RETURN])
+        """Number of rays with a reading."""
+        return int(self.tally.statuses[ReadingStatus.RETURN])
 
     @property
     def by_surface(self) -> dict[str, int]:
-        """Returns by the name of the surface; "" for none. Those that have none are left out."""
+        """Number of returns by surface name, "" for none; names without returns are left out."""
         names = [*self.surfaces, ""]
         return {
             name: int(count)
@@ -109,7 +109,7 @@ class ScanReport:
 
     @property
     def lacking(self) -> list[str]:
-        """Surfaces that a sonar met, and whose reflection had to be assumed."""
+        """Names of surfaces without `sonarRefl` that a sonar met."""
         return [self.surfaces[index] for index in sorted(self.tally.lacking)]
 
 
@@ -119,23 +119,23 @@ def export_scan(
     output: ScanOutput,
     progress: Callable[[int], None] | None = None,
 ) -> ScanReport:
-    """Read all frames of a scan and write them.
+    """Simulate all frames of a scan and write them.
 
     Args:
-        terrain: what is scanned.
-        scan: how.
-        output: where to.
-        progress: is told how many rays more are done.
+        terrain: terrain to be scanned.
+        scan: sensor, poses and options.
+        output: destination and content of the file.
+        progress: called with the number of rays done since its last call.
 
     Raises:
-        RequestError: the format does not go with the scan, or a pose cannot be.
-        WriteError: the file cannot be written.
+        RequestError: the format does not hold the scan, or a pose is outside or below the ground.
+        WriteError: the file exists or cannot be written.
     """
-    form = output.checked(scan)
-    scan = scan.placed(terrain)
+    form = output.checked_format(scan)
+    scan = scan.check_poses(terrain)
     record = Record(terrain, scan.sensor, scan.frames, output.world, output.misses)
-    tally = Tally.of(terrain)
-    frames = tally.counting(scan.read(terrain, progress))
+    tally = ScanTally.of(terrain)
+    frames = tally.count(scan.read(terrain, progress))
     if form.folder:
         own = files_of_bag(output.path)
         with whole_folder(output.path, output.overwrite, own) as part:

@@ -1,4 +1,4 @@
-"""The rays of a lidar: columns of beams, one after the other."""
+"""Rays of a lidar, column by column of beams."""
 
 from __future__ import annotations
 
@@ -9,9 +9,10 @@ from terratool.sensing.sensor import Lidar
 
 
 def lidar_rays(lidar: Lidar) -> Rays:
-    """Where the beams go, column by column, in each the beams in their order.
+    """Rays of one turn, column by column, each column in the order of its beams.
 
-    A beam of elevation e in a column of azimuth a goes to (cos e · cos a, cos e · sin a, sin e).
+    A beam of elevation e in a column of azimuth a has direction
+    (cos e · cos a, cos e · sin a, sin e).
     """
     elevations, azimuths = np.array(lidar.elevations), lidar.azimuths
     columns, beams = lidar.columns, len(elevations)

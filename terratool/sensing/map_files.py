@@ -1,4 +1,4 @@
-"""The files of a robot's map: a GeoTIFF for each level, and a bag with a grid_map of each."""
+"""Files of a robot's map: a GeoTIFF per level, and a bag with a grid_map per level."""
 
 from __future__ import annotations
 
@@ -59,33 +59,37 @@ BANDS = Bands(
     ("m", "m2", "m", "m", "", "", "s", "m", "1"),
     np.dtype(np.float64),
 )  # fmt: skip
-"""Of each file; all are NaN in cells never seen."""
+"""Bands of each GeoTIFF; NaN in cells without readings."""
 LEVEL, LEVELS, SURFACES = "TERRATOOL_MAP_LEVEL", "TERRATOOL_MAP_LEVELS", "TERRATOOL_MAP_SURFACES"
+"""Tags of the level, the number of levels, and the names of surfaces as JSON."""
 FIRST, LAST = "TERRATOOL_MAP_FIRST_TIME", "TERRATOOL_MAP_LAST_TIME"
+"""Tags of the least and largest time of a reading, s."""
 _COMPANIONS = (
     *(f".level-{level}{suffix}" for level in range(1, MOST_LEVELS) for suffix in (".tif", ".tiff")),
     *("*.aux.xml", "*.msk", "*.ovr"),
 )
-"""What belongs to a map; what is left of an older one would be taken for part of this one."""
+"""Suffixes of the further files of a map; old ones would be taken for parts of a new map."""
 _MOST_READ = 1 << 26
+"""Most pixels of a raster to be read."""
 _SQUARE = 1e-9
+"""Tolerated deviation of pixels from squares, as a share of their side."""
 _MOST_COUNT = 2.0**53
-"""Readings of a cell that float64 counts."""
+"""Largest number of readings of a cell that float64 holds exactly."""
 _BLOCK = 16
-"""Sides of the blocks of a TIFF are multiples of this."""
+"""Divisor of the sides of a TIFF's blocks, pixels."""
 
 
 @dataclass(frozen=True, slots=True)
 class MapOutput:
-    """Where a map goes.
+    """Destination of a map.
 
     Attributes:
-        path: a .tif, of the finest level; the others stand beside it.
-        levels: how many there are.
-        bag: a folder that is to be a bag; None for none. Readers such as rosbags take a name in
-            .bag for one of ROS 1.
+        path: .tif of the finest level; those of other levels are beside it.
+        levels: number of levels.
+        bag: folder of a bag; None for no bag. Readers such as rosbags take a name that ends in .bag
+            for a bag of ROS 1.
         crs: reference system of the map; None for none.
-        overwrite: whether they may be there already.
+        overwrite: whether to replace existing files.
     """
 
     path: Path
@@ -96,15 +100,16 @@ class MapOutput:
 
     @property
     def files(self) -> list[Path]:
-        """The GeoTIFFs, level by level."""
+        """Paths of the GeoTIFFs, level by level."""
         return [self.path, *(_beside(self.path, level) for level in range(1, self.levels))]
 
     def check(self) -> None:
-        """Refuse what cannot be written.
+        """Check that the files can be written.
 
         Raises:
-            RequestError: a suffix is wrong, a system is unknown, or what a bag needs is lacking.
-            WriteError: a file exists, or its folder does not.
+            RequestError: a suffix is wrong, the reference system is unknown, or rosbags is not
+                installed.
+            WriteError: a file exists, or a folder is missing.
         """
         if self.path.suffix.lower() not in (".tif", ".tiff"):
             raise RequestError(
@@ -134,10 +139,19 @@ def _beside(path: Path, level: int) -> Path:
 def write_map(
     robot_map: RobotMap, output: MapOutput, progress: Callable[[str], object] = lambda _: None
 ) -> list[Path]:
-    """Write a map. The same map gives the same bytes.
+    """Write a map; equal maps give equal bytes.
+
+    Args:
+        robot_map: map to be written.
+        output: destination.
+        progress: called with a description of each step.
+
+    Returns:
+        Paths of the GeoTIFFs and of the bag.
 
     Raises:
-        RequestError, WriteError: as of `MapOutput.check`; or it cannot be written.
+        RequestError: as for `MapOutput.check`, or the map is too large for a message.
+        WriteError: as for `MapOutput.check`, or a file cannot be written.
     """
     output.check()
     if output.bag is not None:
@@ -155,7 +169,7 @@ def write_map(
 
 
 def pixels_of(level: MapLevel) -> NDArray[np.float64]:
-    """The bands of a level, (bands, height, width) float64."""
+    """Bands of a level, (bands, height, width) float64, in the order of BANDS."""
     never = np.isnan(level.elevation)
     return np.stack(
         [np.where(never, np.nan, getattr(level, name)) for name in BANDS.names], dtype=np.float64
@@ -165,7 +179,7 @@ def pixels_of(level: MapLevel) -> NDArray[np.float64]:
 def _write_level(path: Path, level: MapLevel, output: MapOutput) -> None:
     grid, crs = level.grid, None if output.crs is None else read_crs(output.crs)
     times = level.time[np.isfinite(level.time)]
-    # what is narrow fills no blocks of full size
+    # a small map gets smaller blocks
     width, height = (min(TILE, -(-n // _BLOCK) * _BLOCK) for n in (grid.width, grid.height))
     tags = {
         **software_tags("A robot's map"),
@@ -189,7 +203,7 @@ def _refuse_large(grid: Grid) -> None:
 
 
 def _write_bag(output: MapOutput, levels: Sequence[MapLevel]) -> None:
-    """Messages /grid_map, /grid_map/level_1, …; times are before the last reading."""
+    """Write a bag with a topic per level: /grid_map, /grid_map/level_1; ages replace times."""
     assert output.bag is not None
     times = [float(level.time[np.isfinite(level.time)].max(initial=-math.inf)) for level in levels]
     last = max(times)
@@ -197,7 +211,7 @@ def _write_bag(output: MapOutput, levels: Sequence[MapLevel]) -> None:
     for level in levels:
         west, south, east, north = level.grid.bounds
         bands = dict(zip(BANDS.names, pixels_of(level), strict=True))
-        # float32 has no milliseconds left of the time since 1970
+        # float32 is too coarse for seconds since 1970
         bands["age"] = last - bands.pop("time")
         layers = {name: values.astype(np.float32) for name, values in bands.items()}
         topic = TOPIC if not level.level else f"{TOPIC}/level_{level.level}"
@@ -209,13 +223,13 @@ def _write_bag(output: MapOutput, levels: Sequence[MapLevel]) -> None:
 
 @dataclass(frozen=True, slots=True)
 class MapFile:
-    """A map that was read, or any other raster of heights.
+    """A level of a map, or another raster of heights, from a file.
 
     Attributes:
-        name: of the file.
-        level: its cells; what it does not have is NaN, and surfaces are -1.
-        is_map: whether terratool wrote it as a map.
-        crs: its reference system, if it has one.
+        name: name of the file.
+        level: cells of the map; bands that the file lacks are NaN, surfaces -1.
+        is_map: whether the file is a map of terratool.
+        crs: reference system; None without one.
     """
 
     name: str
@@ -228,9 +242,9 @@ def read_map(path: str | Path) -> MapFile:
     """Read a level of a map, or the first band of another raster as heights.
 
     Raises:
-        ReadError: it cannot be read, its pixels are no real numbers, not square, turned or without
-            a place, or they are far more than the file may be meant to hold.
-        RequestError: it has too many pixels.
+        ReadError: the file cannot be read; its pixels are not real, not square, rotated or without
+            a georeference; or they are far more than its bytes should hold.
+        RequestError: the raster has too many pixels.
     """
     name = str(path)
     with open_local(name, allow_remote=False) as file:
@@ -248,20 +262,20 @@ def read_map(path: str | Path) -> MapFile:
             read = file.read(list(range(1, count + 1)), masked=True)
             scale, offset = file.scales[0], file.offsets[0]
             crs = file.crs
-    with np.errstate(invalid="ignore", over="ignore"):  # what is as large as that is none
+    with np.errstate(invalid="ignore", over="ignore"):  # values beyond MOST become NaN
         pixels = read.astype(np.float64).filled(np.nan)
         if (scale, offset) != (1.0, 0.0):
             pixels[0] = pixels[0] * scale + offset
     pixels[~(np.abs(pixels) < MOST)] = np.nan
-    level, surfaces = _tagged(name, tags, grid) if is_map else (0, ())
+    level, surfaces = _parse_tags(name, tags, grid) if is_map else (0, ())
     return MapFile(name, _level_of(pixels, grid, level, surfaces), is_map, crs)
 
 
 def _refuse_claims(name: str, file: Any, count: int) -> None:
-    """Refuse bands that are no real numbers, or come to more than their file may be meant to hold.
+    """Refuse bands that are not real numbers, or far larger than the file.
 
     Raises:
-        ReadError: they are, or do.
+        ReadError: the first `count` bands are.
     """
     if any(np.dtype(kind).kind not in "iuf" for kind in file.dtypes[:count]):
         raise ReadError(f"{name}: holds no real numbers.", "Name a raster of heights.")
@@ -273,11 +287,11 @@ def _refuse_claims(name: str, file: Any, count: int) -> None:
         )
 
 
-def _tagged(name: str, tags: dict[str, str], grid: Grid) -> tuple[int, tuple[str, ...]]:
-    """The level of a map and the names of its surfaces.
+def _parse_tags(name: str, tags: dict[str, str], grid: Grid) -> tuple[int, tuple[str, ...]]:
+    """Parse the number of the level and the names of surfaces from the tags of a map.
 
     Raises:
-        ReadError: the tags do not say them.
+        ReadError: a tag is missing or invalid.
     """
     level = parse_whole(tags[LEVEL])
     try:
@@ -311,10 +325,10 @@ def _level_of(
 
 
 def _grid_of(name: str, file: Any) -> Grid:
-    """The pixels of a raster.
+    """Grid of the pixels of an open raster.
 
     Raises:
-        ReadError: they are not square, are turned, or have no place.
+        ReadError: the pixels are not square, rotated, or without a georeference.
     """
     if not file.count or not is_placed(file):
         raise ReadError(

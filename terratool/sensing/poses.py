@@ -1,8 +1,8 @@
-"""Where a sensor is: poses, from numbers or a CSV file, between them, and over the ground.
+"""Poses of a sensor: reading from numbers or CSV, interpolation, and placement on the ground.
 
 Axes are those of ROS REP 103: x ahead, y to the left, z up. Roll, pitch and yaw turn about the
 fixed axes x, y and z, in this order, so that R = Rz(yaw) · Ry(pitch) · Rx(roll): a positive yaw
-turns to the left, a positive pitch looks down, a positive roll lets the right side down.
+turns to the left, a positive pitch looks down, a positive roll lowers the right side.
 """
 
 from __future__ import annotations
@@ -24,25 +24,24 @@ from terratool.text.source import read_source
 Floats = NDArray[np.float64]
 
 MOST_POSES = 1_000_000
-"""Lines of a path."""
+"""Most poses in a path."""
 _MOST_BYTES = 1 << 28
 _FAR = 1e12
-"""m: beyond this metres are lost in rounding."""
+"""Largest coordinate or angle of a pose; beyond it doubles do not resolve 0.1 mm."""
 _COLUMNS = ("time", "x", "y", "z", "yaw", "pitch", "roll")
 _BELOW = 1e-9
-"""How far below the ground a sensor may be, in parts of its height and of the ground's."""
+"""Tolerated depth of a sensor below the ground, relative to the larger of the two heights."""
 
 
 @dataclass(frozen=True, slots=True)
 class Poses:
-    """Where a sensor is, pose by pose.
+    """Poses of a sensor.
 
     Attributes:
-        times: (n,) s, ascending.
-        positions: (n, 3) m, in the world; z is over the ground until `grounded` has made it one of
-            the world, where that is wanted.
-        turns: (n, 4) unit quaternions x, y, z, w from the sensor's axes to the world's.
-        timed: whether the times are given; else each pose is one of rest.
+        times: (n,) times, s, ascending.
+        positions: (n, 3) world positions, m; `place_on_ground` replaces z where requested.
+        turns: (n, 4) unit quaternions x, y, z, w from sensor axes to world axes.
+        timed: whether times are given; else the sensor rests at each pose.
     """
 
     times: Floats
@@ -54,8 +53,8 @@ class Poses:
         return len(self.times)
 
     @classmethod
-    def joined(cls, parts: list[Poses]) -> Poses:
-        """Poses of rest, one after the other."""
+    def join(cls, parts: list[Poses]) -> Poses:
+        """Concatenate poses as poses of rest, with times 0, 1, 2 and so on."""
         return cls(
             np.arange(len(parts), dtype=np.float64),
             np.concatenate([part.positions for part in parts]),
@@ -63,12 +62,12 @@ class Poses:
         )
 
     def at(self, times: ArrayLike) -> Poses:
-        """Poses between: positions along straight lines, turns at an even rate.
+        """Interpolate poses: positions along straight lines, turns at constant rate.
 
-        Before the first time and after the last one the sensor is at rest.
+        Before the first and after the last time the sensor is at rest.
 
         Args:
-            times: (m,) s.
+            times: (m,) times, s.
         """
         wanted = np.clip(np.asarray(times, np.float64), self.times[0], self.times[-1])
         if len(self) == 1:
@@ -82,13 +81,13 @@ class Poses:
         return Poses(wanted, positions, _slerp(self.turns[before], self.turns[after], share), True)
 
     def only(self, index: int) -> Poses:
-        """One of them."""
+        """Pose at an index, as Poses of length 1."""
         one = slice(index, index + 1)
         return Poses(self.times[one], self.positions[one], self.turns[one], self.timed)
 
     @property
     def matrices(self) -> Floats:
-        """(n, 3, 3): a vector in the sensor's axes, as a column, becomes one of the world."""
+        """Rotation matrices from sensor axes to world axes, (n, 3, 3), for column vectors."""
         x, y, z, w = np.moveaxis(self.turns, -1, 0)
         rows = [
             [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - z * w), 2.0 * (x * z + y * w)],
@@ -99,7 +98,7 @@ class Poses:
 
 
 def quaternions(yaw: ArrayLike, pitch: ArrayLike, roll: ArrayLike) -> Floats:
-    """(n, 4) unit quaternions x, y, z, w of (n,) angles in degrees."""
+    """Unit quaternions x, y, z, w, (n, 4), of yaw, pitch and roll, (n,), degrees."""
     half = [0.5 * np.radians(np.atleast_1d(np.asarray(a, np.float64))) for a in (yaw, pitch, roll)]
     (cy, cp, cr), (sy, sp, sr) = (tuple(map(part, half)) for part in (np.cos, np.sin))
     return np.stack(
@@ -114,7 +113,7 @@ def quaternions(yaw: ArrayLike, pitch: ArrayLike, roll: ArrayLike) -> Floats:
 
 
 def one_pose(numbers: tuple[float, ...]) -> Poses:
-    """The pose X Y Z YAW PITCH ROLL, in metres and degrees, at time 0.
+    """Pose at time 0 from x, y, z, yaw, pitch and roll, in m and degrees.
 
     Raises:
         RequestError: a number is NaN, infinite or too large.
@@ -129,18 +128,17 @@ def one_pose(numbers: tuple[float, ...]) -> Poses:
 
 
 def read_poses(path: str | Path) -> Poses:
-    """Poses of a CSV file with a header: time, x, y, z, yaw, pitch, roll, in s, m and degrees.
+    """Read poses from a CSV with a header: time, x, y, z, yaw, pitch, roll, in s, m and degrees.
 
-    Columns may be in any order, and others are passed over. Without time each line is a pose of
-    rest; angles and z that have no column are 0. Empty lines, and those that begin with #, are
-    passed over.
+    Columns may be in any order; other columns are ignored. Without times each line is a pose of
+    rest; angles and z without a column are 0. Empty lines and lines that begin with # are ignored.
 
     Args:
-        path: the file; ``-`` is standard input.
+        path: file; ``-`` is standard input.
 
     Raises:
         ReadError: the file cannot be read, or has no poses.
-        RequestError: a line has no numbers, or the times do not ascend.
+        RequestError: a header lacks x or y, a cell is no number, or times do not ascend.
     """
     source = read_source(path, _MOST_BYTES, "Give a path of fewer poses.")
     name = source.name
@@ -215,19 +213,19 @@ def _row(place: str, cells: list[str], places: dict[str, int]) -> list[float]:
     return row
 
 
-def grounded(poses: Poses, terrain: Terrain, height: float, follow: bool = False) -> Poses:
-    """The same so high above the ground at their x and y, whatever their z.
+def place_on_ground(poses: Poses, terrain: Terrain, height: float, follow: bool = False) -> Poses:
+    """Place poses above the ground at their x and y, whatever their z.
 
     Args:
-        poses: where.
-        terrain: what they stand on.
-        height: m, along z; along the normal if they follow the slope.
-        follow: whether they tilt with the ground. It stands in for the level plane then: pitch and
-            roll count from it, the yaw stays. Else they stay as they are turned.
+        poses: poses to be placed.
+        terrain: terrain below the poses.
+        height: height above the ground, m, along z, or along the normal with `follow`.
+        follow: whether poses tilt with the ground: pitch and roll are then relative to the ground
+            instead of the level plane, and yaw stays. Else turns stay as they are.
 
     Raises:
-        RequestError: there is no ground at one of them, the height is none, or the normal leads out
-            of the terrain or below its ground.
+        RequestError: a pose has no ground, the height is out of range, or the normal leads out of
+            the terrain or below its ground.
     """
     if not 0.0 <= height <= _FAR:
         raise RequestError(
@@ -246,16 +244,16 @@ def grounded(poses: Poses, terrain: Terrain, height: float, follow: bool = False
     positions = np.column_stack([x, y, samples.height]) + height * up
     if not follow:
         return replace(poses, positions=positions)
-    tilted = replace(poses, positions=positions, turns=_tilted(poses, up))
+    tilted = replace(poses, positions=positions, turns=_tilted_turns(poses, up))
     check_poses(tilted, terrain)
     return tilted
 
 
 def check_poses(poses: Poses, terrain: Terrain) -> None:
-    """Refuse poses from which nothing can be seen as it is.
+    """Refuse poses outside the terrain or below the ground.
 
     Raises:
-        RequestError: one is outside of the terrain, or below the ground.
+        RequestError: a pose is.
     """
     _refuse_outside(poses, terrain)
     x, y, z = poses.positions.T
@@ -290,12 +288,12 @@ def _place(poses: Poses, index: int) -> str:
 
 
 def _slerp(first: Floats, last: Floats, share: Floats) -> Floats:
-    """Quaternions between others at an even rate, the shorter way; Shoemake, SIGGRAPH 1985."""
+    """Interpolate quaternions (n, 4) the shorter way at constant rate; Shoemake, SIGGRAPH 1985."""
     cosine = (first * last).sum(axis=-1)
     last = np.where(cosine[:, None] < 0.0, -last, last)
     angle = np.arccos(np.minimum(np.abs(cosine), 1.0))
     sine = np.sin(angle)
-    near = sine < 1e-6  # straight lines are as good there, and nothing is divided by 0
+    near = sine < 1e-6  # linear interpolation is as good, without division by 0
     safe = np.where(near, 1.0, sine)
     one = np.where(near, 1.0 - share, np.sin((1.0 - share) * angle) / safe)
     other = np.where(near, share, np.sin(share * angle) / safe)
@@ -305,7 +303,7 @@ def _slerp(first: Floats, last: Floats, share: Floats) -> Floats:
 
 
 def _product(first: Floats, last: Floats) -> Floats:
-    """Turn by `last`, then by `first`."""
+    """Quaternion products (n, 4): the turn by `last`, then by `first`."""
     x, y, z, w = first.T
     a, b, c, d = last.T
     return np.stack(
@@ -319,16 +317,16 @@ def _product(first: Floats, last: Floats) -> Floats:
     )
 
 
-def _tilted(poses: Poses, normals: Floats) -> Floats:
-    """Turns of poses on ground with these normals, which point up.
+def _tilted_turns(poses: Poses, normals: Floats) -> Floats:
+    """Turns (n, 4) of poses tilted with the ground, whose normals (n, 3) point up.
 
-    With the yaw ψ and the pitch p and roll r of the ground ahead of it, R becomes
+    With yaw ψ, and pitch p and roll r of the ground along that heading, R becomes
     Rz(ψ) · Ry(p) · Rx(r) · Rz(−ψ) · R: the third column of Ry(p) · Rx(r) is
-    (sin p cos r, −sin r, cos p cos r), which is the normal as seen with that yaw.
+    (sin p cos r, −sin r, cos p cos r), the normal in axes of that yaw.
     """
     matrices = poses.matrices
     ahead, left = matrices[:, :2, 0], matrices[:, :2, 1]
-    # what looks straight up or down has its heading by where its left is
+    # a sensor that looks straight up or down has the heading of its left side
     upright = np.hypot(*ahead.T) < 1e-9
     yaw = np.where(
         upright, np.arctan2(-left[:, 0], left[:, 1]), np.arctan2(ahead[:, 1], ahead[:, 0])

@@ -1,4 +1,4 @@
-"""What a sensor reads at once, ray by ray: a lidar's turn, a camera's picture, a sonar's ping."""
+"""Frames of readings, ray by ray: a lidar's turn, a camera's picture or a sonar's ping."""
 
 from __future__ import annotations
 
@@ -18,49 +18,49 @@ from terratool.sensing.sensor import Sensor
 Floats = NDArray[np.float64]
 
 UNCOLORED = 0.5
-"""What the ground reflects of light where its surface has no colour."""
+"""Reflectance of surfaces without a colour, 0 to 1."""
 _INSIDE = 1e-9
-"""How far before the rim a ray that leaves is looked at, in parts of its way."""
+"""Distance before the rim at which a leaving ray is tested, as a share of its length."""
 
 
-class Status(IntEnum):
-    """What became of a ray."""
+class ReadingStatus(IntEnum):
+    """Outcome of a ray."""
 
     RETURN = 0
-    """It has a reading."""
+    """Reading within the sensor's range."""
     NEAR = 1
-    """It met something nearer than the least range."""
+    """Hit nearer than the least range."""
     FAR = 2
-    """It met something beyond the largest range."""
+    """Hit beyond the largest range."""
     VOID = 3
-    """It went into the void, where there is no ground."""
+    """No hit: the ray enters the void, where there is no ground."""
     OUTSIDE = 4
-    """It left the terrain over its rim, or into the sky."""
+    """No hit: the ray leaves the terrain over its rim, or into the sky."""
     DROPPED = 5
-    """Its reading is lacking by chance."""
+    """Reading lost at random, by the sensor's dropout."""
     FAINT = 6
-    """It met something whose echo is too weak."""
+    """Hit with an echo below the threshold."""
 
 
 @dataclass(frozen=True, slots=True)
 class Frame:
-    """One turn, picture or ping of n rays, in the order in which they are read.
+    """One turn, picture or ping of n rays, in order of reading.
 
     Attributes:
-        number: of the frame, from 0.
-        poses: where the sensor was: one, or one for each column of a lidar that moves.
-        shape: of the rays, as `Sensor.shape`.
-        range: (n,) float64, m: along the ray, of a camera along its axis; NaN where none is.
-        local: (n, 3) float64, points in the sensor's axes at the time of each; NaN where none is.
-        points: (n, 3) float64, the same in the world.
-        intensity: (n,) float32, from 0 to 1: what comes back of light; of a sonar its amplitude.
-        ring: (n,) uint16, the beam of a lidar or the row of a picture.
-        offset: (n,) float64, s from the first pose.
+        number: number of the frame, from 0.
+        poses: pose of the sensor: one, or one per column of a moving lidar.
+        shape: shape of the rays, as `Sensor.shape`; (n,) after `keep`.
+        range: (n,) float64, range along the ray, or along the axis of a camera, m; NaN for none.
+        local: (n, 3) float64, points in sensor axes at the time of the ray, m; NaN for none.
+        points: (n, 3) float64, points in world axes, m; NaN for none.
+        intensity: (n,) float32, share of light returned, 0 to 1; for a sonar the amplitude.
+        ring: (n,) uint16, beam of a lidar or row of a picture.
+        offset: (n,) float64, time from the first pose, s.
         surface: (n,) int32, index into `Terrain.surfaces`; -1 for none.
-        element: (n,) int64, as `PointSamples` has it; -1 for none.
-        wall: (n,) bool, whether it is a wall.
-        status: (n,) uint8, a `Status`.
-        lacking: surfaces without `sonarRefl` that a sonar met, by index.
+        element: (n,) int64, index of the element, as in `PointSamples`; -1 for none.
+        wall: (n,) bool, whether the hit is on a wall.
+        status: (n,) uint8, `ReadingStatus`.
+        lacking: indices of surfaces without `sonarRefl` that a sonar met.
     """
 
     number: int
@@ -80,28 +80,28 @@ class Frame:
 
     @property
     def time(self) -> float:
-        """S."""
+        """Time of the first pose, s."""
         return float(self.poses.times[0])
 
     @property
     def returns(self) -> NDArray[np.bool_]:
-        """(n,) which rays have a reading."""
-        returns: NDArray[np.bool_] = self.status == Status.RETURN
+        """Mask of the rays with a reading, (n,) bool."""
+        returns: NDArray[np.bool_] = self.status == ReadingStatus.RETURN
         return returns
 
     @property
     def origins(self) -> Floats:
-        """(n, 3) where the sensor was at each ray."""
+        """World positions of the sensor at each ray, (n, 3) float64, m."""
         count, poses = len(self.range), len(self.poses)
         return np.repeat(self.poses.positions, count // poses, axis=0)
 
     @property
     def counts(self) -> NDArray[np.int64]:
-        """How many rays have each status."""
-        return np.bincount(self.status, minlength=len(Status))
+        """Number of rays by status, (statuses,) int64."""
+        return np.bincount(self.status, minlength=len(ReadingStatus))
 
-    def kept(self, which: NDArray[np.bool_]) -> Frame:
-        """Some of the rays."""
+    def keep(self, which: NDArray[np.bool_]) -> Frame:
+        """Frame of the rays that a mask, (n,) bool, selects."""
         names = ("range", "local", "points", "intensity", "ring", "offset", "surface", "element",
                  "wall", "status")  # fmt: skip
         some: dict[str, Any] = {name: getattr(self, name)[which] for name in names}
@@ -110,14 +110,14 @@ class Frame:
 
 @dataclass(frozen=True, slots=True)
 class Rays:
-    """Where the rays of a sensor go, in its own axes.
+    """Rays of a frame in sensor axes.
 
     Attributes:
-        directions: (n, 3) float64, of length 1.
-        columns: (n,) which pose of `Frame.poses` each has, where there are several.
-        ring: (n,) uint16.
-        offset: (n,) s from the beginning.
-        along: (n,) what of a ray's length counts as its range.
+        directions: (n, 3) float64, unit directions.
+        columns: (n,) index of each ray's pose, in frames with several poses.
+        ring: (n,) uint16, beam of a lidar or row of a picture.
+        offset: (n,) time from the start of the frame, s.
+        along: (n,) range per length of the ray, 0 to 1.
     """
 
     directions: Floats
@@ -128,14 +128,14 @@ class Rays:
 
 
 def read(terrain: Terrain, sensor: Sensor, rays: Rays, poses: Poses, number: int) -> Frame:
-    """What a lidar or a camera reads, exactly.
+    """Simulate a frame of a lidar or a camera, without noise.
 
     Args:
-        terrain: what it sees.
-        sensor: what sees.
-        rays: its rays.
-        poses: one, or one for each column.
-        number: of the frame.
+        terrain: terrain around the sensor.
+        sensor: lidar or camera.
+        rays: rays of a frame.
+        poses: one pose, or one per column.
+        number: number of the frame, from 0.
     """
     which = rays.columns if len(poses) > 1 else np.zeros(len(rays.columns), np.int64)
     ways = np.einsum("nij,nj->ni", poses.matrices[which], rays.directions)
@@ -143,11 +143,11 @@ def read(terrain: Terrain, sensor: Sensor, rays: Rays, poses: Poses, number: int
     hits = terrain.cast(origins, ways, sensor.most / rays.along)
     range_ = hits.distance * rays.along
     status = np.zeros(len(ways), np.uint8)
-    status[range_ < sensor.least] = Status.NEAR
+    status[range_ < sensor.least] = ReadingStatus.NEAR
     missed = ~np.isfinite(hits.distance)
     if missed.any():
-        status[missed] = passed(terrain, origins[missed], ways[missed])
-    none = status != Status.RETURN
+        status[missed] = miss_status(terrain, origins[missed], ways[missed])
+    none = status != ReadingStatus.RETURN
     range_[none] = np.nan
     local = rays.directions * (range_ / rays.along)[:, None]
     points = np.where(none[:, None], np.nan, hits.point)
@@ -158,7 +158,7 @@ def read(terrain: Terrain, sensor: Sensor, rays: Rays, poses: Poses, number: int
         range=range_,
         local=local,
         points=points,
-        intensity=_lit(terrain, hits, ways, none),
+        intensity=_intensities(terrain, hits, ways, none),
         ring=rays.ring,
         offset=rays.offset,
         surface=np.where(none, np.int32(-1), hits.surface),
@@ -168,19 +168,19 @@ def read(terrain: Terrain, sensor: Sensor, rays: Rays, poses: Poses, number: int
     )
 
 
-def passed(terrain: Terrain, origins: Floats, ways: Floats) -> NDArray[np.uint8]:
-    """What became of rays that met nothing within their range: FAR, VOID or OUTSIDE.
+def miss_status(terrain: Terrain, origins: Floats, ways: Floats) -> NDArray[np.uint8]:
+    """Statuses of rays without a hit within their range, (n,) uint8: FAR, VOID or OUTSIDE.
 
-    A ray that meets nothing at all has gone into the void if it is below the ground where it
-    leaves the terrain, or if there is none and it leads down.
+    A ray without any hit is in the void if it is below the ground where it leaves the terrain, or
+    if it descends where there is no ground.
 
     Args:
-        terrain: what they passed.
-        origins: (n, 3) where they began, over the terrain.
-        ways: (n, 3) where they went.
+        terrain: terrain below the rays.
+        origins: (n, 3) origins over the terrain, m.
+        ways: (n, 3) directions.
     """
-    status = np.full(len(ways), Status.OUTSIDE, np.uint8)
-    status[np.isfinite(terrain.cast(origins, ways).distance)] = Status.FAR
+    status = np.full(len(ways), ReadingStatus.OUTSIDE, np.uint8)
+    status[np.isfinite(terrain.cast(origins, ways).distance)] = ReadingStatus.FAR
     west, south, east, north = terrain.bounds
     rim = np.where(ways[:, :2] > 0.0, [east, north], [west, south])
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -190,23 +190,24 @@ def passed(terrain: Terrain, origins: Floats, ways: Floats) -> NDArray[np.uint8]
     last = origins + np.where(upright, 0.0, leaves)[:, None] * ways
     ground = terrain.height(last[:, 0], last[:, 1])
     under = np.where(np.isnan(ground) | upright, ways[:, 2] < 0.0, last[:, 2] < ground)
-    status[under & (status == Status.OUTSIDE)] = Status.VOID
+    status[under & (status == ReadingStatus.OUTSIDE)] = ReadingStatus.VOID
     return status
 
 
-def _lit(
+def _intensities(
     terrain: Terrain, hits: RayHits, ways: Floats, none: NDArray[np.bool_]
 ) -> NDArray[np.float32]:
-    """What comes back of light: the surface's reflectance by the cosine of incidence."""
+    """Intensities of light, (n,) float32: reflectance times cosine of incidence; 0 for misses."""
     cosine = np.abs((hits.normal * ways).sum(axis=-1))
     lit = reflectances(terrain)[hits.surface] * cosine
     return np.where(none, 0.0, lit).astype(np.float32)
 
 
 def reflectances(terrain: Terrain) -> Floats:
-    """(surfaces + 1,) what each surface reflects of light, the last one that of no surface.
+    """Reflectances of the surfaces for light, (surfaces + 1,) float64; the last is for no surface.
 
-    The relative luminance of its colour, of ITU-R BT.709 by IEC 61966-2-1.
+    A reflectance is the relative luminance of the surface's colour: ITU-R BT.709 of sRGB by
+    IEC 61966-2-1.
     """
     found = []
     for name in terrain.surfaces:
@@ -220,16 +221,16 @@ def reflectances(terrain: Terrain) -> Floats:
     return np.array([*found, UNCOLORED])
 
 
-def disturbed(frame: Frame, sensor: Sensor, generator: np.random.Generator) -> Frame:
-    """The same with the noise of the sensor: readings off along their rays, or lacking.
+def with_noise(frame: Frame, sensor: Sensor, generator: np.random.Generator) -> Frame:
+    """Frame with the sensor's noise: ranges shifted along their rays, and dropouts.
 
-    What it moves out of the sensor's range is no reading. What is out of it without noise stays so.
-    Two numbers are drawn for each ray, read or not, so that none depends on the others.
+    A range shifted out of the sensor's limits is no reading; one beyond them before stays so. Two
+    numbers are drawn per ray, with or without a reading, so that rays are independent.
     """
     count = len(frame.range)
     off, lot = generator.standard_normal(count), generator.random(count)
     off *= sensor.noise.deviation(frame.range)
-    # one that is where the sensor is stays there, as its ray has no direction any more
+    # a reading at range 0 has no direction, and stays
     factor = np.ones(count)
     np.divide(off, frame.range, out=factor, where=frame.range > 0.0)
     factor[frame.range > 0.0] += 1.0
@@ -237,10 +238,10 @@ def disturbed(frame: Frame, sensor: Sensor, generator: np.random.Generator) -> F
     points = origins + (frame.points - origins) * factor[:, None]
     local, range_ = frame.local * factor[:, None], frame.range * factor
     returns, status = frame.returns, frame.status.copy()
-    status[returns & (range_ < sensor.least)] = Status.NEAR
-    status[returns & (range_ > sensor.most)] = Status.FAR
-    status[returns & (lot < sensor.noise.dropout)] = Status.DROPPED
-    lost = returns & (status != Status.RETURN)
+    status[returns & (range_ < sensor.least)] = ReadingStatus.NEAR
+    status[returns & (range_ > sensor.most)] = ReadingStatus.FAR
+    status[returns & (lot < sensor.noise.dropout)] = ReadingStatus.DROPPED
+    lost = returns & (status != ReadingStatus.RETURN)
     points[lost], local[lost], range_[lost] = np.nan, np.nan, np.nan
     return replace(
         frame,

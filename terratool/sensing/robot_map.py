@@ -1,14 +1,14 @@
-"""The map that a robot makes of what its sensors read: cells of several sizes, fused one by one.
+"""Elevation map of a robot, fused from the readings of its sensors, on several levels of cells.
 
-A cell of the finest level is found by thresholds, as the paper's operational environment Q(i, j) of
-i = Ψ(x), j = Ψ(y); one of level l holds 2^l × 2^l of them.
+The cell of a reading on the finest level is found by thresholds, as the paper's operational
+environment Q(i, j) of i = Ψ(x), j = Ψ(y); a cell of level l holds 2^l × 2^l finest cells.
 
 Heights are fused by the Kalman filter of elevation mapping: Fankhauser, Bloesch, Gehring, Hutter
 and Siegwart, Robot-Centric Elevation Mapping with Uncertainty Estimates, CLAWAR 2014; Fankhauser,
 Bloesch and Hutter, Probabilistic Terrain Mapping for Mobile Robots with Uncertain Localization,
-IEEE RA-L 3(4), 2018. Two heights are of one surface where their Mahalanobis distance is within a
-gate; else the higher one is the ground. github.com/ANYbotics/elevation_mapping has it so within a
-scan, and keeps what it has where a later scan differs, higher or lower; here the higher one stays.
+IEEE RA-L 3(4), 2018. Two heights belong to one surface if their Mahalanobis distance is within a
+gate; else the higher one is the ground. github.com/ANYbotics/elevation_mapping does so within a
+scan, but keeps the old height where a later scan differs; here the higher one stays.
 """
 
 from __future__ import annotations
@@ -27,47 +27,49 @@ from terratool.errors import RequestError
 from terratool.field.terrain import refuse_empty
 from terratool.io.points import MOST_NAMES
 from terratool.raster.grid import Grid
-from terratool.sensing.clouds import Cloud, checked_reader, read_clouds
+from terratool.sensing.clouds import Cloud, read_clouds, reader_of
 from terratool.sensing.sensor import Noise
 from terratool.text.files import is_pipe
 
 Floats = NDArray[np.float64]
 
 MOST_CELLS = 1 << 24
-"""Of the finest level: some 100 bytes each."""
-FREE_CELLS, CELLS_EACH = 1 << 20, 100
-"""Cells that a map without bounds may have: as many as the first, or as the second for each reading
-if that is more. Two readings that are far apart are no reason for millions of cells."""
+"""Most finest cells of a map, of some 100 bytes each."""
+FREE_CELLS = 1 << 20
+"""Cells that a map without bounds may have, whatever its readings."""
+CELLS_EACH = 100
+"""Cells per reading that a larger map without bounds may have; outliers would make millions."""
 MOST_LEVELS = 12
+"""Most levels of a map."""
 GATE = 2.5
-"""Standard deviations that two heights of one surface may be apart."""
+"""Default gate: standard deviations between two heights of one surface."""
 SIGMA = 0.02
-"""m: the deviation of a range where nothing else is said."""
+"""Default standard deviation of a range, m."""
 LEAST = 1e-4
-"""m: no height is known better by a single reading."""
+"""Least standard deviation of the height of a reading, m."""
 RELIEF = 0.5
-"""Deviation of heights in a cell by the relief of the ground, as a part of its side."""
+"""Default standard deviation of heights within a cell, as a share of its side."""
 _MULTI_HEIGHT = 0.003
-"""m: what a lower reading adds to the deviation of a cell, as in elevation_mapping."""
+"""Standard deviation that a lower reading adds to a cell, m, as in elevation_mapping."""
 _ROUNDS = 4
-"""In which the top surface of a cell is looked for in a batch."""
+"""Iterations of the search for the top surface of a cell in a batch."""
 _FAR = 1e9
-"""m: no height, and no place of a sensor, is as far from 0."""
+"""Bound on heights and on coordinates of a sensor, m, exclusive."""
 _SAME = 1e-3
-"""m: what a range and the distance of a rounded point may differ by."""
+"""Largest difference between a range and the distance of its rounded point, m."""
 
 
 @dataclass(frozen=True, slots=True)
 class MapOptions:
-    """What a map is like.
+    """Cells and fusion parameters of a map.
 
     Attributes:
-        cell: side of the finest cells, m.
-        levels: how many sizes of cells there are; each side is twice the one before.
-        noise: of the ranges that are fused.
-        angle: rad: deviation of the direction of a ray.
-        gate: standard deviations that two heights of one surface may be apart.
-        relief: deviation of heights within a cell by relief, as a part of its side.
+        cell: side of the finest cells, m, 1e-6 to 1e9.
+        levels: number of levels, 1 to MOST_LEVELS; cells double in side from level to level.
+        noise: noise of the ranges.
+        angle: standard deviation of the direction of a ray, rad.
+        gate: standard deviations between two heights of one surface.
+        relief: standard deviation of heights within a cell, as a share of its side.
     """
 
     cell: float
@@ -94,28 +96,29 @@ class MapOptions:
 
     @property
     def coarsest(self) -> float:
-        """Side of the cells of the last level."""
+        """Side of the cells of the last level, m."""
         return math.ldexp(self.cell, self.levels - 1)
 
 
 @dataclass(frozen=True, slots=True)
 class MapLevel:
-    """The cells of one level; arrays are (height, width) from the north, float64 if not said.
+    """Cells of one level, in arrays of (height, width), rows from the north.
+
+    Arrays are float64 unless stated, with NaN in cells without readings.
 
     Attributes:
-        level: 0 for the finest.
-        grid: the cells.
-        elevation: m: the fused height; of a coarse cell the mean of its finest cells that were
-            seen. NaN in cells never seen, as all others are but `count`.
-        variance: m²: of that height, by the noise of the readings.
-        lowest, highest: m: of all readings in the cell.
-        count: int64, readings.
-        surface: int32 index into `surfaces`: the one that most readings of the fused height have;
-            -1 for none.
-        time: s: when it was seen last; NaN where no reading has a time.
-        distance: m: mean range of its readings; NaN where none has a range.
-        seen: share of its finest cells that were seen.
-        surfaces: names.
+        level: number of the level, 0 for the finest.
+        grid: cells as pixels of a grid.
+        elevation: fused height, m; in a coarse cell the mean over its seen finest cells.
+        variance: variance of the elevation by the noise of the readings, m².
+        lowest, highest: least and largest height of all readings, m.
+        count: int64, number of readings.
+        surface: int32, index into `surfaces` that most readings of the fused height have; -1 for
+            none.
+        time: largest time of a reading, s; NaN where no reading has a time.
+        distance: mean range of the readings, m; NaN where no reading has a range.
+        seen: share of the finest cells that have readings.
+        surfaces: names of surfaces.
     """
 
     level: int
@@ -133,18 +136,18 @@ class MapLevel:
 
 
 def map_grid(bounds: Bounds, options: MapOptions, *, anchored: bool = True) -> Grid:
-    """The finest cells of a map.
+    """Grid of the finest cells of a map, in whole cells of the coarsest level.
 
     Args:
-        bounds: west, south, east, north of what it is to hold.
-        options: of the map.
-        anchored: whether cells count from 0 in the world, else from the south-west corner; either
-            way there are whole cells of the coarsest level.
+        bounds: west, south, east and north of the map, m.
+        options: cells of the map.
+        anchored: whether cell edges are multiples of the coarsest cell from (0, 0); else cells
+            count from the south-west corner of the bounds.
 
     Raises:
-        RequestError: there are too many cells.
+        RequestError: the bounds are empty, or the cells too many or too small.
     """
-    # readings on one line, or a single one, do have a map
+    # bounds without width, as of a single reading, are allowed
     refuse_empty((bounds[0], bounds[1], bounds[2] + 1.0, bounds[3] + 1.0))
     side, parts = options.coarsest, 2 ** (options.levels - 1)
     if max(map(abs, bounds)) / side > 2**40:
@@ -172,9 +175,18 @@ def map_grid(bounds: Bounds, options: MapOptions, *, anchored: bool = True) -> G
 
 
 def thresholds(values: Floats, start: float, side: float, count: int) -> NDArray[np.int64]:
-    """Ψ: which of `count` intervals from `start` on holds each value, to the double of its edges.
+    """Ψ: index of the interval that holds each value, by exact comparison with its edges.
 
-    They are half-open, but the far edge belongs to the last one. What is outside gets -1.
+    Intervals are half-open, but the last one includes its far edge.
+
+    Args:
+        values: coordinates, (n,) float64.
+        start: near edge of the first interval.
+        side: length of an interval.
+        count: number of intervals.
+
+    Returns:
+        (n,) int64; -1 for values outside.
     """
     with np.errstate(invalid="ignore", over="ignore"):
         index = np.clip(np.floor((values - start) / side), -1, count).astype(np.int64)
@@ -185,13 +197,17 @@ def thresholds(values: Floats, start: float, side: float, count: int) -> NDArray
 
 
 def height_variance(cloud: Cloud, options: MapOptions, origin: Floats | None = None) -> Floats:
-    """(n,) m²: how far the heights of readings may be off.
+    """Variances of the heights of readings, (n,) float64, m².
 
     σ_z² = σ_r² u_z² + (r σ_a)² (1 − u_z²), with the direction u of the ray, its range r and the
-    deviations of range and angle: the covariance of a reading, turned into the world and seen along
-    z (Fankhauser and others 2014, 2018; without that of the pose). A grazing ray tells
-    heights better than a steep one, as far as its range goes. Without origins rays lead straight
-    down.
+    standard deviations of range and angle: the covariance of a reading in the world, along z
+    (Fankhauser and others 2014, 2018; without that of the pose). Range noise affects heights less
+    by a grazing ray than by a steep one.
+
+    Args:
+        cloud: readings; their own variances take precedence.
+        options: noise of range and angle.
+        origin: sensor position (3,) for readings without one; if None, too, rays are vertical.
     """
     if cloud.variance is not None:
         return np.maximum(np.nan_to_num(cloud.variance, nan=SIGMA**2), LEAST**2)
@@ -211,18 +227,17 @@ def height_variance(cloud: Cloud, options: MapOptions, origin: Floats | None = N
 
 @dataclass
 class RobotMap:
-    """A map that grows batch by batch.
+    """Elevation map, filled batch by batch.
 
-    Within the gate the order of batches has no say, but for rounding. Where a cell has several
-    heights, what was seen before decides: a higher surface takes its place, a lower one only adds
-    to its variance.
+    Within the gate the order of batches matters only by rounding. Elsewhere a higher surface
+    replaces the height of a cell, and a lower one only adds to its variance.
 
     Attributes:
-        grid: the finest cells.
-        options: what it is like.
-        origin: where the sensor was, (3,), for readings that do not say.
-        points: readings that were fused.
-        outside: readings beyond the cells.
+        grid: grid of the finest cells.
+        options: cells and fusion parameters.
+        origin: sensor position (3,), m, for readings without one; None if unknown.
+        points: number of fused readings.
+        outside: number of readings beyond the cells.
     """
 
     grid: Grid
@@ -243,16 +258,16 @@ class RobotMap:
 
     @property
     def surfaces(self) -> list[str]:
-        """Names, as they came."""
+        """Names of surfaces in order of first occurrence."""
         return [*self._numbers]
 
     @property
     def seen(self) -> int:
-        """Finest cells that were seen."""
+        """Number of finest cells with readings."""
         return int((self._count > 0).sum())
 
     def add(self, cloud: Cloud) -> None:
-        """Fuse a batch: first what of it lies in each cell, and that with what the cell has."""
+        """Fuse a batch: its readings within each cell first, then these with the cell."""
         grid, side = self.grid, self.options.cell
         column = thresholds(cloud.points[:, 0], grid.west, side, grid.width)
         row = thresholds(cloud.points[:, 1], grid.south, side, grid.height)
@@ -271,27 +286,32 @@ class RobotMap:
             self._vote(batch, cloud, member & kept[batch.group], batch.cells[replaced])
 
     def _note(self, batch: _Batch, cloud: Cloud) -> None:
+        """Update least and largest height, count, time and range of the cells of a batch."""
         cells = batch.cells
-        self._low[cells] = np.minimum(self._low[cells], batch.reduced(np.minimum, batch.heights))
-        self._high[cells] = np.maximum(self._high[cells], batch.reduced(np.maximum, batch.heights))
+        self._low[cells] = np.minimum(self._low[cells], batch.reduce(np.minimum, batch.heights))
+        self._high[cells] = np.maximum(self._high[cells], batch.reduce(np.maximum, batch.heights))
         self._count[cells] += batch.sizes
         if cloud.time is not None:
             time = cloud.time[batch.order]
             time = np.where(np.isfinite(time), time, -np.inf)
-            self._time[cells] = np.maximum(self._time[cells], batch.reduced(np.maximum, time))
+            self._time[cells] = np.maximum(self._time[cells], batch.reduce(np.maximum, time))
         ranges, origins = cloud.range, cloud.origin if cloud.origin is not None else self.origin
         if ranges is None and origins is not None:
             ranges = np.linalg.norm(cloud.points - origins, axis=1)
         if ranges is not None:
             ranges = ranges[batch.order]
             known = np.isfinite(ranges)
-            self._range[cells] += batch.reduced(np.add, np.where(known, ranges, 0.0))
-            self._ranged[cells] += batch.reduced(np.add, known.astype(np.int64))
+            self._range[cells] += batch.reduce(np.add, np.where(known, ranges, 0.0))
+            self._ranged[cells] += batch.reduce(np.add, known.astype(np.int64))
 
     def _fuse(
         self, cells: NDArray[np.int64], mean: Floats, variance: Floats, tau: float
     ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-        """The Kalman filter; which of the cells took the batch, and which of them instead."""
+        """Update cells by the Kalman filter.
+
+        Returns:
+            Masks of the cells that took the batch, and of those whose height it replaced.
+        """
         height, before = self._height[cells], self._variance[cells]
         known = np.isfinite(before)
         before = np.where(known, before, 0.0)
@@ -308,7 +328,7 @@ class RobotMap:
     def _vote(
         self, batch: _Batch, cloud: Cloud, member: NDArray[np.bool_], replaced: NDArray[np.int64]
     ) -> None:
-        """Count the surfaces of readings of the fused height."""
+        """Count the surfaces of readings that `member` marks; `replaced` cells lose their votes."""
         assert cloud.surface is not None
         for name in cloud.surfaces:
             self._numbers.setdefault(name, len(self._numbers))
@@ -329,7 +349,7 @@ class RobotMap:
         self._votes = np.bincount(at, votes, len(self._voted)).astype(np.int64)
 
     def level(self, level: int) -> MapLevel:
-        """The cells of a level; coarse ones are summed up of all finest ones in them."""
+        """Cells of a level; coarse cells sum up all their finest cells."""
         fine, parts = self.grid, 2**level
         grid = replace(
             fine,
@@ -346,32 +366,32 @@ class RobotMap:
         never = seen == 0
         some = np.maximum(seen, 1)
 
-        def emptied(values: NDArray[Any], where: NDArray[np.bool_] = never) -> Floats:
+        def nan_where(values: NDArray[Any], where: NDArray[np.bool_] = never) -> Floats:
             return np.where(where, np.nan, values)
 
         ranged = blocks(self._ranged).sum(axis=(1, 3))
         time = blocks(self._time).max(axis=(1, 3))
         variance = blocks(np.where(known, self._variance, 0.0)).sum(axis=(1, 3)) / some**2
-        # sums of differences from one height lose less
+        # sums of differences from one height round less
         base = float(self._height[known][0]) if known.any() else 0.0
         height = blocks(np.where(known, self._height - base, 0.0)).sum(axis=(1, 3)) / some + base
         return MapLevel(
             level,
             grid,
-            emptied(height),
-            emptied(variance),
-            emptied(blocks(self._low).min(axis=(1, 3))),
-            emptied(blocks(self._high).max(axis=(1, 3))),
+            nan_where(height),
+            nan_where(variance),
+            nan_where(blocks(self._low).min(axis=(1, 3))),
+            nan_where(blocks(self._high).max(axis=(1, 3))),
             blocks(self._count).sum(axis=(1, 3)),
             self._likeliest(grid, parts),
-            emptied(time, ~np.isfinite(time)),
-            emptied(blocks(self._range).sum(axis=(1, 3)) / np.maximum(ranged, 1), ranged == 0),
-            emptied(seen / parts**2),
+            nan_where(time, ~np.isfinite(time)),
+            nan_where(blocks(self._range).sum(axis=(1, 3)) / np.maximum(ranged, 1), ranged == 0),
+            nan_where(seen / parts**2),
             tuple(self.surfaces),
         )
 
     def _likeliest(self, grid: Grid, parts: int) -> NDArray[np.int32]:
-        """The surface with the most votes of each cell; of equals the one that came first."""
+        """Surface with most votes in each cell, -1 for none; of equals the first to occur."""
         fine, surface = self._voted >> 20, self._voted & (1 << 20) - 1
         row, column = np.divmod(fine, self.grid.width)
         cell = (row // parts) * grid.width + column // parts
@@ -385,13 +405,16 @@ class RobotMap:
 
 @dataclass(frozen=True, slots=True)
 class _Batch:
-    """Readings sorted by cell.
+    """Readings of a cloud sorted by cell.
 
     Attributes:
-        order: (n,) which reading of the cloud each is.
-        cells: (m,) the cells, ascending; `starts` where each begins, `sizes` how many it has.
-        group: (n,) index into `cells`.
-        heights, variances: (n,).
+        order: (n,) index of each reading in the cloud.
+        cells: (m,) indices of the cells, ascending.
+        starts: (m,) index of the first reading of each cell.
+        sizes: (m,) number of readings of each cell.
+        group: (n,) index into `cells` of each reading.
+        heights: (n,) heights of the readings, m.
+        variances: (n,) variances of the heights, m².
     """
 
     order: NDArray[np.int64]
@@ -406,6 +429,7 @@ class _Batch:
     def of(
         cls, cell: NDArray[np.int64], inside: NDArray[np.bool_], cloud: Cloud, variance: Floats
     ) -> _Batch:
+        """Sort the readings that `inside` marks by their cells."""
         which = np.flatnonzero(inside)
         order = which[np.argsort(cell[which], kind="stable")]
         in_order = cell[order]
@@ -415,29 +439,33 @@ class _Batch:
         heights, variances = cloud.points[order, 2], variance[order]
         return cls(order, in_order[starts], starts, sizes, group, heights, variances)
 
-    def reduced(self, function: np.ufunc, values: NDArray[Any]) -> NDArray[Any]:
-        """Of each cell."""
+    def reduce(self, function: np.ufunc, values: NDArray[Any]) -> NDArray[Any]:
+        """Reduce values, (n,), over the readings of each cell, (m,)."""
         out: NDArray[Any] = function.reduceat(values, self.starts)
         return out
 
     def top(self, gate: float, tau: float) -> tuple[Floats, Floats, NDArray[np.bool_]]:
-        """Mean and variance of the highest surface of each cell, and which readings are of it.
+        """Mean and variance of the highest surface of each cell, and which readings belong to it.
 
-        It begins with the highest reading. What is within the gate of the mean, or above, is of
-        the surface; so is found in a few rounds where a noisy surface has its middle.
+        From the highest reading on, readings within the gate of the mean, or above, make the next
+        mean; a few iterations find the middle of a noisy surface.
+
+        Args:
+            gate: square of the gate, in standard deviations.
+            tau: variance of heights within a cell by relief, m².
         """
-        highest = self.reduced(np.maximum, self.heights)
+        highest = self.reduce(np.maximum, self.heights)
         below = self.heights - highest[self.group]
         mean = np.zeros(len(self.cells))
-        variance = self.reduced(np.maximum, np.where(below == 0.0, self.variances, 0.0))
+        variance = self.reduce(np.maximum, np.where(below == 0.0, self.variances, 0.0))
         weights = 1.0 / self.variances
         member = np.ones(len(below), bool)
         for _ in range(_ROUNDS):
             off = below - mean[self.group]
             limit = gate * (self.variances + variance[self.group] + tau)
             member = (off >= 0.0) | (off * off <= limit)
-            information = self.reduced(np.add, np.where(member, weights, 0.0))
-            mean = self.reduced(np.add, np.where(member, weights * below, 0.0)) / information
+            information = self.reduce(np.add, np.where(member, weights, 0.0))
+            mean = self.reduce(np.add, np.where(member, weights * below, 0.0)) / information
             variance = 1.0 / information
         return highest + mean, variance, member
 
@@ -449,23 +477,23 @@ def map_scans(
     origin: Sequence[float] | None = None,
     progress: Callable[[str], object] = lambda _: None,
 ) -> RobotMap:
-    """The map of scans in files, fused in their order.
+    """Map scans in files, fused in their order.
 
     Args:
-        paths: the files, as of `terratool.sensing.clouds.read_clouds`.
-        options: what the map is like.
-        bounds: west, south, east, north of what it holds; if None, what it takes to hold all
-            readings, which are read twice then.
-        origin: x, y and z of the sensor, for scans that do not say; not known if None.
-        progress: is called with words that say how far it is.
+        paths: files, as for `terratool.sensing.clouds.read_clouds`.
+        options: cells and fusion parameters.
+        bounds: west, south, east and north of the map, m; those of all readings if None, which are
+            then read twice.
+        origin: x, y and z of the sensor, m, for scans without it; None if unknown.
+        progress: called with a description of each step.
 
     Raises:
-        RequestError: a suffix says no format, points are in the axes of a sensor, there are no
-            readings, too many cells, or without bounds a pipe or far more cells than readings.
+        RequestError: a suffix is of no format, points are in sensor axes, there are no readings or
+            too many cells, or, without bounds, a file is a pipe or cells far outnumber readings.
         ReadError: a file cannot be read.
     """
     for path in paths:
-        checked_reader(Path(path))
+        reader_of(Path(path))
         if bounds is None and is_pipe(path):
             raise RequestError(
                 f"{path}: is a pipe, and is read twice to find where its points are.",
@@ -503,9 +531,10 @@ def map_scans(
 
 
 def in_sensor_axes(cloud: Cloud) -> bool:
-    """Whether all points are as far from 0 as their ranges are long, and the sensor was not at 0.
+    """Return whether points are in sensor axes: all are their range away from (0, 0, 0).
 
-    Files of terratool say where it was only as .npz; the others do not say whose axes they have.
+    A sensor known to have been at (0, 0, 0) is excepted; of terratool's files only .npz hold the
+    position of the sensor, and most do not state their axes.
     """
     if cloud.range is None:
         return False
@@ -517,10 +546,10 @@ def in_sensor_axes(cloud: Cloud) -> bool:
 
 
 def _refuse_empty_cells(grid: Grid, readings: int, bounds: Bounds) -> None:
-    """Refuse far more cells than readings.
+    """Refuse a grid with far more cells than readings.
 
     Raises:
-        RequestError: there are.
+        RequestError: the cells exceed FREE_CELLS and CELLS_EACH per reading.
     """
     cells = grid.width * grid.height
     if cells > max(FREE_CELLS, CELLS_EACH * readings):
@@ -532,7 +561,7 @@ def _refuse_empty_cells(grid: Grid, readings: int, bounds: Bounds) -> None:
 
 
 def _around(paths: Sequence[str | Path], progress: Callable[[str], object]) -> tuple[Bounds, int]:
-    """The rectangle that holds all readings, and how many there are."""
+    """Bounds of all readings, m, and their number."""
     low, high, count = np.full(2, np.inf), np.full(2, -np.inf), 0
     for path in paths:
         progress(f"looking where the points of {Path(path).name} are")

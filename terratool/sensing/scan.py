@@ -1,4 +1,4 @@
-"""A scan: frame after frame of what a sensor reads from its poses."""
+"""Scans: frames that a sensor reads from its poses, and their tally."""
 
 from __future__ import annotations
 
@@ -13,27 +13,28 @@ from terratool.errors import RequestError
 from terratool.field.terrain import Terrain
 from terratool.sensing.camera import camera_rays
 from terratool.sensing.lidar import lidar_rays
-from terratool.sensing.poses import Poses, check_poses, grounded
-from terratool.sensing.readings import Frame, Status, disturbed, read
+from terratool.sensing.poses import Poses, check_poses, place_on_ground
+from terratool.sensing.readings import Frame, ReadingStatus, read, with_noise
 from terratool.sensing.sensor import Camera, Lidar, Sensor
 from terratool.sensing.sonar import ping
 
 MOST_RAYS = 1_000_000_000
-"""Of all frames of a scan."""
+"""Most rays of a scan, over all frames."""
 _SLACK = 1e-6
-"""Of a period: so much later the last frame may begin than the last pose is."""
+"""Tolerated start of the last frame after the last pose, as a share of a period."""
 _BATCH = 1 << 16
-"""Poses that are looked at together."""
+"""Most poses checked at a time."""
 
 
 @dataclass(frozen=True, slots=True)
 class ScanOptions:
-    """How a scan is made.
+    """Options of a scan.
 
     Attributes:
-        on_ground: m above the ground, in place of the z of poses; None to take that.
-        follow_slope: whether the sensor tilts with the ground, with `on_ground`.
-        seed: of the noise; None for none.
+        on_ground: height of the sensor above the ground, m, instead of the z of poses; None to keep
+            that.
+        follow_slope: whether the sensor tilts with the ground; needs `on_ground`.
+        seed: seed of the noise, from 0 on; None for no noise.
     """
 
     on_ground: float | None = None
@@ -43,14 +44,13 @@ class ScanOptions:
 
 @dataclass(frozen=True, slots=True)
 class Scan:
-    """A scan that is to be made.
+    """A scan to be simulated.
 
     Attributes:
-        sensor: what reads.
-        poses: where it is. Where they are timed it moves between them, and reads as often as it
-            does from the first time to the last one, at which no turn begins any more; else there
-            is a frame of each.
-        options: how it is made.
+        sensor: sensor that scans.
+        poses: poses of the sensor. Timed poses are a path, read at the sensor's rate from the first
+            to the last time, at which no turn of a lidar begins; others have one frame each.
+        options: placement and noise.
     """
 
     sensor: Sensor
@@ -58,10 +58,10 @@ class Scan:
     options: ScanOptions = field(default_factory=ScanOptions)
 
     def __post_init__(self) -> None:
-        """Refuse what cannot be scanned, whatever the terrain.
+        """Refuse a scan that no terrain permits.
 
         Raises:
-            RequestError: there are too many rays, or the options do not go together.
+            RequestError: there are too many rays, or an option is out of range or conflicts.
         """
         options = self.options
         if options.follow_slope and options.on_ground is None:
@@ -84,49 +84,49 @@ class Scan:
 
     @property
     def frames(self) -> int:
-        """How many turns, pictures or pings there are."""
+        """Number of frames: turns, pictures or pings."""
         if not self.poses.timed:
             return len(self.poses)
         periods = float(self.poses.times[-1] - self.poses.times[0]) * self.sensor.rate
-        if self.moves:  # a turn takes time: what begins at the last one would be read at rest
+        if self.moves:  # a turn that begins at the last time would be read at rest
             return max(math.ceil(periods - _SLACK), 1)
         return int(periods + _SLACK) + 1
 
     @property
     def rays(self) -> int:
-        """How many rays there are in all."""
+        """Number of rays over all frames."""
         return self.frames * self.sensor.rays
 
     @property
     def moves(self) -> bool:
-        """Whether columns of one turn are read from different poses."""
+        """Whether the columns of a turn have different poses."""
         return self.poses.timed and len(self.poses) > 1 and isinstance(self.sensor.head, Lidar)
 
-    def placed(self, terrain: Terrain) -> Scan:
-        """The same, its poses looked at, and those between from which anything is read.
+    def check_poses(self, terrain: Terrain) -> Scan:
+        """Check all poses of the scan, interpolated ones included, and return the scan itself.
 
         Raises:
-            RequestError: a pose is outside of the terrain, or below the ground, or has none.
+            RequestError: a pose is outside the terrain, below the ground or above the void.
         """
-        self._standing(self.poses, terrain)
+        self._place(self.poses, terrain)
         if self.poses.timed:
             frames, step = self.frames, max(_BATCH // len(self._within), 1)
             for first in range(0, frames, step):
                 numbers = np.arange(first, min(first + step, frames))
-                self._standing(self._between(numbers), terrain)
+                self._place(self._between(numbers), terrain)
         return self
 
     def read(self, terrain: Terrain, progress: Callable[[int], None] | None = None
              ) -> Iterator[Frame]:  # fmt: skip
-        """Frame after frame; one at a time is in memory.
+        """Yield the frames of the scan; only one is in memory at a time.
 
         Args:
-            terrain: what is read.
-            progress: is told how many rays more are done.
+            terrain: terrain to be scanned.
+            progress: called with the number of rays done since its last call.
 
         Raises:
-            RequestError: the sensor is outside or below the ground between two poses, or the parts
-                of the terrain come to too many elements.
+            RequestError: the sensor is outside the terrain or below the ground between two poses,
+                or the terrain has too many elements.
         """
         head = self.sensor.head
         rays = None
@@ -141,79 +141,83 @@ class Scan:
             else:
                 frame = read(terrain, self.sensor, rays, poses, number)
             if self.options.seed is not None:
-                # its own stream for each frame, so that none depends on the others
+                # a random stream per frame keeps frames independent
                 seeds = np.random.SeedSequence([self.options.seed, number])
                 generator = np.random.Generator(np.random.PCG64(seeds))
-                frame = disturbed(frame, self.sensor, generator)
+                frame = with_noise(frame, self.sensor, generator)
             yield frame
             if progress is not None:
                 progress(self.sensor.rays)
 
     @property
     def _within(self) -> NDArray[np.float64]:
-        """Times of a frame's poses from its beginning, s: one, or one for each column."""
+        """Times of a frame's poses from its start, s: (1,), or (columns,) for a moving lidar."""
         if self.moves:
             assert isinstance(self.sensor.head, Lidar)
             return self.sensor.head.times
         return np.zeros(1)
 
     def _poses(self, number: int, terrain: Terrain) -> Poses:
-        """Those of a frame: one, or of a lidar that moves one for each column."""
+        """Poses of a frame: one, or one per column of a moving lidar."""
         if self.poses.timed:
-            return self._standing(self._between(np.array([number])), terrain)
-        poses = self._standing(self.poses.only(number), terrain)
+            return self._place(self._between(np.array([number])), terrain)
+        poses = self._place(self.poses.only(number), terrain)
         return replace(poses, times=np.array([number / self.sensor.rate]))
 
     def _between(self, numbers: NDArray[np.int64]) -> Poses:
-        """Those of frames that move, one frame after the other, z as it is given."""
+        """Interpolated poses of frames of a path, frame by frame, not yet placed on the ground."""
         begins = self.poses.times[0] + numbers / self.sensor.rate
         times = (begins[:, None] + self._within).ravel()
         return replace(self.poses.at(times), times=times)
 
-    def _standing(self, poses: Poses, terrain: Terrain) -> Poses:
-        """The same on the ground, if that is asked for, and looked at."""
+    def _place(self, poses: Poses, terrain: Terrain) -> Poses:
+        """Place poses on the ground if `on_ground` is set, and check them."""
         if self.options.on_ground is not None:
-            return grounded(poses, terrain, self.options.on_ground, self.options.follow_slope)
+            return place_on_ground(
+                poses, terrain, self.options.on_ground, self.options.follow_slope
+            )
         check_poses(poses, terrain)
         return poses
 
 
 @dataclass(slots=True)
-class Tally:
-    """What was read so far.
+class ScanTally:
+    """Counts over the frames read so far.
 
     Attributes:
-        frames, rays: how many.
-        statuses: how many rays have each `Status`.
-        surfaces: how many returns each surface has, by index; the last one is none.
-        walls: how many returns are of walls.
-        nearest, farthest: of the readings, m.
-        lacking: surfaces without `sonarRefl` that a sonar met.
+        surfaces: (surfaces + 1,) number of returns by surface index; the last is for no surface.
+        frames, rays: numbers of frames and rays.
+        statuses: number of rays by `ReadingStatus`.
+        walls: number of returns from walls.
+        nearest, farthest: least and largest reading, m; inf and 0 without returns.
+        lacking: indices of surfaces without `sonarRefl` that a sonar met.
     """
 
     surfaces: NDArray[np.int64]
     frames: int = 0
     rays: int = 0
-    statuses: NDArray[np.int64] = field(default_factory=lambda: np.zeros(len(Status), np.int64))
+    statuses: NDArray[np.int64] = field(
+        default_factory=lambda: np.zeros(len(ReadingStatus), np.int64)
+    )
     walls: int = 0
     nearest: float = math.inf
     farthest: float = 0.0
     lacking: frozenset[int] = frozenset()
 
     @classmethod
-    def of(cls, terrain: Terrain) -> Tally:
-        """Of nothing yet."""
+    def of(cls, terrain: Terrain) -> ScanTally:
+        """Empty tally for the surfaces of a terrain."""
         return cls(np.zeros(len(terrain.surfaces) + 1, np.int64))
 
-    def counting(self, frames: Iterator[Frame]) -> Iterator[Frame]:
-        """The same frames, counted as they pass."""
+    def count(self, frames: Iterator[Frame]) -> Iterator[Frame]:
+        """Yield frames unchanged, and count each."""
         for frame in frames:
             returns = frame.returns
             self.frames += 1
             self.rays += len(frame.status)
             self.statuses += frame.counts
-            count = len(self.surfaces)
-            self.surfaces += np.bincount(frame.surface[returns] % count, minlength=count)
+            ids = len(self.surfaces)
+            self.surfaces += np.bincount(frame.surface[returns] % ids, minlength=ids)
             self.walls += int(frame.wall[returns].sum())
             if returns.any():
                 self.nearest = min(self.nearest, float(frame.range[returns].min()))

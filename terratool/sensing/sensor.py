@@ -1,4 +1,4 @@
-"""A sensor as frozen values, and how a file becomes one."""
+"""Sensors: lidar, depth camera or sonar, and their reading from files."""
 
 from __future__ import annotations
 
@@ -19,20 +19,26 @@ from terratool.text.source import read_source
 Floats = NDArray[np.float64]
 
 _DECIBEL = math.log(10.0) / 20.0
-"""Nepers of a decibel."""
-_HALF_POWER, _FIRST_ZERO = 1.61633995, 3.83170597
-"""Where 2 J1(x)/x is √½, and 0 for the first time (Abramowitz and Stegun, table 9.5)."""
+"""Nepers per decibel."""
+_HALF_POWER = 1.61633995
+"""Least x > 0 with 2 J1(x) / x = √½."""
+_FIRST_ZERO = 3.83170597
+"""Least x > 0 with J1(x) = 0 (Abramowitz and Stegun, table 9.5)."""
 _MOST_BYTES = 1 << 20
+"""Most bytes of a sensor's file."""
 
 
 @dataclass(frozen=True, slots=True)
 class Noise:
-    """How far readings are off; independent from ray to ray.
+    """Noise of ranges r, independent between rays.
+
+    The standard deviation is sigma + per_metre · r + per_square_metre · r².
 
     Attributes:
-        sigma, per_metre, per_square_metre: m: the deviation at a range r is
-            sigma + per_metre · r + per_square_metre · r².
-        dropout: share of readings that are lacking.
+        sigma: standard deviation at range r = 0, m.
+        per_metre: linear growth of the deviation with range, m per m.
+        per_square_metre: quadratic growth of the deviation with range, m per m².
+        dropout: share of readings lost, 0 to 1.
     """
 
     sigma: float = 0.0
@@ -41,21 +47,21 @@ class Noise:
     dropout: float = 0.0
 
     def deviation(self, ranges: Floats) -> Floats:
-        """Standard deviation of readings at these ranges, m."""
+        """Standard deviations at ranges (n,), m."""
         return self.sigma + ranges * (self.per_metre + ranges * self.per_square_metre)
 
 
 @dataclass(frozen=True, slots=True)
 class Lidar:
-    """Beams one above the other, which turn about z.
+    """Rotating lidar: a column of beams that turns about z.
 
     Attributes:
-        elevations: of each beam, rad.
-        columns: how many of them are read one after the other.
+        elevations: elevation of each beam, rad.
+        columns: number of columns in a turn.
         first: azimuth of the first column, degrees, anticlockwise from x.
-        step: from a column to the next one, degrees; below 0 clockwise.
-        rate: turns in a second.
-        firing_interval: between the beams of a column, s.
+        step: azimuth from column to column, degrees; negative for clockwise.
+        rate: turns per second.
+        firing_interval: time between the beams of a column, s.
     """
 
     elevations: tuple[float, ...]
@@ -67,28 +73,28 @@ class Lidar:
 
     @property
     def azimuths(self) -> Floats:
-        """(columns,) rad, anticlockwise from x, in the order in which they are read."""
+        """Azimuths of the columns in order of reading, (columns,), rad, anticlockwise from x."""
         azimuths: Floats = np.radians(self.first + np.arange(self.columns) * self.step)
         return azimuths
 
     @property
     def times(self) -> Floats:
-        """(columns,) s, from the beginning of the turn."""
+        """Times of the columns from the start of the turn, (columns,), s."""
         times: Floats = np.arange(self.columns) * abs(self.step) / np.float64(360.0 * self.rate)
         return times
 
 
 @dataclass(frozen=True, slots=True)
 class Camera:
-    """A pinhole that looks along x.
+    """Depth camera, a pinhole that looks along x.
 
-    Pixel (u, v), u to the right and v down, both whole in the middle of a pixel, sees what is at
-    x = Z, y = −Z (u − cx) / fx, z = −Z (v − cy) / fy; Z is its depth.
+    Pixel (u, v), u to the right and v down, whole numbers at pixel centres, sees the point
+    x = Z, y = −Z (u − cx) / fx, z = −Z (v − cy) / fy at depth Z.
 
     Attributes:
-        width, height: pixels.
-        focal: fx and fy, pixels.
-        principal: cx and cy, pixels.
+        width, height: size of the image, pixels.
+        focal: focal lengths fx and fy, pixels.
+        principal: principal point cx and cy, pixels.
     """
 
     width: int
@@ -99,20 +105,20 @@ class Camera:
 
 @dataclass(frozen=True, slots=True)
 class Sonar:
-    """A cone of sound about x; `terratool.sensing.sonar` says what its figures do.
+    """Sonar with one beam about x; `terratool.sensing.sonar` has the formulas.
 
     Attributes:
         half_power: angle from the axis at which half of the power is sent, rad.
-        uniform: whether the beam is even within the cone; else it is that of a piston.
+        uniform: whether the beam is uniform within the cone; else that of a round piston.
         cone: half angle of the fan, rad.
-        rays: of the fan.
-        threshold: amplitude that counts as an echo.
-        pulse_length: m, in range.
-        absorption: α, Np/m.
-        diffuse: share of the echo that goes everywhere.
-        lobe: deviation of mirrored sound, rad.
-        bounces: how often sound is followed.
-        reflection: of surfaces without `sonarRefl`.
+        rays: number of rays of the fan.
+        threshold: least amplitude of an echo, relative to a perfect mirror at 1 m.
+        pulse_length: length of a pulse in range, m.
+        absorption: absorption α, Np/m.
+        diffuse: share δ of the echo by Lambert's law, 0 to 1.
+        lobe: standard deviation s of the mirrored lobe, rad.
+        bounces: number of surfaces on which sound is followed.
+        reflection: reflection μ of surfaces without `sonarRefl`, 0 to 1.
     """
 
     half_power: float
@@ -129,20 +135,20 @@ class Sonar:
 
     @property
     def wave_radius(self) -> float:
-        """k·a of the piston that has this beam: circumference by wavelength."""
+        """Product k a of the piston with this beam: circumference divided by wavelength."""
         return _HALF_POWER / math.sin(self.half_power)
 
 
 @dataclass(frozen=True, slots=True)
 class Sensor:
-    """A sensor.
+    """A sensor with its limits and noise.
 
     Attributes:
-        head: what it is.
-        least, most: of its range, m.
-        rate: turns, pictures or pings in a second.
-        noise: of its readings.
-        descr: what its file says.
+        head: lidar, camera or sonar.
+        least, most: least and largest range, m.
+        rate: turns, pictures or pings per second.
+        noise: noise of the readings.
+        descr: description in the file; empty without one.
     """
 
     head: Lidar | Camera | Sonar
@@ -154,17 +160,17 @@ class Sensor:
 
     @property
     def kind(self) -> str:
-        """lidar, camera or sonar."""
+        """Kind of sensor: "lidar", "camera" or "sonar"."""
         return type(self.head).__name__.lower()
 
     @property
     def is_planar(self) -> bool:
-        """Whether it is a lidar whose only beam stays in the sensor's own level."""
+        """Whether the sensor is a lidar with one beam, of elevation 0."""
         return isinstance(self.head, Lidar) and self.head.elevations == (0.0,)
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """Of what it reads at once: columns and beams, rows and pixels, or one ping."""
+        """Shape of a frame: (columns, beams), (height, width), or (1,) for a sonar."""
         if isinstance(self.head, Lidar):
             return self.head.columns, len(self.head.elevations)
         if isinstance(self.head, Camera):
@@ -173,16 +179,16 @@ class Sensor:
 
     @property
     def rays(self) -> int:
-        """Rays of a turn, a picture or a ping."""
+        """Number of rays of a turn, a picture or a ping."""
         return self.head.rays if isinstance(self.head, Sonar) else math.prod(self.shape)
 
 
 def load_sensor(path: str | Path) -> Sensor:
-    """Read a sensor; ``-`` is standard input.
+    """Load a sensor from a file; ``-`` is standard input.
 
     Raises:
         ReadError: the file cannot be read.
-        DefinitionError: it has errors, or is no sensor.
+        DefinitionError: the file has errors, or is no sensor.
     """
     source = read_source(path, _MOST_BYTES, "A sensor is a short text; check the path.")
     kind = document_kind(source.data)
@@ -198,7 +204,7 @@ def load_sensor(path: str | Path) -> Sensor:
 
 
 def sensor_of(text: SensorText) -> Sensor:
-    """The sensor that a text without errors is."""
+    """Build the sensor of a text without errors."""
     rate = RATE if text.rate is UNSET else text.rate
     head: Lidar | Camera | Sonar
     if text.lidar is not UNSET:

@@ -1,4 +1,4 @@
-"""What a sonar hears: a fan of rays, what each of them brings back, and the first echo.
+"""Simulated sonar: a fan of rays, the echo of each, and the first one above a threshold.
 
 The amplitude of a ray is that of simulators of marine sonars (Cerqueira, Trocoli, Neves, Joyeux,
 Albiez and Oliveira, A novel GPU-based sonar simulator for real-time applications, Computers &
@@ -9,15 +9,15 @@ manipulation, Frontiers in Robotics and AI 8, 2021):
     √μ · cos θ · e^(−2 α r) / r² · D²
 
 with the reflection μ of the surface, the angle of incidence θ, the absorption α, the range r and
-the pattern D of the beam, on the way out and on the way back. What comes back has two parts, a
-share δ by Lambert's law and the rest mirrored into a lobe about the mirrored direction, a normal
-distribution of the deviation s in the angle β from there:
+the pattern D of the beam, out and back. The echo has two parts: a share δ by Lambert's law, and the
+rest in a lobe about the mirrored direction, a normal distribution of deviation s in the angle β
+from that direction:
 
     (1 − δ) · exp(−β² / 2 s²) / (π s² / 2) + δ / π,
 
-in each steradian of the fan. So a perfect mirror square to the axis has 1 / r², and 1 in a metre.
-Sound that is mirrored away is followed to the next surface, and heard from there if it can be seen:
-the way of a corner, whose two mirrors send sound back where it came from. Its r is half of the way.
+per steradian of the fan. So a perfect mirror square to the axis has amplitude 1 / r², 1 at 1 m.
+Mirrored sound is followed to the next surface, and heard from there if the sensor sees it: a corner
+of two mirrors sends sound back to its source. Its r is half of the path.
 
 Amplitudes are summed over the length of a pulse; no phases are kept. The pattern of a round piston
 is 2 J1(x) / x with x = k a sin ψ.
@@ -34,14 +34,14 @@ from numpy.typing import NDArray
 
 from terratool.field.terrain import Terrain
 from terratool.sensing.poses import Poses
-from terratool.sensing.readings import Frame, Status, passed
+from terratool.sensing.readings import Frame, ReadingStatus, miss_status
 from terratool.sensing.sensor import Sensor, Sonar
 
 Floats = NDArray[np.float64]
 
 _GOLDEN = math.pi * (3.0 - math.sqrt(5.0))
 _OFF = 1e-7
-"""How far off a surface sound goes on, in metres and in parts of its way: not on it again."""
+"""Offset from a surface at which mirrored sound starts, m and as a share of its path."""
 _SERIES = (0.5, -0.56249985, 0.21093573, -0.03954289, 0.00443319, -0.00031761, 0.00001109)
 _SIZE = (0.79788456, 0.00000156, 0.01659667, 0.00017105, -0.00249511, 0.00113653, -0.00020033)
 _PHASE = (
@@ -51,12 +51,14 @@ _PHASE = (
 
 @dataclass(frozen=True, slots=True)
 class Echoes:
-    """What comes back of the rays of one ping, each array (n,).
+    """Echoes of the rays of one ping, in arrays of (n,).
 
     Attributes:
-        range: half of the way, m, ascending.
-        amplitude: 1 is that of a perfect mirror in a metre.
-        surface, element, wall: what sent it back last.
+        range: half of the path, m, ascending.
+        amplitude: amplitude, relative to a perfect mirror at 1 m.
+        surface: index of the last surface; -1 for none.
+        element: index of the last element; -1 for none.
+        wall: whether the last surface is a wall.
     """
 
     range: Floats
@@ -67,7 +69,7 @@ class Echoes:
 
 
 def fan(sonar: Sonar) -> Floats:
-    """(n, 3) directions over the cone about x, each for as large a part of it, on a spiral."""
+    """Unit directions over the cone about x, (n, 3), on a spiral with equal solid angles."""
     count = sonar.rays
     height = 1.0 - (1.0 - math.cos(sonar.cone)) * (np.arange(count) + 0.5) / count
     radius = np.sqrt(np.maximum(1.0 - height * height, 0.0))
@@ -76,7 +78,7 @@ def fan(sonar: Sonar) -> Floats:
 
 
 def pattern(sonar: Sonar, directions: Floats) -> Floats:
-    """D of directions (n, 3) of length 1 in the sensor's axes: 1 on the axis."""
+    """Beam pattern D at unit directions (n, 3) in the sensor's axes, (n,); 1 on the axis."""
     ahead = directions[:, 0]
     if sonar.uniform:
         return np.where(ahead >= math.cos(sonar.cone) - 1e-12, 1.0, 0.0)
@@ -86,7 +88,7 @@ def pattern(sonar: Sonar, directions: Floats) -> Floats:
 
 
 def bessel_over(x: Floats) -> Floats:
-    """J1(x) / x for x of 0 or more; Abramowitz and Stegun 9.4.4 and 9.4.6, to 1e-7."""
+    """Return J1(x) / x for x ≥ 0, to 1e-7: Abramowitz and Stegun 9.4.4 and 9.4.6."""
     small = np.polynomial.polynomial.polyval((np.minimum(x, 3.0) / 3.0) ** 2, _SERIES)
     large = np.maximum(x, 3.0)
     size = np.polynomial.polynomial.polyval(3.0 / large, _SIZE)
@@ -96,23 +98,29 @@ def bessel_over(x: Floats) -> Floats:
 
 
 def ping(terrain: Terrain, sensor: Sensor, pose: Poses, number: int) -> Frame:
-    """What a sonar hears of one ping, exactly.
+    """Simulate one ping of a sonar, without noise.
 
-    The reading is the first range at which the amplitudes of a pulse come to the threshold. Its
-    intensity is the largest that they come to within a pulse from there; its surface and element
-    are those of the strongest ray until then.
+    The reading is the first range at which the sum of amplitudes over a pulse reaches the
+    threshold. The intensity is the largest such sum within a pulse from there; surface and element
+    are those of the strongest echo up to that range.
+
+    Args:
+        terrain: terrain around the sensor.
+        sensor: sensor with a sonar head.
+        pose: pose of the sensor, one.
+        number: number of the frame, from 0.
     """
     sonar = sensor.head
     assert isinstance(sonar, Sonar)
     matrix, origin = pose.matrices[0], pose.positions[0]
-    first, echoes, lacking = _heard(terrain, sensor, matrix, origin)
+    first, echoes, lacking = _echoes(terrain, sensor, matrix, origin)
     within = (echoes.range >= sensor.least) & (echoes.range <= sensor.most)
     ranges, amplitudes = echoes.range[within], echoes.amplitude[within]
     sums = np.concatenate([[0.0], np.cumsum(amplitudes)])
     begins = np.searchsorted(ranges, ranges - sonar.pulse_length, "right")
     heard = sums[1:] - sums[begins]
     loud = np.flatnonzero(heard >= sonar.threshold)
-    status, range_, amplitude = Status.RETURN, math.nan, 0.0
+    status, range_, amplitude = ReadingStatus.RETURN, math.nan, 0.0
     surface, element, wall = -1, -1, False
     if len(loud):
         index = int(loud[0])
@@ -123,13 +131,13 @@ def ping(terrain: Terrain, sensor: Sensor, pose: Poses, number: int) -> Frame:
         surface, element = int(echoes.surface[of]), int(echoes.element[of])
         wall = bool(echoes.wall[of])
     elif len(ranges):
-        status = Status.FAINT
+        status = ReadingStatus.FAINT
     elif (echoes.range < sensor.least).any():
-        status = Status.NEAR
+        status = ReadingStatus.NEAR
     elif len(echoes.range):
-        status = Status.FAR
-    else:  # all of it went where there is nothing, or was seen from behind
-        status = Status(int(first.min())) if len(first) else Status.FAINT
+        status = ReadingStatus.FAR
+    else:  # all sound left the terrain, or met surfaces from behind
+        status = ReadingStatus(int(first.min())) if len(first) else ReadingStatus.FAINT
     return Frame(
         number=number,
         poses=pose,
@@ -148,10 +156,10 @@ def ping(terrain: Terrain, sensor: Sensor, pose: Poses, number: int) -> Frame:
     )
 
 
-def _heard(
+def _echoes(
     terrain: Terrain, sensor: Sensor, matrix: Floats, origin: Floats
 ) -> tuple[NDArray[np.uint8], Echoes, frozenset[int]]:
-    """What became of rays that met nothing, all echoes, and surfaces of unknown reflection."""
+    """Statuses of rays without a hit, all echoes, and indices of surfaces without `sonarRefl`."""
     sonar = sensor.head
     assert isinstance(sonar, Sonar)
     reflections, unknown = _reflections(terrain, sonar)
@@ -167,7 +175,7 @@ def _heard(
         hits = terrain.cast(starts, ways, np.maximum(2.0 * sensor.most - gone, 0.0))
         met = np.isfinite(hits.distance)
         if bounce == 0 and not met.all():
-            first = passed(terrain, starts[~met], ways[~met])
+            first = miss_status(terrain, starts[~met], ways[~met])
         ways, gone, strength = ways[met], gone[met] + hits.distance[met], strength[met]
         points, normals = hits.point[met], hits.normal[met]
         surface = hits.surface[met]
@@ -182,7 +190,7 @@ def _heard(
         mirrored = ways - 2.0 * (ways * normals).sum(axis=-1, keepdims=True) * normals
         beyond = points + normals * (_OFF * np.maximum(1.0, gone))[:, None]
         seen = cosine > 0.0
-        if bounce:  # the first one is seen, as the ray came from there
+        if bounce:  # the first hit is always seen from the sensor
             seen[seen] = np.isinf(
                 terrain.cast(beyond[seen], to[seen], far[seen] * (1.0 - _OFF)).distance
             )
@@ -214,7 +222,7 @@ def _heard(
 
 
 def _reflections(terrain: Terrain, sonar: Sonar) -> tuple[Floats, NDArray[np.bool_]]:
-    """μ by surface, the last one that of no surface, and which of them are not known."""
+    """Reflections μ by surface, (surfaces + 1,), the last for none, and which are assumed."""
     given = [terrain.surface_types[name].sonar_refl for name in terrain.surfaces]
     known = [value is not UNSET for value in given]
     values = [sonar.reflection if value is UNSET else value for value in given]

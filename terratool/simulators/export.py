@@ -26,7 +26,7 @@ from terratool.output import (
     stop_on_signals,
 )
 from terratool.report.documents import Document, json_text, plain_document
-from terratool.report.markup import escaped_markdown, markdown_row
+from terratool.report.markup import escape_markdown, markdown_row
 from terratool.report.numbers import spelled
 from terratool.simulators.options import SceneOptions
 from terratool.simulators.scene import Material, Scene
@@ -372,7 +372,7 @@ def _readme(scene: Scene, target: Target, written: WrittenFiles) -> str:
     held = _frictions(scene, written)
     lines += ["| surface | friction | from |", "|---|---|---|"] * bool(held)
     for one in held:
-        cells = escaped_markdown(one.name), f"{one.friction:.4g}", one.derivation
+        cells = escape_markdown(one.name), f"{one.friction:.4g}", one.derivation
         lines.append(markdown_row(cells))
     lines += [*[""] * bool(held), *_losses(scene, written), ""]
     return "\n".join([*lines_of("\n".join(lines)), ""])

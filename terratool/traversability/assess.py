@@ -16,7 +16,7 @@ from terratool.field.footprints import geojson_head
 from terratool.field.relief import relief_bounds
 from terratool.field.terrain import Terrain, clip_bounds
 from terratool.io.geotiff import TILE
-from terratool.raster.export import checked_threads
+from terratool.raster.export import thread_count
 from terratool.raster.grid import DEFAULT_PIXELS, Grid, Window, grid_over
 from terratool.report.numbers import per_cent, pixels, spelled
 from terratool.report.wording import listed
@@ -199,7 +199,7 @@ def prepare_assessment(
     """
     terrain = terrain.written_out
     check_preference(request.prefer)
-    checked_threads(request.threads)
+    thread_count(request.threads)
     part = clip_bounds(terrain, request.bounds)
     for what, place in _places(request):
         check_inside(terrain, what, place, part, "the bounds that were asked for")
@@ -448,7 +448,7 @@ def _judge_map(
     terrain, builder, start = prepared.terrain, prepared.builder, prepared.request.start
     if builder is None:
         return None
-    threads, files = checked_threads(prepared.request.threads), None
+    threads, files = thread_count(prepared.request.threads), None
     if map_path is not None:
         files = MapFiles(
             stack, terrain, builder.grid, builder.sampled, Path(map_path), overwrite, threads

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from terratool.field.terrain import Terrain
 from terratool.kernels import traversability as kernels
-from terratool.raster.export import checked_threads
+from terratool.raster.export import thread_count
 from terratool.raster.grid import Grid, Window
 from terratool.raster.painter import id_type
 from terratool.raster.prefetch import prefetch
@@ -118,7 +118,7 @@ class SurveyTiles:
     ) -> None:
         grid = surveyor.grid
         self._surveyor: Surveyor | None = surveyor
-        self._threads, self._take = checked_threads(threads), take
+        self._threads, self._take = thread_count(threads), take
         self.side = TILE
         self.progress: Callable[[int], object] | None = None
         self.known = np.zeros((-(-grid.height // TILE), -(-grid.width // TILE)), np.bool_)

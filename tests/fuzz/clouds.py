@@ -19,7 +19,7 @@ from rasterio.errors import RasterioError
 from terratool.cli.map_ import LEVELS
 from terratool.errors import TerratoolError
 from terratool.sensing.clouds import read_clouds
-from terratool.sensing.comparison import cells_to_look_at, check_map, compare
+from terratool.sensing.comparison import cells_to_compare, check_map, compare
 from terratool.sensing.export import ScanOutput, export_scan
 from terratool.sensing.map_files import (
     BANDS,
@@ -293,7 +293,7 @@ def try_map(case: Case, folder: Path) -> str:
         found = read_map(name)
         "".join(found.level.surfaces).encode("utf-8", "surrogatepass")
         check_map(found, TERRAIN)
-        if cells_to_look_at(found, TERRAIN) << 2 * found.level.level > _FEW_CELLS:
+        if cells_to_compare(found, TERRAIN) << 2 * found.level.level > _FEW_CELLS:
             return "many cells"
         compare(found, TERRAIN)
         if draw % 32 == 0:

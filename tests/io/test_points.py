@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from terratool.errors import RequestError
 from terratool.io import csv_, las, npz, pcd, ply
 from terratool.io import points as module
-from terratool.io.points import Points
+from terratool.io.points import PointBatch
 
 KIND = np.dtype([("x", "<f8"), ("y", "<f8"), ("z", "<f8"), ("range", "<f8"), ("surface", "<i4")])
 WANTED = {"x": 0, "y": 0, "z": 0, "range": 0, "surface": 0}
@@ -69,7 +69,7 @@ WRITERS: dict[str, tuple[Callable[[Path, Any], None], Any]] = {
 }  # fmt: skip
 
 
-def together(read: list[Points], name: str) -> NDArray[Any]:
+def together(read: list[PointBatch], name: str) -> NDArray[Any]:
     return np.concatenate([part.columns[name] for part in read])
 
 

@@ -357,8 +357,8 @@ def test_jobs_are_taken_when_there_is_room(tmp_path: Path) -> None:
             yield number, tile, None
 
     done = 0
-    with ours.connected("local", 1) as client, contextlib.closing(
-        ours.made_by_dask(client, TileMaker(terrain, tiling, tmp_path), jobs(), "local")
+    with ours.connect("local", 1) as client, contextlib.closing(
+        ours.make_by_dask(client, TileMaker(terrain, tiling, tmp_path), jobs(), "local")
     ) as made:  # fmt: skip
         for _ in made:
             most = max(most, len(taken) - done)

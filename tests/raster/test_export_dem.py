@@ -22,7 +22,7 @@ from hypothesis import strategies as st
 
 from terratool import output
 from terratool.errors import DefinitionError, RequestError, WriteError
-from terratool.io.geotiff import complaints
+from terratool.io.geotiff import gdal_write_errors
 from terratool.io.opening import gdal_errors
 from terratool.raster import export
 from terratool.raster.geotiff import crs_of
@@ -242,10 +242,10 @@ class TestWholeOrNotAtAll:
         self, tmp_path: Path, kind: type[BaseException], error: type[Exception]
     ) -> None:
         """C code that a signal comes to ends by an error of its own."""
-        for block in (complaints(tmp_path / "a.tif"), gdal_errors("a.tif")):
+        for block in (gdal_write_errors(tmp_path / "a.tif"), gdal_errors("a.tif")):
             with pytest.raises(kind), block:
                 raise error("returned a result with an exception set") from kind(143)
-        with pytest.raises(WriteError), complaints(tmp_path / "a.tif"):
+        with pytest.raises(WriteError), gdal_write_errors(tmp_path / "a.tif"):
             raise error("no space") from RuntimeError()
 
     def test_a_full_disk_is_refused_early(

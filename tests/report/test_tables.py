@@ -12,11 +12,11 @@ from terratool.report.tables import (
     Column,
     Judged,
     Table,
-    aligned,
+    align,
     columns_in,
     cut,
-    joined,
-    wrapped,
+    join_tables,
+    wrap,
 )
 
 
@@ -46,14 +46,14 @@ def table(title: str, columns: str, *rows: str) -> Table:
 class TestJoined:
     def test_equal_ones_are_one(self) -> None:
         one = table("soil", "c phi", "sand 1 30", "clay 4 13")
-        assert joined([("a", one)], "vehicle") == one
-        assert joined([("a", one), ("b", one)], "vehicle") == one
+        assert join_tables([("a", one)], "vehicle") == one
+        assert join_tables([("a", one), ("b", one)], "vehicle") == one
 
     def test_two_columns_stand_beside_each_other(self) -> None:
         """In the order of the longer one; a dash where one has nothing."""
         first = table("figure", "value", "mass 20", "speed 2")
         second = table("figure", "value", "mass 30", "track 1", "speed 3")
-        assert joined([("a", first), ("b", second)], "vehicle") == Table(
+        assert join_tables([("a", first), ("b", second)], "vehicle") == Table(
             (Column("figure", False), Column("a"), Column("b")),
             (("mass", "20", "30"), ("track", "–", "1"), ("speed", "2", "3")),
         )
@@ -62,7 +62,7 @@ class TestJoined:
         """Rows of one thing together; columns by their titles, wherever they stand."""
         first = table("soil", "climb gap", "sand 6 1", "clay 8 2")
         second = table("soil", "climb step gap", "sand 7 5 3", "rock 9 6 4")
-        assert joined([("a", first), ("b", second)], "vehicle") == Table(
+        assert join_tables([("a", first), ("b", second)], "vehicle") == Table(
             (Column("soil, vehicle", False), Column("climb"), Column("step"), Column("gap")),
             (
                 ("sand, a", "6", "–", "1"),
@@ -75,12 +75,12 @@ class TestJoined:
     def test_verdicts_are_named(self) -> None:
         columns = (Column("ground", False), Column("best"), Column("worst"))
         one, two = (Table(columns, ((Verdict.GO, x, x),)) for x in "12")
-        found = joined([("a", one), ("b", two)], "vehicle")
+        found = join_tables([("a", one), ("b", two)], "vehicle")
         assert found.rows == (("go, a", "1", "1"), ("go, b", "2", "2"))
 
     def test_one_without_rows_adds_none(self) -> None:
         one = table("soil", "climb gap", "sand 6 1")
-        assert joined([("a", Table((), ())), ("b", one)], "vehicle").rows == (
+        assert join_tables([("a", Table((), ())), ("b", one)], "vehicle").rows == (
             ("sand, b", "6", "1"),
         )
 
@@ -92,12 +92,12 @@ def test_a_judgement_is_a_verdict_and_what_there_is_to_say() -> None:
 def test_columns_are_flush() -> None:
     """The first and the last left, numbers right, words that are named left."""
     rows = [("name", "climb", "level", "why"), ("sand", "6.5", "go", "slip"), ("é", "13", "no", "")]
-    assert list(aligned(rows, words=("go", "no"))) == [
+    assert list(align(rows, words=("go", "no"))) == [
         "name  climb  level  why",
         "sand    6.5  go     slip",
         "é        13  no",
     ]
-    assert list(aligned(rows, left=True))[1] == "sand  6.5    go     slip"
+    assert list(align(rows, left=True))[1] == "sand  6.5    go     slip"
 
 
 @given(st.lists(st.text(min_size=1), min_size=1), st.integers(1, 30))
@@ -111,6 +111,6 @@ def test_a_cut_text_fits(words: list[str], columns: int) -> None:
 
 def test_lines_break_at_words_but_not_before_a_unit() -> None:
     """Letters of the Far East take two columns each."""
-    assert list(wrapped("aa bb 12 % cc", width=7)) == ["aa bb", "  12 %", "  cc"]
-    assert list(wrapped("砂 " * 4, "", 7)) == ["砂 砂", "砂 砂"]
-    assert all(columns_in(line) <= WIDTH for line in wrapped("word " * 99))
+    assert list(wrap("aa bb 12 % cc", width=7)) == ["aa bb", "  12 %", "  cc"]
+    assert list(wrap("砂 " * 4, "", 7)) == ["砂 砂", "砂 砂"]
+    assert all(columns_in(line) <= WIDTH for line in wrap("word " * 99))

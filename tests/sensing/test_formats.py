@@ -19,7 +19,7 @@ from terratool.sensing.formats.common import Record
 from terratool.sensing.formats.images import write_tiff
 from terratool.sensing.formats.table import FORMATS
 from terratool.sensing.poses import Poses, one_pose, quaternions
-from terratool.sensing.readings import Frame, Status
+from terratool.sensing.readings import Frame, ReadingStatus
 from terratool.sensing.scan import Scan, ScanOptions
 from terratool.sensing.sensor import Sensor
 from tests.conftest import terrain_of
@@ -36,7 +36,7 @@ TWO = ((*HERE, 0.0, 0.0, 0.0), (112.0, 206.0, 2.0, 30.0, 10.0, -20.0))
 
 def scanned(what: Sensor, path: Path, **options: Any) -> tuple[list[Frame], Any]:
     """Write a scan of two poses, and say what is in it."""
-    scan = Scan(what, Poses.joined(list(map(one_pose, TWO))), ScanOptions(on_ground=None))
+    scan = Scan(what, Poses.join(list(map(one_pose, TWO))), ScanOptions(on_ground=None))
     report = export_scan(TERRAIN, scan, ScanOutput(path, **options))
     return list(scan.read(TERRAIN)), report
 
@@ -217,7 +217,7 @@ def test_npz_has_all_of_it(tmp_path: Path) -> None:
             np.testing.assert_array_equal(file["poses"][:, 0], [0, 0.5])
             if misses:
                 assert len(file["x"]) == 48
-                assert {*file["status"]} == {Status.RETURN, Status.OUTSIDE}
+                assert {*file["status"]} == {ReadingStatus.RETURN, ReadingStatus.OUTSIDE}
 
 
 def test_csv_says_surfaces_by_name(tmp_path: Path) -> None:
@@ -260,10 +260,10 @@ def test_png_in_pillow(tmp_path: Path) -> None:
 def test_images_that_are_there_are_kept(tmp_path: Path) -> None:
     """Any of them, and before anything is read."""
     (tmp_path / "d-0001.png").write_text("mine")
-    scan = Scan(CAMERA, Poses.joined(list(map(one_pose, TWO))))
+    scan = Scan(CAMERA, Poses.join(list(map(one_pose, TWO))))
     with pytest.raises(WriteError, match=r"d-0001\.png: exists already"):
-        ScanOutput(tmp_path / "d.png").checked(scan)
-    ScanOutput(tmp_path / "d.png", overwrite=True).checked(scan)
+        ScanOutput(tmp_path / "d.png").checked_format(scan)
+    ScanOutput(tmp_path / "d.png", overwrite=True).checked_format(scan)
 
 
 def test_png_says_what_it_cannot_hold(tmp_path: Path) -> None:
@@ -519,7 +519,7 @@ def test_ctrl_c_leaves_nothing(suffix: str, tmp_path: Path) -> None:
     def stop(more: int) -> None:
         raise KeyboardInterrupt
 
-    scan = Scan(what_for(suffix), Poses.joined(list(map(one_pose, TWO))))
+    scan = Scan(what_for(suffix), Poses.join(list(map(one_pose, TWO))))
     with pytest.raises(KeyboardInterrupt):
         export_scan(TERRAIN, scan, ScanOutput(tmp_path / f"a{suffix}"), stop)
     assert list(tmp_path.iterdir()) == []

@@ -11,7 +11,7 @@ import pytest
 
 from terratool.errors import RequestError
 from terratool.sensing.poses import Poses, quaternions, read_poses
-from terratool.sensing.readings import Status, passed
+from terratool.sensing.readings import ReadingStatus, miss_status
 from terratool.sensing.scan import Scan
 from terratool.sensing.sensor import load_sensor
 from tests.commands import ROOT
@@ -148,17 +148,17 @@ def test_what_becomes_of_rays() -> None:
     """Too near, too far, into the void, over the rim and into the sky are told apart."""
     level = {**LEVEL, "azimuths": [0, 90]}
     near, far = frame(sensor(range=[15, 16], lidar=level)).status
-    assert (far, near) == (Status.NEAR, Status.FAR)
+    assert (far, near) == (ReadingStatus.NEAR, ReadingStatus.FAR)
     down = sensor(lidar={**LEVEL, "elevations": [-60, -2, 60]})
     (got,) = frames(down, (134, 220, 3, 0, 0, 0))  # over the hole
     by = got.status.reshape(4, 3)
-    assert (by[:, 0] == Status.VOID).all()
-    assert (by[:, 2] == Status.OUTSIDE).all()
-    assert by[2, 1] == Status.OUTSIDE  # above the ground at the rim
+    assert (by[:, 0] == ReadingStatus.VOID).all()
+    assert (by[:, 2] == ReadingStatus.OUTSIDE).all()
+    assert by[2, 1] == ReadingStatus.OUTSIDE  # above the ground at the rim
     (short,) = frames(sensor(range=[0.1, 0.5], lidar=down_keys()), (134, 220, 3, 0, 0, 0))
-    assert (short.status == Status.VOID).all()
+    assert (short.status == ReadingStatus.VOID).all()
     (upright,) = frames(sensor(lidar={**LEVEL, "elevations": [-90, 90]}), (134, 220, 3, 0, 0, 0))
-    assert upright.status.reshape(4, 2)[0].tolist() == [Status.VOID, Status.OUTSIDE]
+    assert upright.status.reshape(4, 2)[0].tolist() == [ReadingStatus.VOID, ReadingStatus.OUTSIDE]
     for one in (got, short, upright):
         lost = ~one.returns
         assert np.isnan(one.points[lost]).all() and np.isnan(one.range[lost]).all()
@@ -169,7 +169,7 @@ def test_rays_that_stay_over_one_place_or_leave_over_void() -> None:
     """Upright ones over the hole; and one whose place at the rim is void itself."""
     over = np.tile([134.0, 220.0, 3.0], (2, 1))
     ways = np.array([[0.0, 0.0, -1.0], [0.0, 0.0, 1.0]])
-    assert passed(TERRAIN, over, ways).tolist() == [Status.VOID, Status.OUTSIDE]
+    assert miss_status(TERRAIN, over, ways).tolist() == [ReadingStatus.VOID, ReadingStatus.OUTSIDE]
     moat = terrain_of({
         "size": [20, 10],
         "surfTypes": {"hole": {"void": True}},
@@ -181,8 +181,8 @@ def test_rays_that_stay_over_one_place_or_leave_over_void() -> None:
     })  # fmt: skip
     down, up = np.array([1.0, 0.0, -1.0]), np.array([1.0, 0.0, 0.1])
     ways = np.array([down / np.linalg.norm(down), up / np.linalg.norm(up)])
-    got = passed(moat, np.tile([9.0, 5.0, 2.5], (2, 1)), ways)
-    assert got.tolist() == [Status.VOID, Status.OUTSIDE]
+    got = miss_status(moat, np.tile([9.0, 5.0, 2.5], (2, 1)), ways)
+    assert got.tolist() == [ReadingStatus.VOID, ReadingStatus.OUTSIDE]
 
 
 def down_keys() -> dict[str, object]:
@@ -233,7 +233,7 @@ def test_noise_is_as_large_as_the_sensor_says() -> None:
     kept = noisy.returns
     assert exact.returns.all()
     assert np.mean(~kept) == pytest.approx(0.25, abs=0.02)
-    assert (noisy.status[~kept] == Status.DROPPED).all()
+    assert (noisy.status[~kept] == ReadingStatus.DROPPED).all()
     off = noisy.range[kept] - exact.range[kept]
     sigma = 0.02 + 0.01 * exact.range[kept] + 0.001 * exact.range[kept] ** 2
     assert np.std(off / sigma) == pytest.approx(1, abs=0.03)
@@ -265,10 +265,10 @@ def test_noise_stays_within_the_range(least: float) -> None:
     count, kept = len(got.status), got.returns
     assert got.range[kept].min() >= least
     assert got.range[kept].max() <= 0.9
-    assert {*got.status.tolist()} == {Status.RETURN, Status.NEAR, Status.FAR}
+    assert {*got.status.tolist()} == {ReadingStatus.RETURN, ReadingStatus.NEAR, ReadingStatus.FAR}
     # four deviations of such a count
     for status, share in (
-        (Status.NEAR, ndtr((least - 0.6) / 0.3)), (Status.FAR, ndtr(-1.0)),
+        (ReadingStatus.NEAR, ndtr((least - 0.6) / 0.3)), (ReadingStatus.FAR, ndtr(-1.0)),
     ):  # fmt: skip
         seen = got.counts[status] / count
         assert seen == pytest.approx(share, abs=4 * math.sqrt(share * (1 - share) / count))
@@ -284,9 +284,9 @@ def test_noise_brings_nothing_into_the_range() -> None:
     """What is out of it without noise stays so, and a wall beyond it leaves no mark."""
     lidar = sensor(range=[1, 17.99], lidar=WALL, noise={"sigma": 5})
     got = frame(lidar, seed=1)
-    assert (got.status == Status.FAR).all()
+    assert (got.status == ReadingStatus.FAR).all()
     near = frame(sensor(range=[18.4, 50], lidar=WALL, noise={"sigma": 5}), seed=1)
-    assert (near.status == Status.NEAR).all()
+    assert (near.status == ReadingStatus.NEAR).all()
     assert not near.wall.any()
 
 

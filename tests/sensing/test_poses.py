@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation, Slerp
 
 from terratool.errors import RequestError, TerratoolError
-from terratool.sensing.poses import Poses, grounded, one_pose, quaternions, read_poses
+from terratool.sensing.poses import Poses, one_pose, place_on_ground, quaternions, read_poses
 from tests.conftest import terrain_of
 
 RANDOM = np.random.default_rng(3)
@@ -61,10 +61,10 @@ def test_turns_between_are_those_of_scipy() -> None:
 def test_on_the_ground_it_stands_upright_or_with_the_slope() -> None:
     """Upright it is above the place, else off it along the normal; the heading is kept."""
     pose = one_pose((4, 3, -99, 0, 0, 0))
-    upright = grounded(pose, RAMP, 0.5)
+    upright = place_on_ground(pose, RAMP, 0.5)
     np.testing.assert_allclose(upright.positions, [[4, 3, 2.5]])
     np.testing.assert_array_equal(upright.turns, pose.turns)
-    tilted = grounded(pose, RAMP, 0.5, follow=True)
+    tilted = place_on_ground(pose, RAMP, 0.5, follow=True)
     normal = np.array([-1, 0, 2]) / np.sqrt(5)
     np.testing.assert_allclose(tilted.positions, [np.array([4, 3, 2]) + 0.5 * normal], atol=1e-12)
     ahead, left, up = tilted.matrices[0].T
@@ -72,7 +72,7 @@ def test_on_the_ground_it_stands_upright_or_with_the_slope() -> None:
     np.testing.assert_allclose(ahead, np.array([2, 0, 1]) / np.sqrt(5), atol=1e-12)
     np.testing.assert_allclose(left, [0, 1, 0], atol=1e-12)
     # across the slope it leans to its right, uphill being left of it when it looks south
-    south = grounded(one_pose((4, 3, 0, -90, 0, 0)), RAMP, 0.0, follow=True)
+    south = place_on_ground(one_pose((4, 3, 0, -90, 0, 0)), RAMP, 0.0, follow=True)
     np.testing.assert_allclose(south.matrices[0][:, 0], [0, -1, 0], atol=1e-12)
     np.testing.assert_allclose(south.matrices[0][:, 2], normal, atol=1e-12)
 
@@ -84,8 +84,8 @@ def test_with_the_slope_headings_are_kept() -> None:
     angles = [(yaw, 0.0, 0.0) for yaw in yaws]
     angles += [tuple(row) for row in RANDOM.uniform(-170, 170, (40, 3)).tolist()]
     angles += [(30.0, 90.0, 0.0), (-75.0, -90.0, 0.0)]
-    poses = Poses.joined([one_pose((4, 3, 0, *each)) for each in angles])
-    got = grounded(poses, ASLANT, 0.2, follow=True).matrices
+    poses = Poses.join([one_pose((4, 3, 0, *each)) for each in angles])
+    got = place_on_ground(poses, ASLANT, 0.2, follow=True).matrices
     for (yaw, pitch, roll), matrix in zip(angles, got, strict=True):
         level = np.array([np.cos(np.radians(yaw)), np.sin(np.radians(yaw)), 0.0])
         ahead = level - [0.0, 0.0, (level @ normal) / normal[2]]
@@ -114,11 +114,11 @@ def test_the_normal_leads_into_no_wall_and_not_over_the_rim() -> None:
         }
     )
     pose = one_pose((9, 4, 0, 0, 0, 0))
-    grounded(pose, blocked, 3.0)
+    place_on_ground(pose, blocked, 3.0)
     with pytest.raises(RequestError, match=r"below the ground at x 7\.65"):
-        grounded(pose, blocked, 3.0, follow=True)
+        place_on_ground(pose, blocked, 3.0, follow=True)
     with pytest.raises(RequestError, match=r"outside of the terrain at x -0\.34"):
-        grounded(one_pose((1, 4, 0, 0, 0, 0)), blocked, 3.0, follow=True)
+        place_on_ground(one_pose((1, 4, 0, 0, 0, 0)), blocked, 3.0, follow=True)
 
 
 def test_a_path_is_read_by_its_header(tmp_path: Path) -> None:
@@ -163,7 +163,7 @@ def test_a_path_that_is_none_is_told_in_a_sentence(text: str, words: str, tmp_pa
 def test_no_ground_under_it_is_told() -> None:
     """In the void, or outside."""
     with pytest.raises(RequestError, match=r"outside of the terrain at x 21, y 3"):
-        grounded(one_pose((21, 3, 0, 0, 0, 0)), RAMP, 1.0)
+        place_on_ground(one_pose((21, 3, 0, 0, 0, 0)), RAMP, 1.0)
     for number in (np.nan, np.inf, 1e300):
         with pytest.raises(RequestError, match="for pitch"):
             one_pose((1, 2, 3, 0, number, 0))

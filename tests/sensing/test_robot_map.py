@@ -310,7 +310,7 @@ def test_broken_clouds_are_refused(
 @pytest.mark.parametrize("suffix", ["npz", "csv", "ply", "pcd", "las"])
 def test_points_in_the_axes_of_a_sensor_are_refused(suffix: str, tmp_path: Path) -> None:
     """Of two turns from different places, where a PCD cannot say either where each was."""
-    poses = Poses.joined([one_pose((*HERE, yaw, 0.0, 0.0)) for yaw in (10.0, 70.0)])
+    poses = Poses.join([one_pose((*HERE, yaw, 0.0, 0.0)) for yaw in (10.0, 70.0)])
     path = tmp_path / f"a.{suffix}"
     export_scan(TERRAIN, Scan(LIDAR, poses, ScanOptions()), ScanOutput(path, world=False))
     with pytest.raises((ReadError, RequestError), match=r"(axes of|from) the sensor") as caught:

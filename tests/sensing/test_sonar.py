@@ -12,7 +12,7 @@ from scipy.special import j1
 
 from terratool.field.terrain import Terrain
 from terratool.sensing.poses import one_pose
-from terratool.sensing.readings import Frame, Status
+from terratool.sensing.readings import Frame, ReadingStatus
 from terratool.sensing.scan import Scan, ScanOptions
 from terratool.sensing.sensor import Sonar
 from terratool.sensing.sonar import bessel_over, fan, pattern
@@ -54,7 +54,7 @@ ROOM = room()
 def heard(keys: dict[str, Any], *pose: float, terrain: Terrain = ROOM, **more: Any) -> Frame:
     """The ping of a sonar from a pose."""
     sonar = sensor(sonar={**BEAM, **keys}, **more)
-    (frame,) = Scan(sonar, one_pose(pose), ScanOptions()).placed(terrain).read(terrain)
+    (frame,) = Scan(sonar, one_pose(pose), ScanOptions()).check_poses(terrain).read(terrain)
     return frame
 
 
@@ -137,7 +137,7 @@ def test_reflections_are_those_of_the_surface() -> None:
     pose = (26, 10, 20, 0, 0, 0)
     full = amplitude({}, *pose, terrain=room(1.0))
     assert amplitude({}, *pose, terrain=room(0.25)) == pytest.approx(full / 2, rel=1e-9)
-    assert heard({}, *pose, terrain=room(0.0)).status[0] == Status.FAINT
+    assert heard({}, *pose, terrain=room(0.0)).status[0] == ReadingStatus.FAINT
 
 
 def test_what_a_surface_lacks_is_assumed_and_told() -> None:
@@ -163,7 +163,7 @@ def test_a_smooth_wall_at_a_grazing_angle_is_missed() -> None:
     square = heard(MODEST, 22, 10, 20, 0, 0, 0)
     assert square.range[0] == pytest.approx(8, rel=1e-2)
     turned = heard({**MODEST, "bounces": 1}, 22, 15, 20, -35, 0, 0)
-    assert turned.status[0] == Status.FAINT
+    assert turned.status[0] == ReadingStatus.FAINT
     assert np.isnan(turned.range[0])
     rough = heard({**MODEST, "diffuse": 1, "threshold": 1e-6}, 22, 15, 20, -35, 0, 0)
     assert rough.returns[0]
@@ -179,7 +179,7 @@ def test_a_corner_is_seen() -> None:
     pose = (30 - away, 20 - away, 20, 45, 0, 0)
     corner = heard(MODEST, *pose)
     assert corner.range[0] == pytest.approx(away * math.sqrt(2), rel=1e-2)
-    assert heard({**MODEST, "bounces": 1}, *pose).status[0] == Status.FAINT
+    assert heard({**MODEST, "bounces": 1}, *pose).status[0] == ReadingStatus.FAINT
     # both mirrors count, √μ · √μ, and the incidence on the last; its range is that of the edge
     keys = {"lobe": 1, "rays": 40_000}
     expected = 0.64 * math.cos(math.radians(45)) / (2 * away**2)
@@ -214,10 +214,10 @@ def test_the_first_loud_echo_is_the_reading() -> None:
 def test_what_is_not_heard_is_told_apart() -> None:
     """Too near, too far, too faint, and nothing there at all."""
     pose = (22, 10, 20, 0, 0, 0)
-    assert heard({}, *pose, range=[9, 30]).status[0] == Status.NEAR
-    assert heard({}, *pose, range=[0.1, 7]).status[0] == Status.FAR
-    assert heard({"threshold": 1}, *pose).status[0] == Status.FAINT
-    assert heard({}, 22, 10, 20, 180, -10, 0).status[0] == Status.OUTSIDE
+    assert heard({}, *pose, range=[9, 30]).status[0] == ReadingStatus.NEAR
+    assert heard({}, *pose, range=[0.1, 7]).status[0] == ReadingStatus.FAR
+    assert heard({"threshold": 1}, *pose).status[0] == ReadingStatus.FAINT
+    assert heard({}, 22, 10, 20, 180, -10, 0).status[0] == ReadingStatus.OUTSIDE
     frame = heard({"threshold": 1}, *pose)
     assert (frame.surface[0], frame.element[0], frame.wall[0]) == (-1, -1, False)
 

@@ -54,8 +54,8 @@ def frames(what: Sensor, *poses: tuple[float, ...], **options: Any) -> list[Fram
     """What it reads of the yard from poses of rest."""
     from terratool.sensing.poses import Poses
 
-    where = Poses.joined(list(map(one_pose, poses)))
-    return list(Scan(what, where, ScanOptions(**options)).placed(TERRAIN).read(TERRAIN))
+    where = Poses.join(list(map(one_pose, poses)))
+    return list(Scan(what, where, ScanOptions(**options)).check_poses(TERRAIN).read(TERRAIN))
 
 
 def frame(what: Sensor, *angles: float, **options: Any) -> Frame:

@@ -21,7 +21,7 @@ from terratool.importing.vrml.parse import (
     nearly,
 )
 from terratool.importing.vrml.text import PlacedText, VrmlText
-from terratool.io.expat import EntityError, hardened
+from terratool.io.expat import EntityError, hardened_parser
 
 _FIELD_OF = {
     "Appearance": "appearance",
@@ -82,7 +82,7 @@ class _Reader:
 
     def __init__(self, text: PlacedText) -> None:
         self.text = text
-        self.parser = hardened()
+        self.parser = hardened_parser()
         self.parser.StartElementHandler = self.begin
         self.parser.EndElementHandler = self.end
         self.open: list[_Open] = []

@@ -1,1 +1,1 @@
-"""Scans as files: points, images and bags; `table` has the formats by suffix."""
+"""File formats of scans: points, images and bags, by suffix in `table`."""

@@ -1,4 +1,4 @@
-"""What all formats of scans need: a scan as rows of points."""
+"""Rows of points of a scan, for all formats."""
 
 from __future__ import annotations
 
@@ -14,8 +14,9 @@ from terratool.sensing.readings import Frame
 from terratool.sensing.sensor import Sensor
 
 NO_COLOR = (128, 128, 128)
+"""Red, green and blue of points on surfaces without a colour."""
 SENSOR_AXES = "axes of the sensor"
-"""A comment of files whose points are not in the world."""
+"""Comment in files whose points are in sensor axes."""
 ROW = np.dtype(
     [
         ("x", "<f8"), ("y", "<f8"), ("z", "<f8"), ("intensity", "<f4"), ("ring", "<u2"),
@@ -23,19 +24,19 @@ ROW = np.dtype(
         ("element", "<i8"), ("wall", "u1"), ("status", "u1"),
     ]
 )  # fmt: skip
-"""What is known of a ray."""
+"""Fields of a ray; units and codes as in `Frame`, time from the start of the scan, s."""
 
 
 @dataclass(frozen=True, slots=True)
 class Record:
-    """What a file says of the scan it holds.
+    """Description of a scan for its file.
 
     Attributes:
-        terrain: what was scanned.
-        sensor: what scanned it.
-        frames: how many there are.
-        world: whether points are in the world's axes; else in the sensor's, at the time of each.
-        misses: whether rays without a reading are kept, their points NaN.
+        terrain: scanned terrain.
+        sensor: sensor of the scan.
+        frames: number of frames.
+        world: whether points are in world axes; else in sensor axes at the time of each ray.
+        misses: whether rays without a reading are kept, with NaN for points.
     """
 
     terrain: Terrain
@@ -46,7 +47,7 @@ class Record:
 
     @property
     def descr(self) -> str:
-        """What sensor of which terrain, in a line."""
+        """Descriptions of sensor and terrain on one line."""
         return " of ".join(
             " ".join(text.split())
             for text in (self.sensor.descr or self.sensor.kind, self.terrain.descr)
@@ -55,16 +56,16 @@ class Record:
 
     @property
     def colors(self) -> NDArray[np.uint8]:
-        """(surfaces + 1, 3) of each surface, the last one that of no surface."""
+        """Red, green and blue by surface index, (surfaces + 1, 3) uint8; the last is for none."""
         given = [self.terrain.surface_types[name].color for name in self.terrain.surfaces]
         return np.array(
             [*(NO_COLOR if color is UNSET else color for color in given), NO_COLOR], np.uint8
         )
 
     def rows(self, frame: Frame) -> NDArray[Any]:
-        """The rays of a frame that are kept, (n,) of `ROW`."""
+        """Rows of a frame's kept rays, (n,) of `ROW`."""
         if not self.misses:
-            frame = frame.kept(frame.returns)
+            frame = frame.keep(frame.returns)
         rows = np.empty(len(frame.status), ROW)
         points = frame.points if self.world else frame.local
         rows["x"], rows["y"], rows["z"] = points.T
@@ -75,8 +76,8 @@ class Record:
         return rows
 
 
-def picked(rows: NDArray[Any], kind: np.dtype[Any]) -> NDArray[Any]:
-    """Some fields of rows, in other types."""
+def pick_fields(rows: NDArray[Any], kind: np.dtype[Any]) -> NDArray[Any]:
+    """Copy the fields of `kind` from rows, converted to its data types."""
     out = np.empty(len(rows), kind)
     for name in kind.names or ():
         out[name] = rows[name]
@@ -84,6 +85,6 @@ def picked(rows: NDArray[Any], kind: np.dtype[Any]) -> NDArray[Any]:
 
 
 def is_wide(record: Record, frame: Frame) -> bool:
-    """Whether float32 has no millimetres left of the world where a scan begins."""
+    """Return whether float32 is too coarse for millimetres of world coordinates in a scan."""
     largest = max(map(abs, [*record.terrain.bounds, frame.poses.positions[0, 2]]))
     return bool(record.world and largest >= 2.0**13)

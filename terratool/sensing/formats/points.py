@@ -1,4 +1,4 @@
-"""Scans as points of PLY, PCD, LAS, LAZ, NPZ and CSV: the columns that each file has."""
+"""Point files of scans, PLY, PCD, LAS, LAZ, NPZ and CSV: columns and comments of each."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from terratool.field.terrain import Terrain
 from terratool.io import csv_, las, npz, pcd, ply
 from terratool.report.inert import inert_cell
-from terratool.sensing.formats.common import ROW, SENSOR_AXES, Record, is_wide, picked
-from terratool.sensing.readings import Frame, Status
+from terratool.sensing.formats.common import ROW, SENSOR_AXES, Record, is_wide, pick_fields
+from terratool.sensing.readings import Frame, ReadingStatus
 
 _PLY = np.dtype(
     [
@@ -42,11 +42,11 @@ _LAS_EXTRA = {
     "wall": "1 on a vertical wall",
 }
 _GROUND, _OTHER = 2, 1
-"""Classes of ASPRS: ground, and what is not classified, as walls."""
+"""ASPRS classes: ground, and unclassified for walls."""
 
 
 def write_ply(path: Path, frames: Iterator[Frame], record: Record) -> None:
-    """Write a binary PLY of all columns and colours; comments hold the names of the surfaces."""
+    """Write a binary PLY with colours; comments hold the names of the surfaces."""
     colors = record.colors
 
     def batches() -> Iterator[NDArray[Any]]:
@@ -65,11 +65,10 @@ def write_ply(path: Path, frames: Iterator[Frame], record: Record) -> None:
 
 
 def write_pcd(path: Path, frames: Iterator[Frame], record: Record) -> None:
-    """Write a binary PCD of rows; coordinates are float32 as PCL wants them.
+    """Write a binary PCD; coordinates are float32 as PCL expects, float64 where `is_wide`.
 
-    They are float64 where float32 has no millimetres left. The viewpoint is that of the sensor
-    where points are in its axes and it rests for one frame, else the world's origin. A comment says
-    where neither has the points in the world.
+    The viewpoint is the sensor's pose for one frame in sensor axes with the sensor at rest, else
+    the origin of the world. A comment marks other points in sensor axes.
     """
     first = next(frames)
     wide = "<f8" if is_wide(record, first) else "<f4"
@@ -87,19 +86,20 @@ def write_pcd(path: Path, frames: Iterator[Frame], record: Record) -> None:
         viewpoint = (*first.poses.positions[0], w, x, y, z)
     elif not record.world:
         comments = [SENSOR_AXES]
-    batches = (picked(record.rows(frame), kind) for frame in chain([first], frames))
+    batches = (pick_fields(record.rows(frame), kind) for frame in chain([first], frames))
     pcd.write_points(path, batches, kind, comments, viewpoint)
 
 
 def _rests(frame: Frame) -> bool:
+    """Return whether the sensor does not move in a frame."""
     positions, turns = frame.poses.positions, frame.poses.turns
     return bool((positions == positions[0]).all() and (turns == turns[0]).all())
 
 
 def write_las(path: Path, frames: Iterator[Frame], record: Record) -> None:
-    """Write LAS 1.4 or LAZ: intensity of 0 … 65,535, GPS time in seconds of the scan.
+    """Write LAS 1.4 or LAZ: intensity from 0 to 65,535, GPS time in seconds of the scan.
 
-    Ring, surface, element, range and wall are extra bytes. Points of the world have the terrain's
+    Ring, surface, element, range and wall are extra bytes. A file in world axes has the terrain's
     reference system as WKT.
 
     Raises:
@@ -124,7 +124,7 @@ def write_las(path: Path, frames: Iterator[Frame], record: Record) -> None:
 
 
 def _wkt(terrain: Terrain) -> str:
-    """The reference system of a terrain as WKT 1, which LAS wants, or 2 if it has no other; ""."""
+    """Reference system of a terrain as WKT 1, as LAS requires, else WKT 2; empty without one."""
     from rasterio.errors import CRSError
 
     from terratool.raster.geotiff import crs_of
@@ -139,12 +139,12 @@ def _wkt(terrain: Terrain) -> str:
 
 
 def write_npz(path: Path, frames: Iterator[Frame], record: Record) -> None:
-    """Write all that is known of each ray, and the poses.
+    """Write all fields of each ray, sensor positions and frame poses.
 
-    Of each ray: x, y, z, intensity, ring, time, range, frame, surface, element, wall, status as in
-    the other formats, and origin (n, 3), where the sensor was. Of each frame: poses (frames, 8),
-    the time, the position and the quaternion x, y, z, w of its beginning. And surfaces, their
-    names; shape, that of a frame with its misses; kind and descr of the sensor.
+    Arrays per ray: x, y, z, intensity, ring, time, range, frame, surface, element, wall, status as
+    in the other formats, and origin (n, 3), the sensor's position, m. Per frame: poses (frames, 8),
+    start time, position and quaternion x, y, z, w. Further: surfaces, the names of surfaces; shape,
+    the shape of a frame with its misses; kind of sensor, and descr.
     """
     names = ROW.names or ()
     poses = []
@@ -170,9 +170,9 @@ def write_npz(path: Path, frames: Iterator[Frame], record: Record) -> None:
 
 
 def write_csv(path: Path, frames: Iterator[Frame], record: Record) -> None:
-    """Write a line for each point, surfaces by name; what is not known is empty."""
+    """Write a CSV with a line per point and surfaces by name; unknown cells are empty."""
     surfaces = [*map(inert_cell, record.terrain.surfaces), ""]
-    statuses = [status.name.lower() for status in Status]
+    statuses = [status.name.lower() for status in ReadingStatus]
 
     def batches() -> Iterator[list[list[Any]]]:
         for frame in frames:

@@ -1,9 +1,9 @@
-"""A bag of ROS 2 (rosbag2, in MCAP): what drivers of such sensors publish, and /tf.
+"""ROS 2 bags (rosbag2, in MCAP): messages as of a sensor's driver, and /tf.
 
-Messages are those of sensor_msgs and tf2_msgs (github.com/ros2/common_interfaces and geometry2).
-What has no reading is told as REP 117 has it: −inf for what is too near, +inf for what is too far
-or nowhere, NaN for what is lacking. Depth images are float32, as REP 118 has them, in the optical
-frame of REP 103: z along the axis, x to the right, y down.
+Messages are of sensor_msgs and tf2_msgs (github.com/ros2/common_interfaces and geometry2). Rays
+without a reading follow REP 117: −inf for too near, +inf for too far or no hit, NaN for dropouts.
+Depth images are float32 by REP 118, in the optical frame of REP 103: z along the axis, x to the
+right, y down.
 """
 
 from __future__ import annotations
@@ -19,16 +19,17 @@ from numpy.typing import NDArray
 
 from terratool.errors import RequestError
 from terratool.sensing.camera import intrinsics
-from terratool.sensing.formats.common import Record, picked
+from terratool.sensing.formats.common import Record, pick_fields
 from terratool.sensing.poses import Poses
-from terratool.sensing.readings import Frame, Status
+from terratool.sensing.readings import Frame, ReadingStatus
 from terratool.sensing.sensor import Camera, Lidar, Sonar
 
 MAP = "map"
+"""Frame of the world."""
 _LAST = 2**31 - 1
-"""s: the largest time of a message."""
+"""Bound on the time of a message, s, exclusive."""
 _MOST_TF = 32
-"""Transforms of one turn, at most, and that of its last column."""
+"""Most transforms of a turn, besides that of its last column."""
 _POINT = np.dtype(
     [
         ("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("intensity", "<f4"), ("ring", "<u2"),
@@ -36,24 +37,24 @@ _POINT = np.dtype(
     ]
 )  # fmt: skip
 _FIELDS = {"|i1": 1, "|u1": 2, "<i2": 3, "<u2": 4, "<i4": 5, "<u4": 6, "<f4": 7, "<f8": 8}
-"""Numbers of types in sensor_msgs/PointField."""
+"""Data type numbers of sensor_msgs/PointField."""
 _OPTICAL = (-0.5, 0.5, -0.5, 0.5)
-"""The quaternion of optical axes in those of the sensor."""
+"""Quaternion x, y, z, w of the optical axes in sensor axes."""
 
 
 def write_bag(path: Path, frames: Iterator[Frame], record: Record) -> None:
-    """Write a folder that is a bag.
+    """Write a bag, a folder.
 
-    A lidar has /points, and a level one of one beam /scan; a camera /depth/image_rect_raw and
-    /depth/camera_info; a sonar /sonar/range. Points are in the sensor's axes at the time of each.
-    /tf leads from map to lidar, camera or sonar.
+    Topics are /points of a lidar, /scan of a lidar with one level beam, /depth/image_rect_raw and
+    /depth/camera_info of a camera, and /sonar/range of a sonar. Points are in sensor axes at the
+    time of each ray. /tf has the transforms from map to lidar, camera or sonar.
 
     Raises:
-        RequestError: a time is none that a message can have.
+        RequestError: a time is out of range for a message.
     """
     from rosbags.rosbag2 import StoragePlugin, Writer
 
-    # before version 9, of Jazzy, the quality of service is a text, which later ones read, too
+    # until version 8, before Jazzy, the quality of service is a text, which later readers accept
     with Writer(path, version=8, storage_plugin=StoragePlugin.MCAP) as writer:
         bag = _Bag(writer, record)
         for frame in frames:
@@ -66,12 +67,12 @@ def write_bag(path: Path, frames: Iterator[Frame], record: Record) -> None:
 
 
 class _Bag:
-    """Makes messages of frames and writes them."""
+    """Writer of a frame's messages to a bag."""
 
     def __init__(self, writer: Any, record: Record) -> None:
         from rosbags.typesys import Stores, get_typestore
 
-        # /tf says where the sensor's axes are
+        # points stay in sensor axes, which /tf relates to the world
         self._writer, self._record = writer, replace(record, world=False)
         self._store = get_typestore(Stores.ROS2_HUMBLE)
         self._topics: dict[str, Any] = {}
@@ -128,12 +129,12 @@ class _Bag:
     def _cloud(self, frame: Frame) -> None:
         rows = self._record.rows(frame)
         shape = (1, len(rows))
-        if self._record.misses:  # rows of the cloud are beams, from the first one
+        if self._record.misses:  # rows of an organised cloud are beams, from the first one
             columns, beams = frame.shape
             rows = rows.reshape(columns, beams).T.ravel()
             shape = beams, columns
         rows["time"] -= frame.time
-        points = picked(rows, _POINT)
+        points = pick_fields(rows, _POINT)
         fields = [
             self._message(
                 "sensor_msgs/msg/PointField", name, _POINT.fields[name][1],  # type: ignore[index]
@@ -158,14 +159,14 @@ class _Bag:
         kind, sensor = "sensor_msgs/msg/LaserScan", self._record.sensor
         message = self._message(
             kind, self._header(frame.time, self._kind), azimuths[0], azimuths[-1], step, wait,
-            1.0 / sensor.rate, sensor.least, sensor.most, told_ranges(frame).astype(np.float32),
+            1.0 / sensor.rate, sensor.least, sensor.most, rep_117_ranges(frame).astype(np.float32),
             frame.intensity,
         )  # fmt: skip
         self._send("/scan", kind, frame.time, message)
 
     def _image(self, frame: Frame, camera: Camera) -> None:
         header = self._header(frame.time, f"{self._kind}_optical")
-        depth = told_ranges(frame).astype("<f4")
+        depth = rep_117_ranges(frame).astype("<f4")
         kind = "sensor_msgs/msg/Image"
         message = self._message(
             kind, header, camera.height, camera.width, "32FC1", 0, 4 * camera.width,
@@ -186,25 +187,25 @@ class _Bag:
         kind, sensor = "sensor_msgs/msg/Range", self._record.sensor
         message = self._message(
             kind, self._header(frame.time, self._kind), 0, 2.0 * sonar.half_power, sensor.least,
-            sensor.most, float(told_ranges(frame)[0]),
+            sensor.most, float(rep_117_ranges(frame)[0]),
         )  # fmt: skip
         self._send("/sonar/range", kind, frame.time, message)
 
 
-def told_ranges(frame: Frame) -> NDArray[np.float64]:
-    """Ranges as REP 117 tells them."""
-    told = np.full(len(Status), math.inf)
-    told[Status.NEAR], told[Status.DROPPED] = -math.inf, math.nan
-    return np.where(frame.returns, frame.range, told[frame.status])
+def rep_117_ranges(frame: Frame) -> NDArray[np.float64]:
+    """Ranges by REP 117, (n,), m: −inf for too near, +inf for no hit, NaN for dropouts."""
+    codes = np.full(len(ReadingStatus), math.inf)
+    codes[ReadingStatus.NEAR], codes[ReadingStatus.DROPPED] = -math.inf, math.nan
+    return np.where(frame.returns, frame.range, codes[frame.status])
 
 
 def _nanoseconds(time: float) -> int:
-    """Of a stamp; 0 would be "the latest" to tf2 (tf2::TimePointZero)."""
+    """Time stamp in ns, at least 1: tf2 takes 0 for "the latest" (tf2::TimePointZero)."""
     return max(round(time * 1e9), 1)
 
 
 def _qos(topic: str) -> list[Any]:
-    """What is static is kept for those who subscribe later."""
+    """Quality of service of a topic; static transforms are kept for late subscribers."""
     from rosbags.interfaces import (
         Qos,
         QosDurability,

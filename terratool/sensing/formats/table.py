@@ -1,4 +1,4 @@
-"""File formats of scans by suffix."""
+"""Table of the file formats of scans by suffix."""
 
 from __future__ import annotations
 
@@ -19,17 +19,18 @@ from terratool.sensing.readings import Frame
 
 @dataclass(frozen=True, slots=True)
 class ScanFormat:
-    """A file format.
+    """A file format of scans.
 
     Attributes:
-        write: puts frames into a file, or into a folder.
-        companions: suffixes of files that it puts beside.
-        images: whether it holds images, which cameras alone make.
-        folder: whether it is a folder.
-        misses: whether it can hold rays without a reading; images and bags always do.
-        axes: whether points can be in either's axes, the world's or the sensor's.
-        module, package, extra: what has to be installed for it, as it is imported, as it is called,
-            and the extra of terratool that has it; empty for nothing.
+        write: writes frames to a file, or to a folder.
+        companions: suffixes of further files that `write` puts beside.
+        images: whether the format holds images, which only cameras take.
+        folder: whether a scan is a folder.
+        misses: whether rays without a reading can be kept; images and bags always keep them.
+        axes: whether points can be in world axes or in sensor axes.
+        module: module to be imported; empty for none.
+        package: package of the module, for messages; empty for none.
+        extra: extra of terratool that installs the package; empty for none.
     """
 
     write: Callable[[Path, Iterator[Frame], Record], None]
@@ -61,14 +62,14 @@ FORMATS = {
         write_bag, folder=True, axes=False, module="rosbags", package="rosbags", extra="ros"
     ),
 }
-"""By suffix."""
+"""Formats of scans by suffix."""
 
 
 def format_of(path: Path) -> ScanFormat:
-    """The format that a name asks for.
+    """Format of a path by its suffix.
 
     Raises:
-        RequestError: there is none, or what it needs is not installed.
+        RequestError: no format has the suffix, or its package is not installed.
     """
     suffix = path.suffix.lower()
     form = FORMATS.get(suffix)

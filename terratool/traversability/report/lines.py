@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from terratool.report import numbers
-from terratool.report.tables import WIDTH, Cell, Table, aligned, columns_in, cut, wrapped
+from terratool.report.tables import WIDTH, Cell, Table, align, columns_in, cut, wrap
 from terratool.report.wording import listed
 from terratool.text.display import printable
 from terratool.traversability.report import comparison, wording
@@ -46,37 +46,37 @@ def as_lines(reports: Reports) -> Iterator[str]:
 
 
 def _one(report: TraversabilityReport) -> Iterator[str]:
-    yield from wrapped(f"{report.verdict.label}: {printable(wording.conclusion(report))}", "")
+    yield from wrap(f"{report.verdict.label}: {printable(wording.conclusion(report))}", "")
     for route in report.routes:
         line = printable(wording.route_line(route))
         if line not in printable(wording.conclusion(report)):
-            yield from wrapped(f"{route.verdict.label}: {line}")
+            yield from wrap(f"{route.verdict.label}: {line}")
     if report.reach and (line := wording.reach_line(report.reach)) != wording.conclusion(report):
-        yield from wrapped(printable(line))
+        yield from wrap(printable(line))
     yield from _mend_lines(report)
     yield ""
     if any(not figures.missing for figures in report.surfaces):
-        yield from aligned(_surfaces(report), words=_VERDICTS)
-        yield from wrapped(_step_limits(report))
-        yield from wrapped(_turns(report))
+        yield from align(_surfaces(report), words=_VERDICTS)
+        yield from wrap(_step_limits(report))
+        yield from wrap(_turns(report))
         yield ""
     if (table := chances(report)).rows:
         titles = [column.title for column in table.columns]
-        yield from aligned([titles, *map(_texts, table.rows)])
+        yield from align([titles, *map(_texts, table.rows)])
         yield ""
     if report.summary:
-        yield from aligned(_map(report.summary))
+        yield from align(_map(report.summary))
         if likely := ", ".join(f"{name} on {part}" for name, part in likelihoods(report).rows):
-            yield from wrapped(f"Probability of go: {likely}")
+            yield from wrap(f"Probability of go: {likely}")
         if binding := ", ".join(f"{reason} {part}" for reason, part in reasons(report).rows[:5]):
-            yield from wrapped(f"What binds: {binding}")
+            yield from wrap(f"What binds: {binding}")
         if (counted := wording.counted_from_line(report)) not in wording.conclusion(report):
-            yield from wrapped(counted)
+            yield from wrap(counted)
         yield ""
     for name, warning in warnings(report):
-        yield from wrapped(f"{cut(name, _NAME)}: {warning}")
+        yield from wrap(f"{cut(name, _NAME)}: {warning}")
     for note in report.notes:
-        yield from wrapped(printable(note))
+        yield from wrap(printable(note))
 
 
 def _mend_lines(report: TraversabilityReport) -> Iterator[str]:
@@ -85,7 +85,7 @@ def _mend_lines(report: TraversabilityReport) -> Iterator[str]:
     if mends:
         lacks = wording.lacking(report)
         if lacks not in wording.conclusion(report):
-            yield from wrapped(printable(lacks))
+            yield from wrap(printable(lacks))
         yield "Give them a soil, for example this one; docs/format.md has others:"
         for place, line in mends:
             yield f"  {printable(line)}"
@@ -151,27 +151,27 @@ def _map(summary: MapSummary) -> Iterator[Sequence[str]]:
 
 def _several(found: VehicleComparison) -> Iterator[str]:
     first = found.reports[0]
-    yield from wrapped(f"{found.verdict.label}: {comparison.conclusion(found)}", "")
+    yield from wrap(f"{found.verdict.label}: {comparison.conclusion(found)}", "")
     for one in found.reports:
         line = printable(wording.conclusion(one))
-        yield from wrapped(f"{wording.vehicle_name(one)}: {one.verdict.label}: {line}")
+        yield from wrap(f"{wording.vehicle_name(one)}: {one.verdict.label}: {line}")
     yield from _mend_lines(first)
     for number, route in enumerate(first.routes):
         yield ""
         yield f"way {wording.ends(route)}"
-        yield from aligned(_rows(comparison.way(found, number)), words=_VERDICTS)
+        yield from align(_rows(comparison.way(found, number)), words=_VERDICTS)
     for table in (comparison.surfaces(found), comparison.shares(found)):
         for part in _parts(table):
             yield ""
-            yield from aligned(_rows(part), left=table.columns[0].title == "surface")
+            yield from align(_rows(part), left=table.columns[0].title == "surface")
     yield ""
     for name, line in comparison.reaches(found):
-        yield from wrapped(printable(f"{name}: {line}"))
+        yield from wrap(printable(f"{name}: {line}"))
     if line := comparison.together_line(found):
-        yield from wrapped(line)
+        yield from wrap(line)
         yield ""
     for note in comparison.notes(found):
-        yield from wrapped(printable(note))
+        yield from wrap(printable(note))
 
 
 def _rows(table: Table) -> Iterator[Sequence[str]]:

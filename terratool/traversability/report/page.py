@@ -13,8 +13,8 @@ from terratool._version import __version__
 from terratool.io.png import png
 from terratool.raster.shading import contour_interval, exaggeration, ticks
 from terratool.report import numbers
-from terratool.report.markup import escaped_html, escaped_markdown, rendered
-from terratool.report.tables import Table, joined
+from terratool.report.markup import escape_html, escape_markdown, render
+from terratool.report.tables import Table, join_tables
 from terratool.report.wording import listed
 from terratool.traversability.report import comparison, curves, tables, wording
 from terratool.traversability.report.drawing import chart, map_picture
@@ -37,14 +37,14 @@ def as_page(reports: Reports) -> str:
     pictures = [
         None if one.preview is None else _picture_of(one, one.preview) for one in reports.reports
     ]
-    return rendered(
-        _FOLDER / "page.html.jinja", escaped_html, pictures=pictures, **_variables(reports)
+    return render(
+        _FOLDER / "page.html.jinja", escape_html, pictures=pictures, **_variables(reports)
     )
 
 
 def as_markdown(reports: Reports) -> str:
     """Report, or comparison, as the text of a Markdown file (GitHub's, for its tables)."""
-    return rendered(_FOLDER / "page.md.jinja", escaped_markdown, **_variables(reports))
+    return render(_FOLDER / "page.md.jinja", escape_markdown, **_variables(reports))
 
 
 def _variables(reports: Reports) -> dict[str, Any]:
@@ -52,7 +52,7 @@ def _variables(reports: Reports) -> dict[str, Any]:
     first, several = reports.reports[0], not isinstance(reports, TraversabilityReport)
 
     def of_all(table: Callable[[TraversabilityReport], Table]) -> Table:
-        return joined([(vehicle_name(one), table(one)) for one in reports.reports], "vehicle")
+        return join_tables([(vehicle_name(one), table(one)) for one in reports.reports], "vehicle")
 
     told = {
         "conclusion": wording.conclusion(first),

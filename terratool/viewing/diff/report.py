@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 from terratool.report.documents import json_text
-from terratool.report.markup import escaped_markdown, markdown_row
+from terratool.report.markup import escape_markdown, markdown_row
 from terratool.report.numbers import metres, per_cent, pixels
 from terratool.report.wording import counted
 from terratool.report.workflow import annotation
@@ -253,13 +253,13 @@ def as_markdown(comparison: Comparison, most: int) -> str:
     for file in listed_files:
         said = list(_lines(file, most))
         if said:
-            lines += ["", f"### {escaped_markdown(file.file)}", ""]
+            lines += ["", f"### {escape_markdown(file.file)}", ""]
             lines += ["```", *map(printable, said), "```"]
     return "\n".join(lines)
 
 
 def _cells(file: FileDifference, verdicts: bool) -> list[str]:
-    cells = [escaped_markdown(file.file), _STATUS[file.status]]
+    cells = [escape_markdown(file.file), _STATUS[file.status]]
     found = file.difference
     if found is None:
         return [*cells, *[""] * (5 + 2 * verdicts)]

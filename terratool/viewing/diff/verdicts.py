@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from terratool.definition.findings import Bounds
 from terratool.field.terrain import Terrain
-from terratool.raster.export import checked_threads
+from terratool.raster.export import thread_count
 from terratool.raster.grid import Grid, Window
 from terratool.traversability.assess import Request, chosen_resolution, prepare_assessment
 from terratool.traversability.map import stream_map
@@ -76,7 +76,7 @@ def _judge(terrain: Terrain, vehicle: Vehicle, request: Request, progress: Progr
     assert builder is not None
     if progress is not None:
         progress.say("judging", prepared.pixels)
-    stream_map(prepared.surveyor, builder, None, checked_threads(None), progress)
+    stream_map(prepared.surveyor, builder, None, thread_count(None), progress)
     classes, _ = builder.classes(None, vehicle.area)
     return _Map(builder.grid, classes, builder.ground)
 
