@@ -304,13 +304,16 @@ BestSlip best_slip(ForceAt force_at, double max_slip, double enough = INF, int s
     return best;
 }
 
-// As best_slip, where most forces grow to the end: if it has grown since the slip before the
-// largest, or is `enough` there, nothing else is looked at.
+// A slip next to the largest, over it: a force that grows from there on has its one peak at the end.
+constexpr double NEARLY_LAST = 63.0 / 64.0;
+
+// As best_slip, where most forces grow to the end: if it grows there, or is `enough` there, nothing
+// else is looked at.
 template <class ForceAt>
 BestSlip best_or_last(ForceAt force_at, double max_slip, double enough = INF, int steps = 24) {
     BestSlip last{max_slip, force_at(max_slip)};
     if (last.force >= enough) return last;
-    bool grows = last.force > -INF && last.force >= force_at(max_slip * (NODES - 1) / NODES);
+    bool grows = last.force > -INF && last.force >= force_at(max_slip * NEARLY_LAST);
     return grows ? last : best_slip(force_at, max_slip, enough, steps);
 }
 
