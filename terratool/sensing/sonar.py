@@ -136,7 +136,7 @@ def ping(terrain: Terrain, sensor: Sensor, pose: Poses, number: int) -> Frame:
         status = ReadingStatus.NEAR
     elif len(echoes.range):
         status = ReadingStatus.FAR
-    else:  # all sound left the terrain, or was reflected unseen
+    else:  # all sound left the terrain, or met surfaces from behind
         status = ReadingStatus(int(first.min())) if len(first) else ReadingStatus.FAINT
     return Frame(
         number=number,
