@@ -28,7 +28,7 @@ COMPILE := 'import sys; from scikit_build_core.build import build_editable as bu
   build("build", dict(setting.split("=", 1) for setting in sys.argv[1:]))'
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo test baseline lint bench clocks docs pages site stubs schemas fuzz kills fuzz-terrains fuzz-expressions wheel outside sanitize debug coverage clean
+.PHONY: help install demo test slow nightly baseline lint bench clocks docs pages site stubs schemas fuzz kills fuzz-terrains fuzz-expressions wheel outside sanitize debug coverage clean
 
 help:  ## Explain every target
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-16s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -64,8 +64,14 @@ demo: $(VENV)/.installed-$(EXTRAS)-$(VARIANTS)  ## Validate the paper's example,
 	@echo "Open out/paper-example.tif in QGIS and out/paper-example.glb in Blender or any viewer of glTF,"
 	@echo "or ask the terrain: $(BIN)/terratool query samples/paper-example.json 15 15"
 
-test: $(VENV)/.installed-test-$(VARIANTS)  ## Run all tests, on all processors
-	$(BIN)/python -m pytest -n auto --dist loadfile $(TESTS)
+test: $(VENV)/.installed-test-$(VARIANTS)  ## Run the tests that are quick, on all processors; TESTS=tests/raster for all of some
+	$(BIN)/python -m pytest -n auto --dist loadfile $(if $(filter tests,$(TESTS)),-m "not slow") $(TESTS)
+
+slow: $(VENV)/.installed-test-$(VARIANTS)  ## Run the tests that "make test" leaves out
+	$(BIN)/python -m pytest -n auto --dist load -m slow tests
+
+nightly: $(VENV)/.installed-test-all  ## Run all tests, each property with its full number of examples
+	TERRATOOL_EXAMPLES=1 $(BIN)/python -m pytest -n auto --dist loadfile tests
 
 baseline: $(VENV)/.installed-test-all  ## Run the tests of the kernels as built for any processor
 	TERRATOOL_CPU=baseline $(BIN)/python -m pytest -n auto --dist loadfile $(KERNEL_TESTS)

@@ -144,7 +144,7 @@ def spelled(text: str) -> bytes:
 def fault(text: str) -> tuple[str, float, bool]:
     """What is wrong with the outcome ("" if nothing), the seconds it took, whether it is valid."""
     source = Source("fuzz.json", spelled(text))
-    for cached in (expression.parse, expression.checked_values, survey):
+    for cached in (expression.parse, expression.sample_values, survey):
         cached.cache_clear()
     begin = time.perf_counter()
     try:

@@ -16,11 +16,13 @@ from hypothesis import HealthCheck, settings
 from terratool.definition.reader import check
 from terratool.field.terrain import Terrain
 from terratool.text.source import Source
+from tests.budget import examples
 from tests.programs import how_to_get, lacked
 
 settings.register_profile(
     "terratool",
     deadline=None,
+    max_examples=examples(100),
     suppress_health_check=list(HealthCheck),
     derandomize="TERRATOOL_FUZZ" not in os.environ,
     database=None,

@@ -108,6 +108,7 @@ def test_a_hook_looks_at_terrains_only(path: str, checked: bool, formatted: bool
     assert found == {"terratool-validate": checked, "terratool-format": formatted}
 
 
+@pytest.mark.slow
 def test_the_hooks_pass_and_fail(tmp_path: Path) -> None:
     """With file names behind the entry, as pre-commit calls them."""
     validate, layout = (
@@ -139,6 +140,7 @@ ODD = ["--config=lax.terrain.json", "--fix.terrain.json", "-h.terrain.json", "-.
        "--format=text=victim.terrain.json", "a b'\"$(touch hit)\n.terrain.json"]  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no such names")
 @pytest.mark.parametrize("name", HOOKS)
 def test_a_hook_takes_names_for_names(name: str, tmp_path: Path) -> None:
@@ -488,6 +490,7 @@ def skipping(tmp_path: Path) -> Callable[..., subprocess.CompletedProcess[str]]:
     return ran
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("value", "code"), [("1", 1), ("", 0)])
 def test_ci_fails_without_a_program(
     skipping: Callable[..., subprocess.CompletedProcess[str]], value: str, code: int
@@ -502,6 +505,7 @@ def test_ci_fails_without_a_program(
         assert ("is not installed, and TERRATOOL_NO_SKIPS=1" in done.stdout) == bool(code)
 
 
+@pytest.mark.slow
 def test_the_last_line_says_what_was_lacking(
     tmp_path: Path, skipping: Callable[..., subprocess.CompletedProcess[str]]
 ) -> None:
@@ -524,4 +528,5 @@ def test_ci_wants_all_tests() -> None:
     script = (ROOT / ".ci" / "run").read_text()
     bare = script.index("PATH=$bare TERRATOOL_LACKING=$PWD/out/lacking make test\n")
     assert bare < script.index("TERRATOOL_NO_SKIPS=1 make test TESTS=@out/lacking\n")
+    assert bare < script.index("TERRATOOL_NO_SKIPS=1 make slow\n")
     assert "PATH=$bare make demo\n" in script[:bare]

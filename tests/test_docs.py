@@ -63,6 +63,7 @@ def sessions() -> list[object]:
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("block", "text", "files"), sessions())
 def test_commands_say_what_the_page_shows(
     block: str, text: str, files: dict[str, str], tmp_path: Path
@@ -137,6 +138,7 @@ def assert_says(words: list[str], shown: str, folder: Path) -> int:
     return done.returncode
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("page", WALKS, ids=lambda page: page.stem)
 def test_a_page_goes_as_it_says(
     page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

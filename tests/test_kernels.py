@@ -378,6 +378,7 @@ def digest() -> str:
     return found.hexdigest()
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not X86, reason="other processors have one variant")
 def test_both_variants_give_the_same_bits() -> None:
     """Heights, surfaces, normals, rays, planes, losses and meshes of all samples.
@@ -386,7 +387,7 @@ def test_both_variants_give_the_same_bits() -> None:
     """
     if not kernels.is_v3():
         pytest.skip("this processor has no x86-64-v3")
-    if find_spec("terratool.kernels.v3") is None:
+    if not all(find_spec(f"terratool.kernels.{variant}") for variant in ("baseline", "v3")):
         pytest.skip("one variant was built; make baseline and .ci/run build both")
     said = []
     for variant, blas in (("baseline", "Prescott"), ("v3", "Haswell")):
@@ -420,6 +421,7 @@ def test_the_variant_can_be_chosen_and_no_other() -> None:
 INSTRUCTION = re.compile(r"^\s+[0-9a-f]+:\s+(?:[0-9a-f]{2} )+\s*(\w+)", re.MULTILINE)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not X86, reason="other processors name these otherwise")
 def test_no_product_and_sum_are_one_instruction() -> None:
     """Fused multiply-add rounds once; where it is used would be up to the compiler."""
@@ -443,6 +445,7 @@ def compile_commands() -> dict[str, list[str]]:
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not X86, reason="other processors name these otherwise")
 @pytest.mark.skipif(not compile_commands(), reason="the kernels were not built in this checkout")
 @pytest.mark.parametrize("variant", sorted(compile_commands()))

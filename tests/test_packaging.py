@@ -11,6 +11,8 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.slow  # the wheel is compiled
+
 ROOT = Path(__file__).parent.parent
 
 

@@ -1,1 +1,1 @@
-"""The command line: each command parses, calls one function and renders."""
+"""Command line: each command parses its options, calls one function and prints the result."""

@@ -88,7 +88,7 @@ def command(file: str, parent: str, output: str | None, overwrite: bool, **value
     target = open_target(file, output, overwrite, library_roots())
     pointer = f"{parent}/children/{len(target.parent(parent).children or ())}"
     data = target.with_elements(target.source.data, parent, [element])
-    checked = target.accepted(data, "the element", CheckOptions(limit=_ALL))
+    checked = target.check_change(data, "the element", CheckOptions(limit=_ALL))
     target.write(data, overwrite)
     say(f"{target.output}: has {pointer} now.", err=True)
     for finding in checked.findings:
@@ -99,10 +99,10 @@ def command(file: str, parent: str, output: str | None, overwrite: bool, **value
 
 
 def _element(values: dict[str, Any]) -> dict[str, Any]:
-    """The element that is asked for, its keys in the format's order.
+    """Element that the options describe, its keys in the format's order.
 
     Raises:
-        click.UsageError: it has no place or nothing to put there, or two of them.
+        click.UsageError: the element has no place, no content, or two of either.
     """
     for one, other, what in (
         ("--type", "--part", "Say what to add"),
@@ -139,7 +139,7 @@ def _element(values: dict[str, Any]) -> dict[str, Any]:
 
 
 def _plain(value: Any) -> Any:
-    """Whole numbers without a point, pairs as lists."""
+    """Value for JSON: whole numbers without a point, pairs as lists."""
     if isinstance(value, tuple):
         return [_plain(number) for number in value]
     return int(value) if isinstance(value, float) and value.is_integer() else value

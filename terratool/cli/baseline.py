@@ -1,4 +1,4 @@
-"""Findings that are known and left for later: what is new is told apart from them."""
+"""Baselines: files of known findings, from which new findings are told apart."""
 
 from __future__ import annotations
 
@@ -19,9 +19,12 @@ FORMAT_VERSION = 1
 
 
 class Baseline(Struct, frozen=True, forbid_unknown_fields=True):
-    """Known findings: for each file how often each fingerprint is known.
+    """Known findings.
 
-    Names of files are relative to the folder of the baseline.
+    Attributes:
+        findings: number of known findings by fingerprint, by name of the file relative to the
+            folder of the baseline.
+        format_version: version of the format.
     """
 
     findings: dict[str, dict[str, int]]
@@ -29,20 +32,24 @@ class Baseline(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 def fingerprint(finding: Finding) -> str:
-    """What a finding is known by: its code, what it says and the text there, but no line."""
+    """Digest of a finding's code, message and text there, which stays when lines move."""
     text = finding.excerpt.text if finding.excerpt else ""
     return digest(finding.code, finding.message, text)
 
 
 def digest(*texts: str) -> str:
-    """A number for texts, 128 bits in hexadecimal digits."""
+    """Digest of texts: 128 bits of their SHA-256, in hexadecimal digits."""
     from hashlib import sha256
 
     return sha256("\n".join(texts).encode("utf-8", "surrogatepass")).hexdigest()[:32]
 
 
 def read_baseline(path: str) -> Baseline:
-    """Raises ReadError if a baseline cannot be read, or is none."""
+    """Read a baseline.
+
+    Raises:
+        ReadError: the file cannot be read, or is no baseline.
+    """
     try:
         with open_file(path) as file:
             found = msgspec.json.decode(file.read(), type=Baseline)
@@ -61,10 +68,10 @@ def read_baseline(path: str) -> Baseline:
 
 
 def write_baseline(path: str, findings: Iterable[Finding]) -> None:
-    """Write what is found now as known.
+    """Write a baseline of findings.
 
     Raises:
-        WriteError: it cannot be written.
+        WriteError: the file cannot be written.
     """
     known: dict[str, Counter[str]] = {}
     for finding in findings:
@@ -74,11 +81,11 @@ def write_baseline(path: str, findings: Iterable[Finding]) -> None:
         part.write_bytes(msgspec.json.format(data, indent=1) + b"\n")
 
 
-class Known:
-    """Takes known findings out, each as often as it is known.
+class KnownFindings:
+    """Known findings that are left to take out, each as often as the baseline has it.
 
     Args:
-        path: of the baseline.
+        path: file of the baseline.
     """
 
     def __init__(self, path: str) -> None:
@@ -88,7 +95,7 @@ class Known:
         }
 
     def unknown(self, findings: Iterable[Finding]) -> list[Finding]:
-        """Those that are not known."""
+        """Findings that are not known; known ones are used up."""
         return [finding for finding in findings if not self._take(finding)]
 
     def _take(self, finding: Finding) -> bool:
@@ -101,6 +108,6 @@ class Known:
 
 
 def _name(path: str, finding: Finding) -> str:
-    """A file as a baseline names it; bytes that are no UTF-8 are escapes there."""
+    """Name of a finding's file in a baseline; bytes that are no UTF-8 become escapes."""
     name = Path(os.path.relpath(finding.file, Path(path).parent)).as_posix()
     return name.encode("utf-8", "backslashreplace").decode()

@@ -8,7 +8,7 @@ import click
 
 from terratool.cli.options import library_root_option, library_roots
 from terratool.cli.saying import say, write_definition
-from terratool.cli.terminal import Status, called
+from terratool.cli.terminal import StatusLine, short_name
 from terratool.report.wording import counted
 
 
@@ -42,7 +42,7 @@ def command(file: str, output: str, expanded: bool, overwrite: bool) -> None:
     if not shown:
         refuse_existing(Path(output), overwrite)
         refuse_missing_folder(Path(output))
-    with Status(f"reading {called(file)}") as status:
+    with StatusLine(f"reading {short_name(file)}") as status:
         checked = load_checked(file, library_roots())
         for library in checked.libraries:
             if is_same_file(output, library.name):

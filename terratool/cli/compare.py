@@ -12,7 +12,7 @@ from msgspec import Struct
 
 from terratool.cli.options import finite, library_root_option, roughness_option
 from terratool.cli.saying import say, say_json
-from terratool.cli.terminal import Status, load
+from terratool.cli.terminal import StatusLine, load
 from terratool.report.documents import Document
 from terratool.report.numbers import tenths
 from terratool.report.tables import align
@@ -80,7 +80,7 @@ def command(
     mapped = read_map(map_)
     terrain = load(file)
     check_map(mapped, terrain)
-    with Status("comparing", cells_to_compare(mapped, terrain)) as status:
+    with StatusLine("comparing", cells_to_compare(mapped, terrain)) as status:
         comparison = compare(mapped, terrain, status)
         if picture is not None:
             from terratool.viewing.map_errors import write_picture
@@ -92,16 +92,16 @@ def command(
     else:
         for line in as_text(comparison):
             say(line)
-    failed = list(_failed(comparison, max_rmse, min_coverage))
+    failed = list(_missed_conditions(comparison, max_rmse, min_coverage))
     for line in failed:
         say(line, err=True)
     return 1 if failed else 0
 
 
-def _failed(
+def _missed_conditions(
     comparison: MapComparison, max_rmse: float | None, min_coverage: float | None
 ) -> Iterator[str]:
-    # a map that knows nothing is not good
+    # without a known cell the RMSE is NaN, and no condition may hold
     rmse, coverage = comparison.errors.rmse, comparison.coverage
     if max_rmse is not None and math.isnan(rmse):
         yield f"No height is known in both, so the RMSE is not shown to be within {max_rmse:g} m."
@@ -114,7 +114,7 @@ def _failed(
 
 
 class PlaceDocument(Struct, frozen=True):
-    """The cell that is off most."""
+    """Cell with the largest error."""
 
     x: float
     y: float
@@ -148,7 +148,7 @@ class DistanceDocument(Struct, frozen=True, rename={"low": "from", "high": "to"}
 
 
 class ComparisonDocument(Document, frozen=True, kw_only=True):
-    """How good a map is, as JSON; what is not known is null."""
+    """Comparison of a map with a terrain, as JSON; unknown figures are null."""
 
     map: str
     level: int
@@ -198,7 +198,7 @@ def _document(comparison: MapComparison) -> ComparisonDocument:
 
 
 def as_text(comparison: MapComparison) -> Iterator[str]:
-    """A comparison, in lines for people."""
+    """Comparison in lines for people."""
     level, errors, worst = comparison.map.level, comparison.errors, comparison.worst
     share = f"{tenths(comparison.coverage)} of the ground" if comparison.ground else "no ground"
     yield (
@@ -210,7 +210,7 @@ def as_text(comparison: MapComparison) -> Iterator[str]:
     if worst is None:
         yield "  No cell is known in both, so nothing is said of heights."
         return
-    yield f"  RMSE {_metres(errors.rmse)}, bias {_signed(errors.bias)}."
+    yield f"  RMSE {_metres(errors.rmse)}, bias {_signed_metres(errors.bias)}."
     surface = "" if worst.surface is None else f", on {shown(worst.surface)}"
     yield (
         f"  Worst at {worst.x:.10g} {worst.y:.10g}: {worst.mapped:.4g} m in place of "
@@ -250,11 +250,11 @@ def as_text(comparison: MapComparison) -> Iterator[str]:
 
 
 def _pair(errors: Errors) -> tuple[str, str]:
-    return (_metres(errors.rmse), _signed(errors.bias)) if errors.cells else ("", "")
+    return (_metres(errors.rmse), _signed_metres(errors.bias)) if errors.cells else ("", "")
 
 
 def _table(head: tuple[str, ...], rows: list[tuple[str, ...]]) -> Iterator[str]:
-    # an empty last cell, as the last one is flush left
+    # the last cell is empty, as a last column would be flush left
     return (f"  {line}" for line in align([[*row, ""] for row in (head, *rows)]))
 
 
@@ -262,5 +262,5 @@ def _metres(metres: float) -> str:
     return f"{metres:.4f} m"
 
 
-def _signed(metres: float) -> str:
+def _signed_metres(metres: float) -> str:
     return f"{round(metres, 4) + 0.0:+.4f} m"  # -0.0 + 0.0 is 0.0

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import click
 
-from terratool.cli.options import Names
+from terratool.cli.options import WordChoice
 from terratool.cli.saying import say_block
 
 _SHELLS = ("bash", "zsh", "fish")
 
 
 @click.command("completion", epilog='Example: eval "$(terratool completion bash)"')
-@click.argument("shell", type=Names(_SHELLS), metavar="|".join(_SHELLS))
+@click.argument("shell", type=WordChoice(_SHELLS), metavar="|".join(_SHELLS))
 @click.pass_context
 def command(ctx: click.Context, shell: str) -> None:
     """Print the script that has a shell complete terratool.

@@ -1,7 +1,7 @@
-"""What a project sets for `validate`, in `.terratool.toml` or in its pyproject.toml.
+"""Settings of a project for `validate`, in `.terratool.toml` or pyproject.toml.
 
-The project may be a stranger's: its settings name nothing outside of the folder that they stand in,
-and have nothing written that could do harm there.
+The project may be a stranger's: its settings name no file outside of their folder, and no output
+that could do harm in it.
 """
 
 from __future__ import annotations
@@ -24,21 +24,21 @@ OWN, SHARED = ".terratool.toml", "pyproject.toml"
 _MOST_BYTES = 1 << 20
 _PART = r"""(?:[\w-]+|"(?:[^"\\\n]|\\.)*"|'[^'\n]*')"""
 _long_key = re.compile(rf"(?<![\w-]){_PART}(?:[ \t]*\.[ \t]*{_PART}){{30}}").search
-"""Keys like a.a.a.a, which take a time that grows as the square of their parts."""
+"""Search for a key of more than 30 parts (a.a.a…), whose parsing takes quadratic time."""
 REPORTS = (".json", ".log", ".md", ".sarif", ".txt", ".xml")
-"""Endings of the reports that settings may have written."""
+"""Suffixes of the reports that settings may name."""
 
 
 class Config(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab", kw_only=True):
-    """The settings; each has the meaning of the option of that name.
+    """Settings of a project; those without a line here are the options of the same names.
 
     Attributes:
-        file: where they stand.
-        folder: what `paths` and the patterns of `per_file_ignores` are relative to.
-        named: whether the user named the file, which may lie beside what it is about.
+        file: file of the settings; empty for none.
+        folder: folder to which `paths` and the patterns of `per_file_ignores` are relative.
+        named: whether the user named the file, which may then lie beside the terrains' folder.
         paths: files and directories to check where the command line names none.
-        per_file_ignores: codes by a pattern of file names.
-        formats: as `--format`, once or several times.
+        per_file_ignores: codes to ignore, by a pattern of file names.
+        formats: values of `--format`.
     """
 
     file: str = ""
@@ -55,24 +55,24 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab", kw
     baseline: str | None = None
 
     def files(self) -> tuple[str, ...]:
-        """The paths as the working directory has them.
+        """Paths to check, relative to the working directory.
 
         Raises:
             RequestError: one of them lies outside.
         """
-        # what can be no name is said where it is read
-        return tuple(path if "\0" in path else self.located(path) for path in self.paths)
+        # a name with NUL is reported where it is read
+        return tuple(path if "\0" in path else self.path_here(path) for path in self.paths)
 
-    def located(self, path: str) -> str:
-        """A path of the settings as the working directory has it.
+    def path_here(self, path: str) -> str:
+        """Path of the settings, relative to the working directory.
 
         Raises:
-            RequestError: it lies outside, links followed.
+            RequestError: the path lies outside, links followed.
         """
         if "\0" not in path:
             found = os.path.relpath(Path(self.folder, path))
             if self.holds(found):
-                return f"./{found}" if found == "-" else found  # never standard input
+                return f"./{found}" if found == "-" else found  # "-" is stdin
         where = "outside of its folder"
         if self.named:
             where = "neither in its folder nor in the current one"
@@ -81,30 +81,33 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab", kw
         )
 
     def holds(self, name: str) -> bool:
-        """Whether a file, links followed, lies in the folder, or where the user named them both."""
+        """Whether a file, links followed, lies in the folder of the settings, or an allowed one.
+
+        Settings that the user named may also name files in the working directory.
+        """
         return bool(self._below(name))
 
     def _below(self, name: str) -> list[Path]:
-        """A file, links followed, as seen from each of the folders that it may lie in."""
+        """Paths of a file, links followed, relative to each allowed folder that holds it."""
         real = Path(os.path.realpath(name))
         roots = map(os.path.realpath, (self.folder, ".") if self.named else (self.folder,))
         return [real.relative_to(root) for root in roots if real.is_relative_to(root)]
 
-    def written(self, path: str) -> str:
-        """A path of the settings as the working directory has it, for a file that is to be written.
+    def output_path(self, path: str) -> str:
+        """Path of an output, relative to the working directory.
 
         Raises:
-            RequestError: it lies outside, or where something else than a report belongs.
+            RequestError: the path lies outside, or where something else than a report belongs.
         """
-        found = self.located(path)
+        found = self.path_here(path)
         self.refuse_output(found)
         return found
 
     def refuse_output(self, name: str) -> None:
-        """Refuse a file that settings may not have written, by the name that it has here.
+        """Refuse an output that settings may not name, by its path from the working directory.
 
         Raises:
-            RequestError: it lies outside, or where something else than a report belongs.
+            RequestError: the file lies outside, or where something else than a report belongs.
         """
         below = self._below(name)
         why = ""
@@ -120,8 +123,8 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab", kw
                 "Name it on the command line.",
             )
 
-    def ignored(self, file: str) -> tuple[str, ...]:
-        """The codes that are ignored in a file; a pattern without a slash is of names alone."""
+    def ignored_codes(self, file: str) -> tuple[str, ...]:
+        """Codes to ignore in a file; a pattern without a slash is matched with its name alone."""
         if not self.per_file_ignores:
             return ()
         path = Path(os.path.relpath(file or ".", self.folder)).as_posix()
@@ -134,22 +137,22 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab", kw
 
 
 def _is_hidden(part: str) -> bool:
-    """Whether a name of a file or a folder begins with a dot, as any file system may take it."""
+    """Whether a part of a path is hidden on some file system: `.git`, but also `git~1`."""
     name = "".join(c for c in part if c.isprintable())
     return name.startswith(".") or re.fullmatch(r"git~\d", name.casefold()) is not None
 
 
 def find_config(start: Path) -> Config:
-    """The settings of the nearest folder that has some, from a folder upwards.
+    """Settings of the nearest folder that has some, from a folder upwards; defaults if none has.
 
     Raises:
         ReadError: a file of settings cannot be read.
-        RequestError: it is no TOML, or has a setting that there is not.
+        RequestError: the file is no TOML, or has an unknown setting.
     """
     for folder in (start, *start.parents):
         for name in (OWN, SHARED):
             path = folder / name
-            # a folder that may not be looked into has no settings for us
+            # a folder without permission counts as one without settings
             with contextlib.suppress(PermissionError):
                 if path.is_file() and (found := read_config(path)) is not None:
                     if not found.holds(str(path)):
@@ -162,15 +165,15 @@ def find_config(start: Path) -> Config:
 
 
 def read_config(path: Path, named: bool = False) -> Config | None:
-    """The settings in a file; None if it is a pyproject.toml without any.
+    """Settings in a file; None if the file is a pyproject.toml without any.
 
     Args:
-        path: of the file.
-        named: whether the user named it.
+        path: file of the settings.
+        named: whether the user named the file.
 
     Raises:
         ReadError: the file cannot be read.
-        RequestError: it is no TOML, or has a setting that there is not.
+        RequestError: the file is no TOML, or has an unknown setting.
     """
     try:
         with open(path, "rb") as file:
@@ -191,7 +194,7 @@ def read_config(path: Path, named: bool = False) -> Config | None:
         if _long_key(text):
             raise ValueError("a key has more than 30 parts")
         table: Any = tomllib.loads(text)
-    except (ValueError, RecursionError) as error:  # a number may have too many digits
+    except (ValueError, RecursionError) as error:  # a number may be too long
         raise RequestError(f"{path}: is no TOML ({error}).", "Correct the file there.") from error
     if shared:
         tool = table.get("tool")

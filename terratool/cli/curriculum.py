@@ -9,7 +9,7 @@ import click
 from msgspec import Struct
 
 from terratool.cli.saying import say, say_json
-from terratool.cli.terminal import Status, called
+from terratool.cli.terminal import StatusLine, short_name
 from terratool.report.documents import Document
 from terratool.report.wording import counted, listed
 from terratool.text.display import shown
@@ -61,7 +61,7 @@ def command(
         )
     refuse_existing(Path(output), overwrite, (ORIGINS,))
     refuse_missing_folder(Path(output))
-    with Status(f"reading {called(spec)}") as status:
+    with StatusLine(f"reading {short_name(spec)}") as status:
         try:
             read = load_spec(spec, seed)
         except DefinitionError as error:
@@ -75,7 +75,7 @@ def command(
             ctx.exit(error.exit_code)
         status.say("making tiles")
         made = curriculum(read)
-        status.say(f"writing {called(output)}")
+        status.say(f"writing {short_name(output)}")
         origins = write_curriculum(made, output, overwrite)
     if as_json:
         say_json(_document(made, output, str(origins)))
@@ -86,14 +86,14 @@ def command(
 
 
 class PatchPlaces(Struct, frozen=True):
-    """How many level places of a patch were wanted, and how many were not found."""
+    """Numbers of level places of a patch that were wanted, and that were not found."""
 
     wanted: int
     missing: int
 
 
 class CurriculumDocument(Document, frozen=True, kw_only=True):
-    """What was made, as JSON."""
+    """Summary of a curriculum, as JSON."""
 
     file: str
     origins: str
@@ -131,7 +131,7 @@ def _document(made: Curriculum, output: str, origins: str) -> CurriculumDocument
 
 
 def lacking(made: Curriculum) -> Iterator[str]:
-    """Kinds without a tile, and level places that were not found, in lines for people."""
+    """Lines for people on kinds without a tile, and on level places that were not found."""
     spec = made.spec
     for kind in spec.kinds:
         if kind.proportion and not made.counts[kind.name]:
@@ -152,7 +152,7 @@ def lacking(made: Curriculum) -> Iterator[str]:
 
 
 def as_text(made: Curriculum, output: str, origins: str) -> str:
-    """What was made, in a line for people."""
+    """Summary of a curriculum in a line for people."""
     spec = made.spec
     kinds = listed([f"{count:,} {name}" for name, count in made.counts.items() if count])
     return (

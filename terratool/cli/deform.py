@@ -15,7 +15,7 @@ from terratool.cli.options import (
     vehicle_options,
 )
 from terratool.cli.saying import say, say_json
-from terratool.cli.terminal import Status, called
+from terratool.cli.terminal import StatusLine, short_name
 from terratool.report.documents import Document
 from terratool.report.wording import counted, listed
 from terratool.text.display import shown
@@ -102,7 +102,7 @@ def command(
     refuse_missing_folder(Path(output))
     vehicle = vehicle_from(options)
     path = read_waypoints(path_file)
-    with Status(f"reading {called(file)}") as status:
+    with StatusLine(f"reading {short_name(file)}") as status:
         checked = load_checked(file, library_roots())
         status.say("driving")
         deformed = deform(
@@ -124,7 +124,7 @@ def command(
 
 
 class DeformDocument(Document, frozen=True, kw_only=True):
-    """What was done, as JSON."""
+    """Summary of the ruts that were added, as JSON."""
 
     file: str
     added_bytes: int
@@ -152,7 +152,7 @@ def _document(deformed: Deformed, output: str, added_bytes: int) -> DeformDocume
 
 
 def as_text(deformed: Deformed, output: str, added_bytes: int) -> Iterator[str]:
-    """What was done, in lines for people."""
+    """Summary of the ruts that were added, in lines for people."""
     again = f", {deformed.again} driven along again" if deformed.again else ""
     more = f"{counted(deformed.added, 'track')} more{again}"
     yield (

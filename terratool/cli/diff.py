@@ -16,31 +16,31 @@ from terratool.cli.options import (
     roughness_option,
 )
 from terratool.cli.saying import say, say_block
-from terratool.cli.terminal import Status
+from terratool.cli.terminal import StatusLine
 from terratool.text.display import shown
 
 if TYPE_CHECKING:
     from terratool.viewing.diff.compare import DiffOptions
-    from terratool.viewing.diff.files import Reading
+    from terratool.viewing.diff.files import ReadOptions
     from terratool.viewing.diff.results import Comparison
 
-# as terratool.viewing.diff.report has them, which is not imported for --help; a test holds them
-# equal
+# equal to those of terratool.viewing.diff.report, which is not imported for --help; a test checks
 FORMATS = ("text", "json", "markdown", "github")
 MOST = 20
-"""Lines that a list in a report has, if nothing else is asked for."""
+"""Default number of lines of a list in a report."""
 _id = re.compile(r"[0-9a-f]{40}|[0-9a-f]{64}|\.").fullmatch
+"""Match of a hash as git writes it; a dot stands for no file."""
 _mode = re.compile(r"[0-7]{6}|\.").fullmatch
-"""How git writes the number and the mode of a file; one that is not there has dots."""
+"""Match of a file's mode as git writes it; a dot stands for no file."""
 
 
-class _Handed(NamedTuple):
-    """What git hands over.
+class _GitWords(NamedTuple):
+    """Words of a command line that git handed over.
 
     Attributes:
-        own: the words before it, which are the user's.
-        path: of the file in the repository, if that is said; behind a rename the new one.
-        files: where the old and the new version are; none of a file that is unmerged.
+        own: words before those of git, which are the user's.
+        path: path of the file in the repository, the new one after a rename; empty if not given.
+        files: files of the old and the new version; none for an unmerged file.
     """
 
     own: list[str]
@@ -49,10 +49,10 @@ class _Handed(NamedTuple):
 
 
 class _Command(click.Command):
-    """Tells words of the user from those of git, which may look like anything."""
+    """Command that tells words of the user from those of git, which may look like anything."""
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        handed = _handed(args)
+        handed = _git_words(args)
         if handed is not None:
             rest = super().parse_args(ctx, [*handed.own])
             if ctx.params["git"] or ctx.params["difftool"]:
@@ -69,49 +69,49 @@ class _Command(click.Command):
         return rest
 
 
-def _handed(words: list[str]) -> _Handed | None:
-    """What git hands over, behind the words of the user; None where nobody says that it does.
+def _git_words(words: list[str]) -> _GitWords | None:
+    """Words that git handed over, behind --git or --difftool; None without these options.
 
-    A diff driver gets 7 words of git, 9 behind a rename, and 1 of a file that is unmerged; which it
-    is shows in the last ones, where only git writes. A difftool gets the 3 that its command names,
-    or the 2 of git difftool --extcmd.
+    A diff driver gets 7 words of git, 9 after a rename, and 1 for an unmerged file; the last words,
+    which only git writes, show which. A difftool gets the 3 that its command names, or the 2 of
+    git difftool --extcmd.
     """
-    # the first is the user's; git may hand over a file of that name
+    # the first such word is the user's; git may hand over a file of that name
     flag = next((n for n, word in enumerate(words) if word in ("--git", "--difftool")), len(words))
     behind = words[flag + 1 :]
     if not behind:
         return None
     if words[flag] == "--difftool":
         if len(behind) == 2:
-            return _Handed(words[:-2], files=(words[-2], words[-1]))
+            return _GitWords(words[:-2], files=(words[-2], words[-1]))
         if len(behind) > 2:
-            return _Handed(words[:-3], words[-3], (words[-2], words[-1]))
+            return _GitWords(words[:-3], words[-3], (words[-2], words[-1]))
         return None
     count = next((n for n in (9, 7) if _is_of_git(behind[-n:], n)), 1)
     own, theirs = words[:-count], words[-count:]
     if count == 1:
-        return _Handed(own, theirs[0])
-    return _Handed(own, theirs[7] if count == 9 else theirs[0], (theirs[1], theirs[4]))
+        return _GitWords(own, theirs[0])
+    return _GitWords(own, theirs[7] if count == 9 else theirs[0], (theirs[1], theirs[4]))
 
 
 def _is_of_git(words: list[str], count: int) -> bool:
-    """Whether these are the path, file, number, mode, file, number and mode of an external diff.
+    """Whether words are the path, file, hash, mode, file, hash and mode of an external diff.
 
-    Behind a rename there are another path and the lines of the head, which no file can forge.
+    After a rename another path and the lines of the header follow, which no file can forge.
     """
     if len(words) != count or (count == 9 and not words[8].endswith("\n")):
         return False
     return bool(_id(words[2]) and _mode(words[3]) and _id(words[5]) and _mode(words[6]))
 
 
-def _take(ctx: click.Context, handed: _Handed) -> None:
-    """Have the command compare what git hands over."""
+def _take(ctx: click.Context, handed: _GitWords) -> None:
+    """Set the parameters of the command from the words of git."""
     if ctx.params["files"] and not ctx.resilient_parsing:
         raise click.UsageError(
             f"git hands over the files, and there is {shown(ctx.params['files'][0])}, too. Let the "
             'command be "terratool diff --git", or "terratool diff --difftool" with three names.'
         )
-    # standard input is never meant
+    # git never means standard input
     ctx.params["files"] = tuple(f"./{name}" if name == "-" else name for name in handed.files)
     ctx.params["called"] = ctx.params["called"] or handed.path or None
 
@@ -210,7 +210,7 @@ def command(
     if a file is invalid, and with 3 if one cannot be read.
     """
     from terratool.errors import TerratoolError
-    from terratool.viewing.diff.files import Reading, are_folders
+    from terratool.viewing.diff.files import ReadOptions, are_folders
 
     form, outputs = _plan(formats)
     if git and not files:
@@ -230,15 +230,15 @@ def command(
         raise click.UsageError(f"{option} is for two files, and these are folders.")
     written = [out for _, out in outputs] + [out for out in (map_, picture) if out]
     _refuse_outputs((*files, *values["vehicles"]), written, map_, picture, overwrite)
-    reading = Reading(called, library_roots(), has_roughness())
+    reading = ReadOptions(called, library_roots(), has_roughness())
     options = _options(values)
     try:
-        with Status("comparing") as status:
-            found = _compared(files, folders, reading, options, status, map_, picture, overwrite)
+        with StatusLine("comparing") as status:
+            found = _compare(files, folders, reading, options, status, map_, picture, overwrite)
     except TerratoolError as error:
         if not git:
             raise
-        # git ends with a fault of its own where a diff does
+        # git fails itself where a diff driver does
         say(f"{called}: cannot be compared. {error}")
         return 0
     _write(found, form, outputs, max_changes, overwrite)
@@ -250,7 +250,7 @@ def _options(values: dict[str, Any]) -> DiffOptions:
     from terratool.traversability.vehicle import load_vehicle
     from terratool.viewing.diff.compare import DiffOptions
 
-    names_of(values["vehicles"])  # each once
+    names_of(values["vehicles"])  # refuses a vehicle given twice
     return DiffOptions(
         values["tolerance"],
         values["bounds"],
@@ -260,7 +260,7 @@ def _options(values: dict[str, Any]) -> DiffOptions:
 
 
 def _plan(formats: tuple[str, ...]) -> tuple[str, list[tuple[str, str]]]:
-    """The format on standard output, and those into files."""
+    """Format on standard output, and formats with their files."""
     printed: list[str] = []
     outputs = []
     for given in formats:
@@ -285,7 +285,7 @@ def _refuse_outputs(
     sources: tuple[str, ...], written: list[str], map_: str | None, picture: str | None,
     overwrite: bool,
 ) -> None:  # fmt: skip
-    """Refuse files that cannot be, or that are something else, before any work."""
+    """Refuse outputs that cannot be written, or that are inputs, before any work."""
     import os
     from pathlib import Path
 
@@ -315,12 +315,12 @@ def _refuse_outputs(
         refuse_missing_folder(Path(out))
 
 
-def _compared(
-    files: tuple[str, ...], folders: bool, reading: Reading, options: DiffOptions, status: Status,
-    map_: str | None, picture: str | None, overwrite: bool,
+def _compare(
+    files: tuple[str, ...], folders: bool, reading: ReadOptions, options: DiffOptions,
+    status: StatusLine, map_: str | None, picture: str | None, overwrite: bool,
 ) -> Comparison:  # fmt: skip
     from terratool.errors import RequestError
-    from terratool.viewing.diff.compare import Compared
+    from terratool.viewing.diff.compare import ComparedDefinitions
     from terratool.viewing.diff.files import compare_files, compare_folders
     from terratool.viewing.diff.map import write_map
 
@@ -328,7 +328,7 @@ def _compared(
     if folders:
         return compare_folders(old, new, reading, options, status)
 
-    def taken(compared: Compared) -> None:
+    def write_pictures(compared: ComparedDefinitions) -> None:
         if compared.both is None and (map_ or picture):
             raise RequestError(
                 f"{new}: its ground cannot be compared, so that there is no "
@@ -347,7 +347,7 @@ def _compared(
                 overwrite=overwrite,
             )  # fmt: skip
 
-    return compare_files(old, new, reading, options, status, taken)
+    return compare_files(old, new, reading, options, status, write_pictures)
 
 
 def _write(

@@ -9,16 +9,16 @@ from typing import TYPE_CHECKING, Any
 import click
 from msgspec import UNSET, Struct, UnsetType
 
-from terratool.cli.options import Names, library_root_option, roughness_option
+from terratool.cli.options import WordChoice, library_root_option, roughness_option
 from terratool.cli.saying import say, say_json
-from terratool.cli.terminal import Status, load
+from terratool.cli.terminal import StatusLine, load
 from terratool.report.documents import Document
 
 if TYPE_CHECKING:
     from terratool.raster.export import RasterReport, WrittenFile
 
-# as terratool.raster.layers and .geotiff have them, which are not imported for --help;
-# a test holds them equal
+# equal to those of terratool.raster.layers and .geotiff, which are not imported for --help;
+# a test checks
 LAYERS = (
     "height", "surface", "slope", "aspect", "normal", "cohesion", "friction", "sinkage", "sonar",
     "color",
@@ -39,7 +39,7 @@ COMPRESSIONS = ("zstd", "deflate", "lzw", "lerc", "none")
     "--layer",
     "layers",
     multiple=True,
-    type=Names(LAYERS),
+    type=WordChoice(LAYERS),
     default=("height",),
     metavar="NAME",
     help=f"What to write, once or several times: {', '.join(LAYERS)}.  [default: height]",
@@ -53,7 +53,7 @@ COMPRESSIONS = ("zstd", "deflate", "lzw", "lerc", "none")
 )
 @click.option(
     "--compress",
-    type=Names(COMPRESSIONS),
+    type=WordChoice(COMPRESSIONS),
     help="Of a GeoTIFF.  [default: zstd]",
 )
 @click.option(
@@ -152,7 +152,7 @@ def command(
     request = RasterRequest(
         layers, dtype, compression, nodata, overviews, overwrite, losses, threads
     )
-    with Status("painting", grid.width * grid.height) as progress:
+    with StatusLine("painting", grid.width * grid.height) as progress:
         if tiles is None:
             report = export_dem(terrain, grid, output, request, cog=cog, progress=progress)
         else:
@@ -200,18 +200,18 @@ def _refuse_odd(
 
 @dataclass(frozen=True, slots=True)
 class GridChoice:
-    """How the pixels were chosen.
+    """Choice of the pixels.
 
     Attributes:
-        why: who chose the resolution, in words.
-        overhang: how far they reach over the east and the north side of what was wanted.
+        why: phrase on who chose the resolution.
+        overhang: distances by which pixels reach over the east and the north side of the bounds.
     """
 
     why: str
     overhang: tuple[float, float]
 
     def sentences(self) -> Iterator[str]:
-        """Where the last pixels end, if not at the sides."""
+        """Yield sentences on the ends of the last pixels, if not at the sides."""
         for side, over in zip(("east", "north"), self.overhang, strict=True):
             if over:
                 where = "before" if over < 0 else "beyond"
@@ -219,7 +219,7 @@ class GridChoice:
 
 
 class BandDocument(Struct, frozen=True):
-    """A band of a file; its statistics, where they were asked for, are null without a number."""
+    """Band of a file as JSON; statistics that were asked for are null if no pixel has a number."""
 
     band: int
     name: str
@@ -232,7 +232,7 @@ class BandDocument(Struct, frozen=True):
 
 
 class FileDocument(Struct, frozen=True):
-    """A file; its `nodata_value` may be "nan", which no number of JSON is."""
+    """File of a raster as JSON; `nodata_value` may be the text "nan", as JSON has no NaN."""
 
     file: str
     dtype: str
@@ -245,7 +245,7 @@ class FileDocument(Struct, frozen=True):
 
 
 class RasterDocument(Document, frozen=True, kw_only=True):
-    """What was written, as JSON."""
+    """Rasters that were written, as JSON."""
 
     width: int
     height: int
@@ -309,7 +309,7 @@ def _file(written: WrittenFile, pixels: int) -> FileDocument:
 
 
 def as_text(report: RasterReport, choice: GridChoice) -> Iterator[str]:
-    """A report in lines for people."""
+    """Report in lines for people."""
     from terratool.report.wording import counted
 
     grid = report.grid

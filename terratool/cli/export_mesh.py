@@ -1,4 +1,4 @@
-"""`terratool export-mesh`; `export-obj` and `export-vrml`, the same for one format."""
+"""`terratool export-mesh`, and `export-obj` and `export-vrml` for one format each."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import click
 
 from terratool.cli.options import library_root_option, roughness_option
 from terratool.cli.saying import say, say_json
-from terratool.cli.terminal import Status, load
+from terratool.cli.terminal import StatusLine, load
 from terratool.report.numbers import spelled
 
 if TYPE_CHECKING:
@@ -91,7 +91,7 @@ _GRID_OPTIONS = (
 
 
 def _options(*options: Callable[[_Function], _Function]) -> Callable[[_Function], _Function]:
-    """All of some options on a function, in their order."""
+    """Decorator that adds options to a function, in their order."""
 
     def decorate(function: _Function) -> _Function:
         for option in reversed(options):
@@ -145,7 +145,7 @@ def vrml(**options: Any) -> None:
 
 @dataclass(frozen=True, slots=True)
 class _Request:
-    """The arguments and options of a command; `suffix` is the only one allowed, if any."""
+    """Arguments and options of a command; `suffix`, if not empty, is the only one allowed."""
 
     suffix: str
     file: str
@@ -168,7 +168,7 @@ class _Request:
         return self.origin == "world"
 
     def options(self) -> MeshOptions:
-        """What is wanted of a mesh."""
+        """Options of the mesh."""
         from terratool.mesh.export import MeshOptions
 
         return MeshOptions(
@@ -182,7 +182,7 @@ class _Request:
         )
 
     def check(self) -> None:
-        """Refuse another format than the command is for, and options that do not go together."""
+        """Refuse formats that the command is not for, and options that do not go together."""
         from terratool.errors import RequestError
         from terratool.mesh.formats.table import mesh_format
 
@@ -225,7 +225,7 @@ class _Request:
 
 
 def _export(request: _Request) -> None:
-    """Write a mesh, tiles or a grid of heights, and say what it is."""
+    """Write a mesh, tiles or a grid of heights, and print the report."""
     request.check()  # before a large definition is read
     report: MeshReport | ElevationGridReport | MeshTilesReport
     if request.tile_faces is not None:
@@ -243,14 +243,14 @@ def _export(request: _Request) -> None:
 
 
 def _export_mesh(request: _Request) -> tuple[MeshReport, list[str]]:
-    """Write a mesh; its report, and this in lines for people."""
+    """Write a mesh; return the report, and its lines for people."""
     from terratool.mesh.export import export_mesh
     from terratool.report.numbers import metres
     from terratool.report.wording import counted
 
     _check_output(request)
     terrain = load(request.file)
-    with Status("meshing") as status:
+    with StatusLine("meshing") as status:
         report = export_mesh(
             terrain,
             request.output,
@@ -268,12 +268,12 @@ def _export_mesh(request: _Request) -> tuple[MeshReport, list[str]]:
 
 
 def _export_grid(request: _Request) -> tuple[ElevationGridReport, list[str]]:
-    """Write a grid of heights; its report, and this in lines for people."""
+    """Write a grid of heights; return the report, and its lines for people."""
     from terratool.mesh.elevation import export_elevation_grid
 
     _check_output(request)
     terrain = load(request.file)
-    with Status("writing"):
+    with StatusLine("writing"):
         report = export_elevation_grid(
             terrain,
             request.output,
@@ -287,7 +287,7 @@ def _export_grid(request: _Request) -> tuple[ElevationGridReport, list[str]]:
 
 
 def _export_tiles(request: _Request) -> tuple[MeshTilesReport, list[str]]:
-    """Write tiles; their report, and this in lines for people."""
+    """Write tiles of a mesh; return the report, and its lines for people."""
     from terratool.errors import WriteError
     from terratool.mesh.formats.table import mesh_format
     from terratool.mesh.tiles import TileCount, export_tiles
@@ -302,7 +302,7 @@ def _export_tiles(request: _Request) -> tuple[MeshTilesReport, list[str]]:
             f"{folder}: holds the definition itself.", "Choose another folder for the tiles."
         )
     terrain = load(request.file)
-    with Status("meshing") as status:
+    with StatusLine("meshing") as status:
         report = export_tiles(
             terrain,
             folder,
@@ -323,7 +323,7 @@ def _export_tiles(request: _Request) -> tuple[MeshTilesReport, list[str]]:
 
 
 def _check_output(request: _Request) -> None:
-    """Refuse what can be known to fail before the definition is read, or to write over it."""
+    """Refuse outputs that are known to fail before the definition is read, or that replace it."""
     from terratool.errors import WriteError
     from terratool.mesh.export import check_request
     from terratool.output import is_same_file

@@ -9,7 +9,7 @@ from msgspec import Struct
 
 from terratool.cli.options import library_root_option, roughness_option
 from terratool.cli.saying import say, say_json
-from terratool.cli.terminal import Status, load
+from terratool.cli.terminal import StatusLine, load
 from terratool.report.documents import Document
 from terratool.simulators.options import (
     ASSUMED_FRICTION,
@@ -33,9 +33,9 @@ _ABOUT = {
     "max_step": ["nav2"],
     "resolution": ["nav2", "grid-map"],
 }
-"""Options that only these targets look at …"""
+"""Targets that use an option, by the option's name."""
 _IN_PLACE_OF = {"max_geoms": "flex", "max_slope": "vehicle", "max_step": "vehicle"}
-"""… and those that this other option makes idle."""
+"""Option that makes another one idle, by the name of the idle one."""
 
 
 @click.command(
@@ -142,7 +142,7 @@ def command(
     source = None if file == "-" else file
     plan = plan_export(folder, targets, wanted, source=source, overwrite=overwrite)
     terrain = load(file)
-    with Status("meshing") as status:
+    with StatusLine("meshing") as status:
         reports = plan.write(terrain, status.say)
     if as_json:
         folders = {
@@ -161,7 +161,7 @@ def command(
 
 
 class FolderDocument(Struct, frozen=True):
-    """What was written for one simulator; the manifest in its folder has the rest."""
+    """Folder of one simulator, as JSON; the manifest in the folder has the rest."""
 
     folder: str
     summary: str
@@ -169,7 +169,7 @@ class FolderDocument(Struct, frozen=True):
 
 
 class TargetsDocument(Document, frozen=True, kw_only=True):
-    """What was written, as JSON, by simulator."""
+    """Folders that were written, as JSON, by simulator."""
 
     targets: dict[str, FolderDocument]
 
@@ -178,7 +178,7 @@ def _refuse_idle(ctx: click.Context, targets: list[str]) -> None:
     """Refuse options that would have no effect.
 
     Raises:
-        RequestError: which one it is.
+        RequestError: an option is idle.
     """
     from terratool.errors import RequestError
     from terratool.report.wording import listed

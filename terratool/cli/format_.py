@@ -10,7 +10,7 @@ import click
 
 from terratool.cli.report import ValidationReport, ValidationSummary, as_text
 from terratool.cli.saying import say, say_block, say_error, write_definition
-from terratool.cli.terminal import Status, called
+from terratool.cli.terminal import StatusLine, short_name
 from terratool.definition.layout import canonical
 from terratool.definition.reader import CheckOptions, check
 from terratool.errors import ReadError, WriteError
@@ -19,7 +19,7 @@ from terratool.report.wording import counted
 from terratool.text.source import PLAIN, Source, leads_out, read_source, sources
 
 _NOT_ONE = ("TT105", "")
-"""Code and place of what is found in a text that is no object."""
+"""Code and JSON pointer of the finding in a text that is no object."""
 
 
 @click.command("format", epilog="Example: terratool format samples/paper-example.json --check")
@@ -39,14 +39,14 @@ def command(ctx: click.Context, files: tuple[str, ...], only_check: bool) -> Non
     """
     changed = broken = count = 0
     failed: list[ReadError | WriteError] = []
-    with Status("reading") as status:
+    with StatusLine("reading") as status:
         for name in chain.from_iterable(_names(given, failed, status) for given in files):
             count += 1
-            status.say(f"laying out {called(name)}")
+            status.say(f"laying out {short_name(name)}")
             try:
                 source = read_source(name, named=name in files)
             except ReadError as error:
-                failed.append(_said(error, status))
+                failed.append(_print_error(error, status))
                 continue
             if not _is_definition(source, status):
                 broken += 1
@@ -67,7 +67,7 @@ def command(ctx: click.Context, files: tuple[str, ...], only_check: bool) -> Non
                     if not only_check:
                         _write(name, text)
                 except WriteError as error:
-                    failed.append(_said(error, status))
+                    failed.append(_print_error(error, status))
                     continue
                 say(f"{source.name}: {what}")
             changed += differs
@@ -77,28 +77,28 @@ def command(ctx: click.Context, files: tuple[str, ...], only_check: bool) -> Non
     ctx.exit(3 if failed else int(broken > 0 or (only_check and changed > 0)))
 
 
-def _names(given: str, failed: list[ReadError | WriteError], status: Status) -> Iterator[str]:
+def _names(given: str, failed: list[ReadError | WriteError], status: StatusLine) -> Iterator[str]:
     try:
         for name in sources(given, PLAIN):
             if name != given and leads_out(name, (given,)):
                 error = ReadError(
                     f"{name}: is a link out of the folder that was named.", "Name what it leads to."
                 )
-                failed.append(_said(error, status))
+                failed.append(_print_error(error, status))
             else:
                 yield name
     except ReadError as error:
-        failed.append(_said(error, status))
+        failed.append(_print_error(error, status))
 
 
-def _said(error: ReadError | WriteError, status: Status) -> ReadError | WriteError:
+def _print_error(error: ReadError | WriteError, status: StatusLine) -> ReadError | WriteError:
     status.clear()
     say_error(error.message, error.hint)
     return error
 
 
-def _is_definition(source: Source, status: Status) -> bool:
-    """Whether a text is a JSON object; if not, what is wrong with it is said."""
+def _is_definition(source: Source, status: StatusLine) -> bool:
+    """Whether a text is a JSON object; if not, print the finding."""
     checked = check(source, CheckOptions(warnings=False), kind=None)
     wrong = [f for f in checked.findings if not checked.readable or (f.code, f.pointer) == _NOT_ONE]
     if not wrong:

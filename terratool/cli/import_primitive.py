@@ -9,7 +9,7 @@ import click
 
 from terratool.cli.options import library_root_option, library_roots, options_of, source_options
 from terratool.cli.saying import say, say_json, write_definition
-from terratool.cli.terminal import Status, called
+from terratool.cli.terminal import StatusLine, short_name
 
 if TYPE_CHECKING:
     from terratool.importing.primitive.build import ImportedPrimitive, PrimitiveRequest
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from terratool.importing.types import SampledHeights, SourceOptions
 
 _MOST_STEPS = 64
-"""A mesh with more walls all across is one of bars, which no curve of this kind is for."""
+"""Most steps of a curve; a mesh with more walls all across is one of bars, not of steps."""
 
 
 @click.command(
@@ -99,7 +99,7 @@ def command(source: str, name: str, overwrite: bool, as_json: bool, **values: An
         refuse_missing_folder(Path(output))
     if output is not None and is_same_file(output, source):
         raise WriteError(f"{output}: is the source itself.", "Choose another name.")
-    with Status(f"reading {called(source)}") as status:
+    with StatusLine(f"reading {short_name(source)}") as status:
         patch, wanted = _read(source, chosen, wanted)
         status.say("fitting")
         imported = import_primitive(patch, name, wanted)
@@ -116,7 +116,7 @@ def command(source: str, name: str, overwrite: bool, as_json: bool, **values: An
 
 
 def _cell(into: str | None, place: str | None, span: str | None) -> CellPath | None:
-    """Where elements go, if anywhere."""
+    """Cell of the element that is added; None if no element is."""
     from terratool.errors import RequestError
     from terratool.importing.primitive.insert import parse_cell_path
 
@@ -130,7 +130,7 @@ def _cell(into: str | None, place: str | None, span: str | None) -> CellPath | N
 def _read(
     source: str, options: SourceOptions, wanted: PrimitiveRequest
 ) -> tuple[SampledHeights, PrimitiveRequest]:
-    """The patch, and what is wanted with the walls of a mesh as steps."""
+    """Patch of heights, and the request with the walls of a mesh as steps."""
     from dataclasses import replace
 
     from terratool.importing.primitive.build import read_samples
@@ -158,7 +158,7 @@ def _deliver(
     overwrite: bool,
     as_json: bool,
 ) -> None:
-    """Write the primitive where it is to go, and say how well it fits."""
+    """Write the primitive into its definition or onto standard output, and print its errors."""
     from terratool.definition.layout import primitives_text
     from terratool.importing.primitive import insert
     from terratool.importing.primitive.build import sentences

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 import click
 from msgspec import Struct
 
-from terratool.cli.options import Names, options_of, source_options
+from terratool.cli.options import WordChoice, options_of, source_options
 from terratool.cli.saying import say, say_json
-from terratool.cli.terminal import Status, called
+from terratool.cli.terminal import StatusLine, short_name
 from terratool.definition.presets import PRESETS
 from terratool.report.documents import Document
 from terratool.report.numbers import per_cent
@@ -20,7 +20,7 @@ from terratool.report.wording import counted
 if TYPE_CHECKING:
     from terratool.importing.terrain.build import ImportReport
 
-# as terratool.importing.terrain.methods names them, which is not imported for --help
+# equal to the names in terratool.importing.terrain.methods, which is not imported for --help
 _METHODS = ("rows", "columns", "nodal-rows", "nodal-columns", "hats")
 
 
@@ -51,7 +51,10 @@ _METHODS = ("rows", "columns", "nodal-rows", "nodal-columns", "hats")
     "filled in, or that class.  [default: the name of the preset, if there is one]",
 )
 @click.option(
-    "--preset", type=Names(PRESETS), metavar="SOIL", help="The soil of that surface, as dry-sand."
+    "--preset",
+    type=WordChoice(PRESETS),
+    metavar="SOIL",
+    help="The soil of that surface, as dry-sand.",
 )
 @click.option("--fill", is_flag=True, help="Fill what is nodata, rather than leave it void.")
 @click.option(
@@ -68,14 +71,14 @@ _METHODS = ("rows", "columns", "nodal-rows", "nodal-columns", "hats")
     "--method",
     "methods",
     multiple=True,
-    type=Names(_METHODS),
+    type=WordChoice(_METHODS),
     metavar="NAME",
     help=f"How to write the heights, once or several times: {', '.join(_METHODS)}.  "
     "[default: the smallest]",
 )
 @click.option(
     "--cells",
-    type=Names(("pixels", "half-pixels")),
+    type=WordChoice(("pixels", "half-pixels")),
     default="half-pixels",
     show_default=True,
     metavar="KIND",
@@ -124,10 +127,10 @@ def command(source: str, output: str, overwrite: bool, as_json: bool, **values: 
         **values,
     )
     with contextlib.ExitStack() as stack:
-        with Status(f"reading {called(source)}"):
+        with StatusLine(f"reading {short_name(source)}"):
             heights = stack.enter_context(open_source(source, chosen))
         pixels = heights.grid.rows * heights.grid.columns
-        with Status("reading and writing", 2 * pixels) as progress:
+        with StatusLine("reading and writing", 2 * pixels) as progress:
             report = import_terrain(heights, output, options, overwrite, progress)
     if as_json:
         say_json(_document(report, output))
@@ -139,7 +142,7 @@ def command(source: str, output: str, overwrite: bool, as_json: bool, **values: 
 
 
 class ImportErrors(Struct, frozen=True):
-    """How far the ground is from the pixels."""
+    """Errors of the ground at the pixels, as JSON."""
 
     wanted: float
     bound: float | None
@@ -149,7 +152,7 @@ class ImportErrors(Struct, frozen=True):
 
 
 class ImportDocument(Document, frozen=True, kw_only=True):
-    """What was written, as JSON."""
+    """Summary of an import, as JSON."""
 
     file: str
     bytes: int
@@ -202,7 +205,7 @@ def _document(report: ImportReport, output: str) -> ImportDocument:
 
 
 def as_text(report: ImportReport, output: str) -> Iterator[str]:
-    """A report in lines for people."""
+    """Report in lines for people."""
     grid, error, unit = report.grid, report.error, report.grid.unit
     pixels = grid.rows * grid.columns
     size = f"{grid.dx:g}" if grid.dx == grid.dy else f"{grid.dx:g} × {grid.dy:g}"

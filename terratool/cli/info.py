@@ -10,7 +10,7 @@ import click
 
 from terratool.cli.options import library_root_option, roughness_option
 from terratool.cli.saying import say, say_json, write_json
-from terratool.cli.terminal import Status, load
+from terratool.cli.terminal import StatusLine, load
 from terratool.text.display import printable
 
 if TYPE_CHECKING:
@@ -36,10 +36,10 @@ def command(file: str, as_json: bool, geojson: bool) -> None:
 
     terrain = load(file)
     if geojson:
-        with Status("writing"):
+        with StatusLine("writing"):
             _write_geojson(terrain)
         return
-    with Status("looking at heights"):
+    with StatusLine("looking at heights"):
         summary = summarise(terrain)
     if as_json:
         say_json(summary)
@@ -48,7 +48,7 @@ def command(file: str, as_json: bool, geojson: bool) -> None:
 
 
 def _write_geojson(terrain: Terrain) -> None:
-    """Feature by feature, a line each, so that a million take no memory."""
+    """Print the elements as GeoJSON, a line for each feature, so that a million take no memory."""
     from terratool.field.footprints import features, geojson_head
 
     head = json.dumps(geojson_head(terrain), ensure_ascii=False)

@@ -1,4 +1,4 @@
-"""The `terratool` command: commands are loaded by name when they are called."""
+"""The `terratool` command, which imports the module of a command when that is called."""
 
 from __future__ import annotations
 
@@ -48,15 +48,15 @@ _REMOTE = (
     "HTTP WMS WCS WMTS EEDA EEDAI DAAS STACIT STACTA PLMOSAIC OGCAPI GTI MRF KMLSUPEROVERLAY WFS "
     "OAPIF CSW Carto AmigoCloud Elastic NGW PLSCENES DERIVED GMLAS"
 )
-"""Drivers of GDAL that ask the net, or lead there; they are not even registered."""
+"""Drivers of GDAL that access the network, or lead there; none is registered."""
 
 
 COMPLETE = "_TERRATOOL_COMPLETE"
-"""The environment variable by which a shell asks what it may complete."""
+"""Environment variable by which a shell asks for completions."""
 
 
 class _OutputError(Exception):
-    """Standard output takes no more; not an OSError, which click would turn into exit code 1."""
+    """Failure to write standard output; no OSError, as click would turn that into exit code 1."""
 
     def __init__(self, cause: OSError) -> None:
         super().__init__(str(cause))
@@ -64,7 +64,7 @@ class _OutputError(Exception):
 
 
 def _import_quickly(name: str) -> ModuleType:
-    """A module, imported without looks for garbage, which modules do not leave."""
+    """Import a module without garbage collection, as imports leave no garbage."""
     was_enabled = gc.isenabled()
     gc.disable()
     try:
@@ -76,7 +76,7 @@ def _import_quickly(name: str) -> ModuleType:
 
 
 class _Lazy(click.Group):
-    """Lists its commands without importing them, so that --help is quick."""
+    """Group that lists its commands without importing them, so that --help is quick."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         return list(_COMMANDS)
@@ -90,13 +90,13 @@ class _Lazy(click.Group):
         if os.environ.get(COMPLETE):
             for parameter in command.params:
                 if parameter.type is click.STRING:
-                    parameter.type = click.Path()  # a text may be a file, which shells complete
+                    parameter.type = click.Path()  # shells complete texts as names of files
         return command
 
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
-        if ctx.resilient_parsing:  # a shell completes, and nothing may be said
+        if ctx.resilient_parsing:  # no error may be printed while a shell completes
             return super().resolve_command(ctx, args)
         if args and args[0] not in _COMMANDS and not args[0].startswith("-"):
             from difflib import get_close_matches
@@ -107,12 +107,12 @@ class _Lazy(click.Group):
         from terratool.cli.options import refuse_ambiguous
 
         name, command, words = super().resolve_command(ctx, args)
-        if name != "diff":  # which knows the words of git, and asks about the others itself
+        if name != "diff":  # diff refuses by itself, as words of git may look like options
             refuse_ambiguous(words)
         return name, command, words
 
     def shell_complete(self, ctx: click.Context, incomplete: str) -> Any:
-        """Commands by their names, without importing them, and options."""
+        """Completions: names of commands, without importing these, and options."""
         from click.shell_completion import CompletionItem
 
         return [
@@ -172,15 +172,15 @@ def main() -> None:
             encoding = None if stream is sys.stderr or stream.isatty() else "utf-8"
             stream.reconfigure(encoding=encoding, errors="backslashreplace")
     keep_apart()
-    os.environ["PROJ_NETWORK"] = "OFF"  # no grids are fetched, whatever proj.ini says
-    os.environ.setdefault("PROJ_DEBUG", "0")  # it would print what GDAL says again
+    os.environ["PROJ_NETWORK"] = "OFF"  # overrides proj.ini, so that no grids are fetched
+    os.environ.setdefault("PROJ_DEBUG", "0")  # PROJ would repeat the errors of GDAL
     if "--allow-remote" not in sys.argv:
         os.environ["GDAL_SKIP"] = f"{os.environ.get('GDAL_SKIP', '')} {_REMOTE}"
     from terratool.cli.stopping import end_on_signals
 
     with end_on_signals():
         code = _run()
-        if sys.stdout is not None:  # as it is where it was closed
+        if sys.stdout is not None:  # None where standard output was closed
             try:
                 sys.stdout.flush()
             except OSError as error:
@@ -189,7 +189,7 @@ def main() -> None:
 
 
 def _say(message: str, hint: str = "") -> None:
-    """Say what is wrong, by a module that --help does without, to be quick."""
+    """Print an error; imports late, so that --help is quick."""
     from terratool.cli.saying import say_error
 
     say_error(message, hint)
@@ -206,12 +206,12 @@ def _run() -> int:
         return 2
     except click.ClickException as error:
         message = error.format_message()
-        ctx = getattr(error, "ctx", None)  # click knows none of an option without its value
+        ctx = getattr(error, "ctx", None)  # None for an option without its value
         of = ctx.command_path if ctx else "terratool"
         _say(message, "" if "--help" in message else f"See {of} --help.")
         return error.exit_code
     except click.Abort:
-        return _stopped()
+        return _report_stop()
     except TerratoolError as error:
         _say(error.message, error.hint)
         return error.exit_code
@@ -224,26 +224,26 @@ def _run() -> int:
     except _OutputError as error:
         return _cannot_write(error.cause)
     except Exception as error:
-        # a kernel that is interrupted while it is loaded is an ImportError
+        # a signal while a kernel is loaded becomes an ImportError
         stopped = interruption(error)
         if stopped is None:
             raise
         if not isinstance(stopped, KeyboardInterrupt):
             raise stopped from None
-        return _stopped()
+        return _report_stop()
 
 
-def _stopped() -> int:
-    from terratool.cli.stopping import said
+def _report_stop() -> int:
+    from terratool.cli.stopping import stop_reported
 
-    said.set()
+    stop_reported.set()
     _say("stopped.")
     return 130
 
 
 def _cannot_write(error: OSError) -> int:
-    """Standard output takes no more: in silence if its reader has gone, as in `| head`."""
-    # what is still in the buffer must not be tried again at exit
+    """Exit code after standard output failed; no message if its reader has gone, as in `| head`."""
+    # the rest of the buffer must not be written again at exit
     if sys.stdout is not None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     if isinstance(error, BrokenPipeError):

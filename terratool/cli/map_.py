@@ -9,7 +9,7 @@ import click
 
 from terratool.cli.options import finite
 from terratool.cli.saying import say, say_json
-from terratool.cli.terminal import Status
+from terratool.cli.terminal import StatusLine
 from terratool.report.documents import Document
 from terratool.report.wording import counted, listed
 from terratool.text.display import shown
@@ -19,10 +19,10 @@ if TYPE_CHECKING:
 
     from terratool.sensing.robot_map import RobotMap
 
-# as terratool.sensing.robot_map has them, which is not imported for --help; a test holds them equal
+# equal to those of terratool.sensing.robot_map, which is not imported for --help; a test checks
 LEVELS, MOST_LEVELS, SIGMA = 3, 12, 0.02
 _MOST_NAMES = 20
-"""Of surfaces that are told."""
+"""Most names of surfaces that are printed."""
 
 
 @click.command(
@@ -113,7 +113,7 @@ def command(
     if sensor_file is not None:
         noise = load_sensor(sensor_file).noise
     options = MapOptions(values["cell"], levels, noise)
-    with Status("reading") as status:
+    with StatusLine("reading") as status:
         robot_map = map_scans(scans, options, values["bounds"], values["origin"], status.say)
         files = write_map(robot_map, wanted, status.say)
     if as_json:
@@ -124,7 +124,7 @@ def command(
 
 
 class MapDocument(Document, frozen=True, kw_only=True):
-    """What was mapped, as JSON."""
+    """Summary of a map, as JSON."""
 
     files: list[str]
     points: int
@@ -155,7 +155,7 @@ def _document(robot_map: RobotMap, files: list[Path]) -> MapDocument:
 
 
 def as_text(robot_map: RobotMap, files: list[Path]) -> Iterator[str]:
-    """What was mapped, in lines for people."""
+    """Summary of a map, in lines for people."""
     grid, cells = robot_map.grid, robot_map.grid.width * robot_map.grid.height
     yield (
         f"{files[0]}: {counted(robot_map.points, 'reading')} in {robot_map.seen:,} of {cells:,} "

@@ -11,7 +11,7 @@ import click
 from terratool.authoring.starters.build import KINDS, hint_for
 from terratool.authoring.starters.options import Option
 from terratool.cli.saying import say, say_json, write_definition
-from terratool.cli.terminal import Status, called
+from terratool.cli.terminal import StatusLine, short_name
 from terratool.report.documents import Document
 from terratool.report.wording import listed
 
@@ -36,8 +36,8 @@ def _number(text: str | float) -> float:
         ) from None
 
 
-class _Kind(click.Command):
-    """A kind of terrain; an option that only others take is said to be theirs."""
+class _KindCommand(click.Command):
+    """Command of one kind of terrain; its errors name the kinds that take an unknown option."""
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         try:
@@ -47,7 +47,7 @@ class _Kind(click.Command):
 
 
 def _no_option(kind: str, given: str) -> str:
-    """What is wrong with an option that a kind does not take, and what to do."""
+    """Message on an option that a kind does not take, with the kinds that do."""
     own = [f"--{option.name}" for option in KINDS[kind].options]
     others = [name for name, one in KINDS.items() if given[2:] in {o.name for o in one.options}]
     if others:
@@ -56,8 +56,8 @@ def _no_option(kind: str, given: str) -> str:
     return f"{kind} takes no {given}. {hint_for(given, [*own, '--overwrite', '--json'])}"
 
 
-class _Kinds(click.Group):
-    """Each kind is a command of its own, with its own options."""
+class _KindGroup(click.Group):
+    """Group with a command for each kind of terrain, which has its own options."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         return list(KINDS)
@@ -80,7 +80,7 @@ class _Kinds(click.Group):
 
 @click.command(
     "new",
-    cls=_Kinds,
+    cls=_KindGroup,
     subcommand_metavar="KIND OUT.json ...",
     epilog="Example: terratool new stairs stairs.json --steps 8 --rise 0.15",
 )
@@ -94,12 +94,12 @@ def command() -> None:
 
 
 def _command_of(kind: str) -> click.Command:
-    """The command of a kind, from the table of its options."""
+    """Command of a kind, from the table of the kind's options."""
 
     def make(output: str, overwrite: bool, as_json: bool, **values: Any) -> None:
         _make(kind, output, overwrite, as_json, values)
 
-    return _Kind(
+    return _KindCommand(
         kind,
         params=[
             click.Argument(["output"], metavar="OUT.json"),
@@ -128,7 +128,7 @@ def _option_of(option: Option) -> click.Option:
 
 
 class NewDocument(Document, frozen=True, kw_only=True):
-    """What was written, as JSON."""
+    """Summary of a new terrain, as JSON."""
 
     file: str
     kind: str
@@ -150,10 +150,10 @@ def _make(kind: str, output: str, overwrite: bool, as_json: bool, values: dict[s
             raise RequestError(f"{output}: is no name of a definition.", "Let it end in .json.")
         refuse_existing(Path(output), overwrite)
         refuse_missing_folder(Path(output))
-    with Status("making") as status:
+    with StatusLine("making") as status:
         text = new(kind, **values)
         if not shown:
-            status.say(f"writing {called(output)}")
+            status.say(f"writing {short_name(output)}")
             write_source(Source("", text.encode(), output.endswith(".gz")), output, overwrite)
     if shown:
         write_definition(text)

@@ -1,4 +1,4 @@
-"""Options that commands share: what to take from a source, which vehicle or wheel."""
+"""Options that commands share: libraries, roughness, sources of heights, vehicles."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ _NAMES = (
 )  # fmt: skip
 
 
-class Names(click.Choice[str]):
-    """Names to choose from; one that is nearly right is guessed at."""
+class WordChoice(click.Choice[str]):
+    """Choice among words, whose error guesses the word that was meant."""
 
     def get_invalid_choice_message(self, value: Any, ctx: click.Context | None) -> str:
-        """The message of click, and a guess."""
+        """Message of click, with the nearest word."""
         from difflib import get_close_matches
 
         message = super().get_invalid_choice_message(value, ctx)
@@ -34,12 +34,12 @@ class Names(click.Choice[str]):
 
 
 def refuse_ambiguous(words: list[str]) -> None:
-    """Refuse words that would be options, or standard input, and are names of files here.
+    """Refuse words that look like options, or standard input, and are also names of files here.
 
-    Others may have handed them over: git, pre-commit, find, or the shell for a star.
+    A program may have handed them over as names of files: git, pre-commit, find, or the shell.
 
     Raises:
-        RequestError: there is one.
+        RequestError: there is such a word.
     """
     import os
 
@@ -49,7 +49,7 @@ def refuse_ambiguous(words: list[str]) -> None:
     for place, word in enumerate(words):
         if word[:1] != "-" or (place >= end and word != "-") or not os.path.lexists(word):
             continue
-        if word[1:].lstrip(".")[:1].isdecimal():  # a number is no option
+        if word[1:].lstrip(".")[:1].isdecimal():  # negative numbers are no options
             continue
         what = "stands for standard input" if word == "-" else "is an option"
         raise RequestError(
@@ -78,7 +78,7 @@ library_root_option = click.option(
 
 
 def library_roots() -> tuple[str, ...]:
-    """The folders that --library-root names."""
+    """Folders that --library-root names."""
     context = click.get_current_context(silent=True)
     return () if context is None else context.meta.get(_ROOTS, ())
 
@@ -100,13 +100,13 @@ roughness_option = click.option(
 
 
 def has_roughness() -> bool:
-    """Whether rough surfaces have their relief; not with --no-roughness."""
+    """Whether rough surfaces have their relief: False with --no-roughness."""
     context = click.get_current_context(silent=True)
     return True if context is None else context.meta.get(_ROUGHNESS, True)
 
 
 def source_options(command: _Command) -> _Command:
-    """Add the options to a command; it gets them by name, and `options_of` collects them."""
+    """Add the options about a source to a command; `options_of` collects their values."""
     for option in reversed(
         (
             click.option(
@@ -160,7 +160,7 @@ def source_options(command: _Command) -> _Command:
 
 
 def options_of(values: dict[str, Any]) -> SourceOptions:
-    """Take the values of these options out of all of a command's."""
+    """Remove the values of the options about a source from a command's, and return them."""
     from terratool.importing.types import SourceOptions
 
     return SourceOptions(**{name: values.pop(name) for name in _NAMES})
@@ -172,14 +172,14 @@ _FIGURES = {
     "tyre_pressure": "tyre_pressure", "contact_length": "contact_length", "torque": "max_torque",
     "max_slip": "max_slip",
 }  # fmt: skip
-"""Options about a wheel, by the names that a vehicle file has for them."""
+"""Keys of a wheel in a vehicle file, by the names of the options."""
 _WHEEL = ("load", *_FIGURES)
 _LEAST, _MOST = 1e-6, 1e9
-"""Of each of them: with these nothing overflows on the way."""
+"""Least and largest value of an option about a wheel, between which nothing overflows."""
 
 
 def finite(ctx: click.Context, param: click.Parameter, value: Any) -> Any:
-    """A callback: neither NaN nor endless, a number or several."""
+    """Return a number, or several, unchanged; a callback that refuses NaN and infinity."""
     for number in value if isinstance(value, tuple) else (value,):
         if number is not None and not math.isfinite(number):
             raise click.BadParameter(f"{number:g} is no finite number.")
@@ -187,7 +187,7 @@ def finite(ctx: click.Context, param: click.Parameter, value: Any) -> Any:
 
 
 def _positive(ctx: click.Context, param: click.Parameter, value: float | None) -> float | None:
-    if value is not None and not _LEAST <= value <= _MOST:  # nor NaN
+    if value is not None and not _LEAST <= value <= _MOST:  # NaN is refused, too
         what = "is no number" if math.isnan(value) else f"is not from {_LEAST:g} to {_MOST:g}"
         raise click.BadParameter(f"{value:g} {what}.")
     return value
@@ -200,13 +200,13 @@ def _slip(ctx: click.Context, param: click.Parameter, value: float | None) -> fl
 
 
 def vehicle_options(command: _Command) -> _Command:
-    """Add the options to a command; it gets them by name, and `vehicle_from` collects them."""
+    """Add the options about one vehicle to a command; `vehicle_from` collects their values."""
     vehicle = click.option("--vehicle", metavar="V.json", help="The vehicle, from its file.")
     return vehicle(_wheel_options(command))
 
 
 def vehicles_options(command: _Command) -> _Command:
-    """The same, with one vehicle or several; `vehicles_from` collects them."""
+    """Add the options about one or more vehicles; `vehicles_from` collects their values."""
     text = "The vehicle, from its file; several are compared side by side."
     vehicle = click.option("--vehicle", multiple=True, metavar="V.json", help=text)
     return vehicle(_wheel_options(command))
@@ -248,19 +248,19 @@ def _measure(name: str, metavar: str, text: str) -> Callable[[_Command], _Comman
 
 
 def vehicle_from(values: dict[str, Any]) -> Vehicle:
-    """Take the values of these options out of all of a command's, and make the vehicle of them.
+    """Remove the values of the options about a vehicle from a command's, and make the vehicle.
 
     Raises:
-        click.UsageError: they name both a vehicle and a wheel, neither, or half a wheel.
+        click.UsageError: the options name both a vehicle and a wheel, neither, or half a wheel.
         ReadError: the vehicle's file cannot be read.
-        DefinitionError: it has errors, or is a terrain.
+        DefinitionError: the vehicle's file has errors, or is a terrain.
     """
     path = values.pop("vehicle")
     wheel = {name: value for name in _WHEEL if (value := values.pop(name)) is not None}
     if path is not None:
         if wheel:
             raise click.UsageError(
-                f"{_named(wheel)} {'says' if len(wheel) == 1 else 'say'} what --vehicle says in "
+                f"{_flags(wheel)} {'says' if len(wheel) == 1 else 'say'} what --vehicle says in "
                 "its file. Give a vehicle or a wheel, not both."
             )
         from terratool.traversability.vehicle import load_vehicle
@@ -274,7 +274,7 @@ def vehicle_from(values: dict[str, Any]) -> Vehicle:
     missing = [name for name in _NEEDED if name not in wheel]
     if missing:
         raise click.UsageError(
-            f"A wheel needs {_named(missing)}, too. Add what is missing, or give --vehicle V.json."
+            f"A wheel needs {_flags(missing)}, too. Add what is missing, or give --vehicle V.json."
         )
 
     radius = wheel["wheel_radius"]
@@ -284,7 +284,7 @@ def vehicle_from(values: dict[str, Any]) -> Vehicle:
     ):
         if wheel.get(name, 0.0) > most:
             raise click.UsageError(
-                f"{_named([name])} is {wheel[name]:g} m, but the wheel's {what} is only {most:g} "
+                f"{_flags([name])} is {wheel[name]:g} m, but the wheel's {what} is only {most:g} "
                 "m. Give both in metres."
             )
 
@@ -296,11 +296,11 @@ def vehicle_from(values: dict[str, Any]) -> Vehicle:
 
 
 def vehicles_from(values: dict[str, Any]) -> list[Vehicle]:
-    """Likewise, of one vehicle or several, which have names that differ.
+    """Remove the values of the options about vehicles, and make vehicles of different names.
 
     Raises:
         RequestError: a vehicle is given twice, or two cannot be told apart.
-        click.UsageError, ReadError, DefinitionError: as of `vehicle_from`.
+        click.UsageError, ReadError, DefinitionError: `vehicle_from` raises them.
     """
     paths = values.pop("vehicle")
     wheel = {name: values.pop(name) for name in _WHEEL}
@@ -316,6 +316,6 @@ def vehicles_from(values: dict[str, Any]) -> list[Vehicle]:
     ]
 
 
-def _named(names: Any) -> str:
+def _flags(names: Any) -> str:
     options = [f"--{name.replace('_', '-')}" for name in names]
     return " and ".join([", ".join(options[:-1]), options[-1]] if options[1:] else options)

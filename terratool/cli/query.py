@@ -16,7 +16,7 @@ import click
 
 from terratool.cli.options import library_root_option, roughness_option
 from terratool.cli.saying import is_terminal, write_json, write_rows
-from terratool.cli.terminal import Status, load
+from terratool.cli.terminal import StatusLine, load
 from terratool.errors import ReadError
 from terratool.report.inert import inert_cell
 from terratool.text.display import shown
@@ -36,7 +36,7 @@ Point = tuple[float, float]
 
 @click.command(
     "query",
-    # coordinates may be negative, and must not be taken for options
+    # negative coordinates are no options
     context_settings={"ignore_unknown_options": True},
     epilog="\b\nExamples: terratool query samples/paper-example.json 15 15\n"
     "          terratool query terrain.json --points points.csv --format json",
@@ -74,7 +74,7 @@ def command(file: str, coordinates: tuple[str, ...], points: str | None, form: s
     if is_terminal():
         write(rows)
     else:
-        with Status("answering"):
+        with StatusLine("answering"):
             write(rows)
 
 
@@ -131,12 +131,12 @@ def _parse(name: str, file: TextIO) -> Iterator[Point]:
 
 
 def _layout(line: str) -> tuple[Callable[[str], list[str]], tuple[int, int] | None]:
-    """How the first line is to be split, and where x and y stand if it is a header."""
+    """Function that splits a line, and the columns of x and y; None for these without a header."""
     for delimiter in "\t;,":
         split = partial(_cells, delimiter=delimiter)
         try:
             cells = split(line)
-        except csv.Error:  # quotes that make no sense with this delimiter
+        except csv.Error:  # quotes do not match this delimiter
             continue
         names = [cell.lower() for cell in cells]
         if {"x", "y"} <= set(names):
@@ -183,7 +183,7 @@ def _rows(
 
 
 def _notes(found: PointSamples) -> list[str | None]:
-    """Why each point has no height, None where it has one."""
+    """Reason why each point has no height, None where it has one."""
     import numpy as np
 
     from terratool.field.types import OUTSIDE
@@ -198,7 +198,7 @@ def _or_none(values: list[float]) -> list[float | None]:
 
 
 def _write_csv(rows: Iterator[tuple[Any, ...]]) -> None:
-    first = list(islice(rows, 1))  # before the header: if there are no points, there is no output
+    first = list(islice(rows, 1))  # an error in the first point leaves no output
     write_rows(chain([COLUMNS], first, rows))
 
 

@@ -8,16 +8,16 @@ from typing import Any
 
 import click
 
-from terratool.cli.options import Names, library_root_option, roughness_option
+from terratool.cli.options import WordChoice, library_root_option, roughness_option
 from terratool.cli.saying import say
-from terratool.cli.terminal import Status, load
+from terratool.cli.terminal import StatusLine, load
 
-# as terratool.viewing.layers has them, which is not imported for --help; a test holds them equal
+# equal to those of terratool.viewing.layers, which is not imported for --help; a test checks
 LAYERS = ("height", "slope", "surface", "friction", "traversability")
 
 
 class _Interval(click.ParamType[Any]):
-    """A number, or nothing; what follows by mistake is told from it."""
+    """Parameter that is a number or "auto"; its error hints at a file that follows by mistake."""
 
     name = "interval"
 
@@ -31,7 +31,7 @@ class _Interval(click.ParamType[Any]):
 
 
 class _Render(click.Command):
-    """Refuses a number below 0 after --contours as what it is, not as an option."""
+    """Command that refuses a number below 0 after --contours as a number, not as an option."""
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         for option, word in itertools.pairwise(args):
@@ -56,7 +56,7 @@ def _refuse_interval(interval: float) -> None:
 @click.argument("output", metavar="OUT")
 @click.option(
     "--layer",
-    type=Names(LAYERS),
+    type=WordChoice(LAYERS),
     default="surface",
     show_default=True,
     metavar="NAME",
@@ -159,7 +159,7 @@ def command(
     _refuse_own(output, (file, options["vehicle"]))
     check_request(output, wanted, overwrite)
     terrain = load(file)
-    with Status("drawing") as status:
+    with StatusLine("drawing") as status:
         report = render(terrain, output, wanted, overwrite=overwrite, progress=status.say)
     say(f"{report.path}: {report.width:,} × {report.height:,} pixels, {report.what}")
     for note in report.notes:
@@ -180,7 +180,7 @@ def _refuse_idle(ctx: click.Context, perspective: bool) -> None:
 
 
 def _refuse_own(output: str, sources: tuple[str | None, ...]) -> None:
-    """Refuse to write over what is read."""
+    """Refuse an output that is one of the inputs."""
     from terratool.errors import WriteError
     from terratool.output import is_same_file
 

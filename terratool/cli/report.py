@@ -1,4 +1,4 @@
-"""What `validate` found, and the formats in which it says so: one result, a table of reporters."""
+"""Reports of `validate`: the result, and a table of functions that format it."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ from terratool.text.display import Excerpt, printable
 
 SARIF_SCHEMA = "https://docs.oasis-open.org/sarif/sarif/v2.1.0/os/schemas/sarif-schema-2.1.0.json"
 _HOME = "https://doi.org/10.2507/26th.daaam.proceedings.056"
-"""The paper on the model: the project has no address of its own yet."""
+"""Address of the paper on the model, as the project has none of its own yet."""
 _COLORS = {"error": "red", "warning": "yellow"}
 _LISTED = 12
-"""Lines that are named of a group's other places."""
+"""Most other places of a group that are named."""
 
 
 class Unreadable(Struct, frozen=True):
-    """A file that could not be read: one sentence why, one what to do."""
+    """File that could not be read, with one sentence on the cause and one of advice."""
 
     file: str
     message: str
@@ -40,11 +40,17 @@ class Unreadable(Struct, frozen=True):
 
 
 class ValidationSummary(Struct, frozen=True):
-    """How many files and findings there were.
+    """Numbers of files and findings.
 
     Attributes:
-        hidden: findings that are counted but not listed.
-        known: findings that are left out, as a baseline has them.
+        files: number of files that were to be checked.
+        valid: number of files without errors, or with --strict without warnings.
+        invalid: number of files that were read and are not valid.
+        unreadable: number of files that could not be read.
+        errors: number of errors, listed or not.
+        warnings: number of warnings, listed or not.
+        hidden: number of findings that are counted but not listed.
+        known: number of findings that are left out, as a baseline has them.
     """
 
     files: int = 0
@@ -58,13 +64,13 @@ class ValidationSummary(Struct, frozen=True):
 
 
 class FindingGroup(Struct, frozen=True):
-    """Findings in one file that say the same; the `others` are those behind the first."""
+    """Findings in one file with equal messages: the first, and the others in their order."""
 
     first: Finding
     others: list[Finding]
 
     def rest(self) -> str:
-        """A sentence on the other places, empty if there are none."""
+        """Sentence on the other places; empty if there are none."""
         if not self.others:
             return ""
         places = ", ".join(f"{other.line}:{other.column}" for other in self.others[:_LISTED])
@@ -73,11 +79,14 @@ class FindingGroup(Struct, frozen=True):
 
 
 class ValidationReport(Struct, frozen=True):
-    """What was found in all files.
+    """Findings in all files.
 
     Attributes:
-        files: the names of those that were read.
-        statistics: how often each code was found, if that is to be said.
+        findings: findings that are listed.
+        unreadable: files that could not be read.
+        summary: numbers of files and findings.
+        files: names of the files that were read.
+        statistics: number of findings by code; None unless asked for.
     """
 
     findings: tuple[Finding, ...]
@@ -87,7 +96,7 @@ class ValidationReport(Struct, frozen=True):
     statistics: dict[str, int] | None = None
 
     def groups(self) -> list[FindingGroup]:
-        """The findings, like ones together, by the first of each."""
+        """Findings in groups of equal messages, in the order of the first of each."""
         groups: dict[tuple[str, str, str, str], FindingGroup] = {}
         for finding in self.findings:
             key = finding.file, finding.code, finding.message, finding.hint
@@ -99,7 +108,7 @@ class ValidationReport(Struct, frozen=True):
 
 
 class FindingPlace(Struct, frozen=True):
-    """Another place of a finding, as JSON."""
+    """Other place of a finding, as JSON."""
 
     pointer: str
     line: int
@@ -108,7 +117,7 @@ class FindingPlace(Struct, frozen=True):
 
 
 class FindingDocument(Struct, frozen=True):
-    """Findings in one file that say the same, as JSON: the first, and where the others are."""
+    """Findings in one file with equal messages, as JSON: the first, and the other places."""
 
     file: str
     code: str
@@ -126,7 +135,7 @@ _FIELDS = FindingDocument.__struct_fields__[:-1]
 
 
 class ValidationDocument(Document, frozen=True, kw_only=True):
-    """What was found in all files, as JSON."""
+    """Findings in all files, as JSON."""
 
     format_version: int = 2
     findings: list[FindingDocument]
@@ -136,7 +145,7 @@ class ValidationDocument(Document, frozen=True, kw_only=True):
 
 
 def as_text(report: ValidationReport) -> str:
-    """For people: each finding with its line and a caret, a summary last."""
+    """Text for people: each finding with its line and a caret, a summary last."""
     lines = []
     for group in report.groups():
         finding = group.first
@@ -146,7 +155,7 @@ def as_text(report: ValidationReport) -> str:
         label = click.style(f"{finding.severity} {finding.code}:", fg=color, bold=True)
         lines.append(f"{place} {label} {printable(finding.message)}")
         if finding.excerpt is not None and finding.excerpt.text:
-            lines += _shown(finding.line, finding.excerpt, color)
+            lines += _excerpt_lines(finding.line, finding.excerpt, color)
         lines += [f"  {printable(text)}" for text in (finding.hint, group.rest()) if text]
         lines.append("")
     statistics = report.statistics or {}
@@ -154,10 +163,10 @@ def as_text(report: ValidationReport) -> str:
         lines.append(f"{count:>8,}  {code}  {RULES[code].severity:7}  {RULES[code].name}")
     if statistics:
         lines.append("")
-    return "\n".join([*lines, _summed_up(report.summary)])
+    return "\n".join([*lines, _summary_line(report.summary)])
 
 
-def _shown(line: int, excerpt: Excerpt, color: str) -> Iterable[str]:
+def _excerpt_lines(line: int, excerpt: Excerpt, color: str) -> Iterable[str]:
     number = str(line)
     before = sum(map(columns_of, excerpt.text[: excerpt.caret]))
     bar = click.style("|", fg="blue")
@@ -165,7 +174,7 @@ def _shown(line: int, excerpt: Excerpt, color: str) -> Iterable[str]:
     yield f"  {' ' * len(number)} {bar} {' ' * before}{click.style('^', fg=color, bold=True)}"
 
 
-def _summed_up(summary: ValidationSummary) -> str:
+def _summary_line(summary: ValidationSummary) -> str:
     parts = [f"{_count(summary.files, 'file')} checked"]
     if summary.invalid:
         parts.append(f"{summary.invalid:,} invalid")
@@ -185,7 +194,7 @@ def _count(number: int, noun: str) -> str:
 
 
 def as_json(report: ValidationReport) -> str:
-    """For scripts: versioned, with everything that is known of a finding."""
+    """JSON for scripts: versioned, with all keys of a finding."""
     findings = [
         FindingDocument(
             **{name: getattr(group.first, name) for name in _FIELDS},
@@ -217,7 +226,7 @@ def as_github(report: ValidationReport) -> str:
     for file in report.unreadable:
         what = f"{file.message}\n{file.hint}"
         lines.append(annotation("error", {"file": file.file, "title": "unreadable"}, what))
-    return "\n".join([*lines, _summed_up(report.summary)])
+    return "\n".join([*lines, _summary_line(report.summary)])
 
 
 def as_sarif(report: ValidationReport) -> str:
@@ -255,7 +264,7 @@ def as_sarif(report: ValidationReport) -> str:
 
 
 def fingerprints(report: ValidationReport) -> list[str]:
-    """A mark of each group that stays when lines move, and that no other one has."""
+    """Mark of each group, unique in the report, which stays when lines move."""
     seen: Counter[str] = Counter()
     marks = []
     for group in report.groups():
@@ -315,7 +324,7 @@ def _artifact(file: str) -> dict[str, str]:
 
 
 def as_junit(report: ValidationReport) -> str:
-    """JUnit's XML, which CI servers show: a suite for each file, a case for each finding."""
+    """JUnit's XML, which CI servers show: a suite for each file, a case for each group."""
     from xml.etree import ElementTree as Xml
 
     suites: dict[str, list[FindingGroup]] = {file: [] for file in report.files}
@@ -348,7 +357,7 @@ def as_junit(report: ValidationReport) -> str:
 
 
 def _relative(file: str) -> str:
-    """A name without the dot that it may begin with."""
+    """Name of a file without a leading "./"."""
     return file.removeprefix("./")
 
 
@@ -399,24 +408,24 @@ _HEAD = b"|".join(
         rb'\[\n  \{\n    "description": "[^\n]*",\n    "check_name": "(?:TT\d+|unreadable)",\n',
     )
 )
-"""How reports in JSON, SARIF, JUnit's XML and GitLab's JSON begin."""
+"""Pattern of the beginnings of reports in JSON, SARIF, JUnit's XML and GitLab's JSON."""
 _LINE = rb"(?:[^\n]+:\d+:\d+: (?:error|warning) TT\d+: [^\n]*|::(?:error|warning) [^\n]*|  [^\n]*)?"
 _LAST = (
     rb"(?:no files|[\d,]+ files?) checked, (?:[\d,]+ (?:invalid|unreadable), )*"
     rb"(?:no|[\d,]+) errors?, (?:no|[\d,]+) warnings?[^\n]*\."
 )
-"""The lines of a text, and of annotations, and the last one of both."""
+"""Pattern of the last line of a text, and of annotations, whose other lines are `_LINE`."""
 _LOOKED_AT = 1 << 16
 
 
 def is_report(name: str) -> bool:
-    """Whether a file is a report of `validate` in any format, as far as its two ends show."""
+    """Whether a file is a report of `validate` in any format, by its first and last 64 KiB."""
     try:
         with open(name, "rb") as file:
             head = file.read(_LOOKED_AT)
             file.seek(max(len(head), file.seek(0, os.SEEK_END) - _LOOKED_AT))
             tail = file.read()
-    except OSError:  # who cannot look at it does not know
+    except OSError:  # an unreadable file counts as none
         return False
     if re.match(_HEAD, head):
         return True

@@ -52,11 +52,11 @@ def _table() -> str:
 
 
 def _section(rule: Rule) -> str:
-    def fenced(match: re.Match[str]) -> str:
+    def fence(match: re.Match[str]) -> str:
         text = re.sub("^    ", "", match[0].rstrip(), flags=re.MULTILINE)
         name, text = re.fullmatch(r"(?:(\w+\.json): )?(.*)", text, re.DOTALL).groups()  # type: ignore[union-attr]
         beside = f"beside `{name}`\n\n" if name else ""
         return f"{beside}```json\n{text}\n```\n"
 
-    text = re.sub(r"(?:^    .*\n?)+", fenced, rule.manual + "\n", flags=re.MULTILINE)
+    text = re.sub(r"(?:^    .*\n?)+", fence, rule.manual + "\n", flags=re.MULTILINE)
     return f"## {rule.code} {rule.name}\n\n*{rule.severity.capitalize()}.* {text}"

@@ -9,7 +9,7 @@ import click
 
 from terratool.cli.options import library_root_option, roughness_option
 from terratool.cli.saying import say, say_json
-from terratool.cli.terminal import Status, load
+from terratool.cli.terminal import StatusLine, load
 from terratool.report.documents import Document
 from terratool.report.wording import counted, listed
 from terratool.text.display import shown
@@ -25,7 +25,7 @@ _SEEN = {
     "dropped": "lacking by chance",
     "faint": "too faint",
 }
-"""What became of rays without a reading, in words."""
+"""Phrases on rays without a reading, by their status."""
 
 
 @click.command(
@@ -121,7 +121,7 @@ def command(
     wanted = ScanOutput(Path(output), frame == "world", misses, overwrite)
     wanted.checked_format(scan)
     terrain = load(file)
-    with Status("scanning", scan.rays, then="writing", unit="rays") as status:
+    with StatusLine("scanning", scan.rays, then="writing", unit="rays") as status:
         report = export_scan(terrain, scan, wanted, status)
     if as_json:
         say_json(_document(report))
@@ -131,7 +131,7 @@ def command(
 
 
 class ScanDocument(Document, frozen=True, kw_only=True):
-    """What was read, as JSON."""
+    """Summary of a scan, as JSON."""
 
     file: str
     files: tuple[str, ...]
@@ -164,7 +164,7 @@ def _document(report: ScanReport) -> ScanDocument:
 
 
 def as_text(report: ScanReport) -> Iterator[str]:
-    """What was read, in lines for people."""
+    """Summary of a scan, in lines for people."""
     from terratool.sensing.readings import ReadingStatus
 
     tally, returns = report.tally, report.returns

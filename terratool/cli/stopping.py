@@ -1,8 +1,8 @@
-"""Ctrl-C while a kernel works on, which hears of nothing: the command ends soon all the same.
+"""End of a command after Ctrl-C, even while a kernel runs.
 
-Python runs its handlers of signals between two steps of the main thread. A long call holds them up,
-and so do threads that are waited for. A thread of its own hears of a signal at once; if the command
-has not ended a little later, that thread ends it.
+Python runs handlers of signals between two steps of the main thread. A long call delays them, and
+so does waiting for threads. Here a thread of its own learns of a signal at once, and ends the
+command if that has not ended by itself a little later.
 """
 
 from __future__ import annotations
@@ -15,20 +15,20 @@ import time
 from collections.abc import Iterator
 
 PATIENCE = 0.7
-"""s that a command has to end by itself."""
+"""Time that a command has to end by itself, s."""
 _ENDING = tuple(
     getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
 )
-said = threading.Event()
-"""Whether it was said that the command was stopped."""
+stop_reported = threading.Event()
+"""Event that is set once the message that the command was stopped is printed."""
 
 
 @contextlib.contextmanager
 def end_on_signals() -> Iterator[None]:
-    """Within, the command ends soon after a signal, whatever it does then.
+    """Context in which the command ends soon after a signal, whatever it is doing.
 
-    That is after Ctrl-C, and after SIGTERM and SIGHUP where they are handled. Where the system is
-    none of POSIX it is left as it is.
+    The signals are SIGINT, and SIGTERM and SIGHUP where Python handles them. On systems other than
+    POSIX the context does nothing.
     """
     if os.name != "posix" or threading.current_thread() is not threading.main_thread():
         yield
@@ -41,7 +41,7 @@ def end_on_signals() -> Iterator[None]:
         yield
     finally:
         signal.set_wakeup_fd(before)
-        os.close(tells)  # which ends the thread
+        os.close(tells)  # ends the thread
 
 
 def _end(hears: int) -> None:
@@ -53,14 +53,14 @@ def _end(hears: int) -> None:
             return
         number = heard[0]
     time.sleep(PATIENCE)
-    from terratool.cli.terminal import Status
+    from terratool.cli.terminal import StatusLine
     from terratool.output import abandon_parts
 
     abandon_parts()
     with contextlib.suppress(OSError):
-        if Status.shown is not None:
-            Status.shown.clear()
-        if number == signal.SIGINT and not said.is_set():
-            # not by way of sys.stderr, whose lock the main thread may hold
+        if StatusLine.shown is not None:
+            StatusLine.shown.clear()
+        if number == signal.SIGINT and not stop_reported.is_set():
+            # sys.stderr is not used, as the main thread may hold its lock
             os.write(2, b"terratool: stopped.\n")
     os._exit(128 + number)

@@ -1,4 +1,4 @@
-"""How far a command is, on standard error; and terrains read with a word where it takes long."""
+"""Progress of a command on standard error, and reading of terrains with it."""
 
 from __future__ import annotations
 
@@ -18,30 +18,30 @@ if TYPE_CHECKING:
 
 
 AFTER = 1.0
-"""s after which a terminal shows how far it is …"""
+"""Time after which a terminal shows progress, s."""
 TICK = 0.2
-"""… and then again and again."""
+"""Time between updates on a terminal, s."""
 EVERY = 10.0
-"""s between lines where standard error is no terminal."""
+"""Time between lines of progress where standard error is no terminal, s."""
 
 
-def called(file: str) -> str:
-    """What a file is called where there is little room."""
+def short_name(file: str) -> str:
+    """Name of a file without its folder; "standard input" for "-"."""
     return "standard input" if file == "-" else Path(file).name
 
 
-class Status:
-    """Says what is being done while it lasts, from a thread of its own.
+class StatusLine:
+    """Line on standard error about the work in progress, written by a thread of its own.
 
     Args:
-        what: what is being done.
-        total: how much there is to do, if that is known; calls then say how much more is done.
-        then: what is done when all of it is done.
-        unit: what is counted.
+        what: name of the work.
+        total: amount of work in units; None where it is not known. Calls add the units done.
+        then: name of the work that follows when all units are done.
+        unit: unit of the work.
     """
 
-    shown: ClassVar[Status | None] = None
-    """The one that has begun last, if it has not ended."""
+    shown: ClassVar[StatusLine | None] = None
+    """Status that has begun last; None if that has ended."""
 
     def __init__(
         self, what: str, total: int | None = None, then: str = "finishing", unit: str = "px"
@@ -57,29 +57,29 @@ class Status:
         self._thread = threading.Thread(target=self._tell, daemon=True)
 
     def __call__(self, more: float) -> None:
-        """So much more is done."""
+        """Add an amount of work to that done."""
         self._done += more
 
     def say(self, what: str, total: int | None = None) -> None:
-        """Something else is being done now, of which there is so much, if that is known."""
+        """Begin other work, of `total` units where that is known."""
         self._what, self._total, self._done = shown_line(f"{self._of}{what}"), total, 0.0
         self._since = time.monotonic()
 
     def about(self, name: str) -> None:
-        """From now on it is said of this, too, whatever it is; of nothing where that is empty."""
+        """Put a name before all further works; an empty name ends that."""
         self._of = f"{name}: " * bool(name)
 
     def clear(self) -> None:
-        """Take the line off the terminal, as something else is to be said."""
+        """Remove the line from the terminal, so that other text can be printed."""
         with contextlib.suppress(OSError, ValueError), self._writing:
             self._write("\r" + " " * self._width + "\r" if self._width else "")
             self._width = 0
 
-    def __enter__(self) -> Status:
+    def __enter__(self) -> StatusLine:
         self._begin = self._since = time.monotonic()
         if self._stream is not None:
             self._thread.start()
-        Status.shown = self
+        StatusLine.shown = self
         return self
 
     def __exit__(
@@ -87,13 +87,13 @@ class Status:
         trace: TracebackType | None,
     ) -> None:  # fmt: skip
         self._ended.set()
-        Status.shown = None
+        StatusLine.shown = None
         if self._stream is not None:
-            self._thread.join(timeout=1.0)  # longer where nobody takes what is written
+            self._thread.join(timeout=1.0)  # the thread may hang in a write that nobody reads
 
     def _tell(self) -> None:
         assert self._stream is not None
-        with contextlib.suppress(OSError, ValueError):  # nobody reads it any more
+        with contextlib.suppress(OSError, ValueError):  # the reader has gone
             terminal = self._stream.isatty()
             wait = AFTER if terminal else EVERY
             while not self._ended.wait(wait):
@@ -103,9 +103,9 @@ class Status:
             self.clear()
 
     def _show(self) -> None:
-        """Write over the line on the terminal."""
+        """Write the line on the terminal anew."""
         assert self._stream is not None
-        # some terminals do not know their size
+        # some terminals report 0 columns
         columns = (os.get_terminal_size(self._stream.fileno()).columns or 80) - 1
         line = self._line(columns)[:columns]
         self._write("\r" + line.ljust(self._width))
@@ -137,14 +137,14 @@ class Status:
 
 
 def load(file: str) -> Terrain:
-    """Read, check and compile a definition, as the options that commands share say.
+    """Read, check and compile a definition with the libraries and roughness of the options.
 
     Raises:
         ReadError: the file cannot be read.
-        DefinitionError: it is no valid terrain.
+        DefinitionError: the file is no valid terrain.
     """
     from terratool.cli.options import has_roughness, library_roots
     from terratool.field import terrain
 
-    with Status(f"reading {called(file)}"):
+    with StatusLine(f"reading {short_name(file)}"):
         return terrain.load(file, library_roots(), roughness=has_roughness())

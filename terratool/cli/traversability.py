@@ -8,25 +8,25 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from terratool.cli.options import (
-    Names,
+    WordChoice,
     library_root_option,
     roughness_option,
     vehicles_from,
     vehicles_options,
 )
 from terratool.cli.saying import say, say_block, say_error
-from terratool.cli.terminal import Status, load
+from terratool.cli.terminal import StatusLine, load
 
 if TYPE_CHECKING:
     from terratool.traversability.assess import PreparedRequest
     from terratool.traversability.conditions import Condition
     from terratool.traversability.results import Reports, TraversabilityReport
 
-# as route.graph, vehicle and ranges of terratool.traversability have them, which are not imported
-# for --help; tests hold them equal
+# equal to those of route.graph, vehicle and ranges of terratool.traversability, which are not
+# imported for --help; tests check
 PREFERENCES = ("length", "time", "energy", "margin")
 MODELS = ("slip", "paper")
-SAMPLES = (256, 16, 1024)  # the default, least and most
+SAMPLES = (256, 16, 1024)  # default, least, most
 
 
 @click.command(
@@ -38,7 +38,7 @@ SAMPLES = (256, 16, 1024)  # the default, least and most
 @vehicles_options
 @click.option(
     "--model",
-    type=Names(MODELS),
+    type=WordChoice(MODELS),
     default=MODELS[0],
     show_default=True,
     metavar="WHAT",
@@ -90,7 +90,7 @@ SAMPLES = (256, 16, 1024)  # the default, least and most
 )
 @click.option(
     "--prefer",
-    type=Names(PREFERENCES),
+    type=WordChoice(PREFERENCES),
     default="time",
     show_default=True,
     metavar="WHAT",
@@ -216,24 +216,24 @@ def command(
     planned, notes = prepare(load(file), vehicles, request, map_path=map_, overwrite=overwrite)
     doing = "judging" if planned[0].pixels else "looking for ways"
     # every file is complete before the first one takes its place
-    with Status(doing, planned[0].pixels) as progress, contextlib.ExitStack() as stack:
+    with StatusLine(doing, planned[0].pixels) as progress, contextlib.ExitStack() as stack:
         parts = [stack.enter_context(whole_file(path, overwrite)) for path in reports]
-        found = _assessed(planned, Path(file).name, map_, overwrite, progress, stack)
+        found = _assess(planned, Path(file).name, map_, overwrite, progress, stack)
         result = VehicleComparison(found, notes) if len(found) > 1 else found[0]
         if parts or map_:
             progress.say("writing files")
         for part, render in zip(parts, renderers, strict=True):
             part.write_text(render(result), encoding="utf-8", newline="\n")
-    return _told(result, checks, as_json)
+    return _print_result(result, checks, as_json)
 
 
-def _assessed(
-    planned: list[PreparedRequest], name: str, map_: str | None, overwrite: bool, progress: Status,
-    stack: contextlib.ExitStack,
+def _assess(
+    planned: list[PreparedRequest], name: str, map_: str | None, overwrite: bool,
+    progress: StatusLine, stack: contextlib.ExitStack,
 ) -> tuple[TraversabilityReport, ...]:  # fmt: skip
-    """What is found out for each vehicle, after what is known of its starts and goals at once.
+    """Report on each vehicle; first print what its starts and goals show at once.
 
-    Takes the requests out of their list, one by one, as each keeps much in memory.
+    Requests are removed from their list, one by one, as each holds much memory.
     """
     from terratool.traversability.assess import assess, first_look
     from terratool.traversability.compare import map_path_of
@@ -258,8 +258,8 @@ def _assessed(
     return tuple(found)
 
 
-def _told(result: Reports, checks: list[Condition], wants_json: bool) -> int:
-    """Print the result, and say what makes it a "no"; the exit code."""
+def _print_result(result: Reports, checks: list[Condition], wants_json: bool) -> int:
+    """Print the result and the conditions that do not hold; return the exit code."""
     from terratool.traversability.report.document import as_json
     from terratool.traversability.report.lines import as_lines
 
@@ -281,7 +281,7 @@ def _told(result: Reports, checks: list[Condition], wants_json: bool) -> int:
             for line in as_lines(result):
                 say(line)
     except BrokenPipeError:
-        if not code:  # a "no" is one, whether somebody reads on or not
+        if not code:  # with a "no" the exit code stays 1 even if the reader has gone
             raise
     for text, why in held:
         say_error(f"--fail-on {text}: {why}.")
@@ -289,7 +289,7 @@ def _told(result: Reports, checks: list[Condition], wants_json: bool) -> int:
 
 
 def _maps(map_: str | None, vehicles: tuple[str, ...]) -> list[str]:
-    """The names of the maps that are wanted: of several vehicles one for each."""
+    """Names of the maps that are asked for, one for each vehicle."""
     if map_ is None or len(vehicles) < 2:
         return [] if map_ is None else [map_]
     from terratool.traversability.compare import map_path_of, names_of
@@ -301,7 +301,7 @@ def _refuse_unasked(
     checks: list[Condition], routed: bool, reaching: bool, others: list[str], curves: list[str],
     model: str,
 ) -> None:  # fmt: skip
-    """Refuse conditions on what is not asked for, and what else makes no sense without a route."""
+    """Refuse conditions on results that are not asked for, and options that need a route."""
     if others and not routed:
         raise click.UsageError(
             f"{others[0]} needs a route. Add --route X0 Y0 X1 Y1 or --waypoints FILE."
@@ -323,7 +323,7 @@ def _refuse_unasked(
 def _refuse_outputs(
     sources: tuple[str, ...], reports: tuple[str, ...], maps: list[str], overwrite: bool
 ) -> None:
-    """Refuse files that cannot be, or that are something else, before any work."""
+    """Refuse outputs that cannot be written, or that are inputs, before any work."""
     import os
     from pathlib import Path
 

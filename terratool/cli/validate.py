@@ -15,7 +15,7 @@ import click
 import msgspec
 from msgspec import Struct, field, structs
 
-from terratool.cli.baseline import Known, read_baseline, write_baseline
+from terratool.cli.baseline import KnownFindings, read_baseline, write_baseline
 from terratool.cli.config import Config, find_config, read_config
 from terratool.cli.options import library_root_option, library_roots
 from terratool.cli.report import (
@@ -26,7 +26,7 @@ from terratool.cli.report import (
     is_report,
 )
 from terratool.cli.saying import say, say_block, say_error
-from terratool.cli.terminal import Status, called
+from terratool.cli.terminal import StatusLine, short_name
 from terratool.definition.findings import Finding
 from terratool.definition.reader import Checked, CheckOptions, check, new_shelf
 from terratool.definition.rules import RULES
@@ -47,7 +47,7 @@ from terratool.text.source import (
 _ALL = 10**9
 _MOST_FINDINGS = 1000
 _ROUNDS = 1000
-"""So many errors of syntax are mended in one run."""
+"""Most rounds of mending of a file in one run; an error of syntax takes a round of its own."""
 
 
 def _codes(ctx: click.Context, param: click.Parameter, values: tuple[str, ...]) -> tuple[str, ...]:
@@ -58,7 +58,7 @@ def _codes(ctx: click.Context, param: click.Parameter, values: tuple[str, ...]) 
 
 
 def _known_codes(values: tuple[str, ...]) -> tuple[str, ...]:
-    """Codes, or beginnings of some, from texts that may list several.
+    """Codes of rules, or beginnings of codes, from texts that may list several.
 
     Raises:
         RequestError: no rule has such a code.
@@ -79,14 +79,19 @@ def _number(ctx: click.Context, param: click.Parameter, value: float | None) -> 
     return value
 
 
-class _Plan(Struct, frozen=True):
-    """What is asked for, by options or else by settings.
+class _ValidationPlan(Struct, frozen=True):
+    """Request by options, or else by settings.
 
     Attributes:
-        form: of standard output.
-        outputs: forms and the files that they go to.
-        limit: how many findings are listed.
-        settings: those that name the files of `outputs`; None where the user does.
+        form: format on standard output.
+        outputs: formats with their files.
+        strict: whether warnings make a file invalid.
+        select: codes, or beginnings, of the rules to check; empty for all.
+        ignore: codes, or beginnings, of the rules not to check.
+        max_step: tallest vertical step without a warning; None for no limit.
+        limit: largest number of findings that are listed.
+        baseline: file of known findings; None for none.
+        settings: settings that name the files of `outputs`; None where the user does.
     """
 
     form: str
@@ -100,10 +105,10 @@ class _Plan(Struct, frozen=True):
     settings: Config | None
 
     def refuse_outputs(self) -> None:
-        """Refuse to write what settings, which may be a stranger's, may not have written.
+        """Refuse outputs that settings, which may be a stranger's, may not name.
 
         Raises:
-            RequestError: they name a file that is no report, or lies elsewhere.
+            RequestError: the settings name a file that is no report, or lies elsewhere.
         """
         if self.settings is None:
             return
@@ -117,17 +122,17 @@ class _Plan(Struct, frozen=True):
                 )
 
     def writes(self, name: str) -> bool:
-        """Whether a file is the baseline, or gets findings."""
+        """Whether a file is the baseline or an output."""
         own = [self.baseline or "", *(out for _, out in self.outputs)]
         return any(is_same_file(out, name) for out in own if out)
 
 
 def _settings(config_file: str | None) -> Config:
-    """The settings that hold here.
+    """Settings from a named file, or from the nearest one of the working directory.
 
     Raises:
-        ReadError: their file cannot be read.
-        RequestError: it has what is not taken.
+        ReadError: the file of settings cannot be read.
+        RequestError: the file has an unknown setting or code.
     """
     if config_file is None:
         settings: Config | None = find_config(Path.cwd())
@@ -143,11 +148,12 @@ def _settings(config_file: str | None) -> Config:
     return settings
 
 
-def _plan(formats: tuple[str, ...], settings: Config, given: dict[str, Any]) -> _Plan:
-    """What is asked for; what is given outranks the settings.
+def _plan(formats: tuple[str, ...], settings: Config, given: dict[str, Any]) -> _ValidationPlan:
+    """Make the plan from options and settings; options outrank settings.
 
     Raises:
-        click.UsageError: it makes no sense.
+        click.UsageError: the options contradict each other.
+        RequestError: the settings name a file that they may not.
         WriteError: a file cannot be written.
     """
     form = None
@@ -163,7 +169,7 @@ def _plan(formats: tuple[str, ...], settings: Config, given: dict[str, Any]) -> 
                 f"There is no format {shown(name)}. There is {', '.join(REPORTERS)}.{guess}"
             )
         if separator:
-            out = out if formats else settings.written(out)
+            out = out if formats else settings.output_path(out)
             refuse_existing(Path(out), overwrite=True)
             refuse_missing_folder(Path(out))
             outputs.append((name, out))
@@ -179,8 +185,8 @@ def _plan(formats: tuple[str, ...], settings: Config, given: dict[str, Any]) -> 
         raise click.UsageError("Two formats go to one file. Give each a file of its own.")
     limit = settings.max_findings if given["max_findings"] is None else given["max_findings"]
     limit = _MOST_FINDINGS if limit is None else limit
-    baseline = None if settings.baseline is None else settings.located(settings.baseline)
-    plan = _Plan(
+    baseline = None if settings.baseline is None else settings.path_here(settings.baseline)
+    plan = _ValidationPlan(
         form or "text",
         outputs,
         settings.strict if given["strict"] is None else given["strict"],
@@ -197,12 +203,19 @@ def _plan(formats: tuple[str, ...], settings: Config, given: dict[str, Any]) -> 
     return plan
 
 
-class _Found(Struct):
-    """What was found in all files so far.
+class _ValidationTally(Struct):
+    """Findings in all files so far.
 
     Attributes:
-        lasting: findings that a baseline takes: all but those of texts that are no JSON.
-        counts: how often each code was found, listed or not.
+        findings: findings to list.
+        lasting: findings for a baseline: all but those of texts that are no JSON.
+        unreadable: files that could not be read.
+        files: names of the files that were read.
+        counts: number of findings by code, listed or not.
+        paths: real paths of the files that were read.
+        libraries: real paths of those that were met as libraries of others.
+        valid: number of valid files.
+        known: number of findings that the baseline has.
     """
 
     findings: list[Finding] = field(default_factory=list)
@@ -216,9 +229,14 @@ class _Found(Struct):
     known: int = 0
 
     def add(
-        self, name: str, checked: Checked, options: CheckOptions, known: Known | None, strict: bool
+        self,
+        name: str,
+        checked: Checked,
+        options: CheckOptions,
+        known: KnownFindings | None,
+        strict: bool,
     ) -> None:
-        """Count a file, and keep its findings that are not known."""
+        """Add the findings of a file that are not known."""
         options = options.of(checked.name)
         counts = Counter(
             {
@@ -243,7 +261,7 @@ class _Found(Struct):
         self.paths.add(real_path(name))
 
     def add_libraries(self, libraries: Iterable[Checked], *given: Any) -> None:
-        """Count the libraries that a file uses, and that were not met before."""
+        """Add the findings of the libraries that a file uses, if they are new."""
         for library in libraries:
             real = real_path(library.name)
             if real not in self.paths:
@@ -251,11 +269,11 @@ class _Found(Struct):
                 self.libraries.add(real)
 
     def is_library(self, name: str) -> bool:
-        """Whether a file was met as a library of another."""
+        """Whether a file was added as a library of another."""
         return name != "-" and real_path(name) in self.libraries
 
     def report(self, limit: int, statistics: bool) -> ValidationReport:
-        """All of it, with so many findings."""
+        """Report with at most `limit` findings."""
         listed = tuple(self.findings[:limit])
         by_severity = _by_severity(self.counts)
         summary = ValidationSummary(
@@ -274,12 +292,12 @@ class _Found(Struct):
         )  # fmt: skip
 
 
-def _mend(name: str, options: CheckOptions, status: Status) -> None:
-    """Mend what has one answer in a file, and write it anew if there was any.
+def _mend(name: str, options: CheckOptions, status: StatusLine) -> None:
+    """Apply the unambiguous fixes to a file, and write it anew if there are any.
 
     Raises:
         ReadError: the file cannot be read.
-        RequestError: it is standard input.
+        RequestError: the file is standard input.
         WriteError: the file cannot be written.
     """
     if name == "-":
@@ -290,14 +308,14 @@ def _mend(name: str, options: CheckOptions, status: Status) -> None:
     source, shelf = read_source(name, named=False), new_shelf(options)
     data, count = source.data, 0
     checked = check(source, options, kind=None, shelf=shelf)
-    # an error of syntax hides all others, so that there may be many rounds
+    # an error of syntax hides all others, hence the rounds
     for _ in range(_ROUNDS):
         edits = [finding.fix for finding in checked.findings if finding.fix is not None]
         if not edits:
             break
         mended = apply_edits(data, edits)
         after = check(structs.replace(source, data=mended), options, kind=None, shelf=shelf)
-        # keys that would stand twice stay as they are
+        # no fix may make a key appear twice
         if after.counts["TT102"] > checked.counts["TT102"]:
             break
         data, checked, count = mended, after, count + len(edits)
@@ -311,7 +329,7 @@ def _mend(name: str, options: CheckOptions, status: Status) -> None:
 
 
 def _is_definition(name: str) -> bool:
-    """Whether a file has keys of a text that is checked at its top."""
+    """Whether a file is an object with a top-level key of some definition."""
     try:
         data = read_source(name, named=False).data
         members = msgspec.json.decode(data, type=dict[str, msgspec.Raw])
@@ -341,18 +359,20 @@ def _by_severity(counts: Counter[str]) -> Counter[str]:
     return by_severity
 
 
-class _Job(Struct, frozen=True):
-    """Files to check, and how.
+class _ValidationJob(Struct, frozen=True):
+    """Files to check, with the plan for it.
 
     Attributes:
-        names: of files and folders, as they are given.
+        names: names of files and folders, as they are given.
+        plan: request for formats, rules and limits.
+        settings: settings, for the codes to ignore in each file.
         roots: folders under which libraries may lie.
-        reached: folders that links in folders may lead to.
-        compared: what the baseline knows is left out.
+        reached: folders to which links in folders may lead.
+        compared: whether findings of the baseline are left out.
     """
 
     names: tuple[str, ...]
-    plan: _Plan
+    plan: _ValidationPlan
     settings: Config
     roots: tuple[str, ...] = ()
     reached: tuple[str, ...] = ()
@@ -360,29 +380,29 @@ class _Job(Struct, frozen=True):
 
     @property
     def limit(self) -> int:
-        """How many findings of one file may be listed."""
+        """Largest number of findings of one file that are kept."""
         return _ALL if self.plan.baseline is not None else self.plan.limit
 
     def options(self, room: int) -> CheckOptions:
-        """How closely to look, and how many findings to list."""
+        """Options of the check of a file, with at most `room` findings."""
         plan = self.plan
         return CheckOptions(
-            True, plan.max_step, room, plan.select, plan.ignore, self.roots, self.ignored_in
+            True, plan.max_step, room, plan.select, plan.ignore, self.roots, self.ignored_codes
         )
 
-    def ignored_in(self, file: str) -> tuple[str, ...]:
-        """The codes that the settings ignore in a file."""
-        return _known_codes(self.settings.ignored(file))
+    def ignored_codes(self, file: str) -> tuple[str, ...]:
+        """Codes that the settings ignore in a file."""
+        return _known_codes(self.settings.ignored_codes(file))
 
-    def mend(self, status: Status) -> None:
-        """Mend all files, before any is looked at together with its libraries.
+    def mend(self, status: StatusLine) -> None:
+        """Mend all files, before any is checked with its libraries.
 
         Raises:
-            RequestError: one of them is standard input.
-            WriteError: one cannot be written.
+            RequestError: a file is standard input.
+            WriteError: a file cannot be written.
         """
         for given in self.names:
-            for name in self._found(given, []):
+            for name in self._files_of(given, []):
                 if self.plan.writes(name):
                     continue
                 if name != given and leads_out(name, (given,)):
@@ -391,21 +411,21 @@ class _Job(Struct, frozen=True):
                         f"{name}: is a link out of the folder that was named, and stays as it is."
                     )
                     continue
-                status.say(f"mending {called(name)}")
-                with contextlib.suppress(ReadError):  # which is said when it is checked
+                status.say(f"mending {short_name(name)}")
+                with contextlib.suppress(ReadError):  # the check reports it
                     _mend(name, self.options(_ALL), status)
 
-    def listed(self) -> list[str]:
-        """The files that are there now and are to be checked."""
+    def file_names(self) -> list[str]:
+        """Names of the files that exist now and are to be checked."""
         return [
             name
             for given in self.names
-            for name in self._found(given, [])
+            for name in self._files_of(given, [])
             if not self.plan.writes(name)
         ]
 
-    def _found(self, given: str, unreadable: list[Unreadable]) -> Iterator[str]:
-        """The file of a name, or those of a folder, but for links to what lies elsewhere."""
+    def _files_of(self, given: str, unreadable: list[Unreadable]) -> Iterator[str]:
+        """File of a name, or files of a folder, without links out of the allowed folders."""
         try:
             for name in sources(given):
                 if name != given and leads_out(name, self.reached):
@@ -417,25 +437,31 @@ class _Job(Struct, frozen=True):
         except ReadError as error:
             unreadable.append(Unreadable(given, error.message, error.hint))
 
-    def done(self, look: Callable[[str, CheckOptions], Checked], status: Status) -> _Found:
+    def check_all(
+        self, look: Callable[[str, CheckOptions], Checked], status: StatusLine
+    ) -> _ValidationTally:
         """Check all files, one after the other.
 
         Args:
-            look: reads a file and checks it.
-            status: says which.
+            look: function that reads and checks a file.
+            status: progress that names the file.
 
         Raises:
             ReadError: the baseline cannot be read.
-            WriteError: a file that is to be checked would be written over.
+            WriteError: an output is a file that is to be checked.
         """
-        plan, found = self.plan, _Found()
-        known = Known(plan.baseline) if plan.baseline is not None and self.compared else None
-        for name in chain.from_iterable(self._found(one, found.unreadable) for one in self.names):
-            status.say(f"checking {called(name)}")
+        plan, found = self.plan, _ValidationTally()
+        known = (
+            KnownFindings(plan.baseline) if plan.baseline is not None and self.compared else None
+        )
+        for name in chain.from_iterable(
+            self._files_of(one, found.unreadable) for one in self.names
+        ):
+            status.say(f"checking {short_name(name)}")
             if plan.writes(name):
                 if name in self.names or _is_definition(name):
                     raise WriteError(f"{name}: is to be checked.", "Write elsewhere.")
-                continue  # met in a folder
+                continue  # an output met in a folder
             options = self.options(max(0, self.limit - len(found.findings)))
             if found.is_library(name):
                 continue
@@ -452,16 +478,16 @@ class _Job(Struct, frozen=True):
         """Report on all files, and again whenever some have changed, until Ctrl-C.
 
         Raises:
-            KeyboardInterrupt: that was pressed.
-            ReadError, WriteError: as of `done`.
+            KeyboardInterrupt: Ctrl-C was pressed.
+            ReadError, WriteError: `check_all` raises them.
         """
         from terratool.definition.watch import Watch
 
-        watch = Watch(self.listed)
+        watch = Watch(self.file_names)
         watched = False
         while True:
-            with Status("checking") as status:
-                found = self.done(
+            with StatusLine("checking") as status:
+                found = self.check_all(
                     lambda name, options: watch.look(
                         name, structs.replace(options, limit=self.limit)
                     ),
@@ -486,19 +512,19 @@ def _refuse_watching(names: tuple[str, ...], fix: bool, update_baseline: bool) -
         raise click.UsageError("--watch needs files, and - is none. Name a file or a directory.")
 
 
-def _say_unreadable(found: _Found) -> None:
-    """Say which files could not be read."""
+def _say_unreadable(found: _ValidationTally) -> None:
+    """Print the files that could not be read."""
     for file in found.unreadable:
         say_error(file.message, file.hint)
 
 
-def _write(report: ValidationReport, plan: _Plan) -> None:
+def _write(report: ValidationReport, plan: _ValidationPlan) -> None:
     """Write a report to files and standard output.
 
     Raises:
         WriteError: a file cannot be written.
     """
-    plan.refuse_outputs()  # a link may have come since
+    plan.refuse_outputs()  # links may be new since the first look
     for form, out in plan.outputs:
         with whole_file(out, overwrite=True) as part:
             text = click.unstyle(REPORTERS[form](report))
@@ -595,25 +621,25 @@ def command(
         if given["baseline"] is None:
             settings.refuse_output(plan.baseline)
         if Path(plan.baseline).exists():
-            read_baseline(plan.baseline)  # no other file is written over
+            read_baseline(plan.baseline)  # refuses to replace a file that is no baseline
     folders = (name if is_folder(name) else str(Path(name).parent) for name in names)
     roots = library_roots() + tuple(folders)
     reached = (".", *roots, *(() if files else (settings.folder,)))
-    job = _Job(names, plan, settings, roots, reached, compared=not update_baseline)
+    job = _ValidationJob(names, plan, settings, roots, reached, compared=not update_baseline)
     if watch:
         _refuse_watching(names, fix, update_baseline)
         job.watch(statistics)
-    with Status("checking") as status:
+    with StatusLine("checking") as status:
         if fix:
             job.mend(status)
         shelf = new_shelf(job.options(job.limit))
 
         def look(name: str, options: CheckOptions) -> Checked:
-            # what the settings name, a stranger may have put there
+            # files that the settings name may be a stranger's
             source = read_source(name, named=name in files)
             return check(source, options, kind=None, shelf=shelf)
 
-        found = job.done(look, status)
+        found = job.check_all(look, status)
     if plan.form != "sarif" or update_baseline:
         _say_unreadable(found)
     if update_baseline and found.unreadable:

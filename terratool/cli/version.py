@@ -1,4 +1,4 @@
-"""`terratool --version`: what is installed, without importing it."""
+"""`terratool --version`: installed versions, without importing the packages."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from terratool.cli.saying import say_block
 from terratool.errors import TerratoolError
 
 _WORKING = ("test", "dev", "bench", "docs")
-"""Extras for work on terratool itself."""
+"""Extras that only work on terratool itself needs."""
 _requirement = re.compile(r"([\w.-]+)(?:[^;]*?)(?:;.*extra == ['\"](\w+)['\"].*)?").fullmatch
 _MISSING = "not installed"
 
 
 def say_version(ctx: click.Context, param: click.Parameter, value: bool) -> None:
-    """Print the versions and end, where --version is given."""
+    """Print the versions and exit; the callback of --version."""
     if not value or ctx.resilient_parsing:
         return
     lines = [f"terratool, version {__version__}"]
@@ -30,7 +30,7 @@ def say_version(ctx: click.Context, param: click.Parameter, value: bool) -> None
 
 
 def _versions() -> Iterator[tuple[str, str]]:
-    """Names and versions: of Python, of the kernels, of what is needed, and of extras."""
+    """Names and versions of Python, the kernels, required packages and extras."""
     yield (
         "python",
         (
@@ -58,10 +58,10 @@ def _kernels() -> str:
 
 
 def _requirements() -> tuple[list[str], dict[str, list[str]]]:
-    """What terratool needs, and what its extras bring, as the installed package says."""
+    """Names of required packages, and of those of each extra, from the installed metadata."""
     try:
         lines = metadata.requires("terratool") or []
-    except metadata.PackageNotFoundError:  # a checkout on the path
+    except metadata.PackageNotFoundError:  # not installed: a checkout on the path
         lines = []
     needed: list[str] = []
     extras: dict[str, list[str]] = {}
@@ -81,9 +81,9 @@ def _version(name: str) -> str:
 
 
 def _gdal() -> tuple[str, str]:
-    """Versions of GDAL and PROJ, as rasterio has them.
+    """Versions of GDAL and PROJ that rasterio has.
 
-    The one module that knows is loaded by itself: rasterio as a whole takes a third of a second.
+    Only the extension module that knows them is loaded, as rasterio takes a third of a second.
     """
     from importlib.machinery import EXTENSION_SUFFIXES
     from importlib.util import find_spec, module_from_spec, spec_from_file_location
@@ -102,5 +102,5 @@ def _gdal() -> tuple[str, str]:
         spec.loader.exec_module(module)
         proj = ".".join(map(str, module.get_proj_version()))
         return str(module.gdal_version()), proj
-    except Exception:  # whatever another rasterio may do, --version has to answer
+    except Exception:  # --version has to answer with any version of rasterio
         return "unknown", "unknown"

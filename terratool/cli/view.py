@@ -18,7 +18,7 @@ from terratool.cli.options import (
     vehicle_options,
 )
 from terratool.cli.saying import flush, say, say_error
-from terratool.cli.terminal import Status, called
+from terratool.cli.terminal import StatusLine, short_name
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 Routes = tuple[tuple[float, float, float, float], ...]
 _SUFFIXES = (".html", ".htm")
 _DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY", "BROWSER", "WSL_DISTRO_NAME")
-"""Where none of these is set, a Linux has no window to open."""
+"""Environment variables of which one is set where Linux can open a window."""
 
 
 @click.command(
@@ -118,7 +118,7 @@ def command(
         raise click.UsageError("A route needs a vehicle. Add --vehicle V.json.")
     options = PageOptions(max_error, max_faces, live=watch)
     options.check()
-    path = None if output is None else _checked_output(output, file, overwrite)
+    path = None if output is None else _page_path(output, file, overwrite)
     three_js()
     vehicle = vehicle_from(values) if wheeled else None
     if watch:
@@ -126,8 +126,8 @@ def command(
     return _write(file, options, vehicle, routes, path, overwrite, not no_open)
 
 
-def _checked_output(output: str, file: str, overwrite: bool) -> Path:
-    """Refuse a page that cannot be, before any work."""
+def _page_path(output: str, file: str, overwrite: bool) -> Path:
+    """Path of the page; refuse one that cannot be written, before any work."""
     from terratool.errors import RequestError, WriteError
     from terratool.output import is_same_file, refuse_existing, refuse_missing_folder
 
@@ -145,48 +145,48 @@ def _write(
     file: str, options: PageOptions, vehicle: Vehicle | None, routes: Routes, path: Path | None,
     overwrite: bool, opens: bool,
 ) -> int:  # fmt: skip
-    """Write the page; the exit code."""
+    """Write the page and return the exit code."""
     from terratool.output import whole_file
     from terratool.report.numbers import metres
     from terratool.report.wording import counted
     from terratool.viewing.pages import page_of
     from terratool.viewing.places import read_site
 
-    with Status(f"reading {called(file)}") as status:
+    with StatusLine(f"reading {short_name(file)}") as status:
         site = read_site(file, library_roots(), roughness=has_roughness())
         scene = _scene(site, options, vehicle, routes, status)
         status.say("writing the page")
-        text = page_of(called(file), scene.to_bytes())
+        text = page_of(short_name(file), scene.to_bytes())
         path = _temporary(file) if path is None else path
         with whole_file(path, overwrite) as part:
             part.write_text(text, encoding="utf-8", newline="\n")
-    told = scene.facts
-    within = f"{counted(len(scene.arrays['elements']), 'face')} within {metres(told['error'])}"
-    if told["measured"]:
+    facts = scene.facts
+    within = f"{counted(len(scene.arrays['elements']), 'face')} within {metres(facts['error'])}"
+    if facts["measured"]:
         within += ", as far as measured"
     say(f"{path}: {within}, {len(text.encode()):,} bytes")
-    for note in _notes(told):
+    for note in _notes(facts):
         say(f"  {note}")
     if opens and not _open(path.resolve().as_uri()):
         say("No browser can be opened here. Open the page in yours.", err=True)
-    lost = [route["note"] for route in told["routes"] if not route["found"]]
+    lost = [route["note"] for route in facts["routes"] if not route["found"]]
     for note in lost:
         say_error(f"There is no such route. {note}")
     return int(bool(lost))
 
 
-def _notes(told: dict[str, Any]) -> Iterator[str]:
-    """Sentences on what the page cannot show."""
+def _notes(facts: dict[str, Any]) -> Iterator[str]:
+    """Sentences on parts of the terrain that the page cannot show."""
     from terratool.report.numbers import metres
     from terratool.report.wording import counted
 
-    if told["left_out"]:
+    if facts["left_out"]:
         yield (
-            f"Left out: {counted(told['left_out'], 'element')}; "
-            f"heights change by up to {metres(told['change'])}."
+            f"Left out: {counted(facts['left_out'], 'element')}; "
+            f"heights change by up to {metres(facts['change'])}."
         )
-    if told["grid"]:
-        rows, columns, step = told["grid"]
+    if facts["grid"]:
+        rows, columns, step = facts["grid"]
         yield (
             f"It is drawn from a grid of {rows:,} × {columns:,} heights, as there is too much for a"
             f" mesh. Walls are as wide as a step: {metres(step)}."
@@ -194,7 +194,7 @@ def _notes(told: dict[str, Any]) -> Iterator[str]:
 
 
 def _temporary(file: str) -> Path:
-    """A page in a new folder that nobody else can write to."""
+    """Path of a page in a new folder that no other user can write to."""
     import tempfile
 
     from terratool.errors import WriteError
@@ -208,16 +208,18 @@ def _temporary(file: str) -> Path:
 
 
 def _scene(
-    site: Site, options: PageOptions, vehicle: Vehicle | None, routes: Routes, status: Status
+    site: Site, options: PageOptions, vehicle: Vehicle | None, routes: Routes, status: StatusLine
 ) -> PageScene:
     from terratool.viewing.scene import scene_of
 
-    report = None if vehicle is None else _judged(site, vehicle, routes, status)
+    report = None if vehicle is None else _judge(site, vehicle, routes, status)
     return scene_of(site, options, report, status.say)
 
 
-def _judged(site: Site, vehicle: Vehicle, routes: Routes, status: Status) -> TraversabilityReport:
-    """What the vehicle can do there: the map, and the ways that are wanted."""
+def _judge(
+    site: Site, vehicle: Vehicle, routes: Routes, status: StatusLine
+) -> TraversabilityReport:
+    """Report on the vehicle: the map, and the routes that are asked for."""
     from terratool.traversability.assess import Request, assess, prepare_assessment
 
     prepared = prepare_assessment(site.terrain, vehicle, Request(routes=routes))
@@ -233,36 +235,36 @@ def _follow(
     from terratool.viewing.live import FollowedFile, LiveState, PageServer, follow
     from terratool.viewing.pages import page_of
 
-    read_source(file, named=False)  # what is no file is none to follow
+    read_source(file, named=False)  # refuses what is no regular file
     state = LiveState()
-    told = _teller(file)
+    print_version = _version_printer(file)
 
     def scene(site: Site) -> PageScene:
-        with Status(f"drawing {called(file)}") as status:
+        with StatusLine(f"drawing {short_name(file)}") as status:
             return _scene(site, options, vehicle, routes, status)
 
-    with PageServer(page_of(called(file), live=True), state, port) as server:
+    with PageServer(page_of(short_name(file), live=True), state, port) as server:
         say(f"{server.url} shows {file}; Ctrl-C ends it.")
         flush()
         if opens and not _open(server.url):
             say("No browser can be opened here. Open this address in yours.", err=True)
-        follow(state, FollowedFile(file, library_roots(), has_roughness()), scene, told)
+        follow(state, FollowedFile(file, library_roots(), has_roughness()), scene, print_version)
 
 
-def _teller(file: str) -> Callable[[TerratoolError | None], object]:
-    """What is said of each version of a file."""
+def _version_printer(file: str) -> Callable[[TerratoolError | None], object]:
+    """Function that prints a line for each version of a file."""
 
-    def told(problem: TerratoolError | None) -> None:
+    def print_version(problem: TerratoolError | None) -> None:
         if problem is None:
             say_error(f"{file}: drawn.")
         else:
             say_error(problem.message)
 
-    return told
+    return print_version
 
 
 def _open(url: str) -> bool:
-    """Open a page in a browser with a window; whether there is one."""
+    """Open a page in a browser with a window; return whether there is one."""
     import webbrowser
 
     windows = sys.platform in ("darwin", "win32") or any(map(os.environ.get, _DISPLAYS))

@@ -1,1 +1,1 @@
-"""What the user wrote: text with positions, the typed model, and the rules it must keep."""
+"""Definitions: text with positions, the typed model, and the rules that a text must keep."""

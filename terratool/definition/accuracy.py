@@ -1,4 +1,4 @@
-"""How far the compiled curve of a formula may be off, before it is compiled."""
+"""Error bounds of compiled formula curves, estimated before the curves are compiled."""
 
 from __future__ import annotations
 
@@ -13,41 +13,41 @@ from terratool.definition.expression import (
     UNARY,
     VARIADIC,
     Expression,
-    checked_values,
+    sample_values,
 )
 
 TOLERANCE = 1e-8
-"""Error that the pieces of a formula are cut for …"""
+"""Error that the pieces of a formula aim at, in the formula's values."""
 
 RELATIVE = 1e-12
-"""… and besides so much of the largest value, as below that lies the rounding of the values."""
+"""Error allowed besides, over the largest value, as rounding of the values is of that size."""
 
 MAX_PIECES = 1 << 16
 SLACK = 10.0
-"""A formula that may be off by more than so many tolerances is remarked on."""
+"""Errors above this multiple of the tolerance are remarked on."""
 
 _NARROWEST = 2.0**-40
-"""Parts of a curve that are narrower are not looked at: positions are not that exact."""
+"""Width in t of the narrowest part of a curve that is looked at: positions are no more exact."""
 
 _STEPS = 60_000
-"""Operations on intervals: some 10 ms."""
+"""Most operations on intervals, which take some 10 ms."""
 
 _PLACES = 4096
 
-# as kernels/definition/curves.hpp has them
+# the kernels name operations by numbers, in the order of kernels/definition/curves.hpp
 _NAMES = ("number", "t", *BINARY, "neg", *UNARY, *VARIADIC)
 _CODES = {name: code for code, name in enumerate(_NAMES)}
 
 
-class Survey(NamedTuple):
-    """What is known of the pieces that keep to a formula.
+class AccuracySurvey(NamedTuple):
+    """Bounds of the error of the pieces that approximate a formula.
 
     Attributes:
-        promised: how close they are to keep to it.
-        error: how far off they may be, at most; infinite where the formula grows without limit.
-        t: where.
-        rounding: how much of the values rounding may take away, the most of 64 places.
-        places: t at which it bends or runs so fast that even spacing would miss it.
+        promised: error that is promised, in the formula's values.
+        error: upper bound of the error; infinite where the formula grows without limit.
+        t: position of the largest error, 0 to 1.
+        rounding: greatest error of the values by rounding, over 64 places.
+        places: positions t at which even spacing would miss a bend or a steep stretch.
     """
 
     promised: float
@@ -58,26 +58,26 @@ class Survey(NamedTuple):
 
     @property
     def is_rounded(self) -> bool:
-        """Whether rounding alone takes away more than is promised."""
+        """Whether rounding alone exceeds the promised error."""
         return self.rounding > SLACK * self.promised
 
     @property
     def tolerance(self) -> float:
-        """What the pieces are cut for: noise is not kept to."""
+        """Error that the pieces aim at: no less than the noise of rounding."""
         return self.rounding if self.is_rounded else self.promised
 
     @property
     def is_kept(self) -> bool:
-        """Whether the pieces are as good as is promised of them."""
+        """Whether the pieces keep to the promised error."""
         return self.error <= SLACK * self.promised
 
 
 @lru_cache(maxsize=256)
-def survey(expression: Expression) -> Survey:
-    """Ask the derivatives of a valid expression how many pieces it needs, and where."""
+def survey(expression: Expression) -> AccuracySurvey:
+    """Bound the error of a valid expression by its derivatives, and find where it needs pieces."""
     from terratool.kernels import definition as kernels
 
-    values = checked_values(expression)
+    values = sample_values(expression)
     promised = TOLERANCE + RELATIVE * max(map(abs, values))
     program = expression.program
     places = array("d", bytes(8 * _PLACES))
@@ -89,6 +89,6 @@ def survey(expression: Expression) -> Survey:
         array("d", limits),  # type: ignore[arg-type]
         places,  # type: ignore[arg-type]
     )
-    if error > 2 * MAX_VALUE:  # beyond that everything is cut off
+    if error > 2 * MAX_VALUE:  # values beyond are cut off
         error = float("inf")
-    return Survey(promised, error, t, rounding, tuple(places[:count]))
+    return AccuracySurvey(promised, error, t, rounding, tuple(places[:count]))

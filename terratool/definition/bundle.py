@@ -1,4 +1,4 @@
-"""One file in place of a terrain and its libraries."""
+"""Bundles: one file in place of a terrain and its libraries."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ from terratool.definition.uses import Uses, track_surfaces
 from terratool.text.scan import first_value, members, value_end
 
 _EXACT = 1e15
-_TOLD = 2.0**-84
-"""A place that is off by so little, in sides of the terrain, has the same edges."""
+_NEGLIGIBLE = 2.0**-84
+"""Error of a place, over the longer side of the terrain, below which its edges are the same."""
 
 
 class Bundle(NamedTuple):
     """One file in place of a terrain and its libraries.
 
     Attributes:
-        text: JSON in the canonical layout.
-        rounded: how many elements stand at the decimals nearest to their places, as no number that
-            reads back as a double is their place: edges of these may be one float off.
+        text: JSON text in the canonical layout.
+        rounded: number of elements that stand at the decimals nearest to their places, as no number
+            that reads back as a double is their place: their edges may be one float off.
     """
 
     text: str
@@ -39,16 +39,16 @@ class Bundle(NamedTuple):
 
 
 def bundle(checked: Checked, *, expanded: bool = False) -> Bundle:
-    """A terrain with all it needs of its libraries, and nothing that it does not need.
+    """Bundle a terrain with all it needs of its libraries, and nothing that it does not need.
 
-    Values stand as they are spelled, in the canonical layout.
+    Values keep their spelling, and the text gets the canonical layout.
 
     Args:
         checked: a terrain without errors.
-        expanded: write parts and copies out, too; keys of your own in elements are left out then.
+        expanded: whether parts and copies are written out, too; elements then lose x- keys.
 
     Raises:
-        DefinitionError: it has errors.
+        DefinitionError: the terrain has errors.
         RequestError: parts and copies come to too many elements.
     """
     document = checked.document
@@ -57,12 +57,12 @@ def bundle(checked: Checked, *, expanded: bool = False) -> Bundle:
     uses = Uses(document, known_names(document))
     members = _members(document.source.data)
     members.pop("use", None)
-    needed, rounded = uses.needed, 0
+    needed, rounded = uses.needed_names, 0
     if expanded:
         from terratool.definition.expand import expand
 
         tree = expand(uses).tree
-        # what parts wear themselves is not worn beside them
+        # a surface given to a part is not worn where the part's elements have their own
         worn = tree.distinct("surface") | track_surfaces(checked.terrain)
         needed = {
             "surfTypes": {name: None for name in needed["surfTypes"] if name in worn},
@@ -70,9 +70,9 @@ def bundle(checked: Checked, *, expanded: bool = False) -> Bundle:
             "parts": {},
         }
         members["elemTree"] = Raw("".join(_element(tree)).encode())
-        rounded = _rounded(tree, max(checked.terrain.extent))
+        rounded = _count_inexact(tree, max(checked.terrain.extent))
     for dictionary in DICTIONARIES:
-        entries = _needed(uses, dictionary, needed[dictionary])
+        entries = _entry_texts(uses, dictionary, needed[dictionary])
         if entries:
             members[dictionary] = Raw(_object(entries.items()))
         elif dictionary == "elemTypes":
@@ -82,8 +82,8 @@ def bundle(checked: Checked, *, expanded: bool = False) -> Bundle:
     return Bundle(canonical(_object(members.items()).decode()), rounded)
 
 
-def _rounded(tree: Tree, longest: float) -> int:
-    """How many elements of an expansion stand at places that no decimal tells."""
+def _count_inexact(tree: Tree, longest: float) -> int:
+    """Number of elements of an expansion whose places no decimal gives exactly."""
     places = (
         (*at, *pair_of(extent, 0.0), *rests)
         for at, extent, rests in zip(
@@ -93,7 +93,7 @@ def _rounded(tree: Tree, longest: float) -> int:
     )
     return sum(
         any(
-            abs(rest - rest_of(near)) > _TOLD * longest
+            abs(rest - rest_of(near)) > _NEGLIGIBLE * longest
             for near, rest in zip(p[:4], p[4:], strict=True)
         )
         for p in places
@@ -105,8 +105,8 @@ def _object(members: Iterable[tuple[str, Raw]]) -> bytes:
     return b"{" + b",".join(texts) + b"}"
 
 
-def _needed(uses: Uses, dictionary: Dictionary, needed: dict[str, None]) -> dict[str, Raw]:
-    """The texts of what is needed of a dictionary, in the order of the files."""
+def _entry_texts(uses: Uses, dictionary: Dictionary, needed: dict[str, None]) -> dict[str, Raw]:
+    """Texts of the entries of a dictionary that are needed, in the order of the files."""
     texts: dict[int, dict[str, Raw]] = {}
     found = {}
     for name, named in uses.names.of(dictionary).items():
@@ -120,7 +120,7 @@ def _needed(uses: Uses, dictionary: Dictionary, needed: dict[str, None]) -> dict
 
 
 def _members(data: bytes) -> dict[str, Raw]:
-    """The texts of the members of an object."""
+    """Texts of the members of a JSON object, by key."""
     try:
         return msgspec.json.decode(data, type=dict[str, Raw])
     except RecursionError:  # nested too deep for skipping
@@ -137,7 +137,7 @@ def _members(data: bytes) -> dict[str, Raw]:
 
 
 def _whole(value: Any) -> Any:
-    """A value, as a whole number where that is the same."""
+    """JSON value with whole floats below 1e15 in size as integers."""
     if isinstance(value, tuple):
         return [_whole(part) for part in value]
     if isinstance(value, float) and value.is_integer() and abs(value) < _EXACT:
@@ -146,7 +146,7 @@ def _whole(value: Any) -> Any:
 
 
 def _element(tree: Tree) -> Iterator[str]:
-    """The pieces of the text of the root."""
+    """Pieces of the JSON text of the root element."""
     keys = {key: SLOTS[Element][key].name for key in KEYS[Element] if key != "children"}
     used = {key: tree.column(name) for key, name in keys.items() if tree.distinct(name) != {UNSET}}
 

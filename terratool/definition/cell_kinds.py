@@ -1,4 +1,4 @@
-"""Cells of a tree by kind: those that have the same sides are one."""
+"""Kinds of cells of a tree: cells with the same sides are of one kind."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from terratool.definition.model import Pair, pair_of
 from terratool.definition.tree import Tree
 
 FREE = -1
-"""The kind around a free place, whose sides are its own."""
+"""Kind of the cell around a free place, whose sides are its own."""
 
 
 class CellOrigin(NamedTuple):
-    """Where the sides of a kind of cells come from.
+    """Derivation of the sides of a kind of cells.
 
     Attributes:
-        around: the kind of the parent's cell, or `FREE`.
-        span: columns and rows of the parent's grid that the cell takes; at a free place its sides.
+        around: kind of the parent's cell, or `FREE`.
+        span: columns and rows of the parent's grid that the cell takes; its sides at a free place.
         grid: columns and rows of the parent's grid.
     """
 
@@ -29,12 +29,12 @@ class CellOrigin(NamedTuple):
 
 
 class CellKinds(NamedTuple):
-    """The cells of all elements of a tree, by kind.
+    """Cells of all elements of a tree, by kind.
 
     Attributes:
-        of: (elements,) the kind of each element's cell; that of a root is its own index.
-        origins: (kinds,) where each kind has its sides from, always from an earlier one; None for
-            a root.
+        of: (elements,) kind of each element's cell; a root's kind is its own index.
+        origins: (kinds,) derivation of each kind's sides, always from an earlier kind; None for a
+            root.
     """
 
     of: list[int]
@@ -42,14 +42,14 @@ class CellKinds(NamedTuple):
 
 
 def cell_kinds(tree: Tree) -> CellKinds:
-    """The kinds of the cells of a tree, found once."""
+    """Kinds of the cells of a tree, computed once for each tree."""
     known: CellKinds | None = tree.notes.get("cell kinds")
     if known is None:
-        known = tree.notes["cell kinds"] = _found(tree)
+        known = tree.notes["cell kinds"] = _number_cells(tree)
     return known
 
 
-def _found(tree: Tree) -> CellKinds:
+def _number_cells(tree: Tree) -> CellKinds:
     roots = min(len(tree.roots), len(tree))
     of = list(range(roots))
     numbers: dict[CellOrigin, int] = {}
@@ -74,9 +74,9 @@ def _found(tree: Tree) -> CellKinds:
 
 
 def shares_of(kinds: CellKinds, size: Pair) -> list[Pair]:
-    """Sides of each kind of cells over those of the terrain, which are `size`.
+    """Sides (x, y) of each kind of cells over those of the terrain, whose sides are `size`.
 
-    A part is taken to cover the terrain.
+    A part is taken as if it covered the terrain.
     """
     shares: list[Pair] = []
     for origin in kinds.origins:

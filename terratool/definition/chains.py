@@ -1,4 +1,4 @@
-"""What an element stands for: a primitive, through the parts that its text names."""
+"""Chains of parts: the primitive that an element stands for, with factors, offsets and turns."""
 
 from __future__ import annotations
 
@@ -7,26 +7,27 @@ from typing import Any, NamedTuple
 
 from msgspec import UNSET, UnsetType
 
-from terratool.definition.libraries import Document, path_between
+from terratool.definition.libraries import SourceDocument, path_between
 from terratool.definition.uses import Root, Uses, quarter_turns
 from terratool.text.display import escape
 
 
 class Chain(NamedTuple):
-    """An element of a primitive, and what the elements that stand for it add, inner ones first.
+    """Element of a primitive, with all that the elements around its parts add, inner ones first.
 
-    Of many copies of a scattered element numbers may be arrays, with one number for each copy.
+    For many copies of a scattered element, numbers may be arrays with one item for each copy.
 
     Attributes:
-        root: where the element of the primitive stands.
-        scale: factor of the element on its curves, where that is given.
-        turn: turn of the element, degrees, where that is given.
+        root: element of the primitive.
+        scale: factor of the element on its curves; UNSET where it has none.
+        turn: turn of the element, degrees; UNSET where it has none.
         factor: factor on every height of the part, or of the scattered copy.
-        offset: sum of the offsets of all these elements, each under the factors around it.
-        quarters: quarter turns of the whole part.
-        surface: name of the surface that the element wears, where one is given.
-        descr: what the element is said to be.
-        name: end of the element's name.
+        offset: sum of the offsets of all these elements, each times the factors around it; UNSET
+            where no element has one.
+        quarters: quarter turns of the whole part, 0 to 3.
+        surface: name of the surface of the element; UNSET where none is given.
+        descr: description of the element; UNSET where none is given.
+        name: end of the element's name, from the first part on.
     """
 
     root: Root
@@ -41,31 +42,31 @@ class Chain(NamedTuple):
 
 
 def with_quarters(turn: float | UnsetType, quarters: int) -> float | UnsetType:
-    """A turn of an element in a part that is turned by so many quarters, in degrees."""
+    """Turn, degrees, of an element in a part that is turned by a number of quarters."""
     if quarters == 0:
         return turn
     return (math.fmod(0.0 if turn is UNSET else turn, 360.0) + 90.0 * quarters) % 360.0
 
 
 class Chains:
-    """The chains of a terrain, each followed once."""
+    """Chains of a terrain, each followed once."""
 
     def __init__(self, uses: Uses) -> None:
         self._uses = uses
         self._known: dict[tuple[int, int], Chain] = {}
 
     def of(self, root: Root) -> Chain:
-        """What an element stands for."""
+        """Chain of an element."""
         key = id(root.tree), root.element
         if key not in self._known:
             self._known[key] = self._follow(root)
         return self._known[key]
 
-    def strewn(self, root: Root, side: Any, turn: Any) -> Chain:
-        """What one copy of a scattered element stands for, or many copies at once.
+    def of_copies(self, root: Root, side: Any, turn: Any) -> Chain:
+        """Chain of one copy of a scattered element, or of many copies at once.
 
         Args:
-            root: the element.
+            root: scattered element.
             side: side of the copy, by which all its heights are multiplied; or an array of sides.
             turn: turn of the copy, degrees; or an array of turns.
         """
@@ -109,6 +110,6 @@ class Chains:
             inner, scales[-1], turns[-1], factor, offset, quarters, surface, descr, "".join(names)
         )
 
-    def _name(self, part: str, outer: Document, home: Document) -> str:
+    def _name(self, part: str, outer: SourceDocument, home: SourceDocument) -> str:
         where = "" if home is outer else f"{path_between(self._uses.document, home)}#"
         return f">{where}/parts/{escape(part)}"

@@ -1,4 +1,4 @@
-"""Changes to the text of a terrain or a library: looked at before they are written."""
+"""Changes to the text of a terrain or a library, checked before they are written."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from msgspec import UNSET, Raw, Struct, UnsetType, structs
 
 from terratool.definition.keys import document_kind
 from terratool.definition.layout import TERRAIN
-from terratool.definition.libraries import spelled
+from terratool.definition.libraries import plain_path
 from terratool.definition.model import DEFAULT_CELLS, pair_of
 from terratool.definition.reader import Checked, CheckOptions, check, refusal
 from terratool.definition.rules import RULES
@@ -33,11 +33,11 @@ _copy = re.compile(r"\[[0-9,]+\]").sub
 
 
 class Parent(Struct):
-    """What an element's text says of its cell and of what stands in it.
+    """Grid and children of an element, as its text has them.
 
     Attributes:
-        cells: its grid, as it is written.
-        children: the texts of the elements in it; None where the key is left out.
+        cells: value of the key of this name.
+        children: texts of the elements in it; None where the key is left out.
     """
 
     cells: int | tuple[int, int] | UnsetType = UNSET
@@ -45,18 +45,18 @@ class Parent(Struct):
 
     @property
     def grid(self) -> tuple[int, int]:
-        """Columns and rows of its cells."""
+        """Columns and rows of the element's cells."""
         return pair_of(self.cells, DEFAULT_CELLS)
 
 
 @dataclass(frozen=True, slots=True)
-class Target:
-    """A terrain or a library that is to be changed.
+class ChangeTarget:
+    """Terrain or library that is to be changed.
 
     Attributes:
-        source: its text; `packed` says whether the result is gzipped.
-        output: where the result goes; the file itself, or another one.
-        checked: what the text says; it has no errors.
+        source: text of the file; `packed` says whether the result is gzipped.
+        output: path of the result; the file itself, or another one.
+        checked: findings and model of the text, which has no errors.
         library_roots: further folders under which its libraries may lie.
     """
 
@@ -66,24 +66,25 @@ class Target:
     library_roots: tuple[str, ...] = ()
 
     def names(self, dictionary: str) -> list[str]:
-        """The names of one of its own dictionaries, such as `elemTypes`."""
+        """Names in one of the text's own dictionaries, such as `elemTypes`."""
         text = value_at(self.source.data, f"/{dictionary}")
         return [] if text is None else list(msgspec.json.decode(text, type=dict[str, Raw]))
 
     def parent(self, pointer: str) -> Parent:
-        """An element that is to get a child.
+        """Grid and children of the element that is to get a child.
 
         Args:
             pointer: JSON pointer of the element.
 
         Raises:
-            RequestError: there is none.
+            RequestError: the text has no such element.
         """
         text = value_at(self.source.data, pointer) if _pointer(pointer) else None
         if text is None:
             file, _, own = _copy("", pointer.rpartition(">")[2]).rpartition("#")
             if own != pointer:
-                at = spelled(str(Path(self.source.name).parent), file) if file else self.source.name
+                name = self.source.name
+                at = plain_path(str(Path(name).parent), file) if file else name
                 raise RequestError(
                     f"{self.source.name}: the element {shown(pointer)} is one of a part or of "
                     "copies, which stand in the text once.",
@@ -105,29 +106,29 @@ class Target:
             ) from error
 
     def with_primitive(self, data: bytes, name: str, primitive: dict[str, Any]) -> bytes:
-        """The text with a primitive, in the place of one of that name or behind all others."""
+        """Text with a primitive, in the place of one of that name or behind all others."""
         if value_at(data, "/elemTypes") is None:
             return set_member(data, "", "elemTypes", {name: primitive}, TERRAIN).apply(data)
         return set_member(data, "/elemTypes", name, primitive, TERRAIN).apply(data)
 
     def with_elements(self, data: bytes, pointer: str, elements: list[dict[str, Any]]) -> bytes:
-        """The text with elements behind the children of the one that a pointer names."""
+        """Text with elements behind the children of the element at a pointer."""
         has_children = self.parent(pointer).children is not None
         for element in elements:
             data = append_child(data, pointer, element, has_children, TERRAIN).apply(data)
             has_children = True
         return data
 
-    def accepted(self, data: bytes, added: str, options: CheckOptions | None = None) -> Checked:
-        """What a rule has to say of a changed text.
+    def check_change(self, data: bytes, added: str, options: CheckOptions | None = None) -> Checked:
+        """Check a changed text and return the result.
 
         Args:
-            data: the text.
-            added: what is new in it, in words.
-            options: how closely to look; warnings are not looked for, unless they say so.
+            data: the changed text.
+            added: addition to the text, in words.
+            options: options of the check; None is the default without warnings.
 
         Raises:
-            DefinitionError: it has an error.
+            DefinitionError: the text has an error.
         """
         source = structs.replace(self.source, name=str(self.output), data=data)
         options = options or CheckOptions(warnings=False)
@@ -144,10 +145,10 @@ class Target:
         return checked
 
     def write(self, data: bytes, overwrite: bool) -> None:
-        """Put a text in the place of the file, or of the output, whole or not at all.
+        """Replace the file, or the output, by a text, whole or not at all.
 
         Raises:
-            WriteError: it cannot be written.
+            WriteError: the file cannot be written.
         """
         result = structs.replace(self.source, data=data)
         own = is_same_file(self.output, self.source.name)
@@ -156,19 +157,19 @@ class Target:
 
 def open_target(
     path: str, output: str | None, overwrite: bool, library_roots: tuple[str, ...] = ()
-) -> Target:
-    """Read what is to be changed, and refuse what cannot be.
+) -> ChangeTarget:
+    """Read the file that is to be changed, and refuse one that cannot be changed.
 
     Args:
-        path: of a terrain or a library, plain or gzipped.
-        output: another file for the result.
-        overwrite: replace that one if it exists.
+        path: path of a terrain or a library, plain or gzipped.
+        output: path of another file for the result; None changes the file itself.
+        overwrite: whether the output is replaced if it exists.
         library_roots: further folders under which its libraries may lie.
 
     Raises:
         ReadError: the file cannot be read.
-        DefinitionError: it has an error, or is no terrain or library.
-        RequestError: it is standard input, or the output would be standard output.
+        DefinitionError: the text has an error, or is no terrain or library.
+        RequestError: the path is standard input, or the output standard output.
         WriteError: the output exists.
     """
     if path == "-":
@@ -190,20 +191,20 @@ def open_target(
         refuse_existing(result, overwrite)
         refuse_missing_folder(result)
     packed = source.packed if output is None else result.name.lower().endswith(".gz")
-    data = moved(source, result)
+    data = with_moved_paths(source, result)
     source = structs.replace(source, data=data, packed=packed)
-    return Target(source, result, checked, library_roots)
+    return ChangeTarget(source, result, checked, library_roots)
 
 
-def moved(source: Source, output: str | Path) -> bytes:
-    """A text whose paths of libraries lead there from where it goes."""
+def with_moved_paths(source: Source, output: str | Path) -> bytes:
+    """Text with the paths of its libraries rewritten for the folder of the output."""
     here, there = (real_path(str(Path(file).parent)) for file in (source.name, output))
     if here == there or value_at(source.data, "/use") is None:
         return source.data
     data = source.data
     paths = msgspec.json.decode(value_at(data, "/use") or b"", type=list[str])
     for index, path in enumerate(paths):
-        led = os.path.relpath(spelled(here, path), there).replace(os.sep, "/")
+        led = os.path.relpath(plain_path(here, path), there).replace(os.sep, "/")
         begin = offsets(data, [Address(f"/use/{index}")])[0]
         end = value_end(data, begin, len(data))
         data = Edit(begin, end, json.dumps(led, ensure_ascii=False).encode()).apply(data)

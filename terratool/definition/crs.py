@@ -1,4 +1,4 @@
-"""What a coordinate reference system may be written as: nothing that reads a file or the net."""
+"""Coordinate reference systems: the values that are taken, without reading a file or the net."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ CrsValue = str | int | dict[str, Any]
 FORMS = 'Write an authority and code such as "EPSG:32633", WKT, PROJJSON or a PROJ string.'
 
 _AUTHORITIES = ("EPSG", "ESRI", "IAU_2015", "IGNF", "NKG", "NRCAN", "OGC")
-"""Of the database of PROJ 9."""
+"""Authorities of the database of PROJ 9."""
 WELL_KNOWN = {
     "WGS84": "EPSG:4326", "WGS72": "EPSG:4322", "NAD83": "EPSG:4269", "NAD27": "EPSG:4267",
     "CRS84": "OGC:CRS84", "CRS83": "OGC:CRS83", "CRS27": "OGC:CRS27",
 }  # fmt: skip
-"""Names of systems that GDAL has always had."""
+"""Codes of the names of systems that GDAL has always had."""
 
 _authority = f"({'|'.join(_AUTHORITIES)})"
 _code = r"([0-9A-Z_]+(?:\+[0-9]+)?)"
@@ -41,11 +41,11 @@ _reads = re.compile(
     rf"\b(nadgrids|geoidgrids|xy_grids|z_grids|grids|catalog|model|init|file)\s*=|{_FILES}",
     re.IGNORECASE,
 ).search
-"""What has PROJ read a file."""
+"""Search for parameters that make PROJ read a file."""
 _grids = re.compile(rf"\b(?:nadgrids|geoidgrids)\s*=|{_FILES}", re.IGNORECASE).search
-"""The same in a text that may hold other things."""
+"""Search for grids that PROJ reads, in a text that may hold other things."""
 _NO_GRIDS = re.compile(r"\+nadgrids=@null(?=[\s\"]|$)")
-"""A datum shift of nothing, as in the Mercator projection of web maps; it reads no file."""
+"""Empty datum shift, as in the Mercator projection of web maps; no file is read for it."""
 _DEEPEST = 50
 _parameter = re.compile(r"\+([a-z][a-z0-9_]*)(?:=([-+.\w'\"°,]+))?", re.IGNORECASE).fullmatch
 
@@ -59,25 +59,25 @@ _PARAMETERS = frozenset(
     vto_meter vunits W wktext x_0 y_0 zone
     """.split()  # noqa: SIM905
 )
-"""Those of PROJ 9 that describe a reference system."""
+"""Parameters of PROJ 9 that describe a reference system."""
 
 
 class CrsProblem(NamedTuple):
-    """Why something is no reference system that is taken: one sentence, and what to do."""
+    """Reason why a value is not taken as a reference system, one sentence, and a hint."""
 
     message: str
     hint: str = FORMS
 
 
 class AuthorityCode(NamedTuple):
-    """A reference system by its entry in the database of PROJ."""
+    """Entry of a reference system in the database of PROJ."""
 
     authority: str
     code: str
 
 
 def authority_code(crs: CrsValue) -> AuthorityCode | None:
-    """The entry that a value names: 32633, "EPSG:32633", "WGS84" or a URN; None for others."""
+    """Entry that a value names: 32633, "EPSG:32633", "WGS84" or a URN; None for other values."""
     if isinstance(crs, int):
         return AuthorityCode("EPSG", str(crs))
     if not isinstance(crs, str):
@@ -90,10 +90,10 @@ def authority_code(crs: CrsValue) -> AuthorityCode | None:
 
 
 def crs_problem(crs: CrsValue) -> CrsProblem | None:
-    """What is wrong with a value as a reference system, as far as it shows without a database.
+    """Problem of a value as a reference system, as far as it shows without a database; or None.
 
     Taken are an authority with a code, WKT, PROJJSON and the parameters of PROJ, as a text or as
-    an object. Whatever would have a library open a file or an address is not.
+    an object. A value that would have a library open a file or an address is a problem.
     """
     if isinstance(crs, int):
         fits = 0 < crs < 2**31
@@ -118,7 +118,7 @@ def crs_problem(crs: CrsValue) -> CrsProblem | None:
 
 
 def names_file(text: str) -> bool:
-    """Whether a text, which may hold other things, has a reference system with grids in it."""
+    """Whether a text, which may hold other things, has a reference system with grid files in it."""
     return _grids(_NO_GRIDS.sub("", text)) is not None
 
 
@@ -177,7 +177,7 @@ def _file_problem(text: str) -> CrsProblem | None:
 
 
 def is_known(entry: AuthorityCode) -> bool | None:
-    """Whether the database of PROJ has an entry; None if there is no database at hand."""
+    """Whether the database of PROJ has an entry; None if no database is at hand."""
     path = _database()
     return None if path is None else _has(path, entry)
 
@@ -198,7 +198,7 @@ def _has(path: str, entry: AuthorityCode) -> bool | None:
 
 
 def _database() -> str | None:
-    """Where the database of PROJ is: beside rasterio, or where PROJ_DATA says."""
+    """URI path of the database of PROJ, beside rasterio or in the folder of PROJ_DATA; or None."""
     import os
     from importlib.util import find_spec
     from pathlib import Path

@@ -1,7 +1,7 @@
 """Specs of grids of training tiles as they are written: frozen typed values, absent keys `UNSET`.
 
 The classes mirror the text key by key, in its units. `terratool.definition.tile_spec` fills
-in what was left out.
+in the defaults of absent keys.
 """
 
 from __future__ import annotations
@@ -26,17 +26,18 @@ Value = float | bool | str | Pair
 MAX_TILES = 10_000
 """Most tiles of a spec."""
 LONGEST = 65.0
-"""Longest side of a tile, m, whose millimetres are cells of a grid."""
+"""Longest side of a tile, m: with millimetres as cells, the most that a grid holds."""
 _FAR = 1e6
-"""Farthest place of a level place, and greatest height, m."""
+"""Farthest position of a level place, and greatest height, m."""
 
 
 class TileText(Struct, frozen=True):
-    """A kind of tile with what it is told.
+    """Kind of tile and the values of its keys, as they are written.
 
     Attributes:
-        kind: name of a kind, or another text, which a rule refuses; UNSET where it does not fit.
-        values: what it is told, by key, its proportion included.
+        kind: name of a kind, or another text, which a rule refuses; UNSET where the value does not
+            fit.
+        values: values by key, the proportion included.
     """
 
     kind: str | UnsetType = UNSET
@@ -44,7 +45,7 @@ class TileText(Struct, frozen=True):
 
 
 class PatchText(Struct, frozen=True, rename="camel", kw_only=True):
-    """Level places to look for in each tile."""
+    """Level places to look for on each tile, as they are written."""
 
     count: int | UnsetType = UNSET
     radius: float | UnsetType = UNSET
@@ -56,7 +57,7 @@ class PatchText(Struct, frozen=True, rename="camel", kw_only=True):
 
 
 class CurriculumText(Struct, frozen=True, rename="camel", kw_only=True):
-    """One spec of a grid of training tiles."""
+    """Spec of a grid of training tiles, as it is written."""
 
     schema: str | UnsetType = msgspec.field(default=UNSET, name="$schema")
     descr: str | UnsetType = UNSET
@@ -83,7 +84,7 @@ TILE_KEYS = {
         "Share of the columns, or of the tiles, beside those of the other kinds.", default=1.0
     ),
 }
-"""Keys that all kinds of tiles have; `parameters` has those of each."""
+"""Keys that all kinds of tiles have; `tile_kinds.KINDS` has those of each kind."""
 
 CURRICULUM_KEYS: dict[Shape, dict[str, Key]] = {
     CurriculumText: {
@@ -155,4 +156,4 @@ CURRICULUM_KEYS: dict[Shape, dict[str, Key]] = {
         ),
     },
 }  # fmt: skip
-"""Keys of specs and of level places."""
+"""Keys of specs and of level places, with their meaning."""

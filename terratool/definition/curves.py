@@ -1,4 +1,4 @@
-"""Cross-section curves as the format means them: samples, knots or a formula."""
+"""Cross-section curves of the format: samples, knots or a formula."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ class SampledCurve(Struct, frozen=True):
 
 
 class KnotCurve(Struct, frozen=True):
-    """(t, z) knots, linear in between; two at one t are a vertical step."""
+    """Knots (t, z), linear in between; two knots at one t are a vertical step."""
 
     points: tuple[Pair, ...]
 
 
 class FormulaCurve(Struct, frozen=True):
-    """A named curve or an expression."""
+    """Named curve or expression in t."""
 
     expression: Expression
 
@@ -37,7 +37,7 @@ Curve = SampledCurve | KnotCurve | FormulaCurve
 
 
 class Shape(Struct, frozen=True):
-    """A primitive with both of its curves known; `y` is None where x is turned (radial)."""
+    """Both curves of a primitive; `y` is None where `x` is turned about the middle (radial)."""
 
     x: Curve
     y: Curve | None
@@ -45,7 +45,7 @@ class Shape(Struct, frozen=True):
 
 
 class CurveError(ValueError):
-    """A curve that means nothing; carries the remark, its pointer relative to the primitive."""
+    """Error in a curve; carries the remark, whose pointer is relative to the primitive."""
 
     def __init__(self, code: str, pointer: str, message: str, hint: str) -> None:
         super().__init__(message)
@@ -54,14 +54,14 @@ class CurveError(ValueError):
 
 
 def read_curve(value: CurveValue, key: str) -> Curve:
-    """The curve that a non-empty value of `x` or `y` stands for, without a mixture of both kinds.
+    """Curve of a non-empty value of `x` or `y`, without a mixture of numbers and knots.
 
     Raises:
-        CurveError: its expression or its knots are wrong.
+        CurveError: the expression or the knots are wrong.
     """
     if isinstance(value, str):
         return _formula(value, key)
-    if isinstance(value[0], float):  # a rule sees to it that all are alike
+    if isinstance(value[0], float):  # a rule makes sure that all items are alike
         return SampledCurve(value)  # type: ignore[arg-type]
     return _knots(value, key)
 
@@ -123,7 +123,7 @@ def _knot_problems(value: tuple[float | Pair, ...], key: str) -> Iterator[CurveE
 
 
 def problems(primitive: Primitive) -> tuple[CurveError, ...]:
-    """Everything that is wrong with the curves of a primitive; each rule asks for its part."""
+    """Errors in the curves of a primitive, all of them; each rule reports its part."""
     found = []
     for key, value in (("x", primitive.x), ("y", primitive.y)):
         if isinstance(value, str):
@@ -135,7 +135,7 @@ def problems(primitive: Primitive) -> tuple[CurveError, ...]:
             found.extend(_knot_problems(value, key))
     if primitive.combine == "radial":
         found.extend(_radial_problems(primitive))
-    elif not _given(primitive.x) and not _given(primitive.y):
+    elif not _has_values(primitive.x) and not _has_values(primitive.y):
         what = {
             (True, True): 'both "x" and "y" are left out',
             (False, False): 'both "x" and "y" are empty',
@@ -150,7 +150,7 @@ def problems(primitive: Primitive) -> tuple[CurveError, ...]:
     return tuple(found)
 
 
-def _given(value: CurveValue | UnsetType) -> bool:
+def _has_values(value: CurveValue | UnsetType) -> bool:
     return value is not UNSET and value != ()
 
 
@@ -165,7 +165,7 @@ def _radial_problems(primitive: Primitive) -> list[CurveError]:
                 'Remove "y": "x" is turned about the middle.',
             )
         )
-    if not _given(primitive.x):
+    if not _has_values(primitive.x):
         found.append(
             CurveError(
                 "TT303",
@@ -178,7 +178,7 @@ def _radial_problems(primitive: Primitive) -> list[CurveError]:
 
 
 def shape_of(primitive: Primitive) -> Shape:
-    """The curves of a valid primitive, with copies and omissions resolved."""
+    """Curves of a valid primitive, with copies and omissions resolved."""
     combine = "product" if primitive.combine is UNSET else str(primitive.combine)
     if combine == "radial":
         return Shape(read_curve(primitive.x, "x"), None, combine)  # type: ignore[arg-type]

@@ -1,4 +1,4 @@
-"""From plain JSON values to the typed models, with a remark for everything that does not fit."""
+"""Decoding of plain JSON values into typed models, with a remark for each value that misfits."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ JSON_NAMES = {
 
 
 def type_in_words(item: Any) -> str:
-    """What a value of a JSON text is, in words."""
+    """Description of a JSON value by its type, in words."""
     if isinstance(item, str):
         return f"the text {shown(item)}"
     if isinstance(item, bool):
@@ -101,8 +101,8 @@ def unknown_key(kind: Shape, key: str, present: frozenset[str]) -> tuple[str, st
     """Message, hint and fix for a key that a kind of object does not have.
 
     Args:
-        kind: the kind of object.
-        key: what it does not have.
+        kind: kind of object.
+        key: key that the object has and its kind does not.
         present: all keys of the object.
     """
     from difflib import get_close_matches
@@ -129,16 +129,16 @@ def unknown_key(kind: Shape, key: str, present: frozenset[str]) -> tuple[str, st
 
 
 class Decoded(Struct):
-    """What a text says, as far as it fits the model.
+    """Model of a text, as far as its values fit.
 
     Attributes:
-        definition: the terrain, with or without its elements; None where there is none.
-        library: the library, likewise.
-        vehicle: the vehicle; None where there is none.
-        sensor: the sensor; None where there is none.
-        curriculum: the spec of training tiles; None where there is none.
-        tree: the elements of the terrain and of its parts, or of the library's.
-        unfit: of each key the owners whose value was left out; "" is for the owner itself.
+        definition: terrain, with or without its elements; None where the text is none.
+        library: library; None where the text is none.
+        vehicle: vehicle; None where the text is none.
+        sensor: sensor; None where the text is none.
+        curriculum: spec of training tiles; None where the text is none.
+        tree: elements of the terrain and of its parts, or of the library's.
+        unfit: by key, the owners whose value was left out; "" stands for the owner itself.
         ignores: owner and value of each `x-ignore`.
     """
 
@@ -156,9 +156,9 @@ def decode(value: Any, kind: Kind, found: RemarkLog) -> Decoded:
     """Build the model of a parsed JSON value, without recursion over the elements.
 
     Args:
-        value: of the whole text.
-        kind: what the text is read as.
-        found: takes the remarks on what does not fit.
+        value: value of the whole text.
+        kind: kind that the text is read as.
+        found: log that takes the remarks on values that misfit.
     """
     decoder = _Decoder(found)
     if not isinstance(value, dict):
@@ -179,9 +179,9 @@ def decode(value: Any, kind: Kind, found: RemarkLog) -> Decoded:
 
 
 class _Decoder:
-    """Fits values into a model.
+    """Builder of models from JSON values.
 
-    Remarks on what does not fit go to `found`; it is noted as left out in `decoded`.
+    Remarks on values that misfit go to `found`; `decoded` notes these values as left out.
     """
 
     def __init__(self, found: RemarkLog) -> None:
@@ -190,7 +190,7 @@ class _Decoder:
         self._failed = False
 
     def model(self, kind: type[_Model], value: dict[str, Any], pointer: str, name: str) -> _Model:
-        """The model of an object and of all objects in it."""
+        """Build the model of an object and of all objects in it."""
         fields = self._fields(kind, value, pointer)
         roots: dict[str, Any] = {}
         for key, nested in NESTED.get(kind, {}).items():
@@ -198,7 +198,7 @@ class _Decoder:
             if attribute in fields:
                 inner, here = fields.pop(attribute), f"{pointer}/{key}"
                 if nested.form == "tree" and key == "parts":
-                    fields[attribute] = dict.fromkeys(inner, _UNKNOWN)  # what they are is below
+                    fields[attribute] = dict.fromkeys(inner, _UNKNOWN)  # `_tree` reads them
                     roots |= {part_pointer(name): part for name, part in inner.items()}
                 elif nested.form == "tree":
                     roots = {ROOT: inner} | roots
@@ -235,7 +235,7 @@ class _Decoder:
         return kind(**fields)
 
     def _item(self, nested: Nested, item: Any, pointer: str, name: str | int) -> Struct:
-        """One of the objects in a list or a dictionary; it keeps its place if it is no object."""
+        """Model of an item of a list or a dictionary; an empty model if the item is no object."""
         if isinstance(item, dict) and nested.chosen:
             return self._tile(item, pointer)
         if isinstance(item, dict):
@@ -245,7 +245,7 @@ class _Decoder:
         return nested.kind()
 
     def _tile(self, members: dict[str, Any], pointer: str) -> TileText:
-        """A kind of tiles, whose member `kind` says what other members it has."""
+        """Model of a kind of tiles, whose member `kind` decides which other members it has."""
         from terratool.definition.tile_kinds import KINDS
 
         kind, wanted = members.get("kind"), TILE_KEYS["kind"].words
@@ -265,7 +265,7 @@ class _Decoder:
         self.decoded.unfit.setdefault(key, set()).add(owner)
 
     def _fields(self, kind: Shape, value: dict[str, Any], owner: Owner) -> dict[str, Any]:
-        """The keys of an object whose values fit, converted; the nested ones as they are."""
+        """Values of an object that fit, converted, by attribute; nested objects are left alone."""
         fields = {}
         slots = SLOTS[kind]
         for key, item in value.items():
@@ -275,7 +275,7 @@ class _Decoder:
                 continue
             name, types, low, high, number = slot
             its = type(item)
-            if its in types:  # a million elements pass here
+            if its in types:  # fast path, as a million elements may pass here
                 if its is int:
                     if low <= item <= high:
                         fields[name] = float(item) if number else item
@@ -300,7 +300,7 @@ class _Decoder:
             self._found.keep("TT103", remark)
 
     def _fit(self, wanted: Key, key: str, item: Any, owner: Owner) -> Any:
-        """The value as the model has it; remarks where it does not fit."""
+        """Convert the value of a key; one that misfits is remarked on and sets `_failed`."""
         rest, subject = f"/{key}", f'"{key}"'
         if wanted.kind == "curve":
             return self._curve(wanted, key, item, owner)
@@ -384,7 +384,7 @@ class _Decoder:
         return tuple(points)
 
     def _pair(self, pair: list[Any], owner: Owner, rest: str, subject: str, key: str) -> Any:
-        """A knot or a point."""
+        """Knot or point as a tuple of two numbers."""
         return tuple(
             self._single(_NUMBER, value, owner, f"{rest}/{i}", subject, key)
             for i, value in enumerate(pair)
@@ -403,7 +403,7 @@ class _Decoder:
         return tuple(points)
 
     def _members(self, kind: type[Struct], wanted: Key, key: str, item: Any, owner: Owner) -> Any:
-        """An object in an element that has numbers alone."""
+        """Model of an object in an element that has numbers alone, as `repeat`."""
         if not isinstance(item, dict):
             return self._wrong_type(owner, f"/{key}", f'"{key}"', wanted.words, item)
         found: dict[str, Any] = {}
@@ -491,7 +491,7 @@ class _Decoder:
         while level:
             start = len(values)
             if set(map(type, level)) != {dict}:
-                names = list(map(_called, roots)) if start == 0 else ["an element"] * len(level)
+                names = list(map(_part_name, roots)) if start == 0 else ["an element"] * len(level)
                 level = [
                     self._element(value, index, name)
                     for index, (value, name) in enumerate(zip(level, names, strict=True), start)
@@ -519,13 +519,13 @@ class _Decoder:
                 self._convert_column(key, slot, columns[slot.name])
             else:
                 columns[slot.name] = [UNSET] * len(values)
-        if "part" in used:  # they are told of even where there are none
+        if "part" in used:  # rules tell of children beside a part even where the list is empty
             columns["children"] = [() if "children" in value else UNSET for value in values]
         self._own_keys(used - SLOTS[Element].keys(), values)
         return Tree([], families, levels, columns, tuple(roots))
 
     def _own_keys(self, own: set[str], values: list[dict[str, Any]]) -> None:
-        """All keys that elements have besides those of the format."""
+        """Report keys of elements that the format does not have, and collect `x-ignore`."""
         if "x-ignore" in own:
             self.decoded.ignores += [
                 (index, value["x-ignore"])
@@ -553,10 +553,10 @@ class _Decoder:
         if isinstance(value, dict):
             return value
         self._wrong_type(index, "", name, "an object", value)
-        return {}  # keeps its place, so that the others keep their pointers
+        return {}  # an empty element in its place, so that the others keep their pointers
 
     def _convert_column(self, key: str, slot: QuickCheck, column: list[Any]) -> None:
-        """Convert what has to be, and leave out what does not fit."""
+        """Convert values of a column in place, and set those that misfit to UNSET."""
         types = set(map(type, column)) - {UnsetType}
         if types <= slot.types:
             numbers = set(column) - {UNSET} if types - {str} else ()
@@ -576,7 +576,7 @@ class _Decoder:
                     if slot.number:
                         column[index] = float(item)
                     continue
-                if full and -BIGGEST <= item <= BIGGEST:  # counted, not kept
+                if full and -BIGGEST <= item <= BIGGEST:  # counted without a remark
                     out_of_range += 1
                     column[index] = UNSET
                     unfit.add(index)
@@ -598,15 +598,15 @@ class _Decoder:
             self.decoded.unfit.setdefault(key, set()).update(unfit)
 
 
-def _called(part: str) -> str:
-    """What a part is called, by its pointer."""
+def _part_name(part: str) -> str:
+    """Name of a part in words, by its pointer."""
     return f"the part {shown(unescape(part[len(PARTS) + 1 :]))}"
 
 
 def remark_on(
     owner: Owner, rest: str, message: str, hint: str, fix: str = "", *, on_key: bool = False
 ) -> Remark:
-    """A remark on what is at `rest` in an object."""
+    """Remark on the value at `rest` in an owner."""
     if isinstance(owner, int):
         return Remark(rest, message, hint, on_key, owner, fix=fix)
     return Remark(owner + rest, message, hint, on_key, fix=fix)

@@ -1,9 +1,9 @@
-"""Exact numbers and lengths: what the numbers of a text mean beyond their doubles.
+"""Exact numbers and lengths: the decimals that the numbers of a text mean, beyond their doubles.
 
 A number means the shortest decimal that reads back as its double: for all that people type, the
 decimal that they typed. Edges follow from these decimals exactly and are rounded to a double once,
-at the end (docs/format.md, where exactly an edge stands). What a double lacks to the number that it
-stands for is kept beside it as a second double, its rest.
+at the end (docs/format.md, where exactly an edge stands). The difference of that number and its
+double is kept as a second double, its rest.
 """
 
 from __future__ import annotations
@@ -22,27 +22,27 @@ if TYPE_CHECKING:
 
 _LEADING = 2.0**36
 _UNROUNDED = Context(prec=1500)
-"""Sums of decimals and of doubles from 1e-300 to 1e30 have fewer digits."""
+"""Context of 1500 digits, more than sums of decimals and doubles from 1e-300 to 1e30 have."""
 
 
 def exact(number: float) -> Fraction:
-    """The decimal that a number of a text means."""
+    """Decimal that a number of a text means."""
     return Fraction(repr(float(number)))
 
 
 def decimal_sum(*numbers: float) -> float:
-    """The double nearest to the sum of the decimals that numbers of a text mean."""
+    """Double nearest to the sum of the decimals that numbers of a text mean."""
     return float(sum(map(exact, numbers)))
 
 
 def rest_of(number: float) -> float:
-    """What a double lacks to the decimal that it means."""
+    """Difference of the decimal that a double means and the double."""
     number = float(number)
     return float(_UNROUNDED.subtract(Decimal(repr(number)), Decimal(number)))
 
 
 def rests_of(numbers: NDArray[np.float64]) -> NDArray[np.float64]:
-    """What finite doubles lack to the decimals that they mean, float64 in their shape."""
+    """Differences of the decimals that finite doubles mean and the doubles, float64, same shape."""
     import msgspec
     import numpy as np
 
@@ -57,7 +57,7 @@ def rests_of(numbers: NDArray[np.float64]) -> NDArray[np.float64]:
 
 @cache
 def powers_of_ten() -> NDArray[np.float64]:
-    """Powers of ten from -`MAX_EXPONENT` of the kernels on, (n, 2), as sums of two doubles."""
+    """Powers of ten from -`MAX_EXPONENT` to `MAX_EXPONENT` of the kernels, (n, 2) double pairs."""
     import numpy as np
 
     from terratool.kernels import definition as kernels
@@ -68,17 +68,17 @@ def powers_of_ten() -> NDArray[np.float64]:
 
 
 class Exact(NamedTuple):
-    """A number as the double nearest to it, and what that lacks; or arrays of both.
+    """Number as the nearest double and the rest to the number; or arrays of both.
 
-    Sums are those of `place_of_copy` in kernels/field/sharing.hpp, to the last bit.
+    Sums agree with those of `place_of_copy` in kernels/field/sharing.hpp to the last bit.
     """
 
     near: Any
     rest: Any
 
     @classmethod
-    def typed(cls, number: float) -> Exact:
-        """The decimal that a number of a text means."""
+    def of_decimal(cls, number: float) -> Exact:
+        """Number of a text, as the decimal that it means."""
         return cls(number, rest_of(number))
 
     def __add__(self, other: Exact) -> Exact:  # type: ignore[override]
@@ -90,46 +90,46 @@ class Exact(NamedTuple):
 
 
 def _exact_sum(a: Any, b: Any) -> tuple[Any, Any]:
-    """The sum of two doubles, and what rounding took from it (Knuth)."""
+    """Sum of two doubles, and the error of its rounding (Knuth's TwoSum)."""
     total = a + b
     back = total - a
     return total, (a - (total - back)) + (b - back)
 
 
-class Side(NamedTuple):
-    """A length as the sum of two doubles, of which the first has 36 bits; or arrays of both."""
+class ExactSide(NamedTuple):
+    """Length as the sum of two doubles, of which the first has 36 bits; or arrays of both."""
 
     high: Any
     rest: Any
 
     @property
     def length(self) -> Any:
-        """The double nearest to it."""
+        """Double nearest to the length."""
         return self.high + self.rest
 
     @property
     def value(self) -> Fraction:
-        """The sum of the two doubles."""
+        """Exact sum of the two doubles."""
         return Fraction(self.high) + Fraction(self.rest)
 
     def times(self, count: Any) -> Exact:
-        """A whole number of up to 17 bits of such lengths."""
+        """Product of the length and a whole number of up to 17 bits."""
         return Exact(*_exact_sum(count * self.high, count * self.rest))
 
-    def share(self, cells: Any, of: Any) -> Side:
-        """The side of one of `of` equal cells in a block of so many of these."""
-        high = _leading((self.high * cells + self.rest * cells) / of)
-        return Side(high, ((self.high * cells - high * of) + self.rest * cells) / of)
+    def share(self, cells: Any, of: Any) -> ExactSide:
+        """Side of a block of `cells` of the `of` equal cells into which this side is divided."""
+        high = _leading_bits((self.high * cells + self.rest * cells) / of)
+        return ExactSide(high, ((self.high * cells - high * of) + self.rest * cells) / of)
 
 
-def side(length: Any, rest: Any = None) -> Side:
-    """A length as a `Side`: the decimal that its double means, or the double and this rest."""
-    high = _leading(length)
-    return Side(high, (length - high) + (rest_of(length) if rest is None else rest))
+def side(length: Any, rest: Any = None) -> ExactSide:
+    """Side of a length: the decimal that its double means, or the double and a given rest."""
+    high = _leading_bits(length)
+    return ExactSide(high, (length - high) + (rest_of(length) if rest is None else rest))
 
 
-def _leading(value: Any) -> Any:
-    """The leading 36 bits of a number, or of each number of an array."""
+def _leading_bits(value: Any) -> Any:
+    """Leading 36 bits of a number, or of each number of an array."""
     if not isinstance(value, (int, float)):
         import numpy as np
 
@@ -142,27 +142,27 @@ def _leading(value: Any) -> Any:
 class Sides(NamedTuple):
     """Sides of a cell along x and y."""
 
-    x: Side
-    y: Side
+    x: ExactSide
+    y: ExactSide
 
     @property
     def lengths(self) -> Pair:
-        """The doubles nearest to the two sides."""
+        """Doubles nearest to the two sides."""
         return self.x.length, self.y.length
 
-    def turned(self, quarters: int) -> Sides:
-        """The sides after so many quarter turns."""
+    def turn_by(self, quarters: int) -> Sides:
+        """Return the sides after a number of quarter turns."""
         return Sides(self.y, self.x) if quarters % 2 else self
 
     def times(self, span: tuple[int, int]) -> tuple[Exact, Exact]:
-        """The sides of a block of such cells."""
+        """Sides of a block of `span` such cells."""
         return self.x.times(span[0]), self.y.times(span[1])
 
     def block(self, span: tuple[int, int], grid: tuple[int, int]) -> Sides:
-        """The sides of a block of the cells of the grid that divides this cell."""
+        """Sides of a block of `span` cells of the grid that divides this cell."""
         return Sides(self.x.share(span[0], grid[0]), self.y.share(span[1], grid[1]))
 
 
 def sides(lengths: Pair) -> Sides:
-    """Sides of the lengths that a text gives."""
+    """Sides of a cell with the lengths that a text gives."""
     return Sides(side(lengths[0]), side(lengths[1]))

@@ -1,4 +1,4 @@
-"""Parts and copies written out: what a definition means, as elements of primitives alone."""
+"""Expansion: a definition with parts and copies written out, as elements of primitives alone."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ if TYPE_CHECKING:
     from terratool.definition.written import Written
 
 MAX_ELEMENTS = 2_000_000
-"""So many elements are written out at most."""
+"""Most elements that are written out."""
 
 
 class Expansion(Struct, frozen=True, dict=True):
-    """A definition without parts and copies, and its elements laid flat.
+    """Definition without parts and copies, with all its elements.
 
     Attributes:
         definition: the terrain.
-        elements: its tree, or what parts and copies come to.
+        elements: tree of the definition, or the elements that parts and copies come to.
     """
 
     definition: Definition
@@ -33,12 +33,12 @@ class Expansion(Struct, frozen=True, dict=True):
 
     @cached_property
     def tree(self) -> Tree:
-        """The elements as a tree."""
+        """Elements as a tree."""
         return self.elements if isinstance(self.elements, Tree) else self.elements.tree()
 
 
 def with_names(uses: Uses) -> Definition:
-    """A definition with the names of its libraries, and without its parts."""
+    """Definition with the names of its libraries, and without its parts."""
     definition = uses.document.model
     assert isinstance(definition, Definition)
     names = uses.names
@@ -59,10 +59,10 @@ def expand(uses: Uses) -> Expansion:
     """Write out the parts and copies of a valid definition.
 
     Raises:
-        RequestError: there are more than `MAX_ELEMENTS`.
+        RequestError: the definition comes to more than `MAX_ELEMENTS`.
     """
     definition, tree = with_names(uses), uses.document.decoded.tree
-    if not uses.composed and len(tree.roots) == 1:
+    if not uses.is_composed and len(tree.roots) == 1:
         names = tree.distinct("surface"), tree.distinct("type")
         return Expansion(with_names_in_use(definition, *names, uses), tree)
     if uses.elements > MAX_ELEMENTS:
@@ -71,9 +71,9 @@ def expand(uses: Uses) -> Expansion:
             f"elements, and more than {MAX_ELEMENTS:,} are not written out.",
             "Lower the counts, or leave out the smallest parts.",
         )
-    from terratool.definition.written import written
+    from terratool.definition.written import write_out
 
-    elements = written(uses, definition)
+    elements = write_out(uses, definition)
     definition = structs.replace(definition, elem_tree=UNSET)
     surfaces, primitives = map(elements.different, (elements.rows.surface, elements.rows.type))
     return Expansion(with_names_in_use(definition, surfaces, primitives, uses), elements)
@@ -82,7 +82,7 @@ def expand(uses: Uses) -> Expansion:
 def with_names_in_use(
     definition: Definition, surfaces: set[Any], primitives: set[Any], uses: Uses
 ) -> Definition:
-    """A definition without what libraries have and no element names; a file's own names stay."""
+    """Definition without entries of libraries that no element names; a file's own entries stay."""
     if not uses.document.uses:
         return definition
     own = uses.document.entries

@@ -1,4 +1,4 @@
-"""Analytic curves: a small language of one variable `t`, parsed and evaluated, never executed."""
+"""Formulas of curves: a language of one variable `t`, parsed and evaluated, never executed."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ NAMED = {
     "gauss": "exp(-18*(t - 0.5)**2)",
     "smoothstep": "t**2*(3 - 2*t)",
 }
-"""Named curves as expressions."""
+"""Expressions of the named curves."""
 
 UNARY = (
     "sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh", "exp", "log", "sqrt",
@@ -66,7 +66,7 @@ _INSTEAD_OF_SIGNS = {
 
 
 def instead_of_sign(text: str, at: int) -> str:
-    """What to do about a character that belongs to no token."""
+    """Hint for a character that belongs to no token."""
     sign = text[at]
     if sign == "[" and not text[:at].strip():
         return "Write a vector or knots without quotation marks around them."
@@ -80,7 +80,7 @@ def instead_of_sign(text: str, at: int) -> str:
 
 
 def instead_of_word(word: str, before: str, behind: str) -> str:
-    """What to do about a word that is not in the vocabulary, between two parts of a text."""
+    """Hint for a word that is not in the vocabulary, between two parts of a text."""
     small = word.lower()
     before, behind = before.strip(), behind.strip()
     alone = not before and not behind
@@ -108,7 +108,7 @@ def instead_of_word(word: str, before: str, behind: str) -> str:
 MAX_LENGTH = 500
 MAX_DEPTH = 40
 MAX_OPERATIONS = 128
-"""Passes over all t; a text has room for twice as many, which would take too long."""
+"""Most passes over all t; a text has room for twice as many, which would take too long."""
 CHECK_POINTS = 4097
 MAX_VALUE = 1e9
 
@@ -126,7 +126,7 @@ Op = tuple[str, float | int | None]
 
 
 class ExpressionError(ValueError):
-    """An expression that does not parse, or is not finite; `hint` says what to do."""
+    """Error of an expression that does not parse, or is not finite, with a hint."""
 
     def __init__(self, message: str, hint: str) -> None:
         super().__init__(message)
@@ -135,7 +135,7 @@ class ExpressionError(ValueError):
 
 
 class Expression(Struct, frozen=True):
-    """A parsed expression: its text and its program."""
+    """Parsed expression: its text and its program in postfix order."""
 
     text: str
     program: tuple[Op, ...]
@@ -146,7 +146,7 @@ def parse(text: str) -> Expression:
     """Parse a named curve or an expression in `t`.
 
     Raises:
-        ExpressionError: it is too long, too deep or no expression.
+        ExpressionError: the text is too long, too deep or no expression.
     """
     if len(text) > MAX_LENGTH:
         raise ExpressionError(
@@ -157,7 +157,7 @@ def parse(text: str) -> Expression:
 
 
 class _Parser:
-    """Recursive descent, bounded by MAX_DEPTH; Python's precedence of operators."""
+    """Recursive-descent parser, bounded by MAX_DEPTH, with Python's precedence of operators."""
 
     def __init__(self, text: str) -> None:
         self._text = text
@@ -327,7 +327,7 @@ class _Parser:
         )
 
     def _no_operator(self) -> ExpressionError:
-        """A value is complete, and something follows that goes on with nothing."""
+        """Error for a complete value that is followed by something other than an operator."""
         if self._value == ")":
             return ExpressionError(
                 f'the ")" {self._place()} closes nothing', 'Remove it, or write a "(" before it.'
@@ -370,14 +370,14 @@ _TS = [i / (CHECK_POINTS - 1) for i in range(CHECK_POINTS)]
 
 
 @lru_cache(maxsize=32)
-def checked_values(expression: Expression) -> list[float]:
-    """The values at 4,097 evenly spaced t; not to be written to."""
+def sample_values(expression: Expression) -> list[float]:
+    """Values at 4,097 evenly spaced t; the list is shared and must not be changed."""
     values = evaluate(expression, _TS, LIST_FUNCTIONS)
     return values if isinstance(values, list) else [values] * CHECK_POINTS
 
 
 def _operations(program: Iterable[Op]) -> int:
-    """Passes over all t; what holds no t takes none, and a power takes as long as two."""
+    """Number of passes over all t: a term without t takes none, and a power counts as two."""
     count = 0
     varying: list[bool] = []
     for name, operand in program:
@@ -393,13 +393,13 @@ def _operations(program: Iterable[Op]) -> int:
 
 
 def check(expression: Expression) -> None:
-    """See that the values are finite and below 1e9 in size at 4,097 evenly spaced t.
+    """Check that values are finite and below 1e9 in size at 4,097 evenly spaced t.
 
     Raises:
-        ExpressionError: naming the first t at which they are not.
+        ExpressionError: values are not; the message names the first such t.
     """
-    values = checked_values(expression)
-    if all(map(MAX_VALUE.__gt__, map(abs, values))):  # not of what is no number
+    values = sample_values(expression)
+    if all(map(MAX_VALUE.__gt__, map(abs, values))):  # false for NaN
         return
     for t, value in zip(_TS, values, strict=True):
         if not abs(value) < MAX_VALUE:

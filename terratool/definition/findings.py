@@ -1,4 +1,4 @@
-"""Findings: what a reader or a rule has to say about a definition."""
+"""Findings: remarks of the reader and of rules on a definition."""
 
 from __future__ import annotations
 
@@ -16,23 +16,22 @@ if TYPE_CHECKING:
 
 Severity = Literal["error", "warning"]
 Bounds = tuple[float, float, float, float]
-"""A rectangle in the world: west, south, east, north."""
+"""World rectangle: west, south, east, north."""
 Owner = int | str
-"""An element by its index in the tree, anything else by its JSON pointer."""
+"""Element by its index in the tree, anything else by its JSON pointer."""
 
 
 class Remark(Struct, frozen=True, gc=False):
-    """What a rule yields; the runner adds code, severity and position.
+    """Remark that a rule yields; the runner adds code, severity and position.
 
     Attributes:
-        pointer: JSON pointer (RFC 6901) of the value that is at fault, from `element` on.
-        message: one sentence, what is wrong.
-        hint: one sentence, what to do.
-        on_key: the key is at fault rather than its value.
+        pointer: JSON pointer (RFC 6901) of the faulty value, from `element` on.
+        message: sentence that tells the fault.
+        hint: sentence that tells the remedy.
+        on_key: whether the key is at fault rather than its value.
         element: index of the element in the tree that `pointer` starts at; -1 is the whole text.
-        occurrence: which of the equal keys of an object is meant, from 1.
-        fix: JSON text that the value, or the key, is to be replaced with; empty if no one answer
-            is the only one.
+        occurrence: number of the key among equal keys of an object, from 1.
+        fix: JSON text that replaces the value, or the key; empty unless there is just one remedy.
     """
 
     pointer: str
@@ -45,11 +44,11 @@ class Remark(Struct, frozen=True, gc=False):
 
 
 class RemarkBatch(Struct, frozen=True):
-    """Remarks on many elements, of which each is written when it is wanted.
+    """Remarks on many elements, each built only when it is kept.
 
     Attributes:
         elements: indices of the elements in the tree, in order.
-        remark: the remark on an element.
+        remark: function that builds the remark on an element.
     """
 
     elements: Sequence[int]
@@ -57,30 +56,30 @@ class RemarkBatch(Struct, frozen=True):
 
 
 class RemarkLog(Struct):
-    """Remarks by code: the first `limit` of each, and how many there were.
+    """Remarks by code: the first `limit` of each code, and the counts of all.
 
-    What a million elements have wrong is counted, not kept.
+    Further remarks are counted, not kept, as a million elements may be at fault.
     """
 
     limit: int
     kept: list[tuple[str, Remark]] = field(default_factory=list)
     counts: Counter[str] = field(default_factory=Counter)
 
-    def copied(self) -> RemarkLog:
-        """The same, to which others can be added."""
+    def copy(self) -> RemarkLog:
+        """Copy of the log, to which remarks can be added."""
         return RemarkLog(self.limit, list(self.kept), Counter(self.counts))
 
     def wants(self, code: str) -> bool:
-        """Count one remark; whether it is one of those to keep."""
+        """Count one remark, and tell whether it is to be kept."""
         self.counts[code] += 1
         return self.counts[code] <= self.limit
 
     def full(self, code: str) -> bool:
-        """Whether no more of this code will be kept."""
+        """Whether no more remarks of a code will be kept."""
         return self.counts[code] >= self.limit
 
     def keep(self, code: str, remark: Remark) -> None:
-        """Keep a remark that was counted."""
+        """Keep a remark that `wants` counted."""
         self.kept.append((code, remark))
 
     def take(
@@ -89,9 +88,9 @@ class RemarkLog(Struct):
         """Count remarks, and keep those that are wanted.
 
         Args:
-            code: what they are.
-            remarks: some of them, or all.
-            count: how many there are, if these are not all.
+            code: code of the rule.
+            remarks: remarks to keep, all or the first ones.
+            count: number of remarks there are; None counts `remarks`.
         """
         found, room = 0, max(0, self.limit - self.counts[code])
         for remark in remarks if count is None else islice(remarks, room):
@@ -110,11 +109,11 @@ class RemarkLog(Struct):
 
 
 class Finding(Struct, frozen=True):
-    """A remark with its code, severity and place in the file.
+    """Remark with its code, severity and place in the file.
 
     Lines and columns count from 1, columns in characters; 0 where a file has no text. `bounds` is
-    the world rectangle (west, south, east, north) of the element concerned. `fix` is what mends
-    it where there is only one answer.
+    the world rectangle (west, south, east, north) of the element concerned. `fix` is the edit that
+    removes the fault, where there is only one.
     """
 
     file: str

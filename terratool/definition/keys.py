@@ -1,4 +1,4 @@
-"""The one table of keys: terrains, libraries, vehicles, sensors and specs of training tiles."""
+"""Table of all keys: terrains, libraries, vehicles, sensors and specs of training tiles."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ REQUIRED: dict[type, tuple[str, ...]] = {
     CurriculumText: ("rows", "columns", "kinds"),
     PatchText: ("radius",),
 }
-"""Keys that must be there; rules look for those of terrains, elements and tracks."""
+"""Keys that an object must have; rules look for those of terrains, elements and tracks."""
 ALTERNATIVES: dict[type, dict[tuple[str, str], str]] = {
     VehicleText: {
         ("axles", "wheelbase"): 'Add "axles", or "wheelbase" for two driven axles.',
@@ -71,11 +71,11 @@ ALTERNATIVES: dict[type, dict[tuple[str, str], str]] = {
         ("fov", "focal"): 'Add "fov", the angle of view in degrees, or "focal" in pixels.',
     },
 }
-"""Two keys of which one must be there, and what to do where neither is."""
+"""Pairs of keys of which an object must have one, and the hint where it has neither."""
 
 
 class _Keys(dict[Shape, dict[str, Key]]):
-    """Keys by object; those of a kind of tiles are looked up when they are first asked for."""
+    """Keys by kind of object; keys of a kind of tiles are built when they are first asked for."""
 
     def __missing__(self, shape: Shape) -> dict[str, Key]:
         from terratool.definition.tile_kinds import KINDS
@@ -89,20 +89,20 @@ class _Keys(dict[Shape, dict[str, Key]]):
 KEYS: Mapping[Shape, dict[str, Key]] = _Keys(
     TERRAIN_KEYS | VEHICLE_KEYS | SENSOR_KEYS | CURRICULUM_KEYS
 )
-"""Keys of each object, in the order of the canonical layout."""
+"""Keys of each kind of object, in the order of the canonical layout."""
 
 
 class Nested(NamedTuple):
-    """A key whose value is an object of the format, or holds such objects.
+    """Key whose value is an object of the format, or holds such objects.
 
     Attributes:
-        kind: class of the model.
-        form: how they are held.
-        item: one of those that are held, in words; {} is its name or index.
-        words: what a message asks for in its place.
+        kind: class of the model of the objects.
+        form: container of the objects; `object` for one alone.
+        item: one of the items in words, for messages; {} stands for its name or index.
+        words: description of an item, as messages ask for it.
         least: fewest items of a list or a dictionary.
         most: most items of a list.
-        chosen: whether the member `kind` of an item, a key of `KEYS`, says what keys it has.
+        chosen: whether the member `kind` of an item, a key of `KEYS`, decides which keys it has.
     """
 
     kind: type[Struct]
@@ -154,11 +154,11 @@ NESTED: dict[type, dict[str, Nested]] = {
         ),
     },
 }  # fmt: skip
-"""The objects in objects, in the order in which they are decoded."""
+"""Objects in objects by key, in the order in which they are decoded."""
 
 
 BIGGEST = math.nextafter(math.inf, 0)
-"""The largest double."""
+"""Largest double."""
 
 JSON_TYPES: dict[str, frozenset[type]] = {
     "text": frozenset([str]), "flag": frozenset([bool]), "whole": frozenset([int]),
@@ -170,14 +170,14 @@ NEVER = frozenset([str, bool, dict, type(None)])
 
 
 class QuickCheck(NamedTuple):
-    """What a value is compared with first; what passes is good, the others are looked at closely.
+    """Quick test of a value; a value that passes is valid, and others are looked at closely.
 
     Attributes:
         name: attribute of the model.
-        types: exact types that need no conversion, none if the value never stands alone.
-        low: least number.
-        high: largest number.
-        number: whole numbers become floats.
+        types: exact types that need no conversion; empty if the value never stands alone.
+        low: least number, included.
+        high: largest number, included.
+        number: whether whole numbers become floats.
     """
 
     name: str
@@ -196,7 +196,7 @@ def _slot(name: str, key: Key) -> QuickCheck:
 
 
 class _Slots(dict[Shape, dict[str, QuickCheck]]):
-    """Quick checks by object, each made when it is first asked for."""
+    """Quick checks by kind of object, each built when it is first asked for."""
 
     def __missing__(self, shape: Shape) -> dict[str, QuickCheck]:
         keys = KEYS[shape]
@@ -207,7 +207,7 @@ class _Slots(dict[Shape, dict[str, QuickCheck]]):
 
 
 SLOTS: Mapping[Shape, dict[str, QuickCheck]] = _Slots()
-"""Quick checks of each object by key."""
+"""Quick checks of each kind of object, by key."""
 
 
 def fits_double(number: float) -> bool:
@@ -225,16 +225,16 @@ _OWN: dict[Kind, Set[str]] = {
     "curriculum": KEYS[CurriculumText].keys() - _TERRAIN,
     "sensor": KEYS[SensorText].keys() - _TERRAIN,
 }
-"""Keys by which a text of a kind is known."""
+"""Keys that only texts of one kind have, by which `document_kind` tells the kind."""
 
 
 def document_kind(data: bytes) -> Kind | None:
-    """What a text is by its `$schema`, else by most of its keys; None if neither tells.
+    """Kind of a text by its `$schema`, else by most of its keys; None if neither tells.
 
-    What has only such keys of terrains as libraries have, too, is a library.
+    A text whose keys of terrains are all keys of libraries, too, is a library.
 
     Args:
-        data: a text in UTF-8; one that is no JSON object is neither.
+        data: text in UTF-8; None is returned for a text that is no JSON object.
     """
     try:
         members: Any = msgspec.json.decode(data, type=dict[str, msgspec.Raw])
@@ -260,7 +260,7 @@ def document_kind(data: bytes) -> Kind | None:
 
 
 def _deep_members(data: bytes) -> dict[str, Any]:
-    """The members of an object, however deep it is; none where the text is no object."""
+    """Members of a JSON object, however deep it is nested; empty where the text is no object."""
     from terratool.text.syntax import JsonSyntaxError
     from terratool.text.values import read_values
 

@@ -1,4 +1,4 @@
-"""The canonical layout of terrains, libraries, vehicles, sensors, curricula: order and lines."""
+"""Canonical layout of terrains, libraries, vehicles, sensors and curricula: order and lines."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ from terratool.text.format import Layout
 _BROKEN = (Definition, Library, VehicleText, SensorText)
 _ROWS = (Surface, Primitive, Element, Track)
 _LAST = ("surfTypes", "elemTypes", "parts", "elemTree", "children")
-"""Keys before which those that the format does not have are put."""
+"""Keys before which keys that the format does not have are put."""
 
 
 def _layouts() -> dict[type, Layout]:
-    """The layout of each class of the model, but for specs of training tiles."""
+    """Layout of each class of the model, without specs of training tiles."""
     layouts = {}
     for kind, keys in KEYS.items():
         if isinstance(kind, str):
@@ -48,14 +48,14 @@ def _layouts() -> dict[type, Layout]:
 
 _LAYOUTS = _layouts()
 TERRAIN, VEHICLE, SENSOR = (_LAYOUTS[kind] for kind in (Definition, VehicleText, SensorText))
-"""That of terrains is that of libraries, too, whose keys are some of a terrain's."""
-_TOLD = Layout({"kind": 0, "proportion": 1}, others=2, rows=True)
+"""Layouts of texts; libraries have that of terrains, as their keys are some of a terrain's."""
+_TILE_KIND = Layout({"kind": 0, "proportion": 1}, others=2, rows=True)
 CURRICULUM = Layout(
     {key: place for place, key in enumerate(KEYS[CurriculumText])},
     others=list(KEYS[CurriculumText]).index("surface") - 0.5,
     members={
         "surface": _LAYOUTS[Surface],
-        "kinds": Layout(items=_TOLD, broken=True),
+        "kinds": Layout(items=_TILE_KIND, broken=True),
         "patches": Layout(broken=True),
     },
     broken=True,
@@ -64,7 +64,7 @@ CURRICULUM = Layout(
 
 
 def canonical(text: str) -> str:
-    """A JSON text without errors of syntax in its canonical layout, ending with a line end."""
+    """JSON text in its canonical layout, ending with a line end; the text must be valid JSON."""
     kind = document_kind(text.encode())
     others = {"vehicle": VEHICLE, "curriculum": CURRICULUM, "sensor": SENSOR}
     layout = others.get(kind or "", TERRAIN)
@@ -72,7 +72,7 @@ def canonical(text: str) -> str:
 
 
 def primitives_text(primitives: dict[str, Any]) -> str:
-    """Primitives by name as a text of their own, laid out as in `elemTypes`."""
+    """Primitives by name as a JSON text of their own, laid out as in `elemTypes`."""
     text = json.dumps(primitives, ensure_ascii=False)
     lines = text_format.member_lines('"elemTypes"', text, TERRAIN, 1)
     lines = [line.removeprefix("  ") for line in lines]

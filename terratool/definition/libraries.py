@@ -1,4 +1,4 @@
-"""Libraries: the files that a definition uses, opened once each, and their names together."""
+"""Libraries: the files that a definition uses, opened once each, and the names they define."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ if TYPE_CHECKING:
     from terratool.text.syntax import JsonSyntaxError
 
 MAX_LIBRARIES = 1000
-"""So many files may a definition use, directly or through others …"""
+"""Most files that a definition may use, directly or through others."""
 MAX_ENTRIES = 10_000
-"""… and name them so often."""
+"""Most entries of `use` in a definition and its libraries together."""
 MAX_BYTES = 1 << 30
-"""So much text may libraries have together."""
+"""Most bytes of text of all libraries together."""
 _SMALLER = "Split the library, or describe shapes by curves rather than by points."
 _address = re.compile(r"[A-Za-z][A-Za-z0-9+.-]+:").match
 _drive = re.compile(r"[A-Za-z]:").match
@@ -37,18 +37,18 @@ Dictionary = Literal["surfTypes", "elemTypes", "parts"]
 _Value = TypeVar("_Value", Surface, Primitive, Element)
 
 
-class Document(Struct, eq=False, dict=True):
-    """A text that was read: a terrain, or a library.
+class SourceDocument(Struct, eq=False, dict=True):
+    """Text of a terrain or a library that was read.
 
     Attributes:
-        source: the text, under the name that findings give it.
-        decoded: what it says; nothing where it is no JSON.
+        source: text, under the name that findings give it.
+        decoded: model of the text; empty where the text is no JSON.
         found: remarks so far.
-        real: the path without links; empty where it has none.
-        uses: for each entry of `use` the library; None where there is none to be had.
+        real: path without links; empty where the text has none.
+        uses: library of each entry of `use`; None where it cannot be had.
         problems: remarks on entries of `use`, by code.
-        broken: the error of syntax, if it has one.
-        kind: what it was read as.
+        broken: error of syntax; None if there is none.
+        kind: kind that the text was read as.
         linked: whether its libraries were looked for.
     """
 
@@ -56,7 +56,7 @@ class Document(Struct, eq=False, dict=True):
     decoded: Decoded
     found: RemarkLog
     real: str = ""
-    uses: list[Document | None] = field(default_factory=list)
+    uses: list[SourceDocument | None] = field(default_factory=list)
     problems: list[tuple[str, Remark]] = field(default_factory=list)
     broken: JsonSyntaxError | None = None
     kind: Kind = "library"
@@ -65,30 +65,30 @@ class Document(Struct, eq=False, dict=True):
 
     @property
     def catalogue(self) -> Catalogue:
-        """Where the names of its libraries stand."""
+        """Files in which the names of the document's libraries stand."""
         if self._catalogue is None:
-            Catalogue((self, *self.reached))
+            Catalogue((self, *self.all_libraries))
         assert self._catalogue is not None
         return self._catalogue
 
     @property
     def model(self) -> Library:
-        """The library, or the terrain."""
+        """Library or terrain of the text; an empty library where there is neither."""
         return self.decoded.definition or self.decoded.library or Library()
 
     @property
     def folder(self) -> str:
-        """Where the paths of `use` begin."""
+        """Folder at which the paths of `use` begin."""
         return "." if self.source.name == "<stdin>" else str(Path(self.source.name).parent)
 
     @cached_property
-    def reached(self) -> tuple[Document, ...]:
-        """All libraries that it uses, directly or through others, each once, in order."""
-        return tuple(self._reached())
+    def all_libraries(self) -> tuple[SourceDocument, ...]:
+        """Libraries that the document uses, directly or through others, each once, in order."""
+        return tuple(self._walk_libraries())
 
     @cached_property
     def entries(self) -> dict[Dictionary, dict[str, Any]]:
-        """Its own dictionaries, empty where absent."""
+        """Entries of the document's own dictionaries by name, empty where absent."""
         model = self.model
         return {
             "surfTypes": model.surfaces,
@@ -96,7 +96,7 @@ class Document(Struct, eq=False, dict=True):
             "parts": model.assemblies,
         }
 
-    def _reached(self) -> Iterator[Document]:
+    def _walk_libraries(self) -> Iterator[SourceDocument]:
         seen = {id(self)}
         pending = [iter(self.uses)]
         while pending:
@@ -111,21 +111,21 @@ class Document(Struct, eq=False, dict=True):
 
 
 class Named(Struct, Generic[_Value], frozen=True):
-    """A surface, a primitive or a part, and the file that it stands in."""
+    """Surface, primitive or part, with the file that it stands in."""
 
     value: _Value
-    home: Document
+    home: SourceDocument
 
 
-class Names(Struct, frozen=True):
-    """All names that a file knows: its own, and those of the libraries that it uses."""
+class KnownNames(Struct, frozen=True):
+    """Names that a file knows: its own, and those of the libraries that it uses."""
 
     surfaces: Mapping[str, Named[Surface]] = {}
     primitives: Mapping[str, Named[Primitive]] = {}
     parts: Mapping[str, Named[Element]] = {}
 
     def of(self, dictionary: Dictionary) -> Mapping[str, Named[Any]]:
-        """The names of one dictionary."""
+        """Names in one dictionary."""
         known: dict[Dictionary, Mapping[str, Any]] = {
             "surfTypes": self.surfaces, "elemTypes": self.primitives, "parts": self.parts,
         }  # fmt: skip
@@ -133,29 +133,29 @@ class Names(Struct, frozen=True):
 
 
 class Clash(Struct, frozen=True):
-    """One name in two libraries."""
+    """Name that two libraries define."""
 
     dictionary: Dictionary
     name: str
-    first: Document
-    second: Document
+    first: SourceDocument
+    second: SourceDocument
 
 
 DICTIONARIES: tuple[Dictionary, ...] = ("surfTypes", "elemTypes", "parts")
 
 
 class Catalogue:
-    """Files that use one another: which of them each reaches, and where names stand.
+    """Files that use one another: the libraries that each reaches, and the files of each name.
 
-    Many libraries may each reach nearly all others, so that nothing here is listed for each file:
+    Many libraries may each reach nearly all others, so nothing here is listed for each file:
     sets of files are whole numbers, with a bit for each.
 
     Attributes:
-        notes: what others found out about all of the files.
+        notes: results of rules and readers about all of the files, by name.
     """
 
-    def __init__(self, documents: Sequence[Document]) -> None:
-        """Take stock of files, which include all that they use, and tell them of it."""
+    def __init__(self, documents: Sequence[SourceDocument]) -> None:
+        """Index files, which include all files that they use, and set their `catalogue`."""
         self._documents = tuple(documents)
         self._numbers = {id(document): n for n, document in enumerate(documents)}
         used = [
@@ -164,7 +164,7 @@ class Catalogue:
         ]
         self._reach = [0] * len(documents)
         changed = True
-        while changed:  # a pass for each step against the order of the files, and one to see that
+        while changed:  # a pass for each step against the order of the files, and a last one
             changed = False
             for n in range(len(documents) - 1, -1, -1):
                 reach = self._reach[n]
@@ -172,14 +172,14 @@ class Catalogue:
                     reach |= 1 << other | self._reach[other]
                 changed |= reach != self._reach[n]
                 self._reach[n] = reach
-        self._kept: dict[Callable[[Document], bool], int] = {}
+        self._kept: dict[Callable[[SourceDocument], bool], int] = {}
         self.notes: dict[str, Any] = {}
         for document in documents:
             document._catalogue = self
 
     @cached_property
     def _homes(self) -> dict[Dictionary, dict[str, list[int]]]:
-        """The files in which each name stands."""
+        """Numbers of the files in which each name stands, by dictionary."""
         homes: dict[Dictionary, dict[str, list[int]]] = {key: {} for key in DICTIONARIES}
         for n, document in enumerate(self._documents):
             for dictionary in DICTIONARIES:
@@ -188,56 +188,60 @@ class Catalogue:
         return homes
 
     @cached_property
-    def repeated(self) -> dict[Dictionary, list[str]]:
-        """The names that stand in several files."""
+    def repeated_names(self) -> dict[Dictionary, list[str]]:
+        """Names that stand in several files, by dictionary."""
         return {
             dictionary: [name for name, homes in known.items() if len(homes) > 1]
             for dictionary, known in self._homes.items()
         }
 
-    def reaches(self, document: Document, library: Document) -> bool:
+    def reaches(self, document: SourceDocument, library: SourceDocument) -> bool:
         """Whether a file uses a library, directly or through others."""
         return bool(self._reach[self._number(document)] >> self._number(library) & 1)
 
-    def reached_of(self, document: Document, wanted: Callable[[Document], bool]) -> list[Document]:
-        """The libraries that a file reaches and for which something holds, asked once for each."""
+    def libraries_where(
+        self, document: SourceDocument, wanted: Callable[[SourceDocument], bool]
+    ) -> list[SourceDocument]:
+        """Libraries that a file reaches and that are wanted; `wanted` is called once for each."""
         if wanted not in self._kept:
             those = (1 << n for n, one in enumerate(self._documents) if wanted(one))
             self._kept[wanted] = sum(those)
         found = self._kept[wanted] & self._others(document)
         return [one for n, one in enumerate(self._documents) if found >> n & 1] if found else []
 
-    def homes(self, document: Document, dictionary: Dictionary, name: str) -> list[Document]:
-        """The libraries that a file reaches and where a name stands, in the order of `reached`."""
+    def homes(
+        self, document: SourceDocument, dictionary: Dictionary, name: str
+    ) -> list[SourceDocument]:
+        """Libraries with a name that a file reaches, in the order of `all_libraries`."""
         reach = self._others(document)
         found = [
             self._documents[n] for n in self._homes[dictionary].get(name, ()) if reach >> n & 1
         ]
         if len(found) < 2:
             return found
-        order = {id(library): place for place, library in enumerate(document.reached)}
+        order = {id(library): place for place, library in enumerate(document.all_libraries)}
         return sorted(found, key=lambda library: order[id(library)])
 
-    def named(self, dictionary: Dictionary) -> dict[str, Named[Any]]:
+    def all_names(self, dictionary: Dictionary) -> dict[str, Named[Any]]:
         """All names of a dictionary, each with the first file in which it stands."""
         return {
             name: Named(self._documents[first].entries[dictionary][name], self._documents[first])
             for name, (first, *_) in self._homes[dictionary].items()
         }
 
-    def _number(self, document: Document) -> int:
+    def _number(self, document: SourceDocument) -> int:
         return self._numbers[id(document)]
 
-    def _others(self, document: Document) -> int:
-        """The files that a file reaches, but for itself."""
+    def _others(self, document: SourceDocument) -> int:
+        """Files that a file reaches, itself excluded, as a bit set."""
         number = self._number(document)
         return self._reach[number] & ~(1 << number)
 
 
 class _Known(Mapping[str, Named[Any]]):
-    """The names of one dictionary that a file knows: its own, then those of its libraries."""
+    """Names of one dictionary that a file knows: its own, then those of its libraries."""
 
-    def __init__(self, document: Document, dictionary: Dictionary) -> None:
+    def __init__(self, document: SourceDocument, dictionary: Dictionary) -> None:
         self._document, self._dictionary = document, dictionary
         self._own = document.entries[dictionary]
         self._found: dict[str, Named[Any]] = {}
@@ -262,27 +266,27 @@ class _Known(Mapping[str, Named[Any]]):
     @cached_property
     def _names(self) -> dict[str, None]:
         names = dict.fromkeys(self._own)
-        for library in self._document.reached:
+        for library in self._document.all_libraries:
             names |= dict.fromkeys(library.entries[self._dictionary])
         return names
 
 
-def known_names(document: Document) -> Names:
-    """What a file knows; of a name in two libraries the first one has it."""
-    return Names(*(_Known(document, dictionary) for dictionary in DICTIONARIES))
+def known_names(document: SourceDocument) -> KnownNames:
+    """Names that a file knows; for a name in two libraries the first library counts."""
+    return KnownNames(*(_Known(document, dictionary) for dictionary in DICTIONARIES))
 
 
-def clashes_of(document: Document) -> list[Clash]:
-    """The names that a file cannot know, as two of its libraries have them."""
+def clashes_of(document: SourceDocument) -> list[Clash]:
+    """Names that a file cannot know, as two of its libraries define them."""
     catalogue, found = document.catalogue, []
     for dictionary in DICTIONARIES:
-        for name in catalogue.repeated[dictionary]:
+        for name in catalogue.repeated_names[dictionary]:
             if name not in document.entries[dictionary]:
                 first, *others = catalogue.homes(document, dictionary, name) or [document]
                 found += [Clash(dictionary, name, first, other) for other in others]
     if not found:
         return []
-    order = {id(library): place for place, library in enumerate(document.reached)}
+    order = {id(library): place for place, library in enumerate(document.all_libraries)}
     return sorted(found, key=lambda c: (DICTIONARIES.index(c.dictionary), order[id(c.second)]))
 
 
@@ -290,23 +294,23 @@ class Shelf:
     """Libraries that were opened, by their real paths, and the folders that they may lie in.
 
     Attributes:
-        files: the names of all that were looked for, whether they are there or not.
+        files: names of all files that were looked for, whether they exist or not.
     """
 
-    def __init__(self, read: Callable[[Source], Document], roots: Sequence[str] = ()) -> None:
-        """Keep libraries.
+    def __init__(self, read: Callable[[Source], SourceDocument], roots: Sequence[str] = ()) -> None:
+        """Open a shelf without libraries.
 
         Args:
-            read: makes a document of a text that is a library.
+            read: function that makes a document of the text of a library.
             roots: folders beside the current one under which libraries may lie.
         """
         self._roots = [real_path(root) for root in (".", *roots)]
         self._read = read
-        self._documents: dict[str, Document | tuple[str, str, str]] = {}
+        self._documents: dict[str, SourceDocument | tuple[str, str, str]] = {}
         self._room = MAX_BYTES
         self.files: dict[str, None] = {}
 
-    def link(self, document: Document) -> None:
+    def link(self, document: SourceDocument) -> None:
         """Open all libraries that a file uses, directly or through others."""
         base = real_path(document.folder)
         if document.real and document.kind == "library":
@@ -318,7 +322,7 @@ class Shelf:
             if user.linked:
                 continue
             user.linked = True
-            paths = user.model.used
+            paths = user.model.library_paths
             count += len(paths)
             for index, path in enumerate(paths):
                 if count > MAX_ENTRIES or len(met) >= MAX_LIBRARIES:
@@ -333,7 +337,7 @@ class Shelf:
                     user.uses.append(None)
                     break
                 found = self._open(user, path, base)
-                if isinstance(found, Document):
+                if isinstance(found, SourceDocument):
                     user.uses.append(found)
                     pending.append(found)
                     met.add(id(found))
@@ -341,14 +345,16 @@ class Shelf:
                     code, message, hint = found
                     user.problems.append((code, Remark(f"/use/{index}", message, hint)))
                     user.uses.append(None)
-        Catalogue((document, *document.reached))
+        Catalogue((document, *document.all_libraries))
 
-    def _open(self, user: Document, path: str, base: str) -> Document | tuple[str, str, str]:
-        """A library, or what is wrong with its path."""
-        wrong = _refused(path)
+    def _open(
+        self, user: SourceDocument, path: str, base: str
+    ) -> SourceDocument | tuple[str, str, str]:
+        """Library at a path; code, message and hint where the path is wrong."""
+        wrong = _path_problem(path)
         if wrong is not None:
             return "TT702", *wrong
-        name, real = spelled(user.folder, path), real_path(str(Path(user.folder, path)))
+        name, real = plain_path(user.folder, path), real_path(str(Path(user.folder, path)))
         self.files[name] = self.files[str(Path(user.folder, path))] = None
         if not any(_is_under(real, root) for root in (base, *self._roots)):
             return (
@@ -360,7 +366,7 @@ class Shelf:
             self._documents[real] = self._load(name, real)
         return self._documents[real]
 
-    def _load(self, name: str, real: str) -> Document | tuple[str, str, str]:
+    def _load(self, name: str, real: str) -> SourceDocument | tuple[str, str, str]:
         said = shown(name)
         try:
             status = Path(real).stat()
@@ -395,14 +401,14 @@ class Shelf:
         return document
 
 
-def spelled(folder: str, path: str) -> str:
-    """A path from a folder on, without dots, also those that lead out of what a link leads to."""
+def plain_path(folder: str, path: str) -> str:
+    """Path relative to a folder, without dots; the real path where dots lead out of a link."""
     name, real = os.path.normpath(Path(folder, path)), real_path(str(Path(folder, path)))
     return name if real_path(name) == real else real
 
 
-def _refused(path: str) -> tuple[str, str] | None:
-    """What is wrong with a path as it is written."""
+def _path_problem(path: str) -> tuple[str, str] | None:
+    """Message and hint on a path that is wrong as it is written; None for a good one."""
     hint = "Write a path relative to this file, with forward slashes."
     if not path or "\0" in path:
         return f"{shown(path)} is no path of a library.", hint
@@ -419,21 +425,23 @@ def _refused(path: str) -> tuple[str, str] | None:
 
 
 def readable_library(folder: str, path: str, base: str) -> bool:
-    """Whether a library may be looked at without being asked for by name.
+    """Whether a library may be read without the user's naming it.
 
     Args:
-        folder: of the file that uses it.
-        path: as it is written there.
-        base: the folder of the terrain.
+        folder: folder of the file that uses the library.
+        path: path as it is written there.
+        base: folder of the terrain.
     """
     real = real_path(str(Path(folder, path)))
-    return _refused(path) is None and any(_is_under(real, real_path(one)) for one in (base, "."))
+    return _path_problem(path) is None and any(
+        _is_under(real, real_path(one)) for one in (base, ".")
+    )
 
 
 def _is_under(path: str, folder: str) -> bool:
     return path.startswith(folder if folder.endswith(os.sep) else folder + os.sep)
 
 
-def path_between(user: Document, library: Document) -> str:
-    """The path of a library as seen from the file that uses it, with forward slashes."""
+def path_between(user: SourceDocument, library: SourceDocument) -> str:
+    """Path of a library relative to the file that uses it, with forward slashes."""
     return os.path.relpath(library.source.name, user.folder).replace(os.sep, "/")

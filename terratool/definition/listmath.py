@@ -1,8 +1,8 @@
-"""Arithmetic over plain lists as IEEE 754 has it, for readers that have no NumPy loaded.
+"""Arithmetic over plain lists as in IEEE 754, for readers that have no NumPy loaded.
 
 An operation runs over whole lists in C, by `map`. Python raises where IEEE 754 has an infinity or
-no number: `map` goes on behind such an item, and where there are many, a comprehension that asks
-before it computes does the rest, since exceptions take ten times as long.
+no number: `map` goes on behind such an item. Where there are many, a comprehension that tests each
+item first does the rest, since exceptions take ten times as long.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ Floats = list[float]
 OverLists = Callable[..., Floats]
 
 _FEW = 3  # exceptions before the comprehension: poles at both ends and in the middle
-# the largest arguments of which these are finite
+# the largest arguments at which exp and cosh are finite
 _EXP_LIMIT = math.log(sys.float_info.max)
 _COSH_LIMIT = _EXP_LIMIT + math.log(2.0)
 
@@ -39,14 +39,14 @@ def _one_power(x: float, y: float) -> float:
         infinite = y < 0.0
     else:
         exponent = y * log2(abs(x))
-        # too coarse near the largest number; the square root of the power is not
+        # the logarithm is too coarse near the largest number; the square root of the power is not
         infinite = exponent > 1025.0 or (
             exponent >= 1024.0 and math.pow(abs(x), y / 2.0) >= 2.0**512
         )
     if not infinite:
         try:
             return math.pow(x, y)
-        except OverflowError:  # by rounding
+        except OverflowError:  # overflow by rounding alone
             pass
     # a large exponent is even, and its remainder would take long
     negative = copysign(1.0, x) < 0.0 and abs(y) < 2.0**53 and y % 2.0 == 1.0
@@ -82,7 +82,7 @@ def _within_one(function: Callable[[float], float]) -> OverLists:
 
 
 def _minimum(xs: Floats, ys: Floats) -> Floats:
-    # what is no number stays so, whichever of the two it is
+    # NaN stays NaN, whichever of the two it is
     return [x if x <= y or x != x else y for x, y in zip(xs, ys, strict=True)]
 
 
@@ -90,12 +90,12 @@ def _maximum(xs: Floats, ys: Floats) -> Floats:
     return [x if x >= y or x != x else y for x, y in zip(xs, ys, strict=True)]
 
 
-def _mapped(function: Callable[..., float]) -> OverLists:
+def _map_over(function: Callable[..., float]) -> OverLists:
     return lambda *lists: list(map(function, *lists))
 
 
-def _resumed(function: Callable[..., float], careful: OverLists) -> OverLists:
-    """Map `function`; where it raises, ask `careful`, which never does."""
+def _map_with_fallback(function: Callable[..., float], careful: OverLists) -> OverLists:
+    """Map `function` over lists; where it raises, call `careful`, which never does."""
 
     def run(*lists: Floats) -> Floats:
         values: Floats = []
@@ -115,7 +115,7 @@ def _resumed(function: Callable[..., float], careful: OverLists) -> OverLists:
 
 
 def _broadcast(run: OverLists) -> Callable[..., Any]:
-    """Let an operation take numbers too; of numbers alone it makes a number."""
+    """Let an operation over lists take numbers too; for numbers alone it returns a number."""
 
     def over(*arguments: Any) -> Any:
         length = max((len(item) for item in arguments if isinstance(item, list)), default=0)
@@ -129,27 +129,27 @@ def _broadcast(run: OverLists) -> Callable[..., Any]:
 LIST_FUNCTIONS: dict[str, Callable[..., Any]] = {
     name: _broadcast(run)
     for name, run in {
-        "add": _mapped(operator.add),
-        "sub": _mapped(operator.sub),
-        "mul": _mapped(operator.mul),
-        "div": _resumed(operator.truediv, _divide),
-        "pow": _resumed(math.pow, _power),
-        "neg": _mapped(operator.neg),
-        "abs": _mapped(abs),
-        "sin": _resumed(math.sin, _of_finite(math.sin)),
-        "cos": _resumed(math.cos, _of_finite(math.cos)),
-        "tan": _resumed(math.tan, _of_finite(math.tan)),
-        "asin": _resumed(math.asin, _within_one(math.asin)),
-        "acos": _resumed(math.acos, _within_one(math.acos)),
-        "atan": _mapped(math.atan),
-        "sinh": _resumed(math.sinh, _sinh),
-        "cosh": _resumed(math.cosh, _cosh),
-        "tanh": _mapped(math.tanh),
-        "exp": _resumed(math.exp, _exp),
-        "log": _resumed(math.log, _log),
-        "sqrt": _resumed(math.sqrt, _sqrt),
+        "add": _map_over(operator.add),
+        "sub": _map_over(operator.sub),
+        "mul": _map_over(operator.mul),
+        "div": _map_with_fallback(operator.truediv, _divide),
+        "pow": _map_with_fallback(math.pow, _power),
+        "neg": _map_over(operator.neg),
+        "abs": _map_over(abs),
+        "sin": _map_with_fallback(math.sin, _of_finite(math.sin)),
+        "cos": _map_with_fallback(math.cos, _of_finite(math.cos)),
+        "tan": _map_with_fallback(math.tan, _of_finite(math.tan)),
+        "asin": _map_with_fallback(math.asin, _within_one(math.asin)),
+        "acos": _map_with_fallback(math.acos, _within_one(math.acos)),
+        "atan": _map_over(math.atan),
+        "sinh": _map_with_fallback(math.sinh, _sinh),
+        "cosh": _map_with_fallback(math.cosh, _cosh),
+        "tanh": _map_over(math.tanh),
+        "exp": _map_with_fallback(math.exp, _exp),
+        "log": _map_with_fallback(math.log, _log),
+        "sqrt": _map_with_fallback(math.sqrt, _sqrt),
         "min": lambda *lists: reduce(_minimum, lists),
         "max": lambda *lists: reduce(_maximum, lists),
     }.items()
 }
-"""Every operation of an expression, over lists of one length and numbers."""
+"""Functions of all operations of an expression, for numbers and lists of one length."""

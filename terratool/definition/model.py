@@ -1,4 +1,4 @@
-"""What the user wrote, as frozen typed values; absent keys are `UNSET`.
+"""Terrains and libraries as they are written: frozen typed values, absent keys `UNSET`.
 
 The classes mirror the text key by key (``cell_x`` is ``cellX``). Defaults are not filled in:
 they depend on the place in the tree, and `terratool.field` gives them their meaning.
@@ -21,32 +21,32 @@ MAX_SCATTERED = 1_000_000
 MAX_SCATTERED_IN_ALL = 10_000_000
 """Most scattered copies of a terrain."""
 MAX_SEED = 2**53
-"""Whole numbers up to here are the same in every reader of JSON."""
+"""Largest seed: whole numbers up to it are the same in every reader of JSON."""
 MAX_PASSES = 10**9
 """Most passes of a track; sums of passes stay whole in doubles."""
 COMBINES = ("product", "sum", "min", "max", "radial")
 """Ways in which the two curves of a primitive combine."""
 
 LARGEST = 1e30
-"""No length, height or factor may be larger in size; sums and squares then stay finite."""
+"""Largest size of lengths, heights and factors; their sums and squares stay finite."""
 SMALLEST = 1e-30
 
 DEFAULT_CELLS = 10
 """Cells of an element's grid along each axis where `cells` is absent."""
 
 DEFAULT_MULTIPASS = 3.0
-"""The `multipass` of a track where it is absent: between loose and medium soil."""
+"""Value of `multipass` of a track where it is absent: between loose and medium soil."""
 
 Pair = tuple[float, float]
 CurveValue = tuple[float | Pair, ...] | str
-"""A vector, a list of knots (never both in one list; a rule sees to that), or a string."""
+"""Value of a curve: a vector, a list of knots (a rule refuses a mixture), or a string."""
 SoilFigure = float | Pair
-"""A number, or a range [low, high] in which every value is equally likely."""
+"""Figure of a soil: a number, or a range [low, high] in which every value is equally likely."""
 SOIL_FIGURES = ("cohesion", "fric_angle", "sinkage", "shear_modulus")
 """Attributes of a surface that may be ranges."""
 
 
-# the ranges of numbers of elements, held against while decoding: later it takes far longer
+# ranges of the numbers of elements, tested while decoding: a later test takes far longer
 _Place = Annotated[int, Meta(ge=0, le=MAX_CELLS - 1)]
 _Count = Annotated[int, Meta(ge=1, le=MAX_CELLS)]
 _Number = Annotated[float, Meta(ge=-LARGEST, le=LARGEST)]
@@ -57,21 +57,21 @@ Number = TypeVar("Number", int, float)
 
 
 def names_of(kind: type) -> Iterator[tuple[str, str]]:
-    """Each attribute of a class of the model, and its key in the text."""
+    """Pairs of each attribute of a class of the model and its key in the text."""
     yield from zip(kind.__struct_fields__, kind.__struct_encode_fields__, strict=True)  # type: ignore[attr-defined]
 
 
 def pair_of(
     value: Number | tuple[Number, Number] | UnsetType, default: Number
 ) -> tuple[Number, Number]:
-    """A number for both axes, or one for each."""
+    """Values for both axes, from one for both or one for each."""
     if value is UNSET:
         return default, default
     return value if isinstance(value, tuple) else (value, value)
 
 
 def middle_of(figure: SoilFigure) -> float:
-    """The one number that counts for a figure of a soil: of a range its middle."""
+    """Number that counts for a figure of a soil: the middle of a range."""
     if not isinstance(figure, tuple):
         return figure
     low, high = figure
@@ -79,12 +79,12 @@ def middle_of(figure: SoilFigure) -> float:
 
 
 def ends_of(figure: SoilFigure) -> Pair:
-    """The least and the largest value that a figure of a soil may have."""
+    """Least and largest value of a figure of a soil."""
     return figure if isinstance(figure, tuple) else (figure, figure)
 
 
 class Roughness(Struct, frozen=True, forbid_unknown_fields=True, rename="camel", kw_only=True):
-    """The relief of a surface, finer than any element: see `terratool.field.relief`."""
+    """Relief of a surface, finer than any element; `terratool.field.relief` computes it."""
 
     rms: float | UnsetType = UNSET
     correlation: float | UnsetType = UNSET
@@ -92,7 +92,7 @@ class Roughness(Struct, frozen=True, forbid_unknown_fields=True, rename="camel",
 
 
 class Surface(Struct, frozen=True, forbid_unknown_fields=True, rename="camel", kw_only=True):
-    """The micro-terrain: soil, friction, colour, sonar and relief of a surface."""
+    """Surface (the micro-terrain): soil, friction, colour, sonar and relief."""
 
     descr: str | UnsetType = UNSET
     preset: str | UnsetType = UNSET
@@ -107,7 +107,7 @@ class Surface(Struct, frozen=True, forbid_unknown_fields=True, rename="camel", k
 
     @property
     def ranges(self) -> dict[str, Pair]:
-        """Figures that may have several values, by attribute; none where there is no ground."""
+        """Figures that are ranges of several values, by attribute; empty for a void surface."""
         if self.void is True:
             return {}
         figures = ((name, getattr(self, name)) for name in SOIL_FIGURES)
@@ -119,7 +119,7 @@ class Surface(Struct, frozen=True, forbid_unknown_fields=True, rename="camel", k
 
 
 class Range(NamedTuple):
-    """A figure of a surface that may have several values: the surface's name, the key, the ends."""
+    """Figure of a surface that is a range: name of the surface, key, least and largest value."""
 
     surface: str
     key: str
@@ -128,7 +128,7 @@ class Range(NamedTuple):
 
 
 def ranges_of(surfaces: Mapping[str, Surface]) -> tuple[Range, ...]:
-    """The figures of surfaces, by name, that may have several values."""
+    """Figures of surfaces that are ranges of several values."""
     keys = dict(names_of(Surface))
     return tuple(
         Range(name, keys[attribute], low, high)
@@ -138,7 +138,7 @@ def ranges_of(surfaces: Mapping[str, Surface]) -> tuple[Range, ...]:
 
 
 class Primitive(Struct, frozen=True, forbid_unknown_fields=True, rename="camel", kw_only=True):
-    """Two cross-section curves and how they combine."""
+    """Primitive: two cross-section curves and the way in which they combine."""
 
     descr: str | UnsetType = UNSET
     x: CurveValue | UnsetType = UNSET
@@ -147,9 +147,9 @@ class Primitive(Struct, frozen=True, forbid_unknown_fields=True, rename="camel",
 
 
 class Repeat(Struct, frozen=True, forbid_unknown_fields=True, rename="camel", gc=False):
-    """Copies of an element in rows: the one at (i, j) is moved by i and j steps.
+    """Copies of an element in rows: the copy at (i, j) is moved by i and j steps.
 
-    A step is in whole cells for an element in a cell, in units of the terrain for one at a place.
+    A step is in whole cells for an element in a cell, in units of the terrain at a free place.
     """
 
     count: tuple[_Count, _Count]
@@ -168,9 +168,9 @@ class Scatter(Struct, frozen=True, forbid_unknown_fields=True, rename="camel", g
 
 
 class Element(Struct, frozen=True, forbid_unknown_fields=True, rename="camel", gc=False):
-    """A primitive or a part placed in a cell, with the grid that divides it for its children.
+    """Primitive or part placed in a cell, with the grid that divides the cell for its children.
 
-    The cell is one of the parent's grid, or has its middle at a place of its own.
+    The cell is one of the parent's grid, or is given by its middle and sides (a free place).
     """
 
     cell_x: _Place | UnsetType = UNSET
@@ -193,7 +193,7 @@ class Element(Struct, frozen=True, forbid_unknown_fields=True, rename="camel", g
 
 
 class Track(Struct, frozen=True, forbid_unknown_fields=True, rename="camel", kw_only=True):
-    """The rut of one wheel: a polyline with a width, and how deep the wheel sinks along it."""
+    """Rut of one wheel: a polyline with a width, and the depth of the wheel's sinkage along it."""
 
     descr: str | UnsetType = UNSET
     path: tuple[Pair, ...] | UnsetType = UNSET
@@ -206,12 +206,12 @@ class Track(Struct, frozen=True, forbid_unknown_fields=True, rename="camel", kw_
 
     @property
     def points(self) -> tuple[Pair, ...]:
-        """The polyline, empty where absent."""
+        """Points of the polyline, empty where absent."""
         return () if self.path is UNSET else self.path
 
     @property
     def by_load(self) -> bool:
-        """Whether its depth, in part or all of it, follows from the load and the ground."""
+        """Whether the depth, in part or all of it, follows from the load and the ground."""
         return self.load is not UNSET and not isinstance(self.depth, float)
 
 
@@ -226,28 +226,28 @@ class Library(Struct, frozen=True, forbid_unknown_fields=True, rename="camel", k
     parts: dict[str, Element] | UnsetType = UNSET
 
     @property
-    def used(self) -> tuple[str, ...]:
-        """The paths of the libraries that it uses, none where absent."""
+    def library_paths(self) -> tuple[str, ...]:
+        """Paths of the libraries that the text uses, empty where absent."""
         return () if self.use is UNSET else self.use
 
     @property
     def surfaces(self) -> dict[str, Surface]:
-        """The dictionary of surfaces, empty where absent."""
+        """Surfaces by name, empty where absent."""
         return {} if self.surf_types is UNSET else self.surf_types
 
     @property
     def primitives(self) -> dict[str, Primitive]:
-        """The dictionary of primitives, empty where absent."""
+        """Primitives by name, empty where absent."""
         return {} if self.elem_types is UNSET else self.elem_types
 
     @property
     def assemblies(self) -> dict[str, Element]:
-        """The dictionary of parts, empty where absent."""
+        """Parts by name, empty where absent."""
         return {} if self.parts is UNSET else self.parts
 
 
 class Definition(Library, frozen=True, forbid_unknown_fields=True, rename="camel", kw_only=True):
-    """One terrain."""
+    """Terrain as it is written."""
 
     size: float | Pair | UnsetType = UNSET
     origin: Pair | UnsetType = UNSET
@@ -257,8 +257,8 @@ class Definition(Library, frozen=True, forbid_unknown_fields=True, rename="camel
 
     @property
     def extent(self) -> Pair:
-        """Side lengths along x and y."""
-        return pair_of(self.size, math.nan)  # a rule says where there is none
+        """Side lengths along x and y; NaN where the size is absent."""
+        return pair_of(self.size, math.nan)  # a rule reports a terrain without a size
 
     @property
     def corner(self) -> Pair:
@@ -267,7 +267,7 @@ class Definition(Library, frozen=True, forbid_unknown_fields=True, rename="camel
 
     @property
     def ruts(self) -> tuple[Track, ...]:
-        """The tracks, none where absent."""
+        """Tracks of the terrain, empty where absent."""
         return () if self.tracks is UNSET else self.tracks
 
 
@@ -318,7 +318,7 @@ def _figure(
     open_low: bool = False,
     open_high: bool = False,
 ) -> Key:
-    """A figure of a soil: a number, or a range of them."""
+    """Key for a figure of a soil: a number, or a range of numbers."""
     words = f"{what}, or a range [low, high]"
     return Key(words, "number", low, high, open_low, open_high, length=2)
 

@@ -1,4 +1,4 @@
-"""In what sizes the parts of a terrain stand, as far as that matters to elements in them."""
+"""Sizes in which the parts of a terrain stand, as far as they matter to the elements in them."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from msgspec import UNSET
 
 from terratool.definition.exact import Sides, sides
 from terratool.definition.model import Definition, Pair, pair_of
-from terratool.definition.scattering import least_drawn
+from terratool.definition.scattering import smallest_side
 from terratool.definition.tree import Tree
 from terratool.definition.uses import Root, Uses, places_of, quarter_turns
 
 
 class PartSize(NamedTuple):
-    """A size that a part stands in.
+    """Size in which a part stands.
 
     Attributes:
-        part: its name, empty for the terrain.
-        sides: of its cell, as they are before any quarter turn of the part.
-        lies: whether it is turned by a quarter or three.
-        whole: whether its root is trimmed by no cell: it is that of the terrain, or stands free.
+        part: name of the part, empty for the terrain.
+        sides: sides of the part's cell before any quarter turn of the part.
+        lies: whether the part is turned by a quarter or three.
+        whole: whether no cell trims the part's root: the root is the terrain's, or stands free.
     """
 
     part: str
@@ -33,44 +33,44 @@ class PartSize(NamedTuple):
     whole: bool
 
 
-class Limits(NamedTuple):
-    """How much is looked at.
+class SizeLimits(NamedTuple):
+    """Limits of the search for sizes.
 
     Attributes:
-        sizes: so many of them.
-        cells: so many different cells in them, when each part was looked at once.
+        sizes: most sizes.
+        cells: most cells, uses and groups in parts that were followed before.
     """
 
     sizes: int
     cells: int
 
 
-PLACES = Limits(10_000, 200_000)
-"""Of parts in which there are free places."""
+PLACES = SizeLimits(10_000, 200_000)
+"""Limits for parts in which there are free places."""
 
 _Step = tuple[int, Pair, tuple[int, int]]
-"""The cell around and the block and grid in it; or -1 and the sides of a free place."""
+"""Number of the cell around with the block and grid in it; or -1 and the sides of a free place."""
 
 
 class Cells:
-    """The cells below a root; those that have the same sides in every size are one.
+    """Cells below a root; cells that have the same sides in every size count as one.
 
     Attributes:
-        root: where the tree of a terrain or of a part begins.
+        root: root of the tree of a terrain or of a part.
     """
 
     def __init__(self, root: Root) -> None:
         self.root = root
         self._numbers = {root.element: 0}
         self._steps: dict[_Step, int] = {(-1, (0.0, 0.0), (0, 0)): 0}
-        self._grid = lru_cache(maxsize=1)(root.tree.grid)  # siblings mostly follow
+        self._grid = lru_cache(maxsize=1)(root.tree.grid)  # siblings mostly follow each other
         self._free = is_free(root.tree)
 
     def __len__(self) -> int:
         return len(self._steps)
 
     def number(self, index: int) -> int:
-        """The number of the cell of an element; that of the root is 0."""
+        """Number of the cell of an element; the root's cell is 0."""
         parents, path = self.root.tree.parents, []
         while index not in self._numbers:
             path.append(index)
@@ -85,35 +85,35 @@ class Cells:
         tree = self.root.tree
         if self._free(index):
             scatter, extent = tree.value("scatter", index), tree.value("extent", index)
-            if scatter is not UNSET:  # of scattered copies the smallest counts
-                smallest = least_drawn(scatter, pair_of(extent, math.nan))
+            if scatter is not UNSET:  # the smallest of scattered copies counts
+                smallest = smallest_side(scatter, pair_of(extent, math.nan))
                 return -1, (smallest, smallest), (1, 1)
             return -1, pair_of(extent, math.nan), (1, 1)
         return around, tree.block(index)[2:], self._grid(tree.parents[index])
 
     def sides(self, size: PartSize) -> list[Sides]:
-        """The sides of all cells that were numbered, before quarter turns of the part.
+        """Sides of all cells that were numbered, before quarter turns of the part.
 
-        Those of a free place do not turn with the part: in one that lies they are exchanged.
+        Sides of a free place do not turn with the part, so they are exchanged in one that lies.
         """
         found = [size.sides]
         for around, own, grid in islice(self._steps, 1, None):
             if around < 0:
-                found.append(sides(own).turned(size.lies))
+                found.append(sides(own).turn_by(size.lies))
             else:
                 found.append(found[around].block((int(own[0]), int(own[1])), grid))
         return found
 
 
 class Alike(NamedTuple):
-    """Elements of one size of a part for which the same holds.
+    """Elements in one size of a part that have a cell and a key in common.
 
     Attributes:
-        size: of the part.
-        root: where the part begins.
-        sides: of the cell that they name, before quarter turns of the part.
-        key: what else is the same.
-        elements: by their indices.
+        size: size of the part.
+        root: root of the part.
+        sides: sides of the elements' cell, before quarter turns of the part.
+        key: further properties that the elements have in common.
+        elements: indices of the elements.
     """
 
     size: PartSize
@@ -124,16 +124,16 @@ class Alike(NamedTuple):
 
 
 Sorted = Callable[[Cells], Iterable[tuple[int, Hashable, int]]]
-"""Elements below a root that are looked at: the number of a cell, a key, and their index."""
+"""Function that yields the elements below a root to look at: number of a cell, key, index."""
 
 
-class _Plan(NamedTuple):
-    """What is below a root.
+class _PartContents(NamedTuple):
+    """Elements below a root that matter to the search.
 
     Attributes:
-        uses: of other parts, by cell, quarter turns, name, and whether they stand free; None where
-            that is as the root stands.
-        groups: of elements that are looked at, by cell and key.
+        uses: elements that use other parts, by cell, quarter turns, name, and whether they stand
+            free; None where that is as the root stands.
+        groups: elements that are looked at, by cell and key.
     """
 
     cells: Cells
@@ -146,11 +146,11 @@ class _Plan(NamedTuple):
 
 
 class PartSizes:
-    """The sizes of a terrain and of parts in it, each with what stands for it in which sizes.
+    """Sizes of a terrain and of the parts in it, with the elements that put a part in a size.
 
     Attributes:
-        found: the sizes; of each the users: a size, and an element in it.
-        complete: whether they are all; when there are more than may be, the last ones are missing.
+        found: users of each size: a size, and the elements in it.
+        complete: whether all sizes were found; the last ones are missing where a limit was reached.
     """
 
     def __init__(
@@ -158,20 +158,20 @@ class PartSizes:
         uses: Uses,
         parts: set[str],
         look: Sorted,
-        limits: Limits,
+        limits: SizeLimits,
         same: Callable[[PartSize], Hashable] = lambda size: size,
     ) -> None:
         """Follow the uses of parts from the terrain on.
 
         Args:
-            uses: of the terrain; none of its parts contains itself.
-            parts: names of those that are looked at, and of those that lead to them.
-            look: the elements that are looked at.
-            limits: how much of it.
-            same: sizes for which this is the same count as one.
+            uses: uses of the terrain, of whose parts none contains itself.
+            parts: names of the parts that are looked at, and of those that lead to them.
+            look: function that yields the elements to look at.
+            limits: limits of the search.
+            same: key of a size; sizes with one key count as one.
         """
         self._uses, self._parts, self._look = uses, parts, look
-        self._plans: dict[str, _Plan] = {}
+        self._plans: dict[str, _PartContents] = {}
         self._followed: list[PartSize] = []
         self.complete = True
         self.found: dict[PartSize, list[tuple[PartSize, list[int]]]] = {}
@@ -194,7 +194,7 @@ class PartSizes:
             for (cell, quarters, part, free), elements in plan.uses.items():
                 below = PartSize(
                     part,
-                    lengths[cell].turned(quarters),
+                    lengths[cell].turn_by(quarters),
                     size.lies ^ (quarters % 2 == 1),
                     size.whole if free is None else free,
                 )
@@ -204,12 +204,12 @@ class PartSizes:
                     pending.append(below)
                 self.found[below].append((size, elements))
 
-    def _plan(self, part: str) -> _Plan:
+    def _plan(self, part: str) -> _PartContents:
         if part in self._plans:
             return self._plans[part]
         root = self._uses.part(part) if part else self._uses.root
         tree, cells = root.tree, Cells(root)
-        plan = self._plans[part] = _Plan(cells, {}, {})
+        plan = self._plans[part] = _PartContents(cells, {}, {})
         turns, free_at = tree.column("turn_deg"), is_free(tree)
         for use in self._uses.within(root):
             if use.part in self._parts:
@@ -222,19 +222,19 @@ class PartSizes:
         return plan
 
     def alike(self) -> Iterator[Alike]:
-        """The elements that are looked at, once for each size that they stand in."""
+        """Elements that are looked at, once for each size that they stand in."""
         for size in self._followed:
             plan = self._plan(size.part)
             lengths = plan.cells.sides(size) if plan.groups else []
             for (cell, key), elements in plan.groups.items():
                 yield Alike(size, plan.cells.root, lengths[cell], key, elements)
 
-    def leading_to(self, size: PartSize, seen: set[PartSize]) -> Iterator[int]:
-        """The elements of the terrain with which a part comes to stand in a size.
+    def elements_leading_to(self, size: PartSize, seen: set[PartSize]) -> Iterator[int]:
+        """Elements of the terrain through which a part comes to stand in a size.
 
         Args:
-            size: of the part.
-            seen: sizes that are not looked at again.
+            size: size of the part.
+            seen: sizes that are not followed again; sizes that are followed are added.
         """
         pending = [size]
         while pending:
@@ -247,16 +247,16 @@ class PartSizes:
 
 
 def sizes_of_places(uses: Uses) -> PartSizes | None:
-    """The sizes of parts in which there are free places; None where there are none to be had.
+    """Sizes of parts in which there are free places; None where there are none, or no sizes.
 
-    The cells that are looked at are those around the free places.
+    The elements that are looked at stand at free places, and have the key of the cell around.
     """
     definition = uses.document.model
     if not uses.has_root or uses.circles:
         return None
     if not isinstance(definition, Definition) or definition.size is UNSET:
         return None
-    parts = uses.leading_to(lambda root: bool(places_of(root)))
+    parts = uses.parts_leading_to(lambda root: bool(places_of(root)))
     if not parts and not places_of(uses.root):
         return None
 
@@ -270,7 +270,7 @@ def sizes_of_places(uses: Uses) -> PartSizes | None:
 
 
 def is_free(tree: Tree) -> Callable[[int], bool]:
-    """What tells whether an element stands at a free place, or its copies do."""
+    """Function that tells whether an element, or its copies, stand at a free place."""
     keys = ("extent", "scatter")
     columns = [tree.column(key) for key in keys if tree.distinct(key) != {UNSET}]
     return lambda index: any(column[index] is not UNSET for column in columns)

@@ -1,8 +1,8 @@
-"""Soils and hard ground by name, for surfaces that say `"preset": "dry-sand"`.
+"""Soils and hard ground by name, for surfaces with a `"preset"` such as `"dry-sand"`.
 
 The figures of soils are those of table 2.3 in J. Y. Wong, Theory of Ground Vehicles, 4th ed., Wiley
-2008. Their shear moduli K come from elsewhere, as the table has none; where none was found of a
-soil itself, it is that of its kind. How far a wheel sinks into a soil depends on the wheel and its
+2008. Their shear moduli K come from elsewhere, as the table has none; where none was found for a
+soil itself, the modulus is that of its kind. A wheel's sinkage depends on the wheel and its
 load (Bekker 1969; `terratool.traversability.soil`). On hard ground only friction counts.
 """
 
@@ -26,18 +26,18 @@ NOON = "Noon, Engineering Analysis of Vehicular Accidents, 1994"
 
 
 class Preset(Struct, frozen=True):
-    """A soil under a plate: p = (kc/b + kφ) zⁿ (Bekker), and its shear strength.
+    """Soil under a plate: p = (kc/b + kφ) zⁿ (Bekker), and the soil's shear strength.
 
     Attributes:
-        descr: what it is.
-        exponent: n.
-        cohesive: kc, kN/m^(n+1).
-        frictional: kφ, kN/m^(n+2); infinity for hard ground.
-        cohesion: c, kPa.
-        fric_angle: φ, degrees.
-        shear_modulus: K, m; 0 where it is not known, as on hard ground.
-        shear_source: of K; where it is another kind of soil that was measured, this is said.
-        source: of the other figures.
+        descr: description of the soil.
+        exponent: exponent n of sinkage.
+        cohesive: cohesive modulus kc, kN/m^(n+1).
+        frictional: frictional modulus kφ, kN/m^(n+2); infinity for hard ground.
+        cohesion: cohesion c, kPa.
+        fric_angle: angle of internal friction φ, degrees.
+        shear_modulus: shear deformation modulus K, m; 0 where unknown, as on hard ground.
+        shear_source: source of K; it names the soil that was measured where that is another.
+        source: source of the other figures.
     """
 
     descr: str
@@ -52,12 +52,12 @@ class Preset(Struct, frozen=True):
 
     @property
     def is_hard(self) -> bool:
-        """Whether nothing sinks in."""
+        """Whether the ground is hard, so that nothing sinks in."""
         return math.isinf(self.frictional)
 
 
 def _hard(descr: str, friction: float, source: str = f"{WONG}, table 1.3") -> Preset:
-    """Ground on which tyres slide with a coefficient of friction."""
+    """Preset of ground on which tyres slide with a coefficient of friction."""
     angle = round(math.degrees(math.atan(friction)), 1)
     return Preset(descr, 1.0, 0.0, math.inf, 0.0, angle, source=source)
 
@@ -111,15 +111,15 @@ PRESETS: dict[str, Preset] = {
 
 
 def preset_of(surface: Surface) -> Preset | None:
-    """The soil that a surface names; None for none."""
+    """Preset that a surface names; None if it names none, or an unknown one."""
     return None if surface.preset is UNSET else PRESETS.get(surface.preset)
 
 
 def property_of(surface: Surface, attribute: str) -> Any:
-    """A number of a surface: what it says itself, else what its preset has; `UNSET` for neither.
+    """Number of a surface: its own, else that of its preset; `UNSET` for neither.
 
-    Of a range it is the middle. The sinkage of a soil is `UNSET`, as it depends on the wheel and
-    its load; of hard ground 0.
+    A range counts by its middle. The sinkage of a soil is `UNSET`, as it depends on the wheel and
+    its load; the sinkage of hard ground is 0.
     """
     own: Any = getattr(surface, attribute)
     if attribute in SOIL_FIGURES and own is not UNSET:
@@ -137,10 +137,10 @@ def property_of(surface: Surface, attribute: str) -> Any:
 
 
 def friction_of(surface: Surface) -> float:
-    """The coefficient of friction tan φ of a surface; NaN where its angle φ is not known.
+    """Coefficient of friction tan φ of a surface; NaN where its angle φ is not known.
 
-    It is what Coulomb's law leaves of the shear strength c + σ tan φ under a large load; cohesion c
-    comes on top of it and depends on the area of contact.
+    Under a large load Coulomb's shear strength c + σ tan φ tends to σ tan φ. Cohesion c adds a
+    force that depends on the area of contact.
     """
     angle = property_of(surface, "fric_angle")
     return math.nan if angle is UNSET else math.tan(math.radians(angle))

@@ -1,4 +1,4 @@
-"""Text to definition: the fast way for clean files, the one that explains for the others."""
+"""Reader of definitions: a fast way for clean files, and a slow one that explains faults."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from terratool.definition.decode import Decoded, decode
 from terratool.definition.findings import Finding, Owner, Remark, RemarkBatch, RemarkLog
 from terratool.definition.key import Key
 from terratool.definition.keys import KEYS, Kind, document_kind
-from terratool.definition.libraries import Document, Shelf, known_names
+from terratool.definition.libraries import Shelf, SourceDocument, known_names
 from terratool.definition.model import (
     COMBINES,
     Definition,
@@ -64,7 +64,7 @@ if TYPE_CHECKING:
 
 
 class IgnoreLists:
-    """The `x-ignore` lists of a definition, and which of their entries were of use."""
+    """Lists `x-ignore` of a definition, and the entries of them that silenced something."""
 
     def __init__(self, lists: list[tuple[Owner, Any]]) -> None:
         self._lists = lists
@@ -80,10 +80,10 @@ class IgnoreLists:
     def __bool__(self) -> bool:
         return bool(self._lists)
 
-    def unsilenced(
+    def filter_remarks(
         self, code: str, remarks: Iterable[Remark | RemarkBatch], tree: Tree
     ) -> Iterator[Remark | RemarkBatch]:
-        """The warnings that no list around them silences; the lists that do are of use."""
+        """Yield the warnings that no list around them silences; note the entries that do."""
         lists: dict[Owner, list[tuple[Owner, int]]] = {}
         for owner, index, listed in self._codes:
             if code.startswith(listed):
@@ -91,7 +91,7 @@ class IgnoreLists:
         if not lists:
             yield from remarks
             return
-        silent: dict[Owner, bool] = {}  # what is known of owners, and so of all in them
+        silent: dict[Owner, bool] = {}  # known for owners, and so for all in them
 
         def is_silenced(owner: Owner) -> bool:
             path: list[Owner] = []
@@ -112,11 +112,11 @@ class IgnoreLists:
             elif not is_silenced(_owner(remark, tree)):
                 yield remark
 
-    def unused(self, idle: tuple[str, ...]) -> Iterator[Remark]:
-        """A remark on each entry that is none, or that silenced nothing.
+    def useless_entries(self, idle: tuple[str, ...]) -> Iterator[Remark]:
+        """Yield a remark on each entry that is no code of a warning, or that silenced nothing.
 
         Args:
-            idle: codes of rules that did not look this time.
+            idle: codes of rules that were not applied this time.
         """
         for owner, listed in self._lists:
             if not isinstance(listed, list):
@@ -124,10 +124,10 @@ class IgnoreLists:
                 continue
             for index, code in enumerate(listed):
                 if (owner, index) not in self._used and code not in idle:
-                    yield _remark(owner, f"/{index}", *_why(code))
+                    yield _remark(owner, f"/{index}", *_entry_problem(code))
 
 
-def _why(code: Any) -> tuple[str, str]:
+def _entry_problem(code: Any) -> tuple[str, str]:
     if not isinstance(code, str):
         return "an item is no code.", 'Write a text such as "TT208".'
     meant = [rule for rule in RULES.values() if code and rule.code.startswith(code)]
@@ -149,7 +149,7 @@ def _remark(owner: Owner, rest: str, message: str, hint: str) -> Remark:
 
 
 def _owner(remark: Remark, tree: Tree) -> Owner:
-    """The innermost object around a remark, of those that may have a list."""
+    """Innermost object around a remark, of those that may have a list."""
     if remark.element >= 0:
         return remark.element
     pointer = "/".join(remark.pointer.split("/", 3)[:3])
@@ -157,7 +157,7 @@ def _owner(remark: Remark, tree: Tree) -> Owner:
 
 
 def _around(owner: Owner, tree: Tree) -> Owner | None:
-    """The next one out."""
+    """Owner one level further out; None for the text itself."""
     if isinstance(owner, int):
         parent = tree.parents[owner]
         return parent if parent >= 0 else ""
@@ -165,17 +165,19 @@ def _around(owner: Owner, tree: Tree) -> Owner | None:
 
 
 class CheckOptions(Struct, frozen=True):
-    """How closely to look.
+    """Options of a check.
 
     Attributes:
-        warnings: look for what is no error, too.
-        max_step: height of a step from which on it is remarked on, in units of the terrain.
-        limit: how many findings to place; the others are counted.
-        select: place those whose code begins with one of these; none means all.
-        ignore: but none whose code begins with one of these.
-        ignored_in: what else is ignored in a file of this name; a library is one, too.
-        library_roots: folders under which libraries may lie, beside that of the file and the
-            current one.
+        warnings: whether rules with warnings are applied, too.
+        max_step: height from which on a step is remarked on, in units of the terrain; None for no
+            limit.
+        limit: most findings that are placed; the others are counted.
+        select: beginnings of codes whose findings are placed; empty for all.
+        ignore: beginnings of codes whose findings are not placed.
+        ignored_in: function of a file's name that gives further beginnings for `ignore`; libraries
+            are files, too.
+        library_roots: folders under which libraries may lie, beside the current one and the
+            folder of the file.
     """
 
     warnings: bool = True
@@ -187,31 +189,32 @@ class CheckOptions(Struct, frozen=True):
     ignored_in: Callable[[str], tuple[str, ...]] = lambda _: ()
 
     def of(self, file: str) -> CheckOptions:
-        """The same with what is ignored in a file."""
+        """Return the options with the codes that are ignored in a file."""
         return structs.replace(self, ignore=self.ignore + self.ignored_in(file))
 
     def shows(self, code: str) -> bool:
-        """Whether findings of this code are wanted."""
+        """Whether findings of a code are placed."""
         return (not self.select or code.startswith(self.select)) and not (
             self.ignore and code.startswith(self.ignore)
         )
 
 
 class Checked(Struct, frozen=True, dict=True):
-    """A text that was read.
+    """Result of reading and checking a text.
 
     Attributes:
-        findings: sorted by position, no more than `CheckOptions.limit`.
-        counts: how many findings there are of each code, shown or not.
-        readable: whether it was read to its end; if not, there is one finding that says why.
-        vehicle: None if it has an error, or is no vehicle.
-        sensor: None if it has an error, or is no sensor.
-        curriculum: None if it has an error, or is no spec of training tiles.
-        terrain: None if it has an error, or is no terrain; its elements may be in `tree` alone.
-        tree: the elements of the terrain or the library, laid flat.
-        document: the text with its libraries; None if it has an error, or is no terrain or library.
-        libraries: what was found in each library that it uses, directly or through others.
-        name: what the file is called.
+        findings: findings sorted by position, no more than `CheckOptions.limit`.
+        counts: number of findings of each code, shown or not.
+        readable: whether the text was read to its end; if not, the one finding tells why.
+        vehicle: vehicle; None if it has an error, or the text is no vehicle.
+        sensor: sensor; None if it has an error, or the text is no sensor.
+        curriculum: spec of training tiles; None if it has an error, or the text is no spec.
+        terrain: terrain, whose elements may be in `tree` alone; None if it has an error, or the
+            text is no terrain.
+        tree: elements of the terrain or the library.
+        document: text with its libraries; None if it has an error, or is no terrain or library.
+        libraries: results for each library that the text uses, directly or through others.
+        name: name of the file.
     """
 
     findings: tuple[Finding, ...]
@@ -222,16 +225,16 @@ class Checked(Struct, frozen=True, dict=True):
     curriculum: CurriculumText | None = None
     terrain: Definition | None = None
     tree: Tree | None = None
-    document: Document | None = None
+    document: SourceDocument | None = None
     libraries: tuple[Checked, ...] = ()
     name: str = ""
 
     @cached_property
     def expansion(self) -> Expansion | None:
-        """The terrain with parts and copies written out; None if there is no terrain.
+        """Terrain with parts and copies written out; None if there is no terrain.
 
         Raises:
-            RequestError: they come to too many elements.
+            RequestError: parts and copies come to too many elements.
         """
         if self.uses is None:
             return None
@@ -242,18 +245,18 @@ class Checked(Struct, frozen=True, dict=True):
 
     @cached_property
     def uses(self) -> Uses | None:
-        """The parts of the terrain and their uses; None if there is no terrain."""
+        """Parts of the terrain and their uses; None if there is no terrain."""
         if self.terrain is None or self.document is None:
             return None
         return Uses(self.document, known_names(self.document))
 
     def with_tracks(self, definition: Definition) -> Definition:
-        """A definition with the tracks of `terrain`, which callers replace."""
+        """Return a definition with the tracks of `terrain`, which callers replace."""
         return structs.replace(definition, tracks=self.terrain.tracks if self.terrain else ())
 
     @cached_property
     def definition(self) -> Definition | None:
-        """The terrain with its elements; None if it has an error, or is no terrain."""
+        """Terrain with its elements; None if it has an error, or the text is no terrain."""
         if self.terrain is None or self.tree is None:
             return None
         return complete(self.terrain, self.tree)
@@ -265,19 +268,19 @@ _NO_TERRAIN: dict[Kind | None, str] = {
     "library": 'Name a terrain; its "use" may list libraries.',
     "curriculum": "Make a terrain of it with terratool curriculum, and name that here.",
 }
-"""What to do about a text that is of these kinds."""
+"""Hints for texts of kinds other than terrains, by kind."""
 
 
 def load_checked(path: str | Path, library_roots: tuple[str, ...] = ()) -> Checked:
     """Read a terrain that has no errors.
 
     Args:
-        path: the file.
-        library_roots: further folders under which the libraries that it uses may lie.
+        path: path of the file.
+        library_roots: further folders under which the libraries of the terrain may lie.
 
     Raises:
         ReadError: the file cannot be read.
-        DefinitionError: it has errors; they are in `findings`, the first 1,000 of them.
+        DefinitionError: the terrain has errors; `findings` has the first 1,000 of them.
     """
     source = read_source(path)
     checked = check(source, CheckOptions(warnings=False, library_roots=library_roots))
@@ -287,7 +290,7 @@ def load_checked(path: str | Path, library_roots: tuple[str, ...] = ()) -> Check
 
 
 def no_terrain(source: Source, checked: Checked) -> DefinitionError:
-    """The error of a text that was read as a terrain, and is none, or is broken."""
+    """Error for a text that was read as a terrain, and is none, or has errors."""
     kind = document_kind(source.data)
     if kind in _NO_TERRAIN:
         return DefinitionError(
@@ -297,21 +300,21 @@ def no_terrain(source: Source, checked: Checked) -> DefinitionError:
 
 
 def load_definition(path: str | Path) -> Definition:
-    """Read a definition that has no errors; raises what `load_checked` raises."""
+    """Read a definition that has no errors; raises the errors of `load_checked`."""
     definition = load_checked(path).definition
     assert definition is not None
     return definition
 
 
 def uses_of(definition: Definition) -> Uses:
-    """The parts of a valid definition without libraries, and their uses."""
+    """Parts of a valid definition without libraries, and their uses."""
     source = Source("the definition", b"")
-    document = Document(source, Decoded(definition, tree=flatten(definition)), RemarkLog(0))
+    document = SourceDocument(source, Decoded(definition, tree=flatten(definition)), RemarkLog(0))
     return Uses(document, known_names(document))
 
 
 def refusal(checked: Checked) -> DefinitionError:
-    """The error that says what is first wrong with a text, and how many more there are."""
+    """Error with the first finding of a text, and the number of the others."""
     first = checked.findings[0]
     count = checked.counts.total()
     more = f" terratool validate lists {count - 1} more." if count > 1 else ""
@@ -328,40 +331,40 @@ def check(
     kind: Kind | None = "terrain",
     shelf: Shelf | None = None,
 ) -> Checked:
-    """Read a text and let every rule look at it. Never raises for what the text contains.
+    """Read a text and apply every rule to it; no content of the text makes it raise.
 
-    The libraries that it uses are read and looked at, too.
+    The libraries that the text uses are read and checked, too.
 
     Args:
-        source: the text.
-        options: how closely to look.
-        kind: what it is read as. None is what it looks like; what looks like nothing is read as a
-            terrain.
-        shelf: keeps libraries for the next text.
+        source: text to check.
+        options: options of the check; None for the defaults.
+        kind: kind that the text is read as. None is the kind that it looks like, or a terrain where
+            it looks like none.
+        shelf: shelf that keeps libraries for the next text; None for a new one.
     """
     kind = kind or document_kind(source.data) or "terrain"
     options = options or CheckOptions()
     with _no_collector():
         document = read_document(source, kind, options.limit)
-        if document.model.used and source.name != "<stdin>":
+        if document.model.library_paths and source.name != "<stdin>":
             document.real = real_path(source.name)
         (shelf or new_shelf(options)).link(document)
-        for library in document.reached:
-            _looked_at(library, options)
-        libraries = tuple(_checked(library, options) for library in document.reached)
-        return structs.replace(_checked(document, options), libraries=libraries)
+        for library in document.all_libraries:
+            _own_result(library, options)
+        libraries = tuple(_full_result(library, options) for library in document.all_libraries)
+        return structs.replace(_full_result(document, options), libraries=libraries)
 
 
 def new_shelf(options: CheckOptions | None = None) -> Shelf:
-    """A shelf without libraries yet."""
+    """Shelf without libraries."""
     options = options or CheckOptions()
     return Shelf(
         lambda source: read_document(source, "library", options.limit), options.library_roots
     )
 
 
-def read_document(source: Source, kind: Kind, limit: int = 1000) -> Document:
-    """Read a text into the model, as far as it fits."""
+def read_document(source: Source, kind: Kind, limit: int = 1000) -> SourceDocument:
+    """Read a text into the model, as far as its values fit."""
     found = RemarkLog(limit)
     quick = _decode_quickly(source.data, kind) if kind in ("terrain", "library") else None
     keys = None
@@ -371,82 +374,82 @@ def read_document(source: Source, kind: Kind, limit: int = 1000) -> Document:
         try:
             value = read_values(source.data)
         except _syntax_error() as error:
-            return Document(source, Decoded(), found, broken=error, kind=kind)
+            return SourceDocument(source, Decoded(), found, broken=error, kind=kind)
         decoded = decode(value, kind, found)
         del value
     repeated, count = repeated_keys(source.data, found.limit, keys)
     found.take("TT102", map(_duplicate, repeated), count)
-    return Document(source, decoded, found, kind=kind)
+    return SourceDocument(source, decoded, found, kind=kind)
 
 
 def _syntax_error() -> type[JsonSyntaxError]:
-    """The error of a text that is no JSON, of a module that other texts do without."""
+    """Class of syntax errors, from a module that is imported only for a text that is no JSON."""
     from terratool.text.syntax import JsonSyntaxError
 
     return JsonSyntaxError
 
 
-def _checked(document: Document, options: CheckOptions) -> Checked:
-    """What is found in a text, errors of the libraries that it uses included."""
-    own = _looked_at(document, options)
-    bad = document.catalogue.reached_of(document, _is_bad)
+def _full_result(document: SourceDocument, options: CheckOptions) -> Checked:
+    """Result for a text, errors of the libraries that it uses included."""
+    own = _own_result(document, options)
+    bad = document.catalogue.libraries_where(document, _is_bad)
     if not bad or document.broken is not None:
         return own.checked
-    broken = {id(library): _looked_at(library, options).checked for library in bad}
-    found = own.found.copied()
+    broken = {id(library): _own_result(library, options).checked for library in bad}
+    found = own.found.copy()
     found.take("TT706", _broken_libraries(document, broken))
-    findings = _placed(document.source, found, document.decoded, options)
+    findings = _locate_findings(document.source, found, document.decoded, options)
     return Checked(findings, found.counts, name=document.source.name)
 
 
-def _is_bad(document: Document) -> bool:
-    """Whether rules have found an error in a text."""
-    known: _LookedAt | None = document.__dict__.get("_looked_at")
+def _is_bad(document: SourceDocument) -> bool:
+    """Whether rules have found an error in a text that was checked."""
+    known: _OwnResult | None = document.__dict__.get("_own_result")
     return known is not None and not known.is_good
 
 
-class _LookedAt(Struct, frozen=True):
-    """What rules find in a text by itself."""
+class _OwnResult(Struct, frozen=True):
+    """Findings of rules on a text by itself."""
 
     found: RemarkLog
     checked: Checked
 
     @property
     def is_good(self) -> bool:
-        """Whether there is no error."""
+        """Whether the text has no error."""
         return not any(RULES[code].severity == "error" for code in self.checked.counts)
 
 
-def _looked_at(document: Document, options: CheckOptions) -> _LookedAt:
-    """What rules find in a text, which is not looked at twice."""
-    # no field of the document, as a terrain that travels leaves it behind
-    known: _LookedAt | None = document.__dict__.get("_looked_at")
+def _own_result(document: SourceDocument, options: CheckOptions) -> _OwnResult:
+    """Apply rules to a text, once for each text."""
+    # kept beside the fields of the document, as pickling a terrain leaves it behind
+    known: _OwnResult | None = document.__dict__.get("_own_result")
     if known is not None:
         return known
-    found, decoded = document.found.copied(), document.decoded
+    found, decoded = document.found.copy(), document.decoded
     if document.broken is not None:
-        looked = _LookedAt(found, _unreadable(document.source, document.broken))
+        looked = _OwnResult(found, _unreadable(document.source, document.broken))
     else:
         for code, remark in document.problems:
             found.take(code, iter((remark,)))
         _apply_rules(document, found, options)
-        findings = _placed(document.source, found, decoded, options)
-        looked = _LookedAt(found, Checked(findings, found.counts, name=document.source.name))
+        findings = _locate_findings(document.source, found, decoded, options)
+        looked = _OwnResult(found, Checked(findings, found.counts, name=document.source.name))
         if looked.is_good:
             looked = structs.replace(looked, checked=structs.replace(
                 looked.checked, vehicle=decoded.vehicle, sensor=decoded.sensor,
                 curriculum=decoded.curriculum, terrain=decoded.definition, tree=decoded.tree,
                 document=document if decoded.definition or decoded.library else None,
             ))  # fmt: skip
-    document.__dict__["_looked_at"] = looked
+    document.__dict__["_own_result"] = looked
     return looked
 
 
-def _broken_libraries(document: Document, broken: dict[int, Checked]) -> Iterator[Remark]:
-    """A remark on each library with errors of its own, at the entry of `use` that leads there."""
+def _broken_libraries(document: SourceDocument, broken: dict[int, Checked]) -> Iterator[Remark]:
+    """Yield a remark on each library with errors, at the entry of `use` that leads there."""
     left = dict(broken)
     for index, library in enumerate(document.uses):
-        for one in () if library is None else (library, *library.reached):
+        for one in () if library is None else (library, *library.all_libraries):
             checked = left.pop(id(one), None)
             if checked is None:
                 continue
@@ -462,7 +465,7 @@ def _broken_libraries(document: Document, broken: dict[int, Checked]) -> Iterato
 
 @contextmanager
 def _no_collector() -> Iterator[None]:
-    """Millions of new objects, and no garbage among them."""
+    """Turn off garbage collection while millions of objects are made, none of them garbage."""
     was_enabled = gc.isenabled()
     gc.disable()
     try:
@@ -477,7 +480,7 @@ _ELEMENT_NAMES = {key: name for name, key in names_of(Element) if name != "child
 
 
 def _decode_quickly(data: bytes, kind: Kind) -> tuple[Decoded, KeySurvey] | None:
-    """What the text says, if all of it fits, and what is known of its keys."""
+    """Model and survey of the keys of a text in which all values fit; None for other texts."""
     model: type[Library] = Definition if kind == "terrain" else Library
     try:
         definition: Library = msgspec.json.decode(data, type=model)
@@ -505,7 +508,7 @@ _RANGED: dict[type, list[tuple[str, Key]]] = {
 
 
 def _in_range(definition: Library, tree: Tree) -> bool:
-    """Whether every number whose range is not part of its type lies in that of its key."""
+    """Whether every number whose range is not part of its type lies in the range of its key."""
     surfaces = definition.surfaces.values()
     reliefs = [s.roughness for s in surfaces if s.roughness is not msgspec.UNSET]
     if any(r.rms is msgspec.UNSET or r.correlation is msgspec.UNSET for r in reliefs):
@@ -538,8 +541,8 @@ def _all_hold(ranged: tuple[set[Any], Key]) -> bool:
     return not numbers or (key.holds(min(numbers)) and key.holds(max(numbers)))
 
 
-def _apply_rules(document: Document, found: RemarkLog, options: CheckOptions) -> None:
-    """Let every rule look at what a text is, unless it is no object."""
+def _apply_rules(document: SourceDocument, found: RemarkLog, options: CheckOptions) -> None:
+    """Apply all rules to the models of a text; a text that is no object has none."""
     decoded = document.decoded
     ignores = IgnoreLists(decoded.ignores)
     subjects = _subjects(document, options)
@@ -555,16 +558,16 @@ def _apply_rules(document: Document, found: RemarkLog, options: CheckOptions) ->
 
                 remarks = on_ground(remarks)
             if ignores and rule.severity == "warning":
-                remarks = ignores.unsilenced(rule.code, remarks, decoded.tree)
+                remarks = ignores.filter_remarks(rule.code, remarks, decoded.tree)
             found.take(rule.code, remarks)
     if options.warnings and subjects:
         looked = any(kind == "terrain" for kind, _ in subjects)
         idle = ("TT211",) if looked and options.max_step is None else ()
-        found.take("TT113", ignores.unused(idle))
+        found.take("TT113", ignores.useless_entries(idle))
 
 
-def _subjects(document: Document, options: CheckOptions) -> list[tuple[Kind, Any]]:
-    """Subjects of rules with the kind of those rules; none where a text is no object."""
+def _subjects(document: SourceDocument, options: CheckOptions) -> list[tuple[Kind, Any]]:
+    """Subjects of rules with the kind of those rules; empty where a text is no object."""
     decoded, source = document.decoded, document.source
     terrain = decoded.definition
     if decoded.library is not None:
@@ -589,10 +592,10 @@ def _subjects(document: Document, options: CheckOptions) -> list[tuple[Kind, Any
     return []
 
 
-def _placed(
+def _locate_findings(
     source: Source, found: RemarkLog, decoded: Decoded, options: CheckOptions
 ) -> tuple[Finding, ...]:
-    """The findings that are wanted, by where they stand in the text."""
+    """Findings that are wanted, sorted by their positions in the text."""
     shows = options.of(source.name).shows
     found.kept = [kept for kept in found.kept if shows(kept[0])]
     if not found.kept:
@@ -647,7 +650,7 @@ def _duplicate(repeated: Repeated) -> Remark:
 
 
 def _unreadable(source: Source, error: JsonSyntaxError) -> Checked:
-    """What is said of a text that is no JSON: this one thing."""
+    """Result for a text that is no JSON: the one finding on its syntax."""
     from terratool.text.edit import Edit
     from terratool.text.locate import positions_of
     from terratool.text.syntax import innermost
@@ -669,7 +672,7 @@ def _unreadable(source: Source, error: JsonSyntaxError) -> Checked:
 
 
 def _in_bytes(data: bytes, offset: int) -> int:
-    """An offset in characters, before which all is UTF-8, in bytes."""
+    """Byte offset of an offset in characters, before which the data is valid UTF-8."""
     if data.isascii():
         return offset
     return len(data.decode("utf-8", "replace")[:offset].encode())

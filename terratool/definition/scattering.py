@@ -1,4 +1,4 @@
-"""Where the copies of a scattered element stand, and how large they are: the same everywhere."""
+"""Scattering: places and sizes of the copies of an element, the same on every machine."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from msgspec import UNSET
 from terratool.definition.model import MAX_SCATTERED, Pair, Scatter
 
 ALL_TRIES = 1 << 62
-"""More places than are ever tried."""
+"""Number of tries beyond all that are ever needed."""
 _TURNINGS = {"none": 0, "quarters": 1, "any": 2}
 
 
 class Strewing(NamedTuple):
-    """A scattering as kernels take it.
+    """Parameters of a scattering, in the order of the kernels.
 
     Attributes:
-        seed: whole number from which all follows.
+        seed: seed of the random numbers.
         least: smallest side of a copy, units of the terrain.
         most: largest side of a copy, units of the terrain.
         wide: side of the area along x, units of the terrain.
@@ -41,15 +41,15 @@ class Strewing(NamedTuple):
 
 
 class Strewn(NamedTuple):
-    """The copies of a scattered element, the largest first; buffers of float64, one number each.
+    """Copies of a scattered element, the largest first, as buffers of (n,) float64.
 
     Attributes:
         sides: sides of the copies, units of the terrain.
-        x: middles from the west side of the area; NaN for what is left out.
-        y: middles from its south side.
+        x: distances of the middles from the area's west side; NaN for copies without a place.
+        y: distances of the middles from the area's south side; NaN for copies without a place.
         turns: turns of the copies, degrees.
-        looked: how many copies were looked at before there were no tries left.
-        left: how many tries are left.
+        looked: number of copies that were tried before no tries were left.
+        left: number of tries left.
     """
 
     sides: array[float]
@@ -60,8 +60,8 @@ class Strewn(NamedTuple):
     left: int
 
 
-def wanted(scatter: Scatter, lengths: Pair) -> int:
-    """How many copies are asked for in a cell with these sides; one more than may be, for more."""
+def copy_count(scatter: Scatter, lengths: Pair) -> int:
+    """Number of copies asked for in a cell with these sides; MAX_SCATTERED + 1 for more."""
     if scatter.count is not UNSET:
         return scatter.count
     density = 0.0 if scatter.density is UNSET else scatter.density
@@ -69,14 +69,14 @@ def wanted(scatter: Scatter, lengths: Pair) -> int:
     return math.floor(count) if count <= MAX_SCATTERED else MAX_SCATTERED + 1
 
 
-def strewing(scatter: Scatter, area: Pair, *, by_quarters: bool, tilted: bool) -> Strewing:
-    """What is asked for, as kernels take it.
+def strewing_of(scatter: Scatter, area: Pair, *, by_quarters: bool, tilted: bool) -> Strewing:
+    """Parameters of the scattering of an element, in the order of the kernels.
 
     Args:
-        scatter: what the text says.
+        scatter: value of `scatter`.
         area: sides of the cell over which copies are strewn.
         by_quarters: whether copies that are turned are turned by multiples of 90 degrees.
-        tilted: whether the element itself is turned by another angle.
+        tilted: whether the element itself is turned by no multiple of 90 degrees.
     """
     turning = "none" if scatter.turned is not True else "quarters" if by_quarters else "any"
     return Strewing(
@@ -91,37 +91,37 @@ def strewing(scatter: Scatter, area: Pair, *, by_quarters: bool, tilted: bool) -
     )
 
 
-def strewn(asked: Strewing, count: int, tries: int = ALL_TRIES) -> Strewn:
-    """Strew so many copies; what is not looked at before all tries are used up is left out.
+def strew(asked: Strewing, count: int, tries: int = ALL_TRIES) -> Strewn:
+    """Place copies of a scattered element; copies that find no place before the tries end have NaN.
 
     A share of (least / D)² of all copies is larger than D, but for those cut off at the largest
     size. Middles are spread evenly over the places that keep the copy, however it is turned, in
-    the cell, and as far from those before as is asked.
+    the cell, and at least the distance asked for from the copies before.
     """
     from terratool.kernels import definition as kernels
 
-    # validating does without NumPy
+    # `array`, as checks of a text do without NumPy
     buffers: Any = [array("d", bytes(8 * count)) for _ in range(4)]
     sides, x, y, turns = buffers
     looked, left = kernels.scatter(asked, tries, sides, x, y, turns)
     return Strewn(sides, x, y, turns, looked, left)
 
 
-def least_drawn(scatter: Scatter, area: Pair) -> float:
-    """The side of the smallest copy, whether it finds a place or not; the largest if there is none.
+def smallest_side(scatter: Scatter, area: Pair) -> float:
+    """Side of the smallest copy, whether it finds a place or not; the largest side without copies.
 
     Args:
-        scatter: what the text says.
+        scatter: value of `scatter`.
         area: sides of the cell over which copies are strewn.
     """
     from terratool.kernels import definition as kernels
 
-    count = min(wanted(scatter, area), MAX_SCATTERED)
-    return kernels.least_side(strewing(scatter, area, by_quarters=False, tilted=False), count)
+    count = min(copy_count(scatter, area), MAX_SCATTERED)
+    return kernels.least_side(strewing_of(scatter, area, by_quarters=False, tilted=False), count)
 
 
 def share(seed: int, number: int, draw: int) -> float:
-    """A number from 0 to below 1: the mixer of SplitMix64 over seed, copy and draw.
+    """Random number from 0 to below 1: the mixer of SplitMix64 over seed, copy and draw.
 
     Source: Steele, Lea and Flood, Fast splittable pseudorandom number generators, OOPSLA 2014.
     """

@@ -1,7 +1,7 @@
-"""JSON Schemas of terrains, libraries, vehicles, sensors and curricula, of the table of keys.
+"""JSON Schemas of terrains, libraries, vehicles, sensors and curricula, from the table of keys.
 
-`make schemas` writes them into schemas/. What a schema sees beyond single keys stands here: which
-keys go together, and what kinds of elements there are.
+`make schemas` writes them into schemas/. This module adds the rules beyond single keys: keys that
+go together, and the kinds of elements.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ Json = dict[str, Any]
 
 
 class _Document(NamedTuple):
-    """A kind of text that has a published schema.
+    """Kind of text that has a published schema.
 
     Attributes:
         shape: class of the whole text.
@@ -82,16 +82,16 @@ _DOCUMENTS = {
     ),
 }  # fmt: skip
 NAMES = tuple(_DOCUMENTS)
-"""Schemas that are made of the table of keys."""
+"""Names of the schemas that are made from the table of keys."""
 
 
 def _needs(*keys: str, **properties: Any) -> Json:
-    """Schema of objects that have these keys, of these schemas where one is given."""
+    """Schema of objects that have some keys, with schemas for the values of some of them."""
     return {"required": list(keys)} | ({"properties": properties} if properties else {})
 
 
 def _one_of(*keys: str, by: str = "anyOf") -> Json:
-    """Schema of objects that have one of these keys."""
+    """Schema of objects that have one of some keys."""
     return {by: [_needs(key) for key in keys]}
 
 
@@ -123,7 +123,7 @@ _BEYOND_KEYS: dict[Shape, Json] = {
     },
     CameraText: _one_of("fov", "focal", by="oneOf"),
 }
-"""Schemas of the keys that an object has together."""
+"""Schemas of the combinations of keys that an object may have."""
 
 _OBJECTS: dict[Shape, Json] = {
     Surface: {
@@ -162,7 +162,7 @@ _OBJECTS: dict[Shape, Json] = {
     },
     PatchText: {"description": "Discs that are level."},
 }
-"""Texts of objects in lists and dictionaries; others have those of their keys."""
+"""Texts of the schemas of objects in lists and dictionaries; other objects have those of keys."""
 _PART: Json = {
     "description": "A part: an element without a place, which stands wherever elements name it.",
     "default": None,
@@ -205,13 +205,13 @@ _VALUES: dict[str, Json] = {
         },
     ]},
 }  # fmt: skip
-"""Schemas of values that have no range."""
+"""Schemas of values that have no range, by type."""
 _EXACT = 2.0**53
-"""Whole numbers below this are the same in every reader of JSON."""
+"""Bound below which whole numbers are the same in every reader of JSON."""
 
 
 def _list(item: Json, least: int = 0, most: float = inf) -> Json:
-    """Schema of lists of so many items."""
+    """Schema of lists with a least and a largest number of items."""
     found: Json = {"type": "array", "items": item}
     if least:
         found["minItems"] = least
@@ -221,7 +221,7 @@ def _list(item: Json, least: int = 0, most: float = inf) -> Json:
 
 
 def _plain(value: Any) -> Any:
-    """A JSON value with whole numbers that are no longer than doubles hold as such."""
+    """JSON value with floats that are whole and below `_EXACT` in size as integers."""
     if isinstance(value, dict):
         return {key: _plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
@@ -260,7 +260,7 @@ def _value(key: Key) -> Json:
 
 
 def _texts(key: Key) -> tuple[Json, Json]:
-    """Texts of a key before the schema of its value, and after it."""
+    """Texts of a key that stand before the schema of its value, and those after it."""
     after: Json = {}
     if key.default is not None or key.examples:
         after["default"] = key.default
@@ -270,7 +270,7 @@ def _texts(key: Key) -> tuple[Json, Json]:
 
 
 class _SchemaWriter:
-    """Writes schemas of the objects of a document, each once among its definitions.
+    """Writer of schemas of the objects of a document, each once among the definitions.
 
     Attributes:
         definitions: schemas of objects by name, for `$defs`.
@@ -344,9 +344,9 @@ class _SchemaWriter:
         return before | {"type": "object", **names, "additionalProperties": held} | after
 
     def _reference(self, name: str, shape: Shape, texts: Json) -> Json:
-        """A reference to the definition of an object, which is made where there is none."""
+        """Reference to the definition of an object, which is added where there is none."""
         if name not in self.definitions:
-            self.definitions[name] = texts  # keeps its place while elements in elements are made
+            self.definitions[name] = texts  # keeps the order while elements in elements are added
             without = frozenset(PLACEMENT) if name in ("root", "part") else frozenset[str]()
             after = {key: texts[key] for key in ("default", "examples") if key in texts}
             before = {"description": texts["description"]}
@@ -361,7 +361,7 @@ class _SchemaWriter:
         return {"$ref": f"#/$defs/{name}"}
 
     def _names(self) -> Json:
-        """A reference to the schema of names of kinds of tiles and of level places."""
+        """Reference to the schema of names of kinds of tiles and of level places."""
         self.definitions["name"] = {
             "description": "Letters, digits, spaces, dots, _ and -.",
             "type": "string",
@@ -371,7 +371,7 @@ class _SchemaWriter:
         return {"$ref": "#/$defs/name"}
 
     def _tiles(self) -> Json:
-        """Schema of kinds of tiles by name, each with the keys that its `kind` has."""
+        """Schema of kinds of tiles by name, each with the keys of its `kind`."""
         chosen = [
             {
                 "if": _needs("kind", kind={"const": name}),
@@ -389,7 +389,7 @@ class _SchemaWriter:
 
 
 def schema_text(name: str) -> str:
-    """The text of a schema, one of `NAMES`."""
+    """Text of a schema, one of `NAMES`."""
     document = _DOCUMENTS[name]
     writer = _SchemaWriter(document)
     found: Json = {

@@ -1,4 +1,4 @@
-"""The published JSON Schemas."""
+"""Published JSON Schemas."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ NAMES = (
 
 
 def schema(name: str = "terrain") -> dict[str, Any]:
-    """A published JSON Schema (2020-12) by name.
+    """Published JSON Schema (2020-12) by name.
 
     Raises:
-        ValueError: there is none of that name.
+        ValueError: no schema has that name.
     """
     if name not in NAMES:
         raise ValueError(f"There is no schema {name!r}; there is {', '.join(NAMES)}.")
     packaged = files("terratool") / "schemas" / f"{name}.schema.json"
-    if not packaged.is_file():  # a checkout keeps them at its top
+    if not packaged.is_file():  # a checkout has schemas/ at its top
         packaged = Path(__file__).parents[2] / "schemas" / f"{name}.schema.json"
     loaded: dict[str, Any] = json.loads(packaged.read_text("utf-8"))
     return loaded

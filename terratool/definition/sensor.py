@@ -1,7 +1,7 @@
-"""What the user wrote of a sensor, as frozen typed values; absent keys are `UNSET`.
+"""Sensors as they are written: frozen typed values, absent keys `UNSET`.
 
-The classes mirror the text key by key, in its units. `terratool.sensing` makes of them the sensor
-that is computed with.
+The classes mirror the text key by key, in its units. `terratool.sensing` builds the sensors that
+are computed with.
 """
 
 from __future__ import annotations
@@ -25,21 +25,21 @@ from terratool.definition.key import (
 )
 
 SENSORS = ("lidar", "camera", "sonar")
-"""What a sensor may be: a key of its text each."""
+"""Kinds of sensors, each a key of the text."""
 PATTERNS = ("piston", "uniform")
-"""How a sonar's beam falls off beside its axis: as that of a round plate, or not at all."""
+"""Beam patterns of a sonar beside its axis: that of a round piston, or constant."""
 TURN = 360.0
-"""Degrees."""
+"""Full turn, degrees."""
 
 RATE = 10.0
 RAYS = 4096
 CONE = 90.0
-"""Degrees: no fan is wider than this from its axis."""
+"""Largest angle of a sonar's fan from its axis, degrees."""
 _SLACK = 1e-9
 
 
 class NoiseText(Struct, frozen=True, rename="camel", kw_only=True):
-    """How far readings are off, and how many are lacking."""
+    """Noise of a sensor: standard deviation of readings, and the share that is lacking."""
 
     sigma: float | UnsetType = UNSET
     per_metre: float | UnsetType = UNSET
@@ -48,7 +48,7 @@ class NoiseText(Struct, frozen=True, rename="camel", kw_only=True):
 
 
 class LidarText(Struct, frozen=True, rename="camel", kw_only=True):
-    """Beams one above the other, which turn."""
+    """Lidar: beams one above the other, which turn."""
 
     elevations: tuple[float, ...] | UnsetType = UNSET
     beams: int | UnsetType = UNSET
@@ -59,42 +59,42 @@ class LidarText(Struct, frozen=True, rename="camel", kw_only=True):
 
     @property
     def rings(self) -> int:
-        """How many beams there are."""
+        """Number of beams."""
         if self.beams is not UNSET:
             return self.beams
         return 0 if self.elevations is UNSET else len(self.elevations)
 
     @property
     def span(self) -> tuple[float, float]:
-        """From where to where it looks, degrees, anticlockwise from ahead."""
+        """First and last azimuth, degrees, anticlockwise from ahead."""
         return (-180.0, 180.0) if self.azimuths is UNSET else self.azimuths
 
     @property
     def is_full(self) -> bool:
-        """Whether it looks all around, so that the last column is not the first one again."""
+        """Whether azimuths cover a full turn, so that the last column is not the first again."""
         return self.span[1] - self.span[0] >= TURN - _SLACK
 
     @property
     def columns(self) -> int:
-        """How many columns of beams a turn has; 0 where that is not known."""
+        """Number of columns of beams in a turn; 0 where it is not known."""
         if self.azimuth_step is UNSET:
             return 0
         steps = int((self.span[1] - self.span[0]) / self.azimuth_step + _SLACK)
         return max(steps, 1) if self.is_full else steps + 1
 
     @property
-    def firing(self) -> float:
+    def column_duration(self) -> float:
         """Time from the first beam of a column to its last one, s."""
         interval = 0.0 if self.firing_interval is UNSET else self.firing_interval
         return interval * max(self.rings - 1, 0)
 
     def column_time(self, rate: float) -> float:
-        """Time from a column to the next one at so many turns in a second, s."""
+        """Time from a column to the next one, s, at a rate of turns per second."""
         return math.inf if self.azimuth_step is UNSET else self.azimuth_step / (TURN * rate)
 
 
 class CameraText(Struct, frozen=True, rename="camel", kw_only=True):
-    """A pinhole and pixels behind it."""
+    """Camera: a pinhole and the pixels behind it."""
 
     width: int | UnsetType = UNSET
     height: int | UnsetType = UNSET
@@ -104,7 +104,7 @@ class CameraText(Struct, frozen=True, rename="camel", kw_only=True):
 
 
 class SonarText(Struct, frozen=True, rename="camel", kw_only=True):
-    """A cone of sound, and what of its echo is heard."""
+    """Sonar: a cone of sound, and the reception of its echo."""
 
     beam_width: float | UnsetType = UNSET
     pattern: str | UnsetType = UNSET
@@ -120,7 +120,7 @@ class SonarText(Struct, frozen=True, rename="camel", kw_only=True):
 
 
 class SensorText(Struct, frozen=True, rename="camel", kw_only=True):
-    """One sensor: a lidar, a camera or a sonar."""
+    """Sensor as it is written: a lidar, a camera or a sonar."""
 
     schema: str | UnsetType = msgspec.field(default=UNSET, name="$schema")
     descr: str | UnsetType = UNSET
@@ -133,12 +133,12 @@ class SensorText(Struct, frozen=True, rename="camel", kw_only=True):
 
     @property
     def kinds(self) -> list[str]:
-        """Which of `SENSORS` it has; one, if it is in order."""
+        """Kinds of `SENSORS` that the text has; exactly one in a valid text."""
         return [kind for kind in SENSORS if getattr(self, kind) is not UNSET]
 
     @property
     def rays(self) -> int:
-        """How many rays a turn, a picture or a ping has; 0 where that is not known."""
+        """Number of rays of a turn, a picture or a ping; 0 where it is not known."""
         count = 0
         if self.lidar is not UNSET:
             count = max(count, self.lidar.rings * self.lidar.columns)

@@ -1,8 +1,8 @@
-"""A definition as templates: each part once, however often and wherever it stands.
+"""Blueprints: a definition as templates, each part once, however often and wherever it stands.
 
-A template is what stands in the cell of an element of the text: of the root, of a scattered one, or
-of that of a part, once for each of its quarter turns, for each surface that it takes from around,
-and, where copies are scattered over cells of it, for each size of its cell.
+A template has the elements in the cell of an element of the text: of the root, of a scattered one,
+or of a part's. A part has a template for each of its quarter turns, for each surface that it takes
+from around, and, where copies are scattered over cells of it, for each size of its cell.
 """
 
 from __future__ import annotations
@@ -18,46 +18,47 @@ from terratool.definition.chains import Chain, Chains, with_quarters
 from terratool.definition.exact import Exact, Sides, side, sides
 from terratool.definition.expand import MAX_ELEMENTS, with_names, with_names_in_use
 from terratool.definition.model import Definition, Pair, pair_of
-from terratool.definition.scatter_areas import area_of, strewn_over
+from terratool.definition.scatter_areas import area_of, copies_over
 from terratool.definition.tree import ROOT
 from terratool.definition.uses import Root, Uses, copies, scatters_over_cells
 from terratool.errors import RequestError
 from terratool.report.wording import counted
 
 MANY_SIZES = 20_000
-"""In so many sizes of their cells templates are looked at for the smallest cell."""
+"""Most sizes of cells of templates that are compared for the smallest cell."""
 
 ONE = (1, 1)
 
 
 class Copies(NamedTuple):
-    """Copies of an element along x and y; `across` says that their rows stand along y."""
+    """Copies of an element along x and y; `across` tells that their rows stand along y."""
 
     counts: tuple[int, int]
     step: Pair
     across: bool
 
 
-class Node(NamedTuple):
-    """An element of a template, or all copies of a scattered one.
+class BlueprintNode(NamedTuple):
+    """Element of a template, or all copies of a scattered one.
 
-    Of a scattered element `turn`, `cells`, `at`, `rests`, `extent`, `inner`, and the numbers of the
+    For a scattered element `turn`, `cells`, `at`, `rests`, `extent`, `inner` and numbers of the
     chain may be arrays with a row for each copy that has found a place.
 
     Attributes:
-        chain: what it stands for.
-        surface: name of the surface that it wears, its own or one from around.
-        turn: turn of its primitive, degrees.
-        cells: columns and rows of the grid that it has.
-        cell: first cell of its first copy; (0, 0) at a free place.
-        span: cells that it takes; (1, 1) at a free place.
-        at: its place before a quarter turn mirrors it; None in a cell.
-        rests: what the doubles of the places of scattered copies lack; None for all else.
-        extent: sides of its free cell.
-        copies: rows of copies of it.
-        numbers: places of scattered copies in their list by size; None for all else.
-        inner: number of the template of what is in it; -1 where that is in this one, or nothing.
-        step: end of its name, before and after the place among the copies.
+        chain: chain from the element to its primitive.
+        surface: name of the surface of the element, its own or one from around.
+        turn: turn of the element's primitive, degrees.
+        cells: columns and rows of the element's grid.
+        cell: first cell of the first copy; (0, 0) at a free place.
+        span: columns and rows of cells that the element takes; (1, 1) at a free place.
+        at: free place before a quarter turn mirrors it; None in a cell.
+        rests: rests of the doubles of the places of scattered copies; None for other elements.
+        extent: sides of the free cell; None in a cell of a grid.
+        copies: rows of copies of the element; None where it stands alone.
+        numbers: indices of scattered copies in their list by size; None for other elements.
+        inner: number of the template of the elements in it; -1 where there are none, or they are in
+            this template.
+        step: end of the element's name, before and after the place among the copies.
     """
 
     chain: Chain
@@ -76,72 +77,73 @@ class Node(NamedTuple):
 
     @property
     def rows(self) -> int:
-        """How many rows it has in a table of elements: one, or one for each scattered copy."""
+        """Number of rows in a table of elements: one, or one for each scattered copy."""
         return 1 if self.numbers is None else len(self.numbers)
 
     @property
     def many(self) -> int:
-        """How many elements each of its rows stands for."""
+        """Number of elements that each row stands for."""
         return 1 if self.copies is None else self.copies.counts[0] * self.copies.counts[1]
 
 
 class Template(NamedTuple):
-    """What stands in the cell of an element.
+    """Elements in the cell of an element.
 
     Attributes:
         cells: columns and rows of the grid of that element.
-        quarters: quarter turns of the template.
+        quarters: quarter turns of the template, 0 to 3.
         nodes: elements, breadth first.
-        families: parent, first and last but one of the nodes that are siblings; -1 for the root.
-        levels: where each level begins, and the number of nodes.
+        families: parent, first and end (exclusive) of the nodes that are siblings; parent -1 is the
+            root.
+        levels: first node of each level, and the number of nodes.
     """
 
     cells: tuple[int, int]
     quarters: int
-    nodes: list[Node]
+    nodes: list[BlueprintNode]
     families: list[tuple[int, int, int]]
     levels: list[int]
 
 
 class Blueprint(NamedTuple):
-    """A terrain as templates.
+    """Terrain as templates.
 
     Attributes:
-        definition: the terrain, with the names of its libraries.
-        root: its root.
-        templates: users before what they use; the first is the terrain's.
+        definition: terrain, with the names of its libraries.
+        root: root of the terrain.
+        templates: templates, users before those that they use; the terrain's is the first.
     """
 
     definition: Definition
-    root: Node
+    root: BlueprintNode
     templates: list[Template]
 
 
 class _Cell(NamedTuple):
-    """The cell of an element, before quarter turns of the part that it is in.
+    """Cell of an element, before quarter turns of the part that it is in.
 
     Attributes:
-        sides: of cells of which it takes `span`.
-        span: so many of these.
+        sides: sides of the cells of which the cell takes `span`.
+        span: columns and rows of these cells.
     """
 
     sides: Sides
     span: tuple[int, int]
 
-    def turned(self, quarters: int) -> _Cell:
-        """The cell after quarter turns."""
-        return _Cell(self.sides.turned(quarters), self.span[::-1] if quarters % 2 else self.span)
+    def turn_by(self, quarters: int) -> _Cell:
+        """Return the cell after quarter turns."""
+        return _Cell(self.sides.turn_by(quarters), self.span[::-1] if quarters % 2 else self.span)
 
 
 class _Key(NamedTuple):
-    """What makes a template: where its text stands, and what it takes from around.
+    """Key of a template: the place of its text, and all that it takes from around.
 
     Attributes:
         tree: identity of the tree of the element whose cell it fills.
         element: index of that element in the tree.
-        quarters: its quarter turns.
-        surface: the surface around it.
-        cell: the cell that it fills, where the template depends on its size.
+        quarters: quarter turns of the template.
+        surface: surface around the element.
+        cell: cell that the template fills; None unless the template depends on its size.
     """
 
     tree: int
@@ -152,28 +154,28 @@ class _Key(NamedTuple):
 
 
 class _Inner(NamedTuple):
-    """The templates of what is in an element: of all its copies, or of each by its index."""
+    """Templates of the elements in an element: one for all its copies, or one of `keys` each."""
 
     keys: list[_Key]
     which: NDArray[np.int64] | None = None
 
 
 class _Sketch(NamedTuple):
-    """A template whose nodes name what is in them by the keys of templates."""
+    """Template whose nodes refer to templates by keys rather than numbers."""
 
     template: Template
     inner: list[_Inner]
 
 
 class _Site(NamedTuple):
-    """Where an element of the text stands in a template.
+    """Place of an element of the text in a template.
 
     Attributes:
-        root: the element.
-        step: end of its name.
-        surface: the surface around it.
+        root: element of the text.
+        step: end of the element's name.
+        surface: surface around the element.
         quarters: quarter turns of the template.
-        around: the cell of its parent, before these; None where nothing depends on it.
+        around: cell of the element's parent before these turns; None where nothing depends on it.
     """
 
     root: Root
@@ -184,7 +186,7 @@ class _Site(NamedTuple):
 
     @property
     def pitches(self) -> Sides | None:
-        """Sides of the cells of its parent's grid."""
+        """Sides of the cells of the parent's grid; None where nothing depends on them."""
         tree = self.root.tree
         if self.around is None:
             return None
@@ -192,19 +194,19 @@ class _Site(NamedTuple):
 
     @property
     def cell(self) -> _Cell | None:
-        """The cell of the element; None where nothing depends on it."""
+        """Cell of the element; None where nothing depends on it."""
         tree, index = self.root.tree, self.root.element
         extent = tree.value("extent", index)
         if extent is not UNSET:
-            return _Cell(sides(pair_of(extent, math.nan)), ONE).turned(self.quarters)
+            return _Cell(sides(pair_of(extent, math.nan)), ONE).turn_by(self.quarters)
         return None if self.pitches is None else _Cell(self.pitches, tree.block(index)[2:])
 
 
 def blueprint(uses: Uses) -> Blueprint:
-    """The templates of a valid definition.
+    """Templates of a valid definition.
 
     Raises:
-        RequestError: they come to too many elements.
+        RequestError: templates come to too many elements.
     """
     return _Drafter(uses).draw()
 
@@ -216,14 +218,14 @@ class _Drafter:
         self.sketches: dict[_Key, _Sketch] = {}
         self.roots: dict[_Key, Root] = {}
         self.total = 0
-        self._sized = uses.leading_to(scatters_over_cells)
+        self._sized = uses.parts_leading_to(scatters_over_cells)
         self._depending: dict[tuple[int, int], bool] = {}
 
     def draw(self) -> Blueprint:
         chain = self.chains.of(self.uses.root)
         tree, element = chain.root.tree, chain.root.element
         whole = _Cell(sides(with_names(self.uses).extent), ONE)
-        whole = whole.turned(chain.quarters)
+        whole = whole.turn_by(chain.quarters)
         first = self._key(chain.root, chain.quarters, chain.surface, whole)
         order = self._sketch_all(first)
         number = {key: index for index, key in enumerate(order)}
@@ -235,7 +237,7 @@ class _Drafter:
                 for node, one in zip(template.nodes, inner, strict=True)
             ]
             templates.append(template._replace(nodes=nodes))
-        root = Node(
+        root = BlueprintNode(
             chain, chain.surface, _turn(chain, chain.quarters), templates[0].cells, (0, 0), ONE,
             None, None, None, None, None,
             0 if tree.brood(element)[0] < tree.brood(element)[1] else -1, (ROOT, chain.name),
@@ -250,7 +252,7 @@ class _Drafter:
         return Blueprint(definition, root, templates)
 
     def _key(self, root: Root, quarters: int, surface: Any, cell: _Cell | None) -> _Key:
-        """The key of the template of what is in the cell of an element."""
+        """Key of the template of the elements in the cell of an element."""
         cell = cell if self._depends_on_size(root) else None
         key = _Key(id(root.tree), root.element, quarters, surface, cell)
         self.roots[key] = root
@@ -271,7 +273,7 @@ class _Drafter:
         return self._depending[place]
 
     def _sketch_all(self, first: _Key) -> list[_Key]:
-        """All templates that one leads to, users before what they use."""
+        """Keys of all templates that one leads to, users before those that they use."""
         done: list[_Key] = []
         pending = [(first, False)]
         while pending:
@@ -288,7 +290,7 @@ class _Drafter:
     def _sketch(self, key: _Key) -> _Sketch:
         root = self.roots[key]
         tree, quarters = root.tree, key.quarters
-        nodes: list[Node] = []
+        nodes: list[BlueprintNode] = []
         inner: list[_Inner] = []
         families: list[tuple[int, int, int]] = []
         levels = [0]
@@ -304,7 +306,9 @@ class _Drafter:
                     own = Root(tree, index, root.home)
                     site = _Site(own, f"/children/{index - begin}", around, quarters, cell)
                     scattered = tree.value("scatter", index) is not UNSET
-                    node, found = self._scattered(site) if scattered else self._single(site)
+                    node, found = (
+                        self._scattered_node(site) if scattered else self._single_node(site)
+                    )
                     if node.chain.root == own and not scattered and _has_children(own):
                         below.append((len(nodes), index, node.surface, site.cell))
                     nodes.append(node)
@@ -319,11 +323,11 @@ class _Drafter:
                 f"come to more than {counted(MAX_ELEMENTS, 'element')}.",
                 "Use fewer of them, or name their surfaces in the parts.",
             )
-        cells = _turned_cells(root, quarters)
+        cells = _grid_after_turns(root, quarters)
         return _Sketch(Template(cells, quarters, nodes, families, levels), inner)
 
-    def _single(self, site: _Site) -> tuple[Node, _Inner]:
-        """An element that is not scattered, and what is in it where that is another template."""
+    def _single_node(self, site: _Site) -> tuple[BlueprintNode, _Inner]:
+        """Node of an element that is not scattered, and its inner template where it has another."""
         chain = self.chains.of(site.root)
         worn = site.surface if chain.surface is UNSET else chain.surface
         node = _node(site, chain, worn)
@@ -331,33 +335,33 @@ class _Drafter:
             return node, _Inner([])
         cell = None
         if self._depends_on_size(chain.root) and site.cell is not None:
-            cell = site.cell.turned(chain.quarters)
+            cell = site.cell.turn_by(chain.quarters)
         turns = (site.quarters + chain.quarters) % 4
         return node, _Inner([self._key(chain.root, turns, worn, cell)])
 
-    def _scattered(self, site: _Site) -> tuple[Node, _Inner]:
-        """The copies of a scattered element that have found a place, and what is in them."""
+    def _scattered_node(self, site: _Site) -> tuple[BlueprintNode, _Inner]:
+        """Node of the copies of a scattered element that have a place, and inner templates."""
         root, odd = site.root, site.quarters % 2 == 1
         area = area_of(root, site.pitches)
-        found = strewn_over(root, area)
+        found = copies_over(root, area)
         lengths, x, y, turns = map(np.frombuffer, found[:4])
         numbers = np.flatnonzero(~np.isnan(x))
         lengths, x, y, turns = (column[numbers] for column in (lengths, x, y, turns))
         at = area.x + Exact(x, np.zeros(len(x))), area.y + Exact(y, np.zeros(len(y)))
         at = at[::-1] if odd else at
         is_part = root.tree.value("part", root.element) is not UNSET
-        chain = self.chains.strewn(root, lengths, 0.0 if is_part else turns)
+        chain = self.chains.of_copies(root, lengths, 0.0 if is_part else turns)
         worn = site.surface if chain.surface is UNSET else chain.surface
         quarters = np.full(len(x), site.quarters + chain.quarters)
         if is_part:
             quarters += (turns // 90).astype(np.int64)
         quarters %= 4
-        turn, cells = _turn(chain, site.quarters), _turned_cells(chain.root, site.quarters)
+        turn, cells = _turn(chain, site.quarters), _grid_after_turns(chain.root, site.quarters)
         if is_part:
             each = range(4)
             turn = np.array([_turn(chain, turned) for turned in each])[quarters]
-            cells = np.array([_turned_cells(chain.root, turned) for turned in each])[quarters]
-        node = Node(
+            cells = np.array([_grid_after_turns(chain.root, turned) for turned in each])[quarters]
+        node = BlueprintNode(
             chain, worn, turn, cells, (0, 0), ONE, np.column_stack([at[0].near, at[1].near]),
             np.column_stack([at[0].rest, at[1].rest]),
             np.broadcast_to(lengths[:, None], (len(x), 2)), None, numbers, -1,
@@ -381,7 +385,7 @@ def _has_children(root: Root) -> bool:
 
 
 def _numbers(inner: _Inner, number: dict[_Key, int]) -> Any:
-    """The numbers of the templates of what is in an element, or in each of its copies."""
+    """Numbers of the inner templates of an element, or of each of its copies; -1 for none."""
     if not inner.keys:
         return -1
     numbers = [number[key] for key in inner.keys]
@@ -389,7 +393,7 @@ def _numbers(inner: _Inner, number: dict[_Key, int]) -> Any:
 
 
 def _turn(chain: Chain, quarters: int) -> Any:
-    """The turn of an element in a template of so many quarter turns, degrees."""
+    """Turn of an element in a template with quarter turns, degrees."""
     turn = chain.turn
     if isinstance(turn, np.ndarray):
         return turn if quarters == 0 else np.mod(np.fmod(turn, 360.0) + 90.0 * quarters, 360.0)
@@ -397,13 +401,13 @@ def _turn(chain: Chain, quarters: int) -> Any:
     return 0.0 if turn is UNSET else turn
 
 
-def _turned_cells(root: Root, quarters: int) -> tuple[int, int]:
+def _grid_after_turns(root: Root, quarters: int) -> tuple[int, int]:
     cells = root.tree.grid(root.element)
     return cells[::-1] if quarters % 2 else cells
 
 
-def _node(site: _Site, chain: Chain, surface: Any) -> Node:
-    """An element that stands in a template, with its copies in rows."""
+def _node(site: _Site, chain: Chain, surface: Any) -> BlueprintNode:
+    """Node of an element in a template, with its copies in rows."""
     tree, index, quarters = site.root.tree, site.root.element, site.quarters
     repeat, at = tree.value("repeat", index), tree.value("at", index)
     inner_quarters = (quarters + chain.quarters) % 4
@@ -412,7 +416,7 @@ def _node(site: _Site, chain: Chain, surface: Any) -> Node:
     odd = quarters % 2 == 1
     if at is UNSET:
         grid = tree.grid(tree.parents[index])
-        span, turned = _turned_block(tree.block(index), grid, quarters)
+        span, turned = _turn_block(tree.block(index), grid, quarters)
         cell = turned["cell_x"], turned["cell_y"]
     else:
         extent = pair_of(tree.value("extent", index), math.nan)
@@ -421,7 +425,7 @@ def _node(site: _Site, chain: Chain, surface: Any) -> Node:
     if copies(repeat) > 1:
         count = repeat.count
         dx, dy = (one if many > 1 else 0.0 for one, many in zip(repeat.step, count, strict=True))
-        if at is UNSET:  # the place of the first copy is turned, the steps are turned likewise
+        if at is UNSET:  # the first copy's place is turned, and so must be the steps
             dx, dy = float(int(dx)), float(int(dy))
             dx, dy = ((dx, dy), (dy, -dx), (-dx, -dy), (-dy, dx))[quarters]
         elif odd:
@@ -429,16 +433,16 @@ def _node(site: _Site, chain: Chain, surface: Any) -> Node:
         of = Copies(count[::-1] if odd else count, (dx, dy), odd)
     if repeat is not UNSET and of is None:
         step = f"{step[0]}[0,0]", step[1]
-    return Node(
-        chain, surface, _turn(chain, inner_quarters), _turned_cells(chain.root, inner_quarters),
+    return BlueprintNode(
+        chain, surface, _turn(chain, inner_quarters), _grid_after_turns(chain.root, inner_quarters),
         cell, span, place, None, extent, of, None, -1, step,
     )  # fmt: skip
 
 
 def smallest_cell(plan: Blueprint) -> float:
-    """The shortest side of any element's cell, units of the terrain.
+    """Shortest side of any element's cell, units of the terrain.
 
-    Exact, as the field has it, unless parts stand in very many sizes; then of those looked at.
+    Exact as in the field, unless parts stand in very many sizes; then over those compared.
     """
     start = sides(plan.definition.extent)
     smallest = min(start.lengths)
@@ -468,10 +472,10 @@ def smallest_cell(plan: Blueprint) -> float:
     return smallest
 
 
-def _smallest_of(node: Node) -> list[tuple[int, Sides | tuple[int, int]]]:
-    """The template of what is in an element, and its free sides, or the span of its cell.
+def _smallest_of(node: BlueprintNode) -> list[tuple[int, Sides | tuple[int, int]]]:
+    """Inner templates of an element with its free sides, or the span of its cell.
 
-    Of scattered copies with one template the smallest counts: what is in it is no larger.
+    Scattered copies with one template count by the smallest: cells in the others are no smaller.
     """
     if node.numbers is None:
         return [(node.inner, sides(node.extent) if node.extent else node.span)]
@@ -492,10 +496,10 @@ def _lengths(
     return cell[0] * span[0], cell[1] * span[1]
 
 
-def _turned_block(
+def _turn_block(
     block: tuple[int, int, int, int], grid: tuple[int, int], quarters: int
 ) -> tuple[tuple[int, int], dict[str, Any]]:
-    """The span, and the place, of a block of cells of a grid after quarter turns."""
+    """Span and place of a block of cells of a grid after quarter turns."""
     x, y, w, h = block
     if quarters == 1:
         x, y, w, h = y, grid[0] - x - w, h, w

@@ -1,4 +1,4 @@
-"""What can be said of a curve and of a shape without compiling them: range, ends, steps."""
+"""Summaries of curves and shapes without compiling them: range, ends, steps."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ _CLOSE = 1e-9
 
 
 class CurveSummary(Struct, frozen=True):
-    """A curve in short; of a formula, from its values at 4,097 evenly spaced t.
+    """Summary of a curve; of a formula, from its values at 4,097 evenly spaced t.
 
-    A step at t = 0 or t = 1 leaves one side no room: that on the left of t = 0 is nowhere, and the
-    value at t = 1 itself is the height of no ground. It counts in `whole` and in `right` alone.
+    A step at t = 0 or t = 1 leaves one side no room: no value is on the left of t = 0, and no
+    ground at t = 1 itself. Such values count in `whole` and in `right` alone.
 
     Attributes:
         whole: range of all values.
-        inner: range of those between the ends.
-        right: range of those from t = 0.5 on, which a radial shape has.
+        inner: range of the values between the ends.
+        right: range of the values from t = 0.5 on, the profile of a radial shape.
         ends: values beside t = 0 and t = 1.
         steps: (t, value to the left, value to the right) of each vertical step between.
         mirrored: whether the left half mirrors the right one.
@@ -42,11 +42,11 @@ class CurveSummary(Struct, frozen=True):
 
 
 def summarise_curve(curve: Curve) -> CurveSummary:
-    """A curve in short."""
+    """Summarise a curve."""
     if isinstance(curve, SampledCurve):
         return _of_values(curve.values)
     if isinstance(curve, FormulaCurve):
-        return _of_values(expression.checked_values(curve.expression))
+        return _of_values(expression.sample_values(curve.expression))
     return _of_knots(curve.points)
 
 
@@ -66,7 +66,7 @@ def _of_values(values: Sequence[float]) -> CurveSummary:
 
 def _of_knots(points: Sequence[Pair]) -> CurveSummary:
     times = [t for t, _ in points]
-    # of more than two knots at one t the first and the last count, at t = 0 the last alone
+    # of more than two knots at one t the first and the last count, at t = 0 only the last
     counting = [
         (t, z)
         for i, (t, z) in enumerate(points)
@@ -106,7 +106,7 @@ def _is_mirrored(points: Sequence[Pair]) -> bool:
 
 
 def _sides(points: Sequence[Pair], t: float) -> Pair:
-    """The values to the left and to the right of a t."""
+    """Values to the left and to the right of a t."""
     first = bisect_left(points, t - _CLOSE, key=_time)
     last = bisect_right(points, t + _CLOSE, key=_time) - 1
     if first <= last:
@@ -121,14 +121,14 @@ def _time(point: Pair) -> float:
 
 
 def curve_values(curve: Curve) -> Callable[[float], float]:
-    """Tells the value of a curve at a t; of a formula between its values at 4,097 of them."""
+    """Function of t that returns the value of a curve; linear between 4,097 values of a formula."""
     if isinstance(curve, KnotCurve):
         points: Sequence[Pair] = curve.points
         return lambda t: _sides(points, t)[1]
     heights = (
         curve.values
         if isinstance(curve, SampledCurve)
-        else expression.checked_values(curve.expression)
+        else expression.sample_values(curve.expression)
     )
     last = len(heights) - 1
 
@@ -141,7 +141,7 @@ def curve_values(curve: Curve) -> Callable[[float], float]:
 
 
 class ShapeSummary(Struct, frozen=True):
-    """Both curves of a shape in short; `y` is None where x is turned (radial)."""
+    """Summaries of both curves of a shape; `y` is None where `x` is turned (radial)."""
 
     x: CurveSummary
     y: CurveSummary | None
@@ -149,7 +149,7 @@ class ShapeSummary(Struct, frozen=True):
 
 
 def summarise_shape(primitive: Primitive) -> ShapeSummary:
-    """The curves of a primitive in short, one whose curves have no problems."""
+    """Summarise the curves of a primitive, which must have no errors."""
     shape = shape_of(primitive)
     y = None if shape.y is None else summarise_curve(shape.y)
     return ShapeSummary(summarise_curve(shape.x), y, shape.combine)
@@ -159,7 +159,7 @@ def value_range(summary: ShapeSummary) -> Range:
     """Least and largest value of a shape."""
     if summary.y is None:
         return summary.x.right
-    return _combined(summary.combine, summary.x.whole, summary.y.whole)
+    return _combined_range(summary.combine, summary.x.whole, summary.y.whole)
 
 
 def edge_range(summary: ShapeSummary) -> Range:
@@ -167,13 +167,13 @@ def edge_range(summary: ShapeSummary) -> Range:
     x, y = summary.x, summary.y
     if y is None:
         return x.ends[1], x.ends[1]
-    edges = [_combined(summary.combine, (end, end), y.inner) for end in x.ends]
-    edges += [_combined(summary.combine, x.inner, (end, end)) for end in y.ends]
+    edges = [_combined_range(summary.combine, (end, end), y.inner) for end in x.ends]
+    edges += [_combined_range(summary.combine, x.inner, (end, end)) for end in y.ends]
     return min(low for low, _ in edges), max(high for _, high in edges)
 
 
 def tallest_step(summary: ShapeSummary) -> float:
-    """The largest vertical step within a shape, for a factor of 1."""
+    """Largest vertical step within a shape, for a factor of 1."""
     x, y = summary.x, summary.y
     if y is None:
         return max((abs(b - a) for t, a, b in x.steps if t > 0.5), default=0.0)
@@ -189,13 +189,13 @@ def tallest_step(summary: ShapeSummary) -> float:
     )
 
 
-def _combined(how: str, x: Range, y: Range) -> Range:
-    """Least and largest value where the curves run through these ranges."""
+def _combined_range(how: str, x: Range, y: Range) -> Range:
+    """Least and largest combined value of curves with these ranges."""
     return _range([combine_values(how, a, b) for a in x for b in y])
 
 
 def combine_values(how: str, a: float, b: float) -> float:
-    """What two values of curves come to."""
+    """Combined value of two values of curves."""
     if how == "product":
         return a * b
     if how == "sum":

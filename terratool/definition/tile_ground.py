@@ -1,4 +1,4 @@
-"""The surface of training tiles, as rules about the surfaces of terrains look at it."""
+"""Ground of training tiles, as a terrain for rules about surfaces."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ from msgspec import UNSET, structs
 
 from terratool.definition.decode import Decoded
 from terratool.definition.findings import Owner, Remark, RemarkBatch, RemarkLog
-from terratool.definition.libraries import Document
+from terratool.definition.libraries import SourceDocument
 from terratool.definition.model import Definition, Element, Primitive
 from terratool.definition.rules.base import CurriculumSubject, Subject
 from terratool.definition.tree import flatten
 from terratool.text.source import Source
 
 _FLOOR = "/surfTypes/floor"
-"""Pointer of the surface in the terrain that rules look at."""
+"""Pointer of the surface in that terrain."""
 
 
 def ground_subject(subject: CurriculumSubject) -> Subject | None:
-    """A level terrain of the spec's surface, for rules about surfaces; None where there is none."""
+    """Level terrain with the spec's surface, for rules about surfaces; None without a surface."""
     surface = subject.curriculum.surface
     if surface is UNSET:
         return None
@@ -30,7 +30,7 @@ def ground_subject(subject: CurriculumSubject) -> Subject | None:
         elem_tree=Element(type="level", surface="floor", v_scale=1.0),
     )
     tree = flatten(terrain)
-    document = Document(
+    document = SourceDocument(
         Source("the spec", b""), Decoded(terrain, tree=tree), RemarkLog(0), kind="terrain"
     )
     unfit: dict[str, Collection[Owner]] = {
@@ -45,9 +45,9 @@ def ground_subject(subject: CurriculumSubject) -> Subject | None:
 
 
 def on_ground(remarks: Iterator[Remark | RemarkBatch]) -> Iterator[Remark]:
-    """Remarks on the surface of a terrain as remarks on that of its spec."""
+    """Remarks on the surface of that terrain, moved to the surface of the spec."""
     for remark in remarks:
-        if isinstance(remark, RemarkBatch):  # of elements
+        if isinstance(remark, RemarkBatch):  # on elements alone
             continue
         if remark.element < 0 and remark.pointer.startswith(_FLOOR):
             yield structs.replace(remark, pointer="/surface" + remark.pointer.removeprefix(_FLOOR))

@@ -1,8 +1,8 @@
-"""Keys of each kind of tile, with the values of the published generators.
+"""Kinds of tiles and their keys, with the values of the published generators.
 
 Defaults are those of Isaac Lab's rough terrains (`isaaclab/terrains/config/rough.py`) where these
 have the kind, else legged_gym's (`legged_gym/utils/terrain.py`), else those with which Isaac Lab
-tries its generators (`test/terrains/check_mesh_subterrains.py`, `check_height_field_…`). Lengths
+tests its generators (`test/terrains/check_mesh_subterrains.py`, `check_height_field_…`). Lengths
 are in metres.
 """
 
@@ -14,14 +14,14 @@ from terratool.definition.key import FLAG, Key, choice, number, number_range, wh
 
 
 class TileKind(NamedTuple):
-    """A kind of tile: what it is, and its own keys."""
+    """Kind of tile: its description, and its own keys."""
 
     descr: str
     keys: dict[str, Key]
 
 
 THINNEST = 0.001
-"""Least thickness, m: plans are drawn in whole millimetres."""
+"""Least thickness, m, as plans are drawn in whole millimetres."""
 
 
 def _number(default: float, descr: str, low: float = 0.0, high: float = 100.0) -> Key:

@@ -1,4 +1,4 @@
-"""The spec of a grid of training tiles as frozen values, with all that was left out."""
+"""Specs of grids of training tiles as frozen values, with the defaults of absent keys."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from terratool.definition.model import names_of
 from terratool.definition.tile_kinds import KINDS
 
 MOST_PIECES = 1_000_000
-"""Elements and random heights that all tiles may come to."""
+"""Most elements and random heights of all tiles together."""
 FLOOR: Mapping[str, Any] = {
     "descr": "The generators' friction coefficient of 1",
     "cohesion": 0,
@@ -27,24 +27,24 @@ FLOOR: Mapping[str, Any] = {
     "sinkage": 0,
     "color": [150, 150, 144],
 }
-"""The surface where none is given."""
+"""Surface of tiles where the spec gives none."""
 
 
-def _filled(text: Struct) -> dict[str, Any]:
-    """The attributes of a text, with the defaults of the keys that are absent."""
+def _with_defaults(text: Struct) -> dict[str, Any]:
+    """Attributes of a text by name, with the defaults of the keys that are absent."""
     keys = CURRICULUM_KEYS[type(text)]
     values = ((name, key, getattr(text, name)) for name, key in names_of(type(text)))
     return {name: keys[key].default if value is UNSET else value for name, key, value in values}
 
 
 class KindSpec(Struct, frozen=True):
-    """A kind of tile with what it is told.
+    """Kind of tile of a spec, with the values of all its keys.
 
     Attributes:
-        name: what the spec calls it.
-        kind: a key of `KINDS`.
-        proportion: its share of the columns, or of the tiles.
-        values: by the keys of the kind, all of them.
+        name: name of the kind in the spec.
+        kind: name of the kind of tile, a key of `KINDS`.
+        proportion: share of the columns, or of the tiles, beside those of the other kinds.
+        values: values of all keys of the kind, by key.
     """
 
     name: str
@@ -54,7 +54,7 @@ class KindSpec(Struct, frozen=True):
 
     @classmethod
     def of(cls, name: str, text: TileText) -> KindSpec:
-        """A kind of tile whose `kind` is known."""
+        """Kind of tile of a text, whose `kind` must be known."""
         kind = str(text.kind)
         keys = TILE_KEYS | KINDS[kind].keys
         values = {key: text.values.get(key, wanted.default) for key, wanted in keys.items()}
@@ -62,38 +62,38 @@ class KindSpec(Struct, frozen=True):
         return cls(name, kind, values.pop("proportion"), values)
 
     def number(self, key: str) -> float:
-        """A number, or a whole one."""
+        """Value of a key for a number."""
         value = self.values[key]
         assert isinstance(value, (int, float))
         return value
 
     def flag(self, key: str) -> bool:
-        """True or false."""
+        """Value of a key for true or false."""
         return bool(self.values[key])
 
     def range(self, key: str) -> tuple[float, float]:
-        """The two ends of a range."""
+        """Ends of a range."""
         value = self.values[key]
         assert isinstance(value, tuple)
         return value
 
     def at(self, key: str, difficulty: float) -> float:
-        """The value of a range at a difficulty: its first end at 0, its second at 1."""
+        """Value of a range at a difficulty: its first end at 0, its second end at 1."""
         first, second = self.range(key)
         return first + difficulty * (second - first)
 
 
 class PatchSpec(Struct, frozen=True):
-    """Level places to look for in each tile.
+    """Level places to look for on each tile.
 
     Attributes:
-        name: what the spec calls them.
-        count: how many are wanted in each tile.
-        radius: radius of the discs that have to be level, m; the largest counts.
-        height_difference: between the highest and the lowest height of a disc, m.
-        slope: slope of the plane that fits the disc best, degrees; 90 for any.
-        x: least and greatest place of their middles along x, m from the tile's middle.
-        y: least and greatest place of their middles along y, m from the tile's middle.
+        name: name of the places in the spec.
+        count: number of places wanted on each tile.
+        radius: radius of the discs that have to be level, m.
+        height_difference: greatest difference of heights on a disc, m.
+        slope: greatest slope of the plane that fits the disc best, degrees; 90 for any.
+        x: least and greatest place of the middles along x, m from the tile's middle.
+        y: least and greatest place of the middles along y, m from the tile's middle.
         z: least and greatest height, m from the tile's origin.
     """
 
@@ -108,12 +108,12 @@ class PatchSpec(Struct, frozen=True):
 
     @classmethod
     def of(cls, name: str, text: PatchText) -> PatchSpec:
-        """Level places with the defaults of what is absent."""
-        return cls(name, **_filled(text))
+        """Level places of a text, with the defaults of absent keys."""
+        return cls(name, **_with_defaults(text))
 
 
 class Spec(Struct, frozen=True):
-    """A grid of tiles: rows along x, columns along y.
+    """Grid of training tiles: rows along x, columns along y.
 
     Attributes:
         rows: number of rows; difficulty grows with them.
@@ -122,14 +122,14 @@ class Spec(Struct, frozen=True):
         tile: sides of a tile along x and y, m.
         seed: number that all random choices follow from.
         curriculum: whether difficulty follows the row and kind the column; else both are random.
-        difficulty: the least and the greatest.
-        jitter: the share of a row's part of the difficulty that is random: 1 is Isaac Lab's, 0 is
-            legged_gym's.
+        difficulty: least and greatest difficulty, 0 to 1.
+        jitter: share of a row's part of the difficulty that is random: 1 in Isaac Lab, 0 in
+            legged_gym.
         border: width of the level ground around all tiles, m.
-        origin: world position of the south-west corner of the first tile.
-        surface: what the ground is, as in `surfTypes` of a definition.
-        patches: level places to look for.
-        descr: of the definition.
+        origin: world position of the south-west corner of the first tile, m.
+        surface: surface of the ground, as in `surfTypes` of a definition.
+        patches: level places to look for on each tile.
+        descr: description of the definition; empty for a standard one.
     """
 
     rows: int
@@ -148,13 +148,13 @@ class Spec(Struct, frozen=True):
 
     @classmethod
     def of(cls, text: CurriculumText, surface: Mapping[str, Any] = FLOOR) -> Spec:
-        """The spec of a text without errors.
+        """Spec of a text without errors.
 
         Args:
-            text: what the user wrote.
-            surface: what the ground is, key by key as the user wrote it.
+            text: spec as it is written.
+            surface: surface of the ground, key by key as the user wrote it.
         """
-        values = _filled(text)
+        values = _with_defaults(text)
         del values["schema"]
         tile = values["tile"]
         return cls(**values | {

@@ -1,4 +1,4 @@
-"""The tree of elements laid flat, breadth first, without recursion."""
+"""Trees of elements as flat columns, breadth first, without recursion."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ Block = tuple[int, int, int, int]
 
 
 MANY_COPIES = 20_000
-"""So many cells of copies of siblings are compared."""
+"""Most cells of copies of siblings that are compared."""
 
 
 def part_pointer(name: str) -> str:
@@ -38,8 +38,8 @@ def part_pointer(name: str) -> str:
 def overlaps(blocks: Sequence[Block]) -> list[tuple[int, int]]:
     """Pairs (later, earlier) of blocks that share a cell, sorted.
 
-    Each block is named as the later one at most once, and those that are not share no cell. A line
-    sweeps over the columns, with those blocks on it that overlap no other so far: n log n steps,
+    Each block is named as the later one at most once; blocks that are not share no cell. A line
+    sweeps over the columns, with the blocks on it that overlap no other so far: n log n steps,
     however large the blocks are.
     """
     found = []
@@ -50,7 +50,7 @@ def overlaps(blocks: Sequence[Block]) -> list[tuple[int, int]]:
         while ends and ends[0][0] <= x:
             _, over = heappop(ends)
             at = bisect_left(line, (blocks[over][1], over))
-            if line[at : at + 1] == [(blocks[over][1], over)]:  # not taken off before
+            if line[at : at + 1] == [(blocks[over][1], over)]:  # still on the line
                 del line[at]
         first = bisect_left(line, (y, -1))
         if first and y < line[first - 1][0] + blocks[line[first - 1][1]][3]:
@@ -69,7 +69,7 @@ def overlaps(blocks: Sequence[Block]) -> list[tuple[int, int]]:
 
 
 def cover(blocks: Sequence[Block], target: Block) -> bool:
-    """Whether blocks together cover another; time about quadratic in their number."""
+    """Whether blocks together cover another one; time about quadratic in their number."""
     x, y, width, height = target
     near = sorted(
         (low, low + high, left, left + wide)
@@ -91,22 +91,22 @@ def cover(blocks: Sequence[Block], target: Block) -> bool:
 
 
 class Tree(Struct, frozen=True, dict=True):
-    """All elements, level by level, in document order within a level.
+    """Elements of a terrain or a library, level by level, in document order within a level.
 
-    What a million elements have is looked at in columns, one attribute of all of them.
+    Values are read by columns, one attribute of all elements, as there may be a million of them.
 
     Attributes:
-        elements: the root first; none where the text has errors and the columns were read alone.
-        families: parent, first child and last but one, of each element that has children; siblings
+        elements: elements, the root first; empty where the text has errors and has only columns.
+        families: parent, first child and end (exclusive) of each element with children; siblings
             stand side by side.
-        levels: where each level begins, and at the end the number of elements.
-        columns: those that were read or looked at before.
-        roots: pointers of the elements of the first level: the root, and those of parts.
-        steps: of each element the end of its name, behind that of its parent, where it was written
-            out from parts or copies; None where the place among its siblings tells it.
-        rests: of each element at a free place what the doubles of `at` and `extent` lack, along x
-            and y each; None where these are decimals that a text has.
-        notes: what others found out about the tree.
+        levels: first element of each level, and at the end the number of elements.
+        columns: columns by attribute that were read or asked for before.
+        roots: pointers of the elements of the first level: the root, and the roots of parts.
+        steps: end of each element's name, behind that of its parent, where it was written out from
+            parts or copies; None where the place among its siblings gives it.
+        rests: differences of the decimals and the doubles of `at` and `extent`, along x and y each,
+            of each element at a free place; None where the doubles stand for a text's decimals.
+        notes: results of others about the tree, by name.
     """
 
     elements: list[Element]
@@ -124,22 +124,22 @@ class Tree(Struct, frozen=True, dict=True):
         return self.levels[-1]
 
     def column(self, name: str) -> list[Any]:
-        """One attribute of all elements, `UNSET` where it is left out."""
+        """Values of an attribute of all elements, `UNSET` where it is left out."""
         if name not in self.columns:
             self.columns[name] = list(map(attrgetter(name), self.elements))
         return self.columns[name]
 
     def value(self, name: str, index: int) -> Any:
-        """One attribute of one element."""
+        """Value of an attribute of an element."""
         return getattr(self.elements[index], name) if self.elements else self.column(name)[index]
 
     def distinct(self, name: str) -> set[Any]:
-        """The different values of an attribute."""
+        """Different values of an attribute."""
         if name not in self._distinct:
             self._distinct[name] = set(self.column(name))
         return self._distinct[name]
 
-    def lacking(self, name: str) -> int:
+    def count_lacking(self, name: str) -> int:
         """Number of elements without an attribute."""
         key = f"lacking {name}"
         if key not in self.notes:
@@ -152,7 +152,7 @@ class Tree(Struct, frozen=True, dict=True):
         return pair_of(self.value("cells", index), DEFAULT_CELLS)
 
     def block(self, index: int) -> Block:
-        """The cells of an element in its parent's grid; -1 where the first is unknown."""
+        """Cells of an element in its parent's grid; -1 where the first is unknown."""
         xs, ys, spans = self._cell_columns
         x, y = xs[index], ys[index]
         x, y = -1 if x is UNSET else x, -1 if y is UNSET else y
@@ -165,15 +165,15 @@ class Tree(Struct, frozen=True, dict=True):
         return self.column("cell_x"), self.column("cell_y"), spans
 
     def place(self, index: int) -> tuple[tuple[float, float], tuple[float, float]] | None:
-        """Middle and side along x, and along y, of the free place of an element; None without."""
+        """Middle and side along x, and along y, of an element's free place; None for a cell."""
         at, extent = self.column("at")[index], self.column("extent")[index]
         if at is UNSET or extent is UNSET:
             return None
         wide, tall = pair_of(extent, 0.0)
         return None if not all(map(_finite, (*at, wide, tall))) else ((at[0], wide), (at[1], tall))
 
-    def having(self, name: str, wanted: Container[Any]) -> Iterator[tuple[int, Any]]:
-        """Index and value of the elements whose attribute is one of these."""
+    def elements_with(self, name: str, wanted: Container[Any]) -> Iterator[tuple[int, Any]]:
+        """Indices and values of the elements whose attribute is one of some values."""
         if any(value in wanted for value in self.distinct(name)):
             for index, value in enumerate(self.column(name)):
                 if value in wanted:
@@ -181,7 +181,7 @@ class Tree(Struct, frozen=True, dict=True):
 
     @cached_property
     def parents(self) -> list[int]:
-        """Index of each element's parent; that of a root is -1."""
+        """Index of each element's parent; -1 for a root."""
         parents = [-1] * min(len(self.roots), len(self))
         for parent, begin, end in self.families:
             parents.extend(repeat(parent, end - begin))
@@ -189,12 +189,12 @@ class Tree(Struct, frozen=True, dict=True):
 
     @cached_property
     def root_at(self) -> dict[str, int]:
-        """The index of each root by its pointer."""
+        """Index of each root by its pointer."""
         return {pointer: index for index, pointer in enumerate(self.roots[: len(self)])}
 
     @cached_property
     def root_of(self) -> list[int]:
-        """The root that each element is below, or is."""
+        """Index of the root of each element; a root's own."""
         root_of = list(range(min(len(self.roots), len(self))))
         for parent, begin, end in self.families:
             root_of.extend(repeat(root_of[parent], end - begin))
@@ -202,7 +202,7 @@ class Tree(Struct, frozen=True, dict=True):
 
     @cached_property
     def first_child(self) -> list[int]:
-        """Where the children of each element begin, or would."""
+        """Index at which the children of each element begin, or would begin."""
         first_child: list[int] = []
         after = len(self.roots)
         for parent, begin, end in self.families:
@@ -212,16 +212,16 @@ class Tree(Struct, frozen=True, dict=True):
         return first_child
 
     def brood(self, index: int) -> tuple[int, int]:
-        """First and last but one of the children of an element."""
+        """First and end (exclusive) of the children of an element."""
         begin = self.first_child[index]
         end = self.first_child[index + 1] if index + 1 < len(self) else len(self)
         return begin, end
 
     @cached_property
-    def crowded(self) -> list[tuple[int, int]]:
-        """First and last but one of the siblings of which some may share a cell.
+    def crowded_siblings(self) -> list[tuple[int, int]]:
+        """First and end (exclusive) of the siblings of which some may share a cell.
 
-        Where cells are missing, nothing can be said.
+        Siblings with a missing cell are left out, as nothing can be said of them.
         """
         xs, ys = self.column("cell_x"), self.column("cell_y")
         spans = self.distinct("span") != {UNSET} and self.column("span")
@@ -236,14 +236,18 @@ class Tree(Struct, frozen=True, dict=True):
         return crowded
 
     @cached_property
-    def shared(self) -> list[tuple[int, int]]:
-        """Elements that share cells with an earlier sibling, and that sibling."""
+    def shared_cells(self) -> list[tuple[int, int]]:
+        """Elements that share cells with an earlier sibling, each with that sibling."""
         xs, ys = self.column("cell_x"), self.column("cell_y")
         spans = self.distinct("span") != {UNSET}
         if any(self.distinct(key) != {UNSET} for key in ("at", "repeat", "scatter")):
-            return [pair for _, begin, end in self.families for pair in self._sharing(begin, end)]
+            return [
+                pair
+                for _, begin, end in self.families
+                for pair in self._shared_cells_of(begin, end)
+            ]
         shared = []
-        for begin, end in self.crowded:
+        for begin, end in self.crowded_siblings:
             if spans:
                 blocks = [self.block(index) for index in range(begin, end)]
                 shared += [(begin + later, begin + other) for later, other in overlaps(blocks)]
@@ -255,10 +259,10 @@ class Tree(Struct, frozen=True, dict=True):
                     shared.append((index, other))
         return shared
 
-    def _sharing(self, begin: int, end: int) -> list[tuple[int, int]]:
-        """The same of some siblings, some of them copied or at free places.
+    def _shared_cells_of(self, begin: int, end: int) -> list[tuple[int, int]]:
+        """Siblings in a range that share cells with an earlier one, some copied or at free places.
 
-        Where there are very many copies, the first ones are looked at.
+        Where there are very many copies, only the first ones are compared.
         """
         blocks: list[Block] = []
         owners: list[int] = []
@@ -288,7 +292,7 @@ class Tree(Struct, frozen=True, dict=True):
         parent = self.parents[index]
         if parent < 0:
             return self.roots[index]
-        if parent not in self._above:  # kept for the siblings, which mostly follow
+        if parent not in self._above:  # kept for the siblings, which mostly follow each other
             self._above.clear()
             self._above[parent] = self._path(parent)
         return f"{self._above[parent]}/children/{index - self.first_child[parent]}"
@@ -301,9 +305,9 @@ class Tree(Struct, frozen=True, dict=True):
         return self.roots[index] + "".join(reversed(steps))
 
     def rectangle(self, index: int, definition: Definition) -> Bounds | None:
-        """The world rectangle of an element's cell; None where that is not known.
+        """World rectangle of an element's cell; None where it is not known.
 
-        Of a turned element at a free place it is the rectangle before the turn.
+        For a turned element at a free place it is the rectangle before the turn.
         """
         path = []
         while index >= 0:
@@ -312,14 +316,14 @@ class Tree(Struct, frozen=True, dict=True):
         corner, extent = definition.corner, definition.extent
         if not all(map(_finite, (*corner, *extent))):
             return None
-        # exact, so that neither depth nor large coordinates blur it; whole numbers over a common
+        # exact, so that neither depth nor large coordinates add errors; whole numbers over a common
         # denominator, as reducing fractions takes long where the tree is deep
         low, side, whole = [0, 0], [1, 1], [1, 1]
         corners, extents = [*map(exact, corner)], [*map(exact, extent)]
         free = self.distinct("at") != {UNSET}
         for parent, element in zip(reversed(path), reversed(path[:-1]), strict=False):
             if free and (place := self.place(element)):
-                # begin anew: the place says where, from the corner of the parent's cell
+                # start again: the place counts from the corner of the parent's cell
                 for axis, (at, length) in enumerate(place):
                     corners[axis] += extents[axis] * Fraction(low[axis], whole[axis])
                     corners[axis] += exact(at) - exact(length) / 2
@@ -346,12 +350,12 @@ def _finite(number: float) -> bool:
 
 
 def flatten(definition: Library, absent: Iterable[str] = ()) -> Tree:
-    """Lay the tree of a terrain flat, and those of its parts or of a library's.
+    """Flatten the tree of a terrain, with the trees of its parts or of a library's.
 
     Time and memory are linear in the number of elements.
 
     Args:
-        definition: the terrain or the library.
+        definition: terrain or library.
         absent: attributes that no element has.
     """
     root = definition.elem_tree if isinstance(definition, Definition) else UNSET
@@ -380,13 +384,13 @@ def flatten(definition: Library, absent: Iterable[str] = ()) -> Tree:
 
 
 def complete(definition: Definition, tree: Tree) -> Definition:
-    """A definition with its elements, which are taken from the columns if it has none."""
+    """Return a definition with its elements, taken from the columns of the tree if it has none."""
     if tree.elements:
         return definition
     broods: list[Any] = [UNSET] * len(tree)
     families = list(tree.families)
-    elements: list[Element] = []  # of the level below
-    names = Element.__struct_fields__[:-1]  # the last are the children
+    elements: list[Element] = []  # elements of the level below
+    names = Element.__struct_fields__[:-1]  # without the children
     for begin, end in reversed(list(pairwise(tree.levels))):
         while families and families[-1][0] >= begin:
             parent, first, last = families.pop()

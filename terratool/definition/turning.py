@@ -1,4 +1,4 @@
-"""Rectangles and ellipses that are turned in cells of their own sides."""
+"""Turned rectangles and ellipses in cells of their own sides, and the parts that the cells trim."""
 
 from __future__ import annotations
 
@@ -8,21 +8,21 @@ from typing import NamedTuple
 from terratool.definition.model import Pair
 
 CLOSE = 1e-9
-"""Of a side: nothing is said of so little."""
+"""Share of a side below which a part outside of the cell counts as rounding."""
 THINNEST = 1e-150
-"""Of the other side: what is narrower has no area, and its ratio may be beyond doubles."""
+"""Ratio of the sides below which a shape counts as without area, as the inverse may overflow."""
 _CORNERS = (-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)
 
 Point = tuple[float, float]
 
 
 class Turned(NamedTuple):
-    """A rectangle or an ellipse, turned in a cell of its own sides.
+    """Rectangle or ellipse, turned in a cell of its own sides.
 
     Attributes:
-        lengths: its sides.
-        turn: in degrees.
-        is_round: whether it is an ellipse.
+        lengths: sides of the cell.
+        turn: turn, degrees clockwise.
+        is_round: whether the shape is an ellipse.
         axes: cosine and sine of the turn.
     """
 
@@ -33,7 +33,7 @@ class Turned(NamedTuple):
 
     @property
     def reach(self) -> Pair:
-        """Half the sides of the box around it."""
+        """Half the sides of the bounding box."""
         w, h = self.lengths[0] / 2, self.lengths[1] / 2
         cosine, sine = map(abs, self.axes)
         add = math.hypot if self.is_round else float.__add__
@@ -41,7 +41,7 @@ class Turned(NamedTuple):
 
     @property
     def beyond(self) -> Pair:
-        """How far it reaches out of its cell along x and along y."""
+        """Lengths by which the shape reaches out of its cell, along x and along y."""
         return tuple(  # type: ignore[return-value]
             max(0.0, reach - length / 2)
             for reach, length in zip(self.reach, self.lengths, strict=True)
@@ -49,39 +49,39 @@ class Turned(NamedTuple):
 
     @property
     def is_trimmed(self) -> bool:
-        """Whether anything of it lies outside its cell."""
+        """Whether any of the shape lies outside its cell."""
         (w, h), (across, along) = self.lengths, self.reach
         if min(w, h) <= THINNEST * max(w, h):
             return False
         return across - w / 2 > CLOSE * w or along - h / 2 > CLOSE * h
 
-    def placed(self, x: float, y: float) -> Point:
-        """Where one of its points comes to lie; both around the middle, the cell with sides 1."""
+    def place(self, x: float, y: float) -> Point:
+        """Turned place of a point of the shape; both from the middle, in sides of the cell."""
         (w, h), (cosine, sine) = self.lengths, self.axes
         return x * cosine + y * sine * (h / w), y * cosine - x * sine * (w / h)
 
     def is_beyond(self, x: float, y: float) -> bool:
-        """Whether one of its points comes to lie outside its cell."""
-        return max(map(abs, self.placed(x, y))) > 0.5 + CLOSE
+        """Whether a point of the shape lies outside its cell after the turn."""
+        return max(map(abs, self.place(x, y))) > 0.5 + CLOSE
 
     @property
-    def lost(self) -> float:
-        """The share of its area that lies outside its cell."""
+    def lost_share(self) -> float:
+        """Share of the shape's area that lies outside its cell."""
         if self.is_round:
-            # segments, which do not meet: no ellipse in a cell reaches the cell's corners
+            # segments, which are disjoint: no ellipse in a cell reaches the cell's corners
             shares = (
                 min(1.0, length / 2 / reach)
                 for length, reach in zip(self.lengths, self.reach, strict=True)
             )
             return sum(2 / math.pi * (math.acos(k) - k * math.sqrt(1 - k * k)) for k in shares)
-        kept = [self.placed(*corner) for corner in _CORNERS]
+        kept = [self.place(*corner) for corner in _CORNERS]
         for axis in (0, 1):
             for side in (-1.0, 1.0):
-                kept = _cut(kept, axis, side)
+                kept = _clip(kept, axis, side)
         return 1 - _area(kept)
 
     def sentence(self) -> str:
-        """What the cell takes off it."""
+        """Sentence on the area that the cell takes off the shape."""
         w, h = self.lengths
         area = w * h * (math.pi / 4 if self.is_round else 1)
         names = ("to the west and east", "to the south and north")
@@ -91,15 +91,15 @@ class Turned(NamedTuple):
             if out > CLOSE * length
         )
         what = "ellipse" if self.is_round else "footprint"
-        lost = self.lost
+        lost = self.lost_share
         return (
             f"the {what} of {w:.6g} × {h:.6g}, turned by {self.turn:.6g} degrees, loses "
             f"{100 * lost:.3g} % to its cell: {area * lost:.4g} of {area:.4g} square units, {out}."
         )
 
 
-def turned(lengths: Pair, turn: float, is_round: bool) -> Turned:
-    """A rectangle or an ellipse with these sides, turned; quarter turns are exact."""
+def turned_shape(lengths: Pair, turn: float, is_round: bool) -> Turned:
+    """Rectangle or ellipse with these sides, turned; quarter turns are exact."""
     angle = math.fmod(turn, 360.0)
     if angle % 90 == 0:
         axes = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))[int(angle // 90) % 4]
@@ -108,8 +108,8 @@ def turned(lengths: Pair, turn: float, is_round: bool) -> Turned:
     return Turned(lengths, turn, is_round, axes)
 
 
-def _cut(outline: list[Point], axis: int, side: float) -> list[Point]:
-    """The part of a convex polygon within 0.5, after Sutherland and Hodgman (1974)."""
+def _clip(outline: list[Point], axis: int, side: float) -> list[Point]:
+    """Part of a convex polygon within 0.5 of an axis, after Sutherland and Hodgman (1974)."""
     kept: list[Point] = []
     for here, there in zip(outline, [*outline[1:], *outline[:1]], strict=True):
         a, b = here[axis] * side - 0.5, there[axis] * side - 0.5

@@ -1,4 +1,4 @@
-"""Which parts a definition uses, and how many elements they come to."""
+"""Uses of parts: the parts that a definition uses, and the numbers of elements in them."""
 
 from __future__ import annotations
 
@@ -9,32 +9,32 @@ from typing import Any, NamedTuple
 
 from msgspec import UNSET, Struct
 
-from terratool.definition.libraries import Dictionary, Document, Named, Names
+from terratool.definition.libraries import Dictionary, KnownNames, Named, SourceDocument
 from terratool.definition.model import Definition, Element, Library, pair_of
-from terratool.definition.scattering import wanted
+from terratool.definition.scattering import copy_count
 from terratool.definition.tree import ROOT, Tree, part_pointer
 
 MAX_DEPTH = 1000
-"""So many parts may stand in one another."""
+"""Most parts that may stand in one another."""
 
 
 class Root(NamedTuple):
-    """Where the tree of a terrain or of a part begins."""
+    """Root element of the tree of a terrain or of a part."""
 
     tree: Tree
     element: int
-    home: Document
+    home: SourceDocument
 
 
 class PartUse(NamedTuple):
-    """An element in whose cell a part stands."""
+    """Element in whose cell a part stands."""
 
     element: int
     part: str
 
 
 class End(NamedTuple):
-    """The element of a primitive that an element stands for, and its turn in all, in degrees."""
+    """Element of a primitive that an element stands for, and its turn through parts, degrees."""
 
     root: Root
     turn: float
@@ -44,19 +44,19 @@ class PartGraph(Struct, frozen=True, dict=True):
     """Parts that contain one another.
 
     Attributes:
-        named: the parts by name.
+        named: parts by name.
     """
 
     named: Mapping[str, Named[Element]]
 
     def root(self, name: str) -> Root:
-        """Where a part begins."""
+        """Root of a part."""
         home = self.named[name].home
         tree = home.decoded.tree
         return Root(tree, tree.root_at[part_pointer(name)], home)
 
     @cached_property
-    def known(self) -> set[str]:
+    def known_parts(self) -> set[str]:
         """Names of all parts that could be read."""
         return {
             name
@@ -66,16 +66,16 @@ class PartGraph(Struct, frozen=True, dict=True):
 
     @cached_property
     def inner(self) -> dict[str, set[str]]:
-        """The parts that stand in each part, directly."""
+        """Parts that stand in each part, directly."""
         return {
-            name: {use.part for use in uses_below(self.root(name)) if use.part in self.known}
-            for name in self.known
+            name: {use.part for use in uses_below(self.root(name)) if use.part in self.known_parts}
+            for name in self.known_parts
         }
 
     @cached_property
     def inner_first(self) -> list[str]:
-        """All parts that do not lead into a circle, each behind those that stand in it."""
-        users: dict[str, list[str]] = {name: [] for name in self.known}
+        """Parts that do not lead into a circle, each behind the parts that stand in it."""
+        users: dict[str, list[str]] = {name: [] for name in self.known_parts}
         for name, used in self.inner.items():
             for other in used:
                 users[other].append(name)
@@ -91,11 +91,11 @@ class PartGraph(Struct, frozen=True, dict=True):
     @cached_property
     def circles(self) -> set[str]:
         """Parts that contain themselves, or parts that do."""
-        return self.known.difference(self.inner_first)
+        return self.known_parts.difference(self.inner_first)
 
     @cached_property
     def circle_of(self) -> dict[str, int]:
-        """For each part of `circles` a number; those that contain one another have the same."""
+        """Number of the circle of each part of `circles`; parts in each other have the same."""
         found: dict[str, int] = {}
         lowest: dict[str, int] = {}
         path: list[str] = []
@@ -123,7 +123,7 @@ class PartGraph(Struct, frozen=True, dict=True):
 
     @cached_property
     def depths(self) -> dict[str, int]:
-        """How many parts stand in one another in each part, itself included; not in circles."""
+        """Levels of parts in each part, itself included; parts in circles are left out."""
         depths: dict[str, int] = {}
         for name in self.inner_first:
             depths[name] = 1 + max((depths[inner] for inner in self.inner[name]), default=0)
@@ -131,7 +131,7 @@ class PartGraph(Struct, frozen=True, dict=True):
 
     @cached_property
     def ends(self) -> dict[str, End]:
-        """What each part stands for, through all parts; not in circles."""
+        """Primitive's element that each part stands for; parts in circles are left out."""
         ends: dict[str, End] = {}
         for name in self.inner_first:
             ends[name] = _end(self.root(name), ends)
@@ -139,115 +139,117 @@ class PartGraph(Struct, frozen=True, dict=True):
 
     @cached_property
     def counts(self) -> dict[str, int]:
-        """How many elements each part comes to; without those in circles."""
+        """Number of elements of each part, written out; parts in circles are left out."""
         counts: dict[str, int] = {}
         for name in self.inner_first:
             counts[name] = _count(self.root(name), counts)
         return counts
 
     @cached_property
-    def scattered(self) -> dict[str, int]:
-        """How many scattered copies each part comes to; without those in circles."""
+    def scattered_counts(self) -> dict[str, int]:
+        """Number of scattered copies of each part, written out; parts in circles are left out."""
         counts: dict[str, int] = {}
         for name in self.inner_first:
             counts[name] = _count(self.root(name), counts, scattered=True)
         return counts
 
     @cached_property
-    def heights(self) -> dict[str, _Heights]:
-        """The largest of the factors and offsets of heights in each part; not in circles."""
-        known: dict[str, _Heights] = {}
+    def heights(self) -> dict[str, _HeightBounds]:
+        """Largest factors and offsets of heights in each part; parts in circles are left out."""
+        known: dict[str, _HeightBounds] = {}
         for name in self.inner_first:
             root = self.root(name)
             top, *below = (_heights(root.tree, index, known) for index in elements_of(root))
-            known[name] = _Heights(max([top.below, *(one.largest for one in below)]), top.offset)
+            known[name] = _HeightBounds(
+                max([top.below, *(one.largest for one in below)]), top.offset
+            )
         return known
 
 
 class Uses(Struct, frozen=True, dict=True):
-    """The parts that a file knows, and their uses.
+    """Parts that a file knows, and their uses.
 
     Attributes:
-        document: the file.
-        names: what it knows.
+        document: file that uses parts.
+        names: names that the file knows.
     """
 
-    document: Document
-    names: Names
+    document: SourceDocument
+    names: KnownNames
 
     @cached_property
     def graph(self) -> PartGraph:
-        """The parts that contain one another, of all files that are read with this one.
+        """Graph of the parts of all files that are read with this one.
 
-        It is the same for files that mean the same by each name that stands in several files.
+        Files share a graph if each name that stands in several files means the same to them.
         """
         catalogue, parts = self.document.catalogue, self.names.parts
-        meant = {name: parts[name] for name in catalogue.repeated["parts"] if name in parts}
+        meant = {name: parts[name] for name in catalogue.repeated_names["parts"] if name in parts}
         graphs: dict[Any, PartGraph] = catalogue.notes.setdefault("part graphs", {})
         key = tuple((name, id(part.home)) for name, part in meant.items())
         if key not in graphs:
-            graphs[key] = PartGraph({**catalogue.named("parts"), **meant})
+            graphs[key] = PartGraph({**catalogue.all_names("parts"), **meant})
         return graphs[key]
 
     @cached_property
-    def composed(self) -> bool:
-        """Whether anything has to be written out: a part, or copies."""
+    def is_composed(self) -> bool:
+        """Whether parts or copies have to be written out."""
         tree = self.document.decoded.tree
         return any(tree.distinct(key) != {UNSET} for key in ("part", "repeat", "scatter"))
 
     @property
     def has_root(self) -> bool:
-        """Whether there is a terrain, and no library."""
+        """Whether the file is a terrain with a root, rather than a library."""
         return ROOT in self.document.decoded.tree.root_at
 
     @property
     def root(self) -> Root:
-        """Where the terrain begins."""
+        """Root of the terrain."""
         return Root(self.document.decoded.tree, 0, self.document)
 
     def part(self, name: str) -> Root:
-        """Where a part begins."""
+        """Root of a part."""
         return self.graph.root(name)
 
     def is_known(self, name: Any) -> bool:
-        """Whether the file knows a part, and it could be read."""
-        return name in self.graph.known and name in self.names.parts
+        """Whether the file knows a part, and the part could be read."""
+        return name in self.graph.known_parts and name in self.names.parts
 
     def within(self, root: Root) -> list[PartUse]:
-        """The elements below a root, or that itself, that stand for parts which are known."""
+        """Elements that stand for known parts, of a root and all elements below."""
         return [use for use in uses_below(root) if self.is_known(use.part)]
 
     @cached_property
-    def known(self) -> set[str]:
-        """Names of the parts for which elements of the file stand, and that are known."""
+    def known_parts(self) -> set[str]:
+        """Names of the known parts for which elements of the file stand."""
         return set(filter(self.is_known, self.document.decoded.tree.distinct("part")))
 
     @cached_property
     def circles(self) -> set[str]:
         """Parts that the file has, or names, and that contain themselves, or parts that do."""
-        own = self.known.union(self.document.entries["parts"])
+        own = self.known_parts.union(self.document.entries["parts"])
         return self.graph.circles.intersection(own)
 
     @property
     def circle_of(self) -> dict[str, int]:
-        """For each part of `circles` a number; those that contain one another have the same."""
+        """Number of the circle of each part of `circles`; parts in each other have the same."""
         return self.graph.circle_of
 
     @property
     def depths(self) -> dict[str, int]:
-        """How many parts stand in one another in each part, itself included; not in circles."""
+        """Levels of parts in each part, itself included; parts in circles are left out."""
         return self.graph.depths
 
     def end(self, root: Root) -> End | None:
-        """What an element stands for, through all parts; None if these are not all known."""
+        """Primitive's element that an element stands for; None if a part between is not known."""
         ends, name = self.graph.ends, root.tree.value("part", root.element)
         if name is UNSET or (name in ends and self.is_known(name)):
             return _end(root, ends)
         return None
 
     @cached_property
-    def reached(self) -> dict[str, None]:
-        """Parts that stand in the terrain, directly or in others."""
+    def parts_in_use(self) -> dict[str, None]:
+        """Parts that stand in the terrain, directly or in others, in the order of their use."""
         found: dict[str, None] = {}
         pending = [self.root] if self.has_root else []
         while pending:
@@ -258,29 +260,29 @@ class Uses(Struct, frozen=True, dict=True):
         return found
 
     @cached_property
-    def unknown(self) -> bool:
+    def has_unknown_part(self) -> bool:
         """Whether an element stands for a part that is not known."""
         tree = self.document.decoded.tree
-        return bool(tree.distinct("part") - self.known - {UNSET})
+        return bool(tree.distinct("part") - self.known_parts - {UNSET})
 
     @cached_property
-    def needed(self) -> dict[Dictionary, dict[str, None]]:
-        """The names that the terrain needs, in the order in which they come up."""
+    def needed_names(self) -> dict[Dictionary, dict[str, None]]:
+        """Names that the terrain needs by dictionary, in the order of their first use."""
         terrain = self.document.model
         surfaces: dict[str, None] = {}
         primitives: dict[str, None] = {}
-        for root in (self.root, *map(self.part, self.reached)):
+        for root in (self.root, *map(self.part, self.parts_in_use)):
             for names, key in (surfaces, "surface"), (primitives, "type"):
                 names |= dict.fromkeys(map(root.tree.column(key).__getitem__, elements_of(root)))
         surfaces |= dict.fromkeys(sorted(track_surfaces(terrain)))
         for names in (surfaces, primitives):
             names.pop(UNSET, None)  # type: ignore[call-overload]
-        return {"surfTypes": surfaces, "elemTypes": primitives, "parts": dict(self.reached)}
+        return {"surfTypes": surfaces, "elemTypes": primitives, "parts": dict(self.parts_in_use)}
 
     def tallest(self) -> Iterator[tuple[PartUse, float]]:
-        """For each element of the terrain that stands for a part, the largest number in it.
+        """Elements of the terrain that stand for parts, each with the largest number in the part.
 
-        That is of the factors and offsets of heights as they are when the part is written out.
+        The numbers are the factors and offsets of heights when the part is written out.
         """
         if self.has_root:
             for use in self.within(self.root):
@@ -289,16 +291,16 @@ class Uses(Struct, frozen=True, dict=True):
 
     @property
     def elements(self) -> int:
-        """How many elements the terrain comes to."""
+        """Number of elements of the terrain, written out."""
         return _count(self.root, self.graph.counts)
 
     @property
-    def scattered(self) -> int:
-        """How many scattered copies the terrain comes to."""
-        return _count(self.root, self.graph.scattered, scattered=True)
+    def scattered_count(self) -> int:
+        """Number of scattered copies of the terrain, written out."""
+        return _count(self.root, self.graph.scattered_counts, scattered=True)
 
-    def leading_to(self, wanted: Callable[[Root], bool]) -> set[str]:
-        """Parts for which something holds, and those in which they stand; not in circles."""
+    def parts_leading_to(self, wanted: Callable[[Root], bool]) -> set[str]:
+        """Parts whose root is wanted, and all parts in which they stand; circles are left out."""
         found: set[str] = set()
         for name in self.graph.inner_first:
             if not found.isdisjoint(self.graph.inner[name]) or wanted(self.part(name)):
@@ -306,8 +308,8 @@ class Uses(Struct, frozen=True, dict=True):
         return found
 
 
-class _Heights(NamedTuple):
-    """The offset of an element, and the largest of all other numbers in what it stands for."""
+class _HeightBounds(NamedTuple):
+    """Offset of an element, and the largest of all other numbers in the part that it stands for."""
 
     below: float
     offset: float
@@ -317,8 +319,8 @@ class _Heights(NamedTuple):
         return max(self.below, abs(self.offset))
 
 
-def _heights(tree: Tree, index: int, known: dict[str, _Heights]) -> _Heights:
-    """Those of an element; a vScale that it leaves out is 1 at most."""
+def _heights(tree: Tree, index: int, known: dict[str, _HeightBounds]) -> _HeightBounds:
+    """Largest numbers of an element; a vScale that it leaves out is 1 at most."""
     own, offset = tree.value("v_scale", index), tree.value("v_offset", index)
     scatter, inner = tree.value("scatter", index), known.get(tree.value("part", index))
     scale = 1.0 if own is UNSET else own
@@ -326,29 +328,29 @@ def _heights(tree: Tree, index: int, known: dict[str, _Heights]) -> _Heights:
         scale *= scatter.sizes[1]
     offset = 0.0 if offset is UNSET else offset
     if inner is None:
-        return _Heights(abs(scale), offset)
-    return _Heights(abs(scale) * max(1.0, inner.below), scale * inner.offset + offset)
+        return _HeightBounds(abs(scale), offset)
+    return _HeightBounds(abs(scale) * max(1.0, inner.below), scale * inner.offset + offset)
 
 
 def track_surfaces(terrain: Library) -> set[str]:
-    """The surfaces that tracks wear, or have depths on."""
+    """Names of surfaces that tracks have, or have depths on."""
     tracks = terrain.ruts if isinstance(terrain, Definition) else ()
     worn = {track.surface for track in tracks if track.surface is not UNSET}
     return worn.union(*(track.depth for track in tracks if isinstance(track.depth, dict)))
 
 
 def quarter_turns(turn: Any) -> int:
-    """How many quarters an element turns the part in it, 0 to 3."""
+    """Quarter turns of the part in an element, 0 to 3."""
     return 0 if turn is UNSET else int(math.fmod(turn, 360.0) // 90) % 4
 
 
 def copies(repeat: Any) -> int:
-    """How many elements a `repeat` stands for."""
+    """Number of elements that a `repeat` stands for."""
     return 1 if repeat is UNSET else repeat.count[0] * repeat.count[1]
 
 
 def uses_below(root: Root) -> list[PartUse]:
-    """The elements below a root, or that itself, that stand for parts, known or not."""
+    """Elements that stand for parts, known or not, of a root and all elements below."""
     tree = root.tree
     known: dict[int, list[PartUse]] | None = tree.notes.get("part uses")
     if known is None:
@@ -370,7 +372,7 @@ def _end(root: Root, ends: dict[str, End]) -> End:
 
 
 def elements_of(root: Root) -> Sequence[int]:
-    """The elements below a root, and that itself, level by level."""
+    """Indices of a root and all elements below, level by level."""
     tree = root.tree
     if len(tree.roots) == 1:
         return range(len(tree))
@@ -395,7 +397,7 @@ def scatters_over_cells(root: Root) -> bool:
 
 
 def places_of(root: Root) -> list[int]:
-    """The elements below a root that stand at free places."""
+    """Elements below a root that stand at free places."""
     tree = root.tree
     known: dict[int, list[int]] | None = tree.notes.get("places")
     if known is None:
@@ -408,7 +410,7 @@ def places_of(root: Root) -> list[int]:
 
 
 def _count(root: Root, counts: dict[str, int], *, scattered: bool = False) -> int:
-    """How many elements what stands below a root comes to, or how many scattered copies."""
+    """Number of elements of a root and all below, written out, or of scattered copies."""
     tree = root.tree
     members = elements_of(root)
     if all(tree.distinct(key) == {UNSET} for key in ("part", "repeat", "scatter")):
@@ -422,7 +424,7 @@ def _count(root: Root, counts: dict[str, int], *, scattered: bool = False) -> in
             break
         times = copies(repeats[index])
         if scatters[index] is not UNSET:
-            times = wanted(scatters[index], pair_of(tree.value("extent", index), math.nan))
+            times = copy_count(scatters[index], pair_of(tree.value("extent", index), math.nan))
             below[index] += scattered
         below[tree.parents[index]] += below[index] * times
     return below[root.element]

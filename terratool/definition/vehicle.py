@@ -1,7 +1,7 @@
-"""What the user wrote of a vehicle, as frozen typed values; absent keys are `UNSET`.
+"""Vehicles as they are written: frozen typed values, absent keys `UNSET`.
 
-The classes mirror the text key by key, in its units. `terratool.traversability.vehicle` makes of
-them the vehicle that is computed with.
+The classes mirror the text key by key, in its units. `terratool.traversability.vehicle` builds the
+vehicles that are computed with.
 """
 
 from __future__ import annotations
@@ -30,15 +30,15 @@ GRAVITIES = {"earth": 9.80665, "mars": 3.71, "moon": 1.62}
 
 
 KINDS = ("rigid", "lugged", "tyre")
-"""A smooth rim, a rim with lugs, and a tyre with or without."""
+"""Kinds of wheels: a smooth rim, a rim with lugs, and a tyre with or without lugs."""
 STEERINGS = ("skid", "wheels")
-"""To turn on the spot wheels slide sideways, or are turned into their ways."""
+"""Ways to turn on the spot: wheels slide sideways, or are steered into their ways."""
 _OF_A_KIND = ("kind", "grouser_height", "tyre_pressure", "carcass_stiffness", "contact_length")
-"""What an axle does not take over from wheels of another kind."""
+"""Attributes that an axle does not take over from wheels of another kind."""
 
 
 class WheelText(Struct, frozen=True, rename="camel", kw_only=True):
-    """A wheel: what an axle may have of its own."""
+    """Attributes of a wheel, each of which an axle may have of its own."""
 
     radius: float | UnsetType = UNSET
     width: float | UnsetType = UNSET
@@ -52,7 +52,7 @@ class WheelText(Struct, frozen=True, rename="camel", kw_only=True):
 
     @property
     def known_kind(self) -> str:
-        """Its kind; where that is absent, what its other keys stand for."""
+        """Kind of the wheel; where it is absent, the kind that other keys stand for."""
         if self.kind is not UNSET:
             return self.kind
         if self.tyre_pressure is not UNSET or self.carcass_stiffness is not UNSET:
@@ -65,13 +65,13 @@ OWN = WheelText.__struct_fields__
 
 
 class WheelsText(WheelText, frozen=True, rename="camel", kw_only=True):
-    """What wheels have in common, where their axle says nothing else."""
+    """Common attributes of wheels, for axles that do not have them of their own."""
 
     max_slip: float | UnsetType = UNSET
 
 
 class AxleText(WheelText, frozen=True, rename="camel", kw_only=True):
-    """Wheels side by side; of their own is what differs from the others."""
+    """Wheels side by side, with the attributes in which they differ from the common ones."""
 
     x: float | UnsetType = UNSET
     wheels: int | UnsetType = UNSET
@@ -79,7 +79,7 @@ class AxleText(WheelText, frozen=True, rename="camel", kw_only=True):
 
     @property
     def has_own(self) -> bool:
-        """Whether its wheels differ from the others in anything."""
+        """Whether the wheels differ from the common ones in any attribute."""
         return any(getattr(self, name) is not UNSET for name in OWN)
 
     @property
@@ -89,19 +89,19 @@ class AxleText(WheelText, frozen=True, rename="camel", kw_only=True):
 
     @property
     def is_driven(self) -> bool:
-        """Whether they are driven, as they are where it is absent."""
+        """Whether the wheels are driven; true where the key is absent."""
         return self.driven is not False
 
 
 class CogText(Struct, frozen=True, rename="camel", kw_only=True):
-    """The centre of gravity."""
+    """Centre of gravity."""
 
     x: float | UnsetType = UNSET
     height: float | UnsetType = UNSET
 
 
 class OverhangText(Struct, frozen=True, rename="camel", kw_only=True):
-    """What of the body lies beyond the outermost axles."""
+    """Lengths and heights of the body beyond the outermost axles."""
 
     front: float | UnsetType = UNSET
     front_height: float | UnsetType = UNSET
@@ -110,7 +110,7 @@ class OverhangText(Struct, frozen=True, rename="camel", kw_only=True):
 
 
 class MarginsText(Struct, frozen=True, rename="camel", kw_only=True):
-    """What is kept in reserve."""
+    """Reserves that are taken off each limit."""
 
     clearance: float | UnsetType = UNSET
     step: float | UnsetType = UNSET
@@ -119,7 +119,7 @@ class MarginsText(Struct, frozen=True, rename="camel", kw_only=True):
 
 
 class ClassesText(Struct, frozen=True, rename="camel", kw_only=True):
-    """Where go ends and caution ends."""
+    """Thresholds at which go ends and caution ends."""
 
     utilisation: float | UnsetType = UNSET
     slip: float | UnsetType = UNSET
@@ -129,7 +129,7 @@ class ClassesText(Struct, frozen=True, rename="camel", kw_only=True):
 
 
 class VehicleText(Struct, frozen=True, rename="camel", kw_only=True):
-    """One vehicle."""
+    """Vehicle as it is written."""
 
     schema: str | UnsetType = msgspec.field(default=UNSET, name="$schema")
     descr: str | UnsetType = UNSET
@@ -158,7 +158,7 @@ class VehicleText(Struct, frozen=True, rename="camel", kw_only=True):
 
     @property
     def all_axles(self) -> tuple[AxleText, ...]:
-        """The axles, also those that only a wheelbase stands for; none if neither is there."""
+        """Axles, also the two that a wheelbase stands for; empty if neither key is there."""
         if self.axles is not UNSET:
             return self.axles
         if self.wheelbase is UNSET:
@@ -166,9 +166,9 @@ class VehicleText(Struct, frozen=True, rename="camel", kw_only=True):
         return AxleText(x=0.5 * self.wheelbase), AxleText(x=-0.5 * self.wheelbase)
 
     def wheels_of(self, axle: AxleText) -> WheelsText:
-        """The wheels of an axle: its own keys, and those in common where it has none.
+        """Wheels of an axle: its own keys, and the common ones where it has none.
 
-        Wheels that are said to be of another kind take over nothing that belongs to the kind.
+        Wheels with another kind of their own take over no key that belongs to the kind.
         """
         common, own = self.wheels, {name: getattr(axle, name) for name in OWN}
         if axle.kind is not UNSET and axle.kind != common.known_kind:
@@ -178,13 +178,13 @@ class VehicleText(Struct, frozen=True, rename="camel", kw_only=True):
 
     @property
     def ends(self) -> tuple[float, float]:
-        """Where the foremost and the rearmost axle stand, in the axles' frame."""
+        """Positions x of the foremost and the rearmost axle, m; NaN where no axle has one."""
         xs = [axle.x for axle in self.all_axles if axle.x is not UNSET]
         return (max(xs), min(xs)) if xs else (math.nan, math.nan)
 
     @property
     def cog_x(self) -> float:
-        """The centre of gravity in the axles' frame, the middle of the wheelbase where absent."""
+        """Position x of the centre of gravity, m; the middle of the wheelbase where absent."""
         return 0.5 * sum(self.ends) if self.cog.x is UNSET else self.cog.x
 
 
@@ -232,7 +232,7 @@ _WHEEL = {
         "alone limits the thrust.", 14,
     ),
 }  # fmt: skip
-"""Keys of wheels in common, and of the wheels of an axle."""
+"""Keys of the common wheels, and of the wheels of an axle."""
 
 VEHICLE_KEYS: dict[Shape, dict[str, Key]] = {
     VehicleText: {

@@ -1,4 +1,4 @@
-"""Files that are checked again whenever they, or libraries that they use, change."""
+"""Watch over files that are checked again whenever they, or their libraries, change."""
 
 from __future__ import annotations
 
@@ -12,24 +12,24 @@ from terratool.definition.reader import Checked, CheckOptions, check, new_shelf
 from terratool.text.source import read_source
 
 EVERY = 0.5
-"""s between two looks at the files."""
+"""Time between two looks at the files, s."""
 
 State = tuple[int, int, int] | None
-"""Time of the last change in ns, bytes and number of a file; None where there is none."""
+"""Time of the last change in ns, bytes and inode of a file; None where there is no file."""
 
 
 def pause(seconds: float) -> None:
-    """Wait until it is time for another look."""
+    """Wait for a time in seconds; a function of its own for tests."""
     time.sleep(seconds)
 
 
-class _Seen(Struct):
-    """What was found in a file, and how it and its libraries were then.
+class _FileCheck(Struct):
+    """Result of a check of a file, and the states of the file and its libraries at that time.
 
     Attributes:
-        states: by their names, the file itself included.
-        options: how closely it was looked at.
-        checked: None where it could not be read.
+        states: states by the names of the files, the checked file included.
+        options: options of the check.
+        checked: result of the check; None where the file could not be read.
     """
 
     states: dict[str, State]
@@ -38,32 +38,32 @@ class _Seen(Struct):
 
 
 class Watch:
-    """Remembers what was found in files for as long as they stay as they are.
+    """Results of checks of files, kept for as long as the files stay as they are.
 
     Args:
-        listed: names the files that are checked, as they are there now.
-        every: s between two looks at them.
+        listed: function that names the files to check, as they are there now.
+        every: time between two looks at the files, s.
     """
 
     def __init__(self, listed: Callable[[], Iterable[str]], every: float = EVERY) -> None:
         self._listed = listed
         self._every = every
-        self._seen: dict[str, _Seen] = {}
+        self._seen: dict[str, _FileCheck] = {}
 
     def look(self, name: str, options: CheckOptions) -> Checked:
-        """The findings in a file, which is read only if it has changed; then with what it says.
+        """Result for a file, which is read only if it has changed; a kept result has no model.
 
         Raises:
-            ReadError: it cannot be read, or is no regular file.
+            ReadError: the file cannot be read, or is no regular file.
         """
         seen = self._seen.get(name)
         if seen and seen.checked and seen.options == options and not _differs(seen):
             return seen.checked
-        # a change from here on is one that was not seen; libraries are mostly those of before
+        # later changes count as unseen; the libraries are mostly those of before
         states = _states([name, *(seen.states if seen else ())])
-        seen = self._seen[name] = _Seen({name: states[name]}, options)
+        seen = self._seen[name] = _FileCheck({name: states[name]}, options)
         shelf = new_shelf(options)
-        # what was a file may be a pipe by now
+        # a pipe may stand where a file was
         checked = check(read_source(name, named=False), options, kind=None, shelf=shelf)
         for library in shelf.files:
             seen.states[library] = states[library] if library in states else _state(library)
@@ -71,10 +71,10 @@ class Watch:
         return checked
 
     def wait(self) -> dict[str, str]:
-        """Wait until some of the files differ from what was looked at, and then for one pause.
+        """Wait until some files differ from the last look, and then for a pause without changes.
 
         Returns:
-            what became of each of them, libraries included, by its name.
+            Change of each file, libraries included, in words, by its name.
         """
         before: dict[str, dict[str, State]] = {}
         while True:
@@ -89,7 +89,7 @@ class Watch:
                 if name not in self._seen or now[name] != self._seen[name].states
             ]  # fmt: skip
             gone = self._seen.keys() - set(listed)
-            # what is still being written is left to be finished
+            # files that are still being written are left to be finished
             if (changed or gone) and now == before:
                 told = dict.fromkeys(sorted(gone), "is gone")
                 for name in changed:
@@ -108,14 +108,14 @@ def _became(old: State, new: State) -> str:
 
 
 def _without_model(checked: Checked) -> Checked:
-    """The findings alone: what the files say is not needed any more."""
+    """Result of a check with its findings alone."""
     libraries = tuple(map(_without_model, checked.libraries))
     return structs.replace(
         checked, vehicle=None, terrain=None, tree=None, document=None, libraries=libraries
     )
 
 
-def _differs(seen: _Seen) -> bool:
+def _differs(seen: _FileCheck) -> bool:
     return _states(seen.states) != seen.states
 
 

@@ -1,4 +1,4 @@
-"""Parts and copies written out level by level, as columns of numbers."""
+"""Writing out of parts and copies, level by level, as columns of numbers."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from msgspec import UNSET
 from numpy.typing import NDArray
 
 from terratool.definition.chains import Chain, Chains
-from terratool.definition.exact import Exact, Side, Sides, rest_of, rests_of, side, sides
+from terratool.definition.exact import Exact, ExactSide, Sides, rest_of, rests_of, side, sides
 from terratool.definition.model import DEFAULT_CELLS, Definition, Element, pair_of
-from terratool.definition.scatter_areas import area_of, strewn_over
+from terratool.definition.scatter_areas import area_of, copies_over
 from terratool.definition.tree import ROOT, Tree
 from terratool.definition.uses import Root, Uses
 
@@ -21,22 +21,22 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 
-class Names:
-    """Values that stand in columns as whole numbers, in the order in which they came."""
+class ValueCodes:
+    """Values that stand in columns as whole numbers (codes), in the order of their first use."""
 
     def __init__(self, *values: Any) -> None:
         self.values: list[Any] = list(values)
         self._numbers = {value: number for number, value in enumerate(values)}
 
     def number(self, value: Any) -> int:
-        """The number of a value."""
+        """Code of a value, a new one for a new value."""
         if value not in self._numbers:
             self._numbers[value] = len(self.values)
             self.values.append(value)
         return self._numbers[value]
 
     def numbers(self, values: Sequence[Any]) -> Ints:
-        """The numbers of values."""
+        """Codes of values, (n,) int64."""
         known = {value: self.number(value) for value in dict.fromkeys(values)}
         return np.fromiter(map(known.__getitem__, values), np.int64, len(values))
 
@@ -47,29 +47,29 @@ class Rows(NamedTuple):
     NaN stands for an attribute that is left out; codes are numbers of `Written.names`.
 
     Attributes:
-        element: (n,) the text's element that gives the grid and the primitive, among all texts.
-        source: (n,) the text's element that gives the place, among all texts.
-        quarters: (n,) quarter turns of what stands in the cell, 0 to 3.
-        factor: (n,) factor on the heights of what stands in the cell.
-        free: (n,) whether an element stands at a place of its own, in no cell.
+        element: (n,) index, among all texts, of the element that gives the grid and the primitive.
+        source: (n,) index, among all texts, of the element that gives the place.
+        quarters: (n,) quarter turns of the elements in the cell, 0 to 3.
+        factor: (n,) factor on the heights of the elements in the cell.
+        free: (n,) whether the element stands at a free place, in no cell.
         cell: (n, 2) first column and row; 0 at a free place.
-        span: (n, 2) columns and rows that it takes; 1 at a free place.
+        span: (n, 2) columns and rows of cells taken; 1 at a free place.
         at: (n, 2) middle of a free place; NaN in a cell.
         extent: (n, 2) sides of a free place; NaN in a cell.
-        rests: (n, 4) what the doubles of `at` and `extent` lack.
-        typed: (n,) whether these are decimals that a text has.
+        rests: (n, 4) differences of the exact `at` and `extent` and their doubles.
+        typed: (n,) whether `at` and `extent` are decimals of a text.
         is_pair: (n,) whether the text gives both sides of a free place.
-        around: (n, 2, 2) the sides of the cells that it takes `span` of, each as two doubles.
-        scale: (n,) factor on its curves.
-        offset: (n,) height that it adds.
-        turn: (n,) degrees.
-        type: (n,) code of its primitive.
-        surface: (n,) code of its surface.
-        descr: (n,) code of what it is said to be.
-        child: (n,) its place among the children in the text.
-        copy: (n, 2) its place among copies in rows, or its number among scattered ones and -1; -1
-            twice where there are none.
-        chain: (n,) code of the end of its name.
+        around: (n, 2, 2) sides of the cells of which `span` are taken, each as two doubles.
+        scale: (n,) factor on the curves.
+        offset: (n,) height added.
+        turn: (n,) turn, degrees.
+        type: (n,) code of the primitive.
+        surface: (n,) code of the surface.
+        descr: (n,) code of the description.
+        child: (n,) index among the children in the text.
+        copy: (n, 2) column and row among copies in rows, or the number among scattered ones and -1;
+            -1 twice where there are no copies.
+        chain: (n,) code of the end of the name.
     """
 
     element: Ints
@@ -97,43 +97,43 @@ class Rows(NamedTuple):
 
 
 class Written(NamedTuple):
-    """All elements of a terrain, written out level by level.
+    """Elements of a terrain, written out level by level.
 
     Attributes:
-        rows: the elements.
+        rows: attributes of the elements.
         parent: (n,) int64, index of each element's parent; -1 for the root.
-        cells: (n,) code of the `cells` of each; `names` has what the text says.
-        levels: where each level begins, and the number of elements.
-        names: the values behind all codes; the first is `UNSET`.
+        cells: (n,) code of the `cells` of each element; `names` has the value of the text.
+        levels: first element of each level, and the number of elements.
+        names: values of all codes; the first is `UNSET`.
     """
 
     rows: Rows
     parent: Ints
     cells: Ints
     levels: list[int]
-    names: Names
+    names: ValueCodes
 
     def __len__(self) -> int:
         return self.levels[-1]
 
     def step(self, index: int) -> str:
-        """The end of an element's name, behind that of its parent."""
+        """End of an element's name, behind that of its parent."""
         rows, first = self.rows, self.parent[index] < 0
         i, j = rows.copy[index].tolist()
         copy = "" if i < 0 else f"[{i}]" if j < 0 else f"[{i},{j}]"
         own = ROOT if first else f"/children/{rows.child[index]}{copy}"
         return own + str(self.names.values[rows.chain[index]])
 
-    def named(self, column: Ints) -> list[Any]:
-        """The values behind a column of codes."""
+    def values_of(self, column: Ints) -> list[Any]:
+        """Values of a column of codes."""
         return list(map(self.names.values.__getitem__, column.tolist()))
 
     def different(self, column: Ints) -> set[Any]:
-        """The different values behind a column of codes."""
-        return set(self.named(np.unique(column)))
+        """Different values of a column of codes."""
+        return set(self.values_of(np.unique(column)))
 
     def tree(self) -> Tree:
-        """The elements as a tree, as a text would give it."""
+        """Elements as a tree, as a text would give it."""
         rows, count = self.rows, len(self)
         columns: dict[str, list[Any]] = {
             name: [UNSET] * count for name in Element.__struct_fields__ if name != "children"
@@ -142,7 +142,7 @@ class Written(NamedTuple):
             ("type", rows.type), ("surface", rows.surface), ("descr", rows.descr),
             ("cells", self.cells),
         ):  # fmt: skip
-            columns[name] = self.named(codes)
+            columns[name] = self.values_of(codes)
         for name, numbers in (
             ("v_scale", rows.scale), ("v_offset", rows.offset), ("turn_deg", rows.turn)
         ):  # fmt: skip
@@ -175,20 +175,20 @@ def _put(values: list[Any], where: NDArray[np.bool_], found: Any) -> None:
         values[index] = value
 
 
-def written(uses: Uses, definition: Definition) -> Written:
-    """The elements that parts and copies of a valid definition come to."""
+def write_out(uses: Uses, definition: Definition) -> Written:
+    """Write out the parts and copies of a valid definition."""
     return _Writer(uses, definition).write()
 
 
 class _Text:
-    """The elements of all texts that a terrain is made of, column by column.
+    """Elements of all texts that a terrain consists of, column by column.
 
     Attributes:
-        roots: the text and the file of each tree, with the index of its first element.
+        roots: text and file of each tree, with the index of its first element.
     """
 
-    def __init__(self, uses: Uses, names: Names) -> None:
-        roots = [uses.root, *map(uses.part, uses.reached)]
+    def __init__(self, uses: Uses, names: ValueCodes) -> None:
+        roots = [uses.root, *map(uses.part, uses.parts_in_use)]
         trees = {id(root.tree): root for root in roots}
         self._first: dict[int, int] = {}
         self._homes: list[tuple[int, Root]] = []
@@ -253,30 +253,30 @@ class _Text:
         self.descr = names.numbers(values("descr"))
 
     def exact_rests(self, elements: Ints) -> Floats:
-        """What the doubles of free places lack, (n, 4), rounded from decimals to the last bit."""
+        """Rests of the doubles of free places, (n, 4), rounded from decimals to the last bit."""
         unique = np.unique(elements)
         for index in unique[np.isnan(self._exact[unique, 0])].tolist():
             self._exact[index] = list(map(rest_of, self._places[index].tolist()))
         return self._exact[elements]
 
     def index(self, root: Root) -> int:
-        """The index of an element among all texts."""
+        """Index of an element among all texts."""
         return self._first[id(root.tree)] + root.element
 
     def root(self, index: int) -> Root:
-        """The element of an index among all texts."""
+        """Element at an index among all texts."""
         home = int(np.searchsorted(self._starts, index, "right")) - 1
         first, root = self._homes[home]
         return Root(root.tree, index - first, root.home)
 
 
 class _Writer:
-    """Writes elements level by level."""
+    """Writer of elements, level by level."""
 
     def __init__(self, uses: Uses, definition: Definition) -> None:
         self._uses, self._size = uses, definition.extent
         self._chains = Chains(uses)
-        self._names = Names(UNSET, "")
+        self._names = ValueCodes(UNSET, "")
         self._text = _Text(uses, self._names)
         turned = [
             value[::-1] if isinstance(value, tuple) else value for value in self._names.values
@@ -284,7 +284,7 @@ class _Writer:
         self._turned_cells = self._names.numbers(turned)
 
     def write(self) -> Written:
-        """All elements."""
+        """Write all elements."""
         level = self._first()
         found = [level]
         parents = [np.array([-1])]
@@ -303,7 +303,7 @@ class _Writer:
         return Written(rows, np.concatenate(parents), cells, levels, self._names)
 
     def _first(self) -> Rows:
-        """The root."""
+        """Row of the root."""
         whole = sides(self._size)
         blank = _blank(1)._replace(
             around=np.array([[whole.x, whole.y]]), child=np.zeros(1, np.int64),
@@ -312,7 +312,7 @@ class _Writer:
         return self._with_ends(blank, element, np.ones(1), np.zeros(1, np.int64))
 
     def _below(self, level: Rows) -> tuple[Ints, Rows]:
-        """The elements in those of a level, and the index of each one's parent in the level."""
+        """Index of each parent in a level, and rows of the elements below that level."""
         text = self._text
         counts = text.count[level.element]
         parent = np.repeat(np.arange(len(counts)), counts)
@@ -333,7 +333,7 @@ class _Writer:
             times[index] = len(copies.number)
         row = np.repeat(np.arange(len(parent)), times)
         copy = _places(times)
-        placed = self._placed(frame, parent[row], element[row], copy)
+        placed = self._place_rows(frame, parent[row], element[row], copy)
         placed = placed._replace(child=child[row])
         found = self._with_ends(
             placed, element[row], frame.factor[parent[row]], frame.quarters[parent[row]]
@@ -343,7 +343,7 @@ class _Writer:
         return parent[row], found
 
     def _own_cells(self, level: Rows) -> Floats:
-        """(n, 2, 2) sides of the cells of which elements take `span`, each as two doubles."""
+        """Sides of the cells of which elements take `span`, (n, 2, 2), each as two doubles."""
         own = level.around.copy()
         free = np.flatnonzero(level.free & (self._text.count[level.element] > 0))
         rests = level.rests[free, 2:]
@@ -354,8 +354,8 @@ class _Writer:
             own[free, axis, 0], own[free, axis, 1] = one
         return own
 
-    def _placed(self, frame: _Frame, parent: Ints, element: Ints, copy: Ints) -> Rows:
-        """Where elements stand that are not scattered."""
+    def _place_rows(self, frame: _Frame, parent: Ints, element: Ints, copy: Ints) -> Rows:
+        """Rows with the places of elements that are not scattered."""
         text, count = self._text, len(element)
         quarters = frame.quarters[parent]
         repeated = text.repeated[element]
@@ -370,7 +370,7 @@ class _Writer:
         grid = frame.grid[parent]
         steps = np.where(found.free[:, None], 0, np.trunc(text.step[element])).astype(np.int64)
         block = np.hstack([text.cell[element] + at_copy * steps, text.span[element]])
-        block = _turned_block(block, grid, quarters)
+        block = _turn_blocks(block, grid, quarters)
         found.cell[:], found.span[:] = block[:, :2], block[:, 2:]
         found.around[:] = frame.around[parent]
         free = np.flatnonzero(found.free)
@@ -390,7 +390,7 @@ class _Writer:
     def _free_places(
         self, frame: _Frame, parent: Ints, element: Ints, copy: Ints
     ) -> tuple[Floats, Floats]:
-        """Middles of free elements that are copied or turned, and what these doubles lack."""
+        """Middles of free elements that are copied or turned, (n, 2), and their rests, (n, 2)."""
         text, quarters = self._text, frame.quarters[parent]
         rests = text.exact_rests(element)
         axes = []
@@ -400,19 +400,19 @@ class _Writer:
             number = copy[:, axis]
             moved = at + Exact(number * step.high, number * step.rest)
             axes.append(_where(number > 0, moved, at))
-        return _turned_place(axes[0], axes[1], frame.lengths_of(parent), quarters)
+        return _turn_places(axes[0], axes[1], frame.lengths_of(parent), quarters)
 
     def _with_ends(self, placed: Rows, element: Ints, factor: Floats, quarters: Ints) -> Rows:
-        """Elements at their places, with what they stand for.
+        """Fill rows with the ends of their elements' chains.
 
         Args:
-            placed: where they stand.
-            element: (n,) the text's elements.
-            factor: (n,) on the heights of what is around them.
-            quarters: (n,) quarter turns of what is around them.
+            placed: rows with the places of the elements.
+            element: (n,) indices of the elements among all texts.
+            factor: (n,) factor on the heights of the elements.
+            quarters: (n,) quarter turns of the elements.
         """
         text = self._text
-        ends = _Ends(
+        ends = _ChainEnds(
             element, text.scale[element], text.turn[element], np.ones(len(element)),
             text.offset[element], np.zeros(len(element), np.int64), text.surface[element],
             text.descr[element], np.ones(len(element), np.int64),
@@ -423,21 +423,21 @@ class _Writer:
             chains = [self._ends(self._chains.of(text.root(index))) for index in unique.tolist()]
             for column, values in zip(ends, zip(*chains, strict=True), strict=True):
                 column[through] = np.array(values)[which]
-        return self._finished(placed, ends, factor, quarters)
+        return self._finish(placed, ends, factor, quarters)
 
-    def _ends(self, chain: Chain) -> _Ends:
-        """A chain in numbers."""
+    def _ends(self, chain: Chain) -> _ChainEnds:
+        """End of a chain in numbers."""
         turn = math.nan if chain.turn is UNSET else chain.turn
         scale = math.nan if chain.scale is UNSET else chain.scale
         offset = math.nan if chain.offset is UNSET else chain.offset
         number = self._names.number
-        return _Ends(
+        return _ChainEnds(
             self._text.index(chain.root), scale, turn, chain.factor, offset, chain.quarters,
             number(chain.surface), number(chain.descr), number(chain.name),
         )  # fmt: skip
 
-    def _finished(self, placed: Rows, ends: _Ends, factor: Floats, quarters: Ints) -> Rows:
-        """Elements with all that they have, from what is around them and what they stand for."""
+    def _finish(self, placed: Rows, ends: _ChainEnds, factor: Floats, quarters: Ints) -> Rows:
+        """Fill rows with all attributes, from the elements around and from the ends of chains."""
         quarters = (quarters + ends.quarters) % 4
         inner = factor * ends.factor
         lengths = np.where(
@@ -461,29 +461,29 @@ class _Writer:
     def _strew(
         self, frame: _Frame, parent: Ints, element: Ints, scattered: Ints
     ) -> dict[int, _Strewn]:
-        """The copies of each of the scattered elements, by its index."""
+        """Copies of each of the scattered elements, by its index."""
         known: dict[Any, _Strewn] = {}
         found = {}
         for index in scattered.tolist():
             own, around = int(element[index]), None
             if not self._text.free[own]:
-                around = Sides(*(Side(*pair) for pair in frame.around[parent[index]].tolist()))
-                around = around.turned(int(frame.quarters[parent[index]]))
+                around = Sides(*(ExactSide(*pair) for pair in frame.around[parent[index]].tolist()))
+                around = around.turn_by(int(frame.quarters[parent[index]]))
             key = own, around
             if key not in known:
-                known[key] = self._strewn(self._text.root(own), around)
+                known[key] = self._scatter_copies(self._text.root(own), around)
             found[index] = known[key]
         return found
 
-    def _strewn(self, root: Root, around: Sides | None) -> _Strewn:
-        """The copies of a scattered element that have found a place."""
+    def _scatter_copies(self, root: Root, around: Sides | None) -> _Strewn:
+        """Copies of a scattered element that have found a place."""
         area = area_of(root, around)
-        lengths, x, y, turns = map(np.frombuffer, strewn_over(root, area)[:4])
+        lengths, x, y, turns = map(np.frombuffer, copies_over(root, area)[:4])
         number = np.flatnonzero(~np.isnan(x))
         lengths, x, y, turns = (column[number] for column in (lengths, x, y, turns))
         zero = np.zeros(len(x))
         is_part = root.tree.value("part", root.element) is not UNSET
-        chain = self._chains.strewn(root, lengths, 0.0 if is_part else turns)
+        chain = self._chains.of_copies(root, lengths, 0.0 if is_part else turns)
         own = self._ends(chain)
         if is_part:
             own = own._replace(quarters=(own.quarters + (turns // 90).astype(np.int64)) % 4)
@@ -496,30 +496,30 @@ class _Writer:
         """Put scattered copies into their rows.
 
         Args:
-            rows: the elements, which are changed.
-            strewn: the copies of each scattered element, by its index.
-            frame: the elements around.
-            parent: (m,) where each element stands in the frame.
-            first: (m,) the first row of each.
+            rows: rows of the elements, which are changed.
+            strewn: copies of each scattered element, by its index.
+            frame: elements around.
+            parent: (m,) index of each element's parent in the frame.
+            first: (m,) first row of each element.
         """
         for index, copies in strewn.items():
             own = np.arange(first[index], first[index] + len(copies.number))
             inside = np.full(len(own), parent[index])
-            ends = _Ends.of(len(own), copies.ends)
+            ends = _ChainEnds.of(len(own), copies.ends)
             placed = _blank(len(own))
-            at = _turned_place(*copies.at, frame.lengths_of(inside), frame.quarters[inside])
+            at = _turn_places(*copies.at, frame.lengths_of(inside), frame.quarters[inside])
             placed.at[:], placed.rests[:, :2] = at
             placed.extent[:] = copies.lengths[:, None]
             placed.free[:] = True
             placed.child[:] = rows.child[own]
             placed.copy[:, 0] = copies.number
-            finished = self._finished(placed, ends, frame.factor[inside], frame.quarters[inside])
+            finished = self._finish(placed, ends, frame.factor[inside], frame.quarters[inside])
             for column, values in zip(rows, finished, strict=True):
                 column[own] = values
 
 
-class _Ends(NamedTuple):
-    """What elements stand for: numbers, or columns of them; see `chains.Chain`."""
+class _ChainEnds(NamedTuple):
+    """Ends of chains (`chains.Chain`): the numbers of one, or columns of many."""
 
     element: Any
     scale: Any
@@ -532,8 +532,8 @@ class _Ends(NamedTuple):
     name: Any
 
     @classmethod
-    def of(cls, count: int, one: _Ends) -> _Ends:
-        """So many times the same, or the rows of its columns."""
+    def of(cls, count: int, one: _ChainEnds) -> _ChainEnds:
+        """Columns of `count` rows from the numbers of one, or from columns of that length."""
         return cls._make(np.broadcast_to(value, count) for value in one)
 
 
@@ -541,27 +541,27 @@ class _Strewn(NamedTuple):
     """Copies of a scattered element.
 
     Attributes:
-        number: (n,) their places in their list by size.
-        lengths: (n,) their sides, units of the terrain.
-        at: their middles along x and y in the parent's cell, before quarter turns.
-        ends: what they stand for.
+        number: (n,) indices of the copies in their list by size.
+        lengths: (n,) sides of the copies, units of the terrain.
+        at: middles along x and y in the parent's cell, before quarter turns, (n,) each.
+        ends: ends of the chains of the copies.
     """
 
     number: Ints
     lengths: Floats
     at: tuple[Exact, Exact]
-    ends: _Ends
+    ends: _ChainEnds
 
 
 class _Frame(NamedTuple):
-    """Elements with others in them.
+    """Elements of a level, as the surroundings of the elements in them.
 
     Attributes:
-        lengths: (n,) sides of their cells along x and y.
-        around: (n, 2, 2) sides of the cells of their grids, each as two doubles.
-        grid: (n, 2) columns and rows of their grids, before quarter turns.
-        quarters: (n,) quarter turns of what is in them.
-        factor: (n,) on the heights of what is in them.
+        lengths: (n,) sides of the elements' cells along x and y.
+        around: (n, 2, 2) sides of the cells of the elements' grids, each as two doubles.
+        grid: (n, 2) columns and rows of the elements' grids, before quarter turns.
+        quarters: (n,) quarter turns of the elements in them.
+        factor: (n,) factor on the heights of the elements in them.
     """
 
     lengths: tuple[Exact, Exact]
@@ -571,13 +571,13 @@ class _Frame(NamedTuple):
     factor: Floats
 
     def lengths_of(self, rows: Ints) -> tuple[Exact, Exact]:
-        """Sides of the cells of some."""
+        """Sides along x and y of the cells of some elements, by their indices."""
         x, y = (Exact(length.near[rows], length.rest[rows]) for length in self.lengths)
         return x, y
 
 
 def _blank(count: int) -> Rows:
-    """Rows without anything."""
+    """Rows with the values of elements that have no attributes."""
 
     def whole() -> Ints:
         return np.zeros(count, np.int64)
@@ -597,22 +597,22 @@ def _blank(count: int) -> Rows:
 
 
 def _places(counts: Ints) -> Ints:
-    """Of each of several runs the places in it: 0, 1, and so on."""
+    """Positions 0, 1, … in each of several runs of given lengths, one run after the other."""
     first = np.cumsum(counts) - counts
     return np.arange(int(counts.sum())) - np.repeat(first, counts)
 
 
 def _times(own: Floats, span: Ints) -> tuple[Exact, Exact]:
-    """Sides of blocks of so many cells along x and y."""
-    x, y = (Side(own[:, axis, 0], own[:, axis, 1]).times(span[:, axis]) for axis in (0, 1))
+    """Sides of blocks of `span` cells along x and y."""
+    x, y = (ExactSide(own[:, axis, 0], own[:, axis, 1]).times(span[:, axis]) for axis in (0, 1))
     return x, y
 
 
 def _shares(own: Floats, span: Ints, grid: Ints) -> Floats:
-    """(n, 2, 2) sides of the cells of the grids that divide blocks of cells."""
+    """Sides of the cells of the grids that divide blocks of cells, (n, 2, 2)."""
     found = np.empty_like(own)
     for axis in (0, 1):
-        one = Side(own[:, axis, 0], own[:, axis, 1])
+        one = ExactSide(own[:, axis, 0], own[:, axis, 1])
         found[:, axis, 0], found[:, axis, 1] = one.share(span[:, axis], grid[:, axis])
     return found
 
@@ -623,14 +623,14 @@ def _where(condition: NDArray[np.bool_], one: Exact, other: Exact) -> Exact:
     )
 
 
-def _turned_place(
+def _turn_places(
     x: Exact, y: Exact, lengths: tuple[Exact, Exact], quarters: Ints
 ) -> tuple[Floats, Floats]:
-    """Places in cells after quarter turns, (n, 2), and what these doubles lack, (n, 2).
+    """Places in cells after quarter turns, (n, 2), and the rests of these doubles, (n, 2).
 
     Args:
-        x: (n,) from the west side of the cell before it is turned.
-        y: (n,) from its south side.
+        x: (n,) distance from the west side of the cell before it is turned.
+        y: (n,) distance from the south side of the cell before it is turned.
         lengths: (n,) sides of the cells after the turns.
         quarters: (n,) quarter turns.
     """
@@ -641,7 +641,7 @@ def _turned_place(
     return np.column_stack([first.near, second.near]), np.column_stack([first.rest, second.rest])
 
 
-def _turned_block(block: Ints, grid: Ints, quarters: Ints) -> Ints:
+def _turn_blocks(block: Ints, grid: Ints, quarters: Ints) -> Ints:
     """Blocks of cells, (n, 4) column, row, columns, rows, after quarter turns of their grids."""
     if not quarters.any():
         return block

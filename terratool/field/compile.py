@@ -135,7 +135,7 @@ def _descrs(tree: Tree | Written, order: Ints) -> dict[int, str]:
         said = np.flatnonzero(codes)
         return {
             place: text
-            for place, text in zip(said.tolist(), tree.named(codes[said]), strict=True)
+            for place, text in zip(said.tolist(), tree.values_of(codes[said]), strict=True)
             if text
         }
     column = tree.column("descr")

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from terratool.definition.exact import rests_of, side
 from terratool.definition.expand import MAX_ELEMENTS
-from terratool.definition.sharing import Blueprint, Node, smallest_cell
+from terratool.definition.sharing import Blueprint, BlueprintNode, smallest_cell
 from terratool.errors import RequestError
 from terratool.field.compile import Compiled
 from terratool.field.pieces import Floats
@@ -151,7 +151,7 @@ class _Draft(NamedTuple):
         often: number of times that the parent of each node stands in the terrain, of any size.
     """
 
-    nodes: list[Node]
+    nodes: list[BlueprintNode]
     parents: list[int]
     levels: list[int]
     quarters: list[int]
@@ -532,6 +532,6 @@ def _inner_first(plan: Blueprint) -> Iterator[int]:
         end = begin
 
 
-def _document(node: Node) -> int:
+def _document(node: BlueprintNode) -> int:
     """Return the place of an element among its siblings in the text."""
     return int(node.step[0].removeprefix("/children/").partition("[")[0])

@@ -383,7 +383,7 @@ _CANCELLED = 2.0**-80
 def place_terrain(grids: NDArray[Any], definition: Definition) -> None:
     """Put corner and sides of a terrain into the first of its grids, which holds the root."""
     for axis, (corner, extent) in enumerate(zip(definition.corner, definition.extent, strict=True)):
-        grids["corner"][0, axis] = Exact.typed(corner)
+        grids["corner"][0, axis] = Exact.of_decimal(corner)
         grids["pitch"][0, axis] = side(extent)
         grids["zero"][:, axis] = _CANCELLED * max(abs(corner), abs(corner + extent))
 

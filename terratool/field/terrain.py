@@ -157,7 +157,7 @@ class Terrain:
         self._source: Definition | Checked | None = None
         self._roughness = roughness
         self._far: dict[int, int] = {}
-        if uses.composed and uses.elements > share_above:
+        if uses.is_composed and uses.elements > share_above:
             self._source = definition
             plan = blueprint(uses)
             if isinstance(definition, Checked):
@@ -180,7 +180,7 @@ class Terrain:
         """Names of the primitives."""
         self.surface_types = dict(definition.surfaces)
         """Surfaces by name."""
-        self.libraries = tuple(one.source.name for one in uses.document.reached)
+        self.libraries = tuple(one.source.name for one in uses.document.all_libraries)
         """Files of the libraries that the terrain uses, directly or through others, in order."""
 
     @property

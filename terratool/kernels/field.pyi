@@ -215,11 +215,6 @@ class Painter:
     def nbytes(self) -> int:
         """Memory that it works in."""
 
-class WallFinder:
-    """Looks for walls; each thread needs its own."""
-
-    def __init__(self, field: object, nonzero_edges: object) -> None: ...
-
 def paint(
     painter: Painter,
     x: NDArray[np.float64],
@@ -233,21 +228,6 @@ def paint(
     Paint a window of pixels, whose centres ascend.
 
     Shapes: x[w], y[h].
-    """
-
-def find_ruts(
-    field: Field,
-    x: NDArray[np.float64],
-    y: NDArray[np.float64],
-    surfaces: NDArray[np.uint8] | NDArray[np.uint16] | NDArray[np.uint32],
-    first: NDArray[np.float32],
-    passes: NDArray[np.float32],
-    exponent: NDArray[np.float32],
-) -> bool:
-    """
-    First depths, passes and exponents of the ruts at the centres of pixels; whether any.
-
-    Shapes: x[w], y[h], first[h,w], passes[h,w], exponent[h,w].
     """
 
 def footprint_run(
@@ -266,6 +246,26 @@ def footprint_holds(
     Whether a footprint holds each place of a row.
 
     Shapes: pose[1], u[n], out[n].
+    """
+
+class WallFinder:
+    """Looks for walls; each thread needs its own."""
+
+    def __init__(self, field: object, nonzero_edges: object) -> None: ...
+
+def find_ruts(
+    field: Field,
+    x: NDArray[np.float64],
+    y: NDArray[np.float64],
+    surfaces: NDArray[np.uint8] | NDArray[np.uint16] | NDArray[np.uint32],
+    first: NDArray[np.float32],
+    passes: NDArray[np.float32],
+    exponent: NDArray[np.float32],
+) -> bool:
+    """
+    First depths, passes and exponents of the ruts at the centres of pixels; whether any.
+
+    Shapes: x[w], y[h], first[h,w], passes[h,w], exponent[h,w].
     """
 
 def find_crests(

@@ -125,11 +125,11 @@ def export_simulators(
     overwrite: bool = False,
     progress: Callable[[str], object] | None = None,
 ) -> tuple[SimulatorReport, ...]:
-    """Write a terrain for simulators, each into a folder of its own with a README and a manifest.
+    """Write a terrain for simulators, into a folder for each with a README and a manifest.
 
     Args:
         terrain: terrain to write.
-        folder: parent of the simulators' folders; it is made where it is missing.
+        folder: parent of the simulators' folders; a missing one is made.
         targets: name of a simulator, or names of several; "all" is every one.
         options: options of the files; the defaults if None.
         source: file of the definition, after which the terrain is named in the files.
@@ -155,7 +155,7 @@ def _make_folder(folder: Path) -> Iterator[None]:
         yield
     finally:
         if not was_there:
-            with contextlib.suppress(OSError):  # it may hold something
+            with contextlib.suppress(OSError):  # the folder may not be empty
                 folder.rmdir()
 
 
@@ -209,14 +209,14 @@ def _is_own(place: Path, name: str) -> bool:
 
 
 def _put_in_place(part: Path, place: Path) -> None:
-    """Move new files to their place; files of an earlier export go, unless they were changed.
+    """Move new files to their place; remove files of an earlier export, unless they were changed.
 
     Raises:
         WriteError: a file of others, or a link out of the folder, is in the way.
     """
     if not place.exists():
         part.replace(place)
-        part.mkdir()  # whoever made it removes it
+        part.mkdir()  # the caller, who made the folder, removes it
         return
     new = sorted(_files(part), key=lambda name: name == MANIFEST)
     old = _earlier_files(place)
@@ -259,7 +259,7 @@ def _hashes(folder: Path) -> dict[str, str]:
 
 
 class ManifestSource(Struct, frozen=True):
-    """The definition's file, with the libraries that it uses by their places beside it; SHA-256."""
+    """File of a definition, and libraries by their paths from it, with SHA-256 hashes."""
 
     file: str
     sha256: str
@@ -267,7 +267,7 @@ class ManifestSource(Struct, frozen=True):
 
 
 class ManifestSurface(Struct, frozen=True):
-    """What a simulator is told of a surface."""
+    """Surface with the values that the simulator takes."""
 
     word: str
     friction: float
@@ -277,7 +277,7 @@ class ManifestSurface(Struct, frozen=True):
 
 
 class Manifest(Document, frozen=True, kw_only=True):
-    """What the manifest says of files for any simulator."""
+    """Keys that manifests of all simulators have."""
 
     generator: str = f"terratool {__version__}"
     target: str
@@ -293,7 +293,7 @@ class Manifest(Document, frozen=True, kw_only=True):
 
 
 def _manifest(scene: Scene, key: str, written: WrittenFiles, source: Path | None) -> dict[str, Any]:
-    """The keys of all manifests, then those that a simulator has for itself."""
+    """Manifest: keys of all simulators, then those of this one alone."""
     west, south, east, north = scene.terrain.bounds
     x, y, _ = scene.zero
     head = Manifest(
@@ -329,7 +329,7 @@ def _refuse_missing(path: Path) -> None:
 
 
 def _source(path: Path | None, libraries: Iterable[str]) -> ManifestSource | None:
-    """What a manifest says of the definition; None where it came from no file."""
+    """Hashes of the definition and its libraries; None where it came from no file."""
     if path is None or not is_regular(path):
         return None
     used = {Path(os.path.relpath(one, path.parent)).as_posix(): _sha256(one) for one in libraries}

@@ -1,4 +1,4 @@
-"""Several vehicles on one terrain: what they are called, and one grid for all of them."""
+"""Comparison of vehicles on one terrain: their names, and one grid for all of them."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _ONE_GRID = "one grid for all vehicles"
 
 
 def names_of(paths: Sequence[str]) -> list[str]:
-    """What the vehicles of files are called: as the files, with their folders where these differ.
+    """Names of vehicles by their files: the file's name, with the folder where two are alike.
 
     Raises:
         RequestError: a file is named twice, or two cannot be told apart.
@@ -52,13 +52,13 @@ def names_of(paths: Sequence[str]) -> list[str]:
 
 
 def map_path_of(path: str | Path, name: str) -> Path:
-    """The file of the map of one of several vehicles: beside the name that was asked for."""
+    """Path of the map of one of several vehicles: the path asked for, with the vehicle's name."""
     path = Path(path)
     return path.with_name(f"{path.stem}-{name.replace('/', '-')}{path.suffix}")
 
 
 class PreparedComparison(NamedTuple):
-    """Requests that have been checked, one for each vehicle, and sentences on their grids."""
+    """Checked requests, one for each vehicle, and sentences on their grids."""
 
     requests: list[PreparedRequest]
     notes: tuple[str, ...]
@@ -72,11 +72,11 @@ def prepare(
     map_path: str | Path | None = None,
     overwrite: bool = False,
 ) -> PreparedComparison:
-    """Check a request for one vehicle, or for each of several, which get one grid if they can.
+    """Check a request for one vehicle, or for each of several, on one grid if possible.
 
     Raises:
-        RequestError, WriteError, DefinitionError: as of `prepare_assessment`; nor may all maps
-            together be too large for the disk.
+        RequestError, WriteError, DefinitionError: `prepare_assessment` raises them.
+        WriteError: all maps together are too large for the disk.
     """
     terrain = terrain.written_out
     if len(vehicles) == 1:
@@ -100,9 +100,10 @@ def prepare(
 def _common(
     terrain: Terrain, vehicles: Sequence[Vehicle], request: Request, written: bool
 ) -> tuple[Request, tuple[str, ...]]:
-    """The request with one resolution for all, and sentences on it; as it is where there is none.
+    """Request with one resolution for all vehicles, and sentences on it.
 
-    It is the finest that one of the vehicles would have by itself, or coarser, as all allow it.
+    The resolution is the finest that a vehicle would have by itself, or the next coarser one that
+    all vehicles allow. Where there is none, the request is returned as it is.
     """
     if request.resolution is not None:
         return request, ()

@@ -37,7 +37,7 @@ class Verdict(IntEnum):
 
     @property
     def label(self) -> str:
-        """For people."""
+        """Name of the verdict for people."""
         return _GROUNDS[self]
 
     @property
@@ -66,7 +66,7 @@ class GroundClass(IntEnum):
 
     @property
     def label(self) -> str:
-        """For people, and the names of classes in files."""
+        """Name of the class, for people and in files."""
         return _GROUNDS[self]
 
     @property
@@ -609,7 +609,7 @@ class TraversabilityReport:
 
     @property
     def reports(self) -> tuple[TraversabilityReport]:
-        """Itself, as `VehicleComparison` has it."""
+        """The report alone, in a tuple, for functions that also take a `VehicleComparison`."""
         return (self,)
 
 
@@ -627,7 +627,7 @@ class VehicleComparison:
 
     @property
     def verdict(self) -> Verdict:
-        """Of the worst."""
+        """Worst verdict of all vehicles."""
         return max((one.verdict for one in self.reports), key=RANKS.__getitem__)
 
     @property
@@ -637,9 +637,9 @@ class VehicleComparison:
 
     @property
     def descr(self) -> str:
-        """Of the terrain."""
+        """Description of the terrain."""
         return self.reports[0].descr
 
 
 Reports = TraversabilityReport | VehicleComparison
-"""What was found out for one vehicle, or for several: both have `reports`."""
+"""Results for one vehicle, or for several; both have `reports`."""

@@ -13,7 +13,7 @@ import numpy as np
 from msgspec import UNSET
 from numpy.typing import NDArray
 
-from terratool.definition.change import moved
+from terratool.definition.change import with_moved_paths
 from terratool.definition.layout import TERRAIN
 from terratool.definition.libraries import known_names
 from terratool.definition.model import Surface, Track, middle_of
@@ -397,7 +397,7 @@ def write_deformed(
     """
     source = read_source(path)
     tracks = msgspec.to_builtins(deformed.tracks)
-    text = moved(source, output)
+    text = with_moved_paths(source, output)
     data = set_member(text, "", "tracks", tracks, TERRAIN).apply(text)
     packed = Path(output).name.lower().endswith(".gz")
     result = Source(str(output), data, packed, source.marked)

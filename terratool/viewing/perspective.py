@@ -1,8 +1,8 @@
-"""A perspective: a mesh with upright walls, seen from the side, with light on it.
+"""Perspectives: a mesh with upright walls, seen from the side, with light on it.
 
-Faces are painted into a z-buffer that keeps which face is nearest to the eye at each pixel. After
-the division by depth faces are still flat triangles, and the inverse depth is linear over them; so
-everything else follows from the number of the face.
+Faces are painted into a z-buffer that keeps the nearest face at each pixel. The division by depth
+leaves faces flat triangles over which the inverse depth is linear, so everything else follows from
+the index of the face.
 """
 
 from __future__ import annotations
@@ -51,32 +51,32 @@ from terratool.viewing.sheet import (
 )
 
 FINER = 2
-"""So many pixels along each side are painted for one of the picture, which is their mean."""
+"""Painted pixels per pixel of the picture and side; the picture has their mean."""
 _MOST_ELEMENTS = 200_000
-"""Where more elements lie in what is drawn, the ground is drawn from a grid of heights."""
+"""Most elements in the picture whose mesh is drawn; with more, a grid of heights is drawn."""
 _GRID_SIDE = 1200
-"""Nodes of its longer side."""
+"""Intervals of that grid of heights along its longer side."""
 _FAR = 3.0
-"""The eye is so many times the size of the ground away from its middle."""
+"""Distance of the eye from the middle of the ground, in diagonals of the ground."""
 _AMBIENT, _DIRECT, _FILL = 0.5, 0.6, 0.12
-"""Shares of a colour that light from everywhere gives, the light, and a weak one opposite to it."""
+"""Shares of a colour by ambient light, by the light, and by a weak light opposite to it."""
 _EDGE = 0.62
-"""Share of a colour that is left on an edge."""
+"""Factor on a colour on an edge."""
 _SKIRT = 205, 201, 196
-"""Colour of the sides of the block that the ground is cut out as."""
+"""Colour (red, green, blue) of the sides of the block below the ground."""
 _MOST_CHOSEN = 10.0
-"""Heights are exaggerated so often at most, unless more is asked for."""
+"""Largest exaggeration of heights that is chosen where none is given."""
 
 Floats = NDArray[np.float64]
 
 
 class Block(NamedTuple):
-    """What is drawn: faces, in the world but for an origin.
+    """Mesh of the ground with the sides of the block below it.
 
     Attributes:
-        vertices: (n, 3) float64.
-        faces: (m, 3) int32.
-        surfaces: (m,) index of the surface and one, 0 for none, -1 for the sides of the block.
+        vertices: (n, 3) float64 world coordinates.
+        faces: (m, 3) int32 indices of vertices.
+        surfaces: (m,) int64 index of the surface plus one; 0 for none, -1 for sides of the block.
         walls: (m,) bool, whether a face stands upright.
         normals: (m, 3, 3) float64 unit normals at the corners of faces.
     """
@@ -89,14 +89,14 @@ class Block(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Camera:
-    """Where the eye is, and how the world is laid onto the picture.
+class Viewpoint:
+    """Position of the eye, and projection of the world onto the picture.
 
     Attributes:
-        eye: (3,) position.
-        axes: (3, 3) rows: right, up, and towards what is looked at.
-        scale: pixels for a unit at depth 1.
-        shift: (2,) pixels.
+        eye: (3,) world coordinates of the eye.
+        axes: (3, 3) unit vectors in rows: right, up, and along the view.
+        scale: pixels per world unit at depth 1.
+        shift: (2,) offset of the picture's coordinates, pixels.
     """
 
     eye: Floats
@@ -105,33 +105,35 @@ class Camera:
     shift: Floats
 
     def project(self, points: Floats) -> Floats:
-        """(n, 3) pixels to the right and up, and the inverse of the depth."""
+        """Project points, (n, 3): pixels to the right, pixels up, and the inverse depth."""
         seen = (points - self.eye) @ self.axes.T
         inverse = 1.0 / seen[:, 2]
         flat = seen[:, :2] * inverse[:, None] * self.scale + self.shift
         return np.column_stack([flat, inverse])
 
 
-class Seen(NamedTuple):
-    """What is nearest to the eye at each pixel.
+class NearestFaces(NamedTuple):
+    """Nearest face at each pixel.
 
     Attributes:
-        face: (height, width) int32, -1 where there is nothing; rows from the bottom.
-        inverse: (height, width) float64 inverse depth, 0 where there is nothing.
+        face: (height, width) int32 index of the face, -1 for none; rows from the bottom.
+        inverse: (height, width) float64 inverse depth, 0 where there is no face.
     """
 
     face: NDArray[np.int32]
     inverse: Floats
 
 
-def camera_for(points: Floats, azimuth: float, elevation: float, size: tuple[int, int]) -> Camera:
-    """A camera that has all points in a picture of so many pixels, as large as they fit.
+def viewpoint_for(
+    points: Floats, azimuth: float, elevation: float, size: tuple[int, int]
+) -> Viewpoint:
+    """Viewpoint from which all points fill a picture as far as they fit.
 
     Args:
-        points: (n, 3).
-        azimuth: degrees clockwise from north from where it looks.
-        elevation: degrees above the horizon.
-        size: width and height in pixels.
+        points: (n, 3) world coordinates.
+        azimuth: direction from the ground to the eye, degrees clockwise from north.
+        elevation: height of the eye above the horizon, degrees.
+        size: width and height of the picture, pixels.
     """
     turn, tilt = math.radians(azimuth), math.radians(elevation)
     back = np.array(
@@ -141,25 +143,25 @@ def camera_for(points: Floats, azimuth: float, elevation: float, size: tuple[int
     axes = np.stack([right, np.cross(back, right), -back])
     middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
     far = _FAR * float(np.linalg.norm(np.ptp(points, axis=0)))
-    camera = Camera(middle + far * back, axes, 1.0, np.zeros(2))
-    flat = camera.project(points)[:, :2]
+    viewpoint = Viewpoint(middle + far * back, axes, 1.0, np.zeros(2))
+    flat = viewpoint.project(points)[:, :2]
     low, high = flat.min(axis=0), flat.max(axis=0)
     scale = float(np.min((np.array(size) - 2.0) / np.maximum(high - low, 1e-12)))
     shift = 0.5 * np.array(size) - 0.5 - 0.5 * scale * (low + high)
-    return Camera(camera.eye, axes, scale, shift)
+    return Viewpoint(viewpoint.eye, axes, scale, shift)
 
 
-def z_buffer(points: Floats, faces: NDArray[np.int32], height: int, width: int) -> Seen:
-    """The nearest face at the middle of each pixel; of equals that with the largest number.
+def z_buffer(points: Floats, faces: NDArray[np.int32], height: int, width: int) -> NearestFaces:
+    """Find the nearest face at the middle of each pixel; among equal ones the largest index.
 
     Args:
-        points: (n, 3) pixels to the right and up, whole numbers at the middles, and the inverse
-            depth, above 0.
-        faces: (m, 3) indices of points.
-        height: rows of the picture.
-        width: columns of it.
+        points: (n, 3) pixels to the right and up, whole numbers at the middles of pixels, and the
+            inverse depth, above 0.
+        faces: (m, 3) int32 indices of points.
+        height: number of rows of the picture.
+        width: number of columns of the picture.
     """
-    seen = Seen(np.full((height, width), -1, np.int32), np.zeros((height, width)))
+    seen = NearestFaces(np.full((height, width), -1, np.int32), np.zeros((height, width)))
     raster_kernels.nearest_faces(points, faces, seen.inverse, seen.face)
     return seen
 
@@ -170,7 +172,7 @@ def draw_perspective(
     judge: Judge | None = None,
     progress: Callable[[str], object] = lambda _: None,
 ) -> Drawn:
-    """Draw a perspective, within `terratool.viewing.sheet.settings`.
+    """Draw a perspective; to be called within `terratool.viewing.sheet.settings`.
 
     Raises:
         RequestError: the bounds miss the terrain, there is no ground, or the layer has nothing to
@@ -185,7 +187,7 @@ def draw_perspective(
     relief = float(np.ptp(block.vertices[block.faces[block.surfaces >= 0].ravel(), 2]))
     factor = options.exaggeration or chosen_exaggeration(float(sides.max()), relief, _MOST_CHOSEN)
     vertices = block.vertices * (1.0, 1.0, factor)
-    # void is open here, and needs no patch
+    # void has no faces, and so no entry in the legend
     swatches = tuple(
         swatch._replace(letter="") for swatch in plan.key.swatches if swatch.label != NO_GROUND
     )
@@ -197,15 +199,15 @@ def draw_perspective(
     )  # fmt: skip
     corners = vertices[np.unique(block.faces)]
     sheet, ground = _sheet(corners, options, margins)
-    camera = camera_for(
+    viewpoint = viewpoint_for(
         corners, options.azimuth, options.elevation, (ground.width * FINER, ground.height * FINER)
     )
     progress("painting faces")
-    points = camera.project(vertices)
+    points = viewpoint.project(vertices)
     seen = z_buffer(points, block.faces, ground.height * FINER, ground.width * FINER)
     progress("drawing")
     palette = surface_colors(terrain)[0] if options.layer == "surface" else None
-    pixels = _shaded(seen, block, camera, _Paint(plan, palette), factor)
+    pixels = _shade(seen, block, viewpoint, _Paint(plan, palette), factor)
     axes = sheet.axes(ground)
     axes.imshow(pixels, aspect="auto", interpolation="none", origin="lower")
     axes.set_axis_off()
@@ -213,7 +215,7 @@ def draw_perspective(
     unit = unit_of(terrain)
     said = f"{wide} {unit} from west to east, {deep} {unit} from south to north."
     if not options.bare:
-        _draw_texts(sheet, ground, camera, corners, [said], options)
+        _draw_texts(sheet, ground, viewpoint, corners, [said], options)
         if factor != 1.0:
             sheet.warning(factor, sheet.pixels(64.0), sheet.pixels(17.0))
     if title:
@@ -234,7 +236,7 @@ def _plan(
     terrain: Terrain, options: RenderOptions, part: tuple[float, float, float, float],
     judge: Judge | None, progress: Callable[[str], object],
 ) -> LayerPicture:  # fmt: skip
-    """The layer seen from above, from which the ground takes its colours."""
+    """Layer seen from above, from which the ground takes its colours."""
     resolution = max(part[2] - part[0], part[3] - part[1]) / options.size
     resolution = min(resolution, part[2] - part[0], part[3] - part[1])
     return layer_picture(
@@ -246,14 +248,14 @@ def _block(
     terrain: Terrain, options: RenderOptions, part: tuple[float, float, float, float],
     progress: Callable[[str], object],
 ) -> tuple[Block, str]:  # fmt: skip
-    """The ground as a block, and in words what it is made of.
+    """Ground as a block, and a phrase on its faces.
 
     Raises:
         RequestError: there is no ground.
     """
     error = options.max_error
     if error is None:
-        # half a pixel, of ground or of towers that are far higher than it is wide
+        # half a pixel of the ground, or of towers that are far higher than the ground is wide
         extent = max(part[2] - part[0], part[3] - part[1], relief_of(terrain, options.bounds))
         error = 0.5 * extent / options.size
     whole = terrain.written_out_or_none
@@ -264,15 +266,15 @@ def _block(
             whole = None
     if whole is None:
         progress("painting heights")
-        return _gridded(terrain, part)
+        return _grid_block(terrain, part)
     progress(f"meshing within {metres(error)}")
     built = collapse_degenerate(build(whole, error, options.bounds, base="below"))
     if not len(built.mesh.faces):
         raise no_ground()
-    return _meshed(built), f"{counted(len(built.mesh.faces), 'face')} within {metres(error)}"
+    return _mesh_block(built), f"{counted(len(built.mesh.faces), 'face')} within {metres(error)}"
 
 
-def _meshed(built: BuiltMesh) -> Block:
+def _mesh_block(built: BuiltMesh) -> Block:
     mesh = built.mesh
     found = mesh_kernels.corner_normals(mesh.vertices, mesh.faces, mesh.walls, built.error)
     normals = found[0].astype(np.float64)[found[1]]
@@ -282,8 +284,8 @@ def _meshed(built: BuiltMesh) -> Block:
     return Block(vertices, mesh.faces, surfaces, mesh.walls, normals)
 
 
-def _gridded(terrain: Terrain, part: tuple[float, float, float, float]) -> tuple[Block, str]:
-    """The ground as a grid of heights, where there are too many elements for a mesh."""
+def _grid_block(terrain: Terrain, part: tuple[float, float, float, float]) -> tuple[Block, str]:
+    """Ground as a block from a grid of heights, for too many elements for a mesh."""
     longer = max(part[2] - part[0], part[3] - part[1])
     grid = grid_over(terrain, longer / _GRID_SIDE, part)
     planes = paint_ground(terrain, grid)
@@ -340,7 +342,7 @@ def _gridded(terrain: Terrain, part: tuple[float, float, float, float]) -> tuple
 def _sheet(
     vertices: Floats, options: RenderOptions, margins: SheetMargins
 ) -> tuple[Sheet, Rectangle]:
-    """A sheet around the picture of a block, whose longer side has the size wanted."""
+    """Sheet whose longer side has the size asked for, and the rectangle of the block on it."""
     per_point = options.dpi / 72.0
     left, bottom, right, top = (math.ceil(part * per_point) for part in margins)
     across, down = options.size - left - right, options.size - bottom - top
@@ -349,8 +351,8 @@ def _sheet(
             "There is no room for the ground beside the letters.",
             "Give a larger --size or a smaller --dpi, or --no-legend.",
         )
-    camera = camera_for(vertices, options.azimuth, options.elevation, (across, down))
-    flat = camera.project(vertices)[:, :2]
+    viewpoint = viewpoint_for(vertices, options.azimuth, options.elevation, (across, down))
+    flat = viewpoint.project(vertices)[:, :2]
     width, height = (math.ceil(side) + 2 for side in np.ptp(flat, axis=0))
     width, height = min(width, across), min(height, down)
     least = 0 if options.bare else min(options.size, math.ceil(150.0 * per_point))
@@ -360,25 +362,26 @@ def _sheet(
 
 
 class _Paint(NamedTuple):
-    """Where faces take their colours from.
+    """Sources of the colours of faces.
 
     Attributes:
-        plan: the layer from above; for the ground.
-        palette: (surfaces + 1, 3) colours of surfaces, for ground and walls; None for other layers.
+        plan: layer seen from above, for the ground.
+        palette: (surfaces + 1, 3) uint8 colours of surfaces, for ground and walls; None for other
+            layers.
     """
 
     plan: LayerPicture
     palette: NDArray[np.uint8] | None
 
 
-def _shaded(
-    seen: Seen, block: Block, camera: Camera, paint: _Paint, factor: float
+def _shade(
+    seen: NearestFaces, block: Block, viewpoint: Viewpoint, paint: _Paint, factor: float
 ) -> NDArray[np.uint8]:
-    """The picture: colours of the faces with light on them, dark lines on edges, at its pixels."""
+    """Picture, (height, width, 3) uint8: colours of the faces in the light, dark on edges."""
     drawn = seen.face >= 0
     face = seen.face[drawn]
     row, column = np.nonzero(drawn)
-    points = camera.project(block.vertices * (1.0, 1.0, factor))
+    points = viewpoint.project(block.vertices * (1.0, 1.0, factor))
     weights = _weights(points[block.faces[face]], column, row)
     normal = np.einsum("nc,nck->nk", weights, block.normals[face]) / (1.0, 1.0, factor)
     normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-300)[:, None]
@@ -404,7 +407,7 @@ def _shaded(
 
 
 def _weights(corners: Floats, column: NDArray[np.int64], row: NDArray[np.int64]) -> Floats:
-    """How much the corners of faces count at pixels, (n, 3): in the world, not on the picture."""
+    """Weights of the corners of faces at pixels, (n, 3): barycentric in the world."""
     u, v = corners[..., 0] - column[:, None], corners[..., 1] - row[:, None]
     one, two = np.roll(np.arange(3), -1), np.roll(np.arange(3), -2)
     areas = u[:, one] * v[:, two] - u[:, two] * v[:, one]
@@ -418,7 +421,7 @@ def _weights(corners: Floats, column: NDArray[np.int64], row: NDArray[np.int64])
 
 
 def _colors(block: Block, face: NDArray[np.int32], place: Floats, paint: _Paint) -> Floats:
-    """Colours without light: of the layer; walls are grey where that says nothing of them."""
+    """Colours of faces without light, (n, 3) float64; walls are grey where the layer has none."""
     surfaces, plan = block.surfaces[face], paint.plan
     if paint.palette is not None:
         colors = paint.palette[np.maximum(surfaces, 0)].astype(np.float64)
@@ -434,8 +437,10 @@ def _colors(block: Block, face: NDArray[np.int32], place: Floats, paint: _Paint)
     return colors
 
 
-def _edges(seen: Seen, block: Block, drawn: NDArray[np.bool_], normal: Floats) -> NDArray[np.bool_]:
-    """Pixels beyond which the ground turns sharply, lies far behind, or has another surface."""
+def _edges(
+    seen: NearestFaces, block: Block, drawn: NDArray[np.bool_], normal: Floats
+) -> NDArray[np.bool_]:
+    """Pixels on edges, bool: the ground turns sharply, ends, or becomes a side of the block."""
     facing = np.zeros((*drawn.shape, 3))
     facing[drawn] = normal
     surface = np.full(drawn.shape, -2, np.int64)
@@ -452,14 +457,14 @@ def _edges(seen: Seen, block: Block, drawn: NDArray[np.bool_], normal: Floats) -
 
 
 def _draw_texts(
-    sheet: Sheet, ground: Rectangle, camera: Camera, vertices: Floats, said: list[str],
+    sheet: Sheet, ground: Rectangle, viewpoint: Viewpoint, vertices: Floats, said: list[str],
     options: RenderOptions,
 ) -> None:  # fmt: skip
-    """Draw the arrow to the north, and say what there is to say and from where it is seen."""
+    """Draw the arrow to the north, and the caption with sentences and the direction of view."""
     low, high = vertices.min(axis=0), vertices.max(axis=0)
 
     def at(point: Floats) -> Floats:
-        flat = camera.project(point[None])[0, :2] / FINER
+        flat = viewpoint.project(point[None])[0, :2] / FINER
         corner: Floats = flat + np.array([ground.left, ground.bottom])
         return corner
 
@@ -467,7 +472,7 @@ def _draw_texts(
     north = np.array([0.0, 0.05 * float(high[1] - low[1]), 0.0])
     foot, tip = at(middle), at(middle + north)
     right, up = ((tip - foot) / max(float(np.linalg.norm(tip - foot)), 1e-12)).tolist()
-    # the arrow and its letter stay on the sheet, wherever it leads
+    # shifted so that the arrow and its letter stay on the sheet in any direction
     x = sheet.pixels(30.0 - 12.0 * right)
     y = sheet.pixels(22.0 - 12.0 * up)
     sheet.north_arrow(x, y, (right, up))

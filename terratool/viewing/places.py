@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 from msgspec import Struct
 
-from terratool.definition.libraries import Document, path_between
+from terratool.definition.libraries import SourceDocument, path_between
 from terratool.definition.reader import Checked, load_checked
 from terratool.field.terrain import Terrain
 from terratool.text.display import unescape
@@ -87,11 +87,11 @@ class Places(Struct, frozen=True, dict=True):
     checked: Checked
 
     @cached_property
-    def documents(self) -> Mapping[str, Document]:
+    def documents(self) -> Mapping[str, SourceDocument]:
         """Texts by the path with which names of elements begin; "" for the terrain."""
         own = self.checked.document
         assert own is not None
-        return {"": own, **{path_between(own, one): one for one in own.reached}}
+        return {"": own, **{path_between(own, one): one for one in own.all_libraries}}
 
     @property
     def files(self) -> list[str]:

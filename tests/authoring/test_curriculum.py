@@ -27,6 +27,7 @@ from terratool.definition.reader import check
 from terratool.definition.tile_kinds import KINDS
 from terratool.errors import DefinitionError, ReadError, RequestError, WriteError
 from terratool.text.source import Source
+from tests.budget import examples
 from tests.commands import ROOT, run
 
 SAMPLES = sorted((ROOT / "samples" / "curricula").glob("*.json"))
@@ -643,7 +644,7 @@ def values_of(kind: str) -> st.SearchStrategy[dict[str, Any]]:
     return st.fixed_dictionaries({"kind": st.just(kind), **needed}, optional=optional)
 
 
-@settings(max_examples=60)
+@settings(max_examples=examples(60))
 @given(
     kind=st.sampled_from(sorted(KINDS)).flatmap(values_of),
     difficulty=st.floats(0, 1).map(lambda value: round(value, 2)),
@@ -667,6 +668,7 @@ def test_definitions_are_canonical_and_strictly_valid(
     assert np.isfinite(made.origins[..., :2]).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", SAMPLES, ids=lambda path: path.stem)
 def test_samples_are_strictly_valid_and_written_whole(path: Any, tmp_path: Any) -> None:
     out, spec = tmp_path / "out.json", json.loads(path.read_text("utf-8"))
@@ -688,6 +690,7 @@ def test_samples_are_strictly_valid_and_written_whole(path: Any, tmp_path: Any) 
     assert sorted(file.name for file in tmp_path.iterdir()) == ["out.json", "out.origins.npz"]
 
 
+@pytest.mark.slow
 def test_the_same_spec_gives_the_same_bytes(tmp_path: Any) -> None:
     again = []
     for name in ("a", "b"):
@@ -700,6 +703,7 @@ def test_the_same_spec_gives_the_same_bytes(tmp_path: Any) -> None:
     assert curriculum(SAMPLES[0], seed=12).text.encode() != again[0][0]
 
 
+@pytest.mark.slow
 def test_what_is_there_is_kept(tmp_path: Any) -> None:
     out, origins = tmp_path / "out.json", tmp_path / "out.origins.npz"
     for kept in (out, origins):
@@ -847,6 +851,7 @@ def test_what_is_wrong_is_said_once(name: str) -> None:
     assert len(caught.value.findings) == 1, [f.message for f in caught.value.findings]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "key", ["rows", "seed", "border", "jitter", "tile", "origin", "difficulty"]
 )
@@ -883,6 +888,7 @@ def test_other_files_are_no_specs(kind: str, file: str, tmp_path: Any) -> None:
     ]
 
 
+@pytest.mark.slow
 def test_kinds_without_a_tile_are_told(tmp_path: Any) -> None:
     """Not where they are to have none."""
     kinds = {
@@ -921,6 +927,7 @@ def test_all_that_is_wrong_is_said(tmp_path: Any) -> None:
             curriculum(path)
 
 
+@pytest.mark.slow
 def test_a_soil_that_is_worth_a_look_is_a_warning(tmp_path: Any) -> None:
     """Validating says so; tiles are made all the same."""
     path = tmp_path / "spec.json"
@@ -951,6 +958,7 @@ def test_too_much_is_refused_before_it_is_made() -> None:
         curriculum({**kind_with("randomRough", spacing=0.01), "rows": 20})
 
 
+@pytest.mark.slow
 def test_other_names_are_refused(tmp_path: Any) -> None:
     done = run("curriculum", SAMPLES[0], tmp_path / "out.txt")
     assert done.code == 2 and "Let it end in .json" in done.err
@@ -989,7 +997,7 @@ REPLACEMENTS = [
 ]  # fmt: skip
 
 
-@settings(max_examples=300)
+@settings(max_examples=examples(300))
 @given(kind=st.sampled_from(sorted(KINDS)).flatmap(values_of), data=st.data())
 def test_schema_and_reader_have_one_verdict(kind: dict[str, Any], data: st.DataObject) -> None:
     """With a key dropped, added or of another value, each refuses what the other refuses."""

@@ -30,6 +30,7 @@ from terratool.definition.reader import check
 from terratool.errors import RequestError
 from terratool.field.terrain import Terrain
 from terratool.text.source import Source
+from tests.budget import examples
 from tests.commands import ENVIRONMENT, ROOT, call
 
 PAGE = (ROOT / "docs" / "new.md").read_text("utf-8")
@@ -64,7 +65,7 @@ def test_a_new_terrain_is_laid_out_and_nothing_is_to_be_said_of_it(kind: str) ->
 
 
 @pytest.mark.parametrize("kind", [kind for kind in KINDS if kind != "course"])
-@settings(max_examples=20)
+@settings(max_examples=examples(20))
 @given(data=st.data())
 def test_whatever_is_asked_for_is_clean_or_refused_in_a_sentence(
     kind: str, data: st.DataObject
@@ -164,6 +165,7 @@ def test_the_bytes_are_a_promise(kind: str) -> None:
     assert hashlib.sha256(new(kind, **options).encode()).hexdigest()[:16] == PROMISED[kind]
 
 
+@pytest.mark.slow
 def test_another_process_gives_the_same_bytes(tmp_path: Path) -> None:
     """With another order of sets, and another encoding of the terminal."""
     code = """if True:
@@ -346,6 +348,7 @@ def slopes(heights: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.hypot(*np.gradient(heights, 0.1)).ravel()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("noise", "step", "spacing"),
     [((0.02, 0.1), 0.02, 0.1), ((-0.05, 0.05), 0.005, 0.2)],

@@ -127,6 +127,7 @@ try terratool export-dem a o.tif --layer asp
 """
 
 
+@pytest.mark.slow
 @needs("bash")
 def test_bash(folder: Path) -> None:
     """Bash completes files itself, relative to where it stands."""

@@ -71,6 +71,7 @@ def test_help(command: list[str], option: str) -> None:
         assert all(f"\n  {name} " in ran.out for name in COMMANDS)
 
 
+@pytest.mark.slow
 def test_examples_in_the_help_work(tmp_path: Path) -> None:
     """The example that a command gives can be typed as it stands, at the top of the project."""
     for name in COMMANDS:
@@ -209,6 +210,7 @@ def test_invalid_definition(tmp_path: Path, invalid: Path, command: str) -> None
     assert list(tmp_path.iterdir()) == [invalid]
 
 
+@pytest.mark.slow
 def test_cannot_be_written(tmp_path: Path) -> None:
     """A file that is there is kept, and a folder that is not is not made: both exit 3."""
     there = tmp_path / "there.tif"
@@ -429,6 +431,7 @@ def test_info_as_json_of_what_few_terrains_have(yard: Path) -> None:
     assert smooth["roughness"] == []
 
 
+@pytest.mark.slow
 def test_info_of_a_void(yard: Path) -> None:
     """A terrain without any ground has no heights, and JSON no NaN."""
     hollow = {**YARD, "elemTree": {"type": "flat", "surface": "hole"}}

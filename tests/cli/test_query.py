@@ -240,6 +240,7 @@ def started(yard: Path) -> subprocess.Popen[bytes]:
     )  # fmt: skip
 
 
+@pytest.mark.slow
 def test_a_reader_that_has_gone_is_no_trouble(yard: Path, tmp_path: Path) -> None:
     """With its output cut off, as by ``| head -1``, a query ends at once and in silence."""
     points = tmp_path / "points.csv"

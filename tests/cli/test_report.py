@@ -272,6 +272,7 @@ def on_a_terminal(*arguments: object, **environment: str) -> str:
     return read.getvalue().decode().replace("\r\n", "\n")
 
 
+@pytest.mark.slow
 def test_colours_are_for_terminals_only(tmp_path: Path) -> None:
     """Errors are red, warnings yellow on a terminal; elsewhere, or with NO_COLOR, all is plain."""
     path = tmp_path / "t.json"

@@ -52,6 +52,7 @@ def prints(path: Path) -> Iterator[str]:
             yield "print"
 
 
+@pytest.mark.slow
 def test_nothing_else_prints() -> None:
     """Every word goes through one module, which escapes it."""
     found = {
@@ -198,6 +199,7 @@ JSON = ("export-dem", "export-mesh", "export-sim", "scan", "map", "deform", "cur
         "import-terrain")  # fmt: skip
 
 
+@pytest.mark.slow
 def test_no_command_prints_what_a_terminal_obeys(name: str) -> None:
     """Whatever files are called: results, errors, usage, and all that is written on the way."""
     told_of = commands(name)
@@ -212,6 +214,7 @@ def test_no_command_prints_what_a_terminal_obeys(name: str) -> None:
         assert outs >= {f"{name}{end}" for end in made}
 
 
+@pytest.mark.slow
 def test_what_machines_read_is_still_theirs(name: str) -> None:
     """It has escapes of JSON and XML, which mean the same."""
     n = name

@@ -13,6 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tests.budget import examples
 from tests.commands import call
 from tests.strategies import Json, definitions
 
@@ -396,7 +397,7 @@ def test_fix_makes_nothing_worse(tmp_path: Path, before: str, after: str | None)
     assert path.read_text("utf-8") == expected
 
 
-@settings(max_examples=60)
+@settings(max_examples=examples(60))
 @given(definition=definitions(), data=st.data())
 def test_fix_adds_no_errors(
     definition: Json, data: st.DataObject, tmp_path_factory: pytest.TempPathFactory

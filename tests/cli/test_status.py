@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 
 from terratool.cli import terminal
-from terratool.cli.terminal import Status
+from terratool.cli.terminal import StatusLine
 from tests.commands import COMMAND, ENVIRONMENT, ROOT, SAMPLE
 
 
@@ -64,7 +64,7 @@ class TestATerminal:
 
     def test_says_what_and_how_long(self, monkeypatch: pytest.MonkeyPatch) -> None:
         err = stream(monkeypatch, True)
-        with Status("reading a.json") as status:
+        with StatusLine("reading a.json") as status:
             assert "\rreading a.json … 0 s" in err.next()
             status.say("writing b.json")
             while "writing b.json" not in err.next():
@@ -74,7 +74,7 @@ class TestATerminal:
 
     def test_says_how_far_and_what_comes_then(self, monkeypatch: pytest.MonkeyPatch) -> None:
         err = stream(monkeypatch, True)
-        with Status("painting", 4000, then="counting") as status:
+        with StatusLine("painting", 4000, then="counting") as status:
             while "painting:   0%|" not in err.next():
                 pass
             status(3000)
@@ -89,7 +89,7 @@ class TestATerminal:
 
     def test_counts_anew_what_comes_next(self, monkeypatch: pytest.MonkeyPatch) -> None:
         err = stream(monkeypatch, True)
-        with Status("judging", 4000) as status:
+        with StatusLine("judging", 4000) as status:
             status(3000)
             status.say("reaching", 800)
             while "reaching:   0%|" not in err.next():
@@ -100,7 +100,7 @@ class TestATerminal:
 
     def test_says_nothing_after_an_error(self, monkeypatch: pytest.MonkeyPatch) -> None:
         err = stream(monkeypatch, True)
-        with pytest.raises(KeyError), Status("reading"):
+        with pytest.raises(KeyError), StatusLine("reading"):
             err.next()
             raise KeyError
         assert re.search(r"\r +\r$", err.getvalue())
@@ -112,7 +112,7 @@ class TestAPipe:
 
     def test_says_how_far(self, monkeypatch: pytest.MonkeyPatch) -> None:
         err = stream(monkeypatch, False)
-        with Status("painting", 4000) as status:
+        with StatusLine("painting", 4000) as status:
             assert re.fullmatch(r"terratool: painting, 0%, \d+ s", err.next().splitlines()[0])
             status(1000)
             while not re.search(r"terratool: painting, 25%, \d+ s\n", err.next()):
@@ -124,18 +124,18 @@ class TestAPipe:
 
     def test_that_is_closed_ends_nothing(self, monkeypatch: pytest.MonkeyPatch) -> None:
         err = stream(monkeypatch, False)
-        with Status("painting"):
+        with StatusLine("painting"):
             err.next()
             err.close()
         monkeypatch.setattr(sys, "stderr", None)
-        with Status("painting"):
+        with StatusLine("painting"):
             pass
 
 
 def test_what_is_soon_done_says_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     for tty in (False, True):
         err = stream(monkeypatch, tty)
-        with Status("reading"):
+        with StatusLine("reading"):
             pass
         assert err.getvalue() == ""
     assert terminal.AFTER <= 2 and terminal.EVERY <= 10
@@ -147,7 +147,7 @@ import sys
 import threading
 from terratool.cli import terminal
 terminal.AFTER = terminal.TICK = 0.001
-show, told = terminal.Status._show, threading.Event()
+show, told = terminal.StatusLine._show, threading.Event()
 
 def _show(self):
     what = self._what
@@ -163,15 +163,16 @@ def waiting(method):
         return result
     return wait
 
-terminal.Status._show = _show
-terminal.Status.__enter__ = waiting(terminal.Status.__enter__)
-terminal.Status.say = waiting(terminal.Status.say)
+terminal.StatusLine._show = _show
+terminal.StatusLine.__enter__ = waiting(terminal.StatusLine.__enter__)
+terminal.StatusLine.say = waiting(terminal.StatusLine.say)
 from terratool.cli.main import main
 sys.argv[0] = "terratool"
 main()
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("command", "said"),
     [

@@ -24,7 +24,7 @@ from concurrent.futures import ThreadPoolExecutor
 from hashlib import pbkdf2_hmac
 from pathlib import Path
 from terratool.cli import main, stopping
-from terratool.cli.terminal import Status
+from terratool.cli.terminal import StatusLine
 from terratool.output import hold_signals, stop_on_signals, whole_file
 
 def deaf():
@@ -42,7 +42,7 @@ main.cli = command
 main.main()
 """
 IN_A_FILE = """
-    with whole_file("a.txt") as part, Status("working"):
+    with whole_file("a.txt") as part, StatusLine("working"):
         part.write_text("half")
         deaf()
 """

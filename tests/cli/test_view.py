@@ -119,6 +119,7 @@ def test_the_definition_is_not_written_over(tmp_path: Path) -> None:
     assert json.loads(path.read_text("utf-8")) == YARD
 
 
+@pytest.mark.slow
 def test_a_route_without_a_way_is_a_no(tmp_path: Path) -> None:
     """The page is there, and says why; another route is there, too."""
     out = tmp_path / "a.html"

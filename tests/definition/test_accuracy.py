@@ -13,7 +13,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from terratool.definition import expression
-from terratool.definition.accuracy import SLACK, Survey, survey
+from terratool.definition.accuracy import SLACK, AccuracySurvey, survey
 from terratool.definition.curves import FormulaCurve
 from terratool.definition.expression import ExpressionError, check, evaluate, parse
 from terratool.definition.listmath import LIST_FUNCTIONS
@@ -24,7 +24,7 @@ from tests.conftest import terrain_of
 from tests.definition.test_expression import EXPRESSIONS, formulas
 
 
-def known(text: str) -> Survey:
+def known(text: str) -> AccuracySurvey:
     return survey(parse(text))
 
 

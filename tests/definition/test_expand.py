@@ -21,6 +21,7 @@ from terratool.definition.uses import Uses
 from terratool.errors import RequestError
 from terratool.text.source import Source, read_source
 from tests import composition
+from tests.budget import examples
 from tests.filesets import MAIN, FileSet, file_sets, save
 
 KEYS = {key: name for name, key in names_of(ElementText) if key != "children"}
@@ -92,7 +93,7 @@ def assert_same(found: dict[str, Any], wanted: dict[str, Any], share: float, siz
     assert "part" not in found and "repeat" not in found
 
 
-@settings(max_examples=200)
+@settings(max_examples=examples(200))
 @given(file_sets())
 def test_the_expansion_is_what_the_format_says(files: FileSet) -> None:
     """Elements, their order and their names, and how many there are."""

@@ -30,6 +30,7 @@ from terratool.definition.expression import (
 from terratool.definition.listmath import LIST_FUNCTIONS
 from terratool.field.pieces import values_of
 from terratool.text.source import Source
+from tests.budget import examples
 from tests.strategies import EXPRESSIONS, NAMED_CURVES
 
 TS = [0.0, 1e-9, 0.1, 0.25, 1 / 3, 0.5, 0.625, 0.75, 0.9, 1 - 1e-9, 1.0]
@@ -484,7 +485,7 @@ def repetitions() -> st.SearchStrategy[str]:
     return st.builds(lambda f, sign, n: sign.join([f] * n), formulas(1), signs, st.integers(2, 70))
 
 
-@settings(max_examples=3000)
+@settings(max_examples=examples(3000))
 @given(
     st.lists(st.sampled_from(TOKENS), max_size=14).map("".join)
     | st.text(max_size=14)

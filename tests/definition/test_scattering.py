@@ -14,8 +14,8 @@ from terratool.definition import sharing
 from terratool.definition.model import Scatter
 from terratool.definition.reader import Checked, CheckOptions, check
 from terratool.definition.rules import scatter
-from terratool.definition.scatter_areas import Area, strewn_over
-from terratool.definition.scattering import Strewn, share, strewing, strewn
+from terratool.definition.scatter_areas import Area, copies_over
+from terratool.definition.scattering import Strewn, share, strew, strewing_of
 from terratool.definition.uses import Root
 from terratool.field.terrain import Terrain
 from terratool.text.source import Source
@@ -29,9 +29,9 @@ def copies(
     **asked: Any,
 ) -> list[Copy]:  # fmt: skip
     scatter = Scatter(**({"count": 400, "sizes": (0.2, 1.6), "seed": 5} | asked))
-    asked_for = strewing(scatter, area, by_quarters=by_quarters, tilted=tilted)
+    asked_for = strewing_of(scatter, area, by_quarters=by_quarters, tilted=tilted)
     assert isinstance(scatter.count, int)
-    sides, x, y, turns, looked, _ = strewn(asked_for, scatter.count)
+    sides, x, y, turns, looked, _ = strew(asked_for, scatter.count)
     assert looked == scatter.count
     listed = enumerate(zip(sides, x, y, turns, strict=True))
     return [Copy(n, d, (x, y), turn) for n, (d, x, y, turn) in listed if not math.isnan(x)]
@@ -66,16 +66,16 @@ def test_copies_are_those_of_the_slow_reading(
 def test_as_many_are_looked_at_as_there_are_tries() -> None:
     """Those behind are left out; without a distance each copy is tried once."""
     scatter = Scatter(count=400, sizes=(0.2, 1.6), seed=5)
-    asked = strewing(scatter, AREA, by_quarters=False, tilted=False)
-    whole, part = strewn(asked, 400), strewn(asked, 400, 150)
+    asked = strewing_of(scatter, AREA, by_quarters=False, tilted=False)
+    whole, part = strew(asked, 400), strew(asked, 400, 150)
     assert (whole.looked, part.looked, part.left) == (400, 150, 0)
     assert part.x[:150] == whole.x[:150] and all(map(math.isnan, part.x[150:]))
-    crowded = strewing(
+    crowded = strewing_of(
         Scatter(count=400, sizes=(5.0, 5.0), seed=5, distance=9.0), AREA,
         by_quarters=False, tilted=False,
     )  # fmt: skip
-    assert strewn(crowded, 400, 10**6).left < 10**6 - 390 * TRIES
-    assert strewn(crowded, 400, 500).looked < 20
+    assert strew(crowded, 400, 10**6).left < 10**6 - 390 * TRIES
+    assert strew(crowded, 400, 500).looked < 20
 
 
 @pytest.mark.parametrize("asked", [{}, {"turned": True}, {"distance": 0.0}, {"distance": 0.3}])
@@ -294,11 +294,11 @@ def test_so_many_are_announced_as_are_placed(
     placed = []
 
     def counted(root: Root, area: Area) -> Strewn:
-        found = strewn_over(root, area)
+        found = copies_over(root, area)
         placed.append(len(found.sides))
         return found
 
-    monkeypatch.setattr(sharing, "strewn_over", counted)
+    monkeypatch.setattr(sharing, "copies_over", counted)
     Terrain(checked, share_above=0)
     assert 0 < sum(placed) <= copies
     assert (sum(placed) == copies) == exactly

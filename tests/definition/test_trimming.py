@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from terratool.definition.bundle import bundle
 from terratool.definition.findings import Finding
 from terratool.definition.reader import check
-from terratool.definition.turning import turned
+from terratool.definition.turning import turned_shape
 from terratool.field.terrain import Terrain
 from terratool.text.source import Source, read_source
 from tests.decimals import meant
@@ -135,7 +135,7 @@ def test_the_place_is_the_middle_of_its_cell(
     hint = finding.hint
     middle = [meant(size[k]) * (2 * place[k] + span[k]) / (2 * cells[k]) for k in (0, 1)]
     sides = [meant(size[k]) * span[k] / cells[k] for k in (0, 1)]
-    reach = turned((float(sides[0]), float(sides[1])), turn, False).reach
+    reach = turned_shape((float(sides[0]), float(sides[1])), turn, False).reach
     inside = [reach[k] <= min(middle[k], meant(size[k]) - middle[k]) for k in (0, 1)]
     if not all(inside):
         assert "does not have there" in hint
@@ -209,7 +209,7 @@ def test_an_element_without_its_cell_is_no_crash(cell: dict[str, int], turn: int
 )
 def test_a_slanted_rectangle_leaves_its_cell_whatever_its_sides(turn: float, ratio: float) -> None:
     sides = (10.0**ratio, 1.0)
-    assert turned(sides, turn, False).is_trimmed or min(turn % 90, 90 - turn % 90) <= 1e-6
+    assert turned_shape(sides, turn, False).is_trimmed or min(turn % 90, 90 - turn % 90) <= 1e-6
 
 
 def test_copies_keep_their_steps() -> None:

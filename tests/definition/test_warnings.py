@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import json
 import math
-import os
 from collections import Counter
 from collections.abc import Iterator
 from fractions import Fraction
@@ -23,13 +22,14 @@ from hypothesis import strategies as st
 from terratool.definition.findings import Finding
 from terratool.definition.reader import CheckOptions, check
 from terratool.text.source import Source
+from tests.budget import examples
 from tests.conftest import terrain_of, text_of
 from tests.decimals import meant
 from tests.oracle import COMBINES, cos_sin, curve_value
 from tests.oracle import steps as steps_of
 from tests.strategies import EXPRESSIONS, NAMED_CURVES, Json, knots, numbers, vectors
 
-EXAMPLES = int(os.environ.get("TERRATOOL_FUZZ", "80"))
+EXAMPLES = examples(80)
 
 
 def found_in(definition: Json, code: str, max_step: float | None = None) -> list[Finding]:
@@ -802,6 +802,7 @@ def nested(levels: int, inner: str, **keys: Any) -> str:
     return f'{{"size": 1, "elemTypes": {{"box": {{"x": [1]}}}}, "elemTree": {root}}}'
 
 
+@pytest.mark.slow
 def test_the_bounds_of_what_lies_deep() -> None:
     """A thousand levels down the rectangle is still that of exact fractions."""
     checked = check(Source("t.json", nested(1000, "", vScale=0).encode()))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 from fractions import Fraction
 from typing import Any
 
@@ -11,11 +10,12 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tests.budget import examples
 from tests.conftest import terrain_of
 from tests.oracle import Element, Oracle, Side
 from tests.strategies import definitions, landmarks, points, rims
 
-EXAMPLES = int(os.environ.get("TERRATOOL_FUZZ", "25"))
+EXAMPLES = examples(25)
 
 # Oblong in all: a root of 3 × 2 cells, in the cell (2, 0) an element of 4 × 5 cells, in its block
 # (1, 2) to (2, 2) a plate; a track over all of it.

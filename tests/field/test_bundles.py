@@ -6,7 +6,6 @@ import copy
 import gzip
 import json
 import math
-import os
 import tempfile
 from pathlib import Path
 from typing import Any
@@ -25,12 +24,13 @@ from terratool.mesh.export import relief_of
 from terratool.raster.grid import grid_over
 from terratool.raster.painter import Painter
 from terratool.text.source import Source, read_source
+from tests.budget import examples
 from tests.commands import call
 from tests.filesets import MAIN, FileSet, file_sets, save
 from tests.oracle import Oracle
 from tests.strategies import landmarks, rims, scattered
 
-EXAMPLES = int(os.environ.get("TERRATOOL_FUZZ", "60"))
+EXAMPLES = examples(60)
 
 
 class Three:
@@ -148,7 +148,7 @@ def test_heights_surfaces_and_names_are_those_of_the_plain_reading(data: st.Data
             assert abs(found.height - wanted.z) <= within, where
 
 
-@settings(max_examples=60)
+@settings(max_examples=examples(60))
 @given(file_sets())
 def test_a_bundle_has_what_it_needs_and_no_more(files: FileSet) -> None:
     """Valid, in the canonical layout, without libraries; each name is named."""

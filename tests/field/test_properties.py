@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import math
-import os
 from typing import Any
 
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tests.budget import examples
 from tests.conftest import terrain_of
 from tests.oracle import Oracle
 from tests.strategies import definitions, landmarks, points, rims
 
-EXAMPLES = int(os.environ.get("TERRATOOL_FUZZ", "75"))
+EXAMPLES = examples(75)
 
 # Curves are kept to 1e-8 each; up to 31 elements with |vScale| up to 5 and two curves with values
 # up to about 3 can add up to this.

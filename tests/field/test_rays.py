@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 import pickle
 from collections import Counter
 from dataclasses import dataclass, fields, replace
@@ -19,12 +18,13 @@ from terratool.errors import RequestError
 from terratool.field.rays import RayHits
 from terratool.field.terrain import Terrain
 from terratool.field.types import OUTSIDE
+from tests.budget import examples
 from tests.conftest import terrain_of
 from tests.oracle import Oracle
 from tests.rays import ABOVE, RayOracle, Rays, Reading, Stretches
 from tests.strategies import SURFACES, definitions, landmarks
 
-EXAMPLES = int(os.environ.get("TERRATOOL_FUZZ", "25"))
+EXAMPLES = examples(25)
 RAYS = 40
 TOLERANCE = 2e-6  # of heights, as in test_properties
 Json = dict[str, Any]
@@ -330,6 +330,7 @@ def compared(definition: Json, rng: np.random.Generator, count: int) -> Counter[
 # Against the slow reading
 
 
+@pytest.mark.slow
 def test_rays_over_thin_posts_and_walls_agree_with_the_format() -> None:
     total: Counter[str] = Counter()
     for seed in range(EXAMPLES):
@@ -1089,6 +1090,7 @@ def test_what_is_no_ray_is_refused_in_a_sentence(
     assert refused.value.hint
 
 
+@pytest.mark.slow
 def test_parts_that_are_shared_are_written_out_or_refused() -> None:
     """What comes to 10^12 elements has no answer; 100,000 have that of their own."""
     brick = {"type": "box", "at": [0.4, 0.5], "extent": [0.2, 0.1], "vScale": 3}

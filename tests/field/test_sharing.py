@@ -24,10 +24,11 @@ from terratool.field.types import OUTSIDE
 from terratool.raster.grid import Grid
 from terratool.raster.painter import Painter
 from terratool.text.source import Source, read_source
+from tests.budget import examples
 from tests.filesets import FileSet, file_sets, save
 
 ALWAYS = -1
-EXAMPLES = 60
+EXAMPLES = examples(60)
 Json = dict[str, Any]
 
 
@@ -142,6 +143,7 @@ TYPES: Json = {
 SURFACES: Json = {"soil": {}, "rock": {"roughness": {"rms": 0.1, "correlation": 0.3}}}
 
 
+@pytest.mark.slow
 def test_copies_on_each_other_keep_their_order() -> None:
     """Many copies that overlap, in cells and at free places, with parts in them, turned and not."""
     for step, turn in itertools.product((1, 2, -1, 0), (0, 90, 180, 270)):

@@ -24,6 +24,7 @@ from terratool.raster.loss import LossFinder, subpixel_features
 from terratool.raster.mosaic import fingerprint
 from terratool.raster.painter import Painter
 from terratool.text.source import Source
+from tests.budget import examples
 from tests.conftest import terrain_of
 from tests.oracle import Oracle, Track
 
@@ -181,7 +182,7 @@ def test_no_tracks_change_nothing() -> None:
 finite = st.floats(-100, 100) | st.integers(-8, 8).map(float)
 
 
-@settings(max_examples=300)
+@settings(max_examples=examples(300))
 @given(st.tuples(finite, finite, finite, finite), st.floats(1e-3, 50), finite, st.floats(-2, 2))
 def test_what_a_segment_holds_is_nearly_exact(
     ends: tuple[float, float, float, float], width: float, along: float, aside: float

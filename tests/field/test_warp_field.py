@@ -6,7 +6,6 @@ The terrain itself is held to the format elsewhere; a few answers are known by h
 from __future__ import annotations
 
 import math
-import os
 import re
 import subprocess
 import sys
@@ -23,6 +22,7 @@ from terratool.errors import RequestError
 from terratool.field import warp_field
 from terratool.field.terrain import Terrain, load
 from terratool.text.source import Source
+from tests.budget import examples
 from tests.commands import ROOT
 from tests.conftest import terrain_of, text_of
 from tests.strategies import SURFACES, definitions, landmarks, points, rims
@@ -30,7 +30,7 @@ from tests.strategies import SURFACES, definitions, landmarks, points, rims
 wp = pytest.importorskip("warp", reason="warp-lang is not installed")
 kernels = pytest.importorskip("terratool.field.warp_kernels")
 
-EXAMPLES = int(os.environ.get("TERRATOOL_FUZZ", "100"))
+EXAMPLES = examples(100)
 SAMPLES = sorted((ROOT / "samples").glob("*.json"))
 ULP = 2.0**-24
 """Half the spacing of float32 below 1, twice: normals may be rounded the other way."""
@@ -196,6 +196,7 @@ class TestEquality:
         x, y = np.random.default_rng(3).uniform((0, 0), (40, 10), (500, 2)).T
         assert_same(terrain, x, y)
 
+    @pytest.mark.slow
     def test_many_grids_over_a_point(self, monkeypatch: pytest.MonkeyPatch) -> None:
         """So many wait in a descent that a kernel with more room is compiled, or it is refused."""
         child = {"cellX": 0, "cellY": 0, "type": "ramp", "vScale": 0.1}
@@ -311,6 +312,7 @@ class TestKnown:
 class TestKernels:
     """The function for kernels of others, and what a GPU would run."""
 
+    @pytest.mark.slow
     def test_a_kernel_of_ones_own(self) -> None:
         """It asks for the ground at world coordinates, and gets slopes in float64."""
         field = terrain_of({**OBLONG, "origin": [300, -20]}).to_warp("cpu", origin=(1, 2, 3))
@@ -333,6 +335,7 @@ class TestKernels:
         wp.launch(ask, dim=2, inputs=[field.field, points, *out], device="cpu")
         assert [each.numpy().tolist() for each in out] == [[0.25, 2.0], [0.1, 0.0]]
 
+    @pytest.mark.slow
     def test_it_compiles_for_cuda(self, tmp_path: Path) -> None:
         """Without a GPU, by NVRTC; sums and products are rounded each by itself, as edges want."""
         wp.init()

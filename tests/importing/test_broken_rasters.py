@@ -234,6 +234,7 @@ class TestNetCDF:
         with pytest.raises(ReadError):
             read(f"/vsizip/{tmp_path}/a.zip/bad.nc")
 
+    @pytest.mark.slow
     @pytest.mark.parametrize(
         "counts",
         [
@@ -310,6 +311,7 @@ class TestClaims:
         said, memory = memory_for(place)
         assert "claims" in said and memory < 500
 
+    @pytest.mark.slow
     def test_what_is_packed_well_is_read_from_its_archive(self, tmp_path: Path) -> None:
         """Twenty pixels a byte and more, which a raw file could not have."""
         columns = 2500

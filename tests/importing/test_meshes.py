@@ -20,12 +20,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from terratool.errors import ReadError, RequestError, TerratoolError
-from terratool.importing import meshes, sources
+from terratool.importing import meshes, types
 from terratool.importing.meshes import READERS, read_triangles
 from terratool.importing.sources import open_source
 from terratool.importing.types import SampledHeights, SourceOptions, Triangles
 from terratool.mesh.export import write_mesh
 from terratool.text import packing
+from tests.budget import examples
 from tests.conftest import terrain_of
 from tests.meshes import exported
 from tests.programs import program
@@ -481,6 +482,7 @@ def test_a_block_that_holds_itself_is_refused(tmp_path: Path) -> None:
     refused(tmp_path / "self.dxf")
 
 
+@pytest.mark.slow
 def test_blocks_that_multiply_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     ezdxf = pytest.importorskip("ezdxf", reason="ezdxf is not installed")
     monkeypatch.setattr(meshes, "MAX_ENTITIES", 1000)
@@ -496,6 +498,7 @@ def test_blocks_that_multiply_are_refused(tmp_path: Path, monkeypatch: pytest.Mo
     assert f"more than {1000 + path.stat().st_size:,} entities" in refused(path).message
 
 
+@pytest.mark.slow
 def test_a_block_in_a_huge_grid_is_refused(tmp_path: Path) -> None:
     """A few bytes that claim 2^31 columns; what is asked for in reason is read."""
     ezdxf = pytest.importorskip("ezdxf", reason="ezdxf is not installed")
@@ -703,7 +706,7 @@ def test_changed_bytes_end_in_triangles_or_in_a_sentence(suffix: str, tmp_path: 
     data = good.read_bytes()
     end = len(data) if suffix != ".dxf" else min(len(data), 3000)
 
-    @settings(max_examples=8 if suffix == ".dxf" else 100)
+    @settings(max_examples=examples(8 if suffix == ".dxf" else 100))
     @given(
         st.lists(st.tuples(st.integers(0, end - 1), st.integers(0, 255)), min_size=1, max_size=9)
     )
@@ -831,7 +834,7 @@ def test_instances_that_multiply_are_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     put_glb(tmp_path / "tent.glb")
-    monkeypatch.setattr(sources, "MAX_FACES", 3)
+    monkeypatch.setattr(types, "MAX_FACES", 3)
     assert "more than 3 faces" in refused(tmp_path / "tent.glb").message
 
 
@@ -887,6 +890,7 @@ def test_a_wall_seen_from_above_is_nothing(tmp_path: Path) -> None:
     assert (heights_of(path, 1.0).values == 0).all()
 
 
+@pytest.mark.slow
 def test_an_obj_need_not_be_utf_8(tmp_path: Path) -> None:
     """Comments and names in Latin-1, as old programs write them, and no package to guess it."""
     path = tmp_path / "cafe.obj"

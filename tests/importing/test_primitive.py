@@ -30,6 +30,7 @@ from terratool.importing.primitive.entries import PrimitiveEntry, fit_error
 from terratool.importing.primitive.products import Patch, nodes
 from terratool.importing.types import PixelGrid, SampledHeights
 from terratool.kernels import importing as kernels
+from tests.budget import examples
 from tests.conftest import terrain_of
 
 Floats = NDArray[np.float64]
@@ -88,7 +89,7 @@ def profiles(draw: st.DrawFn) -> list[float]:
     return values
 
 
-@settings(max_examples=12)
+@settings(max_examples=examples(12))
 @given(profiles(), profiles(), st.integers(1, 50).map(lambda n: n / 4), thousandths, st.booleans())
 @example([0.1, 0.2, 0.4, 1, 0.3], [1, 0.25, 0], 3.0, 0.5, True)
 def test_a_product_comes_back(
@@ -126,7 +127,7 @@ def test_a_plane_without_a_twist_is_a_sum() -> None:
     np.testing.assert_allclose(heights(imported, samples_of(z)), z, atol=1e-6)
 
 
-@settings(max_examples=10)
+@settings(max_examples=examples(10))
 @given(profiles(), profiles())
 def test_a_sum_comes_back(x: list[float], y: list[float]) -> None:
     z = 3.5 * (curve(x, U)[None, :] + 2 * curve(y, V)[:, None]) - 11
@@ -135,7 +136,7 @@ def test_a_sum_comes_back(x: list[float], y: list[float]) -> None:
     np.testing.assert_allclose(heights(imported, samples), z, atol=3e-6 * np.ptp(z))
 
 
-@settings(max_examples=5)
+@settings(max_examples=examples(5))
 @given(st.integers(0, 1000), st.floats(0.05, 0.5))
 def test_missing_heights_count_for_nothing(seed: int, share: float) -> None:
     """They are taken out of a product and come back, a whole corner of it, too."""
@@ -184,6 +185,7 @@ def turned(turn: float, rows: int, columns: int, dx: float, dy: float) -> Floats
     return 4 * curve([0, 0.2, 1, 0.3, 0.1], u) * curve([0.1, 0.5, 1, 0.8, 0.2], v) + 7
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("turn", "noise"), [(25.0, 0.02), (-37.5, 0.0)])
 def test_a_turn_is_found(turn: float, noise: float) -> None:
     z = turned(turn, 220, 220, 1.5, 1.5)
@@ -281,6 +283,7 @@ def test_the_largest_error_is_about_the_smallest_there_is(seed: int) -> None:
     assert best * (1 - 1e-9) <= largest <= 1.01 * best
 
 
+@pytest.mark.slow
 def test_large_patches_are_fitted_to_all_of_their_pixels(monkeypatch: pytest.MonkeyPatch) -> None:
     """As well as if all pixels had been fitted from the beginning."""
     rough = Patch(samples_of(roughness(300, 12, 1.2)[:260, :]))
@@ -364,6 +367,7 @@ CURVES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CURVES)
 def test_each_named_curve_is_recognised(name: str) -> None:
     assert set(CURVES) == set(NAMED)
@@ -377,6 +381,7 @@ def test_each_named_curve_is_recognised(name: str) -> None:
     assert imported.elements() == [{"type": "it", "vScale": -2.5, "vOffset": 3}]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("x", "y"),
     [
@@ -400,6 +405,7 @@ def test_mirrored_and_trimmed_curves_are_recognised(x: Any, y: Any) -> None:
     np.testing.assert_allclose(heights(imported, samples), z, atol=2e-3)
 
 
+@pytest.mark.slow
 def test_one_curve_may_be_recognised_alone() -> None:
     z = 1 + 2 * np.outer(curve([0, 0.9, 0.1, 0.8, 0.3], V), CURVES["cos"](U))
     imported = import_primitive(
@@ -409,6 +415,7 @@ def test_one_curve_may_be_recognised_alone() -> None:
     assert found["x"] == "cos" and len(found["y"]) >= 5
 
 
+@pytest.mark.slow
 def test_nothing_is_recognised_beyond_the_tolerance() -> None:
     ripple = 0.02 * np.sin(40 * U)[None, :] * np.cos(31 * V)[:, None]
     z = 2 * np.outer(CURVES["tent"](V), CURVES["cosbell"](U)) + ripple
@@ -513,6 +520,7 @@ def test_a_term_more_is_told_only_if_it_helps() -> None:
         assert ("--terms" in text) == helps
 
 
+@pytest.mark.slow
 def test_a_wall_may_stand_beside_a_curve_with_a_name() -> None:
     low = np.where(U < 0.4321, 0.15 + 0.8 * U, 1.4 - U)
     z = 5 * np.outer(CURVES["cosbell"](V), low)
@@ -552,6 +560,7 @@ def test_terms_that_nothing_needs_are_left_out() -> None:
     np.testing.assert_allclose(heights(imported, samples_of(z)), z, atol=1e-5)
 
 
+@pytest.mark.slow
 def test_the_same_patch_gives_the_same_text() -> None:
     z = roughness(50, 9)[:33, :]
     first, second = (

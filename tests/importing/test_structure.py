@@ -24,6 +24,7 @@ from terratool.importing.structure.structures import (
     primitive_of,
 )
 from terratool.kernels import importing as kernels
+from tests.budget import examples
 from tests.conftest import terrain_of
 
 Floats = NDArray[np.float64]
@@ -222,7 +223,7 @@ def scattered(draw: st.DrawFn) -> list[dict[str, Any]]:
 
 
 @given(scattered(), st.booleans())
-@settings(max_examples=40)
+@settings(max_examples=examples(40))
 def test_whatever_is_found_adds_up_to_no_more_than_the_dem(
     elements: list[dict[str, Any]], walls: bool
 ) -> None:
@@ -270,7 +271,7 @@ def test_double_precision_far_above_the_sea() -> None:
 
 
 @given(st.data())
-@settings(max_examples=25)
+@settings(max_examples=examples(25))
 def test_between_centres_the_surface_is_within_the_bound(data: st.DataObject) -> None:
     kind = data.draw(st.sampled_from(sorted(PRIMITIVES)))
     width, height = data.draw(st.integers(8, 60)), data.draw(st.integers(8, 50))

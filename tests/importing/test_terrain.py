@@ -24,6 +24,7 @@ from terratool.importing.terrain.methods import METHODS, methods_named, step_for
 from terratool.importing.terrain.writing import BoundError, Checker
 from terratool.importing.types import PixelGrid, SampledHeights
 from terratool.text.source import read_source
+from tests.budget import examples
 from tests.conftest import terrain_of
 
 NAMES = ("rows", "columns", "nodal-rows", "nodal-columns", "hats")
@@ -154,7 +155,7 @@ def test_reading_by_rows_makes_the_same_heights(tmp_path, monkeypatch):
     height=st.sampled_from([0.0, -400.0, 8848.0]),
     pixels=st.booleans(),
 )
-@settings(max_examples=60)
+@settings(max_examples=examples(60))
 def test_the_bound_holds_for_any_dem(
     tmp_path_factory, shape, seed, log_error, name, holes, height, pixels
 ):
@@ -194,6 +195,7 @@ def test_nothing_jumps_where_elements_meet(tmp_path):
         assert np.abs(jumps).max() < 1e-7
 
 
+@pytest.mark.slow
 def test_the_smallest_method_is_taken(tmp_path):
     """Sparse bumps on level ground by hats; ground with the detail along y by columns."""
     bumps = np.zeros((129, 193))
@@ -528,6 +530,7 @@ CURVES = {
 }
 
 
+@pytest.mark.slow
 def test_boxes_ramps_and_hills_come_back_by_name_and_number(tmp_path):
     """With upright walls: the same curves, cells and factors, and the same surface."""
     same = count = 0

@@ -206,6 +206,7 @@ def test_grids_of_heights_come_back(tmp_path: Path) -> None:
     assert up_axis_of(path) == "z"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["warehouse", "paper-example"])
 def test_samples_come_back(name: str, tmp_path: Path) -> None:
     """The triangles of the PLY of the same terrain, as trimesh reads that."""

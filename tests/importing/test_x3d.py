@@ -241,6 +241,7 @@ def test_what_is_written_comes_back_vertex_for_vertex(tmp_path: Path) -> None:
     assert listed(corners(found).astype(np.float32)) == listed(points[mesh.faces])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sample", ["nested-site", "wheel-tracks"])
 def test_a_terrain_is_the_same_in_vrml_and_x3d(sample: str, tmp_path: Path) -> None:
     for suffix in ("wrl", "x3d"):
@@ -263,6 +264,7 @@ def test_y_is_up_unless_the_file_says_otherwise(tmp_path: Path) -> None:
     assert found.vertices[found.faces[0]].tolist() == [[0, 0, 0], [4, 0, 1], [4, 3, 1]]
 
 
+@pytest.mark.slow
 def test_x3d_is_a_source_of_imports(tmp_path: Path) -> None:
     mesh, out = tmp_path / "t.x3d", tmp_path / "t.json"
     assert run("export-mesh", SAMPLE, mesh, "--max-error", "1").code == 0
@@ -382,6 +384,7 @@ def test_no_file_is_opened_but_the_one_that_is_named(
     assert {Path(name).name for name in opened} <= {"t.x3d"}
 
 
+@pytest.mark.slow
 def test_nodes_a_hundred_thousand_deep(tmp_path: Path) -> None:
     deep = 100_000
     found = read(tmp_path, scene("<Group>" * deep + SHAPE + "</Group>" * deep))

@@ -17,6 +17,7 @@ from terratool.errors import ReadError, RequestError
 from terratool.importing.sampling import sample, steps
 from terratool.importing.types import Triangles
 from terratool.kernels import importing as kernels
+from tests.budget import examples
 
 UTM = (500_000.0, 6_000_000.0)
 
@@ -91,7 +92,7 @@ soups = st.lists(points, min_size=3, max_size=9).flatmap(
 )  # fmt: skip
 
 
-@settings(max_examples=300)
+@settings(max_examples=examples(300))
 @given(soups)
 def test_heights_are_those_of_rays_from_above(soup: Any) -> None:
     """Any triangles at all, many of whose edges and corners lie on pixel centres."""
@@ -104,7 +105,7 @@ def test_heights_are_those_of_rays_from_above(soup: Any) -> None:
     np.testing.assert_allclose(heights, wanted, rtol=0, atol=1e-12)
 
 
-@settings(max_examples=100)
+@settings(max_examples=examples(100))
 @given(soups, st.sampled_from([0.25, 0.5, 1.0]))
 def test_large_coordinates_change_nothing(soup: Any, resolution: float) -> None:
     mesh = mesh_of(*soup)
@@ -151,6 +152,7 @@ def scattered(seed: int, count: int, width: float, depth: float) -> tuple[Triang
     return Triangles(np.column_stack([plan, z]), faces), web
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("offset", [(0.0, 0.0), UTM])
 def test_heights_are_those_of_the_planes_of_triangles(offset: tuple[float, float]) -> None:
     """SciPy's linear interpolation on the same triangles says the same."""
@@ -165,7 +167,7 @@ def test_heights_are_those_of_the_planes_of_triangles(offset: tuple[float, float
     assert not samples.notes
 
 
-@settings(max_examples=30)
+@settings(max_examples=examples(30))
 @given(st.integers(0, 10_000), st.sampled_from([0.0, 1e-7, 1 / 3, 6e6 + 1 / 3]))
 def test_no_centre_between_triangles_is_missed(seed: int, offset: float) -> None:
     """Nor is one counted twice: a sheet covers each centre once."""

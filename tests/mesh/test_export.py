@@ -190,6 +190,7 @@ def test_a_base_is_chosen(tmp_path: Path) -> None:
     assert report.base is not None and -5 < report.base < -2
 
 
+@pytest.mark.slow
 def test_a_solid_with_few_faces(tmp_path: Path) -> None:
     trimesh = pytest.importorskip("trimesh")
     report = exported(crowd(), tmp_path / "a.ply", 0.01, 1000, solid=True)
@@ -330,6 +331,7 @@ def test_without_usd_core(
     assert "usd-core is not installed" in ran.err and "terratool[usd]" in ran.err
 
 
+@pytest.mark.slow
 def test_nothing_half_written(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, saved: Callable[..., Path]
 ) -> None:

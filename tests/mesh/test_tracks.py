@@ -21,6 +21,7 @@ from terratool.mesh.loss import wall_summary
 from terratool.mesh.tiles import TileCount, lay_out
 from terratool.mesh.types import BuiltMesh, Mesh
 from tests import strategies
+from tests.budget import examples
 from tests.conftest import terrain_of
 from tests.mesh.test_tiles import check_seams, tiles_of, union
 from tests.meshes import (
@@ -179,6 +180,7 @@ def test_joins_are_round() -> None:
     assert np.abs(np.hypot(corner[:, 0] - 6, corner[:, 1] - 1) - 0.2).max() < 1e-8
 
 
+@pytest.mark.slow
 def test_a_fine_path_has_few_edges() -> None:
     """A bend of a thousand pieces is as coarse as the error allows, and as near as it says."""
     turn = np.linspace(0, math.pi, 1000)
@@ -375,7 +377,7 @@ def test_a_part_in_the_crook_of_a_track() -> None:
     assert len(build(terrain, 1e-3, (102, 53, 104, 55)).mesh.faces) == 2
 
 
-@settings(max_examples=30)
+@settings(max_examples=examples(30))
 @given(st.data())
 def test_any_tracks(data: st.DataObject) -> None:
     """Wherever they lie, and however wide, deep and often they are, over all that has straight

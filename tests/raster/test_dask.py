@@ -48,6 +48,7 @@ def parts(folder: Path) -> set[str]:
     return {str(path.parent) for path in folder.glob(".terratool-tiles-*.part/*/*.tif")}
 
 
+@pytest.mark.slow
 def test_whole_windows_threads_and_dask_are_one(tmp_path: Path) -> None:
     """Bit for bit: a single file, and mosaics by one thread, by three and by two processes."""
     grid = grid_at(0.01)
@@ -68,6 +69,7 @@ def test_whole_windows_threads_and_dask_are_one(tmp_path: Path) -> None:
             assert whole.read().tobytes() == index.read().tobytes()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("others", [1, 0])
 def test_a_worker_is_killed_in_the_middle_of_a_tile(tmp_path: Path, others: int) -> None:
     """Its tile is made by another one; if there was none, by one that comes later.
@@ -106,6 +108,7 @@ def test_a_worker_is_killed_in_the_middle_of_a_tile(tmp_path: Path, others: int)
     assert not list(folder.glob(".*"))
 
 
+@pytest.mark.slow
 def test_the_coordinator_is_killed_and_resumes_without_dask(
     tmp_path: Path, saved: Callable[..., Path]
 ) -> None:
@@ -130,6 +133,7 @@ def test_the_coordinator_is_killed_and_resumes_without_dask(
     assert contents(folder) == contents(tmp_path / "b")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal(tmp_path: Path, saved: Callable[..., Path], number: signal.Signals) -> None:
     """To all processes at once, as a terminal sends it: no word of Dask's, nothing half-written."""
@@ -148,6 +152,7 @@ def test_a_signal(tmp_path: Path, saved: Callable[..., Path], number: signal.Sig
     assert finished(folder) >= 2 and not list(folder.glob(".*"))
 
 
+@pytest.mark.slow
 def test_what_is_killed_leaves_no_word_of_its_processes() -> None:
     """As where a command takes too long to end after a signal."""
     code = """
@@ -185,6 +190,7 @@ class TestSent:
         planes = [Painter(t.terrain, t.tiling.grid).paint(window) for t in (tiler, arrived)]
         assert np.array_equal(planes[0].heights, planes[1].heights, equal_nan=True)
 
+    @pytest.mark.slow
     def test_the_terrain_travels_once(self, tmp_path: Path, monkeypatch: Any) -> None:
         """A tile takes no more than its place, however large the terrain."""
         sizes = []
@@ -222,6 +228,7 @@ class TestSent:
 class TestWrong:
     """A sentence, and not a word of Dask's own."""
 
+    @pytest.mark.slow
     def test_no_scheduler(self, tmp_path: Path, saved: Callable[..., Path]) -> None:
         command = [*COMMAND, "export-dem", saved(SITE), "--tiles", tmp_path / "a", "--dask"]
         environment = {**ENVIRONMENT, "DASK_DISTRIBUTED__COMM__TIMEOUTS__CONNECT": "1s"}
@@ -237,6 +244,7 @@ class TestWrong:
             ]
             assert not (tmp_path / "a").exists()
 
+    @pytest.mark.slow
     def test_the_scheduler_is_killed(self, tmp_path: Path, saved: Callable[..., Path]) -> None:
         """A scheduler and a worker as on a cluster; what was finished is kept."""
         there, folder = tmp_path / "scheduler.json", tmp_path / "a"
@@ -275,6 +283,7 @@ class TestWrong:
         ]
         assert finished(folder) >= 2 and not list(folder.glob(".*"))
 
+    @pytest.mark.slow
     def test_the_scheduler_is_lost_while_a_result_travels(
         self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
@@ -298,6 +307,7 @@ class TestWrong:
         with pytest.raises(RequestError, match=r'-m pip install "terratool\[dask\]"'):
             mosaic(tmp_path / "a", grid_at(0.01), dask="local")
 
+    @pytest.mark.slow
     def test_a_worker_complains(self, tmp_path: Path) -> None:
         """What it cannot write, it says in the words of the program."""
         grid = grid_at(0.01)
@@ -306,6 +316,7 @@ class TestWrong:
             mosaic(tmp_path / "a", grid, dask="local", threads=1)
         assert not list((tmp_path / "a").glob(".*"))
 
+    @pytest.mark.slow
     def test_many_workers_are_lost_by_one_tile(
         self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
@@ -329,6 +340,7 @@ class _Deadly:
         os.kill(os.getpid(), signal.SIGKILL)
 
 
+@pytest.mark.slow
 def test_jobs_are_taken_when_there_is_room(tmp_path: Path) -> None:
     """A planet's millions of tiles do not wait at the scheduler all at once."""
     taken: list[int] = []

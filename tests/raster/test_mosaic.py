@@ -51,6 +51,7 @@ def pixels_of(path: Path) -> bytes:
 class TestOneRaster:
     """The index opens as what a single file would be."""
 
+    @pytest.mark.slow
     @pytest.mark.parametrize("dtype", ["float32", "float64"])
     @pytest.mark.parametrize("size", [512, 1024, 4096])
     def test_bit_for_bit(self, tmp_path: Path, grid: Grid, dtype: str, size: int) -> None:
@@ -100,6 +101,7 @@ class TestOneRaster:
             other.nodata, other.surfaces, other.lacking,
         )  # fmt: skip
 
+    @pytest.mark.slow
     @needs("gdalinfo")
     def test_another_gdal_agrees(self, tmp_path: Path, grid: Grid) -> None:
         """Also on the pixels, by its own checksums, and on the attribute table."""
@@ -154,6 +156,7 @@ class TestOneRaster:
 class TestResumed:
     """Finished tiles are kept, anything else is made again, and no byte tells."""
 
+    @pytest.mark.slow
     def test_after_a_kill(self, tmp_path: Path, saved: Callable[..., Path]) -> None:
         """Tiles that the journal had are the same files as before."""
         definition, folder = saved(SITE), tmp_path / "a"
@@ -185,6 +188,7 @@ class TestResumed:
         for one, other in zip(done["files"], uninterrupted["files"], strict=True):
             assert one["bands"] == other["bands"]
 
+    @pytest.mark.slow
     @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
     def test_after_a_signal(
         self, tmp_path: Path, saved: Callable[..., Path], number: signal.Signals
@@ -204,6 +208,7 @@ class TestResumed:
         assert 2 <= finished(folder) < 12 * 8
         assert all(name == NAME or name.endswith(".tif") for name in names)
 
+    @pytest.mark.slow
     def test_a_signal_does_not_wait_for_a_tile(
         self, tmp_path: Path, saved: Callable[..., Path]
     ) -> None:
@@ -432,6 +437,7 @@ for last in range(1000):
 class TestKilled:
     """At whatever it did with files last, the journal has its first line, or is not there."""
 
+    @pytest.mark.slow
     @pytest.mark.skipif(not hasattr(os, "fork"), reason="there is no fork on Windows")
     @pytest.mark.parametrize("overwrite", [False, True])
     def test_the_journal_is_whole(self, tmp_path: Path, overwrite: bool) -> None:
@@ -495,6 +501,7 @@ class TestWrong:
         report = mosaic(folder)
         assert report.tiles and report.tiles.kept == noted
 
+    @pytest.mark.slow
     @pytest.mark.parametrize("short", [1, 5000, 150_000])
     def test_a_disk_that_fills_up(
         self, tmp_path: Path, saved: Callable[..., Path], short: int

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 import math
-import os
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,10 +20,11 @@ from terratool.kernels import field as kernels
 from terratool.raster.grid import Grid, Window, grid_over
 from terratool.raster.painter import Painter, Planes, id_type
 from tests.brute import largest_sum, walls
+from tests.budget import examples
 from tests.conftest import terrain_of
 from tests.strategies import box, definitions, marks, rims
 
-EXAMPLES = int(os.environ.get("TERRATOOL_FUZZ", "75"))
+EXAMPLES = examples(75)
 
 
 def paint_all(
@@ -190,6 +190,7 @@ def crowded() -> dict[str, Any]:
     return {"size": 100, "elemTypes": types, "elemTree": root}
 
 
+@pytest.mark.slow
 def test_any_window_is_a_part_of_the_whole() -> None:
     """In float64, on a large turned terrain, down to single rows, columns and pixels."""
     terrain = terrain_of(crowded())
@@ -313,6 +314,7 @@ def test_kinks_on_pixel_centres() -> None:
                 assert_queried(terrain, grid, Window(0, 0, grid.height, grid.width), np.float64)
 
 
+@pytest.mark.slow
 def test_labels_of_what_has_no_walls() -> None:
     """Nothing that ends at 0 all around divides the pixels; what does not end so, does."""
     types: dict[str, Any] = {
@@ -444,6 +446,7 @@ class TestEnds:
 BIG = {"size": 100, "surfTypes": {"a": {}, "b": {}, "c": {"void": True}}}
 
 
+@pytest.mark.slow
 def test_a_dense_site_over_several_tiles() -> None:
     """Turned, radial, knotted and spanning elements at 2900 × 2900 pixels, no pixel otherwise."""
     rng = np.random.default_rng(1)
@@ -479,6 +482,7 @@ def test_a_dense_site_over_several_tiles() -> None:
     assert_queried(terrain, grid, Window(0, 0, 2900, 2900))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "pixels"), [("s1", 2048), ("s2", 2048), ("s3", 700), ("s3", 90)])
 def test_the_terrains_of_the_benchmarks(
     name: str, pixels: int, monkeypatch: pytest.MonkeyPatch

@@ -277,6 +277,7 @@ def test_any_raster_of_heights_can_be_compared(ramp: Terrain, tmp_path: Path) ->
         compare(read_map(tmp_path / "far.tif"), ramp)
 
 
+@pytest.mark.slow
 def test_walls_do_not_take_all_colours(saved: Save, tmp_path: Path) -> None:
     """A column of 6 cells of 70 is off by 2 m, and the others, 2 cm too high, are red all the same;
     where all is right, rounding is not drawn."""

@@ -88,6 +88,7 @@ def sample(name: str) -> Terrain:
     return terrain_of(SITE) if name == "site" else terratool.load(f"samples/{name}.json")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "origin"),
     [("warehouse", "center"), ("stairs-and-kerbs", (3.0, -2.0, 0.5)), ("site", "local")],
@@ -98,6 +99,7 @@ def test_spheres_rest_on_the_ground(name: str, origin: Any, drop: Drop, tmp_path
     assert worst_rest(drop, folder, ground) < 0.005
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("spoil", ["mirrored", "transposed", "pose"])
 def test_a_wrong_model_is_found(spoil: str, drop: Drop, tmp_path: Path) -> None:
     folder, ground, _ = written(sample("warehouse"), tmp_path / "out", "gazebo", origin="center")
@@ -179,6 +181,7 @@ def test_heightmap_is_square_and_full(tmp_path: Path) -> None:
     assert manifest["heightmap"]["max_error"] < high / 255
 
 
+@pytest.mark.slow
 def test_heightmap_in_dart(drop: Drop, tmp_path: Path) -> None:
     """Rests agree within what the README says of steps and of DART's spacing."""
     folder, ground, manifest = written(

@@ -35,6 +35,7 @@ def named(*surfaces: str, descr: str = "A site") -> dict[str, Any]:
     }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("target", WRITTEN_HERE)
 def test_nasty_names(target: str, tmp_path: Path) -> None:
     if target == "usd":
@@ -78,7 +79,7 @@ def test_readmes_can_be_shown(tmp_path: Path) -> None:
     text = (folder / "README.md").read_text("utf-8")
     assert "\nfox\n" in text
     assert "\x1b" not in text and text[-1:] == "\n"
-    assert "| a\\|b\\x1b[31m\\nc | 0.7 |" in text
+    assert r"| a\|b\\x1b\[31m\\nc | 0.7 |" in text  # as signs of Markdown have to be written
     assert manifest["losses"][-1].endswith(r"fricAngle: a|b\x1b[31m\nc.")
 
 

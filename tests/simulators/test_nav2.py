@@ -26,6 +26,7 @@ from terratool.simulators.export import export_simulators
 from terratool.simulators.obstacles import FREE, OCCUPIED, UNKNOWN, DrivingLimits, occupancy
 from terratool.simulators.options import SceneOptions
 from terratool.text.source import Source
+from tests.budget import examples
 from tests.commands import ROOT, call, run
 
 HUSKY = ROOT / "samples" / "vehicles" / "husky-a200.json"
@@ -167,7 +168,7 @@ def test_walls_between_cells_are_the_upper_ones() -> None:
     st.floats(0.1, 5.9), st.floats(0.1, 3.9), st.sampled_from([0.0, 17.0, 45.0]),
     st.sampled_from([0.02, 0.003]), st.sampled_from(["flat", "disc"]),
 )  # fmt: skip
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=examples(60), deadline=None)
 def test_thin_posts_do_not_vanish(x: float, y: float, turn: float, side: float, kind: str) -> None:
     """A post of 2 cm, and one of 3 mm, marks the cell of 5 cm that it stands in, and few more."""
     cells = cells_of(terrain_of(at(x, y, side, side, 0.8, turnDeg=turn, type=kind)), 0.05)
@@ -180,7 +181,7 @@ def test_thin_posts_do_not_vanish(x: float, y: float, turn: float, side: float, 
 
 
 @given(st.floats(0, 180), st.floats(1.2, 4.8), st.floats(1.2, 2.8))
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=examples(40), deadline=None)
 def test_thin_walls_have_no_gaps(turn: float, x: float, y: float) -> None:
     """No way leads through a wall of 4 mm that is 2 m long: all cells along it are occupied."""
     cells = cells_of(terrain_of(at(x, y, 2.0, 0.004, 0.5, turnDeg=turn)), 0.05)
@@ -297,6 +298,7 @@ def test_the_readme_says_what_decided(tmp_path: Path) -> None:
     assert "--max-s" not in text
 
 
+@pytest.mark.slow
 def test_a_vehicle_decides(tmp_path: Path) -> None:
     """Free is what the map of traversability has as go or caution."""
     text, out = text_of(*YARD, at(5.2, 2.0, 0.8, 0.8, 0.6)), tmp_path / "map.tif"

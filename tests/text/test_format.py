@@ -323,6 +323,7 @@ def test_files_are_laid_out_in_place(tmp_path: Path) -> None:
     assert sorted(tmp_path.iterdir()) == [messy, tidy]
 
 
+@pytest.mark.slow
 def test_check_writes_nothing(tmp_path: Path) -> None:
     """--check names the files that differ, exits 1 if there are any, and leaves them alone."""
     messy, tidy = tmp_path / "messy.json", tmp_path / "tidy.json"

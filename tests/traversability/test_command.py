@@ -20,7 +20,7 @@ import shapely.ops
 from rio_cogeo.cogeo import cog_validate
 
 import terratool
-from terratool.cli.terminal import Status
+from terratool.cli.terminal import StatusLine
 from terratool.cli.traversability import MODELS, PREFERENCES
 from terratool.errors import WriteError
 from terratool.field.terrain import Terrain, load
@@ -88,6 +88,7 @@ def site(saved: Saved) -> tuple[str, ...]:
     return str(saved(WALLED)), "--vehicle", str(vehicle), "--resolution", "0.1"
 
 
+@pytest.mark.slow
 def test_says_and_writes_all(site: tuple[str, ...], tmp_path: Path) -> None:
     """The table, three reports and a map from one run; the same bytes from the next."""
     names = [tmp_path / name for name in ("a.json", "a.md", "a.html", "a.tif")]
@@ -144,6 +145,7 @@ def test_a_wall_in_the_way_fails(saved: Saved, tmp_path: Path) -> None:
     assert ran.out.startswith("no-go: There is no way from (102, 51) to (110, 52): step at (10")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("condition", [(), ("--fail-on", "no-route")])
 def test_who_reads_no_further_is_told(saved: Saved, condition: tuple[str, ...]) -> None:
     """A pipe that is closed early, as by `| head`, takes nothing from the exit code."""
@@ -288,14 +290,14 @@ def test_tells_of_the_files_that_it_writes(
 ) -> None:
     """Until they have taken their places, which takes long where they are large."""
     map_, said, there = tmp_path / "m.tif", [], []
-    leave = Status.__exit__
+    leave = StatusLine.__exit__
 
-    def noted(self: Status, *error: Any) -> None:
+    def noted(self: StatusLine, *error: Any) -> None:
         there.append(map_.is_file())
         leave(self, *error)
 
-    monkeypatch.setattr(Status, "say", lambda self, what, total=None: said.append(what))
-    monkeypatch.setattr(Status, "__exit__", noted)
+    monkeypatch.setattr(StatusLine, "say", lambda self, what, total=None: said.append(what))
+    monkeypatch.setattr(StatusLine, "__exit__", noted)
     assert drive(*site, "--map", map_).code == 0
     assert said == ["finding what can be reached", "writing the map", "writing files"]
     assert there == [False, True]

@@ -19,7 +19,7 @@ import rasterio
 from referencing import Registry, Resource
 
 import terratool
-from terratool.cli.terminal import Status
+from terratool.cli.terminal import StatusLine
 from terratool.raster.grid import Window
 from terratool.report.tables import columns_of
 from terratool.traversability.assess import Request
@@ -98,6 +98,7 @@ def bytes_in(folder: Path) -> dict[str, bytes]:
 
 
 class TestSideBySide:
+    @pytest.mark.slow
     @pytest.mark.parametrize("turned", [False, True])
     def test_equals_the_single_runs(
         self, site: tuple[str, str, str], tmp_path: Path, turned: bool
@@ -174,6 +175,7 @@ class TestSideBySide:
         assert sum(shares.values()) == pytest.approx(1.0)
         assert shares[("narrow",)] > 0.05 and shares[()] > 0.05
 
+    @pytest.mark.slow
     def test_one_grid_is_the_finest(self, site: tuple[str, str, str]) -> None:
         """That of the small vehicle, and the same as if it had been asked for."""
         terrain, narrow, wide = site
@@ -377,13 +379,13 @@ class TestAnswers:
         self, site: tuple[str, str, str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         said: list[str] = []
-        say = Status.say
+        say = StatusLine.say
 
-        def noted(self: Status, what: str, total: int | None = None) -> None:
+        def noted(self: StatusLine, what: str, total: int | None = None) -> None:
             say(self, what, total)
             said.append(self._what)
 
-        monkeypatch.setattr(Status, "say", noted)
+        monkeypatch.setattr(StatusLine, "say", noted)
         terrain, narrow, wide = site
         map_ = ("--map", tmp_path / "m.tif", "--resolution", 0.2)
         assert drive(terrain, "--vehicle", narrow, "--vehicle", wide, *map_).code == 0
@@ -393,6 +395,7 @@ class TestAnswers:
 
 
 class TestForms:
+    @pytest.mark.slow
     def test_all_are_there_and_the_same_again(
         self, site: tuple[str, str, str], tmp_path: Path
     ) -> None:

@@ -20,6 +20,7 @@ from terratool.traversability.soil import surface_figures
 from terratool.traversability.stance import GroundPainter
 from terratool.traversability.survey import Surveyor, WindowMeasures
 from terratool.traversability.vehicle import Axle, Vehicle, Wheel
+from tests.budget import examples
 from tests.conftest import terrain_of
 
 ROVER = Vehicle(
@@ -103,7 +104,7 @@ def high_centred(found: WindowMeasures, heading: int) -> bool:
 class TestRidge:
     """A crest between two planes."""
 
-    @settings(max_examples=25)
+    @settings(max_examples=examples(25))
     @given(
         heading=turns,
         share=shares,
@@ -121,7 +122,7 @@ class TestRidge:
             assert high_centred(found, heading) == stopped
             assert high_centred(found, (heading + HEADINGS // 2) % HEADINGS) == stopped
 
-    @settings(max_examples=15)
+    @settings(max_examples=examples(15))
     @given(heading=turns, share=shares, tilt=st.floats(-8, 8))
     def test_sides_of_different_slopes(
         self, heading: int, share: tuple[float, float], tilt: float
@@ -139,7 +140,7 @@ class TestRidge:
             found = measured(crossing(curve, heading, FIRM, 20.0), level, share, 0.05, 0.15)
             assert high_centred(found, heading) == stopped
 
-    @settings(max_examples=10)
+    @settings(max_examples=examples(10))
     @given(heading=turns, share=shares, resolution=resolutions)
     def test_a_slope_takes_no_clearance(
         self, heading: int, share: tuple[float, float], resolution: float
@@ -198,7 +199,7 @@ class TestPixels:
     }
 
     @pytest.mark.parametrize("shape", SHAPES)
-    @settings(max_examples=6)
+    @settings(max_examples=examples(6))
     @given(share=shares, turn=st.floats(-180, 180), sign=st.sampled_from([1, -1]))
     def test_tops_are_found(
         self, shape: str, share: tuple[float, float], turn: float, sign: int
@@ -244,7 +245,7 @@ class TestPixels:
         assert np.abs(np.array(near) - heights).min(axis=0).max() < 1e-5
 
     @given(share=shares)
-    @settings(max_examples=10)
+    @settings(max_examples=examples(10))
     def test_a_thin_post_between_centres_stops_the_body(self, share: tuple[float, float]) -> None:
         """5 mm of it, 0.2 m high, under 0.15 m of clearance: no pixel centre shows it."""
         low, high = 0.5 - 0.0025 / 20, 0.5 + 0.0025 / 20
@@ -305,7 +306,7 @@ class TestIsolated:
     }
 
     @pytest.mark.parametrize("shape", SHAPES)
-    @settings(max_examples=15)
+    @settings(max_examples=examples(15))
     @given(
         cells=st.sampled_from([16, 20, 30, 40, 60]),
         at=st.tuples(st.integers(-1, 0), st.integers(-1, 0)),
@@ -326,7 +327,7 @@ class TestIsolated:
         assert float(found.clearance[heading, 1, 1]) <= 0.15 - top + 5e-4
 
     @pytest.mark.parametrize("shape", ["bell", "round dome", "gauss", "dome", "pyramid"])
-    @settings(max_examples=5)
+    @settings(max_examples=examples(5))
     @given(share=shares, tilt=st.floats(-0.3, 0.3), resolution=st.sampled_from([0.02, 0.05]))
     def test_slope(
         self, shape: str, share: tuple[float, float], tilt: float, resolution: float
@@ -394,7 +395,7 @@ class TestIsolated:
 class TestTrench:
     """A trench with upright sides, a metre deep."""
 
-    @settings(max_examples=25)
+    @settings(max_examples=examples(25))
     @given(heading=turns, share=shares, resolution=resolutions)
     def test_report_and_map_have_one_limit(
         self, heading: int, share: tuple[float, float], resolution: float

@@ -34,6 +34,7 @@ from terratool.traversability.soil import (
 from terratool.traversability.tiles import survey
 from terratool.traversability.vehicle import Axle, Margins, Soil, Vehicle, Wheel
 from terratool.traversability.wheel import demand
+from tests.budget import examples
 from tests.conftest import terrain_of
 from tests.traversability.test_terramechanics import E1, E2, ROVER, SLIPPING, WHEEL, printed
 
@@ -98,7 +99,7 @@ def test_the_soils_are_those_of_the_table() -> None:
 
 
 @given(st.sampled_from(SOFT), st.floats(0.05, 1), st.floats(0.02, 0.6), st.floats(1, 1e4))
-@settings(max_examples=60)
+@settings(max_examples=examples(60))
 def test_bekkers_sinkage_bears_the_load(
     name: str, radius: float, width: float, load: float
 ) -> None:

@@ -30,6 +30,7 @@ from terratool.traversability.route.routes import plan_route, search_route, with
 from terratool.traversability.survey import Surveyor
 from terratool.traversability.tiles import SurveyTiles, survey
 from terratool.traversability.vehicle import Vehicle, load_vehicle
+from tests.budget import examples
 from tests.commands import call
 from tests.conftest import terrain_of
 from tests.surveys import level
@@ -175,9 +176,9 @@ def test_narrower_bend_takes_32(long: Vehicle) -> None:
         level(9, 9), long, survey(level(9, 9), long, grid_over(level(9, 9), 0.5)), (3, 3), (6, 6)
     )
     only_back = with_way_back(replace(open_ground, tried_headings=(8,)), route.back)
-    assert wording.returning(only_back).endswith("; 8 and 16 do not show it.")
+    assert wording.return_line(only_back).endswith("; 8 and 16 do not show it.")
     lost = replace(route.back, found=False, ruled_out_headings=32)
-    assert wording.returning(with_way_back(open_ground, lost)).endswith(", do not change that.")
+    assert wording.return_line(with_way_back(open_ground, lost)).endswith(", do not change that.")
 
 
 def test_bend_that_is_too_narrow_stays_so_and_says_what_was_tried(long: Vehicle) -> None:
@@ -242,7 +243,7 @@ def fields(draw: st.DrawFn) -> tuple[dict[str, Any], tuple[float, float, float, 
     return walled(60, 40, blocks), ends
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=examples(40), deadline=None)
 @given(field=fields())
 def test_answers_are_those_of_searches_over_all(
     field: tuple[dict[str, Any], tuple[float, float, float, float]], long: Vehicle

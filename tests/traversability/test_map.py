@@ -23,6 +23,7 @@ from terratool.traversability.survey import Surveyor, WindowMeasures, soil_table
 from terratool.traversability.tiles import survey
 from terratool.traversability.vehicle import Axle, Margins, Overhang, Vehicle, Wheel
 from terratool.traversability.wheel import SoilArrays
+from tests.budget import examples
 from tests.conftest import terrain_of
 from tests.strategies import definitions
 from tests.surveys import judged
@@ -552,7 +553,7 @@ def slow(terrain: Terrain, grid: Grid, at: tuple[int, int], heading: int) -> Any
 class TestSlowly:
     """Against readings of the field at single points."""
 
-    @settings(max_examples=12)
+    @settings(max_examples=examples(12))
     @given(
         rises=st.lists(st.integers(-60, 60), min_size=8, max_size=8),
         others=st.lists(st.integers(-60, 60), min_size=6, max_size=6),
@@ -645,7 +646,7 @@ NUMBERS = ("utilisation", "pitch", "roll", "sinkage", "slip", "energy")
 class TestWindows:
     """Whole, windows and threads."""
 
-    @settings(max_examples=8)
+    @settings(max_examples=examples(8))
     @given(definition=definitions() | definitions(free=True), parts=st.sampled_from([1, 3]))
     def test_windows_are_parts_of_the_whole(self, definition: Any, parts: int) -> None:
         """To the last bit, whatever the threads."""

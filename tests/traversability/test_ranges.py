@@ -34,6 +34,7 @@ from terratool.traversability.soil import surface_figures
 from terratool.traversability.survey import Surveyor
 from terratool.traversability.tiles import part_of
 from terratool.traversability.vehicle import Vehicle
+from tests.budget import examples
 from tests.commands import ROOT, call
 from tests.conftest import terrain_of
 from tests.surveys import ROVER
@@ -170,6 +171,7 @@ class TestDraws:
 
 
 class TestMap:
+    @pytest.mark.slow
     @pytest.mark.parametrize("resolution", [0.1, 0.25])
     def test_is_the_share_of_maps_of_all_samples(self, resolution: float) -> None:
         """Each sample is written as a terrain of its own, and judged by itself."""
@@ -195,6 +197,7 @@ class TestMap:
         assert found.size
         np.testing.assert_allclose(found, (high - critical) / (high - low), rtol=0, atol=0.01)
 
+    @pytest.mark.slow
     def test_a_range_without_width_is_the_plain_verdict(self) -> None:
         """Ends that differ by the last bit give 0 or 1, and where the plain map is go, 1."""
         numbers = {"cohesion": 0.7, "fricAngle": 28.0, "sinkage": 0.11, "shearModulus": 0.018}
@@ -211,7 +214,7 @@ class TestMap:
         st.floats(18, 32), st.floats(0.5, 8), st.floats(0, 3), st.floats(0, 3),
         st.floats(0.0, 0.15), st.floats(0.2, 2.0),
     )  # fmt: skip
-    @settings(max_examples=25)
+    @settings(max_examples=examples(25))
     def test_stronger_soil_is_never_less_likely(
         self, low: float, width: float, more: float, wider: float, sinkage: float, cohesion: float
     ) -> None:
@@ -225,6 +228,7 @@ class TestMap:
         )
         assert (other >= one).all()
 
+    @pytest.mark.slow
     def test_windows_are_parts_of_the_whole(self) -> None:
         """Whatever is asked for first, to the bit."""
         ground = terrain_of(hills())
@@ -235,6 +239,7 @@ class TestMap:
             assert part is not None
             np.testing.assert_array_equal(part, whole[part_of(window)])
 
+    @pytest.mark.slow
     def test_unknown_ground_has_no_probability(self, tmp_path: Path) -> None:
         """Where the verdict is unknown, and off the terrain; elsewhere it lies in 0 to 1."""
         definition = hills(loam={"descr": "nobody knows"})
@@ -272,6 +277,7 @@ def written(folder: Path, definition: dict[str, Any], *options: object) -> dict[
 
 
 class TestCommand:
+    @pytest.mark.slow
     def test_equal_ends_change_no_byte(self, tmp_path: Path) -> None:
         """They are one number: no band, no note, no key, not a bit elsewhere."""
         numbers = {"cohesion": 0.7, "fricAngle": 28.5, "sinkage": 0.11, "shearModulus": 0.018}
@@ -287,6 +293,7 @@ class TestCommand:
         assert not {"sampling", "probability"} & set(json.loads(found[0]["r.json"]))
         assert b"robabilit" not in found[0]["r.md"]
 
+    @pytest.mark.slow
     def test_a_seed_gives_the_same_bytes_and_another_one_others(self, tmp_path: Path) -> None:
         """Whatever the number of threads."""
         asked = ("--resolution", 0.3, "--samples", 50, "--route", 41, -19, 47, -18)
@@ -300,6 +307,7 @@ class TestCommand:
         np.testing.assert_array_equal(other["verdict"], first["verdict"])
         assert other["m.tif"] == first["m.tif"]
 
+    @pytest.mark.slow
     def test_says_what_was_sampled(self, tmp_path: Path) -> None:
         """In the map's last band, in sentence, tables and notes, and in JSON by its schema."""
         found = written(tmp_path, hills(), "--resolution", 0.3, "--samples", 100, "--seed", 5)
@@ -381,6 +389,7 @@ class TestSurfaces:
         assert math.degrees(found.climb_low) == pytest.approx(20.5, abs=0.02)
         assert math.degrees(found.climb_high) == pytest.approx(29.5, abs=0.02)
 
+    @pytest.mark.slow
     def test_the_table_says_none_as_a_dash(self) -> None:
         soil = {**SAND, "fricAngle": [4, 33], "sinkage": [0.1, 1.2]}
         rows = tables.chances(report_of(hills(soil), resolution=0.5)).rows
@@ -392,6 +401,7 @@ class TestSurfaces:
 class TestRoutes:
     WAY = (41.0, -19.0, 47.2, -14.8)
 
+    @pytest.mark.slow
     def test_is_that_of_the_cells_it_passes(self) -> None:
         """By the heading that it has there; the least, and that of all of it together."""
         definition = hills(
@@ -429,6 +439,7 @@ class TestRoutes:
         assert route.chance == pytest.approx(np.mean(np.all(going, axis=1)))
         assert 0.1 < route.chance < route.least_chance.value < 1
 
+    @pytest.mark.slow
     def test_a_map_changes_nothing(self) -> None:
         """Whether the ground is judged as a whole, or tile by tile for the route."""
         alone, both = (
@@ -438,6 +449,7 @@ class TestRoutes:
         assert alone[0].chance == both[0].chance
         assert alone[0].least_chance == both[0].least_chance
 
+    @pytest.mark.slow
     def test_is_said(self) -> None:
         """In the sentence, with its place, in JSON and GeoJSON; the verdict is the middle's."""
         report = report_of(

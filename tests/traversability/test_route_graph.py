@@ -32,6 +32,7 @@ from terratool.traversability.route.reach import (
     place_in,
     spread,
 )
+from tests.budget import examples
 
 RESOLUTION, ARC = 0.5, 0.3
 
@@ -123,7 +124,7 @@ CASES = given(
 )
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=examples(60), deadline=None)
 @CASES
 def test_the_search_finds_the_cheapest_way_by_the_moves_of_the_rules(
     seed: int, shape: tuple[int, int], headings: int, share: float
@@ -153,7 +154,7 @@ def test_the_search_finds_the_cheapest_way_by_the_moves_of_the_rules(
             assert cells == {state[1:] for state in known}
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=examples(60), deadline=None)
 @CASES
 def test_tiles_that_are_asked_for_are_enough(
     seed: int, shape: tuple[int, int], headings: int, share: float
@@ -198,7 +199,8 @@ def test_a_way_nearby_asks_for_little() -> None:
     assert {0, 1} <= set(asked) <= {0, 1, 2, 6, 7, 8}
 
 
-@settings(max_examples=60, deadline=None)
+@pytest.mark.slow
+@settings(max_examples=examples(60), deadline=None)
 @CASES
 def test_floods_reach_what_the_moves_reach(
     seed: int, shape: tuple[int, int], headings: int, share: float
@@ -225,7 +227,7 @@ def test_floods_reach_what_the_moves_reach(
     assert {tuple(cell) for cell in np.argwhere(both.returned).tolist()} == {s[1:] for s in back}
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=examples(60), deadline=None)
 @CASES
 def test_the_largest_part_is_that_of_moves_that_go_both_ways(
     seed: int, shape: tuple[int, int], headings: int, share: float
@@ -260,7 +262,7 @@ def test_headings_are_bits_from_the_lowest_on(headings: int) -> None:
     }
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=examples(100), deadline=None)
 @CASES
 def test_a_place_in_the_largest_part_stands_for_all_of_it(
     seed: int, shape: tuple[int, int], headings: int, share: float

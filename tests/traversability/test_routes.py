@@ -25,6 +25,7 @@ from terratool.traversability.route.graph import PREFERENCES
 from terratool.traversability.route.routes import check_route, plan_route, reach, route_grid
 from terratool.traversability.turning import turn_on_spot
 from terratool.traversability.vehicle import Axle, Soil, Vehicle, Wheel
+from tests.budget import examples
 from tests.conftest import terrain_of
 from tests.surveys import ROVER, barred, drawn, level
 from tests.traversability.test_route_graph import slow
@@ -101,7 +102,7 @@ def test_what_the_survey_does_not_cover_is_refused() -> None:
         plan_route(level(11, 7), ROVER, part, (0.5, 2.5), (8.5, 2.5))
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=examples(30), deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), shape=st.sampled_from([(3, 6), (7, 4)]))
 def test_no_route_costs_less_and_the_way_back_is_as_long(seed: int, shape: tuple[int, int]) -> None:
     rng = np.random.default_rng(seed)

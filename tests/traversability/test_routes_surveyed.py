@@ -28,6 +28,7 @@ from terratool.traversability.route.routes import (
 from terratool.traversability.survey import Surveyor
 from terratool.traversability.tiles import SurveyTiles, survey
 from terratool.traversability.vehicle import Axle, Vehicle, Wheel
+from tests.budget import examples
 from tests.conftest import terrain_of
 
 ROVER = Vehicle(
@@ -193,7 +194,7 @@ def hills(draw: st.DrawFn) -> dict[str, Any]:
     }  # fmt: skip
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=examples(25), deadline=None)
 @given(
     definition=hills(),
     ends=st.tuples(*[st.floats(0.1, 0.9)] * 4),

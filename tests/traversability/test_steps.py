@@ -18,6 +18,7 @@ from terratool.traversability.results import Figures
 from terratool.traversability.soil import surface_figures
 from terratool.traversability.steps import StepLimit, axle_steps, gap_width, step_height, step_of
 from terratool.traversability.vehicle import Axle, Margins, Vehicle, Wheel
+from tests.budget import examples
 
 WHEEL = Wheel(0.2, 0.1)
 WEIGHT = 400.0
@@ -143,7 +144,7 @@ def rovers(draw: st.DrawFn, axles: int = 2) -> Vehicle:
 FRICTIONS = numbers(0.05, 1.5)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=examples(25), deadline=None)
 @given(rovers(), FRICTIONS)
 def test_two_axles_against_a_linear_program(vehicle: Vehicle, friction: float) -> None:
     """Front and rear axle, driven or towed, whatever their wheels and motors."""
@@ -152,7 +153,7 @@ def test_two_axles_against_a_linear_program(vehicle: Vehicle, friction: float) -
         agrees(vehicle, axle, found, friction)
 
 
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=examples(12), deadline=None)
 @given(rovers(), FRICTIONS)
 def test_a_mirrored_vehicle_is_one_that_drives_backwards(vehicle: Vehicle, friction: float) -> None:
     """The reference drives the vehicle as it is to the other side."""
@@ -262,7 +263,7 @@ def test_nothing_drives_nothing_climbs() -> None:
 # What holds for every vehicle
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=examples(60), deadline=None)
 @given(st.integers(1, 4).flatmap(rovers), FRICTIONS, numbers(1, 3), numbers(1, 3))
 def test_more_friction_or_torque_is_never_worse(
     vehicle: Vehicle, friction: float, grip: float, power: float

@@ -18,6 +18,7 @@ from terratool.traversability.limits import Measure, judge, share_of
 from terratool.traversability.results import Reason, Verdict
 from terratool.traversability.vehicle import Axle, Soil, Vehicle, Wheel
 from terratool.traversability.wheel import SoilArrays, demand, under_wheels
+from tests.budget import examples
 from tests.surveys import judged
 
 WHEEL = Wheel(0.2, 0.1, slips=False)
@@ -198,7 +199,7 @@ def by_integrals(
 
 
 @given(RADII, st.floats(0.1, 1.5), RATIOS, st.floats(0, 1e5), st.floats(0, 1e5))
-@settings(max_examples=50)
+@settings(max_examples=examples(50))
 def test_forces_are_the_integrals_of_the_stresses(
     radius: float, entry: float, ratio: float, normal: float, shear: float
 ) -> None:
@@ -211,7 +212,7 @@ def test_forces_are_the_integrals_of_the_stresses(
 
 
 @given(RADII, SOILS, LOADS, st.floats(0, 1), RATIOS, st.booleans())
-@settings(max_examples=100)
+@settings(max_examples=examples(100))
 def test_a_driven_wheel_is_in_equilibrium(
     radius: float, soil: Soil, load: float, slip: float, ratio: float, slips: bool
 ) -> None:
@@ -232,7 +233,7 @@ def test_a_driven_wheel_is_in_equilibrium(
 
 @given(SOILS, LOADS, st.floats(0.02, 1))
 @example(Soil.of(0, 12, 0.25, 0.015625), 405.0, 0.25)  # at more slip it sinks in to its axle
-@settings(max_examples=100)
+@settings(max_examples=examples(100))
 def test_what_a_slip_gives_needs_that_slip(soil: Soil, load: float, slip: float) -> None:
     """There and back, unless less slip gives as much: a wheel may dig itself in."""
     best = wheel.traction(load, soil, SLIPPING, slip)
@@ -247,7 +248,7 @@ def test_what_a_slip_gives_needs_that_slip(soil: Soil, load: float, slip: float)
 
 
 @given(st.floats(0.005, 2), st.floats(0.005, 0.05), st.floats(0, 1))
-@settings(max_examples=100)
+@settings(max_examples=examples(100))
 def test_slip_mobilises_by_the_law_of_janosi_and_hanamoto(
     length: float, modulus: float, slip: float
 ) -> None:
@@ -258,7 +259,7 @@ def test_slip_mobilises_by_the_law_of_janosi_and_hanamoto(
 
 
 @given(SOILS, LOADS, st.floats(0, 1))
-@settings(max_examples=50)
+@settings(max_examples=examples(50))
 def test_slip_sinks_a_wheel_in_by_the_law_of_lyasko(soil: Soil, load: float, slip: float) -> None:
     """z = k W (1 + s)/(1 − s/2); no less in the model `paper`, and cos θ1 = 1 − z/r."""
     here = wheel.contact(load, soil, SLIPPING, slip)
@@ -272,7 +273,7 @@ def test_slip_sinks_a_wheel_in_by_the_law_of_lyasko(soil: Soil, load: float, sli
 
 
 @given(SOILS, LOADS, st.floats(0, 1), st.floats(0.01, 5), st.floats(0.1, 10))
-@settings(max_examples=100)
+@settings(max_examples=examples(100))
 def test_stronger_soil_never_pulls_less(
     soil: Soil, load: float, slip: float, cohesion: float, friction: float
 ) -> None:
@@ -290,7 +291,7 @@ def test_stronger_soil_never_pulls_less(
 
 
 @given(SOILS, LOADS, st.floats(1.01, 3), st.floats(0, 30))
-@settings(max_examples=100)
+@settings(max_examples=examples(100))
 def test_more_load_sinks_deeper_and_resists_more(
     soil: Soil, load: float, times: float, pull: float
 ) -> None:
@@ -306,7 +307,7 @@ def test_more_load_sinks_deeper_and_resists_more(
 
 
 @given(SOILS, LOADS, st.floats(0, 1), st.booleans())
-@settings(max_examples=100)
+@settings(max_examples=examples(100))
 def test_soft_ground_becomes_rigid_ground(
     soil: Soil, load: float, slip: float, slips: bool
 ) -> None:
@@ -336,7 +337,7 @@ ANY_SOIL = st.builds(Soil, NUMBERS, st.one_of(st.just(0.0), st.floats(0, 1.5707)
 @given(
     SIZES, SIZES, NUMBERS, ANY_SOIL, st.floats(0, 1), st.floats(-1e30, 1e30), NUMBERS, st.booleans()
 )
-@settings(max_examples=300)
+@settings(max_examples=examples(300))
 def test_nothing_that_is_accepted_gives_nan(
     radius: float, width: float, load: float, soil: Soil, slip: float, pull: float, torque: float,
     slips: bool,
@@ -360,7 +361,7 @@ def test_nothing_that_is_accepted_gives_nan(
 
 
 @given(st.floats(1, 1e6), ANY_SOIL, NUMBERS, st.floats(0.01, 1))
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=examples(100), deadline=None)
 def test_no_vehicle_gives_nan(mass: float, soil: Soil, torque: float, slip: float) -> None:
     """Slopes and shared demands are numbers, too, for any soil."""
     vehicle = Vehicle(
@@ -516,7 +517,7 @@ AXLES = st.sampled_from([
 
 
 @given(AXLES, st.floats(-0.5, 0.5), st.floats(-0.5, 0.5))
-@settings(max_examples=100)
+@settings(max_examples=examples(100))
 def test_loads_are_in_equilibrium(axles: tuple[Axle, ...], pitch: float, roll: float) -> None:
     """Forces and moments of wheels and weight are 0, unless a wheel would be pulled up."""
     vehicle = Vehicle(WHEEL, axles, 60.0, track_width=0.9, cog_height=0.3)
@@ -569,7 +570,7 @@ def test_tip_over_looks_to_the_edge_downhill() -> None:
 
 
 @given(st.floats(-1.2, 1.2), st.floats(-1.2, 1.2))
-@settings(max_examples=100)
+@settings(max_examples=examples(100))
 def test_it_tips_where_its_weight_leaves_the_supports(pitch: float, roll: float) -> None:
     """The line of gravity through the centre of gravity meets the plane within the rectangle."""
     vehicle = Vehicle(WHEEL, (Axle(0.3), Axle(-0.7)), 50.0, track_width=0.6, cog_height=0.4)
@@ -584,7 +585,7 @@ def test_it_tips_where_its_weight_leaves_the_supports(pitch: float, roll: float)
 
 
 @given(SOILS, st.just(0.0) | st.floats(1e-30, 0.5))  # squares of less would vanish
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=examples(60), deadline=None)
 def test_four_equal_wheels_need_what_one_needs(soil: Soil, pull: float) -> None:
     """With equal loads, sharing is dividing."""
     vehicle = Vehicle(WHEEL, ROVER.axles, 40.0, track_width=0.8)

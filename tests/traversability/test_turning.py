@@ -17,6 +17,7 @@ from terratool.traversability.soil import surface_figures
 from terratool.traversability.turning import Turning, turn_on_spot
 from terratool.traversability.vehicle import Axle, Soil, Vehicle, Wheel
 from terratool.traversability.wheel import lateral_grip, towed_resistance
+from tests.budget import examples
 from tests.surveys import level
 
 MU = math.tan(math.radians(35.0))
@@ -39,7 +40,7 @@ def scaled(turning: Turning) -> tuple[float, ...]:
 class TestClosedForms:
     """What can be worked out with a pencil."""
 
-    @settings(max_examples=50)
+    @settings(max_examples=examples(50))
     @given(base=st.floats(0.1, 3.0), track=st.floats(0.1, 3.0), angle=st.floats(5.0, 60.0))
     def test_two_axles_on_rigid_ground(self, base: float, track: float, angle: float) -> None:
         """Each wheel slides where it would be pushed: F/H = L/B, and F² + H² = (μ W/4)²."""
@@ -137,7 +138,7 @@ def least_loss(vehicle: Vehicle) -> float:
     return 0.5 * (least + most)
 
 
-@settings(max_examples=25)
+@settings(max_examples=examples(25))
 @given(vehicle=skidders())
 def test_friction_loses_the_least_that_it_can(vehicle: Vehicle) -> None:
     """For any axles and loads: how far it turns for a metre of its treads, and what that loses."""
@@ -153,7 +154,7 @@ def test_friction_loses_the_least_that_it_can(vehicle: Vehicle) -> None:
 class TestMonotone:
     """More of what resists is never less of it."""
 
-    @settings(max_examples=60)
+    @settings(max_examples=examples(60))
     @given(
         low=st.floats(1.0, 50.0), more=st.floats(0.0, 20.0), load=st.floats(1.0, 3.0),
         longer=st.floats(1.0, 3.0), modulus=st.sampled_from([0.0, 0.005, 0.025]),

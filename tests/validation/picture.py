@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from terratool.traversability.report.curves import Frame
+from terratool.traversability.report.curves import PlotFrame
 from tests.validation.series import (
     AGAIN,
     DING,
@@ -40,7 +40,7 @@ class Panel:
 
     def __init__(self, left: float, title: str) -> None:
         self.left = left
-        self.frame = Frame(left, TOP, SIDE, HEIGHT, (0.0, 1.0), (-5.0, 35.0))
+        self.frame = PlotFrame(left, TOP, SIDE, HEIGHT, (0.0, 1.0), (-5.0, 35.0))
         self.parts = [f'<text class="t" x="{left}" y="28">{title}</text>']
         for angle in range(0, 31, 10):
             self._line("g", np.array([0.0, 1.0]), np.full(2, float(angle)))

@@ -167,6 +167,7 @@ def test_git_hands_over_seven_arguments(pair: tuple[Path, Path], tmp_path: Path)
     assert call("diff", "--git", new, old).code == 2
 
 
+@pytest.mark.slow
 def test_git_itself_says_what_an_edit_did(tmp_path: Path) -> None:
     """As a difftool and as an external diff, of a file with a library, changed, added and gone."""
     repo = tmp_path / "repo"
@@ -226,6 +227,7 @@ def test_the_map_is_new_less_old(pair: tuple[Path, Path], tmp_path: Path) -> Non
     assert call("diff", *pair, "--map", tmp_path / "x.png").code == 2
 
 
+@pytest.mark.slow
 def test_the_picture_is_red_where_it_was_cut(pair: tuple[Path, Path], tmp_path: Path) -> None:
     """The crate left the west of its place, and came to the east; all else is grey."""
     pytest.importorskip("matplotlib")

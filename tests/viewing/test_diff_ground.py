@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import os
 import tempfile
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -17,14 +16,15 @@ from terratool.errors import TerratoolError
 from terratool.viewing.diff import ground
 from terratool.viewing.diff.compare import DiffOptions, diff
 from terratool.viewing.diff.results import Difference
-from terratool.viewing.diff.sides import Side, read_side
+from terratool.viewing.diff.sides import DiffSide, read_side
 from tests import composition
+from tests.budget import examples
 from tests.edits import Files, edited
 from tests.filesets import MAIN, file_sets
 from tests.oracle import Answer, Oracle
 from tests.strategies import box, definitions
 
-EXAMPLES = int(os.environ.get("TERRATOOL_FUZZ", "60"))
+EXAMPLES = examples(60)
 TOLERANCE = 0.01
 PIXELS = 6
 """Along the longer side: the oracle is slow."""
@@ -58,7 +58,7 @@ def meaning(files: Files) -> dict[str, Any]:
     ).definition
 
 
-def side(files: Files, folder: Path) -> Side | None:
+def side(files: Files, folder: Path) -> DiffSide | None:
     """The definition, None where an edit has spoilt it."""
     try:
         return read_side(saved(files, folder), called=None, roots=(str(folder),), roughness=True)

@@ -191,6 +191,7 @@ def test_any_name_is_a_name(key: str, tool: tuple[str, ...], repository: Reposit
     repository.untouched()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [1, -1])
 def test_names_on_both_sides_of_renames(order: int, repository: Repository) -> None:
     """Each to the next one, so that each stands at every place of the words."""
@@ -233,6 +234,7 @@ def test_files_called_like_the_numbers_of_versions(repository: Repository) -> No
     repository.untouched()
 
 
+@pytest.mark.slow
 def test_git_itself_goes_on(repository: Repository) -> None:
     """With the command that the docs name, in a process of its own for each file."""
     names = [NAMES[key] for key in ("overwrite", "output", "stdin", "lines", "no utf-8")]
@@ -281,6 +283,7 @@ def test_options_of_the_user_stay_options(count: int, behind: bool, repository: 
     repository.untouched()
 
 
+@pytest.mark.slow
 def test_what_is_no_terrain_is_told(repository: Repository) -> None:
     """A link, a submodule, another mode, and a file that is unmerged; and git diff goes on."""
     link = repository.top / "--vehicle"
@@ -325,6 +328,7 @@ def test_folders_of_a_difftool(repository: Repository) -> None:
     repository.untouched()
 
 
+@pytest.mark.slow
 def test_a_difftool_of_before(repository: Repository) -> None:
     """Who still has `--as PATH OLD NEW`, without a word for git, is told what to write."""
     old = 'diff --as "$MERGED" "$LOCAL" "$REMOTE"'

@@ -101,6 +101,7 @@ def test_all_of_it_is_in_view_whatever_the_window_is(
         assert max((right - left) / wide, (bottom - top) / tall) > 0.9
 
 
+@pytest.mark.slow
 def test_a_browser_without_webgl_is_told(tmp_path: Path) -> None:
     """And all but the picture is shown."""
     out = tmp_path / "a.html"
@@ -496,6 +497,7 @@ def test_a_drag_turns_the_wheel_zooms_and_the_right_button_moves(
     assert (extent(reddish(shown.picture())) != np.array(moved)).any()
 
 
+@pytest.mark.slow
 def test_watching_a_file_through_save_break_and_mend(browser: Any, boxes: Path) -> None:
     """The picture follows a save and keeps its view; while the file is broken the last good one
     stays, with the findings; what the pointer tells is the field's own answer."""

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from terratool.viewing import perspective
 from terratool.viewing.options import RenderOptions
-from terratool.viewing.perspective import camera_for, z_buffer
+from terratool.viewing.perspective import viewpoint_for, z_buffer
 from terratool.viewing.render import render
 from tests.conftest import terrain_of
 from tests.viewing.pictures import PLATE, RED, SAND, hue_of, pixels_of, texts_of
@@ -90,15 +90,15 @@ def test_faces_that_are_seen_edge_on_show_nothing() -> None:
 def test_what_is_right_and_what_is_far(azimuth: float, right: Any, up: Any) -> None:
     """From the south, east is on the right and north is far away, and so on round."""
     box = np.array([[x, y, z] for x in (0, 8) for y in (0, 4) for z in (0, 1)], float)
-    camera = camera_for(box, azimuth, 30.0, (800, 600))
+    viewpoint = viewpoint_for(box, azimuth, 30.0, (800, 600))
     middle = np.array([4.0, 2.0, 0.5])
-    here, there, beyond, above = camera.project(
+    here, there, beyond, above = viewpoint.project(
         middle + np.array([[0, 0, 0], [*right, 0], [*up, 0], [0, 0, 1]], float)
     )
     assert there[0] > here[0] and there[1] == pytest.approx(here[1], abs=1e-6)
     assert beyond[1] > here[1] and beyond[2] < here[2]
     assert above[1] > here[1] and above[0] == pytest.approx(here[0], abs=1e-6)
-    flat = camera.project(box)
+    flat = viewpoint.project(box)
     assert (flat[:, :2] >= 0).all() and (flat[:, :2] <= (799, 599)).all()
     assert np.ptp(flat[:, 0]) > 790 or np.ptp(flat[:, 1]) > 590
 
@@ -220,6 +220,7 @@ def test_layers_lie_on_the_ground(tmp_path: Path) -> None:
     assert columns.mean() > pixels.shape[1] / 2
 
 
+@pytest.mark.slow
 def test_too_many_elements_are_drawn_from_a_grid(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -153,6 +153,7 @@ def test_faces_beyond_the_most_are_left_out_and_it_is_said() -> None:
     assert scene.facts["measured"]
 
 
+@pytest.mark.slow
 def test_an_error_that_is_asked_for_is_kept_and_live_pages_are_lighter() -> None:
     found = read_site(str(ROOT / "samples/lunar-craters.json"))
     coarse = scene_of(found, PageOptions(max_error=0.3))

@@ -1,4 +1,4 @@
-"""From a spec to a definition with the origins of its tiles, and both into files."""
+"""Curricula: the definition of a spec, the origins of its tiles, and the files of both."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from terratool.output import whole_file
 from terratool.text.source import Source
 
 ORIGINS = ".origins.npz"
-"""What the name of the origins ends with, in place of the definition's .json."""
+"""Ending of the name of the origins' file, in place of the definition's .json."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,12 +30,13 @@ class Curriculum:
     """A grid of training tiles.
 
     Attributes:
-        spec: what it was made of.
-        text: its definition, as `terratool format` writes it.
-        terrain: the same, compiled.
+        spec: the spec that it was made of.
+        text: definition of the grid, as `terratool format` writes it.
+        terrain: terrain of that definition, compiled.
         assignment: kind and difficulty of each tile.
-        origins: where robots begin, (rows, columns, 3) float64, world, m.
-        patches: level places by name, (rows, columns, count, 3) float64; NaN where none was found.
+        origins: places where robots begin, (rows, columns, 3) float64, world, m.
+        patches: level places by name, (rows, columns, count, 3) float64, world, m; NaN where none
+            was found.
     """
 
     spec: Spec
@@ -47,27 +48,27 @@ class Curriculum:
 
     @property
     def kind_names(self) -> tuple[str, ...]:
-        """What the spec calls its kinds, in the order of their indices."""
+        """Names of the kinds in the spec, in the order of their indices."""
         return tuple(kind.name for kind in self.spec.kinds)
 
     @property
     def counts(self) -> Mapping[str, int]:
-        """How many tiles there are of each kind, by the spec's names."""
+        """Number of tiles of each kind, by the spec's names."""
         counts = np.bincount(self.assignment.kinds.ravel(), minlength=len(self.spec.kinds))
         return dict(zip(self.kind_names, counts.tolist(), strict=True))
 
     def tiles_without(self, name: str) -> int:
-        """On how many tiles fewer level places of a name were found than wanted."""
+        """Number of tiles on which fewer level places of a name were found than wanted."""
         return int(np.isnan(self.patches[name][..., -1, 2]).sum())
 
     @property
     def missing(self) -> Mapping[str, int]:
-        """Level places that were wanted and not found, by name."""
+        """Numbers of level places that were wanted and not found, by name."""
         return {name: int(np.isnan(at[..., 2]).sum()) for name, at in self.patches.items()}
 
     @property
     def arrays(self) -> Mapping[str, NDArray[Any]]:
-        """What the file of origins holds, by name."""
+        """Arrays of the file of origins, by name."""
         return {
             "origins": self.origins,
             "kind": self.assignment.kinds,
@@ -83,11 +84,11 @@ def curriculum(spec: Spec | Mapping[str, Any] | str | Path, seed: int | None = N
 
     Args:
         spec: a spec, the dictionary of one, or the path of its file.
-        seed: instead of the spec's own, for a dictionary or a file.
+        seed: seed in place of the spec's own; None for its own. A `Spec` keeps its own.
 
     Raises:
         ReadError: the file cannot be read.
-        DefinitionError: it is no spec; `findings` has all that is wrong.
+        DefinitionError: the spec is not valid; `findings` has all that is wrong.
         RequestError: the tiles come to too many elements.
     """
     if isinstance(spec, (str, Path)):
@@ -106,10 +107,10 @@ def curriculum(spec: Spec | Mapping[str, Any] | str | Path, seed: int | None = N
 
 
 def check_name(path: str | Path) -> None:
-    """Refuse a name that is none of a definition.
+    """Refuse a file name that a definition cannot have.
 
     Raises:
-        RequestError: it does not end in .json.
+        RequestError: the name does not end in .json.
     """
     if not str(path).endswith(".json") or Path(path).name == ".json":
         raise RequestError(f"{path}: is no name of a definition.", "Let it end in .json.")
@@ -119,9 +120,9 @@ def write_curriculum(made: Curriculum, path: str | Path, overwrite: bool = False
     """Write the definition, and the origins beside it; both appear, or none.
 
     Args:
-        made: what to write.
-        path: of the definition.
-        overwrite: whether the files may be there already.
+        made: the curriculum to write.
+        path: path of the definition.
+        overwrite: whether files that exist are replaced.
 
     Returns:
         The path of the origins.
@@ -140,7 +141,7 @@ def write_curriculum(made: Curriculum, path: str | Path, overwrite: bool = False
 
 
 def _write_arrays(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
-    """As `numpy.savez` does, but always the same bytes."""
+    """Write arrays as `numpy.savez` does, but always as the same bytes."""
     with zipfile.ZipFile(path, "w") as file:
         for name, array in arrays.items():
             entry = zipfile.ZipInfo(f"{name}.npy", (1980, 1, 1, 0, 0, 0))

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from terratool.authoring.curriculum.shapes import PRIMITIVES, Lines, Members, Rectangle, mm
+from terratool.authoring.curriculum.shapes import PRIMITIVES, Members, TextLines, TileRectangle, mm
 from terratool.authoring.curriculum.tiles import MAKERS, Draw, Plot, pieces
 from terratool.definition.layout import canonical
 from terratool.definition.tile_spec import MOST_PIECES, Spec
@@ -20,11 +20,11 @@ from terratool.text.format import WIDTH
 
 @dataclass(frozen=True, slots=True)
 class Assignment:
-    """What each tile is.
+    """Kind and difficulty of each tile of a grid.
 
     Attributes:
         kinds: (rows, columns) int64, index into the spec's kinds.
-        difficulty: (rows, columns) float64.
+        difficulty: (rows, columns) float64, 0 to 1.
     """
 
     kinds: NDArray[np.int64]
@@ -32,20 +32,20 @@ class Assignment:
 
 
 def draw_of(spec: Spec, row: int, column: int, purpose: int = 0) -> Draw:
-    """Random numbers of one tile, which do not depend on what other tiles are.
+    """Random numbers of one tile, which do not depend on other tiles.
 
     Args:
-        spec: whose seed counts.
-        row: of the tile.
-        column: the same.
-        purpose: 0 for what the tile is, others for what is looked for on it.
+        spec: spec of the tiles, for its seed.
+        row: row of the tile, from 0.
+        column: column of the tile, from 0.
+        purpose: stream of random numbers: 0 for the tile itself, others for the level places on it.
     """
     seeds = np.random.SeedSequence((spec.seed, row, column, purpose))
     return Draw(np.random.Generator(np.random.PCG64(seeds)))
 
 
 def assign(spec: Spec) -> Assignment:
-    """Kind and difficulty of each tile.
+    """Choose the kind and the difficulty of each tile.
 
     In a curriculum the kind follows from the column, by the kinds' proportions, and the difficulty
     from the row: (row + η) / rows of the way through its range, η drawn from [0, jitter). Else each
@@ -69,7 +69,7 @@ def assign(spec: Spec) -> Assignment:
 
 @dataclass(slots=True)
 class _Contents:
-    """What tiles need, each once."""
+    """Primitives and parts that tiles need, each once, and the elements of the tiles."""
 
     primitives: dict[str, Members] = field(default_factory=dict)
     parts: dict[str, Members] = field(default_factory=dict)
@@ -77,12 +77,12 @@ class _Contents:
 
 
 def definition_text(spec: Spec, assignment: Assignment) -> str:
-    """The definition as text, as `terratool format` writes it.
+    """Definition of the tiles as text, as `terratool format` writes it.
 
     Raises:
         RequestError: the tiles come to too many elements.
     """
-    plan = Rectangle(0, 0, mm(spec.tile[0]), mm(spec.tile[1]))
+    plan = TileRectangle(0, 0, mm(spec.tile[0]), mm(spec.tile[1]))
     counts = np.bincount(assignment.kinds.ravel(), minlength=len(spec.kinds)).tolist()
     total = sum(n * pieces(kind, plan) for n, kind in zip(counts, spec.kinds, strict=True))
     if total > MOST_PIECES:
@@ -98,12 +98,12 @@ def definition_text(spec: Spec, assignment: Assignment) -> str:
 
 
 def _add(
-    contents: _Contents, spec: Spec, plan: Rectangle, place: tuple[int, int], known: Assignment
+    contents: _Contents, spec: Spec, plan: TileRectangle, place: tuple[int, int], known: Assignment
 ) -> None:
     kind, difficulty = spec.kinds[known.kinds[place]], float(known.difficulty[place])
     row, column = place
     draw = draw_of(spec, row, column)
-    draw.uniform(0.0, 1.0, 2)  # what `assign` took
+    draw.uniform(0.0, 1.0, 2)  # `assign` has drawn these two
     name = f"{kind.name} {row},{column}"
     tile = MAKERS[kind.kind](Plot(kind, plan, difficulty, name, draw))
     contents.primitives.update(tile.primitives)
@@ -131,11 +131,11 @@ def _document(spec: Spec, contents: _Contents) -> Members:
         }
         tiles = {"cells": 1, "children": [{**middle, **tiles}]}
     root = {"type": "ground", "surface": "floor", "vScale": 1, **tiles}
-    used = _used(root, "type")
+    used = _values_of(root, "type")
     for part in contents.parts.values():
-        used |= _used(part, "type")
+        used |= _values_of(part, "type")
     common = {name: primitive for name, primitive in PRIMITIVES.items() if name in used}
-    hollow = any("hole" in _used(part, "surface") for part in contents.parts.values())
+    hollow = any("hole" in _values_of(part, "surface") for part in contents.parts.values())
     surfaces: Members = {"floor": dict(spec.surface)}
     if hollow:
         surfaces["hole"] = {"descr": "No ground", "void": True}
@@ -158,29 +158,29 @@ def _document(spec: Spec, contents: _Contents) -> Members:
 def _exceeds(primitive: Mapping[str, Any]) -> bool:
     """Whether a curve leaves the range from 0 to 1, as that of random heights does."""
     curve = primitive["x"]
-    if isinstance(curve, Lines):
+    if isinstance(curve, TextLines):
         return any(number not in ("0", "1") for row in curve.items for number in row.split(", "))
     return isinstance(curve, list) and any(isinstance(z, int) and z > 1 for z in curve)
 
 
-def _used(element: Mapping[str, Any], key: str) -> set[str]:
-    """The values of a key in an element and all on it."""
+def _values_of(element: Mapping[str, Any], key: str) -> set[str]:
+    """Values of a key in an element and in all elements below it."""
     found = {element[key]} if key in element else set()
     children = element.get("children", ())
-    if isinstance(children, Lines):
+    if isinstance(children, TextLines):
         mark = f'"{key}": "'
         return found | {
             line.partition(mark)[2].partition('"')[0] for line in children.items if mark in line
         }
-    return found.union(*(_used(child, key) for child in children))
+    return found.union(*(_values_of(child, key) for child in children))
 
 
 def _text(document: Members) -> str:
-    """The document in the canonical layout, with the lines that are text already put in."""
-    kept: list[Lines] = []
+    """Text of a document in the canonical layout; the items of each `Lines` are put in verbatim."""
+    kept: list[TextLines] = []
 
     def keep(lines: object) -> list[str]:
-        assert isinstance(lines, Lines)
+        assert isinstance(lines, TextLines)
         if not lines.items:
             return []
         kept.append(lines)

@@ -1,4 +1,4 @@
-"""From a text or a dictionary to the spec of a grid of training tiles."""
+"""Specs of grids of training tiles, from a text or a dictionary."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ _MOST_BYTES = 1 << 24
 
 
 def load_spec(path: str | Path, seed: int | None = None) -> Spec:
-    """Read a spec; ``-`` is standard input.
+    """Read a spec from a file; ``-`` is standard input.
 
     Args:
-        path: the file.
-        seed: instead of the spec's own.
+        path: path of the file.
+        seed: seed in place of the spec's own; None for its own.
 
     Raises:
         ReadError: the file cannot be read.
-        DefinitionError: it is no JSON, or no spec; `findings` has all that is wrong.
+        DefinitionError: the text is no JSON, or no spec; `findings` has all that is wrong.
         RequestError: the seed is out of its range.
     """
     if seed is not None and not 0 <= seed <= MAX_SEED:
@@ -40,10 +40,10 @@ def load_spec(path: str | Path, seed: int | None = None) -> Spec:
 
 
 def spec_of(source: Source | Mapping[str, Any]) -> Spec:
-    """The spec that a text, or a dictionary, holds.
+    """Spec that a text or a dictionary holds.
 
     Raises:
-        DefinitionError: it holds none; `findings` has all that is wrong.
+        DefinitionError: it holds no valid spec; `findings` has all that is wrong.
     """
     if not isinstance(source, Source):
         try:

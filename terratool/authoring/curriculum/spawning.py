@@ -1,4 +1,4 @@
-"""Where robots begin: the origin of each tile, and level places on it."""
+"""Spawning places of robots: the origin of each tile, and level places on it."""
 
 from __future__ import annotations
 
@@ -15,32 +15,32 @@ from terratool.field.terrain import Terrain
 Floats = NDArray[np.float64]
 
 _AROUND = 1.0
-"""m from the middle of a tile, within which the highest place counts …"""
+"""Distance from a tile's middle within which the highest place gives the origin's height, m."""
 _APART = 0.1
-"""… of those so far from each other: legged_gym's horizontal scale."""
+"""Distance between the places that are compared for it, m: legged_gym's horizontal scale."""
 _ROUNDS = 20
-"""In which places are drawn …"""
+"""Most rounds of drawing places on tiles that lack some."""
 _BATCH = 16
-"""… so many in each tile that lacks some."""
+"""Places drawn in each round for a tile that lacks some."""
 _RINGS = (1 / 3, 2 / 3, 1.0)
-"""Radii of the rings of points that a disc is looked at by …"""
+"""Radii of the rings of sample points in a disc, over the disc's radius."""
 _ON_RING = 16
-"""… and how many points each has."""
+"""Number of sample points on each ring."""
 _SLACK = 1e-9
-"""By which heights may differ more, as they are rounded."""
+"""Slack of comparisons of heights, m, as heights are rounded."""
 _DIGITS = 6
-"""Heights are rounded to so many digits, below what machines differ by."""
+"""Decimals to which positions and heights in m are rounded, coarser than machines differ by."""
 
 
 def middles(spec: Spec) -> Floats:
-    """The middle of each tile in the world, (rows, columns, 2) float64."""
+    """Middle of each tile in the world, (rows, columns, 2) float64, m."""
     x = spec.origin[0] + (np.arange(spec.rows) + 0.5) * spec.tile[0]
     y = spec.origin[1] + (np.arange(spec.columns) + 0.5) * spec.tile[1]
     return np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1)
 
 
 def origins(spec: Spec, terrain: Terrain) -> Floats:
-    """Where robots begin on each tile, (rows, columns, 3) float64, world.
+    """Origins of robots on each tile, (rows, columns, 3) float64, world, m.
 
     As in legged_gym's `add_terrain_to_map`: the middle of the tile, and the greatest height of the
     points 0.1 m apart from 1 m to the south-west of it to below 1 m to the north-east. NaN where
@@ -58,19 +58,19 @@ def origins(spec: Spec, terrain: Terrain) -> Floats:
 
 
 @dataclass(frozen=True, slots=True)
-class _Disc:
-    """Points of a disc about its middle, the middle last.
+class _LevelDisc:
+    """Sample points of a disc, from its middle; the middle is the last one.
 
     Attributes:
-        x: (n,) float64, m.
-        y: the same.
+        x: x offsets, (n,) float64, m.
+        y: y offsets, (n,) float64, m.
     """
 
     x: Floats
     y: Floats
 
     @classmethod
-    def of(cls, radius: float) -> _Disc:
+    def of(cls, radius: float) -> _LevelDisc:
         angle = np.arange(_ON_RING) * (2.0 * np.pi / _ON_RING)
         rings = np.array(_RINGS)[:, np.newaxis] * radius
         return cls(
@@ -85,12 +85,12 @@ def level_patches(spec: Spec, terrain: Terrain, origin: Floats) -> Mapping[str, 
     Places are drawn until enough are level, as in Isaac Lab's `find_flat_patches`: the heights of
     48 points on three rings, and of the middle, are there, in the range asked for, and differ by no
     more than the limit; the plane that fits them best is no steeper than the limit. Each lies on
-    its tile as a whole. Those that are not found are NaN.
+    the tile as a whole. Places that are not found are NaN.
 
     Args:
-        spec: of the tiles.
-        terrain: of the definition.
-        origin: of each tile, which heights are counted from.
+        spec: spec of the tiles.
+        terrain: compiled terrain of the tiles.
+        origin: origin of each tile, (rows, columns, 3) float64, from which heights count.
     """
     return {
         patch.name: _patches(spec, number, terrain, origin)
@@ -119,7 +119,7 @@ def _patches(spec: Spec, number: int, terrain: Terrain, origin: Floats) -> Float
                 for i in wanting.tolist()
             ]
         )
-        # whole micrometres, so that the place that is kept is the one that was looked at
+        # rounded to micrometres first, so that the place that is kept is the place that was tested
         places = np.round(centre[wanting, np.newaxis, :2] + places, _DIGITS)
         z = _level_heights(terrain, patch, places, centre[wanting, 2])
         for i, place, height in zip(wanting.tolist(), places, z, strict=True):
@@ -134,8 +134,8 @@ def _patches(spec: Spec, number: int, terrain: Terrain, origin: Floats) -> Float
 
 
 def _level_heights(terrain: Terrain, patch: PatchSpec, places: Floats, base: Floats) -> Floats:
-    """Heights in the middle of discs that are level, NaN of the others: (tiles, places)."""
-    disc = _Disc.of(patch.radius)
+    """Heights in the middle of level discs, (tiles, places) float64, m; NaN for discs not level."""
+    disc = _LevelDisc.of(patch.radius)
     middle = np.full(places.shape[:2], np.nan)
     # most discs are refused by a few points of their rim
     few = slice(-1 - _ON_RING, None, 3)
@@ -157,6 +157,6 @@ def _level_heights(terrain: Terrain, patch: PatchSpec, places: Floats, base: Flo
 
 
 def _heights(terrain: Terrain, places: Floats, x: Floats, y: Floats) -> Floats:
-    """Heights at points about places: one more axis than these."""
+    """Heights at points around places: the shape of the places, and one axis of points more."""
     heights: Floats = terrain.height(places[..., :1] + x, places[..., 1:] + y)
     return heights

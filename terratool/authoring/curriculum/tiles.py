@@ -1,8 +1,8 @@
-"""A tile of each kind: what a definition has for it, at a difficulty.
+"""Tiles: the element, parts and primitives of a tile of each kind, at a difficulty.
 
 Formulas are those of Isaac Lab's `terrains/height_field/hf_terrains.py` and
 `terrains/trimesh/mesh_terrains.py`, and of legged_gym's `utils/terrain.py` with the
-`terrain_utils` of Isaac Gym. What differs is said in docs/curriculum.md.
+`terrain_utils` of Isaac Gym. docs/curriculum.md lists the differences.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ from terratool.authoring.curriculum.shapes import (
     MM,
     Box,
     Members,
-    Rectangle,
+    TileRectangle,
     box_lines,
     corners,
     frame,
-    grounded,
     hole_lines,
-    merged,
+    level_ground,
+    level_rectangles,
     mm,
     outside,
     pyramid_slope,
@@ -37,80 +37,80 @@ from terratool.authoring.curriculum.shapes import (
 from terratool.definition.tile_spec import KindSpec
 
 PIXEL = 100
-"""mm: the generators' horizontal scale, by which obstacles are placed."""
+"""Pixel by which obstacles are placed, mm: the generators' horizontal scale."""
 _STAR_PIXEL = 50
-"""mm, of the raster that a star is drawn by."""
+"""Pixel of the raster that a star is drawn by, mm."""
 _TRIES = 50
-"""For a place where an object touches no other."""
+"""Random places tried for an object before it is left out, as each place must be free."""
 _RINGS = 0.6
-"""Where the outer of two rings, or of two levels, ends: a share of the way to the tile's edge."""
+"""End of the outer of two rings, or of two levels: a share of the way to the tile's edge."""
 
 
 @dataclass(frozen=True, slots=True)
 class Draw:
-    """Random numbers that are the same on every machine: only uniform ones from [0, 1) are drawn.
+    """Random numbers that are alike on every machine, as only uniform ones from [0, 1) are drawn.
 
     Attributes:
-        generator: whose `random` is asked.
+        generator: generator that the numbers are drawn from.
     """
 
     generator: np.random.Generator
 
     def uniform(self, low: float, high: float, count: int = 1) -> NDArray[np.float64]:
-        """Numbers from `low` to below `high`, (count,) float64."""
+        """Uniform random numbers from `low` to below `high`, (count,) float64."""
         return low + (high - low) * self.generator.random(count)
 
     def whole(self, end: int, count: int = 1) -> NDArray[np.int64]:
-        """Whole numbers from 0 to below `end`, (count,) int64."""
+        """Random whole numbers from 0 to below `end`, (count,) int64."""
         return (self.generator.random(count) * end).astype(np.int64)
 
 
 @dataclass(frozen=True, slots=True)
 class Plot:
-    """What a tile is made for.
+    """Ground of a tile that is to be made, with its kind and difficulty.
 
     Attributes:
-        spec: its kind.
-        plan: the whole tile.
-        difficulty: from 0 to 1.
-        name: for what is this tile's alone.
-        draw: random numbers of its own.
+        spec: kind of the tile.
+        plan: rectangle of the whole tile, mm.
+        difficulty: difficulty, 0 to 1.
+        name: name for a part and primitives that only this tile uses.
+        draw: random numbers of the tile.
     """
 
     spec: KindSpec
-    plan: Rectangle
+    plan: TileRectangle
     difficulty: float
     name: str
     draw: Draw
 
     def at(self, key: str) -> float:
-        """The value of a range at this difficulty."""
+        """Value of a key with a range, at the tile's difficulty."""
         return self.spec.at(key, self.difficulty)
 
     @property
-    def platform(self) -> Rectangle:
-        """The square in the middle."""
+    def platform(self) -> TileRectangle:
+        """Square platform in the middle of the tile."""
         return square(self.plan, self.spec.number("platform"))
 
     @property
     def border(self) -> int:
-        """Its width, mm."""
+        """Width of the border, mm."""
         return mm(self.spec.number("border"))
 
     @property
-    def holes(self) -> list[Rectangle]:
-        """The corners, if there is no ground there."""
+    def holes(self) -> list[TileRectangle]:
+        """Corners of the tile where there is no ground; empty unless the spec asks for holes."""
         return corners(self.plan, self.spec.number("platform")) if self.spec.flag("holes") else []
 
 
 @dataclass(frozen=True, slots=True)
 class Tile:
-    """What a definition has for a tile.
+    """Element of a tile with the parts and primitives that it needs.
 
     Attributes:
-        element: members of its element, but for the place; empty for level ground.
-        parts: what it needs of them, by name.
-        primitives: the same.
+        element: members of the element without its place; empty for level ground.
+        parts: parts that the element needs, by name.
+        primitives: primitives that the element needs, by name.
     """
 
     element: Members = field(default_factory=dict)
@@ -118,16 +118,16 @@ class Tile:
     primitives: Mapping[str, Members] = field(default_factory=dict)
 
 
-def _scaled(plot: Plot, part: Members, factor: float) -> Tile:
-    """A part that all tiles of the kind share, its heights times a factor."""
+def _shared_part_tile(plot: Plot, part: Members, factor: float) -> Tile:
+    """Tile with a part that all tiles of its kind share, heights multiplied by a factor."""
     factor = round(factor, 6)
     if not factor:
         return Tile()
     return Tile({"part": plot.spec.name, "vScale": factor}, {plot.spec.name: part})
 
 
-def _own(plot: Plot, part: Members) -> Tile:
-    """A part of this tile alone."""
+def _own_part_tile(plot: Plot, part: Members) -> Tile:
+    """Tile with a part that no other tile has."""
     return Tile({"part": plot.name}, {plot.name: part})
 
 
@@ -141,12 +141,12 @@ def _sign(plot: Plot) -> int:
 def _pyramid_slope(plot: Plot) -> Tile:
     name = plot.spec.name
     shape = pyramid_slope(name, plot.plan, plot.border, plot.spec.number("platform"))
-    tile = _scaled(plot, shape.element, _sign(plot) * plot.at("slope"))
+    tile = _shared_part_tile(plot, shape.element, _sign(plot) * plot.at("slope"))
     return Tile(tile.element, tile.parts, shape.primitives if tile.element else {})
 
 
-def nodes_of(spec: KindSpec, plan: Rectangle) -> tuple[int, int]:
-    """Rows and columns of random heights, those at the rim included."""
+def nodes_of(spec: KindSpec, plan: TileRectangle) -> tuple[int, int]:
+    """Numbers of rows and columns of nodes with random heights, those at the rim included."""
     inner = plan.inset(mm(spec.number("border")))
     spacing = spec.number("spacing") * MM
     rows, columns = (max(1, math.floor(side / spacing + 0.5)) + 1 for side in (inner.h, inner.w))
@@ -162,7 +162,7 @@ def _noise(plot: Plot) -> Tile:
     shape = relief(plot.name, plot.plan.inset(plot.border), heights, step, low)
     return Tile(
         {"part": plot.name},
-        {plot.name: grounded(plot.plan, [shape.element])},
+        {plot.name: level_ground(plot.plan, [shape.element])},
         shape.primitives,
     )
 
@@ -191,17 +191,17 @@ def _waves(plot: Plot) -> Tile:
         "combine": "sum",
     }
     wave = {"type": name, "vScale": 1, "vOffset": -1}
-    part = wave if inner == plan else grounded(plan, [{**inner.place, **wave}])
+    part = wave if inner == plan else level_ground(plan, [{**inner.place, **wave}])
     # half the amplitude to each side
-    tile = _scaled(plot, part, plot.at("amplitude"))
+    tile = _shared_part_tile(plot, part, plot.at("amplitude"))
     return Tile(tile.element, tile.parts, {name: primitive} if tile.element else {})
 
 
 # --- steps and boxes of one plan -----------------------------------------------------------------
 
 
-def risers(spec: KindSpec, plan: Rectangle) -> int:
-    """Steps from the border up to the platform."""
+def risers(spec: KindSpec, plan: TileRectangle) -> int:
+    """Number of steps from the border up to the platform."""
     room = min(plan.w, plan.h) - 2 * mm(spec.number("border")) - mm(spec.number("platform"))
     return room // (2 * mm(spec.number("stepWidth"))) + 2
 
@@ -210,41 +210,41 @@ def _stairs(plot: Plot) -> Tile:
     name, plan = plot.spec.name, plot.plan
     width, border = mm(plot.spec.number("stepWidth")), plot.border
     steps = risers(plot.spec, plan)
-    # so many as leave a platform
+    # no more steps than leave a platform
     steps = min(steps, (min(plan.w, plan.h) - 2 * border - 1) // (2 * width) + 1)
     part: Members = {"type": name, "vScale": 1}
     if plot.holes:
         holes = hole_lines([*plot.holes, *(rim for rim in _rim(plot) if rim.w and rim.h)])
         part |= {"cells": [plan.w, plan.h], "children": holes}
-    tile = _scaled(plot, part, _sign(plot) * plot.at("stepHeight"))
+    tile = _shared_part_tile(plot, part, _sign(plot) * plot.at("stepHeight"))
     if tile.element:
         return Tile(tile.element, tile.parts, {name: stairs(plan, border, width, steps)})
-    return _own(plot, grounded(plan, part["children"])) if plot.holes else tile
+    return _own_part_tile(plot, level_ground(plan, part["children"])) if plot.holes else tile
 
 
-def _rim(plot: Plot) -> list[Rectangle]:
-    """Where the border crosses the arms beside the corners."""
+def _rim(plot: Plot) -> list[TileRectangle]:
+    """Rectangles in which the border crosses the arms beside the corners."""
     plan, middle, border = plot.plan, plot.platform, plot.border
     return [
-        Rectangle(middle.x, 0, middle.w, border),
-        Rectangle(middle.x, plan.h - border, middle.w, border),
-        Rectangle(0, middle.y, border, middle.h),
-        Rectangle(plan.w - border, middle.y, border, middle.h),
+        TileRectangle(middle.x, 0, middle.w, border),
+        TileRectangle(middle.x, plan.h - border, middle.w, border),
+        TileRectangle(0, middle.y, border, middle.h),
+        TileRectangle(plan.w - border, middle.y, border, middle.h),
     ]
 
 
 def _levels(plot: Plot, height: float) -> Tile:
-    """One or two levels on top of each other, or below."""
+    """Tile with one level in its middle, or two on top of each other; a negative height digs."""
     whole, inner = plot.plan, plot.platform
     level: Members = {"type": "level", "vScale": 1}
     if plot.spec.flag("double"):
         outer = ratio_within(whole, inner, _RINGS)
-        within = Rectangle(inner.x - outer.x, inner.y - outer.y, inner.w, inner.h)
+        within = TileRectangle(inner.x - outer.x, inner.y - outer.y, inner.w, inner.h)
         upper = {**within.place, **level}
         element = {**outer.place, **level, "cells": [outer.w, outer.h], "children": [upper]}
     else:
         element = {**inner.place, **level}
-    return _scaled(plot, grounded(whole, [element]), height)
+    return _shared_part_tile(plot, level_ground(whole, [element]), height)
 
 
 def _rails(plot: Plot) -> Tile:
@@ -252,7 +252,7 @@ def _rails(plot: Plot) -> Tile:
     first, second = (mm(thickness) for thickness in plot.spec.range("thickness"))
     outer = ratio_within(plot.plan, inner, _RINGS)
     boxes = [*frame(inner.inset(-first), first, 1.0), *frame(outer.inset(-second), second, 1.0)]
-    return _scaled(plot, grounded(plot.plan, box_lines(boxes)), plot.at("height"))
+    return _shared_part_tile(plot, level_ground(plot.plan, box_lines(boxes)), plot.at("height"))
 
 
 def _gap(plot: Plot) -> Tile:
@@ -266,7 +266,7 @@ def _gap(plot: Plot) -> Tile:
         return Tile()
     gap = frame(outer, inner.x - outer.x, -depth)
     lines = hole_lines(plan for plan, _ in gap) if void else box_lines(gap)
-    return _own(plot, grounded(plot.plan, lines))
+    return _own_part_tile(plot, level_ground(plot.plan, lines))
 
 
 # --- random boxes and objects --------------------------------------------------------------------
@@ -278,12 +278,14 @@ def _random_grid(plot: Plot) -> Tile:
     west, south = (plan.w - columns * width) // 2, (plan.h - rows * width) // 2
     heights = plot.draw.uniform(-height, height, rows * columns).tolist()
     boxes = [
-        Box(Rectangle(west + i % columns * width, south + i // columns * width, width, width), z)
+        Box(
+            TileRectangle(west + i % columns * width, south + i // columns * width, width, width), z
+        )
         for i, z in enumerate(heights)
     ]
     holes, platform = plot.holes, plot.platform
     boxes = [*outside(boxes, [platform, *holes]), Box(platform, height)]
-    return _own(plot, grounded(plan, box_lines(boxes) + hole_lines(holes)))
+    return _own_part_tile(plot, level_ground(plan, box_lines(boxes) + hole_lines(holes)))
 
 
 def _discrete_obstacles(plot: Plot) -> Tile:
@@ -300,8 +302,10 @@ def _discrete_obstacles(plot: Plot) -> Tile:
         level = (-2, -1, 1, 2)[int(draw.whole(4)[0])]
         levels[y : y + h, x : x + w] = 2 if fixed else level
     height, platform = plot.at("height"), plot.platform
-    boxes = [Box(rectangle, level * height / 2) for rectangle, level in merged(levels, PIXEL)]
-    return _own(plot, grounded(plan, box_lines(outside(boxes, [platform]))))
+    boxes = [
+        Box(rectangle, level * height / 2) for rectangle, level in level_rectangles(levels, PIXEL)
+    ]
+    return _own_part_tile(plot, level_ground(plan, box_lines(outside(boxes, [platform]))))
 
 
 def _stepping_stones(plot: Plot) -> Tile:
@@ -324,10 +328,12 @@ def _stepping_stones(plot: Plot) -> Tile:
                 place = (low, begin, high - low, min(width, along - begin))
                 if not across:
                     place = place[1], place[0], place[3], place[2]
-                boxes.append(Box(Rectangle(*place), z))
+                boxes.append(Box(TileRectangle(*place), z))
     boxes = [*outside(boxes, [plot.platform]), Box(plot.platform, 0.0)]
-    part = grounded(plan, box_lines(boxes, depth))
-    return _own(plot, {**part, "type": "level", "vScale": -round(depth, DIGITS)} if depth else part)
+    part = level_ground(plan, box_lines(boxes, depth))
+    return _own_part_tile(
+        plot, {**part, "type": "level", "vScale": -round(depth, DIGITS)} if depth else part
+    )
 
 
 def _star(plot: Plot) -> Tile:
@@ -337,7 +343,7 @@ def _star(plot: Plot) -> Tile:
     columns, rows = plan.w // _STAR_PIXEL, plan.h // _STAR_PIXEL
     x = (np.arange(columns) + 0.5) * _STAR_PIXEL / MM
     y = ((np.arange(rows) + 0.5) * _STAR_PIXEL / MM)[:, np.newaxis]
-    # what is on an edge to within rounding counts as inside, on every machine
+    # points on an edge, to within rounding, count as inside on every machine
     near = width / 2 + 1e-9
     dx, dy = x - plan.w / 2 / MM, y - plan.h / 2 / MM
     star = dx * dx + dy * dy <= (spec.number("platform") / 2 + 1e-9) ** 2
@@ -346,12 +352,14 @@ def _star(plot: Plot) -> Tile:
         star |= np.abs(dx * math.sin(angle) - dy * math.cos(angle)) <= near
     rim = width + 1e-9
     star |= (x < rim) | (x > plan.w / MM - rim) | (y < rim) | (y > plan.h / MM - rim)
-    # the ground between the bars; a rest along the edges that is no pixel stays up
-    boxes = [Box(hole, -height) for hole, _ in merged((~star).astype(np.int64), _STAR_PIXEL)]
-    return _own(plot, grounded(plan, box_lines(boxes)))
+    # the ground between the bars; a remainder along the edges narrower than a pixel stays up
+    boxes = [
+        Box(hole, -height) for hole, _ in level_rectangles((~star).astype(np.int64), _STAR_PIXEL)
+    ]
+    return _own_part_tile(plot, level_ground(plan, box_lines(boxes)))
 
 
-def _repeated(plot: Plot) -> Tile:
+def _repeated_objects(plot: Plot) -> Tile:
     spec, plan = plot.spec, plot.plan
     height = plot.at("height")
     fewest, most = spec.range("count")
@@ -360,7 +368,7 @@ def _repeated(plot: Plot) -> Tile:
     half_platform = (height if platform_height < 0.0 else platform_height) / 2
     kind, sides, share = _object(plot)
     radius = math.ceil(mm(math.hypot(*sides) if kind != "column" else sides[0]) / 2)
-    places = _strewn(plot, count, radius)
+    places = _disc_places(plot, count, radius)
     absolute = plot.draw.uniform(*spec.range("noise"), len(places)).tolist()
     factors = plot.draw.uniform(*spec.range("relativeNoise"), len(places)).tolist()
     turns = plot.draw.uniform(0.0, 360.0, len(places)).tolist()
@@ -378,14 +386,14 @@ def _repeated(plot: Plot) -> Tile:
     if z:
         elements.append({**plot.platform.place, "type": "level", "vScale": z})
     descr = f"{len(places)} of {count} places found, {len(elements) - bool(z)} objects"
-    return _own(plot, {"descr": descr, **grounded(plan, elements)})
+    return _own_part_tile(plot, {"descr": descr, **level_ground(plan, elements)})
 
 
 def _object(plot: Plot) -> tuple[str, tuple[float, float], float]:
-    """The primitive of an object, its sides, m, and what share of its height is above ground."""
+    """Primitive of an object, its sides (x, y), m, and the share of its height above ground."""
     match plot.spec.kind:
         case "repeatedBoxes":
-            # the generators have the middles of boxes and cylinders on the ground
+            # boxes and cylinders of the generators have their middles on the ground
             return "level", (round(plot.at("length"), 3), round(plot.at("width"), 3)), 0.5
         case "repeatedCylinders":
             side = round(2 * plot.at("radius"), 3)
@@ -395,8 +403,8 @@ def _object(plot: Plot) -> tuple[str, tuple[float, float], float]:
             return "pyramid", (side, side), 1.0
 
 
-def _strewn(plot: Plot, count: int, radius: int) -> list[tuple[int, int]]:
-    """Places of discs, mm, that touch neither each other nor the platform nor the tile's edge."""
+def _disc_places(plot: Plot, count: int, radius: int) -> list[tuple[int, int]]:
+    """Middles (x, y) of discs, mm, that touch neither each other nor the platform or the edge."""
     plan, platform = plot.plan, plot.platform
     room = np.array([plan.w, plan.h]) - 2 * radius
     if (room <= 0).any():
@@ -433,15 +441,15 @@ MAKERS: dict[str, Callable[[Plot], Tile]] = {
     "box": lambda plot: _levels(plot, plot.at("height")),
     "rails": _rails,
     "star": _star,
-    "repeatedBoxes": _repeated,
-    "repeatedPyramids": _repeated,
-    "repeatedCylinders": _repeated,
+    "repeatedBoxes": _repeated_objects,
+    "repeatedPyramids": _repeated_objects,
+    "repeatedCylinders": _repeated_objects,
 }
-"""What makes a tile of each kind."""
+"""Function that makes a tile, by the name of the kind."""
 
 
-def pieces(spec: KindSpec, plan: Rectangle) -> int:
-    """About how many elements and random heights a tile comes to, at most."""
+def pieces(spec: KindSpec, plan: TileRectangle) -> int:
+    """Upper estimate of the number of elements and random heights of a tile."""
     match spec.kind:
         case "randomRough" | "roughSlope":
             rows, columns = nodes_of(spec, plan)

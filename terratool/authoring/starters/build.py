@@ -1,4 +1,4 @@
-"""From a kind and its options to the text of a terrain, and into a file."""
+"""New terrains: from a kind and its options to the text of a definition."""
 
 from __future__ import annotations
 
@@ -30,16 +30,16 @@ KINDS: Mapping[str, Kind] = {
 
 
 def new(kind: str, **options: Any) -> str:
-    """The text of a new terrain, as `terratool format` lays it out.
+    """Text of a new terrain, as `terratool format` lays it out.
 
     The same kind and options give the same text on every machine.
 
     Args:
-        kind: a key of `KINDS`.
-        options: of the kind, by their names with _ in place of -; None counts as left out.
+        kind: name of the kind, a key of `KINDS`.
+        options: options of the kind, by their names with _ in place of -; None counts as left out.
 
     Raises:
-        RequestError: there is no such kind or option, or what is asked for does not fit together.
+        RequestError: the kind or an option does not exist, or the values do not fit together.
     """
     if kind not in KINDS:
         raise RequestError(f"There is no kind {kind!r}.", hint_for(kind, list(KINDS)))
@@ -49,10 +49,10 @@ def new(kind: str, **options: Any) -> str:
             raise RequestError(f"{kind} takes no {key!r}.", hint_for(key, list(known)))
     given = {key: value for key, value in options.items() if value is not None}
     values = {
-        key: option.accepted(given[key]) if key in given else option.default
+        key: option.valid_value(given[key]) if key in given else option.default
         for key, option in known.items()
     }
-    return text_of(_explained(KINDS[kind].make(Wanted(values))))
+    return text_of(_with_reasons(KINDS[kind].make(Wanted(values))))
 
 
 _REASONS = {
@@ -60,28 +60,28 @@ _REASONS = {
     "TT306": "The curves go outside of 0 to 1 on purpose",
     "TT308": "It is level on purpose: only its surface is wanted",
 }
-"""Why a new terrain has findings ignored, by their codes."""
+"""Reasons for which a new terrain has findings ignored, by their codes."""
 
 
-def _explained(value: Any) -> Any:
-    """A copy of a value in which `x-why` stands behind each `x-ignore`, and says what for."""
+def _with_reasons(value: Any) -> Any:
+    """Copy of a JSON value in which `x-why` follows each `x-ignore` and gives the reasons."""
     if isinstance(value, list):
-        return [_explained(item) for item in value]
+        return [_with_reasons(item) for item in value]
     if not isinstance(value, dict):
         return value
     members: dict[str, Any] = {}
     for key, member in value.items():
-        members[key] = _explained(member)
+        members[key] = _with_reasons(member)
         if key == "x-ignore":
             members["x-why"] = ". ".join(_REASONS[code] for code in member)
     return members
 
 
 def text_of(document: Mapping[str, Any]) -> str:
-    """A definition in the canonical layout.
+    """Text of a definition in the canonical layout.
 
     Raises:
-        DefinitionError: it is no valid one.
+        DefinitionError: the definition is not valid.
     """
     from terratool.definition.layout import canonical
     from terratool.definition.reader import CheckOptions, check, refusal
@@ -95,10 +95,10 @@ def text_of(document: Mapping[str, Any]) -> str:
 
 
 _ALIKE = 0.7
-"""Names that are less alike are no misspelling of each other: as castle and craters."""
+"""Least similarity, 0 to 1, of a misspelling: castle is less similar to craters."""
 
 
 def hint_for(name: str, names: list[str]) -> str:
-    """Which of some names was meant, or all of them."""
+    """Hint that names the most similar of some names, or all of them."""
     close = get_close_matches(name, names, 1, _ALIKE)
     return f"Did you mean {close[0]}?" if close else f"There is {listed(names)}."

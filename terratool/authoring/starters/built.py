@@ -1,4 +1,4 @@
-"""What is built of slabs, flights and inclines: level ground, a ramp, stairs."""
+"""Starters that are built: level ground, a ramp, stairs."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ from terratool.authoring.starters.soils import SOILS, soil_option, surfaces
 from terratool.errors import RequestError
 
 GROUND: Members = {"descr": "Level, at height 0", "x": [0], "x-ignore": ["TT308"]}
-"""The primitive of ground that has no height of its own."""
+"""Primitive of ground that has no height of its own."""
 SLAB: Members = {"descr": "Level top, upright sides; vScale is the height", "x": [1]}
 
 _AROUND = 2000
-"""mm of level ground around what is built, where no size is given."""
+"""Level ground around the construction where no size is given, mm."""
 _BUILT = "concrete"
-"""The preset of what is built."""
+"""Preset of the surface of constructions."""
 
 
 def sides_text(size: tuple[int, int]) -> str:
-    """The sides of a terrain in words; they are in mm."""
+    """Sides of a terrain in words, from mm."""
     return f"{m(size[0])} × {m(size[1])} m"
 
 
@@ -57,19 +57,19 @@ def _flat(wanted: Wanted) -> Members:
 
 @dataclass(frozen=True, slots=True)
 class _Crossing:
-    """A way up to the east, a level top and a way down, all of one width.
+    """Way up to the east, a level top and a way down, all of one width.
 
     Attributes:
-        descr: what it is.
+        descr: description of the terrain.
         way: length of the way up, and of the way down, mm.
         top: length of the level top, mm.
-        width: along y, mm.
-        height: of the top, m.
-        up: the primitive of the way up, its heights in metres.
-        down: that of the way down.
-        names: what these two are called …
-        need: … and both, in a sentence about what they need.
-        shorter: what to ask for so that they get shorter.
+        width: width along y, mm.
+        height: height of the top, m.
+        up: primitive of the way up, its heights in metres.
+        down: primitive of the way down, its heights in metres.
+        names: names of these two primitives.
+        need: subject and verb of the sentence that tells the room needed, as "The ramp needs".
+        shorter: changes of options that shorten the crossing, in words.
     """
 
     descr: str
@@ -84,10 +84,10 @@ class _Crossing:
     shorter: tuple[str, ...]
 
     def definition(self, wanted: Wanted) -> Members:
-        """It stands in the middle of the terrain.
+        """Definition of a terrain with the crossing in its middle.
 
         Raises:
-            RequestError: it does not fit.
+            RequestError: the crossing does not fit.
         """
         length = 2 * self.way + self.top
         size = wanted.size((length + 2 * _AROUND, self.width + 2 * _AROUND))
@@ -166,7 +166,7 @@ def _stairs(wanted: Wanted) -> Members:
 
 
 def _flight(descr: str, treads: list[float | int]) -> Members:
-    """The primitive of a flight: between treads stand two knots at one t, a vertical step."""
+    """Primitive of a flight of steps: two knots at one t between treads are a vertical step."""
     count = len(treads)
     ends = [0, *(round(number / count, 9) for number in range(1, count)), 1]
     knots = [[t, z] for z, stretch in zip(treads, pairwise(ends), strict=True) for t in stretch]

@@ -1,4 +1,4 @@
-"""A course of training tiles, with the place where robots begin on each of them in the file."""
+"""Starter of a course of training tiles; each tile's element tells where robots begin on it."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ STYLES: dict[str, dict[str, Any]] = {
         },
     },
 }  # fmt: skip
-"""Kinds of tiles of the rough terrains of both, each as often as the others."""
+"""Options and kinds of tiles of the rough terrains of both projects; kinds are equally frequent."""
 _WHOSE = {"isaac-lab": "Isaac Lab", "legged-gym": "legged_gym"}
 
 
@@ -70,7 +70,7 @@ def _course(wanted: Wanted) -> Members:
     except DefinitionError as error:
         first = error.findings[0]
         raise RequestError(f"Such a course cannot be made: {first.message}", first.hint) from error
-    except RequestError as error:  # too many pieces; of the options only these two help
+    except RequestError as error:  # too many pieces: only these two options reduce them
         raise RequestError(error.message, "Ask for fewer --rows or --columns.") from error
     document: Members = json.loads(made.text)
     root = document["elemTree"]

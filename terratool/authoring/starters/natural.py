@@ -1,4 +1,4 @@
-"""Ground that nature has made: craters of the Moon, dunes of a desert."""
+"""Starters of natural ground: craters of the Moon, dunes of a desert."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ import math
 from terratool.authoring.starters.built import GROUND, sides_text
 from terratool.authoring.starters.options import (
     SEED,
-    Draw,
     Kind,
     Members,
+    RandomDraw,
     Wanted,
     count_option,
     length_option,
@@ -34,10 +34,10 @@ WORN: Members = {
     "combine": "radial",
     "x-ignore": ["TT306"],
 }
-"""Both are those of samples/kit/craters.json, for a width of 1 from rim to rim."""
+"""Both craters are those of samples/kit/craters.json, for a width of 1 from rim to rim."""
 ROCK: Members = {"descr": "Round rock, buried to its middle", "x": "dome", "combine": "radial"}
 BARE = "concrete"
-"""The preset of solid rock: nothing sinks in."""
+"""Preset of solid rock, in which nothing sinks."""
 
 
 def _craters(wanted: Wanted) -> Members:
@@ -66,7 +66,7 @@ def _craters(wanted: Wanted) -> Members:
         children.append(
             {
                 **whole,
-                "scatter": _strewn(worn, (3 * smallest / 2, 3 * largest / 2), draw, 1),
+                "scatter": _scatter_value(worn, (3 * smallest / 2, 3 * largest / 2), draw, 1),
                 "descr": "Worn craters: the share of those wider than D falls with its square",
                 "type": "wornCrater",
                 "vScale": 0.6667,
@@ -76,7 +76,7 @@ def _craters(wanted: Wanted) -> Members:
         children.append(
             {
                 **whole,
-                "scatter": _strewn(fresh, (2 * smallest, 2 * largest), draw, 2),
+                "scatter": _scatter_value(fresh, (2 * smallest, 2 * largest), draw, 2),
                 "descr": "Fresh craters, likewise; their cells are twice as wide as they",
                 "type": "freshCrater",
                 "vScale": 0.5,
@@ -104,7 +104,7 @@ def _craters(wanted: Wanted) -> Members:
         children.append(
             {
                 **whole,
-                "scatter": _strewn(rocks, (200, min(1000, min(size))), draw, 3),
+                "scatter": _scatter_value(rocks, (200, min(1000, min(size))), draw, 3),
                 "descr": "Rocks, half as high as wide",
                 "type": "knob",
                 "surface": "rock",
@@ -125,37 +125,38 @@ def _craters(wanted: Wanted) -> Members:
     }
 
 
-def _strewn(count: int, sizes: tuple[float, float], draw: Draw, which: int) -> Members:
-    """A `scatter`, whose seed differs from those of the others of this terrain."""
+def _scatter_value(count: int, sizes: tuple[float, float], draw: RandomDraw, which: int) -> Members:
+    """Value of `scatter`, whose seed differs from those of the terrain's other scattered ones."""
     seed = (4 * draw.seed + which) % 2**53
     return {"count": count, "sizes": [m(side) for side in sizes], "seed": seed}
 
 
 _FALL = 0.65
-"""Rise per metre of a slip face: 33 degrees, the angle of repose of dry sand."""
+"""Slope of a slip face, m/m: 33 degrees, the angle of repose of dry sand."""
 _LONG, _WIDE = 14.0, 10.0
-"""Heights that the cell of a barchan is long and wide (Hesp and Hastings 1998: a tenth as high as
+"""Length and width of a barchan's cell over its height (Hesp and Hastings 1998: a tenth as high as
 wide)."""
 _COLUMNS, _ROWS = 140, 50
-"""Cells of its grid along and across the wind; the wind blows along its middle line."""
+"""Cells of a barchan's grid along and across the wind, which blows along the middle line."""
 _MOUND, _TOP = 130, 65
-"""Cells that its windward side is long, and from there to its top."""
+"""Cells along the wind that the mound takes, and from its western edge to its top."""
 _HOLLOW, _FOOT = (52, 26), 85
-"""Cells along and across the round hollow between the horns, and from the west to it."""
+"""Cells (along, across) of the round hollow between the horns, and from the west to the hollow."""
 _CARVED = 14
 """Rows on each side of the middle line that reach the slip face."""
 _LEAST = 0.35
-"""The height of the smallest dunes, of that of the largest."""
+"""Height of the smallest dunes over that of the largest."""
 _TRIES = 300
-"""For a place where a dune touches no other."""
+"""Random places tried for a dune, whose cell must touch no other."""
 _BELL = "4.5*t**2 - 13.5*max(0, t - 1/3)**2 + 13.5*max(0, t - 2/3)**2"
 
 
 def _slip_face() -> Members:
-    """What rows take off the mound so that a slip face remains, by their number from the middle.
+    """Primitives that rows subtract from the mound to leave a slip face, from the middle outwards.
 
     The face is a cone turned upside down, whose foot is the rim of the hollow: it is equally steep
-    everywhere, up to the tips of the horns. A row has the lower of cone and mound at its middle.
+    everywhere, up to the tips of the horns. A row takes the mound down to the cone, along its
+    middle.
     """
     cell, wide = _LONG / _COLUMNS, _WIDE / _ROWS
     radius, half = _HOLLOW[0] * cell / 2, _WIDE / 2
@@ -175,7 +176,7 @@ def _slip_face() -> Members:
 
 
 def _barchan(surface: str) -> Members:
-    """A dune with horns, 1 m high: a mound, less what rows along the wind carve out in its lee."""
+    """Part of a dune with horns, 1 m high: a mound, less the rows that carve its lee."""
     rows: list[Members] = []
     for row in range(_CARVED):
         south, apart = _ROWS // 2 - 2 - row, 2 * row + 1
@@ -183,7 +184,7 @@ def _barchan(surface: str) -> Members:
         if row:  # the same on the other side of the middle line
             lee["repeat"] = {"count": [1, 2], "step": [0, apart]}
             rows.append({"cellX": _TOP, "cellY": south, **lee})
-        else:  # these two overlap
+        else:  # the row on the middle line is two overlapping ones
             rows += [{"cellX": _TOP, "cellY": south + one, **lee} for one in (0, apart)]
     return {
         "descr": f"{_LONG:g} × {_WIDE:g} m, 1 m high, slip face in the east; scale extent and "
@@ -207,11 +208,13 @@ def _barchan(surface: str) -> Members:
 
 
 _Cell = tuple[int, int, int, int]
-"""West, south, east, north, mm."""
+"""West, south, east and north edge of a cell, mm."""
 
 
-def _free_cell(size: tuple[int, int], tall: int, there: list[_Cell], draw: Draw) -> _Cell | None:
-    """A random cell for a dune of a height, beside those that are there."""
+def _free_cell(
+    size: tuple[int, int], tall: int, there: list[_Cell], draw: RandomDraw
+) -> _Cell | None:
+    """Random cell for a dune of a height, mm, beside the other cells; None if no try succeeds."""
     long, wide = round(tall * _LONG), round(tall * _WIDE)
     for _ in range(_TRIES):
         west, south = draw.between(0, size[0] - long), draw.between(0, size[1] - wide)
@@ -238,7 +241,7 @@ def _dunes(wanted: Wanted) -> Members:
     there: list[_Cell] = []
     children = []
     for wish in sorted(tall, reverse=True):
-        # where no more of that height fit, a lower one may
+        # where no dune of that height fits any more, a lower one may
         for one in (wish, least):
             found = _free_cell(size, one, there, draw)
             if found is not None:

@@ -1,4 +1,4 @@
-"""What a kind of terrain can be told, and what it was told."""
+"""Kinds of new terrains: their options, and the values that a user gives them."""
 
 from __future__ import annotations
 
@@ -16,25 +16,25 @@ from terratool.errors import RequestError
 from terratool.report.wording import listed
 
 Members = dict[str, Any]
-"""Of an object of the definition."""
+"""Members of a JSON object of the definition, by key."""
 Value = float | int | str | tuple[float, float]
 
 MM = 1000
-"""mm in a metre."""
+"""Millimetres per metre."""
 LARGEST = 10_000.0
-"""The longest side of a terrain, m."""
+"""Longest side of a terrain, m."""
 LAST_SEED = 2**53 - 1
 
 
 class Option(Key, frozen=True, kw_only=True):
-    """A key that a kind can be told on the command line.
+    """Option of a kind of terrain on the command line.
 
     Attributes:
         name: name on the command line, without its dashes.
         unit: unit of its numbers; empty for none.
-        otherwise: what counts where the default is None.
-        metavar: what stands for its values in the help.
-        in_mm: whether its numbers are whole millimetres, in metres.
+        otherwise: meaning of a default that is None, in words.
+        metavar: placeholder of the values in the help.
+        in_mm: whether values in metres are rounded to whole millimetres.
     """
 
     name: str
@@ -45,12 +45,12 @@ class Option(Key, frozen=True, kw_only=True):
 
     @property
     def key(self) -> str:
-        """Its name in Python."""
+        """Name of the option in Python, with _ in place of -."""
         return self.name.replace("-", "_")
 
     @property
     def shown_default(self) -> str:
-        """Its default in words."""
+        """Default of the option in words."""
         match self.default:
             case None:
                 return self.otherwise
@@ -63,17 +63,17 @@ class Option(Key, frozen=True, kw_only=True):
 
     @property
     def range(self) -> str:
-        """The values that it may have, in words."""
+        """Range or choices of the option in words."""
         if self.choices:
             return listed(self.choices)
         unit = f" {self.unit}" if self.unit else ""
         return f"{self.low:,.16g} to {self.high:,.16g}{unit}"
 
-    def accepted(self, value: Any) -> Value:
-        """A value that is good; lengths in whole millimetres.
+    def valid_value(self, value: Any) -> Value:
+        """Return a valid value of the option, lengths rounded to whole millimetres.
 
         Raises:
-            RequestError: it is none.
+            RequestError: the value is out of range or of another type.
         """
         if self.choices:
             if value not in self.choices:
@@ -94,7 +94,7 @@ class Option(Key, frozen=True, kw_only=True):
             number = float(value)
         except OverflowError:
             number = math.inf
-        if not self.holds(number):  # nor NaN
+        if not self.holds(number):  # true for NaN, too
             raise RequestError(f"{name} is {number:,.16g}.", f"Give {self.range}.")
         if self.kind == "whole":
             if not number.is_integer():
@@ -105,34 +105,34 @@ class Option(Key, frozen=True, kw_only=True):
 
 @dataclass(frozen=True, slots=True)
 class Wanted:
-    """What was asked for, all of it good by itself.
+    """Values of all options of a kind, each valid by itself.
 
     Attributes:
-        values: by the keys of the kind's options, all of them.
+        values: values by the keys of the kind's options, all of them; None where there is none.
     """
 
     values: Mapping[str, Value | None]
 
     def number(self, key: str) -> float:
-        """A number, or a length in metres."""
+        """Value of an option for a number, or for a length in metres."""
         value = self.values[key]
         assert isinstance(value, (float, int))
         return value
 
     def mm(self, key: str) -> int:
-        """A length in whole millimetres."""
+        """Value of an option for a length, in whole millimetres."""
         return mm(self.number(key))
 
     def whole(self, key: str) -> int:
-        """A whole number."""
+        """Value of an option for a whole number."""
         return int(self.number(key))
 
     def word(self, key: str) -> str:
-        """One of some words."""
+        """Value of an option for a word."""
         return str(self.values[key])
 
     def pair(self, key: str) -> tuple[float, float]:
-        """Two lengths, m."""
+        """Value of an option for two lengths, m."""
         value = self.values[key]
         assert isinstance(value, tuple)
         return value
@@ -141,7 +141,7 @@ class Wanted:
         """Sides of the terrain in whole millimetres.
 
         Args:
-            needed: them, where none were asked for.
+            needed: sides (x, y) in mm where the user gave none; None if there is a default.
         """
         if self.values["size"] is None:
             assert needed is not None
@@ -150,64 +150,64 @@ class Wanted:
         return mm(x), mm(y)
 
     @property
-    def draw(self) -> Draw:
-        """Random numbers by the seed."""
-        return Draw(self.whole("seed"))
+    def draw(self) -> RandomDraw:
+        """Random numbers that follow from the seed."""
+        return RandomDraw(self.whole("seed"))
 
 
 @dataclass(slots=True)
-class Draw:
+class RandomDraw:
     """Random numbers that are the same on every machine and in every version.
 
-    They are the shares by which the format strews copies: whole numbers of 64 bits, mixed by
+    The numbers are the shares by which the format strews copies: integers of 64 bits, mixed by
     SplitMix64, and one division by a power of 2.
 
     Attributes:
-        seed: what they follow from.
-        number: of the next one.
+        seed: seed of the numbers.
+        number: count of the numbers drawn so far.
     """
 
     seed: int
     number: int = 0
 
     def share(self) -> float:
-        """From 0 to below 1."""
+        """Random number from 0 to below 1."""
         self.number += 1
         return share(self.seed, self.number, 0)
 
     def below(self, end: int) -> int:
-        """A whole number from 0 to below `end`."""
+        """Random whole number from 0 to below `end`."""
         return math.floor(self.share() * end)
 
     def between(self, low: int, high: int) -> int:
-        """A whole number from `low` to `high`, both included."""
+        """Random whole number from `low` to `high`, both included."""
         return low + self.below(high - low + 1)
 
 
 def mm(metres: float) -> int:
-    """Metres in whole millimetres."""
+    """Length in whole millimetres, rounded to the nearest."""
     return round(metres * MM)
 
 
 def m(millimetres: float) -> float | int:
-    """Millimetres in metres, as JSON has them at their shortest."""
+    """Length in metres from millimetres; a whole number of metres is an int, as in JSON."""
     metres = millimetres / MM
     return int(metres) if metres == int(metres) else metres
 
 
 def place(x: float, y: float, w: int, h: int) -> Members:
-    """The free place of an element by its middle and its sides, all in mm."""
+    """Free place of an element (`at`, `extent`) by its middle and its sides, all in mm."""
     return {"at": [m(x), m(y)], "extent": [m(w), m(h)]}
 
 
 @dataclass(frozen=True, slots=True)
 class Kind:
-    """A kind of terrain.
+    """Kind of terrain that a user can start from.
 
     Attributes:
-        descr: what it is, in one line.
-        options: what it can be told.
-        make: the definition of what is wanted.
+        descr: description, one line.
+        options: options of the kind.
+        make: function that makes the definition from the values of the options.
     """
 
     descr: str
@@ -218,7 +218,7 @@ class Kind:
 def size_option(
     default: tuple[float, float] | None, least: float = 1.0, most: float = LARGEST
 ) -> Option:
-    """Sides of the terrain, m."""
+    """Option for the sides of the terrain, m."""
     option = pair_option("size", default, "Sides of the terrain along x and y.", least, most, "X Y")
     return replace(option, otherwise="what is on it, and 2 m around")
 
@@ -227,7 +227,7 @@ def pair_option(
     name: str, default: tuple[float, float] | None, descr: str, low: float, high: float,
     metavar: str,
 ) -> Option:  # fmt: skip
-    """Two lengths, m, in whole millimetres."""
+    """Option for two lengths in m, in whole millimetres."""
     return Option(
         "two lengths", "number", low, high, alone=False, length=2, descr=descr, default=default,
         name=name, unit="m", metavar=metavar, in_mm=True,
@@ -235,14 +235,14 @@ def pair_option(
 
 
 def length_option(name: str, default: float, descr: str, low: float, high: float) -> Option:
-    """A length, m, in whole millimetres."""
+    """Option for a length in m, in whole millimetres."""
     return replace(
         number_option(name, default, descr, low, high), unit="m", metavar="M", in_mm=True
     )
 
 
 def number_option(name: str, default: float, descr: str, low: float, high: float) -> Option:
-    """A number without a unit."""
+    """Option for a number without a unit."""
     return Option(
         "a number", "number", low, high, descr=descr, default=default, name=name, metavar="S"
     )
@@ -251,7 +251,7 @@ def number_option(name: str, default: float, descr: str, low: float, high: float
 def count_option(
     name: str, default: int | None, descr: str, low: int, high: int, otherwise: str = ""
 ) -> Option:
-    """A whole number of something."""
+    """Option for a whole number."""
     return Option(
         "a whole number", "whole", low, high, descr=descr, default=default, name=name,
         otherwise=otherwise, metavar="N",
@@ -261,7 +261,7 @@ def count_option(
 def choice_option(
     name: str, default: str, descr: str, choices: tuple[str, ...], metavar: str
 ) -> Option:
-    """One of some words."""
+    """Option for one of several words."""
     return Option(
         "a word", "text", choices=choices, descr=descr, default=default, name=name, metavar=metavar
     )

@@ -1,4 +1,4 @@
-"""Rough ground: random heights at the nodes of a grid, as training terrains have them."""
+"""Starter of rough ground: random heights at the nodes of a grid, as in training terrains."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ from terratool.authoring.starters.soils import SOILS, soil_option, surfaces
 from terratool.errors import RequestError
 
 if TYPE_CHECKING:
-    from terratool.authoring.curriculum.shapes import Lines
+    from terratool.authoring.curriculum.shapes import TextLines
 
 MOST_NODES = 250_000
-"""Random heights of a terrain."""
+"""Most random heights of a terrain."""
 
 
 def _rough(wanted: Wanted) -> Members:
@@ -49,7 +49,7 @@ def _rough(wanted: Wanted) -> Members:
             f"more than {MOST_NODES:,}.",
             "Make --spacing wider, or the terrain smaller.",
         )
-    high = low + (levels - 1) * step  # the highest that there is
+    high = low + (levels - 1) * step  # the highest level
     draw = wanted.draw
     heights = [[draw.below(levels) for _ in range(columns)] for _ in range(rows)]
     ground = {**surfaces(soil)[SOILS[soil].name]}
@@ -74,12 +74,12 @@ def _rough(wanted: Wanted) -> Members:
 
 
 def _relief(heights: list[list[int]], step: float, low: float, surface: str) -> Members:
-    """Primitives and the tree of heights in steps, by rows from the south."""
+    """Primitives and tree of heights in steps, given by rows from the south."""
     import numpy as np
 
-    from terratool.authoring.curriculum.shapes import PRIMITIVES, Rectangle, relief
+    from terratool.authoring.curriculum.shapes import PRIMITIVES, TileRectangle, relief
 
-    shape = relief("heights", Rectangle(0, 0, 0, 0), np.array(heights), step, low)
+    shape = relief("heights", TileRectangle(0, 0, 0, 0), np.array(heights), step, low)
     primitives = {name: {**one, "x": _plain(one["x"])} for name, one in shape.primitives.items()}
     element = {key: value for key, value in shape.element.items() if key not in _PLACED}
     rows = len(heights)
@@ -98,8 +98,8 @@ def _relief(heights: list[list[int]], step: float, low: float, surface: str) -> 
 _PLACED = ("cellX", "cellY", "span")
 
 
-def _plain(lines: Lines | list[int]) -> object:
-    """A list whose items may be text already."""
+def _plain(lines: TextLines | list[int]) -> object:
+    """List of JSON values from a list whose items may be text already."""
     return lines if isinstance(lines, list) else json.loads(f"[{','.join(lines.items)}]")
 
 

@@ -1,13 +1,13 @@
-"""A hall with racks in rows, aisles between them, a gate and a place for pallets."""
+"""Starter of a hall with racks in rows, aisles between them, a gate and a place for pallets."""
 
 from __future__ import annotations
 
 from terratool.authoring.starters.built import GROUND, SLAB, sides_text
 from terratool.authoring.starters.options import (
     SEED,
-    Draw,
     Kind,
     Members,
+    RandomDraw,
     Wanted,
     length_option,
     m,
@@ -17,17 +17,17 @@ from terratool.authoring.starters.options import (
 from terratool.errors import RequestError
 
 _WALL, _GATE = 250, 4000
-"""mm: the thickness of walls, and the width of the gate in the western one."""
+"""Thickness of the walls, and width of the gate in the western wall, mm."""
 _STAGING = 6000
-"""mm from the western edge to the racks."""
+"""Distance from the western edge to the racks, mm."""
 _BAY, _DEPTH = 2700, 2500
-"""mm: the width of a bay for three pallets, and the depth of two racks back to back."""
+"""Width of a bay for three pallets, and depth of two racks back to back, mm."""
 _LEVELS = (0.44, 0.72, 1, 1)
-"""How full a bay is."""
+"""Fill levels of bays that are drawn, over the height of a full bay."""
 _PALLET = (1200, 800)
-"""mm: EN 13698-1."""
+"""Sides of a pallet, mm (EN 13698-1)."""
 _LATTICE = 2000
-"""mm between places for pallets."""
+"""Distance between places for pallets, mm."""
 
 
 def _surface(descr: str, *color: int) -> Members:
@@ -89,14 +89,14 @@ def _warehouse(wanted: Wanted) -> Members:
 
 
 def _repeat(columns: int, rows: int, dx: float, dy: float) -> Members:
-    """Copies, where there is more than one."""
+    """Member `repeat` for copies; empty where there is one copy alone."""
     if columns * rows == 1:
         return {}
     return {"repeat": {"count": [columns, rows], "step": [m(dx), m(dy)]}}
 
 
-def _rack(bays: int, draw: Draw) -> Members:
-    """A row of bays that are full or not, with a gap between the backs."""
+def _rack(bays: int, draw: RandomDraw) -> Members:
+    """Primitive of a row of bays that are full or not, with a gap between the backs."""
     full = [_LEVELS[draw.below(len(_LEVELS))] for _ in range(bays)]
     ends = [0, *(round(number / bays, 9) for number in range(1, bays)), 1]
     knots = []
@@ -143,8 +143,8 @@ def _walls(size: tuple[int, int], height: int) -> list[Members]:
     ]  # fmt: skip
 
 
-def _pallets(size: tuple[int, int], draw: Draw) -> list[Members]:
-    """Some pallets in the west, beside the way from the gate to the racks."""
+def _pallets(size: tuple[int, int], draw: RandomDraw) -> list[Members]:
+    """Elements of some pallets in the west, beside the way from the gate to the racks."""
     found = []
     middle = size[1] / 2
     places = [

@@ -1,8 +1,8 @@
-"""Rules: each is a generator of remarks; its docstring is its manual page.
+"""Rules: generators of remarks whose docstrings are their manual pages.
 
 A rule is registered by `rule` with its code, a name and a default severity. The runner alone adds
-code, severity and position. What only the reader can see (syntax, duplicate keys, types) is
-registered by `reader_rule`, so that every code is listed and explained in one place.
+code, severity and position. Codes that only the reader can report (syntax, duplicate keys, types)
+are registered by `reader_rule`, so that every code is listed and explained in one place.
 
 Codes: TT1xx the text and its keys, TT2xx names and elements, TT3xx primitives, TT4xx surfaces,
 TT5xx vehicles, TT6xx tracks, TT7xx libraries, parts, free places and copies, TT8xx grids of
@@ -39,4 +39,4 @@ from terratool.definition.rules import (  # noqa: F401, importing them registers
 from terratool.definition.rules.base import Rule, registry
 
 RULES: dict[str, Rule] = dict(sorted(registry.items()))
-"""Every rule by its code, in the order of the codes."""
+"""Rules by code, in the order of the codes."""

@@ -1,4 +1,4 @@
-"""What a rule is, what it looks at, and the table that it is entered in."""
+"""Base of rules: subjects that rules look at, and the registry of rules."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from terratool.definition.curriculum import CurriculumText
 from terratool.definition.curves import CurveError, problems
 from terratool.definition.findings import Owner, Remark, RemarkBatch, Severity
 from terratool.definition.keys import SLOTS, Kind
-from terratool.definition.libraries import Clash, Document, Named, clashes_of, known_names
+from terratool.definition.libraries import Clash, Named, SourceDocument, clashes_of, known_names
 from terratool.definition.model import Definition, Primitive, Surface
 from terratool.definition.part_sizes import PartSizes, sizes_of_places
 from terratool.definition.sensor import SensorText
@@ -24,86 +24,85 @@ from terratool.definition.vehicle import AxleText, VehicleText, WheelsText, Whee
 
 
 class _Subject(Struct, frozen=True, dict=True, kw_only=True):
-    """What rules about any kind of text look at.
+    """Subject of rules about any kind of text.
 
     Attributes:
-        unfit: of each key the owners whose value was left out; "" is for the owner itself.
+        unfit: by key, the owners whose value was left out; "" stands for the owner itself.
     """
 
     unfit: Mapping[str, Collection[Owner]] = {}
 
     def left_out(self, owner: Owner, *keys: str) -> bool:
-        """Whether one of these values of an object, or all of it, did not fit."""
+        """Whether the value of one of the keys of an object, or all of the object, did not fit."""
         return bool(self.unfit) and any(owner in self.unfit.get(key, ()) for key in ("", *keys))
 
 
 class Subject(_Subject, frozen=True, kw_only=True):
-    """What a rule about terrains looks at.
+    """Subject of rules about terrains and libraries.
 
     Attributes:
-        definition: the model, without the values that did not fit; of a library what terrains have,
-            too.
-        tree: its elements laid flat.
-        document: the file, with the libraries that it uses.
-        size: bytes of the text.
-        packed: whether they came from gzip.
-        max_step: height of a step from which on it is remarked on; None for no limit.
+        definition: model without the values that did not fit; a library's as that of a terrain.
+        tree: elements of the terrain, or of the library's parts.
+        document: file, with the libraries that it uses.
+        size: size of the text, bytes.
+        packed: whether the text came from gzip.
+        max_step: height from which on a step is remarked on; None for no limit.
     """
 
     definition: Definition
     tree: Tree
-    document: Document
+    document: SourceDocument
     size: int = 0
     packed: bool = False
     max_step: float | None = None
 
     @property
     def is_library(self) -> bool:
-        """Whether it is a library, not a terrain."""
+        """Whether the text is a library, not a terrain."""
         return self.document.kind == "library"
 
     @property
     def lacks_library(self) -> bool:
-        """Whether a library, and so names that it may have, cannot be had."""
+        """Whether a library cannot be had, and so names that it may define."""
         if self.left_out("", "use"):
             return True
         document = self.document
-        return _lacks(document) or bool(document.catalogue.reached_of(document, _lacks))
+        return _lacks(document) or bool(document.catalogue.libraries_where(document, _lacks))
 
     @cached_property
     def uses(self) -> Uses:
-        """The parts that it knows, and their uses."""
+        """Parts that the text knows, and their uses."""
         return Uses(self.document, known_names(self.document))
 
     @cached_property
     def place_sizes(self) -> PartSizes | None:
-        """The sizes of parts in which there are free places; None where there are none."""
+        """Sizes of parts in which there are free places; None where there are none."""
         return sizes_of_places(self.uses)
 
     @property
     def clashes(self) -> list[Clash]:
-        """Names that two libraries have."""
+        """Names that two libraries define."""
         return clashes_of(self.document)
 
     @cached_property
     def surfaces(self) -> Mapping[str, Surface]:
-        """All surfaces that it knows, by name, those of libraries, too."""
+        """Surfaces that the text knows, by name, those of libraries included."""
         return _Values(self.uses.names.surfaces)
 
     @cached_property
     def primitives(self) -> Mapping[str, Primitive]:
-        """All primitives that it knows, by name, those of libraries, too."""
+        """Primitives that the text knows, by name, those of libraries included."""
         return _Values(self.uses.names.primitives)
 
     @cached_property
     def curve_errors(self) -> dict[str, tuple[CurveError, ...]]:
-        """What is wrong with the curves of primitives, by name; none of those that are good."""
+        """Errors in the curves of primitives, by name; primitives without errors are left out."""
         found = ((name, problems(p)) for name, p in self.definition.primitives.items())
         return {name: curve_errors for name, curve_errors in found if curve_errors}
 
     @cached_property
     def summaries(self) -> dict[str, ShapeSummary]:
-        """Summaries of the primitives that elements name; none of those that mean nothing."""
+        """Summaries of the primitives that elements name; primitives with errors are left out."""
         others = {
             name: self.primitives[name]
             for name in self.tree.distinct("type") - {UNSET}
@@ -114,12 +113,12 @@ class Subject(_Subject, frozen=True, kw_only=True):
 
     @cached_property
     def own_summaries(self) -> dict[str, ShapeSummary]:
-        """Summaries of the primitives that stand in the file itself."""
+        """Summaries of the primitives that stand in the file itself, except those with errors."""
         primitives = self.definition.primitives.items()
         return {name: summarise_shape(p) for name, p in primitives if name not in self.curve_errors}
 
 
-def _lacks(document: Document) -> bool:
+def _lacks(document: SourceDocument) -> bool:
     """Whether a file is broken, or a library that it names cannot be had."""
     return None in document.uses or document.broken is not None
 
@@ -128,7 +127,7 @@ _Value = TypeVar("_Value")
 
 
 class _Values(Mapping[str, _Value]):
-    """What names stand for."""
+    """Values of names, without the files that they stand in."""
 
     def __init__(self, names: Mapping[str, Named[Any]]) -> None:
         self._names = names
@@ -148,21 +147,21 @@ class _Values(Mapping[str, _Value]):
 
 
 WHEEL_KEYS = tuple(key for key in SLOTS[WheelsText] if key in SLOTS[AxleText])
-"""What an axle may have of its own."""
+"""Keys of wheels that an axle may have of its own."""
 
 
 class VehicleSubject(_Subject, frozen=True, kw_only=True):
-    """What a rule about vehicles looks at.
+    """Subject of rules about vehicles.
 
     Attributes:
-        vehicle: the model, without the values that did not fit.
+        vehicle: model without the values that did not fit.
     """
 
     vehicle: VehicleText
 
     @cached_property
     def axles(self) -> tuple[AxleText, ...]:
-        """The axles in document order, each with an x; none if not all of them are known."""
+        """Axles in document order, each with an x; empty if not all of them are known."""
         axles = self.vehicle.all_axles
         known = not self.left_out("", "axles", "wheelbase") and not any(
             axle.x is UNSET or self.left_out(f"/axles/{index}", "wheels", "driven")
@@ -172,10 +171,10 @@ class VehicleSubject(_Subject, frozen=True, kw_only=True):
 
     @cached_property
     def wheels(self) -> tuple[tuple[str, WheelText, WheelText], ...]:
-        """The wheels in common, and those of each axle that has keys of its own.
+        """Common wheels, and the wheels of each axle that has keys of its own.
 
-        Of each the place, what is written there, and what it means together with the wheels in
-        common. None of those where a value did not fit.
+        Each item has the pointer, the wheels as they are written there, and the wheels with the
+        keys of the common ones. Wheels with a value that did not fit are left out.
         """
         common = self.vehicle.wheels
         if self.left_out("", "wheels") or self.left_out("/wheels", *WHEEL_KEYS):
@@ -188,7 +187,7 @@ class VehicleSubject(_Subject, frozen=True, kw_only=True):
         return ("/wheels", common, common), *own
 
     def figure(self, index: int, key: str) -> float | UnsetType:
-        """A figure of the wheels of one of `axles`; UNSET where it is not known."""
+        """Figure of the wheels of one of `axles`; UNSET where it is not known."""
         if self.left_out(f"/axles/{index}", key):
             return UNSET
         wheels = self.vehicle.wheels_of(self.axles[index])
@@ -196,47 +195,47 @@ class VehicleSubject(_Subject, frozen=True, kw_only=True):
         return figure
 
     def figures(self, key: str) -> tuple[float, ...]:
-        """A figure of the wheels of each of `axles`, in their order; none if one is not known."""
+        """Figures of the wheels of `axles`, in their order; empty if one is not known."""
         found = [self.figure(index, key) for index in range(len(self.axles))]
         known = tuple(figure for figure in found if figure is not UNSET)
         return known if len(known) == len(found) else ()
 
     def place(self, index: int, key: str) -> str:
-        """Where a key of the wheels of an axle stands: in the axle, or in the common ones."""
+        """Pointer of a key of the wheels of an axle: in the axle, or in the common wheels."""
         own = getattr(self.vehicle.all_axles[index], SLOTS[AxleText][key].name) is not UNSET
         return f"/axles/{index}/{key}" if own else f"/wheels/{key}"
 
 
 class SensorSubject(_Subject, frozen=True, kw_only=True):
-    """What a rule about sensors looks at.
+    """Subject of rules about sensors.
 
     Attributes:
-        sensor: the model, without the values that did not fit.
+        sensor: model without the values that did not fit.
     """
 
     sensor: SensorText
 
 
 class CurriculumSubject(_Subject, frozen=True, kw_only=True):
-    """The subject of rules about specs of training tiles.
+    """Subject of rules about specs of training tiles.
 
     Attributes:
-        curriculum: the model, without the values that did not fit.
+        curriculum: model without the values that did not fit.
     """
 
     curriculum: CurriculumText
 
 
 Check = Callable[[Any], Iterator[Remark | RemarkBatch]]
-"""The generator of a rule; it takes the subject of its kind, such as `Subject` of terrains."""
+"""Generator of a rule; it takes the subject of its kind, such as `Subject` for terrains."""
 
 
 class Rule(Struct, frozen=True):
-    """A code, its name, default severity and manual page, and the generator behind it.
+    """Rule: code, name, default severity, manual page, and the generator of its remarks.
 
     Attributes:
-        check: None if the reader itself reports the code.
-        kind: what `check` looks at; rules about terrains look at libraries, too.
+        check: generator of the remarks; None if the reader itself reports the code.
+        kind: kind of text that `check` looks at; rules about terrains look at libraries, too.
     """
 
     code: str
@@ -248,12 +247,12 @@ class Rule(Struct, frozen=True):
 
     @property
     def summary(self) -> str:
-        """The first sentence of the manual page."""
+        """First sentence of the manual page."""
         return self.manual.partition("\n\n")[0].replace("\n", " ")
 
 
 registry: dict[str, Rule] = {}
-"""Every rule by its code."""
+"""Rules by code, in the order of registration."""
 
 
 def rule(

@@ -1,4 +1,4 @@
-"""Grids of training tiles that cannot be made as their specs say."""
+"""Rule on grids of training tiles that cannot be made from their specs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Curves that mean nothing. One reading of a primitive finds all of it; each code has its rule."""
+"""Rules on curves without a meaning, each for one code; a primitive's curves are read once."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ def _remarks(subject: Subject, code: str) -> Iterator[Remark]:
     for name, curve_errors in subject.curve_errors.items():
         here = f"/elemTypes/{escape(name)}"
         if code == "TT303" and subject.left_out(here, "x", "y"):
-            continue  # what it has does not fit
+            continue  # a value that is there does not fit
         for error in curve_errors:
             if error.code == code:
                 yield Remark(here + error.remark.pointer, error.remark.message, error.remark.hint)

@@ -1,4 +1,4 @@
-"""The file and the terrain as a whole."""
+"""Rules on files, and on the size, origin and reference system of terrains."""
 
 from __future__ import annotations
 

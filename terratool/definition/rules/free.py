@@ -1,4 +1,4 @@
-"""Elements at free places, and copies in rows."""
+"""Rules on elements at free places, and on copies in rows."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from terratool.definition.model import Pair, pair_of
 from terratool.definition.part_sizes import Alike, PartSize
 from terratool.definition.rules.base import Subject, rule
 from terratool.definition.tree import Tree
-from terratool.definition.turning import CLOSE, turned
+from terratool.definition.turning import CLOSE, turned_shape
 from terratool.definition.uses import Root, copies
 from terratool.text.display import shown
 
@@ -115,7 +115,7 @@ def turned_parent(subject: Subject) -> Iterator[Remark]:
                 "Turn it by 0, 90, 180 or 270, or place the children beside it.",
                 element=parent,
             )
-    for index, name in tree.having("part", subject.uses.known):
+    for index, name in tree.elements_with("part", subject.uses.known_parts):
         end = subject.uses.end(Root(tree, index, subject.document))
         free = places[index] is not UNSET or scatters[index] is not UNSET
         if not free or end is None or end.turn % 90 == 0:
@@ -178,7 +178,7 @@ def outside_cell(subject: Subject) -> Iterator[Remark]:
             continue
         for place, beyond in islice(crowd.beyond(parent), 1):
             pointer = f"{alike.root.tree.pointer(place)} of the part {shown(size.part)}"
-            for element in subject.place_sizes.leading_to(size, seen):
+            for element in subject.place_sizes.elements_leading_to(size, seen):
                 if element not in told:
                     told.add(element)
                     yield Remark(
@@ -190,7 +190,7 @@ def outside_cell(subject: Subject) -> Iterator[Remark]:
 
 
 class _Crowd:
-    """The footprints of elements at free places in cells of one size, their copies included."""
+    """Footprints of elements at free places in cells of one size, their copies included."""
 
     def __init__(self, subject: Subject, alike: Alike) -> None:
         self._boxes = {}
@@ -201,20 +201,20 @@ class _Crowd:
         self._surround()
 
     def _surround(self) -> None:
-        """All of them together: no box reaches further than this one."""
+        """Set the box around all footprints: no box reaches further than this one."""
         boxes = self._boxes.values()
         lows, highs = zip(*boxes, strict=True) if boxes else (((0.0, 0.0),), ((0.0, 0.0),))
         self._whole = tuple(map(min, *lows, lows[0])), tuple(map(max, *highs, highs[0]))
 
     def beyond(self, parent: Pair) -> Iterator[tuple[int, float]]:
-        """Those that reach out of a parent's cell with these sides, and how far."""
+        """Elements that reach out of a parent's cell with these sides, each with its excess."""
         if _out(self._whole, parent):
             for element, box in self._boxes.items():
                 if out := _out(box, parent):
                     yield element, out
 
     def taken_beyond(self, parent: Pair) -> list[tuple[int, float]]:
-        """The same, which are not looked at again."""
+        """Elements that reach out of the cell, as `beyond`; they are removed from the crowd."""
         found = list(self.beyond(parent))
         for element, _ in found:
             del self._boxes[element]
@@ -224,18 +224,18 @@ class _Crowd:
 
 
 _Box = tuple[Pair, Pair]
-"""The south-west and the north-east corner."""
+"""South-west and north-east corner of a box."""
 
 
 def _out(box: _Box, parent: Pair) -> float:
-    """How far a box reaches out of a cell that begins at 0; 0 where it does not."""
+    """Longest excess of a box beyond a cell that begins at 0; 0 for a box within the cell."""
     (west, south), (east, north) = box
     x, y = max(-west, east - parent[0]), max(-south, north - parent[1])
     return max(x if x > CLOSE * parent[0] else 0.0, y if y > CLOSE * parent[1] else 0.0)
 
 
 def _box(subject: Subject, tree: Tree, index: int) -> _Box | None:
-    """What the footprints of an element and of its copies reach; None if it is not known."""
+    """Box around the footprints of an element and its copies; None if they are not known."""
     at, extent, repeat = (tree.value(key, index) for key in ("at", "extent", "repeat"))
     if extent is UNSET or (tree is subject.tree and subject.left_out(index, "repeat", "turnDeg")):
         return None
@@ -243,9 +243,9 @@ def _box(subject: Subject, tree: Tree, index: int) -> _Box | None:
     if end is None:
         return None
     primitive = subject.primitives.get(end.root.tree.value("type", end.root.element))
-    scattered = tree.value("scatter", index) is not UNSET  # its copies stay in its cell
+    scattered = tree.value("scatter", index) is not UNSET  # copies stay in the element's cell
     round_ = primitive is not None and primitive.combine == "radial"
-    reach = turned(pair_of(extent, math.nan), 0.0 if scattered else end.turn, round_).reach
+    reach = turned_shape(pair_of(extent, math.nan), 0.0 if scattered else end.turn, round_).reach
     count, step = ((1, 1), (0.0, 0.0)) if repeat is UNSET else (repeat.count, repeat.step)
     last = at[0] + (count[0] - 1) * step[0], at[1] + (count[1] - 1) * step[1]
     return (
@@ -368,9 +368,9 @@ def overlapping_copies(subject: Subject) -> Iterator[Remark]:
             turn = 0.0 if turn is UNSET else turn
             if turn % 90 != 0:
                 continue
-            reach = turned(pair_of(tree.value("extent", index), math.nan), turn, False).reach
+            reach = turned_shape(pair_of(tree.value("extent", index), math.nan), turn, False).reach
             sides = 2 * reach[0], 2 * reach[1]
-        # neighbours in a row are moved by one axis alone
+        # neighbours in a row are moved along one axis alone
         for axis in (0, 1):
             step = abs(repeat.step[axis])
             if repeat.count[axis] > 1 and step < sides[axis] * (1 - CLOSE):

@@ -1,4 +1,4 @@
-"""Elements that are nowhere the surface."""
+"""Rules on elements whose surface is not visible anywhere."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from terratool.definition.tree import Tree, cover, overlaps
 from terratool.text.display import escape, shown
 
 _MANY = 100
-"""Overlapping siblings that are compared all with all; of more it takes longer than it helps."""
+"""Most overlapping siblings that are all compared; more would take longer than they help."""
 
 
 @rule("TT209", "hidden-element", "warning")
@@ -63,13 +63,13 @@ def hidden_element(subject: Subject) -> Iterator[Remark]:
     """
     tree = subject.tree
     filling = _Filling(subject)
-    if not filling.tiled and not tree.shared:
+    if not filling.tiled and not tree.shared_cells:
         return
-    passed_on = _passed_on(tree)
+    passed_on = _surface_givers(tree)
     for index in sorted(filling.tiled):
         if tree.column("surface")[index] is not UNSET and index not in passed_on:
             yield _remark(tree, index, "its children")
-    sharing = {tree.parents[later] for later, _ in tree.shared}
+    sharing = {tree.parents[later] for later, _ in tree.shared_cells}
     for parent, begin, end in tree.families if sharing else ():
         if parent in sharing:
             for index in _hidden_by_siblings(tree, filling, begin, end):
@@ -110,8 +110,8 @@ def _remark(tree: Tree, index: int, by: str) -> Remark:
     )
 
 
-def _passed_on(tree: Tree) -> set[int]:
-    """Elements whose surface a child wears, for want of one of its own."""
+def _surface_givers(tree: Tree) -> set[int]:
+    """Elements whose surface a child takes over, as it has none of its own."""
     surfaces = tree.column("surface")
     if surfaces.count(UNSET) == 0:
         return set()
@@ -119,7 +119,7 @@ def _passed_on(tree: Tree) -> set[int]:
 
 
 class _Filling:
-    """Which elements fill their cells, and which have children that do so together."""
+    """Elements that fill their cells, and elements whose children fill them together."""
 
     def __init__(self, subject: Subject) -> None:
         self._subject = subject
@@ -151,7 +151,7 @@ class _Filling:
         )
 
     def fills(self, index: int) -> bool:
-        """Whether the footprint of an element is surely all of its cell."""
+        """Whether the footprint of an element certainly fills its cell."""
         if self._plain:
             return True
         turn = self._tree.column("turn_deg")[index]
@@ -172,7 +172,7 @@ class _Filling:
             x < 0 or y < 0 or x + width > columns or y + height > rows
             for x, y, width, height in blocks
         ):
-            return False  # what stands in no cell hides nothing, and there is an error to mend
+            return False  # elements outside of the grid hide nothing, and an error tells of them
         if not overlaps(blocks):
-            return True  # none twice, so none is left
+            return True  # without overlaps, areas that sum up to the grid fill it
         return len(blocks) <= _MANY and cover(blocks, (0, 0, columns, rows))

@@ -1,4 +1,4 @@
-"""Libraries that a file uses, and the names that it has from them."""
+"""Rules on libraries that a file uses, and on the names that it has from them."""
 
 from __future__ import annotations
 
@@ -152,7 +152,7 @@ def ambiguous_name(subject: Subject) -> Iterator[Remark]:
     """
     through: dict[int, int] = {}
     for index, library in enumerate(subject.document.uses if subject.clashes else ()):
-        for one in () if library is None else (library, *library.reached):
+        for one in () if library is None else (library, *library.all_libraries):
             through.setdefault(id(one), index)
     for clash in subject.clashes:
         yield Remark(
@@ -220,15 +220,15 @@ def unused_library(subject: Subject) -> Iterator[Remark]:
     """
     if not subject.document.uses or subject.is_library:
         return
-    if subject.uses.unknown or subject.lacks_library:
+    if subject.uses.has_unknown_part or subject.lacks_library:
         return
-    needed = subject.uses.needed
+    needed = subject.uses.needed_names
     for index, library in enumerate(subject.document.uses):
         if library is None:
             continue
         if not any(
             not needed[dictionary].keys().isdisjoint(one.entries[dictionary])
-            for one in (library, *library.reached)
+            for one in (library, *library.all_libraries)
             for dictionary in DICTIONARIES
         ):
             yield Remark(
@@ -269,7 +269,7 @@ def hiding_name(subject: Subject) -> Iterator[Remark]:
     document = subject.document
     for dictionary in DICTIONARIES:
         own = document.entries[dictionary]
-        repeated = [name for name in document.catalogue.repeated[dictionary] if name in own]
+        repeated = [name for name in document.catalogue.repeated_names[dictionary] if name in own]
         hidden = [
             (library, name)
             for name in repeated

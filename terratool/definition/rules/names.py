@@ -1,4 +1,4 @@
-"""Names that no dictionary has."""
+"""Rules on names that no dictionary has."""
 
 from __future__ import annotations
 
@@ -45,11 +45,11 @@ def unknown_primitive(subject: Subject) -> Iterator[Remark]:
     if subject.lacks_library or subject.left_out("", "elemTypes"):
         return
     lacks = subject.definition.elem_types is UNSET and subject.definition.use is UNSET
-    if lacks and not subject.is_library:  # TT104 has that
+    if lacks and not subject.is_library:  # TT104 reports a missing dictionary
         return
     missing = subject.tree.distinct("type") - primitives.keys() - {UNSET}
     hints = NameHints(primitives, "elemTypes")
-    for index, name in subject.tree.having("type", missing):
+    for index, name in subject.tree.elements_with("type", missing):
         if name in surfaces:
             message = f"{shown(name)} is a surface, where a primitive belongs."
             hint, fix = f'Write the primitive as "type" and "surface": {shown(name)}.', ""
@@ -96,7 +96,7 @@ def unknown_surface(subject: Subject) -> Iterator[Remark]:
         return
     missing = subject.tree.distinct("surface") - surfaces.keys() - {UNSET}
     hints = NameHints(surfaces, "surfTypes")
-    for index, name in subject.tree.having("surface", missing):
+    for index, name in subject.tree.elements_with("surface", missing):
         if name in primitives:
             message = f"{shown(name)} is a primitive, where a surface belongs."
             hint, fix = f'Write "type": {shown(name)} and the surface as "surface".', ""
@@ -118,9 +118,9 @@ def unknown_surface(subject: Subject) -> Iterator[Remark]:
 
 
 class NameHints(dict[str, tuple[str, str]]):
-    """What to write instead of names that a dictionary does not have: in words, and as JSON.
+    """Hints and fixes for names that a dictionary does not have, by the unknown name.
 
-    The second is empty unless one name alone is near.
+    A fix is JSON text, and empty unless one known name alone is similar.
     """
 
     def __init__(self, known: Collection[str], dictionary: str) -> None:
@@ -129,7 +129,7 @@ class NameHints(dict[str, tuple[str, str]]):
 
     @cached_property
     def _alike(self) -> dict[str, list[str]]:
-        """The names that are known, by themselves without capitals."""
+        """Known names by their lower-case forms."""
         alike: dict[str, list[str]] = {}
         for name in self._known:
             alike.setdefault(name.lower(), []).append(name)
@@ -137,7 +137,7 @@ class NameHints(dict[str, tuple[str, str]]):
 
     @cached_property
     def _close(self) -> list[str]:
-        """The names that others are compared with; none where there are many."""
+        """Known names that unknown ones are compared with; empty where there are too many."""
         known = self._known
         return [name for name in known if len(name) <= _LONG] if len(known) <= _MANY else []
 

@@ -1,4 +1,4 @@
-"""Parts, and the elements that stand for them."""
+"""Rules on parts, and on elements that stand for them."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def unknown_part(subject: Subject) -> Iterator[Remark]:
         return
     missing = subject.tree.distinct("part") - parts.keys() - {UNSET}
     hints = NameHints(parts, "parts")
-    for index, name in subject.tree.having("part", missing):
+    for index, name in subject.tree.elements_with("part", missing):
         if name in subject.primitives:
             message = f"{shown(name)} is a primitive, where a part belongs."
             hint, fix = f'Write "type": {shown(name)} in place of "part".', ""
@@ -89,7 +89,7 @@ def part_circle(subject: Subject) -> Iterator[Remark]:
     if not uses.circles:
         return
     own = {part_pointer(name): name for name in subject.definition.assemblies}
-    for index, name in tree.having("part", uses.circles):
+    for index, name in tree.elements_with("part", uses.circles):
         outer = own.get(tree.roots[tree.root_of[index]])
         if outer is not None and uses.circle_of[name] == uses.circle_of.get(outer):
             through = "itself" if outer == name else f"{shown(name)}, which contains it"
@@ -228,7 +228,7 @@ def beyond_limits(subject: Subject) -> Iterator[Remark]:
     uses = subject.uses
     if uses.circles:
         return
-    for index, name in subject.tree.having("part", uses.known):
+    for index, name in subject.tree.elements_with("part", uses.known_parts):
         if uses.depths[name] > MAX_DEPTH:
             yield Remark(
                 "/part",
@@ -247,7 +247,7 @@ def beyond_limits(subject: Subject) -> Iterator[Remark]:
             "Give the part the same size in more places.",
         )
     for use, height in uses.tallest():
-        if not height <= LARGEST:  # it may be no number either
+        if not height <= LARGEST:  # true for NaN, too
             yield Remark(
                 "/part",
                 f"heights within the part {shown(use.part)} go beyond 1e30 here.",
@@ -282,10 +282,10 @@ def unused_part(subject: Subject) -> Iterator[Remark]:
     To mend: remove it, or let an element stand for it.
     """
     uses = subject.uses
-    if not uses.has_root or uses.unknown or subject.lacks_library:
+    if not uses.has_root or uses.has_unknown_part or subject.lacks_library:
         return
     for name in subject.definition.assemblies:
-        if name not in uses.reached:
+        if name not in uses.parts_in_use:
             yield Remark(
                 f"/parts/{escape(name)}",
                 f"no element stands for the part {shown(name)}.",

@@ -1,4 +1,4 @@
-"""Cells and spans outside the parent's grid, and cells that siblings share."""
+"""Rules on cells and spans outside the parent's grid, and on cells that siblings share."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def outside_grid(subject: Subject) -> Iterator[Remark]:
                 continue
             for axis, (key, what) in enumerate(_AXES):
                 place = places[axis][index]
-                if place is not UNSET:  # TT104 or TT106 has that
+                if place is not UNSET:  # TT104 or TT106 reports a missing place
                     yield from _outside(index, axis, key, what, place, block[axis + 2], grid[axis])
 
 
@@ -80,7 +80,7 @@ def _outside(
 
 
 def _surely_inside(tree: Tree) -> bool:
-    """Whether every cell is in the smallest of all grids, and nothing spans more than one."""
+    """Whether every cell lies in the smallest of all grids, and no element has a span."""
     if not tree.families or tree.distinct("span") != {UNSET}:
         return not tree.families
     grids = {tree.value("cells", parent) for parent, _, _ in tree.families}
@@ -128,7 +128,7 @@ def shared_cell(subject: Subject) -> Iterator[Remark]:
     TT208 by x-ignore, in the later element or in the parent.
     """
     tree = subject.tree
-    for later, earlier in tree.shared:
+    for later, earlier in tree.shared_cells:
         pointer = tree.pointer(earlier)
         if len(pointer) > _LONG:
             pointer = "…/children/" + pointer.rpartition("/")[2]

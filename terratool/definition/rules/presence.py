@@ -1,4 +1,4 @@
-"""Keys that must be there, and keys that must not."""
+"""Rules on keys that must be there, and on keys that must not."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ PLACEMENT = {
     "cellX": "cell_x", "cellY": "cell_y", "span": "span", "at": "at", "extent": "extent",
     "repeat": "repeat", "scatter": "scatter",
 }  # fmt: skip
-"""The keys that say where an element stands, and their attributes."""
+"""Attributes of the keys that place an element, by key."""
 
 
 @rule("TT104", "missing-key")
@@ -68,7 +68,7 @@ def missing_key(subject: Subject) -> Iterator[Remark]:
         ("cellY", "cell_y", ("at", "extent")),
     ):
         first = 0 if key == "type" else len(tree.roots)  # a root has no cell
-        if tree.lacking(name) > first:
+        if tree.count_lacking(name) > first:
             column = tree.column(name)
             free = [tree.column(other) for other in others if tree.distinct(other) != {UNSET}]
             message = f'the element has no "{key}".'

@@ -1,4 +1,4 @@
-"""What the reader itself reports: the text, its keys and their types."""
+"""Rules that the reader itself reports: the text, its keys and their types."""
 
 from terratool.definition.rules.base import reader_rule
 

@@ -1,4 +1,4 @@
-"""Elements whose height is the default, where others have heights of their own."""
+"""Rules on elements of default height among others that have heights of their own."""
 
 from __future__ import annotations
 
@@ -58,16 +58,16 @@ def default_scale(subject: Subject) -> Iterator[Remark]:
     To mend: write the vScale that is meant, also where it is the default.
     """
     tree = subject.tree
-    scales, lacking = tree.column("v_scale"), tree.lacking("v_scale")
+    scales, lacking = tree.column("v_scale"), tree.count_lacking("v_scale")
     if subject.is_library or lacking == len(tree):
         return
     if lacking == scales[: len(tree.roots)].count(UNSET):
         return
-    heights = _Heights(subject)
+    heights = _ElementScales(subject)
     alone: dict[int, list[int]] = {}
     for _, begin, end in tree.families:
         if UNSET not in scales[begin:end] or tree.roots[tree.root_of[begin]] != ROOT:
-            continue  # in parts the default is that of the place
+            continue  # in parts the default depends on the place
         own = [i for i in range(begin, end) if heights.by_default(i)]
         if end - begin == 1:
             alone.setdefault(bisect(tree.levels, begin), []).extend(own)
@@ -77,8 +77,8 @@ def default_scale(subject: Subject) -> Iterator[Remark]:
         yield from heights.remarks(own, range(*tree.levels[level - 1 : level + 1]))
 
 
-class _Heights:
-    """The vScale of each element of a terrain, and the heights that follow from it."""
+class _ElementScales:
+    """Values of vScale of the elements of a terrain, and the heights that follow from them."""
 
     def __init__(self, subject: Subject) -> None:
         definition, tree = subject.definition, subject.tree
@@ -91,11 +91,11 @@ class _Heights:
 
     @cached_property
     def _shares(self) -> list[float]:
-        """The shorter side of each kind of cells over that of the terrain."""
+        """Shorter side of each kind of cells over the same side of the terrain."""
         return [min(sides) for sides in shares_of(cell_kinds(self._tree), self._extent)]
 
     def _default(self, index: int) -> float:
-        """The vScale that an element has by default."""
+        """Default vScale of an element."""
         return self._shares[cell_kinds(self._tree).of[index]]
 
     def matters(self, index: int) -> bool:
@@ -110,7 +110,7 @@ class _Heights:
         return unsaid and self.matters(index)
 
     def remarks(self, own: Sequence[int], group: Iterable[int]) -> Iterator[Remark]:
-        """Of elements without vScale those of whose group most others have another one."""
+        """Yield remarks on elements of default height whose group mostly has another vScale."""
         shaped = [i for i in group if self.matters(i)]
         scales = ((self._scales[i], self._default(i)) for i in shaped)
         others = [s for s, default in scales if s is not UNSET and not _same(s, default)]

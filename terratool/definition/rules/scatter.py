@@ -1,4 +1,4 @@
-"""Scattered copies."""
+"""Rules on scattered copies."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from terratool.definition.model import (
     pair_of,
 )
 from terratool.definition.rules.base import Subject, rule
-from terratool.definition.scattering import strewing, strewn, wanted
+from terratool.definition.scattering import copy_count, strew, strewing_of
 from terratool.definition.tree import ROOT, Tree
 from terratool.definition.uses import Root, Uses, elements_of, scatters_over_cells
 from terratool.report.wording import many
@@ -61,10 +61,10 @@ def scatter(subject: Subject) -> Iterator[Remark]:
             continue
         for place, message, hint in _contradictions(tree, index, asked):
             yield Remark(f"/scatter{place}", message, hint, element=index)
-    if subject.uses.has_root and subject.uses.scattered > MAX_SCATTERED_IN_ALL:
+    if subject.uses.has_root and subject.uses.scattered_count > MAX_SCATTERED_IN_ALL:
         yield Remark(
             ROOT,
-            f"{many(subject.uses.scattered)} copies are scattered in all, and at most "
+            f"{many(subject.uses.scattered_count)} copies are scattered in all, and at most "
             f"{MAX_SCATTERED_IN_ALL:,} may be.",
             "Lower the counts, or how often parts stand in which copies are scattered.",
         )
@@ -87,7 +87,7 @@ def _contradictions(tree: Tree, index: int, asked: Scatter) -> Iterator[tuple[st
             "a density is given for a cell, whose area depends on its place.",
             'Write a count, or place the element by "at" and "extent".',
         )
-    elif extent is not UNSET and wanted(asked, pair_of(extent, math.nan)) > MAX_SCATTERED:
+    elif extent is not UNSET and copy_count(asked, pair_of(extent, math.nan)) > MAX_SCATTERED:
         yield (
             "/density",
             f"the density comes to more than {MAX_SCATTERED:,} copies.",
@@ -111,7 +111,7 @@ def _contradictions(tree: Tree, index: int, asked: Scatter) -> Iterator[tuple[st
 
 
 _TRIES = 1_000_000
-"""Most places that are tried in one file."""
+"""Most places that are tried for one file."""
 
 
 @rule("TT721", "crowded-scatter", "warning")
@@ -154,19 +154,19 @@ def crowded_scatter(subject: Subject) -> Iterator[Remark]:
         if any(True for _ in _contradictions(tree, index, asked)):
             continue
         area = pair_of(extent, math.nan)
-        count = wanted(asked, area)
+        count = copy_count(asked, area)
         if count == 0:
             message = f"the density comes to no copy on {shown(area[0] * area[1])} square units."
             hint = "Raise it, make the area larger, or write a count."
             yield Remark("/scatter/density", message, hint, element=index)
         if asked.distance is UNSET and asked.sizes[1] * math.sqrt(2) < min(area):
-            continue  # the largest fits in, however it is turned
+            continue  # the largest copy fits in, however it is turned
         turn = tree.value("turn_deg", index)
-        wish = strewing(
+        wish = strewing_of(
             asked, area, by_quarters=tree.value("part", index) is not UNSET,
             tilted=turn is not UNSET and turn % 90 != 0,
         )  # fmt: skip
-        found = strewn(wish, count, left)
+        found = strew(wish, count, left)
         looked, left = found.looked, found.left
         placed = sum(x == x for x in found.x)
         if placed < looked:
@@ -180,11 +180,11 @@ def crowded_scatter(subject: Subject) -> Iterator[Remark]:
 
 
 _MANY = 250_000
-"""So many copies are placed without a word."""
+"""Most copies that are placed without a remark."""
 _EACH, _EACH_APART = 1.5e-6, 4e-6
-"""Seconds of a processor that a copy takes at most, and one that keeps its distance."""
+"""Processor time that a copy takes at most, and a copy that keeps its distance, s."""
 _BYTES = 700
-"""Memory that a copy takes while a terrain is read."""
+"""Memory that a copy takes while a terrain is read, bytes."""
 
 
 @rule("TT722", "many-scattered", "warning")
@@ -219,11 +219,15 @@ def many_scattered(subject: Subject) -> Iterator[Remark]:
     silence TT722 by x-ignore.
     """
     uses = subject.uses
-    if not uses.has_root or uses.circles or not _MANY < uses.scattered <= MAX_SCATTERED_IN_ALL:
+    if (
+        not uses.has_root
+        or uses.circles
+        or not _MANY < uses.scattered_count <= MAX_SCATTERED_IN_ALL
+    ):
         return
     copies, seconds = 0, 0.0
     for root, sizes in _sizes(uses):
-        for count, scatter in _asked(root):
+        for count, scatter in _asked_counts(root):
             copies += count * sizes
             seconds += count * sizes * (_EACH if scatter.distance is UNSET else _EACH_APART)
     if copies > _MANY:
@@ -235,21 +239,21 @@ def many_scattered(subject: Subject) -> Iterator[Remark]:
         )
 
 
-def _asked(root: Root) -> Iterator[tuple[int, Scatter]]:
-    """How many copies of each scattered element below a root are asked for."""
+def _asked_counts(root: Root) -> Iterator[tuple[int, Scatter]]:
+    """Number of copies asked for, and `scatter`, of each scattered element below a root."""
     tree = root.tree
     if tree.distinct("scatter") == {UNSET}:
         return
     for index in elements_of(root):
         scatter = tree.value("scatter", index)
         if scatter is not UNSET:
-            yield wanted(scatter, pair_of(tree.value("extent", index), math.nan)), scatter
+            yield copy_count(scatter, pair_of(tree.value("extent", index), math.nan)), scatter
 
 
 def _sizes(uses: Uses) -> Iterator[tuple[Root, int]]:
-    """The terrain and its parts, and in how many sizes at most what is in each is placed."""
-    sized = uses.leading_to(scatters_over_cells)
-    sizes = {name: int(name not in sized) for name in uses.reached}
+    """Roots of the terrain and its parts, each with the most sizes in which copies are placed."""
+    sized = uses.parts_leading_to(scatters_over_cells)
+    sizes = {name: int(name not in sized) for name in uses.parts_in_use}
     users_first = (name for name in reversed(uses.graph.inner_first) if name in sizes)
     for name in chain([None], users_first):
         root, own = (uses.root, 1) if name is None else (uses.part(name), sizes[name])
@@ -257,7 +261,7 @@ def _sizes(uses: Uses) -> Iterator[tuple[Root, int]]:
             if part in sized:
                 scatter, extent = (root.tree.value(key, element) for key in ("scatter", "extent"))
                 if scatter is not UNSET:
-                    sizes[part] += wanted(scatter, pair_of(extent, math.nan))
-                else:  # a cell has a size for each that it is part of
+                    sizes[part] += copy_count(scatter, pair_of(extent, math.nan))
+                else:  # a part in a grid's cell has as many sizes as the part around
                     sizes[part] += own if extent is UNSET else 1
         yield root, own

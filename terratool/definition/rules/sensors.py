@@ -1,4 +1,4 @@
-"""Sensors that are none, or whose figures contradict each other."""
+"""Rules on sensors that are none, or whose figures contradict each other."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from terratool.report.wording import listed
 from terratool.text.display import shown
 
 _SLACK = 1.0 + 1e-9
-"""For rounding, where the last beam of a column fires with the next column."""
+"""Slack for rounding, where the last beam of a column fires with the next column."""
 
 
 @rule("TT901", "no-single-sensor", kind="sensor")
@@ -231,10 +231,10 @@ def slow_firing(subject: SensorSubject) -> Iterator[Remark]:
     if lidar is UNSET or subject.left_out("", "rate"):
         return
     column = lidar.column_time(RATE if sensor.rate is UNSET else sensor.rate)
-    if lidar.firing > column * _SLACK:
+    if lidar.column_duration > column * _SLACK:
         yield Remark(
             "/lidar/firingInterval",
-            f"the last beam of a column fires {lidar.firing:.4g} s after the first, but the "
-            f"next column comes after {column:.4g} s.",
+            f"the last beam of a column fires {lidar.column_duration:.4g} s after the first, but "
+            f"the next column comes after {column:.4g} s.",
             'Give a shorter "firingInterval", a coarser "azimuthStep" or a lower "rate".',
         )

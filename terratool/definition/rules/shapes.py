@@ -1,4 +1,4 @@
-"""Primitives that work, but perhaps not as was meant."""
+"""Rules on primitives that are valid, but perhaps not as meant."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def curve_range(subject: Subject) -> Iterator[Remark]:
             ("y", primitive.y, summary.y),
         ):
             if curve is UNSET or curve == () or curve_summary is None:
-                continue  # the other one is told of
+                continue  # an absent curve is 1, and a copied one is reported at the other key
             worst = max(curve_summary.whole, key=lambda value: abs(value - 0.5))
             if -_CLOSE <= worst <= 1 + _CLOSE:
                 continue
@@ -59,7 +59,7 @@ def curve_range(subject: Subject) -> Iterator[Remark]:
 
 
 def _place(curve: CurveValue, value: float) -> str:
-    """Where in a list a value of the curve stands."""
+    """Pointer of a value in the list of a curve; empty for a formula."""
     if isinstance(curve, str):
         return ""
     if isinstance(curve[0], tuple):

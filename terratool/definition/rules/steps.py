@@ -1,4 +1,4 @@
-"""Elements that add nothing, and elements that add too tall a step."""
+"""Rules on elements that add nothing, and on elements that add too tall a step."""
 
 from __future__ import annotations
 
@@ -102,12 +102,12 @@ def tall_step(subject: Subject) -> Iterator[Remark]:
         scale = min(w, h) if scale is UNSET else scale
         offset = 0.0 if offset is UNSET else offset
         w, h = w * width, h * height
-        # a shape that is turned out of its cell ends anywhere: it is cut off, or leaves some bare
+        # a shape that is turned out of its cell may end anywhere: it is cut off, or leaves gaps
         moved = turn is not UNSET and turn % 180 != 0
         if moved and abs(w - h) <= _CLOSE * w:
             moved = turn % 90 != 0 and not radial
         ends: tuple[float, ...] = anywhere if moved else edge
-        if index == 0 and (radial or not moved):  # what the edge of the terrain cuts is no step
+        if index == 0 and (radial or not moved):  # the edge of the terrain makes no step
             ends = edge if radial else ()
         tallest = abs(scale) * step
         for value in ends:
@@ -123,7 +123,7 @@ def tall_step(subject: Subject) -> Iterator[Remark]:
 
 
 class _Walls(NamedTuple):
-    """The tallest step within a shape, its ranges at its edges and anywhere; is it radial?"""
+    """Tallest step within a shape, ranges at its edges and anywhere, and whether x is turned."""
 
     step: float
     edge: Range

@@ -1,4 +1,4 @@
-"""Surfaces: soil that is missing or hardly possible, colours that cannot be told apart."""
+"""Rules on surfaces: soil that is missing or implausible, colours that look alike."""
 
 from __future__ import annotations
 
@@ -168,7 +168,7 @@ def implausible_soil(subject: Subject) -> Iterator[Remark]:
                 if low <= value <= high:
                     continue
                 if rigid and (key, value > high) in (("cohesion", True), ("fricAngle", False)):
-                    continue  # rock, or ice
+                    continue  # rock has more cohesion, and ice less friction
                 what = f'item {end} of "{key}"' if is_range else f'"{key}"'
                 yield Remark(
                     f"/surfTypes/{escape(name)}/{key}{f'/{end}' if is_range else ''}",
@@ -247,14 +247,14 @@ def unknown_preset(subject: Subject) -> Iterator[Remark]:
             yield Remark(
                 f"/surfTypes/{escape(name)}/preset",
                 f"no soil is called {shown(surface.preset)}.",
-                _meant(surface.preset),
+                _preset_hint(surface.preset),
             )
 
 
 _STEEP_RMS = 35.0
-"""Degrees: the slope at which loose ground slides, about."""
+"""Slope at which loose ground slides, degrees, approximately."""
 _SLOPE_PER_ROUGHNESS = 1.3882
-"""The standard deviation of a relief's slope along an axis, times correlation over rms."""
+"""Standard deviation of a relief's slope along an axis, times correlation over rms."""
 
 
 @rule("TT408", "steep-roughness", "warning")
@@ -307,7 +307,7 @@ _RANGED = {name: key for name, key in names_of(Surface) if name in SOIL_FIGURES}
 
 
 def _ranges(subject: Subject) -> Iterator[tuple[str, str, Pair]]:
-    """The figures that are ranges: pointer, key, and ends."""
+    """Pointer, key and ends of the figures that are ranges."""
     for name, surface in subject.definition.surfaces.items():
         for attribute, key in _RANGED.items():
             figure = getattr(surface, attribute)
@@ -383,10 +383,10 @@ def single_value_range(subject: Subject) -> Iterator[Remark]:
             )
 
 
-def _meant(name: str) -> str:
+def _preset_hint(name: str) -> str:
     from difflib import get_close_matches
 
-    # a word is what differs most often: "sand" for "dry-sand"
+    # names mostly differ by a whole word: "sand" for "dry-sand"
     plain = "-".join(name.lower().replace("_", " ").replace("-", " ").split())
     close = get_close_matches(plain[:_LONG], PRESETS, 1, 0.6)
     close = close or [known for known in PRESETS if plain and plain in known]

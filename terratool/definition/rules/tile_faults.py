@@ -1,4 +1,4 @@
-"""Faults of specs of training tiles, beyond those of single values."""
+"""Faults of specs of training tiles, beyond the faults of single values."""
 
 from __future__ import annotations
 
@@ -17,21 +17,21 @@ from terratool.report.wording import listed
 from terratool.text.display import escape, shown
 
 RESERVED = ("ground", "level", "pyramid", "column", "floor", "hole")
-"""Primitives and surfaces that every definition of tiles may have."""
+"""Names of primitives and surfaces that definitions of tiles have themselves."""
 NAME = r"\w(?:[\w .-]{0,58}\w)?"
 """Pattern of the names of kinds of tiles and of level places."""
 _DIGITS = 3
-"""Digits behind the point of a side of a tile, m."""
+"""Decimals of a side of a tile in m."""
 
 
 def faults(subject: CurriculumSubject) -> Iterator[Remark]:
-    """Remarks on all that is wrong beyond single values."""
+    """Yield remarks on all faults beyond those of single values."""
     text = subject.curriculum
     sides = _sides(subject)
     yield from _grid(text, sides)
     yield from _names("/kinds", text.kinds)
     yield from _names("/patches", text.patches)
-    yield from _reversed("", [("difficulty", text.difficulty)])
+    yield from _reversed_ranges("", [("difficulty", text.difficulty)])
     yield from _kinds(subject, sides)
     yield from _patches(text, sides)
     if text.surface is not UNSET and text.surface.void is True:
@@ -43,7 +43,7 @@ def faults(subject: CurriculumSubject) -> Iterator[Remark]:
 
 
 def _sides(subject: CurriculumSubject) -> Pair | None:
-    """Sides of a tile, m; None where they did not fit."""
+    """Sides of a tile along x and y, m; None where they did not fit."""
     keys = CURRICULUM_KEYS[CurriculumText]
     if subject.left_out("", "tile"):
         return None
@@ -72,7 +72,7 @@ def _grid(text: CurriculumText, sides: Pair | None) -> Iterator[Remark]:
 
 
 def _names(pointer: str, names: Iterable[str]) -> Iterator[Remark]:
-    """Remarks on names that a definition cannot have."""
+    """Yield remarks on names that a definition cannot have."""
     is_name = re.compile(NAME).fullmatch
     known: dict[str, str] = {}
     for name in names:
@@ -94,8 +94,8 @@ def _names(pointer: str, names: Iterable[str]) -> Iterator[Remark]:
             yield Remark(here, message, "Choose another one.", on_key=True)
 
 
-def _reversed(pointer: str, values: Iterable[tuple[str, object]]) -> Iterator[Remark]:
-    """Remarks on ranges that end before they begin."""
+def _reversed_ranges(pointer: str, values: Iterable[tuple[str, object]]) -> Iterator[Remark]:
+    """Yield remarks on ranges that end before they begin."""
     for key, value in values:
         if isinstance(value, tuple) and value[0] > value[1]:
             message = f'"{key}" begins above its end.'
@@ -103,7 +103,7 @@ def _reversed(pointer: str, values: Iterable[tuple[str, object]]) -> Iterator[Re
 
 
 def _kinds(subject: CurriculumSubject, sides: Pair | None) -> Iterator[Remark]:
-    """Remarks on kinds of tiles: unknown ones, and what does not fit into a tile."""
+    """Yield remarks on kinds of tiles that are unknown, or have values too large for a tile."""
     total, known = 0.0, not subject.left_out("", "kinds")
     for name, tile in subject.curriculum.kinds.items():
         pointer = f"/kinds/{escape(name)}"
@@ -112,7 +112,7 @@ def _kinds(subject: CurriculumSubject, sides: Pair | None) -> Iterator[Remark]:
             if tile.kind is not UNSET:
                 yield Remark(f"{pointer}/kind", *_unknown_kind(tile.kind))
             continue
-        ends = list(_reversed(pointer, tile.values.items()))
+        ends = list(_reversed_ranges(pointer, tile.values.items()))
         yield from ends
         kind = KindSpec.of(name, tile)
         total += kind.proportion
@@ -126,7 +126,7 @@ def _kinds(subject: CurriculumSubject, sides: Pair | None) -> Iterator[Remark]:
 
 
 def _unknown_kind(kind: str) -> tuple[str, str]:
-    """Message and hint for a kind of tile that there is not."""
+    """Message and hint for an unknown kind of tile."""
     from difflib import get_close_matches
 
     close = get_close_matches(kind, KINDS, 1)
@@ -137,7 +137,7 @@ def _unknown_kind(kind: str) -> tuple[str, str]:
 def _patches(text: CurriculumText, sides: Pair | None) -> Iterator[Remark]:
     for name, patch in text.patches.items():
         pointer = f"/patches/{escape(name)}"
-        yield from _reversed(pointer, [("x", patch.x), ("y", patch.y), ("z", patch.z)])
+        yield from _reversed_ranges(pointer, [("x", patch.x), ("y", patch.y), ("z", patch.z)])
         if sides is not None and patch.radius is not UNSET and patch.radius > min(sides) / 2:
             yield Remark(
                 f"{pointer}/radius",
@@ -147,7 +147,7 @@ def _patches(text: CurriculumText, sides: Pair | None) -> Iterator[Remark]:
 
 
 def misfits(kind: KindSpec, tile: Pair) -> Iterator[tuple[str, str, str]]:
-    """Values of a kind that do not fit into its tile: key, what is wrong, what to do."""
+    """Values of a kind that do not fit into its tile: key, message and hint of each."""
     side = min(tile)
     has = kind.values
     lengths = {key: kind.number(key) for key in ("platform", "border") if key in has}
@@ -190,7 +190,7 @@ def misfits(kind: KindSpec, tile: Pair) -> Iterator[tuple[str, str, str]]:
 
 
 def _part(kind: KindSpec, key: str, long: float) -> str:
-    """A length that is taken from a tile, on both sides but for the platform, in words."""
+    """Length that a tile loses to a key, in words; all but the platform count on both sides."""
     default = KINDS[kind.kind].keys[key].default == kind.values[key]
     twice = "" if key == "platform" else "twice "
     return f'{twice}"{key}" ({long:g} m{", the default" if default else ""})'

@@ -1,4 +1,4 @@
-"""Tracks: paths that are none, depths that nothing gives, and ground that is not there."""
+"""Rules on tracks: paths that are none, depths that nothing gives, and missing ground."""
 
 from __future__ import annotations
 
@@ -140,7 +140,7 @@ def track_outside(subject: Subject) -> Iterator[Remark]:
     """
     (west, south), (wide, tall) = subject.definition.corner, subject.definition.extent
     if not wide > 0 or not tall > 0:
-        return  # another rule has said so
+        return  # another rule reports the size
     east, north = decimal_sum(west, wide), decimal_sum(south, tall)
     for here, track in _tracks(subject):
         reach = 0.0 if track.width is UNSET else track.width / 2

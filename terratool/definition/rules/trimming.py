@@ -1,4 +1,4 @@
-"""Turned elements that their cells trim."""
+"""Rule on turned elements that their cells trim."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ from terratool.definition.exact import Sides, sides
 from terratool.definition.findings import Remark, RemarkBatch
 from terratool.definition.libraries import path_between
 from terratool.definition.model import Primitive
-from terratool.definition.part_sizes import Cells, Limits, PartSize, PartSizes, is_free
+from terratool.definition.part_sizes import Cells, PartSize, PartSizes, SizeLimits, is_free
 from terratool.definition.rules.base import Subject, rule
 from terratool.definition.summaries import combine_values, curve_values
 from terratool.definition.tree import ROOT, Tree
-from terratool.definition.turning import CLOSE, Point, Turned, turned
+from terratool.definition.turning import CLOSE, Point, Turned, turned_shape
 from terratool.definition.uses import Uses, elements_of
 from terratool.text.display import shown
 
 _STEPS = 128
-"""Along each side, between points at which a shape is asked for."""
+"""Intervals along each side between the points at which a shape is sampled."""
 
 
 @rule("TT213", "trimmed-element", "warning")
@@ -73,7 +73,7 @@ def trimmed_element(subject: Subject) -> Iterator[Remark | RemarkBatch]:
 
 
 def _in_sight(subject: Subject) -> Iterator[RemarkBatch]:
-    """What is trimmed in the terrain itself, and in a library on free places in its parts."""
+    """Yield remarks on elements of the terrain itself, and on those at free places of a library."""
     tree = subject.tree
     turns = {turn for turn in tree.distinct("turn_deg") if turn is not UNSET and turn % 180 != 0}
     if not turns:
@@ -92,7 +92,7 @@ def _in_sight(subject: Subject) -> Iterator[RemarkBatch]:
         found = list(filter(cells.is_known, found))
     columns = [tree.column(key) for key in ("turn_deg", "type", "surface", "v_offset")]
     flat = map(eq, map(tree.column("v_scale").__getitem__, found), repeat(0))
-    # one look at each combination, at the speed of C
+    # one verdict for each combination, looked up at the speed of C
     looks = zip(
         *(map(column.__getitem__, found) for column in (cell_kinds(tree).of, *columns)),
         flat,
@@ -104,7 +104,7 @@ def _in_sight(subject: Subject) -> Iterator[RemarkBatch]:
 
 
 class _Verdicts(dict[Any, bool]):
-    """Whether elements are trimmed, by what they have: attributes, and the kind of their cells."""
+    """Verdicts whether elements are trimmed, by the kind of their cells and their attributes."""
 
     def __init__(self, cells: _Cells) -> None:
         self._cells = cells
@@ -130,11 +130,11 @@ def _remark(cells: _Cells, index: int) -> Remark:
 
 
 class _Cells:
-    """The sides of cells, as far as they are known: in parts they may not be.
+    """Sides of cells, as far as they are known; in parts they may not be.
 
     Attributes:
-        subject: whose elements they are of.
-        all_known: whether those of all elements are known.
+        subject: subject whose tree has the cells.
+        all_known: whether the sides of all elements' cells are known.
     """
 
     def __init__(self, subject: Subject) -> None:
@@ -156,7 +156,7 @@ class _Cells:
         self.all_known = (
             all(self._known.values())
             and not subject.unfit
-            and all(tree.lacking(key) == len(tree.roots) for key in ("cell_x", "cell_y"))
+            and all(tree.count_lacking(key) == len(tree.roots) for key in ("cell_x", "cell_y"))
         )
 
     def is_known(self, index: int) -> bool:
@@ -181,12 +181,12 @@ class _Cells:
         return not subject.left_out(index, "span", "extent")
 
     def shape(self, kind: int, turn: float, primitive: Primitive | None) -> Turned:
-        """The shape of an element that is turned in a cell of a known kind."""
+        """Shape of an element that is turned in a cell of a known kind."""
         is_round = primitive is not None and primitive.combine == "radial"
-        return turned(self.sides(kind).lengths, turn, is_round)
+        return turned_shape(self.sides(kind).lengths, turn, is_round)
 
     def sides(self, kind: int) -> Sides:
-        """The sides of cells of a known kind."""
+        """Sides of cells of a known kind."""
         path = []
         while kind not in self._sides:
             origin = self._kinds.origins[kind]
@@ -203,12 +203,12 @@ class _Cells:
 
 
 def _is_aligned(tree: Tree) -> bool:
-    """Whether nothing is turned by other than half turns."""
+    """Whether no element is turned by other than half turns."""
     return all(turn is UNSET or turn % 180 == 0 for turn in tree.distinct("turn_deg"))
 
 
-class _Kind(NamedTuple):
-    """Elements of parts that lose the same where their cells are the same."""
+class _TrimKey(NamedTuple):
+    """Properties of elements in parts that lose the same share in equal cells."""
 
     turn: float
     primitive: str
@@ -217,28 +217,30 @@ class _Kind(NamedTuple):
 
 
 def _in_parts(subject: Subject) -> Iterator[Remark]:
-    """What is trimmed where a part stands in the terrain."""
+    """Yield remarks on elements that are trimmed where a part stands in the terrain."""
     uses = subject.uses
     if not uses.has_root or uses.circles or subject.definition.size is UNSET:
         return
-    trees = {id(root.tree): root.tree for root in (uses.root, *map(uses.part, uses.reached))}
-    if not uses.reached or all(map(_is_aligned, trees.values())):
+    trees = {id(root.tree): root.tree for root in (uses.root, *map(uses.part, uses.parts_in_use))}
+    if not uses.parts_in_use or all(map(_is_aligned, trees.values())):
         return
-    sizes = PartSizes(uses, set(uses.reached), partial(_grouped, subject), _LIMITS, _proportions)
+    sizes = PartSizes(
+        uses, set(uses.parts_in_use), partial(_group_elements, subject), _LIMITS, _proportions
+    )
     told: set[int] = set()
     seen: set[PartSize] = set()
     users: set[int] = set()
     for alike in sizes.alike():
         size, kind = alike.size, alike.key
-        assert isinstance(kind, _Kind)
+        assert isinstance(kind, _TrimKey)
         own = alike.root.tree is subject.tree
         mark = id(alike.elements) if own else id(sizes.found[size])
         if mark in told or (kind.is_root and size.whole) or (not own and kind.turn % 90 != 0):
             continue
         primitive = subject.primitives[kind.primitive]
-        lengths, cell = (each.turned(size.lies).lengths for each in (alike.sides, size.sides))
+        lengths, cell = (each.turn_by(size.lies).lengths for each in (alike.sides, size.sides))
         turn = math.fmod(kind.turn + 90 * size.lies, 360.0)
-        shape = turned(lengths, turn, primitive.combine == "radial")
+        shape = turned_shape(lengths, turn, primitive.combine == "radial")
         bare = kind.may_be_bare and not (kind.is_root and _is_added_to(uses, sizes.found[size]))
         if not shape.is_trimmed or (bare and _is_bare(primitive, shape)):
             continue
@@ -254,7 +256,7 @@ def _in_parts(subject: Subject) -> Iterator[Remark]:
             continue
         library = path_between(subject.document, alike.root.home)
         place = f"{library}#{alike.root.tree.pointer(alike.elements[0])}"
-        for user in sizes.leading_to(size, seen):
+        for user in sizes.elements_leading_to(size, seen):
             if user not in users:
                 users.add(user)
                 yield Remark("/part", f"in {place}, {lost}, {where}.", hint, element=user)
@@ -269,18 +271,18 @@ def _is_added_to(uses: Uses, users: list[tuple[PartSize, list[int]]]) -> bool:
     )
 
 
-_LIMITS = Limits(1_000, 20_000)
+_LIMITS = SizeLimits(1_000, 20_000)
 
 
 def _proportions(size: PartSize) -> tuple[str, float, bool, bool]:
-    """What is the same where the same share of an element is cut off."""
+    """Key of sizes of a part in which the same share of an element is cut off."""
     w, h = size.sides.lengths
     ratio = round(math.log(w) - math.log(h), 9) if min(w, h) > 0 else 0.0
     return size.part, ratio, size.lies, size.whole
 
 
-def _grouped(subject: Subject, cells: Cells) -> Iterator[tuple[int, _Kind, int]]:
-    """The elements of a part that cells of the grid may trim."""
+def _group_elements(subject: Subject, cells: Cells) -> Iterator[tuple[int, _TrimKey, int]]:
+    """Elements of a part that cells of the grid may trim, by cell and kind."""
     root, tree = cells.root, cells.root.tree
     if root == subject.uses.root:
         return
@@ -292,7 +294,7 @@ def _grouped(subject: Subject, cells: Cells) -> Iterator[tuple[int, _Kind, int]]
         bare = _may_be_bare(tree, index)
         if not bare or tree.value("v_scale", index) != 0:
             turn = 0.0 if turn is UNSET else math.fmod(turn, 360.0)
-            kind = _Kind(turn, name, bare, index == root.element)
+            kind = _TrimKey(turn, name, bare, index == root.element)
             yield cells.number(index), kind, index
 
 
@@ -311,10 +313,10 @@ def _is_bare(primitive: Primitive, shape: Turned) -> bool:
 
 @lru_cache(maxsize=4096)
 def _hull(primitive: Primitive) -> tuple[Point, ...]:
-    """Points around all of a primitive that is not 0, as far as evenly spaced ones tell.
+    """Points around the area in which a primitive is not 0, judged by evenly spaced samples.
 
-    They lie around its middle, in units of its sides. As a cell is convex, what is between these
-    points lies in it if they do.
+    They lie around the primitive's middle, in units of its sides. As a cell is convex, the area
+    between these points lies in the cell if the points do.
     """
     shape = shape_of(primitive)
     x_at = curve_values(shape.x)
@@ -339,7 +341,7 @@ def _hull(primitive: Primitive) -> tuple[Point, ...]:
 
 
 def _hint(tree: Tree, index: int, shape: Turned, around: Sides) -> str:
-    """How to keep all of an element."""
+    """Hint that tells how to keep all of an element."""
     parent = around.lengths
     block, grid = tree.block(index), tree.grid(tree.parents[index])
     middle = [

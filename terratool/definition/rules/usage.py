@@ -1,4 +1,4 @@
-"""Names that nothing uses, and names that are easily taken for one another."""
+"""Rules on names that nothing uses, and on names that are easily mistaken."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def unused_surface(subject: Subject) -> Iterator[Remark]:
     used -= {UNSET}
     if subject.is_library or used - subject.surfaces.keys():
         return
-    used |= subject.tree.distinct("type")  # in the wrong place, as TT201 says
+    used |= subject.tree.distinct("type")  # names in the wrong place, as TT201 reports
     for name in subject.definition.surfaces:
         if name not in used:
             message = f"no element wears the surface {shown(name)}."

@@ -1,4 +1,4 @@
-"""Vehicles that do not fit their own geometry."""
+"""Rules on vehicles that do not fit their own geometry."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from terratool.text.display import shown
 
 _CLOSE = 1e-9
 _AGREE = 1e-3
-"""Share of the wheelbase by which two statements of it may differ: figures are rounded."""
+"""Share of the wheelbase by which two statements of it may differ, as figures are rounded."""
 
 
 @rule("TT501", "axles-overlap", kind="vehicle")
@@ -83,12 +83,12 @@ def _short(number: float) -> float:
 
 
 def _beside(axle: AxleText, other: AxleText, track: float) -> float:
-    """The smallest distance across between wheels of two axles."""
+    """Smallest distance across between wheels of two axles, m."""
     return min(abs(a - b) for a, b in product(_across(axle, track), _across(other, track)))
 
 
 def _across(axle: AxleText, track: float) -> list[float]:
-    """Where the wheels of an axle stand, left of the middle: evenly over the track."""
+    """Positions of the wheels of an axle, m left of the middle, evenly over the track."""
     count = axle.count
     return [track * (place / (count - 1) - 0.5) for place in range(count)] if count > 1 else [0.0]
 
@@ -207,7 +207,7 @@ def tips_over(subject: VehicleSubject) -> Iterator[Remark]:
     if not subject.axles:
         return
     front, rear = vehicle.ends
-    # where all axles are in one place, another rule has said so
+    # another rule reports axles that are all in one place
     if vehicle.cog.x is not UNSET and not rear < vehicle.cog.x < front and rear < front:
         yield Remark(
             "/cog/x",

@@ -1,4 +1,4 @@
-"""Vehicles whose figures contradict each other, or are hardly possible."""
+"""Rules on vehicles whose figures contradict each other, or are implausible."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from terratool.definition.rules.base import VehicleSubject, rule
 from terratool.text.display import shown
 
 _SLIP, _CAUTION_SLIP = 0.2, 0.6
-"""Thresholds where a file has none."""
+"""Thresholds of slip where a file has none."""
 
 _ROLLING = 0.01
 """Resistance of hard ground, as a share of the weight: road tyres have 0.01 to 0.02."""
@@ -234,7 +234,7 @@ def _highest_step(subject: VehicleSubject) -> float:
 
 
 def _tip(subject: VehicleSubject) -> float:
-    """The smallest angle at which it tips over, degrees."""
+    """Smallest angle at which the vehicle tips over, degrees; infinity where it is not known."""
     vehicle, height = subject.vehicle, subject.vehicle.cog.height
     if height is UNSET or vehicle.track is UNSET or not subject.axles:
         return math.inf

@@ -18,7 +18,7 @@ _FOREIGN = {
     "lugged": ("tyrePressure", "carcassStiffness"),
     "tyre": (),
 }
-"""What wheels of a kind do not have."""
+"""Keys that wheels of a kind do not have, by kind."""
 _NAMES = {"rigid": "a rigid wheel", "lugged": "a lugged wheel", "tyre": "a tyre"}
 
 
@@ -59,7 +59,7 @@ def contradictory_wheel(subject: VehicleSubject) -> Iterator[Remark]:
     for owner, written, wheel in subject.wheels:
         kind = wheel.known_kind
         for key in _FOREIGN[kind]:
-            # what an axle has taken over has been told of the common wheels
+            # a key that an axle takes over is reported at the common wheels
             if getattr(wheel, _KEYS[key]) in (UNSET, 0) or not _wrote(written, key):
                 continue
             others = [each for each, foreign in _FOREIGN.items() if key not in foreign]

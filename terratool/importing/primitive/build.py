@@ -340,7 +340,8 @@ def sentences(imported: ImportedPrimitive) -> Iterator[str]:
     error, unit = imported.error, imported.unit
     yield (
         f"Error: {_size_text(error.largest, error, unit)} at most, at "
-        f"{spelled((error.x, error.y))}; {_size_text(error.rms, error, unit)} RMS, over {error.pixels:,} pixels."
+        f"{spelled((error.x, error.y))}; {_size_text(error.rms, error, unit)} RMS, "
+        f"over {error.pixels:,} pixels."
     )
     if imported.missing:
         yield f"{imported.missing:,} pixels without a height count for nothing."

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from terratool.definition.change import Target, open_target
+from terratool.definition.change import ChangeTarget, open_target
 from terratool.definition.findings import Bounds
 from terratool.definition.tree import ROOT, Tree
 from terratool.errors import RequestError
@@ -47,7 +47,7 @@ class PrimitiveTarget:
         place: cells that the elements go into; None to add no elements.
     """
 
-    target: Target
+    target: ChangeTarget
     place: CellPath | None
 
     def cell(self) -> Bounds | None:
@@ -100,7 +100,7 @@ def target_of(
             "Choose another --name, or add --overwrite to replace it.",
         )
     document = target.checked.document
-    for library in () if document is None else document.reached:
+    for library in () if document is None else document.all_libraries:
         hidden = [name for name in names if name in library.entries["elemTypes"]]
         if hidden and not overwrite:
             raise RequestError(
@@ -127,7 +127,7 @@ def text_with(
         data = target.with_primitive(data, name, primitive)
     if into.place is not None:
         data = target.with_elements(data, into.place.parent, elements)
-    target.accepted(data, "the primitive")
+    target.check_change(data, "the primitive")
     return data
 
 

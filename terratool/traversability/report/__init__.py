@@ -1,1 +1,1 @@
-"""What was found out, for people and for programs: JSON, Markdown, a page, a table."""
+"""Reports on vehicles, for people and programs: JSON, Markdown, a page, pictures, tables."""

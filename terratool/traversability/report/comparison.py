@@ -1,4 +1,4 @@
-"""What is said of several vehicles side by side: who can drive, tables, shares, notes."""
+"""Comparison of several vehicles in reports: a conclusion, tables, shares of ground, notes."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ from terratool.traversability.results import (
 
 
 class Together(NamedTuple):
-    """Ground that is go or caution for some vehicles, and for no others.
+    """Ground that is go or caution for exactly these vehicles.
 
     Attributes:
-        vehicles: which, by name; none where it is for none.
-        share: of all ground.
+        vehicles: names of the vehicles; none where the ground is so for no vehicle.
+        share: share of all ground, from 0 to 1.
     """
 
     vehicles: tuple[str, ...]
@@ -39,7 +39,7 @@ class Together(NamedTuple):
 
 
 def conclusion(found: VehicleComparison) -> str:
-    """Which of the vehicles can drive there, in a sentence."""
+    """Sentence on which of the vehicles can drive there."""
     able: list[str] = []
     cannot: list[str] = []
     unknown: list[str] = []
@@ -63,7 +63,7 @@ def conclusion(found: VehicleComparison) -> str:
 
 
 def surfaces(found: VehicleComparison) -> Table:
-    """Of each surface the verdict on the level for each vehicle, its climb, and what limits it."""
+    """Table of surfaces: for each vehicle, verdict on the level, largest climb and its limit."""
     rows: list[tuple[Cell, ...]] = [
         (title(row[0]), *(Judged(one.verdict, _ability(one)) for one in row))
         for row in zip(*(one.surfaces for one in found.reports), strict=True)
@@ -78,7 +78,7 @@ def _ability(figures: Figures) -> str:
 
 
 def way(found: VehicleComparison, number: int) -> Table:
-    """What each vehicle makes of one of the ways that were asked for."""
+    """Table of vehicles on one of the routes that were asked for, by its index."""
     columns = (
         Column("vehicle", False), Column("verdict", False), Column("length"), Column("time"),
         Column("energy"), Column("least margin"), Column("binds or bars", False),
@@ -106,7 +106,7 @@ def _journey(route: Route) -> tuple[Cell, ...]:
 
 
 def reaches(reports: Reports) -> list[tuple[str, str]]:
-    """Names of vehicles, and what each can reach, in a sentence; none where nobody asked."""
+    """Names of vehicles, each with a sentence on its reach; none where reach was not asked for."""
     return [
         (vehicle_name(one), wording.reach_line(one.reach))
         for one in reports.reports
@@ -115,7 +115,7 @@ def reaches(reports: Reports) -> list[tuple[str, str]]:
 
 
 def shares(found: VehicleComparison) -> Table:
-    """How much of the ground is what for each vehicle, by the best heading."""
+    """Table of the shares of ground in each class for each vehicle, by the best heading."""
     summaries = [one.summary for one in found.reports if one.summary is not None]
     if len(summaries) < len(found.reports):
         return Table((), ())
@@ -130,9 +130,9 @@ def shares(found: VehicleComparison) -> Table:
 
 
 def together(found: VehicleComparison) -> list[Together]:
-    """How much of the ground is go or caution for which vehicles, the most first.
+    """Shares of ground that is go or caution for the same vehicles, the largest first.
 
-    Counted on the pixels of the pictures: none where there are none, or their grids differ.
+    The pixels of the pictures are counted; none if there are no pictures, or their grids differ.
     """
     previews = [one.preview for one in found.reports if one.preview is not None]
     if len(previews) < len(found.reports) or len({one.grid for one in previews}) > 1:
@@ -149,7 +149,7 @@ def together(found: VehicleComparison) -> list[Together]:
 
 
 def together_line(found: VehicleComparison) -> str:
-    """What `together` finds, in a sentence; empty where it is not known."""
+    """Sentence on the shares of `together`; empty if there are none."""
     parts = []
     for vehicles, share in together(found):
         who = listed([*map(printable, vehicles)])
@@ -169,13 +169,15 @@ def _columns(found: VehicleComparison, first: str, numeric: bool = False) -> tup
 
 
 def notes(reports: Reports) -> list[str]:
-    """Sentences on how all were computed, then those on one vehicle alone, with its name."""
+    """Sentences on how all results were computed, then those on one vehicle, with its name."""
     on_grids = reports.notes if isinstance(reports, VehicleComparison) else ()
-    return [*on_grids, *said(reports, lambda one: one.notes)]
+    return [*on_grids, *merge_sentences(reports, lambda one: one.notes)]
 
 
-def said(reports: Reports, sentences: Callable[[TraversabilityReport], Iterable[str]]) -> list[str]:
-    """Sentences on all vehicles, then those on some of several, with the vehicle's name."""
+def merge_sentences(
+    reports: Reports, sentences: Callable[[TraversabilityReport], Iterable[str]]
+) -> list[str]:
+    """Sentences that hold for all vehicles, then those for one, with the vehicle's name."""
     each = [list(sentences(one)) for one in reports.reports]
     same = [one for one in each[0] if all(one in others for others in each)]
     own = (

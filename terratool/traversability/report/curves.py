@@ -1,4 +1,4 @@
-"""Pictures of slip against slope as SVG: a line for each surface, or for each vehicle."""
+"""Charts of slip against slope as SVG: a line for each surface, or for each vehicle."""
 
 from __future__ import annotations
 
@@ -22,28 +22,28 @@ from terratool.traversability.results import Reports, SlipCurve, TraversabilityR
 from terratool.traversability.vehicle import Vehicle
 
 COLOURS = 6
-"""Of curves.css, distinct for any kind of colour vision …"""
+"""Number of colours in curves.css, distinct for any kind of colour vision."""
 DASHES = ("", "7 3", "2 3", "9 3 2 3")
-"""… and of these each goes with each, so that lines differ in grey, too."""
+"""Dashes of lines, which go with every colour, so that lines differ in grey, too."""
 
 _LEFT, _RIGHT, _TOP, _BELOW, _ROW = 52.0, 14.0, 24.0, 46.0, 20.0
-"""Room for numbers and titles around the curves, and the height of a row of the legend."""
+"""Margins around the curves for numbers and titles, and height of a row of the legend, pixels."""
 _TALL, _NAME, _SWATCH = 280.0, 24, 30.0
 _LETTER = 6.4
-"""Width of a letter, about."""
+"""Approximate width of a letter, pixels."""
 _SLOPES, _NUMBER = (5, 10, 15, 30, 45, 90), 36.0
-"""Degrees that numbers of slopes may be apart, and the room that each takes."""
+"""Steps between numbers of slopes, degrees, and the room for a number, pixels."""
 _NEAR = 4.0
-"""A curve is looked at every so many pixels where a name might cover it."""
+"""Distance of the points of a curve that are checked against names, pixels."""
 
 PAGE, PANEL, PHONE = 900.0, 460.0, 330.0
-"""Widths of a picture on a page, of one of several there, and of each on a phone."""
+"""Widths of a chart on a page, of one of several there, and of each on a phone, pixels."""
 
 NO_SURFACE = "There is no surface to drive on."
 
 
-class Frame(NamedTuple):
-    """A part of a picture that shows x from `x[0]` to `x[1]` and y from `y[0]` up to `y[1]`."""
+class PlotFrame(NamedTuple):
+    """Part of a chart that shows x from `x[0]` to `x[1]` and y from `y[0]` up to `y[1]`."""
 
     left: float
     top: float
@@ -53,35 +53,35 @@ class Frame(NamedTuple):
     y: tuple[float, float]
 
     def right(self, x: float) -> float:
-        """Where an x is, in pixels from the left."""
+        """Position of an x, pixels from the left."""
         return self.left + self.width * (x - self.x[0]) / (self.x[1] - self.x[0])
 
     def down(self, y: float) -> float:
-        """Where a y is, in pixels from the top."""
+        """Position of a y, pixels from the top."""
         return self.top + self.height * (self.y[1] - y) / (self.y[1] - self.y[0])
 
     def points(self, xs: Sequence[float], ys: Sequence[float]) -> str:
-        """Points as the attribute of a polyline has them."""
+        """Points as the attribute `points` of a polyline."""
         pairs = zip(xs, ys, strict=True)
         return " ".join(f"{self.right(x):.1f},{self.down(y):.1f}" for x, y in pairs)
 
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """A curve of a picture.
+    """Curve of a chart.
 
     Attributes:
-        name: what it is of.
+        name: name of the surface or the vehicle.
         curve: slip against slope.
-        climb: the largest slope, rad; None where it cannot even drive on the level.
+        climb: largest climb, rad; None where the vehicle cannot even drive on the level.
     """
 
     name: str
     curve: SlipCurve
     climb: float | None
 
-    def drawn(self) -> tuple[list[tuple[float, float]], list[tuple[float, float]]]:
-        """Degrees and slips up to the largest climb, and from there on, until it cannot drive."""
+    def spans(self) -> tuple[list[tuple[float, float]], list[tuple[float, float]]]:
+        """Slopes (degrees) and slips up to the largest climb, and those beyond it."""
         known = [
             (math.degrees(slope), slip, self.climb is not None and slope <= self.climb)
             for slope, slip in zip(self.curve.slope, self.curve.slip, strict=True)
@@ -92,19 +92,19 @@ class Line:
 
 
 def slip_lines(report: TraversabilityReport) -> list[Line]:
-    """A line for each surface whose slip is known."""
+    """Lines of a report, one for each surface whose slip is known."""
     return [
         Line(title(one), one.slip_curve, one.climb) for one in report.surfaces if one.slip_curve
     ]
 
 
 class Panel(NamedTuple):
-    """A picture of slip against slope, before it is drawn.
+    """Content of a chart of slip against slope.
 
     Attributes:
-        lines: its curves.
-        marks: slips that mean something, and what.
-        heading: over it; empty for none.
+        lines: curves of the chart.
+        marks: slips to mark, with their texts.
+        heading: heading of the chart; empty for none.
     """
 
     lines: list[Line]
@@ -113,9 +113,9 @@ class Panel(NamedTuple):
 
 
 def slip_panels(reports: Reports) -> list[Panel]:
-    """A picture with a line for each surface; of several vehicles one for each surface.
+    """Charts of a report: one with all surfaces, or for several vehicles one for each surface.
 
-    Only those whose slip is known.
+    Lines whose slip is not known are left out.
     """
     marks = slip_marks([one.vehicle for one in reports.reports])
     if isinstance(reports, TraversabilityReport):
@@ -134,7 +134,7 @@ def slip_panels(reports: Reports) -> list[Panel]:
 
 
 def slip_marks(vehicles: Sequence[Vehicle]) -> list[tuple[float, str]]:
-    """Slips that mean something, from the lowest, and what; of several vehicles whose they are."""
+    """Limits of slip with their texts, the lowest first; with names of vehicles if not of all."""
     by_slip: dict[tuple[float, str], list[str]] = {}
     for vehicle in vehicles:
         most = slip_limit(vehicle)
@@ -152,18 +152,18 @@ def slip_marks(vehicles: Sequence[Vehicle]) -> list[tuple[float, str]]:
 def slip_chart(
     lines: Sequence[Line], marks: Sequence[tuple[float, str]], width: float, heading: str = ""
 ) -> str:
-    """An SVG element, `width` pixels wide, 240 or more; empty where there are no lines.
+    """Chart as an SVG element, `width` pixels wide, 240 or more; empty where there are no lines.
 
-    Slope in degrees runs to the right, slip upwards. Its colours are those of curves.css.
+    Slope in degrees runs to the right, slip upwards. Colours are those of curves.css.
     """
     if not _can_draw(lines):
         return ""
     parts, tall = _chart(lines, marks, width, heading)
-    return _element(parts, width, tall, _described(lines))
+    return _element(parts, width, tall, _description(lines))
 
 
 def _sheet(panels: Sequence[Panel]) -> str:
-    """Charts two in a row; empty where there are none."""
+    """Charts as one SVG element, two in a row; empty where there are none."""
     parts, top, tall = [], 0.0, 0.0
     for number, (lines, marks, heading) in enumerate(panels):
         if number and number % 2 == 0:
@@ -178,7 +178,7 @@ def _sheet(panels: Sequence[Panel]) -> str:
 
 
 def _can_draw(lines: Sequence[Line]) -> bool:
-    return any(sum(map(len, line.drawn())) > 1 for line in lines)
+    return any(sum(map(len, line.spans())) > 1 for line in lines)
 
 
 def _element(parts: Sequence[str], width: float, tall: float, described: str) -> str:
@@ -193,10 +193,10 @@ def _element(parts: Sequence[str], width: float, tall: float, described: str) ->
 def _chart(
     lines: Sequence[Line], marks: Sequence[tuple[float, str]], width: float, heading: str
 ) -> tuple[list[str], float]:
-    """What a chart consists of, and how tall it is."""
+    """Elements of a chart, and its height in pixels."""
     slopes = [math.degrees(slope) for line in lines for slope in line.curve.slope]
     ends = 5.0 * math.floor(min(slopes) / 5.0), 5.0 * math.ceil(max(slopes) / 5.0)
-    frame = Frame(_LEFT, _TOP, width - _LEFT - _RIGHT, _TALL, ends, (0.0, 1.08))
+    frame = PlotFrame(_LEFT, _TOP, width - _LEFT - _RIGHT, _TALL, ends, (0.0, 1.08))
     legend, rows = _legend(lines, frame.left, width)
     tall = _TOP + _TALL + _BELOW + rows * _ROW
     return [*_axes(frame, heading), *_curves(frame, lines, marks), *legend], tall
@@ -204,12 +204,12 @@ def _chart(
 
 @cache
 def style() -> str:
-    """The text of curves.css."""
+    """Text of curves.css."""
     return Path(__file__).with_name("curves.css").read_text("utf-8")
 
 
-def _alone(chart: str, without: str) -> str:
-    """A chart as the text of a file of its own; of a sentence where there is none."""
+def _as_file(chart: str, without: str) -> str:
+    """Chart as the text of an SVG file; a file with a sentence where there is no chart."""
     if not chart:
         chart = _element([_text(without, 20.0, 34.0, "title")], 720.0, 60.0, without)
     head, _, body = chart.partition(">")
@@ -218,27 +218,27 @@ def _alone(chart: str, without: str) -> str:
 
 
 def as_svg(reports: Reports) -> str:
-    """Slip by the slope, surface by surface, as the text of an SVG file."""
+    """Slip against slope, surface by surface, as the text of an SVG file."""
     panels = slip_panels(reports)
     if isinstance(reports, TraversabilityReport):
         heading = f"{reports.terrain}, {reports.vehicle.name or 'a wheel'}"
         chart = "".join(slip_chart(lines, marks, PAGE, heading) for lines, marks, _ in panels)
     else:
         chart = _sheet(panels)
-    return _alone(chart, wording.slip_unknown(reports.reports[0]) or NO_SURFACE)
+    return _as_file(chart, wording.slip_unknown(reports.reports[0]) or NO_SURFACE)
 
 
-def _described(lines: Sequence[Line]) -> str:
+def _description(lines: Sequence[Line]) -> str:
     parts = []
     for line in lines:
-        able, _ = line.drawn()
+        able, _ = line.spans()
         far = f"{numbers.share(able[-1][1])} at {able[-1][0]:.1f}°" if able else "not on the level"
         parts.append(f"{printable(line.name)} {far}")
     return f"Slip against slope, to the largest climb: {'; '.join(parts)}."
 
 
-def _axes(frame: Frame, heading: str) -> Iterator[str]:
-    """Lines and numbers of both axes, and what the picture is of."""
+def _axes(frame: PlotFrame, heading: str) -> Iterator[str]:
+    """Lines and numbers of both axes, and the heading."""
     bottom = frame.top + frame.height
     for percent in range(0, 101, 20):
         y = frame.down(percent / 100)
@@ -268,13 +268,13 @@ def _axes(frame: Frame, heading: str) -> Iterator[str]:
 
 
 def _style_of(number: int) -> tuple[str, str]:
-    """Class of the colour, and the attribute of the dashes, of a line."""
+    """CSS class and dash attribute of the line of a number."""
     dashes = DASHES[(number + number // COLOURS) % len(DASHES)]
     return f"s{number % COLOURS}", f' stroke-dasharray="{dashes}"' if dashes else ""
 
 
 class _Box(NamedTuple):
-    """A rectangle of a picture that something covers."""
+    """Rectangle of a chart that something covers, pixels from the left and from the top."""
 
     left: float
     top: float
@@ -283,26 +283,26 @@ class _Box(NamedTuple):
 
     @classmethod
     def of(cls, text: str, x: float, y: float) -> _Box:
-        """Of a text that begins at x on the line y."""
-        return cls(x, y - 10.0, x + _wide(text), y + 3.0)
+        """Rectangle of a text that begins at x on the baseline y."""
+        return cls(x, y - 10.0, x + _text_width(text), y + 3.0)
 
     def meets(self, other: _Box) -> bool:
-        """Whether they overlap."""
+        """Whether two rectangles overlap."""
         return (
             self.left < other.right and other.left < self.right
             and self.top < other.bottom and other.top < self.bottom
         )  # fmt: skip
 
     def distance(self, x: float, y: float) -> float:
-        """Of a point; 0 inside."""
+        """Distance of a point from the rectangle, pixels; 0 inside."""
         across = max(self.left - x, 0.0, x - self.right)
         return math.hypot(across, max(self.top - y, 0.0, y - self.bottom))
 
 
 def _curves(
-    frame: Frame, lines: Sequence[Line], marks: Sequence[tuple[float, str]]
+    frame: PlotFrame, lines: Sequence[Line], marks: Sequence[tuple[float, str]]
 ) -> Iterator[str]:
-    """The marks, the curves over them, and names where there is room for these."""
+    """Elements of the marks, the curves over them, and names where there is room."""
     taken: list[_Box] = []
     most = int((frame.width - 10.0) / _LETTER)
     marks = [(slip, cut(text, most)) for slip, text in marks]
@@ -314,13 +314,13 @@ def _curves(
     trails, ends = [], []
     for number, line in enumerate(lines):
         colour, dashes = _style_of(number)
-        for kind, points in zip(("", " beyond"), line.drawn(), strict=True):
+        for kind, points in zip(("", " beyond"), line.spans(), strict=True):
             if len(points) > 1:
                 at = frame.points(*zip(*points, strict=True))
                 yield f'<polyline class="curve{kind} {colour}"{dashes} points="{at}"/>'
                 trails += _trail([(frame.right(x), frame.down(y)) for x, y in points])
-        if line.drawn()[0]:
-            slope, slip = line.drawn()[0][-1]
+        if line.spans()[0]:
+            slope, slip = line.spans()[0][-1]
             x, y = frame.right(slope), frame.down(slip)
             ends.append((x, y, line))
             taken.append(_Box(x - 5.0, y - 5.0, x + 5.0, y + 5.0))
@@ -330,9 +330,15 @@ def _curves(
     for x, y, line in ends:
         name = cut(line.name, _NAME)
         others = [end[:2] for end in ends if end[:2] != (x, y)]
-        for left, down in ((8, 4), (8, 16), (8, -8), (-8 - _wide(name), 4), (-8 - _wide(name), -8)):
+        for left, down in (
+            (8, 4),
+            (8, 16),
+            (8, -8),
+            (-8 - _text_width(name), 4),
+            (-8 - _text_width(name), -8),
+        ):
             box = _Box.of(name, x + left, y + down)
-            # nobody must take it for the name of another curve
+            # a name must be nearest to its own curve
             own = box.distance(x, y) + 3.0
             alone = all(box.distance(*end) > own for end in others)
             inside = box.left > frame.left and box.right < frame.left + frame.width
@@ -344,7 +350,7 @@ def _curves(
 
 
 def _trail(points: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
-    """Points of a polyline, close to each other."""
+    """Points along a polyline, at most `_NEAR` apart."""
     found = [points[0]]
     for (x0, y0), (x1, y1) in pairwise(points):
         count = max(1, math.ceil(math.hypot(x1 - x0, y1 - y0) / _NEAR))
@@ -355,12 +361,12 @@ def _trail(points: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
 
 
 def _legend(lines: Sequence[Line], left: float, width: float) -> tuple[list[str], int]:
-    """The lines by name, with the largest climb, and how many rows that takes."""
+    """Elements of the legend, names with largest climbs, and its number of rows."""
     parts, x, row = [], left, 0
     for number, line in enumerate(lines):
         climb = "not on the level" if line.climb is None else numbers.degrees(line.climb)
         text = f"{cut(line.name, _NAME)} {climb}"
-        wide = _SWATCH + _wide(text) + 14.0
+        wide = _SWATCH + _text_width(text) + 14.0
         if x > left and x + wide > width:
             x, row = left, row + 1
         y = _TOP + _TALL + _BELOW + _ROW * row + 8.0
@@ -371,7 +377,7 @@ def _legend(lines: Sequence[Line], left: float, width: float) -> tuple[list[str]
     return parts, row + 1
 
 
-def _wide(text: str) -> float:
+def _text_width(text: str) -> float:
     return _LETTER * sum(map(columns_of, printable(text)))
 
 

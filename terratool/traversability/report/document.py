@@ -27,12 +27,12 @@ from terratool.traversability.report.keys import (
     Newtons,
     Number,
     Numbers,
-    Of,
+    ResultMember,
     Seconds,
     SquareMetres,
     Text,
     Watts,
-    filled,
+    fill_keys,
     value_of,
 )
 from terratool.traversability.results import (
@@ -50,7 +50,7 @@ FORMAT_VERSION = 2
 
 
 class TerrainKeys(Struct, frozen=True):
-    """The terrain that a report is about."""
+    """Terrain of a report."""
 
     file: str
     descr: str
@@ -58,17 +58,17 @@ class TerrainKeys(Struct, frozen=True):
 
 
 class PlaceKeys(Struct, frozen=True):
-    """A place on the terrain."""
+    """Place on the terrain."""
 
     x: float | None
     y: float | None
-    z: Annotated[float | None, Of("height")]
+    z: Annotated[float | None, ResultMember("height")]
     surface: Text
     element: Text
 
 
 class WheelKeys(Struct, frozen=True):
-    """A wheel."""
+    """Wheel of a vehicle."""
 
     radius_m: Metres
     width_m: Metres
@@ -81,7 +81,7 @@ class WheelKeys(Struct, frozen=True):
 
 
 class AxleKeys(Struct, frozen=True):
-    """Wheels side by side."""
+    """Axle: wheels side by side."""
 
     x_m: Metres
     wheels: int
@@ -90,14 +90,14 @@ class AxleKeys(Struct, frozen=True):
 
 
 class OverhangKeys(Struct, frozen=True):
-    """What of a body lies beyond an outermost axle."""
+    """Overhang of the body beyond an outermost axle."""
 
     length_m: Metres
     height_m: Metres
 
 
 class MarginKeys(Struct, frozen=True):
-    """What is kept in reserve."""
+    """Margins that are kept in reserve."""
 
     clearance_m: Metres
     step_m: Metres
@@ -106,7 +106,7 @@ class MarginKeys(Struct, frozen=True):
 
 
 class ThresholdKeys(Struct, frozen=True):
-    """Where go ends and caution ends."""
+    """Limits at which go ends and caution ends."""
 
     utilisation: Number
     slip: Number
@@ -116,16 +116,16 @@ class ThresholdKeys(Struct, frozen=True):
 
 
 class VehicleKeys(Struct, frozen=True):
-    """A vehicle, or a wheel by itself, which has neither mass nor gravity."""
+    """Vehicle, or a wheel by itself, which has neither mass nor gravity."""
 
     name: str
-    single_wheel: Annotated[bool, Of("is_single")]
+    single_wheel: Annotated[bool, ResultMember("is_single")]
     mass_kg: Kilograms
     gravity_m_s2: MetresPerSquareSecond
     weight_N: Newtons
     wheel: WheelKeys
     axles: tuple[AxleKeys, ...]
-    track_m: Annotated[float | None, Of("track_width")]
+    track_m: Annotated[float | None, ResultMember("track_width")]
     cog_height_m: Metres
     clearance_m: Metres
     body_width_m: Metres
@@ -135,27 +135,27 @@ class VehicleKeys(Struct, frozen=True):
     speed_m_s: MetresPerSecond
     power_W: Watts
     margins: MarginKeys
-    classes: Annotated[ThresholdKeys, Of("thresholds")]
+    classes: Annotated[ThresholdKeys, ResultMember("thresholds")]
 
 
 class SlipCurveKeys(Struct, frozen=True):
-    """Slip by the slope that is driven straight up or down."""
+    """Slip against the slope that is driven straight up or down."""
 
     slope_deg: ManyDegrees
     slip: Numbers
 
 
 class ChanceKeys(Struct, frozen=True):
-    """How likely a vehicle can drive on the level of a surface."""
+    """Probabilities that a vehicle can drive on the level of a surface."""
 
     go: Number
-    go_or_caution: Annotated[Number, Of("drives")]
+    go_or_caution: Annotated[Number, ResultMember("drives")]
     climb_low_deg: Degrees
     climb_high_deg: Degrees
 
 
 class SurfaceKeys(Struct, frozen=True):
-    """What ground and vehicle do to each other on a surface."""
+    """Figures of a vehicle on a surface."""
 
     surface: str
     verdict: str
@@ -197,11 +197,11 @@ class SurfaceKeys(Struct, frozen=True):
     turning_binding: Text
     warnings: tuple[str, ...]
     slip_curve: SlipCurveKeys | None
-    probability: Annotated[ChanceKeys | UnsetType, Of("chances")] = UNSET
+    probability: Annotated[ChanceKeys | UnsetType, ResultMember("chances")] = UNSET
 
 
 class BarrierKeys(Struct, frozen=True):
-    """What bars a way at one place."""
+    """Barrier on a route."""
 
     binding: Binding
     bars: Text
@@ -210,33 +210,33 @@ class BarrierKeys(Struct, frozen=True):
 
 
 class SteepestKeys(Struct, frozen=True):
-    """Where a route is steepest."""
+    """Steepest place of a route."""
 
-    pitch_deg: Annotated[float | None, Of("value", factor=DEG)]
+    pitch_deg: Annotated[float | None, ResultMember("value", factor=DEG)]
     binding: Binding
     place: PlaceKeys
 
 
 class SoftestKeys(Struct, frozen=True):
-    """Where wheels sink deepest along a route."""
+    """Place of a route where wheels sink deepest."""
 
-    sinkage_m: Annotated[float | None, Of("value")]
+    sinkage_m: Annotated[float | None, ResultMember("value")]
     binding: Binding
     place: PlaceKeys
 
 
 class TightestKeys(Struct, frozen=True):
-    """Where the margin of a route is least."""
+    """Place of a route with the smallest margin."""
 
-    margin: Annotated[float | None, Of("value")]
+    margin: Annotated[float | None, ResultMember("value")]
     binding: Binding
     place: PlaceKeys
 
 
 class LeastChanceKeys(Struct, frozen=True):
-    """Where go is least likely along a route."""
+    """Place of a route with the smallest probability of go."""
 
-    probability: Annotated[float | None, Of("value")]
+    probability: Annotated[float | None, ResultMember("value")]
     place: PlaceKeys
 
 
@@ -245,22 +245,22 @@ class ProfileKeys(Struct, frozen=True):
 
     x: Numbers
     y: Numbers
-    heading_deg: Annotated[Numbers, Of("heading")]
+    heading_deg: Annotated[Numbers, ResultMember("heading")]
     distance_m: ManyMetres
-    z: Annotated[Numbers, Of("height")]
+    z: Annotated[Numbers, ResultMember("height")]
     sinkage_m: ManyMetres
     pitch_deg: ManyDegrees
     roll_deg: ManyDegrees
     slip: Numbers
     utilisation: Numbers
-    verdict: Annotated[tuple[str, ...], Of(codes=Verdict)]
-    binding: Annotated[tuple[Text, ...], Of("reason", codes=Reason)]
+    verdict: Annotated[tuple[str, ...], ResultMember(codes=Verdict)]
+    binding: Annotated[tuple[Text, ...], ResultMember("reason", codes=Reason)]
     surface: tuple[Text, ...]
     element: tuple[Text, ...]
 
 
 class RouteKeys(Struct, frozen=True):
-    """A way from a start to a goal, or why there is none."""
+    """Route from a start to a goal, or the barriers where there is none."""
 
     found: bool
     planned: bool
@@ -284,12 +284,12 @@ class RouteKeys(Struct, frozen=True):
     tried_headings: tuple[int, ...]
     ruled_out_headings: int | None
     profile: ProfileKeys | None
-    probability: Annotated[Number | UnsetType, Of("chance")] = UNSET
-    least_probability: Annotated[LeastChanceKeys | UnsetType, Of("least_chance")] = UNSET
+    probability: Annotated[Number | UnsetType, ResultMember("chance")] = UNSET
+    least_probability: Annotated[LeastChanceKeys | UnsetType, ResultMember("least_chance")] = UNSET
 
 
 class ReachKeys(Struct, frozen=True):
-    """What can be reached from a place."""
+    """Ground that can be reached from a place."""
 
     start: PlaceKeys
     share: Number
@@ -305,14 +305,14 @@ class LargestPartKeys(Struct, frozen=True):
 
 
 class ChancePixels(Struct, frozen=True):
-    """Pixels that are go with a probability or more."""
+    """Number of pixels that are go with at least a probability."""
 
     at_least: float
     pixels: int
 
 
 class MapKeys(Struct, frozen=True, rename={"start": "from"}):
-    """A map in numbers; pixels and shares by what the ground is."""
+    """Map in numbers: pixels and shares by class of ground."""
 
     resolution_m: Metres
     width: int
@@ -331,14 +331,14 @@ class MapKeys(Struct, frozen=True, rename={"start": "from"}):
 
 
 class MendKeys(Struct, frozen=True):
-    """A line of JSON that mends a definition, and where it goes."""
+    """Line of JSON that mends a definition, and the place for it."""
 
     where: str
     line: str
 
 
 class RangeKeys(Struct, frozen=True):
-    """A figure of a surface of which a range is known."""
+    """Range of a figure of a surface."""
 
     surface: str
     key: str
@@ -347,7 +347,7 @@ class RangeKeys(Struct, frozen=True):
 
 
 class SamplingKeys(Struct, frozen=True):
-    """How soils that are ranges were sampled."""
+    """Sampling of soils that are ranges."""
 
     samples: int
     seed: int
@@ -356,7 +356,7 @@ class SamplingKeys(Struct, frozen=True):
 
 
 class ReportKeys(Document, frozen=True, kw_only=True):
-    """The report on one vehicle."""
+    """Report on one vehicle."""
 
     format_version: int = FORMAT_VERSION
     tool: Tool = Tool()
@@ -376,7 +376,7 @@ class ReportKeys(Document, frozen=True, kw_only=True):
 
 
 class VehicleVerdict(Struct, frozen=True):
-    """What one of several vehicles can do on the terrain."""
+    """Verdict of one of several vehicles on the terrain."""
 
     vehicle: str
     drives: bool
@@ -384,7 +384,7 @@ class VehicleVerdict(Struct, frozen=True):
 
 
 class SurfaceVerdict(Struct, frozen=True):
-    """What one of several vehicles can do on a surface, out of its report."""
+    """Verdict and climb of one of several vehicles on a surface, out of its report."""
 
     vehicle: str
     verdict: str
@@ -394,14 +394,14 @@ class SurfaceVerdict(Struct, frozen=True):
 
 
 class SurfaceVerdicts(Struct, frozen=True):
-    """A surface, and what the vehicles can do on it."""
+    """Verdicts of all vehicles on a surface."""
 
     surface: str
     vehicles: tuple[SurfaceVerdict, ...]
 
 
 class RouteVerdict(Struct, frozen=True):
-    """What one of several vehicles makes of a way, out of its report."""
+    """Result of one of several vehicles on a route, out of its report."""
 
     vehicle: str
     found: bool
@@ -414,7 +414,7 @@ class RouteVerdict(Struct, frozen=True):
 
 
 class RouteVerdicts(Struct, frozen=True):
-    """A way, and what the vehicles make of it."""
+    """Results of all vehicles on a route."""
 
     start: PlaceKeys
     goal: PlaceKeys
@@ -422,7 +422,7 @@ class RouteVerdicts(Struct, frozen=True):
 
 
 class MapShares(Struct, frozen=True):
-    """Shares of the ground for one of several vehicles, out of its report."""
+    """Shares of ground in each class for one of several vehicles, out of its report."""
 
     vehicle: str
     resolution_m: Number
@@ -430,14 +430,14 @@ class MapShares(Struct, frozen=True):
 
 
 class TogetherKeys(Struct, frozen=True):
-    """The share of the ground that is go or caution for just these vehicles."""
+    """Share of the ground that is go or caution for exactly these vehicles."""
 
     vehicles: tuple[str, ...]
     share: Number
 
 
 class MapComparisonKeys(Struct, frozen=True):
-    """The maps of several vehicles side by side."""
+    """Maps of several vehicles side by side."""
 
     one_grid: bool
     vehicles: tuple[MapShares, ...]
@@ -460,15 +460,15 @@ class ComparisonKeys(Document, frozen=True, kw_only=True):
 
 
 def as_dict(reports: Reports) -> dict[str, Any]:
-    """A report, or a comparison with its reports, as dictionaries, lists, texts, finite numbers.
+    """Report, or comparison with its reports, as dictionaries, lists, texts and finite numbers.
 
-    Units are in the names of keys; what is not known, means nothing or has no limit is None.
+    Units are in the names of keys; numbers that are unknown, infinite or without meaning are None.
     """
     return plain_document(_document(reports))
 
 
 def as_json(reports: Reports) -> str:
-    """A report, or a comparison with its reports, as the text of a JSON file."""
+    """Report, or comparison with its reports, as the text of a JSON file."""
     return json_text(_document(reports)) + "\n"
 
 
@@ -486,11 +486,11 @@ def _report(report: TraversabilityReport) -> ReportKeys:
         model=report.vehicle.model,
         verdict=report.verdict.label,
         sentence=wording.conclusion(report),
-        surfaces=tuple(filled(SurfaceKeys, one) for one in report.surfaces),
-        mending=tuple(MendKeys(place, line) for place, line in wording.mending(report)),
+        surfaces=tuple(fill_keys(SurfaceKeys, one) for one in report.surfaces),
+        mending=tuple(MendKeys(place, line) for place, line in wording.mends(report)),
         map=None if report.summary is None else _map(report.summary),
-        routes=tuple(filled(RouteKeys, one) for one in report.routes),
-        reach=None if report.reach is None else filled(ReachKeys, report.reach),
+        routes=tuple(fill_keys(RouteKeys, one) for one in report.routes),
+        reach=None if report.reach is None else fill_keys(ReachKeys, report.reach),
         notes=report.notes,
         assumptions=report.assumptions,
         sampling=UNSET
@@ -505,7 +505,7 @@ def _report(report: TraversabilityReport) -> ReportKeys:
 
 
 def _vehicle(vehicle: Vehicle) -> VehicleKeys:
-    found = filled(VehicleKeys, vehicle)
+    found = fill_keys(VehicleKeys, vehicle)
     if vehicle.is_single:
         return structs.replace(found, mass_kg=None, gravity_m_s2=None)
     return found
@@ -557,10 +557,10 @@ def _comparison(found: VehicleComparison) -> ComparisonKeys:
             for name, one in zip(names, found.reports, strict=True)
         ),
         surfaces=tuple(
-            SurfaceVerdicts(row[0].surface, _picked(SurfaceVerdict, names, row)) for row in surfaces
+            SurfaceVerdicts(row[0].surface, _pick(SurfaceVerdict, names, row)) for row in surfaces
         ),
         routes=tuple(
-            RouteVerdicts(row[0].start, row[0].goal, _picked(RouteVerdict, names, row))
+            RouteVerdicts(row[0].start, row[0].goal, _pick(RouteVerdict, names, row))
             for row in routes
         ),
         map=_maps(found, names, [one.map for one in reports if one.map is not None]),
@@ -577,7 +577,7 @@ def _maps(
     grids = {(one.resolution_m, one.width, one.height, one.bounds) for one in maps}
     return MapComparisonKeys(
         one_grid=len(grids) == 1,
-        vehicles=_picked(MapShares, names, maps),
+        vehicles=_pick(MapShares, names, maps),
         together=tuple(
             TogetherKeys(vehicles, value_of(share))
             for vehicles, share in comparison.together(found)
@@ -585,8 +585,8 @@ def _maps(
     )
 
 
-def _picked(kind: type[Kind], names: Sequence[str], row: Sequence[Struct]) -> tuple[Kind, ...]:
-    """Some keys of what the reports have of one thing, each with the vehicle's name."""
+def _pick(kind: type[Kind], names: Sequence[str], row: Sequence[Struct]) -> tuple[Kind, ...]:
+    """Records of a type, one for each vehicle's name, with keys of the records in a row."""
     _, *keys = kind.__struct_fields__
     return tuple(
         kind(name, *(getattr(one, key) for key in keys))

@@ -15,28 +15,32 @@ from terratool.report import numbers
 from terratool.traversability.results import COLORS, GroundClass, Preview, RouteProfile, Verdict
 
 _LEFT, _RIGHT, _TOP = 52, 12, 22
-"""Room for the numbers of the axes, and for what the upper axis is of."""
+"""Margins for the numbers of the axes, and for the title of the upper one, pixels."""
 _HILL, _STRIP, _GAP, _SUNK, _BELOW = 130, 10, 30, 56, 40
-"""Heights: of the ground's panel, the strip, the room between, the sinkage's panel, the x axis."""
+"""Heights of the ground's panel, strip, gap, sinkage's panel and x axis, pixels."""
 
 SHADING = 0.8, 1.08
-"""Shares of a colour that are left in the shade and in full light."""
+"""Factors on a colour in the shade and in full light."""
 
 _SIDE = 720
-"""Pixels that the longer side has at least, so that the hatching is fine."""
+"""Least pixels of the longer side of a picture, so that the hatching is fine."""
 _HATCH = 12
-"""Pixels from one line of the hatching to the next."""
+"""Distance between lines of the hatching, pixels."""
 _OUTLINE = (11, 61, 145)
-"""Colour of the outline of what can be reached."""
+"""Colour (red, green, blue) of the outline of ground that can be reached."""
 _CONTOUR = 0.6
-"""Share of a colour that is left on a contour."""
+"""Factor on a colour on a contour."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Bins:
-    """A profile at the columns of a picture: low and high ground, deepest sinkage, worst verdict.
+    """Profile at the columns of a picture, (n,) each.
 
-    A verdict that is not known counts as worse than go and better than no-go.
+    Attributes:
+        x: position of the column, pixels.
+        low, high: lowest and highest ground, m.
+        sinkage: deepest sinkage, m.
+        verdict: worst verdict; unknown counts as worse than go and better than caution.
     """
 
     x: NDArray[np.float64]
@@ -47,11 +51,11 @@ class _Bins:
 
 
 def chart(profile: RouteProfile, width: int) -> str:
-    """A profile as an SVG element, `width` pixels wide, 240 or more; empty if it has no length."""
+    """Profile as an SVG element, `width` pixels wide, 240 or more; empty if it has no length."""
     total = float(profile.distance[-1] - profile.distance[0]) if len(profile.distance) else 0.0
     if not total > 0.0:
         return ""
-    bins = _binned(profile, total, width - _LEFT - _RIGHT)
+    bins = _bin(profile, total, width - _LEFT - _RIGHT)
     bottom = _TOP + _HILL + _STRIP + _GAP + _SUNK
     finite = bins.high[np.isfinite(bins.high)]
     low, high = (float(np.nanmin(bins.low)), float(finite.max())) if finite.size else (0.0, 1.0)
@@ -62,7 +66,7 @@ def chart(profile: RouteProfile, width: int) -> str:
     parts = [
         f'<svg class="profile" xmlns="http://www.w3.org/2000/svg" role="img" '
         f'viewBox="0 0 {width} {bottom + _BELOW}" width="{width}" height="{bottom + _BELOW}" '
-        f'aria-label="{escape(_described(profile, total))}">',
+        f'aria-label="{escape(_description(profile, total))}">',
         *_axis(low, high, _TOP + _HILL, _TOP, width, "height, m"),
         _ground(bins, low, high),
         *_strip(bins),
@@ -76,7 +80,7 @@ def chart(profile: RouteProfile, width: int) -> str:
     return "".join(parts)
 
 
-def _binned(profile: RouteProfile, total: float, columns: int) -> _Bins:
+def _bin(profile: RouteProfile, total: float, columns: int) -> _Bins:
     along = (profile.distance - profile.distance[0]) / total * columns
     index = np.minimum(np.floor(along), columns - 1).astype(np.int64)
     starts = np.flatnonzero(np.diff(index, prepend=-1))
@@ -131,7 +135,7 @@ def _sinkage_area(x: NDArray[np.float64], depth: NDArray[np.float64], zero: int)
 def _axis(
     first: float, last: float, y_first: float, y_last: float, width: int, title: str
 ) -> Iterator[str]:
-    """Lines and numbers of an axis that goes from `first` at `y_first` to `last` at `y_last`."""
+    """Lines and numbers of an axis from `first` at `y_first` to `last` at `y_last`."""
     for value in ticks(first, last, round(abs(y_last - y_first) / 32)):
         y = y_first + (value - first) / (last - first) * (y_last - y_first)
         yield f'<path class="rule" d="M{_LEFT} {y:.1f}H{width - _RIGHT}"/>'
@@ -154,7 +158,7 @@ def _distances(total: float, width: int, bottom: float) -> Iterator[str]:
     )
 
 
-def _described(profile: RouteProfile, total: float) -> str:
+def _description(profile: RouteProfile, total: float) -> str:
     known = profile.height[np.isfinite(profile.height)]
     heights = ""
     if known.size:
@@ -166,20 +170,20 @@ def _described(profile: RouteProfile, total: float) -> str:
 
 
 def _contours(heights: NDArray[np.float32], interval: float) -> NDArray[np.bool_]:
-    """Pixels beyond which, to the east or south, the ground is in another interval."""
+    """Pixels on contours, bool: the next one to the east or south is in another interval."""
     level = np.floor(heights.astype(np.float64) / interval)
     lines = np.zeros(heights.shape, np.bool_)
-    # NaN differs from anything, and is no contour
+    # differences from NaN are NaN, and so no contours
     lines[:, :-1] |= np.abs(np.diff(level, axis=1)) > 0.0
     lines[:-1] |= np.abs(np.diff(level, axis=0)) > 0.0
     return lines
 
 
 def map_picture(map_: Preview, reached: NDArray[np.bool_] | None = None) -> NDArray[np.uint8]:
-    """The picture, (height, width, 4) uint8 RGBA, transparent where there is no ground.
+    """Picture of a map, (height, width, 4) uint8 RGBA, transparent where there is no ground.
 
-    A pixel of the map is a square of as many pixels as it takes for the longer side to have 720.
-    What can be reached, (height, width), gets an outline.
+    A pixel of the map becomes a square of pixels, so that the longer side has 720 or more. The
+    ground that can be reached, (height, width) bool, gets an outline.
     """
     shade = hillshade(
         map_.heights, map_.grid.resolution, exaggeration(map_.heights, map_.grid.resolution)
@@ -208,12 +212,12 @@ def map_picture(map_: Preview, reached: NDArray[np.bool_] | None = None) -> NDAr
 
 
 def hatch(painted: NDArray[np.float64], what: NDArray[np.uint8], step: int = _HATCH) -> None:
-    """Darken lines and dots of a picture, by which its classes differ without colour.
+    """Darken lines and dots of a picture, so that classes differ without colour, too.
 
     Args:
-        painted: (height, width, 3) colours, which are changed.
-        what: (height, width) `GroundClass`.
-        step: pixels from one line to the next.
+        painted: (height, width, 3) float64 colours, which are changed in place.
+        what: (height, width) uint8 `GroundClass`.
+        step: distance between lines, pixels.
     """
     row, column = np.ogrid[: what.shape[0], : what.shape[1]]
     line = (row + column) % step < step // 4

@@ -1,4 +1,4 @@
-"""The formats of reports by the suffixes of their files."""
+"""Formats of reports by the suffixes of their files."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ FORMATS: dict[str, Callable[[Reports], str]] = {
 
 
 def renderer_of(path: str | Path) -> Callable[[Reports], str]:
-    """A function that makes the text of a report's file of this name.
+    """Function that makes the text of a report, by the suffix of its file.
 
     Raises:
-        RequestError: there is no such format.
+        RequestError: no format has the suffix.
     """
     suffix = Path(path).suffix.lower()
     if suffix not in FORMATS:

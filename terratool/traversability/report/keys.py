@@ -1,4 +1,4 @@
-"""Keys of JSON made of members of results: their names, their units, and what is null."""
+"""Conversion of members of results to keys of JSON: names, units, and nulls."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from terratool.traversability.results import Reason, Verdict
 Kind = TypeVar("Kind", bound=Struct)
 
 
-class Of(NamedTuple):
-    """How a key is made of a member of a result.
+class ResultMember(NamedTuple):
+    """Member of a result that a key of JSON is made of, and the conversion.
 
     Attributes:
-        member: its name; empty where it is called as the key without its unit.
-        unit: of the key, at its end; empty where it has none.
-        factor: of the unit, from SI units.
-        codes: the enumeration whose codes an array has.
+        member: name of the member; empty where it is that of the key without its unit.
+        unit: unit at the end of the key's name; empty for none.
+        factor: factor from the SI unit to this one.
+        codes: enumeration whose codes an array has; None for none.
     """
 
     member: str = ""
@@ -36,30 +36,30 @@ DEG = 180.0 / math.pi
 """Degrees in a radian."""
 
 Text = str | None
-"""A text, or null where it is empty."""
+"""Text, or null where it is empty."""
 Number = float | None
-"""A number, or null where it is not known, means nothing or has no limit."""
-Metres = Annotated[Number, Of(unit="m")]
-SquareMetres = Annotated[Number, Of(unit="m2")]
-MetresPerSecond = Annotated[Number, Of(unit="m_s")]
-MetresPerSquareSecond = Annotated[Number, Of(unit="m_s2")]
-MetresPerKilonewton = Annotated[Number, Of(unit="m_per_kN", factor=1e3)]
-Kilograms = Annotated[Number, Of(unit="kg")]
-Seconds = Annotated[Number, Of(unit="s")]
-Joules = Annotated[Number, Of(unit="J")]
-Watts = Annotated[Number, Of(unit="W")]
-Newtons = Annotated[Number, Of(unit="N")]
-NewtonMetres = Annotated[Number, Of(unit="Nm")]
-Kilopascals = Annotated[Number, Of(unit="kPa", factor=1e-3)]
-Degrees = Annotated[Number, Of(unit="deg", factor=DEG)]
+"""Number, or null where it is not known, means nothing or has no limit."""
+Metres = Annotated[Number, ResultMember(unit="m")]
+SquareMetres = Annotated[Number, ResultMember(unit="m2")]
+MetresPerSecond = Annotated[Number, ResultMember(unit="m_s")]
+MetresPerSquareSecond = Annotated[Number, ResultMember(unit="m_s2")]
+MetresPerKilonewton = Annotated[Number, ResultMember(unit="m_per_kN", factor=1e3)]
+Kilograms = Annotated[Number, ResultMember(unit="kg")]
+Seconds = Annotated[Number, ResultMember(unit="s")]
+Joules = Annotated[Number, ResultMember(unit="J")]
+Watts = Annotated[Number, ResultMember(unit="W")]
+Newtons = Annotated[Number, ResultMember(unit="N")]
+NewtonMetres = Annotated[Number, ResultMember(unit="Nm")]
+Kilopascals = Annotated[Number, ResultMember(unit="kPa", factor=1e-3)]
+Degrees = Annotated[Number, ResultMember(unit="deg", factor=DEG)]
 Numbers = tuple[float | None, ...]
-ManyMetres = Annotated[Numbers, Of(unit="m")]
-ManyDegrees = Annotated[Numbers, Of(unit="deg", factor=DEG)]
-Binding = Annotated[Text, Of("reason")]
+ManyMetres = Annotated[Numbers, ResultMember(unit="m")]
+ManyDegrees = Annotated[Numbers, ResultMember(unit="deg", factor=DEG)]
+Binding = Annotated[Text, ResultMember("reason")]
 
 
-def filled(kind: type[Kind], record: object) -> Kind:
-    """The keys of a result."""
+def fill_keys(kind: type[Kind], record: object) -> Kind:
+    """Make a record of JSON keys from a result."""
     found: dict[str, Any] = {}
     for one in _sources(kind):
         value = value_of(getattr(record, one.member), one.of, one.nested, one.kept)
@@ -69,20 +69,20 @@ def filled(kind: type[Kind], record: object) -> Kind:
 
 
 class _Source(NamedTuple):
-    """Where a key comes from.
+    """Source of a key.
 
     Attributes:
-        key: its name.
-        member: of the result.
-        of: how the key is made of it.
-        nested: the kind of the records that it has.
-        kept: whether an empty text is one.
-        optional: whether the key is left out where there is nothing.
+        key: name of the key.
+        member: name of the result's member.
+        of: conversion of the member.
+        nested: type of the records that the member becomes; None for plain values.
+        kept: whether an empty text stays one, rather than null.
+        optional: whether the key is left out where the member is None.
     """
 
     key: str
     member: str
-    of: Of
+    of: ResultMember
     nested: type[Struct] | None
     kept: bool
     optional: bool
@@ -93,7 +93,7 @@ def _sources(kind: type[Struct]) -> tuple[_Source, ...]:
     found = []
     for key, hint in get_type_hints(kind, include_extras=True).items():
         parts = list(_parts(hint))
-        of = next((one for one in parts if isinstance(one, Of)), Of())
+        of = next((one for one in parts if isinstance(one, ResultMember)), ResultMember())
         nested = (one for one in parts if isinstance(one, type) and issubclass(one, Struct))
         member = of.member or (key.removesuffix(f"_{of.unit}") if of.unit else key)
         found.append(_Source(key, member, of, next(nested, None), hint is str, UnsetType in parts))
@@ -101,21 +101,21 @@ def _sources(kind: type[Struct]) -> tuple[_Source, ...]:
 
 
 def _parts(hint: Any) -> Iterator[Any]:
-    """A type, and all that it is made of."""
+    """Yield a type and all types that it is made of."""
     yield hint
     for one in get_args(hint):
         yield from _parts(one)
 
 
-_AS_IT_IS = Of()
+_AS_IT_IS = ResultMember()
 
 
 def value_of(
-    value: Any, of: Of = _AS_IT_IS, nested: type[Struct] | None = None, kept: bool = False
+    value: Any, of: ResultMember = _AS_IT_IS, nested: type[Struct] | None = None, kept: bool = False
 ) -> Any:
-    """A value for JSON: None for an empty text, for no reason, and for what is not finite.
+    """Value for JSON: None for an empty text, for `Reason.NONE`, and for NaN and infinity.
 
-    Floating-point numbers have twelve digits: none that only come from factors of units.
+    Floating-point numbers have twelve digits, as further ones come from factors of units alone.
     """
     if isinstance(value, float):
         return exact(value * of.factor)
@@ -129,4 +129,4 @@ def value_of(
         value = tuple(map(of.codes, value.tolist()) if of.codes else value.tolist())
     if isinstance(value, tuple):
         return tuple(value_of(each, of, nested, kept) for each in value)
-    return value if value is None or nested is None else filled(nested, value)
+    return value if value is None or nested is None else fill_keys(nested, value)

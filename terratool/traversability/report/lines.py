@@ -1,4 +1,4 @@
-"""A report, or several side by side, in lines of a terminal: at most 80 columns."""
+"""Report, or several side by side, in lines of a terminal of at most 80 columns."""
 
 from __future__ import annotations
 
@@ -29,16 +29,16 @@ from terratool.traversability.results import (
 )
 
 _NAME = 16
-"""Columns for names of surfaces; longer ones are cut."""
+"""Most columns of names of surfaces; longer ones are cut."""
 _VEHICLE = 20
-"""Columns for names of vehicles, and of what is said of several."""
+"""Most columns of names of vehicles, and of cells in tables on several."""
 _VERDICTS = tuple(verdict.label for verdict in Verdict)
 
 
 def as_lines(reports: Reports) -> Iterator[str]:
-    """A report, or a comparison, in lines of at most 80 columns.
+    """Report, or comparison, in lines of at most 80 columns.
 
-    What cannot be broken, as a JSON pointer, may be longer.
+    A word that cannot be broken, such as a JSON pointer, may be longer.
     """
     if isinstance(reports, VehicleComparison):
         return _several(reports)
@@ -53,7 +53,7 @@ def _one(report: TraversabilityReport) -> Iterator[str]:
             yield from wrap(f"{route.verdict.label}: {line}")
     if report.reach and (line := wording.reach_line(report.reach)) != wording.conclusion(report):
         yield from wrap(printable(line))
-    yield from _mending(report)
+    yield from _mend_lines(report)
     yield ""
     if any(not figures.missing for figures in report.surfaces):
         yield from align(_surfaces(report), words=_VERDICTS)
@@ -70,7 +70,7 @@ def _one(report: TraversabilityReport) -> Iterator[str]:
             yield from wrap(f"Probability of go: {likely}")
         if binding := ", ".join(f"{reason} {part}" for reason, part in reasons(report).rows[:5]):
             yield from wrap(f"What binds: {binding}")
-        if (counted := wording.counted_from(report)) not in wording.conclusion(report):
+        if (counted := wording.counted_from_line(report)) not in wording.conclusion(report):
             yield from wrap(counted)
         yield ""
     for name, warning in warnings(report):
@@ -79,9 +79,9 @@ def _one(report: TraversabilityReport) -> Iterator[str]:
         yield from wrap(printable(note))
 
 
-def _mending(report: TraversabilityReport) -> Iterator[str]:
-    """Which surfaces lack what of a soil, and the lines of JSON that mend it."""
-    mends = list(wording.mending(report))
+def _mend_lines(report: TraversabilityReport) -> Iterator[str]:
+    """Sentence on surfaces that lack figures of a soil, and the lines of JSON that mend them."""
+    mends = list(wording.mends(report))
     if mends:
         lacks = wording.lacking(report)
         if lacks not in wording.conclusion(report):
@@ -93,7 +93,7 @@ def _mending(report: TraversabilityReport) -> Iterator[str]:
 
 
 def _texts(row: Sequence[Cell]) -> list[str]:
-    """A row of names and numbers as a terminal shows it."""
+    """Row of names and numbers as a terminal shows it."""
     return [cut(str(row[0]), _NAME), *map(str, row[1:])]
 
 
@@ -115,7 +115,7 @@ def _surfaces(report: TraversabilityReport) -> Iterator[Sequence[str]]:
 
 
 def _step_limits(report: TraversabilityReport) -> str:
-    """What limits steps on which surfaces, in a sentence."""
+    """Sentence on the limits of steps, with the surfaces of each."""
     by_limit: dict[str, list[str]] = {}
     for figures in report.surfaces:
         if not figures.missing:
@@ -129,7 +129,7 @@ def _step_limits(report: TraversabilityReport) -> str:
 
 
 def _turns(report: TraversabilityReport) -> str:
-    """What turning on the spot takes on which surfaces, in a sentence; empty for nothing."""
+    """Sentence on the work of turning on the spot, by surface; empty if it takes none."""
     by_work: dict[str, list[str]] = {}
     for figures in report.surfaces:
         if figures.turning_work or figures.turning_binding != Reason.NONE:
@@ -155,7 +155,7 @@ def _several(found: VehicleComparison) -> Iterator[str]:
     for one in found.reports:
         line = printable(wording.conclusion(one))
         yield from wrap(f"{wording.vehicle_name(one)}: {one.verdict.label}: {line}")
-    yield from _mending(first)
+    yield from _mend_lines(first)
     for number, route in enumerate(first.routes):
         yield ""
         yield f"way {wording.ends(route)}"
@@ -175,7 +175,7 @@ def _several(found: VehicleComparison) -> Iterator[str]:
 
 
 def _rows(table: Table) -> Iterator[Sequence[str]]:
-    """Titles and cells as texts, names cut; a last column of numbers is not the last then."""
+    """Titles and cells as texts, with names cut, and an empty cell behind a last number."""
     more = [""] * table.columns[-1].numeric
     yield [*(cut(column.title, _VEHICLE) for column in table.columns), *more]
     for row in table.rows:
@@ -184,7 +184,7 @@ def _rows(table: Table) -> Iterator[Sequence[str]]:
 
 
 def _parts(table: Table) -> Iterator[Table]:
-    """A table, or several with some of its columns each, where it is too wide for a terminal."""
+    """Table, split by columns into several where it is too wide for a terminal."""
     if not table.rows:
         return
     texts = [list(row) for row in _rows(table)]

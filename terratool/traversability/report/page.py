@@ -1,4 +1,4 @@
-"""A report, or several side by side, as an HTML page, without scripts and links, or as Markdown."""
+"""Report, or several side by side, as an HTML page without scripts and links, or Markdown."""
 
 from __future__ import annotations
 
@@ -29,24 +29,26 @@ from terratool.traversability.results import (
 
 _FOLDER = Path(__file__).parent
 _NAME = 14
-"""Characters of a name that a table does not break."""
+"""Most characters of a name that a table does not break."""
 
 
 def as_page(reports: Reports) -> str:
-    """A report, or a comparison, as the text of an HTML file; the same from run to run."""
+    """Report, or comparison, as the text of an HTML file; equal from run to run."""
     pictures = [
         None if one.preview is None else _picture_of(one, one.preview) for one in reports.reports
     ]
-    return render(_FOLDER / "page.html.jinja", escape_html, pictures=pictures, **_told(reports))
+    return render(
+        _FOLDER / "page.html.jinja", escape_html, pictures=pictures, **_variables(reports)
+    )
 
 
 def as_markdown(reports: Reports) -> str:
-    """A report, or a comparison, as the text of a Markdown file (GitHub's, for its tables)."""
-    return render(_FOLDER / "page.md.jinja", escape_markdown, **_told(reports))
+    """Report, or comparison, as the text of a Markdown file (GitHub's, for its tables)."""
+    return render(_FOLDER / "page.md.jinja", escape_markdown, **_variables(reports))
 
 
-def _told(reports: Reports) -> dict[str, Any]:
-    """What both templates tell."""
+def _variables(reports: Reports) -> dict[str, Any]:
+    """Variables of both templates."""
     first, several = reports.reports[0], not isinstance(reports, TraversabilityReport)
 
     def of_all(table: Callable[[TraversabilityReport], Table]) -> Table:
@@ -73,8 +75,8 @@ def _told(reports: Reports) -> dict[str, Any]:
         "first": first,
         "several": several,
         "drivers": listed([vehicle_name(one) for one in reports.reports]),
-        "mends": list(wording.mending(first)),
-        "reaches": comparison.said(
+        "mends": list(wording.mends(first)),
+        "reaches": comparison.merge_sentences(
             reports, lambda one: [wording.reach_line(one.reach)] if one.reach else []
         ),
         "abilities": of_all(tables.abilities),
@@ -83,18 +85,18 @@ def _told(reports: Reports) -> dict[str, Any]:
         "soils": of_all(tables.soils),
         "slips": of_all(tables.slips),
         "panels": curves.slip_panels(reports),
-        "warnings": comparison.said(
+        "warnings": comparison.merge_sentences(
             reports, lambda one: (f"{name}: {line}" for name, line in tables.warnings(one))
         ),
         "notes": comparison.notes(reports),
-        "counted_from": comparison.said(
-            reports, lambda one: filter(None, [wording.counted_from(one)])
+        "counted_from": comparison.merge_sentences(
+            reports, lambda one: filter(None, [wording.counted_from_line(one)])
         ),
         "likelihoods": of_all(tables.likelihoods),
         "reasons": of_all(tables.reasons),
         "grounds": of_all(tables.grounds),
         "figures": of_all(lambda one: tables.properties(one.vehicle)),
-        "assumptions": comparison.said(reports, lambda one: one.assumptions),
+        "assumptions": comparison.merge_sentences(reports, lambda one: one.assumptions),
         "tables": tables,
         "wording": wording,
         "numbers": numbers,
@@ -113,12 +115,12 @@ def _first_width(table: Table) -> int:
 
 
 def _suffix(report: TraversabilityReport, number: int) -> str:
-    """What tells a route's pins from those of others; nothing if it is the only one."""
+    """Number that tells a route's pins from those of others; empty if it is the only route."""
     return str(number) if len(report.routes) > 1 else ""
 
 
 class _Pin(NamedTuple):
-    """A mark on the picture: its CSS class, its text, and where it is, %."""
+    """Mark on the picture: CSS class, text, and position in % of the width and the height."""
 
     style: str
     text: str
@@ -127,7 +129,7 @@ class _Pin(NamedTuple):
 
 
 def _picture_of(report: TraversabilityReport, preview: Preview) -> dict[str, Any]:
-    """What the template says of the map: its picture, what lies over it, a scale, a caption."""
+    """Variables of the map: the picture, routes and pins over it, a scale, a caption."""
     reached = None
     if report.reach is not None and report.summary is not None:
         stride = round(preview.grid.resolution / report.summary.grid.resolution)
@@ -170,7 +172,7 @@ def _caption(report: TraversabilityReport, preview: Preview, outlined: bool) -> 
 
 
 def _heights(preview: Preview) -> str:
-    """What contours say of heights; nothing where there is no ground."""
+    """Phrase on the heights of contours; empty where there is no ground."""
     known = preview.heights[np.isfinite(preview.heights)]
     if not known.size:
         return ""
@@ -183,19 +185,19 @@ def _heights(preview: Preview) -> str:
 
 
 def _axis(first: float, last: float) -> list[tuple[float, str]]:
-    """Round coordinates along a side: where each is, % from the first, and its text in full."""
+    """Round coordinates along a side: position in % from the first, and the text."""
     found = ticks(first, last, 4) or [first]
     return [(100.0 * (value - first) / (last - first), numbers.full(value)) for value in found]
 
 
 def _position(x: float, y: float, preview: Preview) -> tuple[float, float]:
-    """Shares of the picture's width from the west and height from the north."""
+    """Position as shares of the picture's width from the west and height from the north."""
     west, south, east, north = preview.grid.bounds
     return (x - west) / (east - west), (north - y) / (north - south)
 
 
 def _points(route: Route, preview: Preview) -> str:
-    """A route in thousandths of the picture's sides; empty where it has no length."""
+    """Points of a route in thousandths of the picture's sides; empty where it has no length."""
     if route.profile is None or len(route.profile.x) < 2:
         return ""
     points: list[str] = []
@@ -224,7 +226,7 @@ def _pins(report: TraversabilityReport, source: str, preview: Preview) -> list[_
 
 
 def _source(report: TraversabilityReport) -> str:
-    """The pin from which reach is meant: that of a route that starts there, or one of its own."""
+    """Name of the pin at the start of the reach: a route's that starts there, or its own."""
     for number, route in enumerate(report.routes, 1):
         if report.reach is not None and route.start == report.reach.start:
             return f"A{_suffix(report, number)}"

@@ -1,4 +1,4 @@
-"""Routes as GeoJSON features: each way as a whole, in stretches of one ground, and its places."""
+"""Routes as GeoJSON features: the whole route, stretches of one ground, and places."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ Feature = dict[str, Any]
 
 
 def as_geojson(reports: Reports) -> str:
-    """The routes as the text of a GeoJSON file, a line for each feature.
+    """Routes as the text of a GeoJSON file, a line for each feature.
 
-    Of several vehicles each feature names its own.
+    With several vehicles, each feature names its vehicle.
     """
     found = []
     for one in reports.reports:
@@ -43,11 +43,11 @@ def as_geojson(reports: Reports) -> str:
 
 
 def route_features(routes: Sequence[Route]) -> Iterator[Feature]:
-    """A feature for each route, for each of its stretches, and for each of its places.
+    """Yield features of routes, of their stretches, and of their places.
 
-    `kind` says what a feature is: "route", "stretch" (of one surface, element, verdict and what
-    binds), "start", "goal", or "barrier". `route` counts the routes from 1; a way back has
-    `back`. Coordinates are those of the terrain. What is not known is null.
+    `kind` of a feature is "route", "stretch" (of one surface, element, verdict and reason),
+    "start", "goal", or "barrier". `route` counts the routes from 1; a way back has `back`.
+    Coordinates are those of the terrain. Unknown values are null.
     """
     for number, route in enumerate(routes, 1):
         yield from _features(route, {"route": number, "back": False})
@@ -87,7 +87,7 @@ def _summary(route: Route) -> dict[str, Any]:
 
 
 def _stretches(profile: RouteProfile, own: dict[str, Any]) -> Iterator[Feature]:
-    """A leg belongs to the ground at its beginning."""
+    """Features of the stretches; a leg belongs to the ground at its beginning."""
     keys = list(
         zip(profile.surface, profile.element, profile.verdict.tolist(), profile.reason.tolist(),
             strict=True)
@@ -133,7 +133,7 @@ def _line(route: Route) -> dict[str, Any] | None:
 
 
 def _line_of(profile: RouteProfile, part: slice) -> dict[str, Any] | None:
-    """A line through different places; None for fewer than two."""
+    """Line through different places of a part of a profile; None for fewer than two."""
     heights = [0.0 if math.isnan(z) else z for z in profile.height[part].tolist()]
     points = np.column_stack([profile.x[part], profile.y[part], heights]).tolist()
     line = [point for n, point in enumerate(points) if n == 0 or point[:2] != points[n - 1][:2]]

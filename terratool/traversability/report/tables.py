@@ -1,4 +1,4 @@
-"""The tables of a report: the same rows for a terminal, for Markdown and for the page."""
+"""Tables of a report, with equal rows for a terminal, Markdown and the page."""
 
 from __future__ import annotations
 
@@ -22,19 +22,19 @@ from terratool.traversability.results import (
 from terratool.traversability.vehicle import Axle, Vehicle, Wheel
 
 _SLOPES, _STEEPEST = 5, 45
-"""Slopes of which a table has the slip, degrees: so many apart, up to the last."""
+"""Step and largest of the slopes in the table of slips, degrees."""
 
 STEERING = {
     "skid": "left and right wheels against each other",
     "wheels": "wheels turned into their ways",
 }
-"""How a vehicle turns on the spot, in words."""
+"""Phrases on turning on the spot, by the kind of steering."""
 
 
 def _by_surface(
     report: TraversabilityReport, *columns: tuple[Column, Callable[[Figures], Cell]]
 ) -> Table:
-    """A row for each surface whose soil is known: its title, and cells made of its figures."""
+    """Rows for the surfaces whose soil is known: a title, and cells made of the figures."""
     rows = (
         (title(figures), *(cell(figures) for _, cell in columns))
         for figures in report.surfaces
@@ -44,7 +44,7 @@ def _by_surface(
 
 
 def abilities(report: TraversabilityReport) -> Table:
-    """What the vehicle can do on each surface, and what binds."""
+    """Table of abilities on each surface, with the measures that bind."""
     return _by_surface(
         report,
         (Column("on the level", False), lambda f: f.verdict),
@@ -63,20 +63,20 @@ def abilities(report: TraversabilityReport) -> Table:
 
 
 def contact(report: TraversabilityReport) -> Table:
-    """What wheel and soil do to each other on each surface."""
+    """Table of stresses and forces between wheel and soil on each surface."""
     return _by_surface(
         report,
         (Column("load, N"), lambda f: numbers.number(f.load)),
-        (Column("sinkage, mm"), lambda f: _scaled(f.sinkage, 1e3)),
-        (Column("contact, mm"), lambda f: _scaled(f.contact_length, 1e3)),
-        (Column("contact, cm²"), lambda f: _scaled(f.contact_area, 1e4)),
-        (Column("pressure, kPa"), lambda f: _scaled(f.pressure, 1e-3)),
-        (Column("σmax, kPa"), lambda f: _scaled(f.normal_stress, 1e-3)),
-        (Column("τmax, kPa"), lambda f: _scaled(f.shear_stress, 1e-3)),
+        (Column("sinkage, mm"), lambda f: _scaled_text(f.sinkage, 1e3)),
+        (Column("contact, mm"), lambda f: _scaled_text(f.contact_length, 1e3)),
+        (Column("contact, cm²"), lambda f: _scaled_text(f.contact_area, 1e4)),
+        (Column("pressure, kPa"), lambda f: _scaled_text(f.pressure, 1e-3)),
+        (Column("σmax, kPa"), lambda f: _scaled_text(f.normal_stress, 1e-3)),
+        (Column("τmax, kPa"), lambda f: _scaled_text(f.shear_stress, 1e-3)),
         *(
             (
-                (Column("c + σ tan φ, kPa"), lambda f: _scaled(f.strength, 1e-3)),
-                (Column("τ of the motor, kPa"), lambda f: _scaled(f.motor_stress, 1e-3)),
+                (Column("c + σ tan φ, kPa"), lambda f: _scaled_text(f.strength, 1e-3)),
+                (Column("τ of the motor, kPa"), lambda f: _scaled_text(f.motor_stress, 1e-3)),
             )
             if report.vehicle.model == "paper"
             else ()
@@ -87,25 +87,25 @@ def contact(report: TraversabilityReport) -> Table:
         (Column("resistance, N"), lambda f: numbers.number(f.resistance)),
         (Column("drawbar pull, N"), lambda f: numbers.number(f.drawbar)),
         (Column("torque on the level, N m"), lambda f: numbers.number(f.torque)),
-        (Column("strength used"), lambda f: _used(f.utilisation)),
+        (Column("strength used"), lambda f: _used_share(f.utilisation)),
         (Column("slip"), lambda f: numbers.share(f.slip)),
     )
 
 
 def soils(report: TraversabilityReport) -> Table:
-    """The soil that each surface was taken for."""
+    """Table of the soil of each surface."""
     return _by_surface(
         report,
-        (Column("cohesion c, kPa"), lambda f: _scaled(f.cohesion, 1e-3)),
+        (Column("cohesion c, kPa"), lambda f: _scaled_text(f.cohesion, 1e-3)),
         (Column("friction angle φ"), lambda f: numbers.degrees(f.friction)),
-        (Column("sinkage k, m/kN"), lambda f: _scaled(f.sinkage_rate, 1e3)),
+        (Column("sinkage k, m/kN"), lambda f: _scaled_text(f.sinkage_rate, 1e3)),
         (Column("shear modulus K, m"), lambda f: numbers.number(f.shear_modulus)),
         (Column("preset", False), lambda f: f.preset or numbers.NOTHING),
     )
 
 
 def slips(report: TraversabilityReport) -> Table:
-    """The slip on slopes of 0, 5, 10° and so on, as far as the vehicle climbs."""
+    """Table of the slip on slopes of 0, 5, 10° and so on, as far as the vehicle climbs."""
     known = [one for one in report.surfaces if one.slip_curve is not None]
     most = max((math.degrees(one.climb) for one in known if one.climb is not None), default=0.0)
     slopes = range(0, min(math.floor(most), _STEEPEST) + 1, _SLOPES)
@@ -116,7 +116,7 @@ def slips(report: TraversabilityReport) -> Table:
 
 
 def _slip_on(figures: Figures, slope: int) -> str:
-    """The slip on a slope, degrees; a dash where the vehicle does not climb it."""
+    """Text of the slip on a slope, degrees; a dash where the vehicle does not climb the slope."""
     curve, angle = figures.slip_curve, math.radians(slope)
     if curve is None or figures.climb is None or angle > figures.climb:
         return numbers.NOTHING
@@ -124,7 +124,7 @@ def _slip_on(figures: Figures, slope: int) -> str:
 
 
 def chances(report: TraversabilityReport) -> Table:
-    """How likely the vehicle can drive on surfaces of which ranges are known, on the level."""
+    """Table of the probabilities of driving on the level of surfaces that have ranges."""
     columns = (
         Column("surface", False), Column("go"), Column("go or caution"),
         Column("climb, 5 to 95 %"), Column("ranges", False),
@@ -145,7 +145,7 @@ def chances(report: TraversabilityReport) -> Table:
 
 
 def likelihoods(report: TraversabilityReport) -> Table:
-    """How much of the ground is go with which probability, by the best heading."""
+    """Table of the shares of ground by probability of go, by the best heading."""
     columns = (Column("probability of go", False), Column("share of the ground"))
     summary = report.summary
     if summary is None or summary.chances is None or not summary.pixels:
@@ -163,7 +163,7 @@ def likelihoods(report: TraversabilityReport) -> Table:
 
 
 def shares(report: TraversabilityReport) -> Table:
-    """How much of the ground is what, by the best and by the worst heading."""
+    """Table of the shares of ground in each class, by the best and by the worst heading."""
     summary = report.summary
     columns = (Column("ground", False), Column("best heading"), Column("worst heading"))
     rows = (
@@ -179,7 +179,7 @@ def shares(report: TraversabilityReport) -> Table:
 
 
 def grounds_of(summary: MapSummary) -> list[GroundClass]:
-    """What ground there is to be told of: the verdicts always, the rest if there is any."""
+    """Classes of ground in reports: the verdicts always, other classes if there is any."""
     return [
         ground
         for ground in wording.GROUNDS
@@ -188,7 +188,7 @@ def grounds_of(summary: MapSummary) -> list[GroundClass]:
 
 
 def reasons(report: TraversabilityReport) -> Table:
-    """What binds where it is not simply go, the most frequent first."""
+    """Table of the reasons for ground that is not go, the most frequent first."""
     columns = (Column("what binds", False), Column("share of the ground"))
     if report.summary is None or not report.summary.pixels:
         return Table(columns, ())
@@ -203,7 +203,7 @@ def reasons(report: TraversabilityReport) -> Table:
 
 
 def grounds(report: TraversabilityReport) -> Table:
-    """How much of each surface's ground is what, by the best heading."""
+    """Table of the shares of each surface's ground in each class, by the best heading."""
     if report.summary is None:
         return Table((), ())
     kinds, pixels = grounds_of(report.summary), report.summary.pixels
@@ -224,7 +224,7 @@ def grounds(report: TraversabilityReport) -> Table:
 
 
 def journey(route: Route) -> Iterator[tuple[str, str]]:
-    """What there is to say of a route: titles and texts."""
+    """Yield titles and texts on a route."""
     yield "from", wording.where(route.start)
     yield "to", wording.where(route.goal)
     if route.note:
@@ -240,7 +240,7 @@ def journey(route: Route) -> Iterator[tuple[str, str]]:
         ("energy", numbers.energy(route.energy)),
     ):
         if text != numbers.NOTHING:
-            part = wording.turning(route) if name == "energy" else ""
+            part = wording.turning_share(route) if name == "energy" else ""
             yield name, f"{text}, {part}" if part else text
     if route.steepest is not None:
         pitch = route.steepest.value
@@ -250,7 +250,7 @@ def journey(route: Route) -> Iterator[tuple[str, str]]:
     if route.softest is not None:
         sunk = numbers.length(route.softest.value)
         yield "softest", f"{sunk} of sinkage at {wording.where(route.softest.place)}"
-    if caution := wording.careful(route):
+    if caution := wording.caution_length(route):
         yield "caution", f"on {caution}"
     if route.least_chance is not None and route.chance is not None:
         least = numbers.share(route.least_chance.value)
@@ -263,14 +263,14 @@ def journey(route: Route) -> Iterator[tuple[str, str]]:
         yield ("one-way" if index == 0 else "and"), f"no way back by {wording.barrier(bar)}"
     if route.one_way and not route.against:
         yield "one-way", "it cannot be driven back the same way"
-    if looked := wording.looked_with(route):
+    if looked := wording.headings_line(route):
         yield "headings", looked
     if route.back is not None:
         yield "way back", wording.route_line(route.back)
 
 
 def properties(vehicle: Vehicle) -> Table:
-    """The vehicle's figures."""
+    """Table of the vehicle's figures."""
     rows = tuple((name, text) for name, text in _properties(vehicle) if text)
     return Table((Column("figure", False), Column("value", False)), rows)
 
@@ -314,12 +314,12 @@ def _properties(vehicle: Vehicle) -> Iterator[tuple[str, str]]:
 
 
 def title(figures: Figures) -> str:
-    """The name of a surface as a table shows it."""
+    """Name of a surface in tables."""
     return printable(figures.surface) or "(no surface)"
 
 
 def what_binds(figures: Figures) -> str:
-    """What binds on the level, or what is missing."""
+    """Measure that binds on the level, or the keys that the surface lacks."""
     if figures.missing:
         return f"lacks {', '.join(figures.missing)}"
     return wording.because(figures.reason)
@@ -336,7 +336,7 @@ def _axle(axle: Axle) -> str:
 
 
 def _sizes(wheel: Wheel) -> str:
-    """Radius and width, and what makes it more than a smooth rigid rim."""
+    """Radius and width of a wheel, with grousers, tyre pressure and the like if it has any."""
     line = f"radius {numbers.length(wheel.radius)}, width {numbers.length(wheel.width)}"
     if wheel.grouser_height > 0.0:
         line += f", lugs of {numbers.length(wheel.grouser_height)}"
@@ -353,16 +353,16 @@ def _ahead(x: float) -> str:
     return f"{numbers.length(abs(x))} {'ahead' if x > 0 else 'behind'}"
 
 
-def _scaled(value: float | None, factor: float) -> str:
+def _scaled_text(value: float | None, factor: float) -> str:
     return numbers.number(None if value is None else value * factor)
 
 
-def _used(value: float | None) -> str:
+def _used_share(value: float | None) -> str:
     return "all" if value is not None and value >= 1.0 else numbers.share(value)
 
 
 def warnings(report: TraversabilityReport) -> tuple[tuple[str, str], ...]:
-    """What is doubtful about surfaces: the name of each, and a sentence."""
+    """Names of surfaces with sentences on what is unusual about each."""
     return tuple(
         (title(figures), printable(warning))
         for figures in report.surfaces

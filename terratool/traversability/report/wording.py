@@ -1,4 +1,4 @@
-"""Numbers, places and findings in words: three digits, a unit, and nothing that is not known."""
+"""Results in words: numbers with three digits and a unit, and no sentence on unknown ones."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ GROUNDS = (
     GroundClass.CUT_OFF,
     GroundClass.EDGE,
 )
-"""In the order of reports."""
+"""Classes of ground in the order of reports."""
 
 _PHRASES = {
     GroundClass.GO: "is go",
@@ -51,20 +51,20 @@ _PHRASES = {
 }
 
 EXAMPLE = {"cohesion": 1.72, "fricAngle": 29, "sinkage": 0.0397}
-"""Figures of a soil, as of the preset …"""
+"""Figures of the soil of `PRESET`, an example for surfaces without a soil."""
 PRESET = "sandy-loam-15"
-"""… of this name."""
+"""Name of the preset of `EXAMPLE`."""
 
 
-def turning(route: Route) -> str:
-    """What share of a route's energy turns take; empty where that is nothing."""
+def turning_share(route: Route) -> str:
+    """Phrase on the share of a route's energy that turns take; empty where they take none."""
     if not (route.turning and route.energy and math.isfinite(route.energy)):
         return ""
     return f"{numbers.share(route.turning / route.energy)} of it for turns on the spot"
 
 
 def quarter_turn(figures: Figures) -> str:
-    """The work of a quarter turn on the spot, or what forbids it."""
+    """Work of a quarter turn on the spot, or the measure that forbids it."""
     if figures.turning_binding != Reason.NONE:
         return f"cannot, by {figures.turning_binding.label}"
     return numbers.energy(figures.turning_work)
@@ -77,40 +77,40 @@ def coordinates(place: Location) -> str:
 
 
 def vehicle_name(report: TraversabilityReport) -> str:
-    """The name of the vehicle on one line; empty for a wheel by itself."""
+    """Name of the vehicle on one line; empty for a wheel by itself."""
     return printable(report.vehicle.name)
 
 
 def point(place: tuple[float, float]) -> str:
-    """World x and y of a place of which no more is known."""
+    """World x and y of a place without a height."""
     return coordinates(Location(*place, None, "", ""))
 
 
 def where(place: Location) -> str:
-    """Coordinates, and what the ground is there."""
+    """Coordinates of a place, with surface and element."""
     ground = [part for part in (name(place.surface), place.element) if part]
     return f"{coordinates(place)}{' on ' if ground else ''}{', '.join(ground)}"
 
 
 def name(surface: str) -> str:
-    """A surface's name in quotes, on one line; nothing for none."""
+    """Name of a surface in quotes, on one line; empty for no surface."""
     return f'"{printable(surface)}"' if surface else ""
 
 
 def because(reason: Reason) -> str:
-    """What binds; a dash for nothing."""
+    """Name of the measure that binds; a dash for none."""
     return numbers.NOTHING if reason == Reason.NONE else reason.label
 
 
 def step_limit(figures: Figures, vehicle: Vehicle) -> str:
-    """What limits steps, and at which axle; a dash for nothing."""
+    """Measure that limits steps, and the axle; a dash for none."""
     if figures.step_axle is None:
         return figures.step_binding or numbers.NOTHING
     return f"{figures.step_binding} at the {axle(figures.step_axle, len(vehicle.axles))} axle"
 
 
 def axle(number: int, axles: int) -> str:
-    """Which of the axles of a vehicle the one with a number is, 1 for the foremost, in a word."""
+    """Word for the axle of a number, 1 for the foremost, among the axles of a vehicle."""
     if number in (1, axles):
         return "front" if number == 1 else "rear"
     if axles == 3:
@@ -121,7 +121,7 @@ def axle(number: int, axles: int) -> str:
 
 
 def barrier(bar: Barrier) -> str:
-    """What bars the way at one place, in words."""
+    """Phrase on a barrier: the measure, the place and the width."""
     what = "something" if bar.reason == Reason.NONE else bar.reason.label
     by = f", {printable(bar.bars)}" if bar.bars and bar.reason != Reason.EDGE else ""
     wide = f", for {numbers.length(bar.width)}" if bar.width > 0 else ""
@@ -129,18 +129,18 @@ def barrier(bar: Barrier) -> str:
 
 
 def margin(extreme: Extreme) -> str:
-    """How far the nearest limit is, where, and which."""
+    """Phrase on the smallest margin: its value, place and measure."""
     left = numbers.share(max(extreme.value, 0.0)) if math.isfinite(extreme.value) else "none"
     which = f", {extreme.reason.label}" if extreme.reason != Reason.NONE else ""
     return f"{left}{which}, at {where(extreme.place)}"
 
 
-def careful(route: Route) -> str:
-    """How much of a route's length is caution, and for what; empty for none of it."""
+def caution_length(route: Route) -> str:
+    """Phrase on the length of a route that is caution, with reasons; empty for none."""
     profile = route.profile
     if profile is None or len(profile.distance) < 2:
         return ""
-    # a sample stands for the way half to the one before and half to the one behind it
+    # a sample stands for half the way to each of its neighbours
     steps = np.diff(profile.distance)
     parts = 0.5 * (np.append(steps, 0.0) + np.insert(steps, 0, 0.0))
     parts[profile.verdict != Verdict.CAUTION] = 0.0
@@ -153,13 +153,13 @@ def careful(route: Route) -> str:
 
 
 def ends(route: Route) -> str:
-    """Where a route goes from and to."""
+    """Phrase on the start and the goal of a route."""
     return f"{coordinates(route.start)} to {coordinates(route.goal)}"
 
 
 def route_line(route: Route) -> str:
-    """A route in a sentence, and with how many headings it was looked for where that matters."""
-    return f"{_way(route)} {looked_with(route)} {returning(route)}".replace("  ", " ").rstrip()
+    """Sentence on a route, with the number of headings of the search where that matters."""
+    return f"{_way(route)} {headings_line(route)} {return_line(route)}".replace("  ", " ").rstrip()
 
 
 def _way(route: Route) -> str:
@@ -175,7 +175,7 @@ def _way(route: Route) -> str:
         return f"{what}: {barrier(route.barriers[0])}{rest}."
     what = "There is a way" if route.planned else "The way through the waypoints can be driven"
     line = f"{what} from {ends(route)}: {_journey(route)}"
-    if caution := careful(route):
+    if caution := caution_length(route):
         line += f"; caution on {caution}"
     if route.least_chance is not None and route.chance is not None:
         line += f"; probability of go {numbers.share(route.chance)} for all of it"
@@ -189,8 +189,8 @@ def _way(route: Route) -> str:
     return f"{line}."
 
 
-def looked_with(route: Route) -> str:
-    """With how many headings a way was looked for, in a sentence; nothing where it is the first."""
+def headings_line(route: Route) -> str:
+    """Sentence on the numbers of headings that were tried; empty where the first one sufficed."""
     tried = route.tried_headings
     if route.found:
         few = listed([str(headings) for headings in tried[:-1]])
@@ -209,13 +209,13 @@ def _journey(route: Route) -> str:
     line = f"{numbers.length(route.length)}, {numbers.duration(route.time)}"
     if route.energy is not None and math.isfinite(route.energy):
         line += f", {numbers.energy(route.energy)}"
-        if part := turning(route):
+        if part := turning_share(route):
             line += f", {part}"
     return line
 
 
-def returning(route: Route) -> str:
-    """Whether the way can be driven back, in a sentence; nothing where it can, and nobody asked."""
+def return_line(route: Route) -> str:
+    """Sentence on driving the way back; empty where it can be, and was not asked for."""
     line = ""
     if route.one_way:
         line = "It is one-way: it cannot be driven back the same way"
@@ -229,11 +229,11 @@ def returning(route: Route) -> str:
         other = "Another way back" if route.one_way else "The way back"
         line += f" {other} is {_journey(route.back)}."
     alike = route.back.found and route.back.tried_headings == route.tried_headings
-    return f"{line} {'' if alike else looked_with(route.back)}".strip()
+    return f"{line} {'' if alike else headings_line(route.back)}".strip()
 
 
 def reach_line(reach: Reach) -> str:
-    """What can be reached, in a sentence."""
+    """Sentence on the ground that can be reached."""
     if reach.note:
         return reach.note
     line = (
@@ -246,8 +246,8 @@ def reach_line(reach: Reach) -> str:
     return f"{line}, and left again from {numbers.share(reach.returnable)}."
 
 
-def counted_from(report: TraversabilityReport) -> str:
-    """From where it is counted what can be reached, in a sentence; nothing where it is all."""
+def counted_from_line(report: TraversabilityReport) -> str:
+    """Sentence on the place from which ground counts as reached; empty where all ground is."""
     summary = report.summary
     if summary is None or summary.largest is None:
         return ""
@@ -260,8 +260,8 @@ def counted_from(report: TraversabilityReport) -> str:
     )
 
 
-def likely(report: TraversabilityReport) -> str:
-    """How much of the ground is likely go, in a sentence; nothing where no soils are ranges."""
+def likely_line(report: TraversabilityReport) -> str:
+    """Sentence on the share of ground that is likely go; empty where no soils are ranges."""
     summary = report.summary
     if summary is None or summary.chances is None or not summary.pixels:
         return ""
@@ -271,17 +271,17 @@ def likely(report: TraversabilityReport) -> str:
 
 
 def lacking(report: TraversabilityReport) -> str:
-    """Which surfaces lack what, in a sentence; nothing where none does."""
+    """Sentence on the surfaces of a report that lack figures; empty where none does."""
     return lacking_of(
         {one.surface: one.missing for one in report.surfaces}, without_surface(report)
     )
 
 
 def lacking_of(missing: Mapping[str, Sequence[str]], bare: bool) -> str:
-    """Which surfaces lack what, in a sentence; nothing where none does.
+    """Sentence on surfaces that lack figures; empty where none does.
 
     Args:
-        missing: what each surface lacks, by its name.
+        missing: keys that each surface lacks, by its name.
         bare: whether there is ground without a surface.
     """
     lacks = [
@@ -294,14 +294,14 @@ def lacking_of(missing: Mapping[str, Sequence[str]], bare: bool) -> str:
 
 
 def without_surface(report: TraversabilityReport) -> bool:
-    """Whether there is ground of no surface, of which nothing is known."""
+    """Whether there is ground without a surface, on which no verdict is known."""
     if report.summary is None:
         return not report.surfaces
     return bool(report.summary.by_surface.get("", {}).get(GroundClass.UNKNOWN))
 
 
 def slip_unknown(report: TraversabilityReport) -> str:
-    """Why slip is not known, and where, in a sentence; nothing where it is."""
+    """Sentence on why and where slip is not known; empty where it is."""
     if report.vehicle.model == "paper":
         return "There is no slip in the model paper."
     names = [name(one.surface) for one in report.surfaces if one.load and one.slip_curve is None]
@@ -312,7 +312,7 @@ def slip_unknown(report: TraversabilityReport) -> str:
 
 
 def slip_caption(vehicle: Vehicle) -> str:
-    """What a picture of slip against slope shows."""
+    """Caption of a chart of slip against slope."""
     reserve = vehicle.margins.slope
     kept = f", which keeps {numbers.degrees(reserve)} in reserve" if reserve else ""
     return (
@@ -321,8 +321,8 @@ def slip_caption(vehicle: Vehicle) -> str:
     )
 
 
-def mending(report: TraversabilityReport) -> Iterator[tuple[str, str]]:
-    """Lines of JSON that mend what surfaces lack, by an example of a soil, and where each goes."""
+def mends(report: TraversabilityReport) -> Iterator[tuple[str, str]]:
+    """Yield places and lines of JSON that give surfaces an example of a soil."""
     known = [one.surface for one in report.surfaces if not one.missing]
     for one in report.surfaces:
         if one.missing:
@@ -338,7 +338,7 @@ def mending(report: TraversabilityReport) -> Iterator[tuple[str, str]]:
 
 
 def conclusion(report: TraversabilityReport) -> str:
-    """The verdict in a sentence, and what binds most."""
+    """Sentence on the verdict, with the measure that binds most."""
     if report.routes:
         worst = max(report.routes, key=lambda route: RANKS[route.verdict])
         line = f"{route_line(worst)} {worst.note}".rstrip()
@@ -358,7 +358,7 @@ def conclusion(report: TraversabilityReport) -> str:
     inner = counts - {GroundClass.EDGE} or counts
     if inner == {GroundClass.GO}:
         text = f"All of the ground is go, with the best heading at each place{edge}."
-        return f"{text} {likely(report)}".rstrip()
+        return f"{text} {likely_line(report)}".rstrip()
     if inner == {GroundClass.UNKNOWN}:
         return f"Nothing is known of the ground{edge}. {lacking(report)}".rstrip()
     parts = [
@@ -377,4 +377,6 @@ def conclusion(report: TraversabilityReport) -> str:
             f"; what binds most is {most.label}, on {numbers.share(known[most] / summary.pixels)}"
         )
     lacks = lacking(report) if GroundClass.UNKNOWN in counts else ""
-    return " ".join(filter(None, (f"{text}.", likely(report), counted_from(report), lacks)))
+    return " ".join(
+        filter(None, (f"{text}.", likely_line(report), counted_from_line(report), lacks))
+    )

@@ -1,1 +1,1 @@
-"""What an edit did to a terrain: elements, surfaces, ground and verdicts, old against new."""
+"""Comparison of two definitions: elements, surfaces, ground and verdicts, old against new."""

@@ -1,4 +1,4 @@
-"""Two definitions compared: texts first, then the ground, and only where it can differ."""
+"""Comparison of two definitions: texts first, then the ground, only where it can differ."""
 
 from __future__ import annotations
 
@@ -18,26 +18,31 @@ from terratool.report.wording import counted
 from terratool.traversability.route.headings import Progress
 from terratool.traversability.vehicle import Vehicle
 from terratool.viewing.diff.ground import Both, area_of, common_bounds, compare_ground
-from terratool.viewing.diff.regions import clipped, reaches, track_reach, users
-from terratool.viewing.diff.results import Difference, GroundChange, KeyChange, VerdictChange
-from terratool.viewing.diff.sides import Side, surface_key
+from terratool.viewing.diff.regions import intersection, reaches, track_reach, users
+from terratool.viewing.diff.results import (
+    Difference,
+    GroundChange,
+    KeyChange,
+    VerdictChange,
+)
+from terratool.viewing.diff.sides import DiffSide, surface_key
 from terratool.viewing.diff.texts import TextDifference, compare_texts
 from terratool.viewing.diff.verdicts import compare_verdicts
 
 TOLERANCE = 1e-3
-"""Heights that differ by less do not count as changed ground, if nothing else is asked for."""
+"""Default tolerance, m: heights that differ by no more do not count as changed ground."""
 
 
 @dataclass(frozen=True, slots=True)
 class DiffOptions:
-    """How closely to look.
+    """Options of a comparison.
 
     Attributes:
-        tolerance: from which difference of heights on the ground counts as changed.
-        bounds: of the ground that is compared; all if None.
-        resolution: side of a pixel; chosen if None.
-        vehicles: whose verdicts are compared.
-        everywhere: compare the ground where nothing can differ, too; for tests.
+        tolerance: largest difference of heights that does not count as changed ground.
+        bounds: world rectangle of the ground to compare; None for all.
+        resolution: side of a pixel; None to choose it.
+        vehicles: vehicles whose verdicts are compared.
+        everywhere: whether ground is compared even where nothing can differ; for tests.
     """
 
     tolerance: float = TOLERANCE
@@ -48,12 +53,12 @@ class DiffOptions:
 
 
 @dataclass(frozen=True, slots=True)
-class Compared:
-    """What differs between two definitions, and what pictures and maps of it are painted from.
+class ComparedDefinitions:
+    """Differences between two definitions, and the terrains for pictures and maps.
 
     Attributes:
-        difference: for reports.
-        both: the terrains, where their ground can be compared.
+        difference: differences for reports.
+        both: both terrains; None where their ground cannot be compared.
     """
 
     difference: Difference
@@ -61,18 +66,21 @@ class Compared:
 
 
 def diff(
-    old: Side, new: Side, options: DiffOptions | None = None, progress: Progress | None = None
-) -> Compared:
+    old: DiffSide,
+    new: DiffSide,
+    options: DiffOptions | None = None,
+    progress: Progress | None = None,
+) -> ComparedDefinitions:
     """Compare two definitions.
 
-    They are the same terrain if everything that makes heights, surfaces, soils and places is the
-    same, however it is written. Names, descriptions and what no element uses do not count.
+    Two definitions are the same terrain if everything that makes heights, surfaces, soils and
+    places is equal, however it is written. Names, descriptions and unused entries do not count.
 
     Args:
-        old: a definition …
-        new: … and what became of it.
-        options: how closely to look.
-        progress: is told what is being done.
+        old: old definition.
+        new: new definition.
+        options: options; the defaults if None.
+        progress: progress that names each step; None for none.
 
     Raises:
         RequestError: bounds or resolution make no grid, or a vehicle cannot be asked there.
@@ -121,11 +129,11 @@ def diff(
         ground=ground,
         verdicts=verdicts,
     )
-    return Compared(difference, both)
+    return ComparedDefinitions(difference, both)
 
 
-def _frame(old: Side, new: Side) -> tuple[list[KeyChange], list[str]]:
-    """Size, origin and reference system, where they differ; a note on what is written otherwise."""
+def _frame(old: DiffSide, new: DiffSide) -> tuple[list[KeyChange], list[str]]:
+    """Differences of size, origin and reference system, and notes on equal systems."""
     found, notes = [], []
     first, second = old.definition, new.definition
     if first.extent != second.extent:
@@ -143,7 +151,7 @@ def _frame(old: Side, new: Side) -> tuple[list[KeyChange], list[str]]:
     return found, notes
 
 
-def _pairs(old: Side, new: Side) -> Iterator[tuple[float, float]]:
+def _pairs(old: DiffSide, new: DiffSide) -> Iterator[tuple[float, float]]:
     yield old.definition.extent
     yield new.definition.extent
 
@@ -157,7 +165,7 @@ def _is_one_system(old: Terrain, new: Terrain) -> bool:
     return first is not None and first == second
 
 
-def _is_one_field(old: Side, new: Side) -> bool:
+def _is_one_field(old: DiffSide, new: DiffSide) -> bool:
     """Whether two definitions have one field, with the same surfaces, however they are written."""
     before, after = old.terrain, new.terrain
     if before.is_shared != after.is_shared or len(before.surfaces) != len(after.surfaces):
@@ -180,7 +188,9 @@ def _equal(one: Any, other: Any) -> bool:
     return bool(one == other)
 
 
-def _regions(old: Side, new: Side, texts: TextDifference, moved: bool) -> tuple[Bounds, ...] | None:
+def _regions(
+    old: DiffSide, new: DiffSide, texts: TextDifference, moved: bool
+) -> tuple[Bounds, ...] | None:
     """Rectangles outside of which nothing differs; None where anything may."""
     if moved:
         return None
@@ -197,15 +207,15 @@ def _regions(old: Side, new: Side, texts: TextDifference, moved: bool) -> tuple[
     found += (place.bounds for one in texts.tracks for place in (one.old, one.new)
               if place is not None and place.bounds is not None)  # fmt: skip
     if any(entry.dictionary == "surface" for entry in texts.entries.changes):
-        # how deep wheels sink follows from the surfaces
+        # surfaces decide the sinkage of wheels, and so the depth of tracks
         found += map(track_reach, (*old.definition.ruts, *new.definition.ruts))
     return tuple(dict.fromkeys(found))
 
 
 def _with_outside(ground: GroundChange, both: Both, bounds: Bounds | None) -> GroundChange:
-    """The same with what of each terrain lies outside of the other."""
+    """Return a copy with the areas of each terrain that lie outside of the other."""
     areas = []
     for terrain in (both.old, both.new):
-        part = terrain.bounds if bounds is None else clipped(terrain.bounds, bounds)
+        part = terrain.bounds if bounds is None else intersection(terrain.bounds, bounds)
         areas.append(0.0 if part is None else area_of(part) - area_of(both.bounds))
     return structs.replace(ground, left=areas[0], joined=areas[1])

@@ -1,7 +1,7 @@
-"""Elements of two trees, matched by place and kind: added, removed, moved, changed.
+"""Comparison of two trees: elements matched by place and kind; added, removed, moved, changed.
 
-Siblings of matched parents are compared in rounds, from what is equal to what is only alike, so
-that one more sibling does not make all behind it differ. What is equal as a whole is not entered.
+Siblings of matched parents are compared in rounds, from equal ones to alike ones, so that one more
+sibling does not make all behind it differ. Subtrees that are equal are not entered.
 """
 
 from __future__ import annotations
@@ -18,31 +18,31 @@ from terratool.definition.model import pair_of
 from terratool.definition.tree import Tree
 from terratool.definition.uses import Root
 from terratool.viewing.diff.matching import MANY_PAIRS, Matching, Sibling, common
-from terratool.viewing.diff.places import Placed, overlap, rounded, within_cell
+from terratool.viewing.diff.places import ComparedPlace, overlap, round_box, within_cell
 from terratool.viewing.diff.results import ChangeKind, KeyChange, Pair
-from terratool.viewing.diff.sides import Side
-from terratool.viewing.diff.signed import Names, SignedTree, as_written
+from terratool.viewing.diff.sides import DiffSide
+from terratool.viewing.diff.signed import NewNames, SignedTree, as_written
 
 
 class RawChange(NamedTuple):
-    """An element that differs, by its indices; -1 where there is none."""
+    """A difference in an element, by its indices in both trees; -1 where it is not there."""
 
     kind: ChangeKind
     old: int
     new: int
-    old_at: Placed | None
-    new_at: Placed | None
+    old_at: ComparedPlace | None
+    new_at: ComparedPlace | None
     shift: Pair | None
     keys: tuple[KeyChange, ...]
 
 
 class TreeDifference(Struct):
-    """What differs below two roots.
+    """Differences below two roots.
 
     Attributes:
-        changes: in no order.
-        descriptions: elements that are described otherwise.
-        written: elements that are written otherwise and mean the same.
+        changes: elements that differ, in no order.
+        descriptions: number of elements whose descriptions differ.
+        written: number of elements that are written otherwise and mean the same.
     """
 
     changes: list[RawChange] = field(default_factory=list)
@@ -50,20 +50,20 @@ class TreeDifference(Struct):
     written: int = 0
 
 
-class _Matched(NamedTuple):
-    """Two elements that are taken to be one; `stays` if its place in its parent is no news."""
+class _Match(NamedTuple):
+    """Two elements that are taken to be one; `stays` if their places in the parents are settled."""
 
     old: int
-    old_at: Placed
+    old_at: ComparedPlace
     new: int
-    new_at: Placed
+    new_at: ComparedPlace
     stays: bool
 
 
-class _Matches(NamedTuple):
-    """Pairs of children, those that are gone and those that are new.
+class _ChildMatches(NamedTuple):
+    """Children of two elements: matched pairs, removed and added ones.
 
-    `regrid` is whether the grid differs and more of them keep their cells than their places.
+    `regrid` is whether the grids differ and more children keep their cells than their places.
     """
 
     pairs: list[tuple[Sibling, Sibling]]
@@ -73,52 +73,52 @@ class _Matches(NamedTuple):
 
 
 class TreeComparison(Struct, frozen=True):
-    """Compares what is below two roots: of both terrains, or of a part in both.
+    """Comparison of all elements below two roots: of both terrains, or of a part in both.
 
     Attributes:
-        old, new: the sides.
-        old_root, new_root: where the trees begin.
-        old_tree, new_tree: all elements of the texts that they stand in.
-        names: what was renamed.
-        in_part: whether it is a part, whose cell has no one place.
+        old, new: both definitions.
+        old_root, new_root: roots to compare.
+        old_tree, new_tree: trees of the texts that have the roots.
+        names: new names of renamed entries.
+        in_part: whether the roots are those of a part, whose cell has no single place.
     """
 
-    old: Side
-    new: Side
+    old: DiffSide
+    new: DiffSide
     old_root: Root
     new_root: Root
     old_tree: SignedTree
     new_tree: SignedTree
-    names: Names
+    names: NewNames
     in_part: bool
 
     def run(self) -> TreeDifference:
-        """Compare them."""
+        """Compare both trees."""
         found = TreeDifference()
         a, b = self.old_root.element, self.new_root.element
-        pending = [_Matched(a, self._top(self.old, a), b, self._top(self.new, b), True)]
+        pending = [_Match(a, self._top(self.old, a), b, self._top(self.new, b), True)]
         while pending:
             pair = pending.pop()
             a, b = pair.old, pair.new
             if self.old_tree.full[a] == self.new_tree.full[b]:
                 continue
             if self.old_tree.plain[a] == self.new_tree.plain[b]:
-                found.descriptions += self._described(a, b)
+                found.descriptions += self._count_described(a, b)
                 continue
             self._compare(pair, found, pending)
         self._reunite(found)
         return found
 
-    def _top(self, side: Side, root: int) -> Placed:
+    def _top(self, side: DiffSide, root: int) -> ComparedPlace:
         surface = self._tree(side).tree.value("surface", root)
         bounds = (0.0, 0.0, 1.0, 1.0) if self.in_part else side.terrain.bounds
-        return Placed(bounds, None if surface is UNSET else surface, None)
+        return ComparedPlace(bounds, None if surface is UNSET else surface, None)
 
-    def _tree(self, side: Side) -> SignedTree:
+    def _tree(self, side: DiffSide) -> SignedTree:
         return self.old_tree if side is self.old else self.new_tree
 
-    def _described(self, a: int, b: int) -> int:
-        """How many elements of equal trees are described otherwise."""
+    def _count_described(self, a: int, b: int) -> int:
+        """Count elements of equal trees whose descriptions differ."""
         count, pending = 0, [(a, b)]
         old, new = self.old_tree, self.new_tree
         while pending:
@@ -129,12 +129,12 @@ class TreeComparison(Struct, frozen=True):
             pending += zip(old.children(a), new.children(b), strict=True)
         return count
 
-    def _compare(self, pair: _Matched, found: TreeDifference, pending: list[_Matched]) -> None:
-        """Compare two elements that were matched, and match their children."""
+    def _compare(self, pair: _Match, found: TreeDifference, pending: list[_Match]) -> None:
+        """Compare two matched elements, and match their children."""
         old, new = self.old_tree, self.new_tree
         a, at, b, bt, stays = pair
         keys = list(self._keys(a, at, b, bt))
-        shift, resized = (None, []) if stays else self._moved(a, at, b, bt)
+        shift, resized = (None, []) if stays else self._movement(a, at, b, bt)
         keys = [*resized, *keys]
         matches = self._match(a, at, b, bt)
         pairs, removed, added = matches.pairs, matches.removed, matches.added
@@ -159,25 +159,27 @@ class TreeComparison(Struct, frozen=True):
                 and as_written(old.tree, ours.element) == as_written(new.tree, theirs.element)
             )
             if not stays and old.plain[ours.element] == new.plain[theirs.element]:
-                self._only_moved(ours, theirs, found)
+                self._add_move(ours, theirs, found)
             if old.full[ours.element] != new.full[theirs.element]:
                 moved = stays or old.plain[ours.element] == new.plain[theirs.element]
-                pending.append(_Matched(ours.element, ours.at, theirs.element, theirs.at, moved))
-        found.changes += self._reordered(pairs)
+                pending.append(_Match(ours.element, ours.at, theirs.element, theirs.at, moved))
+        found.changes += self._order_changes(pairs)
 
-    def _only_moved(self, ours: Sibling, theirs: Sibling, found: TreeDifference) -> None:
-        """Of two equal elements in different places."""
-        shift, resized = self._moved(ours.element, ours.at, theirs.element, theirs.at)
+    def _add_move(self, ours: Sibling, theirs: Sibling, found: TreeDifference) -> None:
+        """Record the move of an element that is equal on both sides."""
+        shift, resized = self._movement(ours.element, ours.at, theirs.element, theirs.at)
         if shift is None and not resized:
-            found.written += 1  # as a cell and as a free place
+            found.written += 1  # one place, as a cell on one side and as a free place on the other
             return
         kind: ChangeKind = "changed" if resized else "moved"
         found.changes.append(
             RawChange(kind, ours.element, theirs.element, ours.at, theirs.at, shift, tuple(resized))
         )
 
-    def _moved(self, a: int, at: Placed, b: int, bt: Placed) -> tuple[Pair | None, list[KeyChange]]:
-        """How far the middle of a cell moved in its parent, and its copies and sides if other."""
+    def _movement(
+        self, a: int, at: ComparedPlace, b: int, bt: ComparedPlace
+    ) -> tuple[Pair | None, list[KeyChange]]:
+        """Movement of a cell's middle in its parent, and differences of its copies and sides."""
         old, new = self.old_tree, self.new_tree
         keys = []
         repeats = [tree.tree.value("repeat", index) for tree, index in ((old, a), (new, b))]
@@ -186,7 +188,7 @@ class TreeComparison(Struct, frozen=True):
             keys.append(KeyChange("repeat", *texts))
         if self.in_part and not _both_free(old.place[a], new.place[b]):
             places = _place_text(old.tree, a), _place_text(new.tree, b)
-            if places[0] != places[1] and rounded(at.bounds) != rounded(bt.bounds):
+            if places[0] != places[1] and round_box(at.bounds) != round_box(bt.bounds):
                 keys.append(KeyChange("place", *places))
             return None, keys
         sides = [(box[2] - box[0], box[3] - box[1]) for box in (at.bounds, bt.bounds)]
@@ -200,8 +202,8 @@ class TreeComparison(Struct, frozen=True):
             keys.append(KeyChange("extent", *(f"{w:.6g} × {h:.6g}" for w, h in sides)))
         return (shift if any(shift) else None), keys  # type: ignore[return-value]
 
-    def _keys(self, a: int, at: Placed, b: int, bt: Placed) -> Iterator[KeyChange]:
-        """What differs of two elements themselves."""
+    def _keys(self, a: int, at: ComparedPlace, b: int, bt: ComparedPlace) -> Iterator[KeyChange]:
+        """Differences of two elements themselves, without their children and places."""
         old, new = self.old_tree.tree, self.new_tree.tree
         names = self.names
         for key, attribute, known in (
@@ -212,7 +214,7 @@ class TreeComparison(Struct, frozen=True):
                 yield KeyChange(key, _text(was), _text(now))
         wears = names.surfaces.get(at.surface, at.surface)
         if wears != bt.surface:
-            # what follows from the element around is said of that
+            # a surface that comes from the parent is reported there
             given = old.value("surface", a), new.value("surface", b)
             if given != (UNSET, UNSET):
                 around = "that around it"
@@ -235,8 +237,8 @@ class TreeComparison(Struct, frozen=True):
         if was != now:
             yield from _scatter_keys(was, now)
 
-    def _scales(self, a: int, at: Placed, b: int, bt: Placed) -> Iterator[KeyChange]:
-        """The factor on the curves, or on a part."""
+    def _scales(self, a: int, at: ComparedPlace, b: int, bt: ComparedPlace) -> Iterator[KeyChange]:
+        """Difference of the factor on the curves, or on a part."""
         old, new = self.old_tree.tree, self.new_tree.tree
         given = old.value("v_scale", a), new.value("v_scale", b)
         values, texts = [], []
@@ -272,11 +274,11 @@ class TreeComparison(Struct, frozen=True):
 
     # Matching
 
-    def _siblings(self, side: Side, parent: int, at: Placed) -> list[Sibling]:
+    def _siblings(self, side: DiffSide, parent: int, at: ComparedPlace) -> list[Sibling]:
         tree = self._tree(side)
         return [Sibling(child, tree.tree, parent, at) for child in tree.children(parent)]
 
-    def _match(self, a: int, at: Placed, b: int, bt: Placed) -> _Matches:
+    def _match(self, a: int, at: ComparedPlace, b: int, bt: ComparedPlace) -> _ChildMatches:
         """Match the children of two elements."""
         old, new, names = self.old_tree, self.new_tree, self.names
 
@@ -286,10 +288,10 @@ class TreeComparison(Struct, frozen=True):
         def new_exact(one: Sibling) -> Hashable:
             return new.place[one.element], new.plain[one.element]
 
-        def written(one: Sibling) -> Hashable:
+        def text_place(one: Sibling) -> Hashable:
             return as_written(old.tree, one.element), old.plain[one.element]
 
-        def new_written(one: Sibling) -> Hashable:
+        def new_text_place(one: Sibling) -> Hashable:
             return as_written(new.tree, one.element), new.plain[one.element]
 
         def cell(one: Sibling) -> Hashable:
@@ -312,12 +314,12 @@ class TreeComparison(Struct, frozen=True):
 
         ours, theirs = self._siblings(self.old, a, at), self._siblings(self.new, b, bt)
         regrid = old.tree.grid(a) != new.tree.grid(b) and (
-            common(map(written, ours), map(new_written, theirs))
+            common(map(text_place, ours), map(new_text_place, theirs))
             > common(map(exact, ours), map(new_exact, theirs))
         )
         matching = Matching(ours, theirs)
         if regrid:
-            matching.take(written, new_written)
+            matching.take(text_place, new_text_place)
         matching.take(exact, new_exact)
         matching.take_moved_alike(content, new_content)
         matching.take(
@@ -326,15 +328,15 @@ class TreeComparison(Struct, frozen=True):
         matching.take_nearest(content, new_content)
         matching.take(cell, new_cell)
         matching.take(
-            lambda one: _named(old.tree, one.element, kind(one)),
-            lambda one: _named(new.tree, one.element, new_kind(one)),
+            lambda one: _description_key(old.tree, one.element, kind(one)),
+            lambda one: _description_key(new.tree, one.element, new_kind(one)),
         )
         matching.take_nearest(kind, new_kind, overlapping=True)
         matching.take_only(kind, new_kind)
-        return _Matches(matching.pairs, matching.old, matching.new, regrid)
+        return _ChildMatches(matching.pairs, matching.old, matching.new, regrid)
 
     def _reunite(self, found: TreeDifference) -> None:
-        """What was taken out of one element and put into another has moved."""
+        """Turn an equal element removed from one parent and added to another into a moved one."""
         old, new = self.old_tree, self.new_tree
         gone: dict[int, deque[RawChange]] = {}
         for change in found.changes:
@@ -358,7 +360,7 @@ class TreeComparison(Struct, frozen=True):
                     self.new.pointer(self.new_root, new.tree.parents[change.new]),
                 ),
             )
-            shift, resized = self._moved(was.old, was.old_at, change.new, change.new_at)
+            shift, resized = self._movement(was.old, was.old_at, change.new, change.new_at)
             kept.append(
                 RawChange(
                     "changed" if resized else "moved", was.old, change.new, was.old_at,
@@ -367,8 +369,8 @@ class TreeComparison(Struct, frozen=True):
             )  # fmt: skip
         found.changes[:] = [c for c in kept if c.kind != "removed" or c.old not in used]
 
-    def _reordered(self, pairs: Sequence[tuple[Sibling, Sibling]]) -> Iterator[RawChange]:
-        """Siblings that overlap and changed their order: the later one has its surface on top."""
+    def _order_changes(self, pairs: Sequence[tuple[Sibling, Sibling]]) -> Iterator[RawChange]:
+        """Differences in the order of overlapping siblings: the later has its surface on top."""
         ordered = sorted(pairs, key=lambda pair: pair[0].element)
         ranks = [theirs.element for _, theirs in ordered]
         if all(first < second for first, second in pairwise(ranks)):
@@ -395,14 +397,14 @@ class TreeComparison(Struct, frozen=True):
                     break
 
 
-_NOTHING = Names({}, {}, {})
+_NOTHING = NewNames({}, {}, {})
 
 
-def _local_same(at: Placed, bt: Placed) -> bool:
-    return rounded(at.bounds) == rounded(bt.bounds)
+def _local_same(at: ComparedPlace, bt: ComparedPlace) -> bool:
+    return round_box(at.bounds) == round_box(bt.bounds)
 
 
-def _named(tree: Tree, index: int, kind: Hashable) -> Hashable:
+def _description_key(tree: Tree, index: int, kind: Hashable) -> Hashable:
     descr = tree.value("descr", index)
     return None if descr is UNSET or not descr else (descr, kind)
 
@@ -412,7 +414,7 @@ def _both_free(first: Any, second: Any) -> bool:
 
 
 def _longest_rising(numbers: Sequence[int]) -> set[int]:
-    """Places of the longest rising part of a sequence of different numbers."""
+    """Positions of the longest rising subsequence of different numbers."""
     from bisect import bisect_left
 
     tails: list[int] = []

@@ -1,4 +1,4 @@
-"""Surfaces, primitives and parts that differ, and where they are used."""
+"""Differences in surfaces, primitives and parts, and the elements that use them."""
 
 from __future__ import annotations
 
@@ -11,62 +11,62 @@ from terratool.definition.curves import shape_of
 from terratool.definition.model import Primitive, Roughness, Surface, names_of
 from terratool.definition.uses import elements_of
 from terratool.viewing.diff.results import EntryChange, KeyChange
-from terratool.viewing.diff.sides import Side, renamed, shape_key, surface_key
-from terratool.viewing.diff.signed import Names
+from terratool.viewing.diff.sides import DiffSide, find_renames, shape_key, surface_key
+from terratool.viewing.diff.signed import NewNames
 
 _NAMED = 3
-"""So many places are named of those where an entry is used."""
+"""Most elements that are named among those that use an entry."""
 _LONG = 60
-"""Characters of a value that is shown."""
+"""Most characters of a value as text."""
 
 
 class EntryDifference(Struct, frozen=True):
-    """What differs between the dictionaries of two sides.
+    """Differences between the dictionaries of two definitions.
 
     Attributes:
-        names: what was renamed.
-        changes: of what is in use on either side.
-        notes: sentences on what is used nowhere, or changes no ground.
-        relief: names, old ones, of changed surfaces that change heights, by void or roughness.
+        names: new names of renamed entries.
+        changes: differences in entries that either side uses.
+        notes: sentences on entries that no element uses, or whose change leaves the ground equal.
+        relief: names of changed surfaces that change heights, by void or roughness.
         shapes: names of changed primitives.
     """
 
-    names: Names
+    names: NewNames
     changes: tuple[EntryChange, ...]
     notes: tuple[str, ...]
     relief: frozenset[str]
     shapes: frozenset[str]
 
 
-def compare_entries(old: Side, new: Side) -> EntryDifference:
-    """Compare the surfaces and the primitives of two definitions, and find parts of new names."""
-    surfaces = renamed(
+def compare_entries(old: DiffSide, new: DiffSide) -> EntryDifference:
+    """Compare the surfaces and the primitives of two definitions."""
+    surfaces = find_renames(
         {name: surface_key(value) for name, value in old.surfaces.items()},
         {name: surface_key(value) for name, value in new.surfaces.items()},
     )
-    primitives = renamed(
+    primitives = find_renames(
         {name: shape_key(value) for name, value in old.primitives.items()},
         {name: shape_key(value) for name, value in new.primitives.items()},
     )
-    names = Names(surfaces, primitives, {})
+    names = NewNames(surfaces, primitives, {})
     changes: list[EntryChange] = []
     notes: list[str] = []
     relief: set[str] = set()
     shapes: set[str] = set()
     for change, in_use in _surface_changes(old, new, surfaces):
         if not in_use:
-            notes.append(_unused("surface", change))
+            notes.append(_unused_note("surface", change))
         elif change.kind == "renamed":
-            notes.append(_renamed("surface", change))
+            notes.append(_renamed_note("surface", change))
         else:
             changes.append(change)
             if {"void", "roughness"} & {key.key.split(".")[0] for key in change.keys}:
                 relief.add(change.name)
     for change, in_use in _primitive_changes(old, new, primitives):
         if not in_use:
-            notes.append(_unused("primitive", change))
+            notes.append(_unused_note("primitive", change))
         elif change.kind == "renamed":
-            notes.append(_renamed("primitive", change))
+            notes.append(_renamed_note("primitive", change))
         else:
             changes.append(change)
             shapes.add(change.name)
@@ -75,17 +75,17 @@ def compare_entries(old: Side, new: Side) -> EntryDifference:
     )
 
 
-def _unused(what: str, change: EntryChange) -> str:
+def _unused_note(what: str, change: EntryChange) -> str:
     how = f"was {change.kind}" + (f" from {change.was}" if change.was else "")
     return f"The {what} {change.name} {how}; no element uses it."
 
 
-def _renamed(what: str, change: EntryChange) -> str:
+def _renamed_note(what: str, change: EntryChange) -> str:
     return f"The {what} {change.was} is called {change.name} now; it is the same."
 
 
 def _surface_changes(
-    old: Side, new: Side, names: Mapping[str, str]
+    old: DiffSide, new: DiffSide, names: Mapping[str, str]
 ) -> Iterator[tuple[EntryChange, bool]]:
     before, after = old.surfaces, new.surfaces
     for kind, was, name in _pairs(before, after, names):
@@ -98,7 +98,7 @@ def _surface_changes(
 
 
 def _primitive_changes(
-    old: Side, new: Side, names: Mapping[str, str]
+    old: DiffSide, new: DiffSide, names: Mapping[str, str]
 ) -> Iterator[tuple[EntryChange, bool]]:
     before, after = old.primitives, new.primitives
     for kind, was, name in _pairs(before, after, names):
@@ -113,7 +113,7 @@ def _primitive_changes(
 def _pairs(
     before: Mapping[str, Any], after: Mapping[str, Any], names: Mapping[str, str]
 ) -> Iterator[tuple[Any, str, str]]:
-    """What may have become of each name, with the old and the new one."""
+    """Kind of change, old name if renamed, and name of each entry of two dictionaries."""
     for name in before:
         if name in after:
             yield "changed", "", name
@@ -128,7 +128,13 @@ def _pairs(
 
 
 def _entry(
-    what: Any, kind: Any, name: str, was: str, keys: tuple[KeyChange, ...], old: Side, new: Side
+    what: Any,
+    kind: Any,
+    name: str,
+    was: str,
+    keys: tuple[KeyChange, ...],
+    old: DiffSide,
+    new: DiffSide,
 ) -> tuple[EntryChange, bool]:
     key = "surfTypes" if what == "surface" else "elemTypes"
     attribute = "surface" if what == "surface" else "type"
@@ -142,8 +148,8 @@ def _entry(
     return EntryChange(what, kind, name, was, keys, counts.get(wanted, 0), places), in_use
 
 
-def _places(side: Side, attribute: str, name: str) -> Iterator[str]:
-    """Names of the first elements of the text that have this value."""
+def _places(side: DiffSide, attribute: str, name: str) -> Iterator[str]:
+    """JSON pointers of the first elements whose attribute has a value."""
     found = 0
     for _, root in side.roots():
         column = root.tree.column(attribute)
@@ -157,8 +163,10 @@ def _places(side: Side, attribute: str, name: str) -> Iterator[str]:
                     return
 
 
-def part_entry(kind: Any, name: str, side: Side, keys: tuple[KeyChange, ...] = ()) -> EntryChange:
-    """What became of a part, and where it stands."""
+def part_entry(
+    kind: Any, name: str, side: DiffSide, keys: tuple[KeyChange, ...] = ()
+) -> EntryChange:
+    """Difference in a part, with the elements that place it."""
     count = sum(
         root.tree.column("part")[index] == name
         for _, root in side.roots()
@@ -179,9 +187,9 @@ def _surface_keys(old: Surface, new: Surface) -> Iterator[KeyChange]:
             for inner, name in names_of(Roughness):
                 parts = [getattr(one, inner, UNSET) for one in (first, second)]
                 if parts[0] != parts[1]:
-                    yield KeyChange(f"{key}.{name}", *map(shown_value, parts))
+                    yield KeyChange(f"{key}.{name}", *map(value_text, parts))
             continue
-        yield KeyChange(key, shown_value(was), shown_value(now))
+        yield KeyChange(key, value_text(was), value_text(now))
 
 
 def _primitive_keys(old: Primitive, new: Primitive) -> Iterator[KeyChange]:
@@ -196,8 +204,8 @@ def _primitive_keys(old: Primitive, new: Primitive) -> Iterator[KeyChange]:
 
 
 def _curves(was: Any, now: Any) -> tuple[str, str]:
-    """Two curves as text; of long ones how many values they have, and how many differ."""
-    texts = shown_value(was), shown_value(now)
+    """Two curves as text; long ones as numbers of values, and of values that differ."""
+    texts = value_text(was), value_text(now)
     if isinstance(was, tuple) and isinstance(now, tuple) and max(map(len, texts)) >= _LONG:
         counts = [f"{len(one):,} {_points(one)}" for one in (was, now)]
         if len(was) == len(now):
@@ -211,8 +219,8 @@ def _points(curve: tuple[Any, ...]) -> str:
     return "knots" if curve and isinstance(curve[0], tuple) else "values"
 
 
-def shown_value(value: Any) -> str:
-    """A value of a key as text, empty where there is none, and not too long."""
+def value_text(value: Any) -> str:
+    """Value of a key as text of at most 60 characters; empty where there is none."""
     if value is UNSET:
         return ""
     text = _plain(value)

@@ -1,4 +1,4 @@
-"""Files and folders compared: pairs of one name, what is on one side only, what cannot be read."""
+"""Comparison of files and folders: pairs of one name, files on one side only, unreadable ones."""
 
 from __future__ import annotations
 
@@ -12,26 +12,26 @@ from terratool.errors import DefinitionError, ReadError, RequestError, Terratool
 from terratool.report.wording import counted, many
 from terratool.text.source import is_folder, leads_out, read_source, sources
 from terratool.traversability.route.headings import Progress
-from terratool.viewing.diff.compare import Compared, DiffOptions, diff
+from terratool.viewing.diff.compare import ComparedDefinitions, DiffOptions, diff
 from terratool.viewing.diff.results import Comparison, FileDifference
-from terratool.viewing.diff.sides import Side, read_side
+from terratool.viewing.diff.sides import DiffSide, read_side
 
 NOTHING = "/dev/null"
-"""What git names in place of a file that is not there."""
+"""Name that git gives in place of a file that does not exist."""
 _STILL = "The text is the same, and is no valid terrain."
 
 
 @dataclass(frozen=True, slots=True)
-class Reading:
-    """How files are read.
+class ReadOptions:
+    """Options for reading files.
 
     Attributes:
-        called: the path that both sides are taken to have, for the libraries that they use; None
-            for their own.
+        called: path that both sides are taken to have, from which libraries are looked for; None
+            for the paths of the files.
         roots: further folders under which libraries may lie.
         roughness: whether rough surfaces have their relief.
-        met: whether they were met in a folder: then they have to be regular files, and links lead
-            no further than libraries.
+        met: whether the files were met in a folder: they must be regular files then, and links
+            lead no further than libraries may lie.
     """
 
     called: str | None = None
@@ -40,10 +40,10 @@ class Reading:
     met: bool = False
 
     def refuse_link(self, name: str) -> None:
-        """Refuse a file that was met in a folder, and is a link to what lies elsewhere.
+        """Refuse a file that was met in a folder, and is a link out of the allowed folders.
 
         Raises:
-            ReadError: it is.
+            ReadError: the file is such a link.
         """
         if self.met and leads_out(name, (".", *self.roots)):
             raise ReadError(
@@ -51,7 +51,7 @@ class Reading:
                 "Put the file itself there, or name its folder by --library-root.",
             )
 
-    def side(self, name: str) -> Side:
+    def side(self, name: str) -> DiffSide:
         """Read a definition; raises what `read_side` and `refuse_link` raise."""
         self.refuse_link(name)
         return read_side(
@@ -63,46 +63,46 @@ class Reading:
         )
 
 
-Taken = Callable[[Compared], None]
-"""Is told of each pair that was compared, for pictures and maps."""
+PairCallback = Callable[[ComparedDefinitions], None]
+"""Function that is called with each pair that was compared, for pictures and maps."""
 
 
 def is_nothing(name: str) -> bool:
-    """Whether a name stands for a file that is not there."""
+    """Whether a name stands for a file that does not exist."""
     return name in (NOTHING, os.devnull)
 
 
 def compare_files(
-    old: str, new: str, reading: Reading, options: DiffOptions,
-    progress: Progress | None = None, taken: Taken | None = None,
+    old: str, new: str, reading: ReadOptions, options: DiffOptions,
+    progress: Progress | None = None, on_compared: PairCallback | None = None,
 ) -> Comparison:  # fmt: skip
     """Compare two definitions, of which one may be `/dev/null`.
 
     Raises:
-        ReadError, DefinitionError: one cannot be read, or is no terrain.
-        RequestError: as of `diff`.
+        ReadError, DefinitionError: a file cannot be read, or is no terrain.
+        RequestError: `diff` raises it.
     """
     name = reading.called or (old if is_nothing(new) else new)
     if is_nothing(old) or is_nothing(new):
-        return Comparison((_alone(old, new, name, reading),))
-    return Comparison((_pair(old, new, name, reading, options, progress, taken),))
+        return Comparison((_lone_file(old, new, name, reading),))
+    return Comparison((_pair(old, new, name, reading, options, progress, on_compared),))
 
 
 def _pair(
-    old: str, new: str, name: str, reading: Reading, options: DiffOptions,
-    progress: Progress | None, taken: Taken | None,
+    old: str, new: str, name: str, reading: ReadOptions, options: DiffOptions,
+    progress: Progress | None, on_compared: PairCallback | None,
 ) -> FileDifference:  # fmt: skip
     if progress is not None:
         progress.say(f"reading {Path(name).name}")
     compared = diff(reading.side(old), reading.side(new), options, progress)
-    if taken is not None:
-        taken(compared)
+    if on_compared is not None:
+        on_compared(compared)
     found = compared.difference
     return FileDifference(name, "same" if found.same else "different", found)
 
 
-def _alone(old: str, new: str, name: str, reading: Reading) -> FileDifference:
-    """A file that is on one side only; on none, it is the same."""
+def _lone_file(old: str, new: str, name: str, reading: ReadOptions) -> FileDifference:
+    """Result for a terrain on one side only; "same" if there is none on either side."""
     if is_nothing(old) and is_nothing(new):
         return FileDifference(name, "same", message="There is no terrain on either side.")
     is_new = is_nothing(old)
@@ -120,16 +120,16 @@ def _alone(old: str, new: str, name: str, reading: Reading) -> FileDifference:
 
 
 def compare_folders(
-    old: str, new: str, reading: Reading, options: DiffOptions, progress: Progress | None = None
+    old: str, new: str, reading: ReadOptions, options: DiffOptions, progress: Progress | None = None
 ) -> Comparison:
-    """Compare the terrains of two folders, those with one name below each of them.
+    """Compare the terrains of two folders, pair by pair of one name.
 
-    Libraries, vehicles and curricula are left out: what they change shows in the terrains.
+    Libraries, vehicles and curricula are left out, as their changes show in the terrains.
     Libraries may lie anywhere below the two folders.
 
     Raises:
         ReadError: neither folder has a terrain.
-        RequestError: as of `diff`.
+        RequestError: `diff` raises it.
     """
     reading = replace(reading, roots=(*reading.roots, old, new), met=True)
     before, after = _terrains(old, reading), _terrains(new, reading)
@@ -142,7 +142,7 @@ def compare_folders(
         first, second = before.get(name, NOTHING), after.get(name, NOTHING)
         try:
             if NOTHING in (first, second):
-                found.append(_alone(first, second, name, reading))
+                found.append(_lone_file(first, second, name, reading))
             else:
                 found.append(_pair(first, second, name, reading, options, progress, None))
         except DefinitionError as error:
@@ -152,7 +152,7 @@ def compare_folders(
         except ReadError as error:
             found.append(FileDifference(name, "unreadable", None, error.message, error.hint))
         except RequestError as error:
-            raise _of(error, name) from error
+            raise _with_name(error, name) from error
     return Comparison(tuple(found))
 
 
@@ -163,12 +163,12 @@ def _is_one_text(old: str, new: str) -> bool:
     return read_source(old, named=False).data == read_source(new, named=False).data
 
 
-def _of(error: RequestError, name: str) -> TerratoolError:
+def _with_name(error: RequestError, name: str) -> TerratoolError:
     return RequestError(f"{name}: {error.message}", error.hint)
 
 
-def _terrains(folder: str, reading: Reading) -> dict[str, str]:
-    """The terrains below a folder, by their names there; what is no JSON counts, too."""
+def _terrains(folder: str, reading: ReadOptions) -> dict[str, str]:
+    """Paths of the terrains below a folder, by their names there; files without JSON included."""
     found = {}
     try:
         names = list(sources(folder))
@@ -179,17 +179,17 @@ def _terrains(folder: str, reading: Reading) -> dict[str, str]:
             reading.refuse_link(name)
             kind = document_kind(read_source(name, named=False).data)
         except ReadError:
-            kind = None  # which is said when it is compared
+            kind = None  # the comparison reports it
         if kind in ("terrain", None):
             found[Path(name).relative_to(folder).as_posix()] = name
     return found
 
 
 def are_folders(old: str, new: str) -> bool:
-    """Whether both names are of folders.
+    """Whether both names are those of folders.
 
     Raises:
-        RequestError: only one is.
+        RequestError: only one name is that of a folder.
     """
     folders = is_folder(old), is_folder(new)
     if folders[0] != folders[1]:

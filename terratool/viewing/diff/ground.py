@@ -1,6 +1,7 @@
-"""What became of the ground: volumes cut and filled, areas, and the place of the largest change.
+"""Comparison of the ground: volumes cut and filled, areas, and the largest change.
 
-All are sums over the centres of pixels. Windows in which nothing can differ are left out.
+Volumes and areas are sums over the centres of pixels. Windows in which nothing can differ are left
+out.
 """
 
 from __future__ import annotations
@@ -19,34 +20,33 @@ from terratool.field.terrain import Terrain, check_bounds
 from terratool.raster.grid import Grid, Window, default_resolution, grid_over
 from terratool.raster.painter import Painter
 from terratool.raster.prefetch import prefetch, processors
-from terratool.viewing.diff.regions import clipped, hull
-from terratool.viewing.diff.results import GroundChange, LargestChange, PixelGrid, SurfaceArea
+from terratool.viewing.diff.regions import hull, intersection
+from terratool.viewing.diff.results import ComparedGrid, GroundChange, LargestChange, SurfaceArea
 
 SIDE = 128
-"""Of a window, in pixels."""
+"""Side of a window, pixels."""
 MOST_WINDOWS = 1 << 22
-"""So many windows may a grid have, with those that are left out."""
+"""Most windows of a grid, with those that are left out."""
 FIRST_PIXELS = 1 << 20
-"""A grid that nobody asked for begins with so many pixels at most, of those that may differ …"""
+"""Most pixels that may differ in the first grid, where no resolution is given."""
 MOST_PIXELS = 1 << 22
-"""… and is not halved beyond so many."""
+"""Most pixels that may differ in the last grid, where no resolution is given."""
 ENOUGH = 1e-3
-"""A grid that nobody asked for is fine enough where volumes are known to this share."""
+"""Relative error of the volumes at which a grid is fine enough, where no resolution is given."""
 _EDGES = 16
-"""So many rectangles of what differs are laid on the edges of pixels …"""
+"""Most rectangles of differing elements whose edges are aligned with edges of pixels."""
 _FINER = 16
-"""… of which there may be so many times more for that."""
+"""Largest factor on the number of pixels along a side for that alignment."""
 _WHOLE = 1e-6
-"""A quotient this near to a whole number is one."""
+"""Largest distance of a quotient from a whole number that counts as one."""
 
 
-class Difference(NamedTuple):
-    """A window of both terrains, (height, width) each.
+class ComparedWindow(NamedTuple):
+    """Pixels of a window on both terrains, (height, width) each.
 
     Attributes:
         old, new: float64 heights, NaN where there is no ground.
-        old_surface, new_surface: numbers of surfaces, the same for the same on both sides; 0 for
-            none.
+        old_surface, new_surface: int64 numbers of surfaces, indices of `Both.names`; 0 for none.
     """
 
     old: NDArray[np.float64]
@@ -56,7 +56,7 @@ class Difference(NamedTuple):
 
     @property
     def change(self) -> NDArray[np.float64]:
-        """New less old, NaN where there is no ground on either side."""
+        """New heights less old ones, NaN where either side has no ground."""
         return self.new - self.old
 
 
@@ -65,10 +65,10 @@ class Both:
     """Two terrains, and the part of the world in which they are compared.
 
     Attributes:
-        old, new: the terrains.
-        bounds: what they have in common.
-        regions: rectangles outside of which nothing differs; None where anything may.
-        surfaces: new names of surfaces that were renamed.
+        old, new: both terrains.
+        bounds: world rectangle that both have in common.
+        regions: world rectangles outside of which nothing differs; None where anything may.
+        surfaces: new names of renamed surfaces, by their old names.
     """
 
     old: Terrain
@@ -79,21 +79,21 @@ class Both:
 
     @property
     def names(self) -> list[str | None]:
-        """Of the surfaces by the numbers that they have here, the first for none."""
+        """Names of the surfaces of both terrains, new ones, each once; None first, for none."""
         known = [self.surfaces.get(name, name) for name in self.old.surfaces]
         return [None, *dict.fromkeys([*known, *self.new.surfaces])]
 
     def numbers(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """The number here of each surface of the old terrain, and of the new one, none first."""
+        """Indices of `names` for the surfaces of the old terrain and of the new one, none first."""
         index = {name: number for number, name in enumerate(self.names)}
         old = [0, *(index[self.surfaces.get(name, name)] for name in self.old.surfaces)]
         return np.array(old), np.array([0, *(index[name] for name in self.new.surfaces)])
 
     def windows(self, grid: Grid) -> list[Window]:
-        """The windows of a grid in which anything may differ.
+        """Windows of a grid in which anything may differ.
 
         Raises:
-            RequestError: the grid has too many.
+            RequestError: the grid has too many windows.
         """
         rows, columns = -(-grid.height // SIDE), -(-grid.width // SIDE)
         if rows * columns > MOST_WINDOWS:
@@ -107,7 +107,7 @@ class Both:
         left, right = _spans(west - grid.west, east - grid.west, grid.resolution, columns)
         top = grid.bounds[3]
         upper, lower = _spans(top - north, top - south, grid.resolution, rows)
-        # how many rectangles lie over each window, by the steps at their corners
+        # steps at corners of rectangles, whose double sum counts the rectangles over a window
         over = np.zeros((rows + 1, columns + 1), np.int64)
         for row, column, step in (
             (upper, left, 1), (upper, right, -1), (lower, left, -1), (lower, right, 1)
@@ -124,9 +124,9 @@ class Both:
 def _spans(
     low: NDArray[np.float64], high: NDArray[np.float64], resolution: float, count: int
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """The first window that each of some stretches meets, and the one behind its last.
+    """First window that each stretch meets, and the one behind its last, int64.
 
-    A stretch has a pixel more at both ends, as edges are rounded.
+    A stretch is widened by a pixel at both ends, as edges are rounded.
     """
     first = np.floor((low / resolution - 1) / SIDE)
     last = np.floor((high / resolution + 1) / SIDE) + 1
@@ -135,19 +135,19 @@ def _spans(
 
 
 class BothPainter:
-    """Paints windows of two terrains; may be used by several threads at a time."""
+    """Painter of windows of two terrains; several threads may use it at a time."""
 
     def __init__(self, both: Both, grid: Grid) -> None:
         self._old = Painter(both.old, grid, np.float64)
         self._new = Painter(both.new, grid, np.float64)
         self._old_numbers, self._new_numbers = both.numbers()
 
-    def paint(self, window: Window) -> Difference:
-        """Paint a window of both."""
+    def paint(self, window: Window) -> ComparedWindow:
+        """Paint a window of both terrains."""
         old, new = self._old.paint(window), self._new.paint(window)
         assert old.surfaces is not None
         assert new.surfaces is not None
-        return Difference(
+        return ComparedWindow(
             old.heights,
             new.heights,
             self._old_numbers[old.surfaces],
@@ -156,18 +156,43 @@ class BothPainter:
 
 
 Exact = tuple[float, float]
-"""A sum of doubles, and what it lacks."""
+"""Sum of doubles, and its rounding error."""
 
 
 def exact_sum(numbers: NDArray[np.float64]) -> Exact:
-    """The sum of doubles to twice their precision, so that it does not depend on their order."""
+    """Sum doubles to twice their precision, so that the result does not depend on their order."""
     values = numbers.tolist()
     total = math.fsum(values)
     return total, math.fsum([*values, -total])
 
 
-class Part(NamedTuple):
-    """What is known of a window: sums of heights, and counts of pixels."""
+class LargestPixel(NamedTuple):
+    """Pixel of a grid with the largest difference of heights.
+
+    Attributes:
+        size: absolute difference.
+        row, column: indices in the grid.
+        old, new: old and new height.
+    """
+
+    size: float
+    row: int
+    column: int
+    old: float
+    new: float
+
+
+class WindowSums(NamedTuple):
+    """Sums over a window.
+
+    Attributes:
+        cut, fill: sums of heights, old over new and new over old.
+        changed: number of pixels whose heights differ by more than the tolerance.
+        lost, gained: number of pixels where ground became void, and void became ground.
+        around: first row, first column, last row, last column of changed pixels; None for none.
+        largest: pixel with the largest difference of heights; None for none.
+        surfaces: number of pixels by old and new number of the surface, where these differ.
+    """
 
     cut: Exact
     fill: Exact
@@ -175,16 +200,16 @@ class Part(NamedTuple):
     lost: int
     gained: int
     around: tuple[int, int, int, int] | None
-    largest: tuple[float, int, int, float, float] | None
+    largest: LargestPixel | None
     surfaces: dict[tuple[int, int], int]
 
 
-def measure(window: Window, seen: Difference, tolerance: float) -> Part:
-    """Sum up what differs in a window."""
+def measure(window: Window, seen: ComparedWindow, tolerance: float) -> WindowSums:
+    """Sum up the differences in a window."""
     change = seen.change
     size = np.abs(change)
     was, now = np.isfinite(seen.old), np.isfinite(seen.new)
-    beyond = size > tolerance  # NaN is not
+    beyond = size > tolerance  # False for NaN
     around = largest = None
     if beyond.any():
         rows, columns = np.flatnonzero(beyond.any(axis=1)), np.flatnonzero(beyond.any(axis=0))
@@ -196,7 +221,7 @@ def measure(window: Window, seen: Difference, tolerance: float) -> Part:
     at = int(np.argmax(known))
     row, column = divmod(at, window.width)
     if known[row, column] > 0.0:
-        largest = (
+        largest = LargestPixel(
             float(known[row, column]), window.row + row, window.column + column,
             float(seen.old[row, column]), float(seen.new[row, column]),
         )  # fmt: skip
@@ -205,7 +230,7 @@ def measure(window: Window, seen: Difference, tolerance: float) -> Part:
         np.column_stack([seen.old_surface[other], seen.new_surface[other]]), axis=0,
         return_counts=True,
     )  # fmt: skip
-    return Part(
+    return WindowSums(
         exact_sum(-change[change < 0.0]),
         exact_sum(change[change > 0.0]),
         int(np.count_nonzero(beyond)),
@@ -217,15 +242,15 @@ def measure(window: Window, seen: Difference, tolerance: float) -> Part:
     )
 
 
-class Sums(NamedTuple):
-    """What all windows of a grid come to."""
+class GridSums(NamedTuple):
+    """Volumes over all windows of a grid, and the sums of each window."""
 
     cut: float
     fill: float
-    parts: list[Part]
+    parts: list[WindowSums]
 
 
-def summed(both: Both, grid: Grid, tolerance: float, threads: int) -> Sums:
+def sum_windows(both: Both, grid: Grid, tolerance: float, threads: int) -> GridSums:
     """Measure all windows of a grid in which anything may differ."""
     painter = BothPainter(both, grid)
     parts = list(
@@ -238,7 +263,7 @@ def summed(both: Both, grid: Grid, tolerance: float, threads: int) -> Sums:
     pixel = grid.resolution**2
     cut = math.fsum(number for part in parts for number in part.cut) * pixel
     fill = math.fsum(number for part in parts for number in part.fill) * pixel
-    return Sums(cut, fill, parts)
+    return GridSums(cut, fill, parts)
 
 
 def compare_ground(
@@ -250,16 +275,16 @@ def compare_ground(
 ) -> GroundChange:
     """Compare heights, surfaces and voids at the centres of pixels.
 
-    Without a resolution the grid lies over what can differ. It begins with pixels that show the
-    finest feature there, on whose edges elements that differ have theirs if possible. It is halved
-    until volumes stay the same, or there are too many pixels. What the last halving changed is
-    told; of a resolution that is given, how far pixels twice as wide are from it.
+    Without a resolution the grid covers the regions that can differ. Its first pixels show the
+    finest feature there, with edges on those of differing elements if possible. They are halved
+    until the volumes stay the same, or there are too many. The error is the change by the last
+    halving; with a resolution, the difference from pixels twice as wide.
 
     Args:
-        both: the terrains.
-        tolerance: from which difference of heights on the ground counts as changed.
-        resolution: side of a pixel, of a grid over all that is compared.
-        threads: number of threads; as many as there are processors if None.
+        both: both terrains.
+        tolerance: largest difference of heights that does not count as changed ground.
+        resolution: side of a pixel, for a grid over all that is compared; None to choose it.
+        threads: number of threads; that of processors if None.
 
     Raises:
         RequestError: the resolution makes no grid.
@@ -267,27 +292,28 @@ def compare_ground(
     threads = processors() if threads is None else threads
     if resolution is not None:
         grid = grid_over(both.old, resolution, both.bounds)
-        sums = summed(both, grid, tolerance, threads)
+        sums = sum_windows(both, grid, tolerance, threads)
         error = _coarse_error(both, grid, sums, tolerance, threads)
-        return _told(both, grid, sums, tolerance, error)
+        return _ground_change(both, grid, sums, tolerance, error)
     part = both.bounds if both.regions is None else hull(both.regions, both.bounds)
     if part is None:
         part = both.bounds
     grid = _first_grid(both, part)
-    sums = summed(both, grid, tolerance, threads)
+    sums = sum_windows(both, grid, tolerance, threads)
     while True:
         finer = grid_over(both.old, grid.resolution / 2, part)
-        before, sums, grid = sums, summed(both, finer, tolerance, threads), finer
-        error = _apart(before, sums)
+        before, sums, grid = sums, sum_windows(both, finer, tolerance, threads), finer
+        error = _volume_difference(before, sums)
         enough = error <= ENOUGH * (sums.cut + sums.fill)
         if enough or 4 * _pixels(both, grid) > MOST_PIXELS:
-            return _told(both, grid, sums, tolerance, error)
+            return _ground_change(both, grid, sums, tolerance, error)
 
 
 def _first_grid(both: Both, part: Bounds) -> Grid:
-    """Pixels over what can differ that show its finest feature, or are as many as one begins with.
+    """Grid over the regions that can differ, whose pixels show the finest feature there.
 
-    Where pixels of some smaller side have the edges of what differs on theirs, they are taken.
+    Smaller pixels are taken if the edges of differing elements lie on theirs, and larger ones if
+    there would be more than `FIRST_PIXELS`.
     """
     finest = min(default_resolution(terrain, part)[0] for terrain in (both.old, both.new))
     sides = part[2] - part[0], part[3] - part[1]
@@ -295,15 +321,15 @@ def _first_grid(both: Both, part: Bounds) -> Grid:
     for box in (both.regions or ())[:_EDGES]:
         edges += (abs(box[k] - part[k % 2]) for k in range(4))
     count = max(1, math.ceil(min(sides) / finest - _WHOLE))
-    best = _aligned(range(count, _FINER * count + 1), min(sides), edges) or count
+    best = _aligned_count(range(count, _FINER * count + 1), min(sides), edges) or count
     while count > 1 and _pixels(both, grid_over(both.old, min(sides) / best, part)) > FIRST_PIXELS:
         count = count // 2
-        best = _aligned(range(count, count // 2, -1), min(sides), edges) or count
+        best = _aligned_count(range(count, count // 2, -1), min(sides), edges) or count
     return grid_over(both.old, min(sides) / best, part)
 
 
-def _aligned(counts: Iterable[int], side: float, edges: Sequence[float]) -> int | None:
-    """The first number of pixels along a side with which all edges lie between pixels."""
+def _aligned_count(counts: Iterable[int], side: float, edges: Sequence[float]) -> int | None:
+    """First number of pixels along a side for which all edges lie between pixels; None if none."""
     for count in counts:
         resolution = side / count
         if all(abs(edge / resolution - round(edge / resolution)) < _WHOLE for edge in edges):
@@ -315,22 +341,24 @@ def _pixels(both: Both, grid: Grid) -> int:
     return sum(window.width * window.height for window in both.windows(grid))
 
 
-def _coarse_error(both: Both, grid: Grid, sums: Sums, tolerance: float, threads: int) -> float:
-    """How far the volumes are from those of pixels of twice the side."""
+def _coarse_error(both: Both, grid: Grid, sums: GridSums, tolerance: float, threads: int) -> float:
+    """Largest difference of the volumes from those of pixels twice as wide."""
     if sums.cut == sums.fill == 0.0:
         return 0.0
     try:
         coarser = grid_over(both.old, 2 * grid.resolution, grid.bounds)
     except RequestError:  # no pixel has its centre on the terrain
         return sums.cut + sums.fill
-    return _apart(summed(both, coarser, tolerance, threads), sums)
+    return _volume_difference(sum_windows(both, coarser, tolerance, threads), sums)
 
 
-def _apart(one: Sums, other: Sums) -> float:
+def _volume_difference(one: GridSums, other: GridSums) -> float:
     return max(abs(one.cut - other.cut), abs(one.fill - other.fill))
 
 
-def _told(both: Both, grid: Grid, sums: Sums, tolerance: float, error: float) -> GroundChange:
+def _ground_change(
+    both: Both, grid: Grid, sums: GridSums, tolerance: float, error: float
+) -> GroundChange:
     pixel, parts = grid.resolution**2, sums.parts
     pairs: dict[tuple[int, int], int] = {}
     for part in parts:
@@ -343,7 +371,7 @@ def _told(both: Both, grid: Grid, sums: Sums, tolerance: float, error: float) ->
     ]
     common = area_of(both.bounds)
     return GroundChange(
-        grid=PixelGrid(grid.bounds, grid.resolution, grid.width, grid.height),
+        grid=ComparedGrid(grid.bounds, grid.resolution, grid.width, grid.height),
         tolerance=tolerance,
         common=common,
         cut=sums.cut,
@@ -370,39 +398,37 @@ def _around(grid: Grid, boxes: Sequence[tuple[int, int, int, int]]) -> Bounds | 
     )  # fmt: skip
 
 
-def _largest(
-    both: Both, grid: Grid, found: Sequence[tuple[float, int, int, float, float]]
-) -> LargestChange | None:
-    """The largest of all; of equal ones the first from the north-west."""
+def _largest(both: Both, grid: Grid, found: Sequence[LargestPixel]) -> LargestChange | None:
+    """Largest difference of heights; the first from the north-west among equal ones."""
     if not found:
         return None
-    _, row, column, old, new = min(found, key=lambda one: (-one[0], one[1], one[2]))
+    _, row, column, old, new = min(found, key=lambda one: (-one.size, one.row, one.column))
     at = Window(row, column, 1, 1)
     x, y = float(grid.columns(at)[0]), float(grid.rows(at)[0])
     return LargestChange(x, y, old, new, both.old.element(x, y), both.new.element(x, y))
 
 
 def area_of(bounds: Bounds) -> float:
-    """The area of a rectangle."""
+    """Area of a rectangle."""
     return (bounds[2] - bounds[0]) * (bounds[3] - bounds[1])
 
 
 def common_bounds(old: Terrain, new: Terrain, bounds: Bounds | None) -> Bounds | None:
-    """What two terrains, and the bounds that are asked for, have in common; None for nothing.
+    """Rectangle that two terrains, and the bounds asked for, have in common; None if it is empty.
 
     Raises:
         RequestError: the bounds are empty, or miss both terrains.
     """
-    both = clipped(old.bounds, new.bounds)
+    both = intersection(old.bounds, new.bounds)
     if bounds is None:
         return both
     check_bounds(bounds, new)
-    return None if both is None else clipped(both, bounds)
+    return None if both is None else intersection(both, bounds)
 
 
-def windows_painted(
+def paint_windows(
     both: Both, grid: Grid, windows: Sequence[Window], threads: int
-) -> Iterator[tuple[Window, Difference]]:
-    """Both terrains in windows, in their order."""
+) -> Iterator[tuple[Window, ComparedWindow]]:
+    """Yield windows in their order, each with the pixels of both terrains."""
     painter = BothPainter(both, grid)
     yield from prefetch(lambda window: (window, painter.paint(window)), windows, threads)

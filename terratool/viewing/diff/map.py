@@ -1,4 +1,4 @@
-"""The map of a difference: a GeoTIFF of new less old, and of where the surface differs."""
+"""Map of a difference: a GeoTIFF of new less old heights, and of differing surfaces."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ from terratool.raster.geotiff import RasterExtent, terrain_tiff
 from terratool.raster.grid import Grid, default_resolution, grid_over
 from terratool.raster.prefetch import processors
 from terratool.raster.statistics import band_statistics
-from terratool.viewing.diff.ground import Both, windows_painted
+from terratool.viewing.diff.ground import Both, paint_windows
 
 BANDS = Bands(("new less old height", "surface differs"), ("m", ""), np.dtype(np.float32))
-"""NaN where there is no ground on either side; of the second band 1 where surfaces differ, or 0."""
+"""Bands of a map: NaN where either side has no ground; the second has 1 where surfaces differ."""
 
 
 def refuse_map(path: str | Path, overwrite: bool) -> None:
     """Refuse a map that cannot be written, before any work.
 
     Raises:
-        RequestError: it is no .tif.
-        WriteError: it exists, or its folder does not.
+        RequestError: the name does not end in .tif.
+        WriteError: the file exists, or its folder does not.
     """
     if raster_format(Path(path)).driver != "GTiff":
         raise RequestError(
@@ -40,7 +40,7 @@ def refuse_map(path: str | Path, overwrite: bool) -> None:
 
 
 def map_grid(both: Both, resolution: float | None) -> Grid:
-    """The pixels of a map, or of a picture: over all that is compared.
+    """Pixels of a map, over all that is compared.
 
     Raises:
         RequestError: the resolution makes no grid.
@@ -55,18 +55,18 @@ def write_map(
     both: Both, path: str | Path, resolution: float | None, *, overwrite: bool = False,
     progress: Callable[[int], object] | None = None,
 ) -> None:  # fmt: skip
-    """Write a map.
+    """Write a map of the differences.
 
     Args:
-        both: the terrains.
-        path: a .tif.
-        resolution: side of a pixel; as of a DEM if None.
-        overwrite: whether it may be there already.
-        progress: is told how many pixels more are done.
+        both: both terrains.
+        path: file of the map, a .tif.
+        resolution: side of a pixel; that of an exported DEM if None.
+        overwrite: whether an existing file is replaced.
+        progress: function that is called with the number of pixels done since the last call.
 
     Raises:
         RequestError: the resolution makes no grid, or the file is no .tif.
-        WriteError: it exists, cannot be written or does not fit on the disk.
+        WriteError: the file exists, cannot be written or does not fit on the disk.
         DefinitionError: the CRS of the new terrain is unknown.
     """
     refuse_map(path, overwrite)
@@ -79,7 +79,7 @@ def write_map(
         terrain_tiff(part, RasterExtent(both.new, grid), BANDS, options) as file,
     ):
         windows = list(grid.windows(TILE, TILE))
-        for window, seen in windows_painted(both, grid, windows, threads):
+        for window, seen in paint_windows(both, grid, windows, threads):
             change = seen.change
             other = (seen.old_surface != seen.new_surface).astype(np.float32)
             other[np.isnan(change)] = np.nan

@@ -1,4 +1,4 @@
-"""Siblings of two trees, paired in rounds: from what is equal to what is only alike."""
+"""Pairs of siblings of two trees, found in rounds: equal ones first, then alike ones."""
 
 from __future__ import annotations
 
@@ -7,34 +7,45 @@ from collections.abc import Callable, Hashable, Iterable, Iterator
 from dataclasses import dataclass
 
 from terratool.definition.tree import Tree
-from terratool.viewing.diff.places import Placed, distance, overlap, placed_child, way_between
+from terratool.viewing.diff.places import ComparedPlace, child_place, distance, overlap, way_between
 
 _ALIKE = 3
-"""So many siblings that moved alike are taken to have moved, whatever stands in their places."""
+"""Least siblings with one displacement that are taken to have moved together."""
 MANY_PAIRS = 1_000_000
-"""More pairs of like siblings are not looked at: they are matched in their order."""
+"""Most pairs of siblings of one key that are compared; with more, siblings pair in order."""
 
 
 @dataclass(slots=True)
 class Sibling:
-    """An element among its siblings; where it stands is found out when it is asked for."""
+    """An element among its siblings, whose place is computed when it is asked for.
+
+    Attributes:
+        element: index in the tree.
+        tree: tree of the element.
+        parent: index of the parent.
+        around: place of the parent.
+    """
 
     element: int
     tree: Tree
     parent: int
-    around: Placed
-    _at: Placed | None = None
+    around: ComparedPlace
+    _at: ComparedPlace | None = None
 
     @property
-    def at(self) -> Placed:
-        """Where it stands."""
+    def at(self) -> ComparedPlace:
+        """Place of the element."""
         if self._at is None:
-            self._at = placed_child(self.tree, self.element, self.parent, self.around)
+            self._at = child_place(self.tree, self.element, self.parent, self.around)
         return self._at
 
 
 class Matching:
-    """Siblings of both sides, which are paired in rounds."""
+    """Siblings of both sides, and the pairs made of them so far.
+
+    Args:
+        old, new: siblings of each side; those left unpaired are attributes of these names.
+    """
 
     def __init__(self, old: list[Sibling], new: list[Sibling]) -> None:
         self.old, self.new = old, new
@@ -42,13 +53,13 @@ class Matching:
 
     @property
     def is_open(self) -> bool:
-        """Whether there are any left on both sides."""
+        """Whether both sides have unpaired siblings."""
         return bool(self.old and self.new)
 
     def take(
         self, old_key: Callable[[Sibling], Hashable], new_key: Callable[[Sibling], Hashable]
     ) -> None:
-        """Pair those with equal keys, in their order; a key that is None has no equal."""
+        """Pair siblings with equal keys, in their order; None equals no key."""
         if not self.is_open:
             return
         waiting: dict[Hashable, deque[int]] = {}
@@ -65,7 +76,7 @@ class Matching:
     def take_moved_alike(
         self, old_key: Callable[[Sibling], Hashable], new_key: Callable[[Sibling], Hashable]
     ) -> None:
-        """Pair those whose key only they have, where several moved by the same way."""
+        """Pair siblings with a unique key, where several have one displacement."""
         if min(len(self.old), len(self.new)) < _ALIKE:
             return
         ours, theirs = _single(self.old, old_key), _single(self.new, new_key)
@@ -83,7 +94,7 @@ class Matching:
         self, old_key: Callable[[Sibling], Hashable], new_key: Callable[[Sibling], Hashable],
         *, overlapping: bool = False,
     ) -> None:  # fmt: skip
-        """Pair those with equal keys, the nearest first; or only those that overlap."""
+        """Pair siblings with equal keys, the nearest first; only overlapping ones on demand."""
         if not self.is_open:
             return
         ours, theirs = _groups(self.old, old_key), _groups(self.new, new_key)
@@ -105,7 +116,7 @@ class Matching:
     def take_only(
         self, old_key: Callable[[Sibling], Hashable], new_key: Callable[[Sibling], Hashable]
     ) -> None:
-        """Pair those that are the only ones of their key that are left."""
+        """Pair siblings whose key is unique among the unpaired ones of each side."""
         if not self.is_open:
             return
         ours, theirs = _single(self.old, old_key), _single(self.new, new_key)
@@ -144,5 +155,5 @@ def _single(siblings: list[Sibling], key: Callable[[Sibling], Hashable]) -> dict
 
 
 def common(ours: Iterable[Hashable], theirs: Iterable[Hashable]) -> int:
-    """How many keys two have in common."""
+    """Number of keys that two sequences have in common, repeated keys counted."""
     return sum((Counter(ours) & Counter(theirs)).values())

@@ -1,4 +1,4 @@
-"""The picture of a difference: what was cut and filled, in red and blue over the new ground."""
+"""Picture of a difference: cut and fill in red and blue over the new ground."""
 
 from __future__ import annotations
 
@@ -9,8 +9,7 @@ import numpy as np
 from terratool.io.geotiff import TILE
 from terratool.raster.grid import Grid, Window, grid_over
 from terratool.raster.prefetch import processors
-from terratool.viewing.diff.ground import Both, windows_painted
-from terratool.viewing.diff.ground import Difference as Seen
+from terratool.viewing.diff.ground import Both, ComparedWindow, paint_windows
 from terratool.viewing.diff.results import Difference
 from terratool.viewing.differences import (
     LIGHT,
@@ -24,7 +23,7 @@ from terratool.viewing.layers import FINER, LayerPicture
 from terratool.viewing.sheet import Legend, Scale, Swatch, number, settings
 
 _COLORS = "RdBu"
-"""Red for what was cut, blue for what was filled: distinct for any kind of colour vision."""
+"""Matplotlib's map from red (cut) to blue (fill), distinct for any kind of colour vision."""
 _SAME = (226, 226, 222)
 _LOST, _GAINED, _SURFACE = (40, 40, 40), (240, 228, 66), (204, 187, 214)
 
@@ -33,18 +32,18 @@ def write_picture(
     both: Both, difference: Difference, path: str | Path, *, tolerance: float,
     overwrite: bool = False,
 ) -> None:  # fmt: skip
-    """Draw a difference. The same definitions give the same bytes.
+    """Draw a difference. Equal definitions give equal bytes.
 
     Args:
-        both: the terrains.
-        difference: what is known of them, for the title.
-        path: a .png.
-        tolerance: heights that differ by less are not coloured.
-        overwrite: whether it may be there already.
+        both: both terrains.
+        difference: differences, for the title.
+        path: file of the picture, a .png.
+        tolerance: largest difference of heights that is not coloured.
+        overwrite: whether an existing file is replaced.
 
     Raises:
-        RequestError: it is no .png, Matplotlib is missing, or the ground is too narrow to be seen.
-        WriteError: it exists, or cannot be written.
+        RequestError: the file is no .png, Matplotlib is missing, or the ground is too narrow.
+        WriteError: the file exists, or cannot be written.
     """
     refuse_picture(path, overwrite)
     wide = both.bounds[2] - both.bounds[0]
@@ -70,10 +69,10 @@ def _title(difference: Difference) -> str:
 
 
 def _picture(both: Both, grid: Grid, tolerance: float) -> LayerPicture:
-    """The colours of all pixels."""
+    """Colours and legend of all pixels."""
     from matplotlib import colormaps
 
-    seen = _painted(both, grid)
+    seen = _paint(both, grid)
     change, was, now = seen.change, np.isfinite(seen.old), np.isfinite(seen.new)
     size = np.abs(change)
     beyond = size > tolerance
@@ -100,14 +99,14 @@ def _picture(both: Both, grid: Grid, tolerance: float) -> LayerPicture:
     return LayerPicture(grid, heights, surfaces, colors, key, LIGHT)
 
 
-def _painted(both: Both, grid: Grid) -> Seen:
-    """Both terrains at all pixels."""
+def _paint(both: Both, grid: Grid) -> ComparedWindow:
+    """Pixels of a grid on both terrains."""
     shape = grid.height, grid.width
-    planes = Seen(
+    planes = ComparedWindow(
         np.empty(shape), np.empty(shape), np.zeros(shape, np.int64), np.zeros(shape, np.int64)
     )
     windows = list(grid.windows(TILE, TILE))
-    for window, seen in windows_painted(both, grid, windows, processors()):
+    for window, seen in paint_windows(both, grid, windows, processors()):
         for whole, part in zip(planes, seen, strict=True):
             whole[_rows(window)] = part
     return planes

@@ -1,4 +1,4 @@
-"""Where elements stand in the world, and what of it they can have an effect in."""
+"""Places of elements in the world, and the rectangles in which they can have an effect."""
 
 from __future__ import annotations
 
@@ -13,13 +13,14 @@ from terratool.definition.model import pair_of
 from terratool.definition.tree import Tree
 
 
-class Placed(NamedTuple):
-    """What is known of a pair of elements, or of one of them, from those around.
+class ComparedPlace(NamedTuple):
+    """Place of an element, with what follows from the elements around it.
 
     Attributes:
-        bounds: the world rectangle of the cell; in parts that of a cell of side 1.
-        surface: that it wears; None where that is not known.
-        cover: the rectangle that holds all copies; None where there are none around.
+        bounds: world rectangle of the cell; in a part, with a cell of side 1 for the part.
+        surface: name of the surface; None where it is not known.
+        cover: world rectangle that holds all copies; None if neither the element nor one around it
+            is copied.
     """
 
     bounds: Bounds
@@ -27,8 +28,8 @@ class Placed(NamedTuple):
     cover: Bounds | None
 
 
-def placed_child(tree: Tree, index: int, parent: int, at: Placed) -> Placed:
-    """Where a child stands, from where its parent does."""
+def child_place(tree: Tree, index: int, parent: int, at: ComparedPlace) -> ComparedPlace:
+    """Place of a child, from that of its parent."""
     west, south, east, north = at.bounds
     place = tree.value("at", index)
     if place is not UNSET:
@@ -49,11 +50,11 @@ def placed_child(tree: Tree, index: int, parent: int, at: Placed) -> Placed:
     copied = tree.value("repeat", index) is not UNSET or tree.value("scatter", index) is not UNSET
     if cover is None and copied:
         cover = at.bounds
-    return Placed(box, at.surface if surface is UNSET else surface, cover)
+    return ComparedPlace(box, at.surface if surface is UNSET else surface, cover)
 
 
-def reach_of(tree: Tree, index: int, at: Placed) -> Bounds:
-    """The world rectangle of what an element, all in it and its copies can have an effect in."""
+def reach_of(tree: Tree, index: int, at: ComparedPlace) -> Bounds:
+    """World rectangle in which an element, all in it and its copies can have an effect."""
     if at.cover is not None:
         return at.cover
     turn = tree.value("turn_deg", index)
@@ -67,13 +68,13 @@ def reach_of(tree: Tree, index: int, at: Placed) -> Bounds:
     across, up = cos * wide + sin * tall, sin * wide + cos * tall
     begin, end = tree.brood(index)
     if begin < end or tree.value("part", index) is not UNSET:
-        # what stands in it may be in the cell as it is written
+        # elements in it may fill the cell as it was before the turn
         across, up = max(across, wide / 2), max(up, tall / 2)
     return x - across, y - up, x + across, y + up
 
 
 def within_cell(box: Bounds, around: Bounds) -> Hashable:
-    """A rectangle from the corner of another, but for rounding."""
+    """Sides of a rectangle relative to another, in shares of its longer side, nine digits."""
     side = max(around[2] - around[0], around[3] - around[1]) or 1.0
     west, south = around[:2]
     return tuple(
@@ -82,19 +83,19 @@ def within_cell(box: Bounds, around: Bounds) -> Hashable:
     )
 
 
-def rounded(box: Bounds) -> Hashable:
-    """A rectangle but for rounding."""
+def round_box(box: Bounds) -> Hashable:
+    """Round the sides of a rectangle to nine digits, so that equal ones compare equal."""
     return tuple(round(value, 9) for value in box)
 
 
 def way_between(box: Bounds, other: Bounds) -> Hashable:
-    """How far the sides of a rectangle are from those of another, but for rounding."""
+    """Displacements of the sides between two rectangles, in shares of the first's longer side."""
     side = max(box[2] - box[0], box[3] - box[1], 1e-300)
     return tuple(round((other[k] - box[k]) / side, 6) for k in range(4))
 
 
 def distance(box: Bounds, other: Bounds) -> float:
-    """Twice the distance of the middles of two rectangles."""
+    """Twice the distance between the middles of two rectangles."""
     return math.hypot(box[0] + box[2] - other[0] - other[2], box[1] + box[3] - other[1] - other[3])
 
 

@@ -1,4 +1,4 @@
-"""Where ground can differ: world rectangles of what differs; all else need not be looked at."""
+"""World rectangles in which the ground can differ; no other ground need be compared."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from terratool.definition.findings import Bounds
 from terratool.definition.model import Track
 from terratool.definition.uses import elements_of
 from terratool.viewing.diff.elements import RawChange
-from terratool.viewing.diff.places import Placed, placed_child, reach_of
-from terratool.viewing.diff.sides import Side
+from terratool.viewing.diff.places import ComparedPlace, child_place, reach_of
+from terratool.viewing.diff.sides import DiffSide
 
 MOST_ELEMENTS = 300_000
-"""Of a text with more elements all ground is looked at where an entry differs."""
+"""Most elements of a text that is searched for users of an entry; else all ground is compared."""
 
 
-def reaches(changes: Sequence[RawChange], old: Side, new: Side) -> Iterator[Bounds]:
-    """The rectangles that elements which differ had, and have."""
+def reaches(changes: Sequence[RawChange], old: DiffSide, new: DiffSide) -> Iterator[Bounds]:
+    """World rectangles of the elements that differ, old and new."""
     for change in changes:
         if change.old_at is not None:
             yield reach_of(old.uses.root.tree, change.old, change.old_at)
@@ -27,11 +27,11 @@ def reaches(changes: Sequence[RawChange], old: Side, new: Side) -> Iterator[Boun
 
 
 def users(
-    side: Side, surfaces: set[str], primitives: set[str], parts: set[str]
+    side: DiffSide, surfaces: set[str], primitives: set[str], parts: set[str]
 ) -> Iterator[Bounds] | None:
-    """The rectangles of elements that have any of these, directly or in their parts.
+    """World rectangles of elements that use any of these names, directly or in their parts.
 
-    None for the whole terrain.
+    None stands for the whole terrain.
     """
     parts = set(parts)
     trees = [(name, root) for name, root in side.roots() if name]
@@ -59,29 +59,29 @@ def users(
     return _users(side, wanted)
 
 
-def _users(side: Side, wanted: Sequence[tuple[str, set[str]]]) -> Iterator[Bounds]:
+def _users(side: DiffSide, wanted: Sequence[tuple[str, set[str]]]) -> Iterator[Bounds]:
     tree = side.uses.root.tree
-    pending = [(0, Placed(side.terrain.bounds, None, None))]
+    pending = [(0, ComparedPlace(side.terrain.bounds, None, None))]
     while pending:
         index, at = pending.pop()
         if any(tree.value(key, index) in names for key, names in wanted):
             yield reach_of(tree, index, at)
-            continue  # what is in it lies in its cell
+            continue  # its children lie in its rectangle
         pending += (
-            (child, placed_child(tree, child, index, at)) for child in range(*tree.brood(index))
+            (child, child_place(tree, child, index, at)) for child in range(*tree.brood(index))
         )
 
 
 def track_reach(track: Track) -> Bounds:
-    """The rectangle around a track."""
+    """World rectangle around a track, half its width included."""
     reach = 0.5 * (0.0 if track.width is UNSET else track.width)
     x, y = zip(*track.points, strict=True)
     return min(x) - reach, min(y) - reach, max(x) + reach, max(y) + reach
 
 
 def hull(rectangles: Sequence[Bounds], within: Bounds) -> Bounds | None:
-    """The rectangle around several, as far as it lies within another; None where none does."""
-    cut = [box for box in (clipped(one, within) for one in rectangles) if box is not None]
+    """Rectangle around the parts of several that lie within another; None if none does."""
+    cut = [box for box in (intersection(one, within) for one in rectangles) if box is not None]
     if not cut:
         return None
     return (
@@ -90,8 +90,8 @@ def hull(rectangles: Sequence[Bounds], within: Bounds) -> Bounds | None:
     )  # fmt: skip
 
 
-def clipped(box: Bounds, within: Bounds) -> Bounds | None:
-    """What of a rectangle lies within another; None where nothing does."""
+def intersection(box: Bounds, within: Bounds) -> Bounds | None:
+    """Intersection of two rectangles; None if it has no area."""
     west, south = max(box[0], within[0]), max(box[1], within[1])
     east, north = min(box[2], within[2]), min(box[3], within[3])
     return (west, south, east, north) if west < east and south < north else None

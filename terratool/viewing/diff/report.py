@@ -1,4 +1,4 @@
-"""What differs, as text for people, as JSON, as Markdown, and for GitHub's log."""
+"""Reports of differences: text for people, JSON, Markdown, and commands for GitHub's log."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ from terratool.viewing.diff.results import (
 )
 
 _ALIKE = 3
-"""So many elements that changed alike get one line …"""
+"""Least number of elements with equal changes that share a line."""
 _NAMED = 3
-"""… with the names of the first ones."""
+"""Most names in such a line, and in a cell of a table."""
 _FLIPS = 5
-"""So many kinds of flips are listed."""
+"""Most changes of class that are listed for a vehicle."""
 _UNKNOWN = "unknown"
-"""The class of ground that has no verdict."""
+"""Name of the class of ground without a verdict."""
 _SIGNS = {"added": "+", "removed": "-", "moved": "~", "changed": "~", "renamed": "~"}
 _DICTIONARIES = {"surface": "worn by", "primitive": "used by", "part": "stands in"}
 _STATUS: dict[FileStatus, str] = {
@@ -41,16 +41,16 @@ _STATUS: dict[FileStatus, str] = {
 
 
 def as_text(comparison: Comparison, most: int) -> str:
-    """For people: what each file has that differs, and a summary of several."""
+    """Text for people: the differences in each file, and a summary of several."""
     lines: list[str] = []
     several = len(comparison.files) > 1
     for file in comparison.files:
         if several and file.status == "same" and not _notes(file):
             continue
         lines.append(f"{printable(file.file)}: {_STATUS[file.status]}")
-        lines += (f"  {printable(line)}" for line in _said(file, most))
+        lines += (f"  {printable(line)}" for line in _lines(file, most))
     if several:
-        lines.append(_summed_up(comparison))
+        lines.append(_summary_line(comparison))
     return "\n".join(lines)
 
 
@@ -58,7 +58,7 @@ def _notes(file: FileDifference) -> tuple[str, ...]:
     return file.difference.notes if file.difference else ()
 
 
-def _summed_up(comparison: Comparison) -> str:
+def _summary_line(comparison: Comparison) -> str:
     counts = [
         f"{count:,} {_STATUS[status] if status != 'same' else 'the same'}"
         for status in _STATUS
@@ -67,7 +67,7 @@ def _summed_up(comparison: Comparison) -> str:
     return f"{counted(len(comparison.files), 'terrain')}: {', '.join(counts)}."
 
 
-def _said(file: FileDifference, most: int) -> Iterator[str]:
+def _lines(file: FileDifference, most: int) -> Iterator[str]:
     if file.message:
         yield file.message
     if file.hint:
@@ -77,11 +77,11 @@ def _said(file: FileDifference, most: int) -> Iterator[str]:
 
 
 def lines_of(found: Difference, most: int) -> Iterator[str]:
-    """What differs, in lines of which the first say what it is; lists have at most so many."""
+    """Differences in lines; a list has at most `most` of them, 0 for all."""
     for key in found.frame:
         yield _key(key)
-    yield from _listed(found.entries, most, _entry)
-    yield from _listed(_groups([*found.elements, *found.tracks]), most, _group)
+    yield from _limit_lines(found.entries, most, _entry)
+    yield from _limit_lines(_groups([*found.elements, *found.tracks]), most, _group)
     if found.ground is not None:
         yield from _ground(found.ground)
     for verdict in found.verdicts:
@@ -90,7 +90,7 @@ def lines_of(found: Difference, most: int) -> Iterator[str]:
         yield f"note: {note}"
 
 
-def _listed(items: Sequence[Any], most: int, line: Callable[[Any], str]) -> Iterator[str]:
+def _limit_lines(items: Sequence[Any], most: int, line: Callable[[Any], str]) -> Iterator[str]:
     shown_items = items[:most] if most else items
     yield from map(line, shown_items)
     if len(items) > len(shown_items):
@@ -116,7 +116,7 @@ def _entry(entry: EntryChange) -> str:
 
 
 def _groups(changes: Sequence[ElementChange]) -> list[list[ElementChange]]:
-    """Changes of one kind together, by the first of each."""
+    """Group equal changes, in the order of the first of each group."""
     groups: dict[Any, list[ElementChange]] = {}
     for change in changes:
         way = change.shift and tuple(f"{part:.6g}" for part in change.shift)
@@ -216,7 +216,7 @@ def _verdict(verdict: VerdictChange, most: int) -> Iterator[str]:
         f"{name}: {per_cent(verdict.worse)} of the ground got worse, {per_cent(verdict.better)} "
         f"better, on pixels of {verdict.grid.resolution:.4g} m"
     )
-    yield from _listed(
+    yield from _limit_lines(
         verdict.flips,
         min(most, _FLIPS),
         lambda flip: (
@@ -229,7 +229,7 @@ def _verdict(verdict: VerdictChange, most: int) -> Iterator[str]:
 
 
 def as_json(comparison: Comparison, most: int) -> str:  # noqa: ARG001, as others have it
-    """For scripts: all that is known, with the version of the format."""
+    """JSON for scripts: all differences, with the version of the format."""
     return json_text(
         DiffDocument(
             same=comparison.same,
@@ -240,8 +240,8 @@ def as_json(comparison: Comparison, most: int) -> str:  # noqa: ARG001, as other
 
 
 def as_markdown(comparison: Comparison, most: int) -> str:
-    """For comments and the summaries of CI: a table of files, then what differs in each."""
-    lines = ["## Terrains", "", _summed_up(comparison), ""]
+    """Markdown for comments and summaries of CI: a table of files, then the differences in each."""
+    lines = ["## Terrains", "", _summary_line(comparison), ""]
     listed_files = [file for file in comparison.files if file.status != "same" or _notes(file)]
     if not listed_files:
         return "\n".join(lines)
@@ -251,7 +251,7 @@ def as_markdown(comparison: Comparison, most: int) -> str:
     lines += [markdown_row(head), markdown_row(["---"] * len(head))]
     lines += (markdown_row(_cells(file, verdicts)) for file in listed_files)
     for file in listed_files:
-        said = list(_said(file, most))
+        said = list(_lines(file, most))
         if said:
             lines += ["", f"### {escape_markdown(file.file)}", ""]
             lines += ["```", *map(printable, said), "```"]
@@ -285,13 +285,13 @@ def _counts(found: Difference) -> str:
 
 
 def as_github(comparison: Comparison, most: int) -> str:
-    """Workflow commands, which GitHub shows beside the files: one for each that differs."""
+    """Workflow commands, which GitHub shows beside the files: one for each file that differs."""
     lines = []
     for file in comparison.files:
         if file.status == "same":
             continue
         title = f"terrain {_STATUS[file.status]}"
-        text = "\n".join(_said(file, most))
+        text = "\n".join(_lines(file, most))
         found = file.difference
         worse = found is not None and any(one.worse for one in found.verdicts)
         level = "error" if file.status in ("invalid", "unreadable") else "notice"
@@ -302,7 +302,7 @@ def as_github(comparison: Comparison, most: int) -> str:
             places = (one.new for one in (*found.elements, *found.tracks) if one.new is not None)
             line = next((place.line for place in places if place.file == found.new), 1) or 1
         lines.append(annotation(level, {"file": name, "line": line, "title": title}, text))
-    return "\n".join([*lines, _summed_up(comparison)])
+    return "\n".join([*lines, _summary_line(comparison)])
 
 
 REPORTERS: dict[str, Callable[[Comparison, int], str]] = {

@@ -1,4 +1,4 @@
-"""What differs between two definitions, as frozen records; lengths in units of the terrain."""
+"""Records of differences between two definitions; lengths are in world units."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ Pair = tuple[float, float]
 
 
 class KeyChange(Struct, frozen=True):
-    """A key whose value differs.
+    """Old and new value of a key.
 
     Attributes:
-        key: its name; of what has no key what it is, as place, parent or order.
-        old, new: its values as text, empty where there is none.
+        key: name of the key; a word such as place, parent or order where no key is written.
+        old, new: values as text, empty where there is none.
     """
 
     key: str
@@ -30,17 +30,17 @@ class KeyChange(Struct, frozen=True):
 
 
 class EntryChange(Struct, frozen=True):
-    """A surface, a primitive or a part that differs.
+    """A difference in a surface, a primitive or a part.
 
     Attributes:
-        dictionary: what it is.
-        kind: what became of it.
-        name: in the new definition; in the old one where it was removed.
-        was: in the old definition, if it was renamed; else empty.
-        keys: that differ.
-        used: elements that wear a surface or have a primitive, parts and copies written out; of a
-            part the elements of the text that it stands in.
-        places: names of the first of these elements, as they stand in the text.
+        dictionary: kind of the entry.
+        kind: kind of the change.
+        name: name in the new definition; in the old one where the entry was removed.
+        was: name in the old definition, if the entry was renamed; else empty.
+        keys: keys that differ.
+        used: number of elements that use a surface or a primitive, parts and copies written out;
+            for a part, number of elements of the text that place it.
+        places: JSON pointers of the first elements that use the entry.
     """
 
     dictionary: Dictionary
@@ -53,13 +53,13 @@ class EntryChange(Struct, frozen=True):
 
 
 class ElementPlace(Struct, frozen=True):
-    """Where an element stands.
+    """Place of an element in the text and in the world.
 
     Attributes:
-        pointer: its name.
-        file: the file that it stands in.
-        line: there, from 1.
-        bounds: the world rectangle of its cell; None in a part, which stands in many places.
+        pointer: JSON pointer of the element, with the file before it in a library.
+        file: name of the file that has the element.
+        line: line in that file, from 1; 0 where it was not looked up.
+        bounds: world rectangle of the cell; None in a part, which stands in many places.
     """
 
     pointer: str
@@ -69,17 +69,17 @@ class ElementPlace(Struct, frozen=True):
 
 
 class ElementChange(Struct, frozen=True):
-    """An element, or a track, that differs.
+    """A difference in an element, or in a track.
 
     Attributes:
-        kind: what became of it.
-        what: its primitive or its part, in the new definition where it is there.
-        descr: what it says of itself.
-        old, new: where it stood and stands; None where it does not.
-        shift: how far the middle of its cell moved, to the east and to the north.
-        keys: that differ.
-        elements: how many the text has in it, itself included.
-        part: the part that it is in; empty for the terrain itself.
+        kind: kind of the change.
+        what: primitive or part of the element, in the new definition if the element is there.
+        descr: description of the element; empty for none.
+        old, new: old and new place; None where the element is only on the other side.
+        shift: movement of the middle of the cell, east and north; None if it did not move.
+        keys: keys that differ.
+        elements: number of elements that the text has in this one, itself included.
+        part: name of the part that has the element; empty for the terrain itself.
     """
 
     kind: ChangeKind
@@ -94,19 +94,19 @@ class ElementChange(Struct, frozen=True):
 
     @property
     def place(self) -> ElementPlace:
-        """Where it stands, or stood."""
+        """New place of the element; the old one if the element was removed."""
         place = self.new or self.old
         assert place is not None
         return place
 
 
-class PixelGrid(Struct, frozen=True):
-    """The pixels whose centres were compared.
+class ComparedGrid(Struct, frozen=True):
+    """Grid of pixels whose centres were compared.
 
     Attributes:
-        bounds: west, south, east, north of their edges.
+        bounds: west, south, east, north edge of the grid.
         resolution: side of a pixel.
-        width, height: how many there are along x and along y.
+        width, height: number of pixels along x and along y.
     """
 
     bounds: Bounds
@@ -116,12 +116,13 @@ class PixelGrid(Struct, frozen=True):
 
 
 class LargestChange(Struct, frozen=True):
-    """Where heights differ most, of the pixel centres.
+    """Largest difference of heights at a pixel centre.
 
     Attributes:
-        x, y: the place.
-        old, new: the heights.
-        old_element, new_element: what decides the surface there.
+        x, y: world coordinates of the pixel centre.
+        old, new: heights there.
+        old_element, new_element: JSON pointers of the elements that decide the surface there; None
+            for none.
     """
 
     x: float
@@ -133,16 +134,16 @@ class LargestChange(Struct, frozen=True):
 
     @property
     def change(self) -> float:
-        """New less old."""
+        """New height less old height."""
         return self.new - self.old
 
 
 class SurfaceArea(Struct, frozen=True):
-    """Ground that wore one surface and wears another.
+    """Area of ground that changed from one surface to another.
 
     Attributes:
-        old, new: their names, in the new definition where one was renamed; None for no surface.
-        area: of it.
+        old, new: names of the surfaces in the new definition; None for no surface.
+        area: area of this ground.
     """
 
     old: str | None
@@ -151,26 +152,26 @@ class SurfaceArea(Struct, frozen=True):
 
 
 class GroundChange(Struct, frozen=True):
-    """What became of the ground that both terrains have.
+    """Differences of the ground in the rectangle that both terrains have.
 
     Attributes:
-        grid: what was compared; the volumes are sums over its pixels.
-        tolerance: what heights may differ by.
+        grid: pixels that were compared; volumes and areas are sums over them.
+        tolerance: largest difference of heights that does not count as changed ground.
         common: area of the rectangle that both terrains, and the bounds asked for, have in common.
         cut: volume of old ground over new.
         fill: volume of new ground over old.
-        error: how far the volumes are from those of pixels twice as wide, m³; no bound, as where
-            heights jump along round edges they may be off by more.
+        error: difference of the volumes from those of pixels twice as wide, m³; no bound, as
+            heights that jump along round edges may make the volumes less exact.
         changed: area where heights differ by more than the tolerance.
-        around: the rectangle around that, None where there is none.
-        largest: where they differ most; None where they do nowhere.
-        lost, gained: areas where there was ground and is none, and the other way around.
+        around: rectangle around the changed area; None if nothing changed.
+        largest: largest difference of heights; None if no heights differ.
+        lost, gained: area where ground became void, and where void became ground.
         surfaces: areas whose surface differs, the largest first.
-        left, joined: areas of the old terrain outside of the new one, and of the new outside of
-            the old.
+        left, joined: area of the old terrain outside of the new one, and of the new terrain
+            outside of the old one.
     """
 
-    grid: PixelGrid
+    grid: ComparedGrid
     tolerance: float
     common: float
     cut: float = 0.0
@@ -193,13 +194,13 @@ class GroundChange(Struct, frozen=True):
 
 
 class Flip(Struct, frozen=True):
-    """Ground that was one thing to a vehicle and is another.
+    """Ground that changed from one class of verdicts to another.
 
     Attributes:
-        old, new: classes of ground, as in a map of verdicts.
-        area: of it.
-        share: of the ground that both terrains have.
-        x, y: the first such place from the north-west.
+        old, new: names of the classes, those of a traversability map.
+        area: area of this ground.
+        share: share of the ground that both terrains have, from 0 to 1.
+        x, y: world coordinates of the first such pixel centre, from the north-west.
     """
 
     old: str
@@ -211,19 +212,19 @@ class Flip(Struct, frozen=True):
 
 
 class VerdictChange(Struct, frozen=True):
-    """What became of a vehicle's verdicts.
+    """Differences of a vehicle's verdicts.
 
     Attributes:
-        vehicle: its name.
-        grid: the pixels of both maps.
-        ground: area that both terrains have ground on.
-        worse, better: shares of it that got worse and better.
-        old, new: share of the ground in each class that there is.
-        flips: the largest first.
+        vehicle: name of the vehicle.
+        grid: pixels of both maps.
+        ground: area on which both terrains have ground.
+        worse, better: shares of that area that got worse and better, from 0 to 1.
+        old, new: share of that area in each class, by the name of the class.
+        flips: changes of class, the largest first.
     """
 
     vehicle: str
-    grid: PixelGrid
+    grid: ComparedGrid
     ground: float
     worse: float
     better: float
@@ -233,18 +234,18 @@ class VerdictChange(Struct, frozen=True):
 
 
 class Difference(Struct, frozen=True):
-    """What differs between two definitions.
+    """All differences between two definitions.
 
     Attributes:
-        old, new: the names of their files.
-        same: whether they are the same terrain, whatever their texts look like.
+        old, new: names of the files.
+        same: whether both are the same terrain, whatever their texts look like.
         frame: size, origin and crs, where these differ.
         entries: surfaces, primitives and parts in use that differ.
-        elements: in the order of the text.
-        tracks: likewise.
-        notes: sentences on what differs and changes no terrain.
-        ground: None where nothing can differ, or cannot be compared.
-        verdicts: of each vehicle that was asked for.
+        elements: elements that differ, in the order of the text.
+        tracks: tracks that differ, the changed first, then the removed and the added.
+        notes: sentences on differences that change no terrain.
+        ground: differences of the ground; None where it cannot differ, or cannot be compared.
+        verdicts: differences of verdicts, for each vehicle that was asked for.
     """
 
     old: str
@@ -259,19 +260,19 @@ class Difference(Struct, frozen=True):
     verdicts: tuple[VerdictChange, ...] = ()
 
     def count(self, kind: ChangeKind) -> int:
-        """How many elements and tracks became that."""
+        """Number of elements and tracks with a kind of change."""
         return sum(change.kind == kind for change in (*self.elements, *self.tracks))
 
 
 class FileDifference(Struct, frozen=True):
-    """What became of one file.
+    """Result for one file, or for two files of one name.
 
     Attributes:
-        file: its name, in folders that under both.
-        status: what became of it.
-        difference: where both could be read.
+        file: name of the file; for folders, the name below both.
+        status: result of the comparison.
+        difference: differences; None unless both files could be read.
         message: one sentence on a file that is on one side only, or cannot be compared.
-        hint: what to do.
+        hint: advice where the files cannot be compared; else empty.
     """
 
     file: str
@@ -282,22 +283,22 @@ class FileDifference(Struct, frozen=True):
 
 
 class Comparison(Struct, frozen=True):
-    """What became of all files."""
+    """Results for all files."""
 
     files: tuple[FileDifference, ...]
 
     def count(self, *statuses: FileStatus) -> int:
-        """How many files became one of these."""
+        """Number of files whose status is one of these."""
         return sum(file.status in statuses for file in self.files)
 
     @property
     def same(self) -> bool:
-        """Whether all are."""
+        """Whether all files are the same terrains."""
         return self.count("same") == len(self.files)
 
 
 class DiffDocument(Document, frozen=True, kw_only=True):
-    """What differs, as JSON; see schemas/difference.schema.json."""
+    """Comparison as JSON; see schemas/difference.schema.json."""
 
     same: bool
     summary: dict[FileStatus, int]

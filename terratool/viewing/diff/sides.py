@@ -1,4 +1,4 @@
-"""The old and the new definition, each checked and compiled, and what both call alike."""
+"""The old and the new definition, each checked and compiled, and keys for equal entries."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 from msgspec import UNSET, Struct
 
 from terratool.definition.curves import shape_of
-from terratool.definition.libraries import Document, path_between
+from terratool.definition.libraries import SourceDocument, path_between
 from terratool.definition.model import Definition, Primitive, Surface
 from terratool.definition.reader import Checked, CheckOptions, check, no_terrain
 from terratool.definition.uses import Root, Uses
@@ -17,12 +17,12 @@ from terratool.field.terrain import Terrain
 from terratool.text.source import Source, read_source
 
 
-class Side(Struct, frozen=True, dict=True):
-    """One of two definitions.
+class DiffSide(Struct, frozen=True, dict=True):
+    """One of two definitions that are compared.
 
     Attributes:
-        checked: the text, without errors.
-        terrain: what it means.
+        checked: checked text, without errors.
+        terrain: terrain compiled from it.
     """
 
     checked: Checked
@@ -30,57 +30,57 @@ class Side(Struct, frozen=True, dict=True):
 
     @property
     def name(self) -> str:
-        """Of the file."""
+        """Name of the file."""
         return self.checked.name
 
     @cached_property
     def uses(self) -> Uses:
-        """The parts that it knows and uses."""
+        """Parts and names that the definition knows and uses."""
         uses = self.checked.uses
         assert uses is not None
         return uses
 
     @property
-    def document(self) -> Document:
-        """The text."""
+    def document(self) -> SourceDocument:
+        """Text of the definition."""
         return self.uses.document
 
     @property
     def definition(self) -> Definition:
-        """The model of it; its elements may be in its tree alone."""
+        """Model of the text; its elements may be in its tree alone."""
         assert self.checked.terrain is not None
         return self.checked.terrain
 
     @cached_property
     def surfaces(self) -> dict[str, Surface]:
-        """All surfaces that it knows, those of libraries where they are in use."""
-        known, needed = self.uses.names.surfaces, self.uses.needed["surfTypes"]
+        """Surfaces by name: its own, and those of libraries that are in use."""
+        known, needed = self.uses.names.surfaces, self.uses.needed_names["surfTypes"]
         own = self.document.entries["surfTypes"]
         return {n: named.value for n, named in known.items() if n in needed or n in own}
 
     @cached_property
     def primitives(self) -> dict[str, Primitive]:
-        """All primitives that it knows, likewise."""
-        known, needed = self.uses.names.primitives, self.uses.needed["elemTypes"]
+        """Primitives by name: its own, and those of libraries that are in use."""
+        known, needed = self.uses.names.primitives, self.uses.needed_names["elemTypes"]
         own = self.document.entries["elemTypes"]
         return {n: named.value for n, named in known.items() if n in needed or n in own}
 
     @property
     def parts(self) -> dict[str, Root]:
-        """The parts that stand in the terrain, directly or in others."""
-        return {name: self.uses.part(name) for name in self.uses.reached}
+        """Roots of the parts in the terrain, directly or in other parts, by name."""
+        return {name: self.uses.part(name) for name in self.uses.parts_in_use}
 
     def uses_name(self, dictionary: str, name: str) -> bool:
         """Whether the terrain needs an entry of `surfTypes` or `elemTypes`."""
-        return name in self.uses.needed[dictionary]  # type: ignore[index]
+        return name in self.uses.needed_names[dictionary]  # type: ignore[index]
 
     def roots(self) -> Iterator[tuple[str, Root]]:
-        """The terrain, and each part in it, by name; that of the terrain is empty."""
+        """Names and roots of the terrain and of each part in it; the terrain's name is empty."""
         yield "", self.uses.root
         yield from self.parts.items()
 
     def pointer(self, root: Root, index: int) -> str:
-        """The name of an element as it stands in its text."""
+        """JSON pointer of an element, with the file before it in a library."""
         pointer = root.tree.pointer(index)
         if root.home is self.document:
             return pointer
@@ -94,19 +94,19 @@ def read_side(
     roots: tuple[str, ...] = (),
     roughness: bool = True,
     named: bool = True,
-) -> Side:
+) -> DiffSide:
     """Read, check and compile one definition.
 
     Args:
-        name: of the file.
-        called: the path that it is taken to have: its libraries are looked for from there on.
+        name: name of the file.
+        called: path that the file is taken to have, from which libraries are looked for.
         roots: further folders under which libraries may lie.
         roughness: whether rough surfaces have their relief.
-        named: whether a user named the file; one that was met has to be a regular file.
+        named: whether a user named the file; a file met in a folder must be a regular one.
 
     Raises:
         ReadError: the file cannot be read.
-        DefinitionError: it is no valid terrain.
+        DefinitionError: the text is no valid terrain.
     """
     source = read_source(name, named=named)
     if called is not None:
@@ -114,33 +114,33 @@ def read_side(
     return side_of(source, roots=roots, roughness=roughness)
 
 
-def side_of(source: Source, *, roots: tuple[str, ...] = (), roughness: bool = True) -> Side:
-    """Check and compile a text; raises as `read_side` does."""
+def side_of(source: Source, *, roots: tuple[str, ...] = (), roughness: bool = True) -> DiffSide:
+    """Check and compile a text; errors are those of `read_side`."""
     checked = check(source, CheckOptions(warnings=False, library_roots=roots))
     if checked.terrain is None:
         raise no_terrain(source, checked)
-    return Side(checked, Terrain(checked, roughness=roughness))
+    return DiffSide(checked, Terrain(checked, roughness=roughness))
 
 
 def shape_key(primitive: Primitive) -> Any:
-    """What primitives of one shape have in common, however they are written."""
+    """Key of a primitive's shape, equal for equal shapes however they are written."""
     shape = shape_of(primitive)
     return shape.combine, repr(shape.x), repr(shape.y)
 
 
 def surface_key(surface: Surface) -> Any:
-    """What surfaces of the same figures have in common; what one says of itself does not count."""
+    """Key of a surface's figures, equal for equal figures; the description does not count."""
     values = {key: getattr(surface, key) for key in Surface.__struct_fields__ if key != "descr"}
     values["void"] = surface.void is True
     return tuple(sorted((key, repr(value)) for key, value in values.items() if value is not UNSET))
 
 
-def renamed(old: dict[str, Any], new: dict[str, Any]) -> dict[str, str]:
-    """Names that only the old side has, each with that of the new one for the same; of one key.
+def find_renames(old: dict[str, Any], new: dict[str, Any]) -> dict[str, str]:
+    """New names of renamed entries, by their old names: an old and a new one of equal keys.
 
     Args:
-        old: keys by name …
-        new: … of both sides.
+        old: keys of the old entries by name.
+        new: keys of the new entries by name.
     """
     left: dict[Any, list[str]] = {}
     for name, key in new.items():

@@ -1,4 +1,4 @@
-"""Trees whose elements have numbers: what is equal, with all in it, has the same one."""
+"""Trees whose elements have numbers, equal for equal subtrees."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from terratool.definition.model import pair_of
 from terratool.definition.tree import Tree
 
 
-class Names(Struct, frozen=True):
-    """New names of what was renamed."""
+class NewNames(Struct, frozen=True):
+    """New names of renamed entries, by their old names."""
 
     surfaces: dict[str, str]
     primitives: dict[str, str]
@@ -21,27 +21,27 @@ class Names(Struct, frozen=True):
 
 
 class Interner:
-    """Numbers for what is equal, of both sides."""
+    """Numbers of keys, equal for equal keys of both sides."""
 
     def __init__(self) -> None:
         self._known: dict[Hashable, int] = {}
 
     def of(self, key: Hashable) -> int:
-        """The number of a key."""
+        """Number of a key, a new one if the key is new."""
         return self._known.setdefault(key, len(self._known))
 
 
 class SignedTree:
-    """A tree, with a number for each element: of equal ones it is equal, with all in them.
+    """A tree with numbers for its elements, equal for equal subtrees.
 
     Attributes:
-        tree: the elements.
-        plain: numbers by what makes ground, without the places of the elements themselves.
-        full: the same with what they say of themselves.
-        place: where each stands in its parent, as exactly as it is written.
+        tree: the tree.
+        plain: number of each element's subtree by what makes ground, without the element's place.
+        full: number of each element's subtree, with all descriptions.
+        place: place of each element in its parent, exactly as it is written.
     """
 
-    def __init__(self, tree: Tree, names: Names, interner: Interner) -> None:
+    def __init__(self, tree: Tree, names: NewNames, interner: Interner) -> None:
         self.tree = tree
         size = len(tree)
         surfaces, primitives, parts = names.surfaces, names.primitives, names.parts
@@ -92,18 +92,18 @@ class SignedTree:
         self._below = below
 
     def children(self, index: int) -> range:
-        """The children of an element."""
+        """Indices of the children of an element."""
         return range(*self._below.get(index, (0, 0)))
 
-    def kind(self, index: int, names: Names) -> Hashable:
-        """Its primitive or its part, in new names."""
+    def kind(self, index: int, names: NewNames) -> Hashable:
+        """Primitive and part of an element, in new names."""
         tree = self.tree
         type_, part = tree.value("type", index), tree.value("part", index)
         return names.primitives.get(type_, type_), names.parts.get(part, part)
 
 
 def place_of(tree: Tree, index: int, grid: tuple[int, int]) -> Hashable:
-    """Where an element stands in its parent: shares of its cell, or a free place; with copies."""
+    """Place of an element in its parent with its copies: shares of the grid, or a free place."""
     repeat, at = tree.value("repeat", index), tree.value("at", index)
     count, step = (None, (0, 0)) if repeat is UNSET else (repeat.count, repeat.step)
     if at is not UNSET:
@@ -112,15 +112,15 @@ def place_of(tree: Tree, index: int, grid: tuple[int, int]) -> Hashable:
         return "at", at, sides, count, None if count is None else step
     x, y, w, h = tree.block(index)
     axes = zip((x, y), (w, h), grid, map(int, step), strict=True)
-    return "cell", count, *(_reduced(*axis) for axis in axes)
+    return "cell", count, *(_reduce(*axis) for axis in axes)
 
 
-def _reduced(*numbers: int) -> tuple[int, ...]:
+def _reduce(*numbers: int) -> tuple[int, ...]:
     divisor = math.gcd(*numbers)
     return tuple(number // divisor for number in numbers)
 
 
 def as_written(tree: Tree, index: int) -> Hashable:
-    """The place of an element as its text has it."""
+    """Place of an element as its text has it."""
     names = "cell_x", "cell_y", "span", "at", "extent", "repeat"
     return tuple(tree.value(name, index) for name in names)

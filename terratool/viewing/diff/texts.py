@@ -1,4 +1,4 @@
-"""What differs between two texts: entries, parts, elements and tracks, matched and named."""
+"""Comparison of two texts: entries, parts, elements and tracks, matched and named."""
 
 from __future__ import annotations
 
@@ -20,30 +20,30 @@ from terratool.viewing.diff.entries import (
     EntryDifference,
     compare_entries,
     part_entry,
-    shown_value,
+    value_text,
 )
-from terratool.viewing.diff.places import Placed
+from terratool.viewing.diff.places import ComparedPlace
 from terratool.viewing.diff.regions import track_reach
 from terratool.viewing.diff.results import ElementChange, ElementPlace, EntryChange, KeyChange
-from terratool.viewing.diff.sides import Side, renamed
-from terratool.viewing.diff.signed import Interner, Names, SignedTree
+from terratool.viewing.diff.sides import DiffSide, find_renames
+from terratool.viewing.diff.signed import Interner, NewNames, SignedTree
 
 MOST_PLACED = 10_000
-"""So many elements get a line of their file; the others have line 0."""
+"""Most elements whose lines are looked up; the others have line 0."""
 
 
 @dataclass(frozen=True, slots=True)
 class TextDifference:
-    """What differs between two texts.
+    """Differences between two texts.
 
     Attributes:
-        entries: surfaces and primitives.
-        parts: that differ.
-        elements: that differ, first those of the terrain itself.
-        raw: these of the terrain itself, by their indices.
-        dirty: names of parts whose elements differ, on the old and on the new side.
-        tracks: that differ.
-        notes: sentences on what is no other ground.
+        entries: differences in surfaces and primitives.
+        parts: parts that differ.
+        elements: elements that differ, first those of the terrain itself.
+        raw: elements of the terrain itself that differ, by their indices.
+        dirty: old and new name of each part whose elements differ.
+        tracks: tracks that differ.
+        notes: sentences on differences that leave the ground equal.
     """
 
     entries: EntryDifference
@@ -56,43 +56,43 @@ class TextDifference:
 
     @property
     def is_empty(self) -> bool:
-        """Whether nothing differs that could matter."""
+        """Whether nothing differs that could change the terrain."""
         return not (self.entries.changes or self.parts or self.elements or self.tracks)
 
     @property
     def places(self) -> int:
-        """How many things differ."""
+        """Number of entries, parts, elements and tracks that differ."""
         found = self.entries.changes, self.parts, self.elements, self.tracks
         return sum(map(len, found))
 
 
-def compare_texts(old: Side, new: Side) -> TextDifference:
+def compare_texts(old: DiffSide, new: DiffSide) -> TextDifference:
     """Compare the texts of two definitions."""
     entries = compare_entries(old, new)
     names = entries.names
-    signed = _Signed(old, new, names)
+    signed = _SignedTrees(old, new, names)
     parts = signed.renamed_parts()
     if parts:
-        names = Names(names.surfaces, names.primitives, parts)
-        signed = _Signed(old, new, names)
+        names = NewNames(names.surfaces, names.primitives, parts)
+        signed = _SignedTrees(old, new, names)
     notes = list(entries.notes)
     notes += (f"The part {was} is called {now} now; it is the same." for was, now in parts.items())
     changes, elements, dirty, descriptions = [], [], [], 0
-    found = _compared(old, new, "", "", signed, names)
+    found = _compare_trees(old, new, "", "", signed, names)
     raw = tuple(found.changes)
     descriptions += found.descriptions
-    elements += _told(found.changes, old, new, "", "")
+    elements += _element_changes(found.changes, old, new, "", "")
     for was in old.parts:
         now = parts.get(was, was)
         if now not in new.parts:
             changes.append(part_entry("removed", was, old))
             continue
-        found = _compared(old, new, was, now, signed, names)
+        found = _compare_trees(old, new, was, now, signed, names)
         descriptions += found.descriptions
         if found.changes:
             dirty.append((was, now))
             changes.append(part_entry("changed", now, new))
-            elements += _told(found.changes, old, new, was, now)
+            elements += _element_changes(found.changes, old, new, was, now)
     known = {parts.get(was, was) for was in old.parts}
     changes += (part_entry("added", now, new) for now in new.parts if now not in known)
     if descriptions:
@@ -106,24 +106,24 @@ def compare_texts(old: Side, new: Side) -> TextDifference:
     )  # fmt: skip
 
 
-class _Signed:
-    """The trees of both sides, each signed once."""
+class _SignedTrees:
+    """Signed trees of both sides, each made once."""
 
-    def __init__(self, old: Side, new: Side, names: Names) -> None:
+    def __init__(self, old: DiffSide, new: DiffSide, names: NewNames) -> None:
         self._names = names
         self._interner = Interner()
         self._known: dict[int, SignedTree] = {}
         self._old, self._new = old, new
 
-    def of(self, side: Side, tree: Tree) -> SignedTree:
-        """A tree of a side."""
+    def of(self, side: DiffSide, tree: Tree) -> SignedTree:
+        """Signed tree of a tree of one side."""
         if id(tree) not in self._known:
-            names = self._names if side is self._old else Names({}, {}, {})
+            names = self._names if side is self._old else NewNames({}, {}, {})
             self._known[id(tree)] = SignedTree(tree, names, self._interner)
         return self._known[id(tree)]
 
     def renamed_parts(self) -> dict[str, str]:
-        """New names of parts that are equal."""
+        """New names of renamed parts, by their old names."""
         old, new = (
             {
                 name: self.of(side, root.tree).plain[root.element]
@@ -131,26 +131,26 @@ class _Signed:
             }
             for side in (self._old, self._new)
         )
-        return renamed(old, new)
+        return find_renames(old, new)
 
 
-def _root(side: Side, part: str) -> Root:
+def _root(side: DiffSide, part: str) -> Root:
     return side.parts[part] if part else side.uses.root
 
 
-def _compared(
-    old: Side, new: Side, was: str, now: str, signed: _Signed, names: Names
+def _compare_trees(
+    old: DiffSide, new: DiffSide, was: str, now: str, signed: _SignedTrees, names: NewNames
 ) -> TreeDifference:
-    """What differs in the terrain, or in a part of it."""
+    """Differences in the terrain, or in the part `was`, `now` where these are not empty."""
     first, second = _root(old, was), _root(new, now)
     trees = signed.of(old, first.tree), signed.of(new, second.tree)
     return TreeComparison(old, new, first, second, *trees, names, bool(now)).run()
 
 
-def _told(
-    changes: Sequence[RawChange], old: Side, new: Side, was: str, now: str
+def _element_changes(
+    changes: Sequence[RawChange], old: DiffSide, new: DiffSide, was: str, now: str
 ) -> list[ElementChange]:
-    """Changes with the names of elements, in the order of the text."""
+    """Differences with JSON pointers in place of indices, in the order of the text."""
     first, second = _root(old, was), _root(new, now)
     places: list[dict[int, ElementPlace]] = []
     for side, root, indices, spots in (
@@ -179,7 +179,7 @@ def _told(
 
 
 def _places(
-    side: Side, root: Root, there: Sequence[tuple[int, Placed]], in_part: bool
+    side: DiffSide, root: Root, there: Sequence[tuple[int, ComparedPlace]], in_part: bool
 ) -> dict[int, ElementPlace]:
     pointers = {index: root.tree.pointer(index) for index, _ in there}
     looked = list(pointers)[:MOST_PLACED]
@@ -221,8 +221,8 @@ def _order(pointer: str) -> tuple[int, ...]:
 # Tracks
 
 
-def _tracks(old: Side, new: Side, names: Names) -> Iterator[ElementChange]:
-    """Tracks that differ: matched as a whole, then by their path."""
+def _tracks(old: DiffSide, new: DiffSide, names: NewNames) -> Iterator[ElementChange]:
+    """Differences of tracks, which are matched as a whole, then by their paths."""
     ours = {number: _track(track, names) for number, track in enumerate(old.definition.ruts)}
     theirs = {number: _track(track, None) for number, track in enumerate(new.definition.ruts)}
     for key in _whole, _path:
@@ -237,7 +237,7 @@ def _tracks(old: Side, new: Side, names: Names) -> Iterator[ElementChange]:
             before = ours.pop(at)
             del theirs[number]
             changes = tuple(
-                KeyChange(name, shown_value(before[name]), shown_value(track[name]))
+                KeyChange(name, value_text(before[name]), value_text(track[name]))
                 for name in track
                 if before[name] != track[name]
             )
@@ -261,8 +261,8 @@ def _path(track: dict[str, Any]) -> str:
     return repr(track["path"])
 
 
-def _track(track: Track, names: Names | None) -> dict[str, Any]:
-    """What counts of a track, in new names."""
+def _track(track: Track, names: NewNames | None) -> dict[str, Any]:
+    """Values of a track by key, without its description, in new names and with defaults."""
     known = names.surfaces if names else {}
     found = {key: getattr(track, name) for name, key in names_of(Track) if name != "descr"}
     found["passes"] = 1 if track.passes is UNSET else track.passes
@@ -273,7 +273,7 @@ def _track(track: Track, names: Names | None) -> dict[str, Any]:
     return found
 
 
-def _track_place(side: Side, number: int, box: Bounds) -> ElementPlace:
+def _track_place(side: DiffSide, number: int, box: Bounds) -> ElementPlace:
     pointer, source = f"/tracks/{number}", side.document.source
     (found,) = locate(source.data, [Address(pointer)])
     return ElementPlace(pointer, source.name, found.line, box)

@@ -1,4 +1,4 @@
-"""What became of a vehicle's verdicts, on one grid for both terrains."""
+"""Comparison of a vehicle's verdicts on two terrains, on one grid."""
 
 from __future__ import annotations
 
@@ -16,17 +16,23 @@ from terratool.traversability.map import stream_map
 from terratool.traversability.results import GroundClass
 from terratool.traversability.route.headings import Progress
 from terratool.traversability.vehicle import Vehicle
-from terratool.viewing.diff.results import Flip, PixelGrid, VerdictChange
+from terratool.viewing.diff.results import ComparedGrid, Flip, VerdictChange
 
 _RANKS = {
     GroundClass.GO: 0, GroundClass.CAUTION: 1, GroundClass.ONE_WAY: 2, GroundClass.UNKNOWN: 3,
     GroundClass.CUT_OFF: 4, GroundClass.EDGE: 5, GroundClass.NO_GO: 6,
 }  # fmt: skip
-"""What is worse, of classes of ground."""
+"""Ranks of classes of ground, the larger, the worse."""
 
 
 class _Map(NamedTuple):
-    """Classes of ground, (height, width) uint8, and where there is ground."""
+    """Map of verdicts.
+
+    Attributes:
+        grid: the pixels.
+        classes: (height, width) `GroundClass`.
+        ground: (height, width), whether there is ground.
+    """
 
     grid: Grid
     classes: NDArray[np.uint8]
@@ -42,31 +48,29 @@ def compare_verdicts(
     resolution: float | None,
     progress: Progress | None = None,
 ) -> VerdictChange:
-    """Judge both terrains with a vehicle, and say what flipped.
+    """Judge both terrains with a vehicle, and compare the classes of ground.
 
     Args:
-        old: a terrain …
-        new: … and what became of it; all parts are written out.
-        vehicle: that is to drive there.
-        bounds: what both have in common.
-        resolution: side of a pixel; as a map of verdicts would have it if None.
-        progress: is told what is being done, and how many pixels are.
+        old: old terrain.
+        new: new terrain.
+        vehicle: vehicle that is to drive there.
+        bounds: world rectangle that both terrains have.
+        resolution: side of a pixel; that of a traversability map of the new terrain if None.
+        progress: progress that counts pixels; None for none.
 
     Raises:
-        RequestError: the resolution is none for this vehicle, there are too many elements, or a
+        RequestError: the resolution does not suit the vehicle, there are too many elements, or a
             figure of a surface is too large.
     """
     request = Request(bounds=bounds, resolution=resolution)
     if resolution is None:
         request = Request(bounds=bounds, resolution=chosen_resolution(new, vehicle, request, False))
-    before = _judged(old, vehicle, request, progress)
-    after = _judged(new, vehicle, request, progress)
-    return _compared(vehicle.name, before, after)
+    before = _judge(old, vehicle, request, progress)
+    after = _judge(new, vehicle, request, progress)
+    return _compare(vehicle.name, before, after)
 
 
-def _judged(
-    terrain: Terrain, vehicle: Vehicle, request: Request, progress: Progress | None
-) -> _Map:
+def _judge(terrain: Terrain, vehicle: Vehicle, request: Request, progress: Progress | None) -> _Map:
     prepared = prepare_assessment(terrain, vehicle, request)
     builder = prepared.builder
     assert builder is not None
@@ -77,7 +81,7 @@ def _judged(
     return _Map(builder.grid, classes, builder.ground)
 
 
-def _compared(name: str, before: _Map, after: _Map) -> VerdictChange:
+def _compare(name: str, before: _Map, after: _Map) -> VerdictChange:
     grid, pixel = after.grid, after.grid.resolution**2
     ground = before.ground & after.ground
     count = int(np.count_nonzero(ground))
@@ -101,7 +105,7 @@ def _compared(name: str, before: _Map, after: _Map) -> VerdictChange:
     flips.sort(key=lambda flip: (-flip.area, flip.old, flip.new))
     return VerdictChange(
         vehicle=name,
-        grid=PixelGrid(grid.bounds, grid.resolution, grid.width, grid.height),
+        grid=ComparedGrid(grid.bounds, grid.resolution, grid.width, grid.height),
         ground=count * pixel,
         worse=worse / count if count else 0.0,
         better=better / count if count else 0.0,

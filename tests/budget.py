@@ -1,0 +1,16 @@
+"""Numbers of examples that properties are tried with."""
+
+import os
+
+SHARE = float(os.environ.get("TERRATOOL_EXAMPLES", "0.25"))
+"""Part of the full number of examples that properties are tried with; 1 in nightly runs."""
+
+LEAST = 5
+"""Least number of examples, where a property has as many in full."""
+
+
+def examples(full: int) -> int:
+    """Number of examples of a property with so many in full; TERRATOOL_FUZZ names another one."""
+    if number := os.environ.get("TERRATOOL_FUZZ"):
+        return int(number)
+    return max(min(LEAST, full), round(full * SHARE))
