@@ -76,13 +76,14 @@ nightly: $(VENV)/.installed-test-all  ## Run all tests, each property with its f
 baseline: $(VENV)/.installed-test-all  ## Run the tests of the kernels as built for any processor
 	TERRATOOL_CPU=baseline $(BIN)/python -m pytest -n auto --dist loadfile $(KERNEL_TESTS)
 
-lint: $(VENV)/.installed-dev-$(VARIANTS)  ## Check style, types and the direction of imports
+lint: $(VENV)/.installed-dev-$(VARIANTS)  ## Check style, types, sentences and the direction of imports
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/clang-format --dry-run -Werror $(filter kernels/%,$(KERNELS)) tests/rows.cpp tests/simulators/drop.cpp
 	$(BIN)/python kernels/python/stubs.py --check
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+	$(BIN)/python -m tests.prose
 
 bench: $(VENV)/.installed-bench-$(VARIANTS)  ## Measure speed and memory, as ratios from one run
 	$(BIN)/python benchmarks/query.py

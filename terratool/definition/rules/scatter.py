@@ -25,7 +25,7 @@ from terratool.text.display import shown
 
 @rule("TT720", "scatter")
 def scatter(subject: Subject) -> Iterator[Remark]:
-    """What is said of scattered copies does not fit together.
+    """Members of a scatter do not fit together.
 
     There is a count or a density, the least size comes before the largest, and a density goes with
     at and extent, so that the area is known wherever the element stands. There are 1,000,000
@@ -189,7 +189,7 @@ _BYTES = 700
 
 @rule("TT722", "many-scattered", "warning")
 def many_scattered(subject: Subject) -> Iterator[Remark]:
-    """So many copies are scattered that each command takes a while to place them.
+    """Scattered copies are so many that each command takes a while to place them.
 
     The sentence says how long at most, on a processor of 2020, and how much memory that takes. What
     stands in a part is placed once, however often the part stands; but if copies are scattered
