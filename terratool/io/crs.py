@@ -22,10 +22,10 @@ def read_crs(crs: CrsValue) -> CRS:
         raise RequestError(f"{shown_crs(crs)} names no reference system.", problem.hint)
     entry = authority_code(crs)
     try:
-        with rasterio.Env():  # GDAL's own complaint goes to its log rather than to the terminal
+        with rasterio.Env():  # sends GDAL's own message to its log, not to the terminal
             if entry is None:
                 return CRS.from_user_input(crs)
-            # what is not in the database is not tried as the name of a file
+            # PROJ would try an unknown code as a file name
             if is_known(entry) is False:
                 raise CRSError("not in the database")
             return CRS.from_user_input(f"{entry.authority}:{entry.code}")

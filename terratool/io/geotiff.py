@@ -74,9 +74,9 @@ class Compression:
         if self.name == "lerc":
             if real:
                 return {"compress": "lerc_zstd", "zstd_level": 1, "max_z_error": self.max_z_error}
-            return {"compress": "zstd", "zstd_level": 1}  # ids and colours bear no error
+            return {"compress": "zstd", "zstd_level": 1}  # ids and colours must be exact
         level = {"zstd": {"zstd_level": 1}, "deflate": {"zlevel": 1}, "lzw": {}}[self.name]
-        # neighbouring ids and colours are equal more often than they are near
+        # a predictor does not help ids and colours, often equal but rarely close
         return {"compress": self.name, **level, **({"predictor": 3} if real else {})}
 
 
@@ -148,7 +148,9 @@ def geotiff(path: Path, bands: Bands, profile: TiffProfile) -> Iterator[GeoTiff]
     if bands.content == "color":
         settings |= {"photometric": "rgb", "interleave": "pixel"}
     elif bands.count > 1 and bands.dtype == np.uint8:
-        settings["photometric"] = "minisblack"  # three bands of bytes are not red, green and blue
+        settings["photometric"] = (
+            "minisblack"  # GDAL takes three bands of bytes for red, green and blue
+        )
     placed = profile.transform is not None
     with contextlib.nullcontext() if placed else _no_place_warnings(), gdal_write_errors(path):
         with (

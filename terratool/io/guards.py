@@ -122,7 +122,7 @@ def on_disk(name: str) -> Path | None:
     found = _systems(name)
     whole = Path(name if found is None else name[found.end() :].replace("}", ""))
     places = (whole,) if found is None else (whole, *whole.parents)
-    with contextlib.suppress(OSError):  # a name that is too long
+    with contextlib.suppress(OSError):  # the name is too long
         return next((path for path in places if path.exists() and not path.is_dir()), None)
     return None
 
@@ -140,9 +140,9 @@ def _most_pixels(file: Any, size: int, archived: bool) -> tuple[int, str]:
     if file.driver == "netCDF" and not archived:
         with open_file(file.files[0]) as begin:
             if begin.read(8).startswith(_CLASSIC):
-                return size, _CUT_SHORT  # it has all of its numbers
+                return size, _CUT_SHORT  # classic netCDF stores every number
     if file.driver == "GTiff":
-        # blocks may be missing, but not from the index; one is read at a time
+        # blocks may be missing, but the index lists all; GDAL reads block by block
         rows, columns = file.block_shapes[0] if file.count else (1, 1)
         if rows * columns <= most:
             most = max(most, size // _INDEX_BYTES * rows * columns)

@@ -135,12 +135,12 @@ def open_local(name: str, *, allow_remote: bool, **environment: Any) -> Iterator
     if whole is not None:
         _refuse_special(whole)
     environment["CPL_VSIL_GZIP_WRITE_PROPERTIES"] = "NO"
-    # by several threads GDAL prints that a tile of a JPEG 2000 is broken, and reads on
+    # with several threads GDAL only prints errors of JPEG 2000 tiles, and reads on
     environment["GDAL_NUM_THREADS"] = "1"
     if not allow_remote:
         drivers = _drivers_for(name, place)
         environment |= {"CPL_VSIL_CURL_ALLOWED_FILENAME": "-", "GDAL_VRT_ENABLE_PYTHON": "NO"}
-        if on_disk(name) is None:  # in an archive, or not at all: its neighbours are not asked
+        if on_disk(name) is None:  # no plain file: sidecar files are not looked for
             environment["GDAL_DISABLE_READDIR_ON_OPEN"] = "EMPTY_DIR"
     with (
         warnings.catch_warnings(), _no_decoding_tracebacks(), rasterio.Env(**environment),
@@ -149,9 +149,9 @@ def open_local(name: str, *, allow_remote: bool, **environment: Any) -> Iterator
         warnings.simplefilter("ignore", NotGeoreferencedWarning)
         warnings.simplefilter("ignore", NodataShadowWarning)
         with gdal_errors(name):
-            # rasterio.open takes one driver, this several
+            # rasterio.open accepts only one driver
             file = stack.enter_context(DatasetReader(_parse_path(place), driver=drivers))
-            # GDAL opens what this domain names, wherever it lies, as soon as it is asked for files
+            # GDAL opens the file that this domain names, wherever it lies, to list files
             if not allow_remote and file.tags(ns="OVERVIEWS"):
                 raise ReadError(
                     f"{name}: says that its overviews are another file.",
@@ -303,7 +303,7 @@ def _drivers_for(name: str, place: str) -> list[str]:
                 return _drivers_by_head(name, head)
             text = head + file.read(_MAX_VRT)
     except (OSError, ValueError):
-        return list(_PLAIN_DRIVERS)  # GDAL says what is wrong
+        return list(_PLAIN_DRIVERS)  # GDAL raises the error
     _refuse_sources(path, text)
     return ["VRT"]
 

@@ -103,7 +103,7 @@ def ply_header(
         comments: texts of one line each.
         elements: name, count and properties, such as "float x", of each element.
     """
-    # a header is ASCII, and some readers look for these words anywhere
+    # headers are ASCII, and some readers search for end_header anywhere
     plain = [line.encode("ascii", "replace").decode() for line in comments]
     plain = [line.replace("end_header", "end\\u005fheader") for line in plain]
     lines = ["ply", "format binary_little_endian 1.0"]

@@ -250,7 +250,7 @@ def export_dem(
     codings = list(map(partial(coding_of, form), files, ranges))
     storage = Storage(form, request.compression or Compression(), threads, overviews)
     with contextlib.ExitStack() as stack:
-        # every file is complete before the first one takes its place
+        # all files are complete before the first is moved into place
         parts = [
             stack.enter_context(whole_file(name, request.overwrite, companions, named=name == path))
             for name in paths

@@ -25,7 +25,7 @@ from terratool.raster.grid import Grid, Window
 from terratool.raster.layers import LAYERS, SurfaceValues
 from terratool.report.inert import xml_text
 
-# GDAL's numbers for the types and uses of the columns of an attribute table
+# GDAL's codes for types and usages of attribute table columns
 _INTEGER, _REAL, _STRING = 0, 1, 2
 _GENERIC, _PIXEL_COUNT, _NAME, _MIN_MAX, _RED, _GREEN, _BLUE = 0, 1, 2, 5, 6, 7, 8
 

@@ -154,7 +154,7 @@ class _Shares:
 
     def sums(self, values: Floats, axis: int) -> Floats:
         """Weighted sums of the covered values along axis 1, rows, or axis 2, columns."""
-        if (self.weights == [1.0, 1.0, 0.0]).all():  # two whole pixels each: no need to look
+        if (self.weights == [1.0, 1.0, 0.0]).all():  # two whole pixels each: the fast path
             end = 2 * len(self.weights)
             if axis == 1:
                 return np.asarray(values[:, :end:2] + values[:, 1:end:2])

@@ -146,7 +146,7 @@ def open_writer(
     if form.driver == "NPY":
         yield _NpyWriter(path, bands, extent.grid, coding)
         return
-    # GDAL averages all bands of a file alike
+    # GDAL resamples all bands of a file by one method
     own = storage.overviews and bands.content == "number" and not is_averaged_by_gdal(bands)
     direct = form.driver == "GTiff" and not own
     first = path if direct else path.with_name(f"{path.stem}.first.tif")

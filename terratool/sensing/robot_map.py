@@ -253,7 +253,7 @@ class RobotMap:
         self._count, self._ranged = np.zeros(cells, np.int64), np.zeros(cells, np.int64)
         self._time, self._range = np.full(cells, -np.inf), np.zeros(cells)
         self._numbers: dict[str, int] = {}
-        # votes for surfaces: cell and surface as one number, ascending
+        # votes by cell and surface: keys cell << 20 | surface, ascending
         self._voted, self._votes = np.zeros(0, np.int64), np.zeros(0, np.int64)
 
     @property
@@ -399,7 +399,7 @@ class RobotMap:
         votes = np.bincount(at, self._votes, len(keys)).astype(np.int64)
         order = np.lexsort((-(keys & (1 << 20) - 1), votes, keys >> 20))
         out = np.full(grid.width * grid.height, -1, np.int32)
-        out[keys[order] >> 20] = keys[order] & (1 << 20) - 1  # the last one of a cell stays
+        out[keys[order] >> 20] = keys[order] & (1 << 20) - 1  # of several the last is kept
         return out.reshape(grid.height, grid.width)
 
 
