@@ -266,6 +266,10 @@ inline double resistances(LoadedWheels wheels) {
 // the one that is not to be exceeded, and then between these.
 constexpr int NODES = 6;
 
+// A slip next to the largest, over it: a force that grows from there on has its one peak at the
+// end.
+constexpr double NEARLY_LAST = 63.0 / 64.0;
+
 struct BestSlip {
     double slip, force;
 };
@@ -284,8 +288,8 @@ BestSlip best_slip(ForceAt force_at, double max_slip, double enough = INF, int s
         if (best.force > enough) return best;
         if (at < n - 1) break;
     }
-    if (at == NODES) return best;
-    double low = max_slip * max(at - 1, 0) / NODES, high = max_slip * (at + 1) / NODES;
+    if (at == NODES && force_at(max_slip * NEARLY_LAST) <= best.force) return best;
+    double low = max_slip * max(at - 1, 0) / NODES, high = max_slip * min(at + 1, NODES) / NODES;
     double left = high - golden * (high - low), right = low + golden * (high - low);
     double on_left = force_at(left), on_right = force_at(right);
     for (int n = 0; n < steps; ++n) {
@@ -303,9 +307,6 @@ BestSlip best_slip(ForceAt force_at, double max_slip, double enough = INF, int s
     }
     return best;
 }
-
-// A slip next to the largest, over it: a force that grows from there on has its one peak at the end.
-constexpr double NEARLY_LAST = 63.0 / 64.0;
 
 // As best_slip, where most forces grow to the end: if it grows there, or is `enough` there, nothing
 // else is looked at.
