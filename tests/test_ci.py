@@ -263,6 +263,7 @@ def test_the_action_knows_folders_of_libraries(workspace: Path, root: str, code:
     assert ("title=TT702" in done.stdout) == (code == 1)
 
 
+@pytest.mark.slow
 @needs("bash")
 @pytest.mark.parametrize(
     ("paths", "code", "codes"),

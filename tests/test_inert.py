@@ -403,6 +403,7 @@ def expected(output: str) -> Any:
         return OUTPUTS[output](Path(name))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("output", OUTPUTS)
 @pytest.mark.parametrize("hostile", HOSTILE)
 def test_names(hostile: str, output: str, tmp_path: Path) -> None:

@@ -153,6 +153,7 @@ def test_nothing_elsewhere_is_opened(
     assert found == {}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["laz", "nc", "img"])
 def test_no_module_of_a_strange_folder_is_run(kind: str, tmp_path: Path) -> None:
     """By the process of its own that reads, or writes, what may crash a library."""
@@ -342,6 +343,7 @@ def opened_in(folder: Path) -> Iterator[set[str]]:
     os.close(number)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("key", COMMANDS)
 def test_nothing_of_the_current_folder_is_obeyed(key: str, stranger: Path, tmp_path: Path) -> None:
     """Neither opened, nor run, in the command and in processes that it starts."""
@@ -353,6 +355,7 @@ def test_nothing_of_the_current_folder_is_obeyed(key: str, stranger: Path, tmp_p
     assert not (tmp_path / "hit").exists()
 
 
+@pytest.mark.slow
 def test_settings_of_the_user_count(stranger: Path, tmp_path: Path) -> None:
     """Where the user names them, also as seen from the current folder; and nothing waits."""
     (stranger / "mine").mkdir()
@@ -385,6 +388,7 @@ def looked_for(log: str, here: Path) -> set[str]:
     return found
 
 
+@pytest.mark.slow
 @needs("strace")
 @pytest.mark.parametrize(
     "key", ["cog", "netcdf", "import netcdf", "import dxf", "png", "usd", "verdicts", "simulators"]

@@ -9,7 +9,7 @@ import click
 from terratool.cli.options import library_root_option, library_roots
 from terratool.cli.saying import say, write_definition
 from terratool.cli.terminal import StatusLine, short_name
-from terratool.report.wording import counted
+from terratool.report.wording import count_of
 
 
 @click.command("bundle", epilog="Example: terratool bundle samples/warehouse.json out.json")
@@ -53,11 +53,11 @@ def command(file: str, output: str, expanded: bool, overwrite: bool) -> None:
         if not shown:
             write_source(Source(file, text.encode(), packed), output, overwrite)
     if rounded:
-        elements = counted(rounded, "element")
+        elements = count_of(rounded, "element")
         say(f"terratool: {elements} at the nearest decimals; edges may be one float off", err=True)
     if shown:
         write_definition(text)
         return
     count = len(checked.libraries)
-    used = f", {counted(count, 'library')} taken in" if count else ""
+    used = f", {count_of(count, 'library')} taken in" if count else ""
     say(f"{output}: {Path(output).stat().st_size:,} bytes{used}")

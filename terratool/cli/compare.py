@@ -16,8 +16,8 @@ from terratool.cli.terminal import StatusLine, load
 from terratool.report.documents import Document
 from terratool.report.numbers import tenths
 from terratool.report.tables import align
-from terratool.report.wording import counted
-from terratool.text.display import shown
+from terratool.report.wording import count_of
+from terratool.text.display import quote
 
 if TYPE_CHECKING:
     from terratool.sensing.comparison import Errors, MapComparison
@@ -203,15 +203,15 @@ def as_text(comparison: MapComparison) -> Iterator[str]:
     share = f"{tenths(comparison.coverage)} of the ground" if comparison.ground else "no ground"
     yield (
         f"{comparison.map.name}: {share}, {comparison.known:,} of "
-        f"{counted(comparison.ground, 'cell')} of {level.grid.resolution:g} m"
+        f"{count_of(comparison.ground, 'cell')} of {level.grid.resolution:g} m"
     )
     if comparison.beyond:
-        yield f"  Without ground in the terrain: {counted(comparison.beyond, 'cell')}."
+        yield f"  Without ground in the terrain: {count_of(comparison.beyond, 'cell')}."
     if worst is None:
         yield "  No cell is known in both, so nothing is said of heights."
         return
     yield f"  RMSE {_metres(errors.rmse)}, bias {_signed_metres(errors.bias)}."
-    surface = "" if worst.surface is None else f", on {shown(worst.surface)}"
+    surface = "" if worst.surface is None else f", on {quote(worst.surface)}"
     yield (
         f"  Worst at {worst.x:.10g} {worst.y:.10g}: {worst.mapped:.4g} m in place of "
         f"{worst.true:.4g} m{surface}."
@@ -222,7 +222,7 @@ def as_text(comparison: MapComparison) -> Iterator[str]:
         ("surface", "ground", "known", "RMSE", "bias", "right surface"),
         [
             (
-                shown(one.name) if one.name else "none",
+                quote(one.name) if one.name else "none",
                 f"{one.ground:,}",
                 tenths(one.errors.cells / one.ground),
                 *_pair(one.errors),

@@ -17,7 +17,7 @@ import msgspec
 from msgspec import Meta, Struct
 
 from terratool.errors import ReadError, RequestError
-from terratool.text.display import shown
+from terratool.text.display import quote
 
 _OWN_FIELDS = ("file", "folder", "named")
 OWN, SHARED = ".terratool.toml", "pyproject.toml"
@@ -77,7 +77,7 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab", kw
         if self.named:
             where = "neither in its folder nor in the current one"
         raise RequestError(
-            f"{self.file}: names {shown(path)}, which lies {where}.", "Name it on the command line."
+            f"{self.file}: names {quote(path)}, which lies {where}.", "Name it on the command line."
         )
 
     def holds(self, name: str) -> bool:
@@ -119,7 +119,7 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab", kw
             why = f"ends in none of {', '.join(REPORTS)}"
         if why:
             raise RequestError(
-                f"{self.file}: has {shown(name)} written, which {why}.",
+                f"{self.file}: has {quote(name)} written, which {why}.",
                 "Name it on the command line.",
             )
 

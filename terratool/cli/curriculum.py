@@ -11,8 +11,8 @@ from msgspec import Struct
 from terratool.cli.saying import say, say_json
 from terratool.cli.terminal import StatusLine, short_name
 from terratool.report.documents import Document
-from terratool.report.wording import counted, listed
-from terratool.text.display import shown
+from terratool.report.wording import count_of, join_words
+from terratool.text.display import quote
 
 if TYPE_CHECKING:
     from terratool.authoring.curriculum.build import Curriculum
@@ -136,17 +136,17 @@ def lacking(made: Curriculum) -> Iterator[str]:
     for kind in spec.kinds:
         if kind.proportion and not made.counts[kind.name]:
             yield (
-                f"{shown(kind.name)}: no tile is of this kind, as its proportion is too small for "
-                f"{counted(spec.columns, 'column')}. Make it larger, or add columns."
+                f"{quote(kind.name)}: no tile is of this kind, as its proportion is too small for "
+                f"{count_of(spec.columns, 'column')}. Make it larger, or add columns."
                 if spec.curriculum
-                else f"{shown(kind.name)}: no tile is of this kind, as each has a random one. Make "
+                else f"{quote(kind.name)}: no tile is of this kind, as each has a random one. Make "
                 "its proportion larger, or add tiles."
             )
     for name, missing in made.missing.items():
         if missing:
-            tiles = counted(made.tiles_without(name), "tile")
+            tiles = count_of(made.tiles_without(name), "tile")
             yield (
-                f"{shown(name)}: {missing:,} of {made.patches[name].size // 3:,} level places were "
+                f"{quote(name)}: {missing:,} of {made.patches[name].size // 3:,} level places were "
                 f"not found, on {tiles}; they are NaN."
             )
 
@@ -154,9 +154,9 @@ def lacking(made: Curriculum) -> Iterator[str]:
 def as_text(made: Curriculum, output: str, origins: str) -> str:
     """Summary of a curriculum in a line for people."""
     spec = made.spec
-    kinds = listed([f"{count:,} {name}" for name, count in made.counts.items() if count])
+    kinds = join_words([f"{count:,} {name}" for name, count in made.counts.items() if count])
     return (
-        f"{output}: {counted(spec.rows * spec.columns, 'tile')} ({kinds}), "
-        f"{counted(made.terrain.elements, 'element')}, {len(made.text.encode()):,} bytes; "
-        f"{origins}: {listed(list(made.arrays))}"
+        f"{output}: {count_of(spec.rows * spec.columns, 'tile')} ({kinds}), "
+        f"{count_of(made.terrain.elements, 'element')}, {len(made.text.encode()):,} bytes; "
+        f"{origins}: {join_words(list(made.arrays))}"
     )

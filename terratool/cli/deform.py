@@ -17,8 +17,8 @@ from terratool.cli.options import (
 from terratool.cli.saying import say, say_json
 from terratool.cli.terminal import StatusLine, short_name
 from terratool.report.documents import Document
-from terratool.report.wording import counted, listed
-from terratool.text.display import shown
+from terratool.report.wording import count_of, join_words
+from terratool.text.display import quote
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -154,7 +154,7 @@ def _document(deformed: Deformed, output: str, added_bytes: int) -> DeformDocume
 def as_text(deformed: Deformed, output: str, added_bytes: int) -> Iterator[str]:
     """Summary of the ruts that were added, in lines for people."""
     again = f", {deformed.again} driven along again" if deformed.again else ""
-    more = f"{counted(deformed.added, 'track')} more{again}"
+    more = f"{count_of(deformed.added, 'track')} more{again}"
     yield (
         f"{output}: {more}, {deformed.length:,.0f} m of rut by {deformed.points:,} points, "
         f"{added_bytes:,} bytes"
@@ -163,5 +163,5 @@ def as_text(deformed: Deformed, output: str, added_bytes: int) -> Iterator[str]:
         depth = f"{1e3 * rut.depth:.3g} mm deep at the first pass" if rut.depth else "no rut"
         yield f"  {rut.surface}: {rut.length:,.1f} m, {depth}"
     if deformed.ranged:
-        names = listed([shown(name) for name in deformed.ranged])
+        names = join_words([quote(name) for name in deformed.ranged])
         yield f"  The sinkage of {names} is a range: its middle counts."

@@ -17,7 +17,7 @@ from terratool.cli.options import (
 )
 from terratool.cli.saying import say, say_block
 from terratool.cli.terminal import StatusLine
-from terratool.text.display import shown
+from terratool.text.display import quote
 
 if TYPE_CHECKING:
     from terratool.viewing.diff.compare import DiffOptions
@@ -108,7 +108,7 @@ def _take(ctx: click.Context, handed: _GitWords) -> None:
     """Set the parameters of the command from the words of git."""
     if ctx.params["files"] and not ctx.resilient_parsing:
         raise click.UsageError(
-            f"git hands over the files, and there is {shown(ctx.params['files'][0])}, too. Let the "
+            f"git hands over the files, and there is {quote(ctx.params['files'][0])}, too. Let the "
             'command be "terratool diff --git", or "terratool diff --difftool" with three names.'
         )
     # git never means standard input

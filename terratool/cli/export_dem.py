@@ -310,7 +310,7 @@ def _file(written: WrittenFile, pixels: int) -> FileDocument:
 
 def as_text(report: RasterReport, choice: GridChoice) -> Iterator[str]:
     """Report in lines for people."""
-    from terratool.report.wording import counted
+    from terratool.report.wording import count_of
 
     grid = report.grid
     yield (
@@ -325,7 +325,7 @@ def as_text(report: RasterReport, choice: GridChoice) -> Iterator[str]:
             none = f", {coding.nodata:.9g} for none"
         coarser = "" if written.overviews is None else ", one tile, which needs no overviews"
         if written.overviews:
-            coarser = f", {counted(len(written.overviews), 'overview')}"
+            coarser = f", {count_of(len(written.overviews), 'overview')}"
         yield f"{written.path}: {coding.dtype.name}{none}{coarser}"
         for index, name in enumerate(written.bands.names):
             yield f"  band {index + 1}: {_band(written, index, name)}"

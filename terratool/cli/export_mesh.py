@@ -12,7 +12,7 @@ import click
 from terratool.cli.options import library_root_option, roughness_option
 from terratool.cli.saying import say, say_json
 from terratool.cli.terminal import StatusLine, load
-from terratool.report.numbers import spelled
+from terratool.report.numbers import coordinates
 
 if TYPE_CHECKING:
     from terratool.mesh.elevation import ElevationGridReport
@@ -237,7 +237,7 @@ def _export(request: _Request) -> None:
     if request.as_json:
         say_json(report.to_json())
         return
-    place = spelled(report.origin)
+    place = coordinates(report.origin)
     for line in (lines[0], f"{lines[1]}: zero is at {place}", *lines[2:]):
         say(line)
 
@@ -246,7 +246,7 @@ def _export_mesh(request: _Request) -> tuple[MeshReport, list[str]]:
     """Write a mesh; return the report, and its lines for people."""
     from terratool.mesh.export import export_mesh
     from terratool.report.numbers import metres
-    from terratool.report.wording import counted
+    from terratool.report.wording import count_of
 
     _check_output(request)
     terrain = load(request.file)
@@ -261,7 +261,7 @@ def _export_mesh(request: _Request) -> tuple[MeshReport, list[str]]:
     loss = report.statement
     closed = "" if report.base is None else f", closed by a base at {report.base:.6g}"
     first = (
-        f"{counted(report.faces, 'face')}, {report.walls:,} of them upright{closed}; "
+        f"{count_of(report.faces, 'face')}, {report.walls:,} of them upright{closed}; "
         f"an error of {metres(loss.wanted)} was wanted ({report.chosen})"
     )
     return report, [first, ", ".join(map(str, report.files)), *loss.sentences()]

@@ -181,7 +181,7 @@ def _refuse_idle(ctx: click.Context, targets: list[str]) -> None:
         RequestError: an option is idle.
     """
     from terratool.errors import RequestError
-    from terratool.report.wording import listed
+    from terratool.report.wording import join_words
 
     given = {
         name
@@ -195,7 +195,7 @@ def _refuse_idle(ctx: click.Context, targets: list[str]) -> None:
         if not {*users} & {*targets}:
             are = "target is" if len(targets) == 1 else "targets are"
             raise RequestError(
-                f"{option} is about {listed(users)}, but the {are} {listed(targets)}.",
+                f"{option} is about {join_words(users)}, but the {are} {join_words(targets)}.",
                 f"Leave it out, or add {' or '.join(f'--target {user}' for user in users)}.",
             )
         if _IN_PLACE_OF.get(name) in given:

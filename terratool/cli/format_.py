@@ -15,7 +15,7 @@ from terratool.definition.layout import canonical
 from terratool.definition.reader import CheckOptions, check
 from terratool.errors import ReadError, WriteError
 from terratool.output import whole_file
-from terratool.report.wording import counted
+from terratool.report.wording import count_of
 from terratool.text.source import PLAIN, Source, leads_out, read_source, sources
 
 _NOT_ONE = ("TT105", "")
@@ -73,7 +73,7 @@ def command(ctx: click.Context, files: tuple[str, ...], only_check: bool) -> Non
             changed += differs
     if "-" not in files or only_check:
         what = "would change" if only_check else "changed"
-        say(f"{counted(count, 'file')} read, {changed:,} {what}.")
+        say(f"{count_of(count, 'file')} read, {changed:,} {what}.")
     ctx.exit(3 if failed else int(broken > 0 or (only_check and changed > 0)))
 
 

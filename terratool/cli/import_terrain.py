@@ -15,7 +15,7 @@ from terratool.cli.terminal import StatusLine, short_name
 from terratool.definition.presets import PRESETS
 from terratool.report.documents import Document
 from terratool.report.numbers import per_cent
-from terratool.report.wording import counted
+from terratool.report.wording import count_of
 
 if TYPE_CHECKING:
     from terratool.importing.terrain.build import ImportReport
@@ -232,4 +232,4 @@ def as_text(report: ImportReport, output: str) -> Iterator[str]:
     else:
         yield f"Everywhere between them: at most {report.bound:.4g} {unit}"
     for name, count in report.surfaces.items():
-        yield f"{name}: {counted(count, 'pixel')}"
+        yield f"{name}: {count_of(count, 'pixel')}"

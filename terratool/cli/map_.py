@@ -11,8 +11,8 @@ from terratool.cli.options import finite
 from terratool.cli.saying import say, say_json
 from terratool.cli.terminal import StatusLine
 from terratool.report.documents import Document
-from terratool.report.wording import counted, listed
-from terratool.text.display import shown
+from terratool.report.wording import count_of, join_words
+from terratool.text.display import quote
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -158,14 +158,14 @@ def as_text(robot_map: RobotMap, files: list[Path]) -> Iterator[str]:
     """Summary of a map, in lines for people."""
     grid, cells = robot_map.grid, robot_map.grid.width * robot_map.grid.height
     yield (
-        f"{files[0]}: {counted(robot_map.points, 'reading')} in {robot_map.seen:,} of {cells:,} "
+        f"{files[0]}: {count_of(robot_map.points, 'reading')} in {robot_map.seen:,} of {cells:,} "
         f"cells of {grid.resolution:g} m"
     )
     if files[1:]:
-        yield f"  With it: {listed([file.name for file in files[1:]])}."
-    names = [shown(name) for name in robot_map.surfaces[:_MOST_NAMES]]
+        yield f"  With it: {join_words([file.name for file in files[1:]])}."
+    names = [quote(name) for name in robot_map.surfaces[:_MOST_NAMES]]
     if names:
         more = len(robot_map.surfaces) - len(names)
-        yield f"  Surfaces: {listed([*names, *([f'{more:,} more'] if more else [])])}."
+        yield f"  Surfaces: {join_words([*names, *([f'{more:,} more'] if more else [])])}."
     if robot_map.outside:
-        yield f"  Out of the bounds: {counted(robot_map.outside, 'reading')}."
+        yield f"  Out of the bounds: {count_of(robot_map.outside, 'reading')}."

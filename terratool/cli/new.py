@@ -13,7 +13,7 @@ from terratool.authoring.starters.options import Option
 from terratool.cli.saying import say, say_json, write_definition
 from terratool.cli.terminal import StatusLine, short_name
 from terratool.report.documents import Document
-from terratool.report.wording import listed
+from terratool.report.wording import join_words
 
 _EXAMPLES = {
     "flat": "flat yard.json --size 30 20 --soil grass-wet",
@@ -52,7 +52,8 @@ def _no_option(kind: str, given: str) -> str:
     others = [name for name, one in KINDS.items() if given[2:] in {o.name for o in one.options}]
     if others:
         verb = "does" if len(others) == 1 else "do"
-        return f"{kind} takes no {given}, but {listed(others)} {verb}. It takes {listed(own)}."
+        takers, options = join_words(others), join_words(own)
+        return f"{kind} takes no {given}, but {takers} {verb}. It takes {options}."
     return f"{kind} takes no {given}. {hint_for(given, [*own, '--overwrite', '--json'])}"
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from terratool.text.display import shown
+from terratool.text.display import quote
 
 if TYPE_CHECKING:
     from terratool.importing.types import SourceOptions
@@ -53,8 +53,8 @@ def refuse_ambiguous(words: list[str]) -> None:
             continue
         what = "stands for standard input" if word == "-" else "is an option"
         raise RequestError(
-            f"{shown(word)} {what}, and a file here has that name, too.",
-            f"Write {shown(f'./{word}')} for the file; else give it another name first.",
+            f"{quote(word)} {what}, and a file here has that name, too.",
+            f"Write {quote(f'./{word}')} for the file; else give it another name first.",
         )
 
 

@@ -19,7 +19,7 @@ from terratool.cli.saying import is_terminal, write_json, write_rows
 from terratool.cli.terminal import StatusLine, load
 from terratool.errors import ReadError
 from terratool.report.inert import inert_cell
-from terratool.text.display import shown
+from terratool.text.display import quote
 from terratool.text.files import open_file
 from terratool.text.numbers import parse_number
 
@@ -118,7 +118,7 @@ def _parse(name: str, file: TextIO) -> Iterator[Point]:
             x, y = (_number(cells[i]) if i < len(cells) else None for i in columns)
             if x is None or y is None:
                 raise ReadError(
-                    f"{name}:{number}: {shown(line.strip())} holds no two numbers x and y.",
+                    f"{name}:{number}: {quote(line.strip())} holds no two numbers x and y.",
                     "Write one point a line, as 12.5,7.25.",
                 )
             yield x, y

@@ -19,7 +19,7 @@ from terratool.definition.rules.base import Rule
 from terratool.report.documents import Document, json_text
 from terratool.report.inert import inert_xml, xml_text
 from terratool.report.tables import columns_of
-from terratool.report.wording import counted
+from terratool.report.wording import count_of
 from terratool.report.workflow import annotation
 from terratool.text.display import Excerpt, printable
 
@@ -75,7 +75,7 @@ class FindingGroup(Struct, frozen=True):
             return ""
         places = ", ".join(f"{other.line}:{other.column}" for other in self.others[:_LISTED])
         more = ", …" if len(self.others) > _LISTED else ""
-        return f"The same in {counted(len(self.others), 'more place')}: {places}{more}."
+        return f"The same in {count_of(len(self.others), 'more place')}: {places}{more}."
 
 
 class ValidationReport(Struct, frozen=True):
@@ -185,12 +185,12 @@ def _summary_line(summary: ValidationSummary) -> str:
     if summary.hidden:
         end = f"; {summary.hidden:,} of them not listed (see --max-findings)."
     if summary.known:
-        end += f" {counted(summary.known, 'known finding')} left out."
+        end += f" {count_of(summary.known, 'known finding')} left out."
     return ", ".join(parts) + end
 
 
 def _count(number: int, noun: str) -> str:
-    return counted(number, noun) if number else f"no {noun}s"
+    return count_of(number, noun) if number else f"no {noun}s"
 
 
 def as_json(report: ValidationReport) -> str:

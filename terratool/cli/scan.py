@@ -11,8 +11,8 @@ from terratool.cli.options import library_root_option, roughness_option
 from terratool.cli.saying import say, say_json
 from terratool.cli.terminal import StatusLine, load
 from terratool.report.documents import Document
-from terratool.report.wording import counted, listed
-from terratool.text.display import shown
+from terratool.report.wording import count_of, join_words
+from terratool.text.display import quote
 
 if TYPE_CHECKING:
     from terratool.sensing.export import ScanReport
@@ -168,16 +168,16 @@ def as_text(report: ScanReport) -> Iterator[str]:
     from terratool.sensing.readings import ReadingStatus
 
     tally, returns = report.tally, report.returns
-    files = "" if len(report.files) < 2 else f", {counted(len(report.files), 'file')}"
+    files = "" if len(report.files) < 2 else f", {count_of(len(report.files), 'file')}"
     frames = {"lidar": "turn", "camera": "image", "sonar": "ping"}[report.scan.sensor.kind]
     yield (
-        f"{report.path}: {counted(returns, 'reading')} of {counted(tally.rays, 'ray')} in "
-        f"{counted(tally.frames, frames)}{files}"
+        f"{report.path}: {count_of(returns, 'reading')} of {count_of(tally.rays, 'ray')} in "
+        f"{count_of(tally.frames, frames)}{files}"
     )
     if returns:
         yield f"  Ranges are from {tally.nearest:.4g} to {tally.farthest:.4g} m."
         parts = [
-            f"{shown(name) if name else 'no surface'} {count:,}"
+            f"{quote(name) if name else 'no surface'} {count:,}"
             for name, count in sorted(report.by_surface.items(), key=lambda one: -one[1])
         ]
         yield f"  On walls {tally.walls:,}. By surface: {', '.join(parts)}."
@@ -189,5 +189,5 @@ def as_text(report: ScanReport) -> Iterator[str]:
     if lost:
         yield f"  Without a reading: {', '.join(lost)}."
     if report.lacking:
-        names = listed([shown(name) for name in report.lacking])
+        names = join_words([quote(name) for name in report.lacking])
         yield f"  No sonarRefl: {names}. The sensor's stands in."

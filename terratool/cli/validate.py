@@ -32,8 +32,8 @@ from terratool.definition.reader import Checked, CheckOptions, check, new_shelf
 from terratool.definition.rules import RULES
 from terratool.errors import ReadError, RequestError, WriteError
 from terratool.output import is_same_file, refuse_existing, refuse_missing_folder, whole_file
-from terratool.report.wording import counted
-from terratool.text.display import shown
+from terratool.report.wording import count_of
+from terratool.text.display import quote
 from terratool.text.edit import apply_edits
 from terratool.text.source import (
     is_folder,
@@ -68,7 +68,7 @@ def _known_codes(values: tuple[str, ...]) -> tuple[str, ...]:
     )
     for code in codes:
         if not code or not any(known.startswith(code) for known in RULES):
-            what = f"no rule has the code {shown(code)}" if code else "there is an empty code"
+            what = f"no rule has the code {quote(code)}" if code else "there is an empty code"
             raise RequestError(f"{what}.", "Run terratool rules for the list.")
     return codes
 
@@ -166,7 +166,7 @@ def _plan(formats: tuple[str, ...], settings: Config, given: dict[str, Any]) -> 
             close = get_close_matches(name.lower(), REPORTERS, 1)
             guess = f" Did you mean {close[0]}?" if close else ""
             raise click.UsageError(
-                f"There is no format {shown(name)}. There is {', '.join(REPORTERS)}.{guess}"
+                f"There is no format {quote(name)}. There is {', '.join(REPORTERS)}.{guess}"
             )
         if separator:
             out = out if formats else settings.output_path(out)
@@ -325,7 +325,7 @@ def _mend(name: str, options: CheckOptions, status: StatusLine) -> None:
     if count:
         write_source(structs.replace(source, data=data), name, overwrite=True)
         status.clear()
-        say_error(f"{name}: mended in {counted(count, 'place')}.")
+        say_error(f"{name}: mended in {count_of(count, 'place')}.")
 
 
 def _is_definition(name: str) -> bool:
@@ -497,7 +497,7 @@ class _ValidationJob(Struct, frozen=True):
                 _say_unreadable(found)
             _write(found.report(self.plan.limit, statistics), self.plan)
             if not watched:
-                files = counted(len(found.files) + len(found.unreadable), "file")
+                files = count_of(len(found.files) + len(found.unreadable), "file")
                 say_error(f"watching {files}; Ctrl-C ends it.")
                 watched = True
             for name, became in watch.wait().items():
@@ -650,7 +650,7 @@ def command(
     if update_baseline:
         assert plan.baseline is not None
         write_baseline(plan.baseline, found.lasting)
-        say(f"{plan.baseline}: {counted(len(found.lasting), 'finding')} known now.")
+        say(f"{plan.baseline}: {count_of(len(found.lasting), 'finding')} known now.")
         ctx.exit(0)
     report = found.report(plan.limit, statistics)
     _write(report, plan)

@@ -148,7 +148,7 @@ def _write(
     """Write the page and return the exit code."""
     from terratool.output import whole_file
     from terratool.report.numbers import metres
-    from terratool.report.wording import counted
+    from terratool.report.wording import count_of
     from terratool.viewing.pages import page_of
     from terratool.viewing.places import read_site
 
@@ -161,7 +161,7 @@ def _write(
         with whole_file(path, overwrite) as part:
             part.write_text(text, encoding="utf-8", newline="\n")
     facts = scene.facts
-    within = f"{counted(len(scene.arrays['elements']), 'face')} within {metres(facts['error'])}"
+    within = f"{count_of(len(scene.arrays['elements']), 'face')} within {metres(facts['error'])}"
     if facts["measured"]:
         within += ", as far as measured"
     say(f"{path}: {within}, {len(text.encode()):,} bytes")
@@ -178,11 +178,11 @@ def _write(
 def _notes(facts: dict[str, Any]) -> Iterator[str]:
     """Sentences on parts of the terrain that the page cannot show."""
     from terratool.report.numbers import metres
-    from terratool.report.wording import counted
+    from terratool.report.wording import count_of
 
     if facts["left_out"]:
         yield (
-            f"Left out: {counted(facts['left_out'], 'element')}; "
+            f"Left out: {count_of(facts['left_out'], 'element')}; "
             f"heights change by up to {metres(facts['change'])}."
         )
     if facts["grid"]:

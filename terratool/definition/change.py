@@ -21,7 +21,7 @@ from terratool.definition.rules import RULES
 from terratool.definition.tree import ROOT
 from terratool.errors import DefinitionError, RequestError
 from terratool.output import is_same_file, refuse_existing, refuse_missing_folder
-from terratool.text.display import shown
+from terratool.text.display import quote
 from terratool.text.edit import Edit, append_child, set_member
 from terratool.text.locate import Address, offsets, value_at
 from terratool.text.scan import value_end
@@ -86,7 +86,7 @@ class ChangeTarget:
                 name = self.source.name
                 at = plain_path(str(Path(name).parent), file) if file else name
                 raise RequestError(
-                    f"{self.source.name}: the element {shown(pointer)} is one of a part or of "
+                    f"{self.source.name}: the element {quote(pointer)} is one of a part or of "
                     "copies, which stand in the text once.",
                     f"To add to all of them, name the file {at} and --parent {own}.",
                 )
@@ -94,14 +94,14 @@ class ChangeTarget:
             if value_at(self.source.data, ROOT) is None:
                 example = "/parts/NAME, as this is a library"
             raise RequestError(
-                f"{self.source.name}: has no element {shown(pointer)}.",
+                f"{self.source.name}: has no element {quote(pointer)}.",
                 f"Give a JSON pointer as terratool query shows them, such as {example}.",
             )
         try:
             return msgspec.json.decode(text, type=Parent)
         except RecursionError as error:
             raise RequestError(
-                f"{self.source.name}: is nested too deep to add to {shown(pointer)}.",
+                f"{self.source.name}: is nested too deep to add to {quote(pointer)}.",
                 "Add to an element further in, or make a part of what is deep.",
             ) from error
 

@@ -12,7 +12,7 @@ from terratool.definition import expression
 from terratool.definition.expression import Expression, ExpressionError
 from terratool.definition.findings import Remark
 from terratool.definition.model import CurveValue, Pair, Primitive
-from terratool.text.display import shown
+from terratool.text.display import quote
 
 
 class SampledCurve(Struct, frozen=True):
@@ -109,7 +109,7 @@ def _knot_problems(value: tuple[float | Pair, ...], key: str) -> Iterator[CurveE
             yield CurveError(
                 "TT304",
                 f"/{key}/{index}/0",
-                f"the knot at t = {shown(after)} comes after the one at t = {shown(before)}.",
+                f"the knot at t = {quote(after)} comes after the one at t = {quote(before)}.",
                 "Sort the knots by t; two at the same t make a vertical step.",
             )
     for index, wanted, which in ((0, 0.0, "first"), (len(points) - 1, 1.0, "last")):
@@ -117,7 +117,7 @@ def _knot_problems(value: tuple[float | Pair, ...], key: str) -> Iterator[CurveE
             yield CurveError(
                 "TT304",
                 f"/{key}/{index}/0",
-                f"the {which} knot stands at t = {shown(points[index][0])}.",
+                f"the {which} knot stands at t = {quote(points[index][0])}.",
                 f"Let the {which} knot have t = {wanted:g}.",
             )
 

@@ -50,8 +50,8 @@ from terratool.definition.vehicle import (
     VehicleText,
     WheelsText,
 )
-from terratool.report.wording import counted
-from terratool.text.display import escape, only_answer, shown, unescape
+from terratool.report.wording import count_of
+from terratool.text.display import escape, only_answer, quote, unescape
 
 _Model = TypeVar("_Model", bound=Struct)
 _NUMBER = KEYS[Element]["vScale"]
@@ -86,13 +86,13 @@ JSON_NAMES = {
 def type_in_words(item: Any) -> str:
     """Description of a JSON value by its type, in words."""
     if isinstance(item, str):
-        return f"the text {shown(item)}"
+        return f"the text {quote(item)}"
     if isinstance(item, bool):
         return "true" if item else "false"
     if isinstance(item, int | float):
-        return f"the number {shown(item)}"
+        return f"the number {quote(item)}"
     if isinstance(item, list):
-        return f"a list of {counted(len(item), 'item')}" if item else "an empty list"
+        return f"a list of {count_of(len(item), 'item')}" if item else "an empty list"
     return JSON_NAMES[type(item)]
 
 
@@ -124,8 +124,8 @@ def unknown_key(kind: Shape, key: str, present: frozenset[str]) -> tuple[str, st
     if close and close[0] in present:
         hint = f'Remove it if it means the same as "{close[0]}", which is there already.'
     hint += " A key of your own begins with x-."
-    owner = f"{shown(kind)} tiles" if isinstance(kind, str) else _SUBJECTS[kind]
-    return f"{shown(key)} is no key of {owner}.", hint, fix
+    owner = f"{quote(kind)} tiles" if isinstance(kind, str) else _SUBJECTS[kind]
+    return f"{quote(key)} is no key of {owner}.", hint, fix
 
 
 class Decoded(Struct):
@@ -208,7 +208,7 @@ class _Decoder:
                         self.add("TT105", here, f'"{key}" is empty.', hint)
                         self._leave_out(pointer, key)
                     fields[attribute] = {
-                        entry: self._item(nested, item, f"{here}/{escape(entry)}", shown(entry))
+                        entry: self._item(nested, item, f"{here}/{escape(entry)}", quote(entry))
                         for entry, item in inner.items()
                     }
                 elif nested.form == "list":
@@ -351,7 +351,7 @@ class _Decoder:
         if wanted.choices and isinstance(item, str):
             if item not in wanted.choices:
                 self._failed = True
-                message = f"{shown(item)} is no {wanted.noun}."
+                message = f"{quote(item)} is no {wanted.noun}."
                 self.add("TT106", rest, message, f"Write {wanted.words}.", owner)
             return item
         if type(item) not in JSON_TYPES[wanted.kind]:
@@ -359,7 +359,7 @@ class _Decoder:
         if isinstance(item, int | float) and not wanted.holds(item):
             self._failed = True
             if self._found.wants("TT106"):
-                message = f'"{key}" is {shown(item)}, out of its range.'
+                message = f'"{key}" is {quote(item)}, out of its range.'
                 self._found.keep("TT106", remark_on(owner, rest, message, f"Write {wanted.words}."))
             return None
         return float(item) if wanted.kind == "number" else item
@@ -455,7 +455,7 @@ class _Decoder:
             return self._single(_DEPTH, item, owner, f"/{key}", f'"{key}"', key)
         return {
             name: self._single(
-                _DEPTH, value, owner, f"/{key}/{escape(name)}", f'"{key}" on {shown(name)}', key
+                _DEPTH, value, owner, f"/{key}/{escape(name)}", f'"{key}" on {quote(name)}', key
             )
             for name, value in item.items()
         }
@@ -600,7 +600,7 @@ class _Decoder:
 
 def _part_name(part: str) -> str:
     """Name of a part in words, by its pointer."""
-    return f"the part {shown(unescape(part[len(PARTS) + 1 :]))}"
+    return f"the part {quote(unescape(part[len(PARTS) + 1 :]))}"
 
 
 def remark_on(

@@ -11,7 +11,7 @@ from typing import Any
 from msgspec import Struct
 
 from terratool.definition.listmath import LIST_FUNCTIONS
-from terratool.text.display import shown
+from terratool.text.display import quote
 
 NAMED = {
     "flat": "1",
@@ -86,7 +86,7 @@ def instead_of_word(word: str, before: str, behind: str) -> str:
     alone = not before and not behind
     member = re.match(r"\.([A-Za-z]+)", behind)
     if member and member[1] in _KNOWN:
-        return f"Write {member[1]} without {shown(word + '.')} before it."
+        return f"Write {member[1]} without {quote(word + '.')} before it."
     if small in _KNOWN or (alone and small in NAMED):
         return f"Write it in small letters: {small}."
     if small in _INSTEAD_OF_WORDS:
@@ -192,7 +192,7 @@ class _Parser:
         self._at, self._next_at = match.span(self._kind)
         if self._kind == "other":
             raise ExpressionError(
-                f"{shown(self._value)} {self._place()} has no meaning in an expression",
+                f"{quote(self._value)} {self._place()} has no meaning in an expression",
                 instead_of_sign(self._text, self._at),
             )
 
@@ -259,7 +259,7 @@ class _Parser:
         number = float(self._value)
         if math.isinf(number):
             raise ExpressionError(
-                f"the number {shown(self._value)} {self._place()} is too large",
+                f"the number {quote(self._value)} {self._place()} is too large",
                 "Write a smaller one.",
             )
         self._ops.append(("number", number))
@@ -308,7 +308,7 @@ class _Parser:
                 f"Write its formula in its place: ({NAMED[named]}).",
             )
         return ExpressionError(
-            f"{shown(self._value)} {self._place()} is no known name",
+            f"{quote(self._value)} {self._place()} is no known name",
             instead_of_word(self._value, before, behind),
         )
 
@@ -339,7 +339,7 @@ class _Parser:
                 DECIMAL_POINT if decimal else "Remove it: only min and max take several values.",
             )
         return ExpressionError(
-            f"there is no operator before {shown(self._value)} {self._place()}",
+            f"there is no operator before {quote(self._value)} {self._place()}",
             INSTEAD_OF_CONDITIONS.get(self._value, PRODUCT),
         )
 

@@ -17,7 +17,7 @@ from terratool.definition.findings import Remark, RemarkLog
 from terratool.definition.keys import Kind, document_kind
 from terratool.definition.model import Element, Library, Primitive, Surface
 from terratool.errors import ReadError, reason
-from terratool.text.display import shown
+from terratool.text.display import quote
 from terratool.text.source import Source, read_source, real_path
 
 if TYPE_CHECKING:
@@ -359,7 +359,7 @@ class Shelf:
         if not any(_is_under(real, root) for root in (base, *self._roots)):
             return (
                 "TT702",
-                f"the library {shown(path)} lies outside of the folders that may be read.",
+                f"the library {quote(path)} lies outside of the folders that may be read.",
                 "Move it below the folder of the terrain, or name its folder by --library-root.",
             )
         if real not in self._documents:
@@ -367,7 +367,7 @@ class Shelf:
         return self._documents[real]
 
     def _load(self, name: str, real: str) -> SourceDocument | tuple[str, str, str]:
-        said = shown(name)
+        said = quote(name)
         try:
             status = Path(real).stat()
             if not stat.S_ISREG(status.st_mode):
@@ -411,16 +411,16 @@ def _path_problem(path: str) -> tuple[str, str] | None:
     """Message and hint on a path that is wrong as it is written; None for a good one."""
     hint = "Write a path relative to this file, with forward slashes."
     if not path or "\0" in path:
-        return f"{shown(path)} is no path of a library.", hint
+        return f"{quote(path)} is no path of a library.", hint
     if _address(path):
         return (
-            f"the library {shown(path)} is an address, and nothing is read from the net.",
+            f"the library {quote(path)} is an address, and nothing is read from the net.",
             "Save the file beside the terrain, and write its path relative to this file.",
         )
     if path.startswith("/") or _drive(path):
-        return f"the path {shown(path)} is absolute.", hint
+        return f"the path {quote(path)} is absolute.", hint
     if "\\" in path:
-        return f"the path {shown(path)} has backslashes.", hint
+        return f"the path {quote(path)} has backslashes.", hint
     return None
 
 

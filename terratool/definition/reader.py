@@ -43,8 +43,8 @@ from terratool.definition.tree import ROOT, Tree, complete, flatten
 from terratool.definition.uses import Uses
 from terratool.definition.vehicle import VehicleText
 from terratool.errors import DefinitionError
-from terratool.report.wording import counted
-from terratool.text.display import shown, unescape
+from terratool.report.wording import count_of
+from terratool.text.display import quote, unescape
 from terratool.text.edit import Edit
 from terratool.text.scan import value_end
 from terratool.text.source import Source, read_source, real_path
@@ -132,13 +132,13 @@ def _entry_problem(code: Any) -> tuple[str, str]:
         return "an item is no code.", 'Write a text such as "TT208".'
     meant = [rule for rule in RULES.values() if code and rule.code.startswith(code)]
     if not meant:
-        return f"no rule has the code {shown(code)}.", "See terratool rules for the codes."
+        return f"no rule has the code {quote(code)}.", "See terratool rules for the codes."
     if all(rule.severity == "error" for rule in meant):
         return (
-            f"{shown(code)} is an error, which cannot be ignored.",
+            f"{quote(code)} is an error, which cannot be ignored.",
             "Correct the error, and remove its code from x-ignore.",
         )
-    return f"{shown(code)} silences nothing here.", "Remove it."
+    return f"{quote(code)} silences nothing here.", "Remove it."
 
 
 def _remark(owner: Owner, rest: str, message: str, hint: str) -> Remark:
@@ -458,7 +458,7 @@ def _broken_libraries(document: SourceDocument, broken: dict[int, Checked]) -> I
             where = f": {first.line}:{first.column}: {first.message}" if first else "."
             yield Remark(
                 f"/use/{index}",
-                f"the library {shown(one.source.name)} has {counted(count, 'error')}{where}",
+                f"the library {quote(one.source.name)} has {count_of(count, 'error')}{where}",
                 first.hint if first else "Run terratool validate on it.",
             )
 
@@ -643,7 +643,7 @@ def _finding(
 
 def _duplicate(repeated: Repeated) -> Remark:
     pointer, occurrence = repeated
-    key = shown(unescape(pointer.rsplit("/", 1)[1]))
+    key = quote(unescape(pointer.rsplit("/", 1)[1]))
     message = f"the key {key} stands twice in one object."
     hint = "Remove or rename one of the two."
     return Remark(pointer, message, hint, on_key=True, occurrence=occurrence)

@@ -22,7 +22,7 @@ from terratool.definition.scatter_areas import area_of, copies_over
 from terratool.definition.tree import ROOT
 from terratool.definition.uses import Root, Uses, copies, scatters_over_cells
 from terratool.errors import RequestError
-from terratool.report.wording import counted
+from terratool.report.wording import count_of
 
 MANY_SIZES = 20_000
 """Most sizes of cells of templates that are compared for the smallest cell."""
@@ -320,7 +320,7 @@ class _Drafter:
         if self.total > MAX_ELEMENTS:
             raise RequestError(
                 f"{self.uses.document.source.name}: its parts, in all their turns and surfaces, "
-                f"come to more than {counted(MAX_ELEMENTS, 'element')}.",
+                f"come to more than {count_of(MAX_ELEMENTS, 'element')}.",
                 "Use fewer of them, or name their surfaces in the parts.",
             )
         cells = _grid_after_turns(root, quarters)

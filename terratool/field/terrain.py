@@ -23,7 +23,7 @@ from terratool.field.records import FieldArrays, align_arrays
 from terratool.field.sharing import Tally, compile_shared, refuse_piled
 from terratool.field.types import PointSamples
 from terratool.kernels import field as kernels
-from terratool.report.numbers import spelled
+from terratool.report.numbers import coordinates
 
 if TYPE_CHECKING:
     import torch
@@ -69,8 +69,8 @@ def check_overlap(bounds: Bounds, extent: Bounds, name: str) -> None:
     west, south, east, north = bounds
     if west >= extent[2] or east <= extent[0] or south >= extent[3] or north <= extent[1]:
         raise RequestError(
-            f"The bounds {spelled(bounds)} miss {name}.",
-            f"It lies in {spelled(extent)}.",
+            f"The bounds {coordinates(bounds)} miss {name}.",
+            f"It lies in {coordinates(extent)}.",
         )
 
 
@@ -81,7 +81,7 @@ def refuse_empty(bounds: Bounds) -> None:
         RequestError: the rectangle is empty, or has a side that is no finite number.
     """
     west, south, east, north = bounds
-    said = spelled(bounds)
+    said = coordinates(bounds)
     if not all(map(math.isfinite, bounds)):
         raise RequestError(
             f"The bounds are {said}.", "Give four finite numbers: west, south, east, north."

@@ -26,7 +26,7 @@ from terratool.io.expat import EntityError, tree_of
 from terratool.io.guards import HARMLESS, is_placed, transform_of
 from terratool.io.opening import gdal_errors, open_local
 from terratool.raster.layers import LAYERS
-from terratool.report.numbers import spelled
+from terratool.report.numbers import coordinates
 from terratool.text.files import open_file
 
 HIGHEST = 1e9
@@ -297,8 +297,8 @@ def _heights(
         rows = _within(rows, north - high_y, north - low_y, dy)
         if columns[0] >= columns[1] or rows[0] >= rows[1]:
             raise RequestError(
-                f"{name}: no pixel has its centre in the bounds {spelled(options.bounds)}.",
-                f"It lies in {spelled((west, south, east, north))}.",
+                f"{name}: no pixel has its centre in the bounds {coordinates(options.bounds)}.",
+                f"It lies in {coordinates((west, south, east, north))}.",
             )
     count_x, count_y = columns[1] - columns[0], rows[1] - rows[0]
     unit = _unit(file, band, ((west + east) / 2, (south + north) / 2), about)

@@ -14,7 +14,7 @@ from terratool.field.terrain import check_overlap
 from terratool.importing.types import PixelGrid, SampledHeights, Triangles
 from terratool.kernels import importing as kernels
 from terratool.raster.grid import count_pixels, refuse_resolution, resolution_within
-from terratool.report.numbers import per_cent, spelled
+from terratool.report.numbers import coordinates, per_cent
 
 if TYPE_CHECKING:
     from terratool.field.terrain import Terrain
@@ -109,7 +109,7 @@ def sample(
     if holes + beyond == heights.size:
         raise RequestError(
             f"At a resolution of {grid.dx:g} no pixel has its centre on the mesh.",
-            f"It lies in {spelled(extent)}; give a finer resolution or other bounds.",
+            f"It lies in {coordinates(extent)}; give a finer resolution or other bounds.",
         )
     losses = _SamplingLosses(grid, vertical_area, flat, outside, len(faces), hidden, holes, beyond)
     return SampledHeights(grid, heights, (*triangles.notes, *why, *losses.sentences()))

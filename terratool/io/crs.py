@@ -8,7 +8,7 @@ from rasterio.errors import CRSError
 
 from terratool.definition.crs import FORMS, CrsValue, authority_code, crs_problem, is_known
 from terratool.errors import RequestError
-from terratool.text.display import shown
+from terratool.text.display import quote
 
 
 def read_crs(crs: CrsValue) -> CRS:
@@ -35,4 +35,4 @@ def read_crs(crs: CrsValue) -> CRS:
 
 def shown_crs(crs: CrsValue) -> str:
     """Text of a reference system for messages."""
-    return shown(crs) if isinstance(crs, str | int) else "an object"
+    return quote(crs) if isinstance(crs, str | int) else "an object"

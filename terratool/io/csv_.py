@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from terratool.errors import DAMAGED, ReadError
 from terratool.io.points import NAMED, Columns, PointBatch, Wanted, check_names
 from terratool.io.rows import LINES, LineReader
-from terratool.text.display import shown
+from terratool.text.display import quote
 from terratool.text.files import open_file
 from terratool.text.numbers import parse_number
 
@@ -71,7 +71,7 @@ def _numbers(path: Path, cells: list[str | None], name: str) -> NDArray[np.float
     if None in values:
         cell = cells[values.index(None)] or ""
         raise ReadError(
-            f"{path}: {shown(cell)} is no number, in the column {name}.",
+            f"{path}: {quote(cell)} is no number, in the column {name}.",
             "Write numbers with a point, and nothing where there is none.",
         )
     return np.array(values, np.float64)

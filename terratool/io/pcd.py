@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from terratool.errors import ReadError
 from terratool.io.points import NAMED, PointBatch, Wanted, short_text
 from terratool.io.rows import Fields, RowLayout, header_line, read_rows, write_after
-from terratool.text.display import shown
+from terratool.text.display import quote
 from terratool.text.files import open_file
 from terratool.text.numbers import parse_number, parse_whole
 
@@ -75,7 +75,7 @@ def _header(said: dict[str, list[str]], order: str) -> tuple[RowLayout, NDArray[
     for name, letter, size, many in zip(names, said["TYPE"], said["SIZE"], counts, strict=True):
         form = _TYPES.get((letter.upper(), size))
         if form is None:
-            raise ValueError(f"{shown(name)} is of type {shown(letter)} and size {shown(size)}")
+            raise ValueError(f"{quote(name)} is of type {quote(letter)} and size {quote(size)}")
         fields.append((name if many == 1 else "", form, many))
     pose = np.array([parse_number(text) for text in said.get("VIEWPOINT", ())] or WORLD, float)
     far = pose.shape != (7,) or not (np.abs(pose) < _LARGEST).all()
@@ -88,7 +88,7 @@ def _header(said: dict[str, list[str]], order: str) -> tuple[RowLayout, NDArray[
 def _whole(text: str) -> int:
     found = parse_whole(text)
     if found is None:
-        raise ValueError(f"{shown(text)} is no count")
+        raise ValueError(f"{quote(text)} is no count")
     return found
 
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from terratool.errors import DAMAGED, ReadError
 from terratool.io.points import PointBatch, Wanted, check_names
 from terratool.io.rows import Fields, RowLayout, header_line, read_rows, write_after
-from terratool.text.display import shown
+from terratool.text.display import quote
 from terratool.text.files import open_file
 from terratool.text.numbers import parse_whole
 
@@ -62,7 +62,7 @@ def read_points(path: Path, wanted: Wanted) -> Iterator[PointBatch]:
                     fields.append((name, _TYPES[kind], 1))
                 case ["property", *_] if element == "vertex":
                     raise ReadError(
-                        f"{path}: its vertices have a property {shown(' '.join(words[1:]))}.",
+                        f"{path}: its vertices have a property {quote(' '.join(words[1:]))}.",
                         "A cloud has numbers alone.",
                     )
         order = _ORDERS.get(form)

@@ -29,7 +29,7 @@ from terratool.mesh.types import BuiltMesh, Mesh
 from terratool.output import refuse_existing, refuse_missing_folder, target_of, whole_file
 from terratool.report.documents import plain_document
 from terratool.report.numbers import metres
-from terratool.report.wording import counted
+from terratool.report.wording import count_of
 
 DEFAULT_ERROR = 5e-3
 """Default of the largest error, in units of the terrain: half of the centimetre that a small wheel
@@ -236,7 +236,7 @@ def export_mesh(
     def attempt(error: float, least: float) -> BuiltMesh:
         say(f"meshing within {metres(error)}")
         built = build(terrain, error, bounds, least, base)
-        say(f"{counted(len(built.mesh.faces), 'face')} within {metres(error)}")
+        say(f"{count_of(len(built.mesh.faces), 'face')} within {metres(error)}")
         return built
 
     if options.max_faces is None:
@@ -252,7 +252,7 @@ def export_mesh(
     mesh = fit.built.mesh
     if not len(mesh.faces):
         raise no_ground("Give other --bounds." if bounds else _WHOLE)
-    say(f"writing {counted(len(mesh.faces), 'face')}")
+    say(f"writing {count_of(len(mesh.faces), 'face')}")
     if form.normals and options.normals:
         mesh = with_normals(fit.built)
     files = write_mesh(mesh, path, overwrite, terrain.descr, options.world)

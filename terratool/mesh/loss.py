@@ -17,7 +17,7 @@ from terratool.mesh.constraints import undrawn_tracks, without_tracks
 from terratool.mesh.plan import plan_of
 from terratool.mesh.types import BuiltMesh, Mesh, RutLoss
 from terratool.report.numbers import metres
-from terratool.report.wording import counted
+from terratool.report.wording import count_of
 
 POINTS = 500_000
 """Most points in cells of left-out elements, and as many anywhere, at which change is measured."""
@@ -146,23 +146,23 @@ class MeshLoss(
         """Yield phrases on left-out elements and tracks."""
         left = self.left
         if left.small:
-            yield f"{counted(left.small, 'element')} too small for the mesh left out"
+            yield f"{count_of(left.small, 'element')} too small for the mesh left out"
         if left.faint:
             yield (
-                f"{counted(left.faint, 'element')} left out to keep to {self.max_faces:,} faces, "
+                f"{count_of(left.faint, 'element')} left out to keep to {self.max_faces:,} faces, "
                 f"the highest of {metres(left.faintest)}"
             )
         if self.ruts and self.ruts.narrow:
-            yield f"{counted(self.ruts.narrow, 'track')} too narrow for the mesh left out"
+            yield f"{count_of(self.ruts.narrow, 'track')} too narrow for the mesh left out"
         if self.ruts and self.ruts.shallow:
             yield (
-                f"{counted(self.ruts.shallow, 'track')} left out to keep to {self.max_faces:,} "
+                f"{count_of(self.ruts.shallow, 'track')} left out to keep to {self.max_faces:,} "
                 f"faces, the deepest of {metres(self.ruts.deepest)}"
             )
         if left.change:
             yield (
                 f"with them the ground is up to {metres(self.miss)} off, as far as was measured "
-                f"at {counted(left.points, 'point')}"
+                f"at {count_of(left.points, 'point')}"
             )
 
 
@@ -196,7 +196,7 @@ class GridLoss(Struct, frozen=True):
         if self.miss.size > _NOISE * spacing:
             parts.append(
                 f"the grid is up to {metres(self.miss.size)} off the terrain, "
-                f"as measured at {counted(self.points, 'point')}"
+                f"as measured at {count_of(self.points, 'point')}"
             )
         yield f"Lost: {'; '.join(parts) or 'nothing'}."
 

@@ -17,7 +17,7 @@ from terratool.kernels import field as kernels
 from terratool.raster.grid import Grid, Window
 from terratool.raster.painter import Planes
 from terratool.report.numbers import metres
-from terratool.report.wording import counted
+from terratool.report.wording import count_of
 
 Floats = NDArray[np.float64]
 
@@ -184,7 +184,7 @@ class RasterLoss:
         ):
             if features.count:
                 verb = one if features.count == 1 else several
-                parts.append(f"{counted(features.count, 'element')} {verb} {what}")
+                parts.append(f"{count_of(features.count, 'element')} {verb} {what}")
         if self.interpolation and self.interpolation.largest > _NOISE * resolution:
             parts.append(
                 f"{pixel}s differ from the model by up to {metres(self.interpolation.largest)}"
@@ -192,7 +192,7 @@ class RasterLoss:
         if self.left_out:
             parts.append(
                 f"walls and what is narrower than a {pixel} were not looked for, among "
-                f"{counted(self.left_out, 'element')}"
+                f"{count_of(self.left_out, 'element')}"
             )
         if not parts:
             return f"Lost: nothing; no walls, nothing narrower than a {pixel}."

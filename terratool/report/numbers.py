@@ -96,7 +96,7 @@ def full(value: float) -> str:
     return f"{value + 0.0:.12g}".replace("-", "−")
 
 
-def spelled(values: Iterable[float]) -> str:
+def coordinates(values: Iterable[float]) -> str:
     """Format coordinates for a command line, separated by spaces."""
     return " ".join(f"{value:.12g}" for value in values)
 

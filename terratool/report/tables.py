@@ -133,7 +133,7 @@ def columns_in(text: str) -> int:
     return sum(map(columns_of, text))
 
 
-def cut(text: str, columns: int) -> str:
+def truncate(text: str, columns: int) -> str:
     """Truncate a text to at most `columns` terminal columns, with an ellipsis."""
     if not text or columns_in(text) <= columns:
         return text
@@ -179,10 +179,10 @@ def align(
         row[-1], *below = wrap(row[-1], "", widths[-1]) if row[-1] else [""]
         parts = []
         for index, (whole, width) in enumerate(zip(row, widths, strict=True)):
-            text = cut(whole, width)
+            text = truncate(whole, width)
             room = " " * (width - columns_in(text))
             first = left or index in (0, len(row) - 1) or cells[1][index] in words
             parts.append(text + room if first else room + text)
         yield "  ".join(parts).rstrip()
         for text in below:
-            yield f"{indent}{cut(text, widths[-1])}"
+            yield f"{indent}{truncate(text, widths[-1])}"

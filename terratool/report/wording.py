@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 
-def counted(count: int, noun: str) -> str:
+def count_of(count: int, noun: str) -> str:
     """Format a count with its noun: 1 file, 2,000 files, 3 libraries, 4 boxes."""
     plural = "es" if noun.endswith(("x", "sh")) else "s"
     many = f"{noun[:-1]}ies" if noun.endswith("ry") else f"{noun}{plural}"
@@ -17,6 +17,6 @@ def many(count: int) -> str:
     return f"{count:,}" if count < 10**30 else f"about 10^{round(count.bit_length() * 0.30103)}"
 
 
-def listed(words: Sequence[str]) -> str:
+def join_words(words: Sequence[str]) -> str:
     """List words with commas and "and"."""
     return f"{', '.join(words[:-1])} and {words[-1]}" if words[1:] else "".join(words)

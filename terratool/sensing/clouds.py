@@ -15,7 +15,7 @@ from terratool.errors import ReadError, RequestError
 from terratool.extras import install_command
 from terratool.io import csv_, las, npz, pcd, ply
 from terratool.io.points import Columns, PointBatch, Wanted
-from terratool.report.wording import listed
+from terratool.report.wording import join_words
 from terratool.sensing.formats.common import SENSOR_AXES
 from terratool.sensing.poses import Poses
 
@@ -87,7 +87,7 @@ def reader_of(path: Path) -> Callable[[Path, Wanted], Iterator[PointBatch]]:
     if reader is None:
         raise RequestError(
             f"{path}: is no cloud of points by its name.",
-            f"The suffixes are {listed([*_READERS])}; terratool scan writes them all.",
+            f"The suffixes are {join_words([*_READERS])}; terratool scan writes them all.",
         )
     lacking = [
         name
@@ -96,7 +96,7 @@ def reader_of(path: Path) -> Callable[[Path, Wanted], Iterator[PointBatch]]:
     ]
     if lacking:
         raise RequestError(
-            f"{path.suffix} needs {listed(lacking)}, which is not installed.",
+            f"{path.suffix} needs {join_words(lacking)}, which is not installed.",
             f"Install it: {install_command('las')}",
         )
     return reader
@@ -116,7 +116,8 @@ def _cloud(path: Path, read: PointBatch) -> Cloud:
     lacking = [name for name in "xyz" if name not in columns]
     if lacking:
         raise ReadError(
-            f"{path}: has no {listed(lacking)}.", "Name the coordinates of its points x, y and z."
+            f"{path}: has no {join_words(lacking)}.",
+            "Name the coordinates of its points x, y and z.",
         )
     if read.viewpoint is not None:
         columns = _to_world(columns, read.viewpoint)

@@ -16,8 +16,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from terratool.errors import ReadError, RequestError
 from terratool.field.terrain import Terrain
-from terratool.report.wording import listed
-from terratool.text.display import shown
+from terratool.report.wording import join_words
+from terratool.text.display import quote
 from terratool.text.numbers import parse_number
 from terratool.text.source import read_source
 
@@ -190,7 +190,7 @@ def _header(name: str, number: int, cells: list[str]) -> dict[str, int]:
     repeated = [cell for cell in places if cells.count(cell) > 1]
     if repeated:
         raise RequestError(
-            f"{name}:{number}: the header has {listed(repeated)} twice.", "Keep one of each."
+            f"{name}:{number}: the header has {join_words(repeated)} twice.", "Keep one of each."
         )
     return places
 
@@ -206,7 +206,7 @@ def _row(place: str, cells: list[str], places: dict[str, int]) -> list[float]:
         value = parse_number(cell)
         if value is None or not abs(value) <= _FAR:  # nor NaN
             raise RequestError(
-                f"{place}: {column} is {shown(cell)}, which is no number up to {_FAR:g} in size.",
+                f"{place}: {column} is {quote(cell)}, which is no number up to {_FAR:g} in size.",
                 "Write a number for each column of the header.",
             )
         row.append(value)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
-from terratool.report.wording import counted
+from terratool.report.wording import count_of
 from terratool.simulators.markup import child, comment, numbers, rgba, write_xml
 from terratool.simulators.pieces import write_pieces
 from terratool.simulators.scene import Scene
@@ -44,7 +44,7 @@ def write(scene: Scene, folder: Path) -> WrittenFiles:
     write_xml(robot, folder / _FILE)
     faces = len(scene.mesh.faces)
     return WrittenFiles(
-        summary=f"{counted(len(pieces), 'link')} to collide with, of {counted(faces, 'face')}",
+        summary=f"{count_of(len(pieces), 'link')} to collide with, of {count_of(faces, 'face')}",
         language="python",
         load=(
             "import pybullet  # pip install pybullet",

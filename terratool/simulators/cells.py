@@ -5,7 +5,7 @@ from __future__ import annotations
 from terratool.errors import RequestError
 from terratool.field.terrain import Terrain
 from terratool.raster.grid import Grid, count_pixels, refuse_resolution, resolution_within
-from terratool.report.wording import counted
+from terratool.report.wording import count_of
 
 DEFAULT_SIDE = 0.05
 """Default side of a cell, units of the terrain: that of most maps of Nav2."""
@@ -47,7 +47,7 @@ def cell_grid(terrain: Terrain, resolution: float | None, most: int = MOST) -> G
     columns, rows = count_pixels(width, resolution), count_pixels(depth, resolution)
     if columns * rows > MOST_CELLS:
         raise RequestError(
-            f"A resolution of {resolution:g} makes more than {counted(MOST_CELLS, 'cell')}.",
+            f"A resolution of {resolution:g} makes more than {count_of(MOST_CELLS, 'cell')}.",
             "Give a coarser one with --resolution.",
         )
     return Grid(west, south, resolution, rows, columns)

@@ -17,7 +17,7 @@ from msgspec import UNSET
 from terratool.definition.model import Surface
 from terratool.definition.presets import preset_of, property_of
 from terratool.report.documents import json_text
-from terratool.report.wording import counted
+from terratool.report.wording import count_of
 from terratool.simulators.pieces import write_pieces
 from terratool.simulators.scene import Material, Scene
 from terratool.simulators.targets import WrittenFiles
@@ -74,8 +74,8 @@ def write(scene: Scene, folder: Path) -> WrittenFiles:
     )
     faces = len(scene.mesh.faces)
     return WrittenFiles(
-        summary=f"a patch for each of {counted(len(pieces), 'surface')}, of"
-        f" {counted(faces, 'face')} together",
+        summary=f"a patch for each of {count_of(len(pieces), 'surface')}, of"
+        f" {count_of(faces, 'face')} together",
         language="python",
         load=(
             "import pychrono as chrono, pychrono.vehicle as veh",

@@ -27,7 +27,7 @@ from terratool.output import (
 )
 from terratool.report.documents import Document, json_text, plain_document
 from terratool.report.markup import escape_markdown, markdown_row
-from terratool.report.numbers import spelled
+from terratool.report.numbers import coordinates
 from terratool.simulators.options import SceneOptions
 from terratool.simulators.scene import Material, Scene
 from terratool.simulators.targets import Target, WrittenFiles, choose_targets, refuse_uninstalled
@@ -367,7 +367,7 @@ def _readme(scene: Scene, target: Target, written: WrittenFiles) -> str:
     lines += [f"```{written.language}", *written.load, "```", ""]
     for note in written.notes:
         lines += [note, ""]
-    zero = spelled(scene.zero)
+    zero = coordinates(scene.zero)
     lines += [f"Zero is at {zero} of the world; x points east, y north, z up, in metres.", ""]
     held = _frictions(scene, written)
     lines += ["| surface | friction | from |", "|---|---|---|"] * bool(held)

@@ -6,7 +6,7 @@ import xml.etree.ElementTree as ET
 from pathlib import Path
 
 from terratool.report.numbers import metres, per_cent
-from terratool.report.wording import counted
+from terratool.report.wording import count_of
 from terratool.simulators.heightmap import HeightMap, write_heightmap
 from terratool.simulators.markup import child, comment, numbers, one_line, rgba, write_xml
 from terratool.simulators.pieces import write_pieces
@@ -69,8 +69,8 @@ def _add_meshes(scene: Scene, link: ET.Element, folder: Path) -> WrittenFiles:
             _add_color(shape, one) if kind == "visual" else _add_contact(shape, one)
     faces = len(scene.mesh.faces)
     return WrittenFiles(
-        summary=f"a mesh for each of {counted(len(pieces), 'surface')} is seen and collides, of"
-        f" {counted(faces, 'face')} together",
+        summary=f"a mesh for each of {count_of(len(pieces), 'surface')} is seen and collides, of"
+        f" {count_of(faces, 'face')} together",
         language="sh",
         load=_LOAD,
         notes=(
@@ -159,7 +159,7 @@ def _picture_losses(
         f"Heights are in steps of {metres(step)}, from 8 bits, at every"
         f" {metres(size[0] / (found.side - 1))} × {metres(size[1] / (found.side - 1))}; walls"
         " become slopes.",
-        f"At {counted(found.points, 'random point')} they are {metres(found.rms)} off (root mean"
+        f"At {count_of(found.points, 'random point')} they are {metres(found.rms)} off (root mean"
         f" square), and {metres(found.worst)} at most.",
     ]
     if found.void:

@@ -16,7 +16,7 @@ from terratool.raster.loss import LossCounts, LossFinder, RasterLoss
 from terratool.raster.painter import Painter
 from terratool.raster.prefetch import prefetch, processors
 from terratool.report.numbers import metres
-from terratool.report.wording import counted
+from terratool.report.wording import count_of
 from terratool.simulators.cells import cell_grid
 from terratool.simulators.scene import Scene
 from terratool.simulators.targets import WrittenFiles
@@ -73,7 +73,7 @@ def write(scene: Scene, folder: Path) -> WrittenFiles:
     write_grid_maps(folder / BAG, [GridMap(grid, middle, layers)])
     return WrittenFiles(
         summary=f"{grid.width} × {grid.height} cells of {metres(grid.resolution)}, "
-        f"{counted(len(layers), 'layer')}",
+        f"{count_of(len(layers), 'layer')}",
         load=(f"ros2 bag play --loop --delay 1 {BAG}", f"ros2 topic info --verbose {TOPIC}"),
         language="sh",
         notes=(_NOTE.format(more), _PLAY),

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from terratool.mesh.formats.common import points_of, shape_of
 from terratool.mesh.types import BuiltMesh
 from terratool.report.numbers import metres
-from terratool.report.wording import counted
+from terratool.report.wording import count_of
 from terratool.simulators.collision.build import Collision, collision_of
 from terratool.simulators.collision.height_patch import HeightPatch
 from terratool.simulators.collision.solids import Solid, plan_rectangle
@@ -157,9 +157,9 @@ class _CollisionGeoms:
                 self._add_patch(patch, surface)
         counts = self._counts
         summary = (
-            f"{counted(sum(counts.values()), 'geom')} to collide with: "
-            f"{counted(counts['box'], 'box')}, {counted(counts['mesh'], 'convex mesh')}, "
-            f"{counted(counts['hfield'], 'height field')}"
+            f"{count_of(sum(counts.values()), 'geom')} to collide with: "
+            f"{count_of(counts['box'], 'box')}, {count_of(counts['mesh'], 'convex mesh')}, "
+            f"{count_of(counts['hfield'], 'height field')}"
         )
         solids = found.height + built.error
         losses = _loss_sentence(found, solids, options, error, sum(counts.values()))
@@ -250,7 +250,7 @@ def _loss_sentence(
     if found.solids:
         parts.append(f"solids are up to {metres(solids)} off the terrain, square to it")
         if (found.raised or allowed > wanted) and geoms <= most:
-            parts[0] += f", to keep to {counted(most, 'geom')}"
+            parts[0] += f", to keep to {count_of(most, 'geom')}"
         if len({solid.surface for solid in found.solids}) > 1:
             parts.append(f"they reach up to {metres(_SEAM * wanted)} into other surfaces")
     if found.patches:
@@ -260,7 +260,7 @@ def _loss_sentence(
         if found.raggedness:
             parts.append(f"lines between surfaces on them up to {metres(found.raggedness)}, a cell")
     if geoms > most:
-        parts.append(f"{counted(most, 'geom')} would be too far off, so there are {geoms:,}")
+        parts.append(f"{count_of(most, 'geom')} would be too far off, so there are {geoms:,}")
     return f"What collides: {'; '.join(parts)}."
 
 
@@ -282,7 +282,8 @@ def _add_flexes(scene: Scene, body: ET.Element) -> tuple[str, str, dict[str, obj
         )  # fmt: skip
     number = len(scene.mesh.faces)
     return (
-        f"{counted(number, 'face')} to collide with, in {counted(len(scene.parts), 'rigid flex')}",
+        f"{count_of(number, 'face')} to collide with, "
+        f"in {count_of(len(scene.parts), 'rigid flex')}",
         "What has flat faces, such as a box, falls through triangles of a flex that are larger than"
         " it (seen with MuJoCo 4.0); spheres do not.",
         {"flexes": len(scene.parts), "faces": number},

@@ -27,7 +27,7 @@ from terratool.mesh.normals import with_normals
 from terratool.mesh.types import BuiltMesh, Mesh
 from terratool.raster.grid import Grid
 from terratool.report.numbers import metres
-from terratool.report.wording import counted
+from terratool.report.wording import count_of
 from terratool.simulators.cells import cell_grid
 from terratool.simulators.options import SceneOptions
 from terratool.traversability.judge import CellVerdict, Judge
@@ -90,7 +90,7 @@ class Scene:
         built = collapse_degenerate(build(self.terrain, error))
         if not len(built.mesh.faces):
             raise no_ground()
-        self.say(f"{counted(len(built.mesh.faces), 'face')} within {metres(error)}")
+        self.say(f"{count_of(len(built.mesh.faces), 'face')} within {metres(error)}")
         return built
 
     @cached_property

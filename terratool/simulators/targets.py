@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 from terratool.errors import RequestError
 from terratool.extras import install_command
-from terratool.report.wording import listed
-from terratool.text.display import shown
+from terratool.report.wording import join_words
+from terratool.text.display import quote
 
 if TYPE_CHECKING:
     from terratool.simulators.scene import Material, Scene
@@ -103,7 +103,7 @@ def choose_targets(names: tuple[str, ...]) -> dict[str, Target]:
         )
     for name in names:
         if name not in TARGETS and name != "all":
-            raise RequestError(f"There is no target {shown(name)}.", _hint_on(name))
+            raise RequestError(f"There is no target {quote(name)}.", _hint_on(name))
     return {name: one for name, one in TARGETS.items() if name in names or "all" in names}
 
 
@@ -133,7 +133,7 @@ def refuse_uninstalled(targets: Mapping[str, Target]) -> None:
         if one.needs and find_spec(one.needs[0]) is None
     }
     if missing:
-        packages = listed([f"{package} for {name}" for name, (package, _) in missing.items()])
+        packages = join_words([f"{package} for {name}" for name, (package, _) in missing.items()])
         install = install_command(*(extra for _, extra in missing.values()))
         rest = _as_options([name for name in targets if name not in missing])
         raise RequestError(

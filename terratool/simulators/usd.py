@@ -9,7 +9,7 @@ import numpy as np
 
 from terratool.mesh.formats.usd import write_usd
 from terratool.mesh.types import Mesh
-from terratool.report.wording import counted
+from terratool.report.wording import count_of
 from terratool.simulators.scene import Scene
 from terratool.simulators.targets import WrittenFiles
 
@@ -26,8 +26,8 @@ def write(scene: Scene, folder: Path) -> WrittenFiles:
     write_usd(mesh, folder / _FILE, scene.terrain.descr, scene.offset)
     prims = [f"/Terrain/Surface_{part.word}" for part in scene.parts]
     return WrittenFiles(
-        summary=f"a Mesh for each of {counted(len(prims), 'surface')} collides, of"
-        f" {counted(len(mesh.faces), 'face')} together",
+        summary=f"a Mesh for each of {count_of(len(prims), 'surface')} collides, of"
+        f" {count_of(len(mesh.faces), 'face')} together",
         language="python",
         load=(
             "import newton",

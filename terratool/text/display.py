@@ -68,7 +68,7 @@ def only_answer(name: str, close: Sequence[str]) -> str:
     return json.dumps(near[0], ensure_ascii=False) if len(near) == 1 else ""
 
 
-def shown(value: object) -> str:
+def quote(value: object) -> str:
     """Return a name, text or number for a message: one line, printable, at most 60 characters."""
     if isinstance(value, str):
         return f'"{printable(value[:60])}{"…" if len(value) > 60 else ""}"'

@@ -7,7 +7,7 @@ from typing import Any
 
 from msgspec import Struct
 
-from terratool.text.display import escape, shown, unescape
+from terratool.text.display import escape, quote, unescape
 from terratool.text.numbers import parse_whole
 from terratool.text.scan import TEXT
 
@@ -223,7 +223,7 @@ def _key(text: str, offset: int) -> tuple[str, int, int]:
     key, end = _string(text, offset)
     end = _space(text, end).end()  # type: ignore[union-attr]
     if not text.startswith(":", end):
-        raise unexpected_token(text, end, f'the ":" after the key {shown(key)}')
+        raise unexpected_token(text, end, f'the ":" after the key {quote(key)}')
     return key, offset, _space(text, end + 1).end()  # type: ignore[union-attr]
 
 
@@ -351,7 +351,7 @@ def bad_number(text: str, offset: int) -> JsonSyntaxError:
     meant = _number_meant(spelling)
     hint = f"Write {meant}." if meant else "Write it like 12, -0.5 or 1e-3."
     fix = (len(spelling), meant) if meant else None
-    return JsonSyntaxError("TT101", offset, f"{shown(spelling)} is no JSON number.", hint, fix=fix)
+    return JsonSyntaxError("TT101", offset, f"{quote(spelling)} is no JSON number.", hint, fix=fix)
 
 
 def _number_meant(spelling: str) -> str:
@@ -389,7 +389,7 @@ def bad_escape(text: str, offset: int) -> JsonSyntaxError:
     if char == "u":
         char = re.split(r'["\\]', text[offset + 1 : offset + 6])[0]
         hint = "Write four hexadecimal digits after \\u, or \\\\ for a backslash."
-    spelling = shown("\\" + char) if char.isprintable() else f'"\\" before {_name(char)}'
+    spelling = quote("\\" + char) if char.isprintable() else f'"\\" before {_name(char)}'
     message = f"{spelling} is no escape that JSON knows."
     return JsonSyntaxError("TT101", offset, message, hint)
 
@@ -434,7 +434,7 @@ def unexpected_token(text: str, offset: int, wanted: str, hint: str = "") -> Jso
             begins = _found(text, offset).group()  # type: ignore[union-attr]
             if begins.isprintable():
                 message = (
-                    f'the file is no JSON text: it begins with {shown(begins)}, not with "{{".'
+                    f'the file is no JSON text: it begins with {quote(begins)}, not with "{{".'
                 )
                 return JsonSyntaxError("TT101", offset, message, _OTHER_FILE)
     else:
@@ -515,7 +515,7 @@ def _meant(text: str, offset: int, wanted: str) -> str:
 
 def _in_double_quotes(found: str) -> str:
     whole = len(found) <= 60 and found.isprintable()
-    return f"Write {shown(found)}." if whole else "Put it in double quotes."
+    return f"Write {quote(found)}." if whole else "Put it in double quotes."
 
 
 def _name(found: str) -> str:
@@ -524,5 +524,5 @@ def _name(found: str) -> str:
     if found in _COMMENTS:
         return "a comment"
     if found[0] in _QUOTES and len(found) > 1:
-        return f"{found[0]}{shown(found[1:-1])[1:-1]}{found[-1]}"
-    return shown(found) if found.isprintable() else f"the character U+{ord(found[0]):04X}"
+        return f"{found[0]}{quote(found[1:-1])[1:-1]}{found[-1]}"
+    return quote(found) if found.isprintable() else f"the character U+{ord(found[0]):04X}"

@@ -18,9 +18,9 @@ from terratool.field.terrain import Terrain, clip_bounds
 from terratool.io.geotiff import TILE
 from terratool.raster.export import thread_count
 from terratool.raster.grid import DEFAULT_PIXELS, Grid, Window, grid_over
-from terratool.report.numbers import per_cent, pixels, spelled
-from terratool.report.wording import listed
-from terratool.text.display import shown
+from terratool.report.numbers import coordinates, per_cent, pixels
+from terratool.report.wording import join_words
+from terratool.text.display import quote
 from terratool.traversability.map import MapBuilder, begin_of, default_resolution, stream_map
 from terratool.traversability.map_files import MapFiles, refuse_map
 from terratool.traversability.ranges import SAMPLES, Draws, draw, level_chances, soil_samples
@@ -360,7 +360,7 @@ def _cannot_stand_note(
     nearest = int(np.argmin(far))
     x = float(tiles.survey.grid.columns(window)[columns[nearest]])
     y = float(tiles.survey.grid.rows(window)[rows[nearest]])
-    return f"{why} It can stand and move at {spelled((round(x, 3), round(y, 3)))}, near there."
+    return f"{why} It can stand and move at {coordinates((round(x, 3), round(y, 3)))}, near there."
 
 
 def assess(
@@ -532,7 +532,7 @@ def _sampling_note(draws: Draws | None) -> Iterator[str]:
     """A note on how soil figures that are ranges were sampled."""
     if draws is None:
         return
-    names = listed([shown(name) for name in draws.surfaces])
+    names = join_words([quote(name) for name in draws.surfaces])
     yield (
         f"Figures of {names} are ranges. Their middles count for verdicts, figures and routes. "
         f"Probabilities are shares of {draws.samples} samples (seed {draws.seed}), off by up to "

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from functools import partial
 
 from terratool.errors import RequestError
-from terratool.text.display import shown
+from terratool.text.display import quote
 from terratool.traversability.results import Extreme, GroundClass, TraversabilityReport, Verdict
 
 _Value = float | None
@@ -148,7 +148,7 @@ def parse(text: str) -> Condition:
     if name in WORDS:
         raise _error(text, f"{name} is compared with nothing", f"Write {name} alone.")
     if name not in FIGURES:
-        raise _error(text, f"there is no figure {shown(name)}", _hint(name, [*FIGURES]))
+        raise _error(text, f"there is no figure {quote(name)}", _hint(name, [*FIGURES]))
     if comparison not in _OPERATORS:
         raise _error(text, f"{comparison} compares nothing", "Write >, >=, < or <=.")
     try:
@@ -156,7 +156,7 @@ def parse(text: str) -> Condition:
     except ValueError:
         limit = math.nan
     if not math.isfinite(limit):
-        raise _error(text, f"{shown(number)} is no number", f"Write {name}{comparison}0.3, say.")
+        raise _error(text, f"{quote(number)} is no number", f"Write {name}{comparison}0.3, say.")
     if FIGURES[name].is_share and not 0.0 <= limit <= 1.0:
         raise _error(text, f"{name} is a share", "Give a number from 0 to 1.")
     return Condition(text, name, comparison, limit)
@@ -180,7 +180,7 @@ def _why(word: str, report: TraversabilityReport) -> str:
 
 def _error(text: str, what: str, hint: str) -> RequestError:
     """The error for a text that is no condition, for the reason `what`."""
-    return RequestError(f"--fail-on {shown(text)}: {what}.", hint)
+    return RequestError(f"--fail-on {quote(text)}: {what}.", hint)
 
 
 def _hint(word: str, known: list[str]) -> str:

@@ -22,7 +22,7 @@ from terratool.definition.reader import Checked, CheckOptions, check, refusal
 from terratool.errors import DefinitionError, MissedError, RequestError
 from terratool.field.terrain import Terrain
 from terratool.field.types import OUTSIDE
-from terratool.text.display import shown
+from terratool.text.display import quote
 from terratool.text.edit import set_member
 from terratool.text.source import Source, read_source, write_source
 from terratool.traversability.limits import wheel_layout, wheel_loads
@@ -204,7 +204,7 @@ def deform(
     known = () if checked.document is None else known_names(checked.document).surfaces
     if surface is not None and surface not in known:
         raise RequestError(
-            f"There is no surface {shown(surface)} for the ruts.", "Name one of surfTypes."
+            f"There is no surface {quote(surface)} for the ruts.", "Name one of surfTypes."
         )
     loads = wheel_loads(vehicle)
     lengths: dict[str, float] = {}
@@ -315,12 +315,12 @@ def _depth(name: str, surface: Surface, wheel: Wheel, load: float) -> tuple[floa
         depth = float(bekker_sinkage(preset, wheel, load))
     else:
         raise RequestError(
-            f'The surface {shown(name)} has no "sinkage", so nothing says how deep a wheel sinks.',
+            f'The surface {quote(name)} has no "sinkage", so nothing says how deep a wheel sinks.',
             'Give it "sinkage" in m/kN, 0 for rigid ground, or a "preset".',
         )
     if depth >= wheel.radius:
         raise MissedError(
-            f"A wheel with {load:.4g} N sinks {depth:.3g} m in {shown(name)}, and its radius is "
+            f"A wheel with {load:.4g} N sinks {depth:.3g} m in {quote(name)}, and its radius is "
             f"{wheel.radius:.3g} m: it cannot drive there.",
             "Lead the path around it, or take larger wheels.",
         )

@@ -13,7 +13,7 @@ from terratool.definition.model import Surface
 from terratool.definition.presets import Preset, preset_of, property_of
 from terratool.errors import RequestError
 from terratool.field.terrain import Terrain
-from terratool.text.display import shown
+from terratool.text.display import quote
 from terratool.traversability import wheel as wheels
 from terratool.traversability.limits import (
     SteepestSlope,
@@ -287,7 +287,7 @@ def _cannot_turn(surface: str, turning: Turning) -> tuple[str, ...]:
     """A sentence on a surface where a vehicle cannot turn on the spot; none where it can."""
     if turning.possible:
         return ()
-    on, by = shown(surface), turning.reason.label
+    on, by = quote(surface), turning.reason.label
     return (f"It cannot turn on the spot on {on}: {by}. Routes and the map do not turn there.",)
 
 

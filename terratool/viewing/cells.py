@@ -15,7 +15,7 @@ from terratool.definition.findings import Bounds
 from terratool.field.footprints import outline_of
 from terratool.field.records import IN_CELLS
 from terratool.field.terrain import Terrain
-from terratool.report.wording import counted
+from terratool.report.wording import count_of
 from terratool.text.display import printable
 
 _LEAST = 6.0
@@ -103,7 +103,8 @@ def cell_lines(terrain: Terrain, bounds: Bounds, per_point: float) -> CellLines:
             lines = []
         grids.append(np.array(lines, np.float64).reshape(-1, 2, 2))
     if small:
-        notes.append(f"Not drawn, as they are too small or elsewhere: {counted(small, 'element')}.")
+        omitted = count_of(small, "element")
+        notes.append(f"Not drawn, as they are too small or elsewhere: {omitted}.")
     labels = tuple(_labels(whole, np.flatnonzero(large), cells, bounds, per_point))
     return CellLines(tuple(grids), tuple(outlines), labels, tuple(notes))
 

@@ -13,7 +13,7 @@ from terratool.field.summary import spread_points
 from terratool.field.terrain import Terrain
 from terratool.mesh.elevation import grid_misses
 from terratool.mesh.types import BuiltMesh, Mesh, PlanLoss
-from terratool.report.wording import counted
+from terratool.report.wording import count_of
 
 _POINTS = 100_000
 """Number of points at which a grid is compared with the terrain."""
@@ -55,7 +55,7 @@ def ground_grid(terrain: Terrain, faces: int) -> GroundGrid:
     whole = known[:-1, :-1] & known[:-1, 1:] & known[1:, 1:] & known[1:, :-1]
     if known.any() and not whole.any():
         raise RequestError(
-            f"In a grid of {counted(faces, 'face')} no square has ground at all four corners.",
+            f"In a grid of {count_of(faces, 'face')} no square has ground at all four corners.",
             "Allow more with --max-faces.",
         )
     sw, se, ne, nw = (corner[whole] for corner in corners)

@@ -23,8 +23,8 @@ from terratool.raster.grid import Grid, grid_over
 from terratool.raster.layers import LAYERS, LayerBands, SurfaceValues, layer_painter
 from terratool.raster.painter import Painter, Planes
 from terratool.raster.prefetch import prefetch, processors
-from terratool.report.wording import listed
-from terratool.text.display import shown
+from terratool.report.wording import join_words
+from terratool.text.display import quote
 from terratool.traversability.judge import Judge
 from terratool.traversability.map import default_resolution
 from terratool.traversability.report.drawing import SHADING, hatch
@@ -239,8 +239,8 @@ def _surface_layer(terrain: Terrain, grid: Grid, planes: Planes) -> LayerPicture
     if drawn:
         has = "has" if len(drawn) == 1 else "have"
         notes.append(
-            f"{listed([shown(name) for name in drawn])} {has} no color in the definition; those of "
-            "the legend were chosen here."
+            f"{join_words([quote(name) for name in drawn])} {has} no color in the definition; "
+            "those of the legend were chosen here."
         )
     return LayerPicture(
         grid, planes.heights, planes.surfaces, colors[planes.surfaces],

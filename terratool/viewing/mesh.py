@@ -26,7 +26,7 @@ from terratool.mesh.export import (
 )
 from terratool.mesh.types import BuiltMesh, Mesh
 from terratool.report.numbers import metres
-from terratool.report.wording import counted
+from terratool.report.wording import count_of
 from terratool.viewing.coarse import GroundGrid, ground_grid
 from terratool.viewing.effort import Allowed, allowed_error
 
@@ -179,7 +179,7 @@ def _require_faces(built: BuiltMesh) -> BuiltMesh:
 def _too_large(wanted: float, allowed: Allowed) -> RequestError:
     """The error for a wanted error with too much effort; it names an allowed one, rounded up."""
     much = allowed.effort.faces
-    many = f": about {counted(int(float(f'{much:.2g}')), 'face')}" if math.isfinite(much) else ""
+    many = f": about {count_of(int(float(f'{much:.2g}')), 'face')}" if math.isfinite(much) else ""
     other = "for a grid of heights, whose error is measured"
     if math.isfinite(allowed.error):
         step = 10.0 ** (math.floor(math.log10(allowed.error)) - 1)

@@ -26,7 +26,7 @@ from terratool.mesh.types import BuiltMesh
 from terratool.raster.grid import grid_over
 from terratool.raster.shading import LIGHT
 from terratool.report.numbers import metres
-from terratool.report.wording import counted
+from terratool.report.wording import count_of
 from terratool.traversability.judge import Judge
 from terratool.viewing.layers import (
     NO_GROUND,
@@ -271,7 +271,7 @@ def _block(
     built = collapse_degenerate(build(whole, error, options.bounds, base="below"))
     if not len(built.mesh.faces):
         raise no_ground()
-    return _mesh_block(built), f"{counted(len(built.mesh.faces), 'face')} within {metres(error)}"
+    return _mesh_block(built), f"{count_of(len(built.mesh.faces), 'face')} within {metres(error)}"
 
 
 def _mesh_block(built: BuiltMesh) -> Block:

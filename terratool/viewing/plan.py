@@ -15,7 +15,7 @@ from terratool.field.terrain import Terrain, check_bounds, clip_bounds
 from terratool.raster.geotiff import crs_of
 from terratool.raster.grid import grid_over
 from terratool.raster.shading import exaggeration, hillshade
-from terratool.report.wording import counted
+from terratool.report.wording import count_of
 from terratool.traversability.judge import Judge
 from terratool.viewing.cells import LABEL, Label, cell_lines
 from terratool.viewing.contours import draw_contours
@@ -290,7 +290,7 @@ def _narrow_note(terrain: Terrain, part: Bounds, pixel: float) -> list[str]:
     west, south, east, north = whole.footprints()
     there = (west < part[2]) & (east > part[0]) & (south < part[3]) & (north > part[1])
     count = int(np.count_nonzero(there & (np.minimum(east - west, north - south) < pixel)))
-    return [f"Narrower than a pixel: {counted(count, 'element')}."] if count else []
+    return [f"Narrower than a pixel: {count_of(count, 'element')}."] if count else []
 
 
 def _draw_letters(axes: Axes, picture: LayerPicture, dpi: float, labels: tuple[Label, ...]) -> None:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from terratool.errors import RequestError
 from terratool.field.bounds import finest_details
 from terratool.field.terrain import Terrain
-from terratool.report.numbers import spelled
+from terratool.report.numbers import coordinates
 from terratool.viewing.layers import surface_colors
 from terratool.viewing.options import Line, RenderOptions
 from terratool.viewing.plan import NO_MARGINS, Drawn, PlanLayout, SheetMargins, layout, unit_of
@@ -111,7 +111,7 @@ def section(terrain: Terrain, line: Line) -> Section:
     if not inside[0, 0] < inside[1, 0]:
         raise RequestError(
             f"The section from {x0:g} {y0:g} to {x1:g} {y1:g} misses the terrain.",
-            f"It lies in {spelled(terrain.bounds)}.",
+            f"It lies in {coordinates(terrain.bounds)}.",
         )
     places = _first_distances(terrain, line, length)
     places = np.unique(np.concatenate([places, inside[:, 0] * length]))

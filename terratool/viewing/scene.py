@@ -14,7 +14,7 @@ from terratool.definition.model import SOIL_FIGURES
 from terratool.definition.presets import preset_of, property_of
 from terratool.field.terrain import Terrain
 from terratool.mesh.types import Mesh
-from terratool.report.wording import counted
+from terratool.report.wording import count_of
 from terratool.traversability.results import COLORS, GroundClass, Route, TraversabilityReport
 from terratool.viewing.layers import surface_colors
 from terratool.viewing.mesh import (
@@ -99,7 +99,7 @@ def scene_of(
     terrain, options = site.terrain, options or PageOptions()
     fit = fitted_mesh(terrain, options, progress)
     mesh, grid_of = fit.built.mesh, fit.grid
-    progress(f"asking the field about {counted(len(mesh.faces), 'face')}")
+    progress(f"asking the field about {count_of(len(mesh.faces), 'face')}")
     faces = faces_of(terrain, fit.built, from_field=grid_of is None)
     wedges = wedges_of(mesh, faces)
     grid = MeshRounding.of(mesh, fit.built.error)

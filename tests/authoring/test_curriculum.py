@@ -870,6 +870,7 @@ def test_numbers_of_hundreds_of_digits_are_refused(
     assert run("validate", path).code == 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "file"),
     [

@@ -473,6 +473,7 @@ def dune(height: float) -> Terrain:
     return Terrain(check(Source("dune", json.dumps(definition).encode())))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("height", [1.0, 4.0])
 def test_a_dune_is_a_mound_cut_by_a_cone(height: float) -> None:
     """The lower of both, which rows approach within 5 %; and its sand ends where it ends."""

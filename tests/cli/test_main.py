@@ -185,6 +185,7 @@ def test_wrong_usage(arguments: tuple[str, ...]) -> None:
         assert all(line.startswith("  ") for line in to_do)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("command", "name"),
     [("validate", "absent.json"), *product(ASKING, ["absent.json", "."])],
@@ -201,6 +202,7 @@ def test_unreadable(tmp_path: Path, command: str, name: str) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", ASKING)
 def test_invalid_definition(tmp_path: Path, invalid: Path, command: str) -> None:
     """An invalid definition exits 1, with the first place on standard error."""

@@ -148,6 +148,7 @@ def test_a_pipe_is_not_followed(folder: Path) -> None:
 # --- what a user names ---------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_pipe_that_is_named_is_read(folder: Path) -> None:
     """As `terratool validate <(…)` has one, and as `/dev/stdin` is one."""
     writer = threading.Thread(target=lambda: (folder / "b.json").write_text(GOOD))
@@ -184,6 +185,7 @@ def test_a_scan_that_is_a_pipe_is_read_once(folder: Path, tmp_path: Path) -> Non
     writer.join()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", [".npz", ".ply", ".pcd", ".las", ".laz"])
 def test_scans_that_are_looked_at_out_of_order_are_files(suffix: str, tmp_path: Path) -> None:
     pipe = tmp_path / f"a{suffix}"
@@ -196,6 +198,7 @@ def test_scans_that_are_looked_at_out_of_order_are_files(suffix: str, tmp_path: 
 # --- sources, and what lies beside them ----------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "suffix",
     [".tif", ".asc", ".nc", ".vrt", ".obj", ".glb", ".gltf", ".3mf", ".dxf", ".x3d", ".wrz"],
@@ -210,6 +213,7 @@ def test_sources_are_files(suffix: str, tmp_path: Path) -> None:
     assert (archive.code, "no regular file" in archive.err) == (3, True)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "beside", ["a.tif.aux.xml", "a.tif.msk", "a.tif.ovr", "a.tfw", "a.prj", "DIM_a.XML", "A.TXT"]
 )
@@ -226,6 +230,7 @@ def test_what_lies_beside_a_raster_is_a_file(beside: str, tmp_path: Path) -> Non
     assert run("import-terrain", tmp_path / "a.tif", tmp_path / "a.json", *told).code == 0
 
 
+@pytest.mark.slow
 def test_what_a_raster_names_is_a_file(tmp_path: Path) -> None:
     """In its tags, or as a label does; in whatever case."""
     told = ("--max-error", 1, "--overwrite")
@@ -264,6 +269,7 @@ def test_what_lies_beside_the_parts_of_a_mosaic_is_a_file(tmp_path: Path) -> Non
     assert (ran.code, "b.tif.aux.xml: is no regular file" in ran.err) == (3, True)
 
 
+@pytest.mark.slow
 def test_buffers_of_a_gltf_are_files(tmp_path: Path) -> None:
     numbers = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 1]], "<f4").tobytes()
     scene = {
@@ -286,6 +292,7 @@ def test_buffers_of_a_gltf_are_files(tmp_path: Path) -> None:
     assert run(*told, "--overwrite").code == 3
 
 
+@pytest.mark.slow
 def test_what_an_earlier_run_left_is_a_file(tmp_path: Path) -> None:
     """A folder that is written into may be a stranger's."""
     (tmp_path / "pybullet").mkdir()

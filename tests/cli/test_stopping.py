@@ -85,6 +85,7 @@ def stopped(tmp_path: Path) -> Iterator[Callable[..., tuple[int, str]]]:
         process.kill()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("work", "number", "said"),
     [

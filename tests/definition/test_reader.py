@@ -147,6 +147,7 @@ BYTES = [b"", *(bytes([n]) for n in b'{}[]:,"\\-+.0eE \t\n'), b"\xff", b"\xc3", 
          b'"a":1,', b'"type" :"p0",', b'"type":"p0",']  # fmt: skip
 
 
+@pytest.mark.slow
 @given(definitions(rutted=True), st.data())
 def test_both_ways_have_one_verdict_on_broken_bytes(definition: Json, data: st.DataObject) -> None:
     """With bytes put in or taken out as well."""
@@ -161,6 +162,7 @@ def test_both_ways_have_one_verdict_on_broken_bytes(definition: Json, data: st.D
     assert same(check(text), explain(text))
 
 
+@pytest.mark.slow
 @given(definitions(rutted=True), st.data())
 def test_both_ways_have_one_opinion(definition: Json, data: st.DataObject) -> None:
     """Warnings too are the same both ways, as are their places, bounds and counts."""

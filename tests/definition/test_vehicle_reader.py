@@ -613,6 +613,7 @@ def test_what_is_neither_is_read_as_a_terrain() -> None:
 # The command line
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("form", sorted(REPORTERS))
 def test_validate_knows_vehicles_among_terrains(form: str, tmp_path: Path) -> None:
     """In each format of reports; the exit code counts both."""

@@ -6,6 +6,7 @@ import math
 from typing import Any
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -21,6 +22,7 @@ EXAMPLES = examples(75)
 TOLERANCE = 2e-6
 
 
+@pytest.mark.slow
 @settings(max_examples=EXAMPLES)
 @given(st.data())
 def test_height_surface_and_element_agree_with_the_format(data: st.DataObject) -> None:

@@ -227,6 +227,7 @@ def scribbles(seed: int, count: int, extent: tuple[float, float], low: Any = (0,
     return tracks  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("origin", [[0, 0], [500000.25, 4649776.5]])
 def test_the_index_loses_no_track(origin: list[float]) -> None:
     """Everywhere the tracks that a walk over all of them finds; oblong, near and far from 0."""

@@ -117,6 +117,7 @@ class TestEquality:
         assert_same(terrain, x, y)
         assert_same(terrain, *around_edges(terrain))
 
+    @pytest.mark.slow
     @settings(max_examples=EXAMPLES)
     @given(st.data())
     def test_random_definitions(self, data: st.DataObject) -> None:

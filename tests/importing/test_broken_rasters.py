@@ -270,12 +270,14 @@ class TestClaims:
         ],
     )  # fmt: skip
 
+    @pytest.mark.slow
     @pytest.mark.parametrize(*HEADS)
     def test_of_small_files(self, tmp_path: Path, name: str, head: bytes) -> None:
         said, memory = memory_for(saved(tmp_path / name, head.ljust(400, b"\0")))
         assert name in said and said != "read"
         assert memory < 500
 
+    @pytest.mark.slow
     @pytest.mark.parametrize(*HEADS)
     @pytest.mark.parametrize("archive", ["zip", "gz", "zip of zip"])
     def test_of_small_files_in_archives(

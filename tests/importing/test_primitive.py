@@ -89,6 +89,7 @@ def profiles(draw: st.DrawFn) -> list[float]:
     return values
 
 
+@pytest.mark.slow
 @settings(max_examples=examples(12))
 @given(profiles(), profiles(), st.integers(1, 50).map(lambda n: n / 4), thousandths, st.booleans())
 @example([0.1, 0.2, 0.4, 1, 0.3], [1, 0.25, 0], 3.0, 0.5, True)
@@ -136,6 +137,7 @@ def test_a_sum_comes_back(x: list[float], y: list[float]) -> None:
     np.testing.assert_allclose(heights(imported, samples), z, atol=3e-6 * np.ptp(z))
 
 
+@pytest.mark.slow
 @settings(max_examples=examples(5))
 @given(st.integers(0, 1000), st.floats(0.05, 0.5))
 def test_missing_heights_count_for_nothing(seed: int, share: float) -> None:

@@ -178,6 +178,7 @@ def test_the_bound_holds_for_any_dem(
     assert not np.isnan(ours[~np.isnan(wanted)]).any()
 
 
+@pytest.mark.slow
 def test_nothing_jumps_where_elements_meet(tmp_path):
     """Neither between blocks of rows nor at the outer half pixels."""
     source = samples(rough(130, 70, seed=4))
@@ -387,6 +388,7 @@ def sampled(terrain: Terrain, pixel: float = 0.5) -> SampledHeights:
     return samples(heights, west=west, south=south, dx=pixel, dy=pixel)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_structures_are_within_the_bound_everywhere(tmp_path, seed):
     """Flanks instead of walls: also between the pixels, and in the outer half ones."""
@@ -399,6 +401,7 @@ def test_structures_are_within_the_bound_everywhere(tmp_path, seed):
     assert apart.max() <= report.bound <= 0.05
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("walls", [False, True])
 @pytest.mark.parametrize("seed", range(2))
 def test_structures_in_cells_of_pixels(tmp_path, seed, walls):

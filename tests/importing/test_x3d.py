@@ -271,6 +271,7 @@ def test_x3d_is_a_source_of_imports(tmp_path: Path) -> None:
     assert run("import-terrain", mesh, out, "--max-error", "0.5", "--resolution", "5").code == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("encoding", ["xml", "classic"])
 @pytest.mark.parametrize("sample", ["stairs-and-kerbs", "nested-site"])
 def test_castle_writes_the_same_in_x3d(sample: str, encoding: str, tmp_path: Path) -> None:

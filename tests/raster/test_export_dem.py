@@ -215,6 +215,7 @@ class TestWholeOrNotAtAll:
             export_dem(terrain, grid_over(terrain, 1), tmp_path / "a.tif")
         assert list(tmp_path.iterdir()) == []
 
+    @pytest.mark.slow
     @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
     def test_a_signal_leaves_nothing(
         self, tmp_path: Path, saved: Callable[..., Path], number: signal.Signals
@@ -274,6 +275,7 @@ class TestWholeOrNotAtAll:
             output.free_bytes(tmp_path / "new.tif")
         assert seen == [tmp_path / "there", tmp_path / "there", tmp_path]
 
+    @pytest.mark.slow
     @pytest.mark.parametrize("suffix", ["tif", "npy"])
     def test_a_disk_that_fills_leaves_nothing(
         self, tmp_path: Path, saved: Callable[..., Path], suffix: str

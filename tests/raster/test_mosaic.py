@@ -68,6 +68,7 @@ class TestOneRaster:
             tmp_path / "a" / f"mosaic{end}.vrt" for end in ("", "-surface", "-color")
         ]
 
+    @pytest.mark.slow
     @pytest.mark.parametrize("crs", ["EPSG:32633", "EPSG:4326", None])
     def test_it_says_of_itself_what_the_file_does(self, tmp_path: Path, crs: str | None) -> None:
         """Place, names, units, colours, attribute table and statistics."""
@@ -227,6 +228,7 @@ class TestResumed:
             assert process.wait(60) == 143
         assert [path.name for path in folder.iterdir()] == [NAME]
 
+    @pytest.mark.slow
     @pytest.mark.parametrize(
         "damage",
         [
@@ -526,6 +528,7 @@ class TestWrong:
             assert b"\nterratool: " in b"\n" + done.stderr
         assert not list(tmp_path.rglob("*.tif")) and not list(tmp_path.rglob("*.part"))
 
+    @pytest.mark.slow
     @pytest.mark.parametrize(
         ("arguments", "code", "word"),
         [

@@ -56,7 +56,7 @@ from terratool.report import numbers
         (numbers.never_quite(1e-6), "less than 0.1 %"),
         (numbers.never_quite(1.0 - 1e-6), "more than 99.9 %"),
         (numbers.never_quite(0.0), "0.0 %"),
-        (numbers.spelled((-1.5, 0.1, 1234567.125)), "-1.5 0.1 1234567.125"),
+        (numbers.coordinates((-1.5, 0.1, 1234567.125)), "-1.5 0.1 1234567.125"),
         (numbers.full(-1234567.125), "−1234567.125"),
         (numbers.full(-0.0), "0"),
         (numbers.pixels(30, 20, 0.12345), "30 × 20 pixels of 0.1235 m"),

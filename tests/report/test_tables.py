@@ -14,8 +14,8 @@ from terratool.report.tables import (
     Table,
     align,
     columns_in,
-    cut,
     join_tables,
+    truncate,
     wrap,
 )
 
@@ -103,7 +103,7 @@ def test_columns_are_flush() -> None:
 @given(st.lists(st.text(min_size=1), min_size=1), st.integers(1, 30))
 def test_a_cut_text_fits(words: list[str], columns: int) -> None:
     text = " ".join(words)
-    found = cut(text, columns)
+    found = truncate(text, columns)
     assert columns_in(found) <= columns
     assert found == text or found.endswith("…")
     assert (found == text) == (columns_in(text) <= columns)

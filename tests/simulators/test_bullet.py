@@ -46,6 +46,7 @@ def sample(name: str) -> Terrain:
     return terratool.load(f"samples/{name}.json")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SAMPLES)
 def test_rays_and_bodies_find_the_terrain(name: str, load: Load, tmp_path: Path) -> None:
     """Ground, both sides of walls, rests, and where a sphere stops that rolls to a wall."""

@@ -73,6 +73,7 @@ def check_sdf(path: Path) -> None:
     assert (ran.returncode, ran.stdout.strip()) == (0, "Valid."), ran.stdout + ran.stderr
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("heightmap", [False, True])
 def test_sdf_is_valid(heightmap: bool, tmp_path: Path) -> None:
     folder, _, _ = written(terrain_of(SITE), tmp_path / "out", "gazebo", heightmap=heightmap)
@@ -114,6 +115,7 @@ def test_a_wrong_model_is_found(spoil: str, drop: Drop, tmp_path: Path) -> None:
     assert worst_rest(drop, folder, ground) > 0.005
 
 
+@pytest.mark.slow
 def test_friction_is_in_the_file_and_dart_does_not_read_it(drop: Drop, tmp_path: Path) -> None:
     """As the README says: DART takes 1, and a box on ice of 9 degrees holds on 42."""
     folder, _, manifest = written(checks.slopes(5.0), tmp_path / "out", "gazebo")

@@ -336,6 +336,7 @@ def test_skimming_finds_the_first_fault(value: Any, data: st.DataObject) -> None
     assert refusal(read_values, text.encode()) == refusal(syntax.parse, text)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("depth", [5, 99, 100, 101, 3000])
 @pytest.mark.parametrize("opening", ["[", '{"a":', '{"b":[1,2],"a":', '[{"b":{"c":[]}},', "[[1],"])
 @pytest.mark.parametrize(

@@ -243,6 +243,7 @@ def fields(draw: st.DrawFn) -> tuple[dict[str, Any], tuple[float, float, float, 
     return walled(60, 40, blocks), ends
 
 
+@pytest.mark.slow
 @settings(max_examples=examples(40), deadline=None)
 @given(field=fields())
 def test_answers_are_those_of_searches_over_all(

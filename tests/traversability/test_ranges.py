@@ -210,6 +210,7 @@ class TestMap:
             found = chances(terrain_of(hills(tight, loam)), resolution)
             np.testing.assert_array_equal(found, go.astype(np.float32))
 
+    @pytest.mark.slow
     @given(
         st.floats(18, 32), st.floats(0.5, 8), st.floats(0, 3), st.floats(0, 3),
         st.floats(0.0, 0.15), st.floats(0.2, 2.0),

@@ -215,6 +215,7 @@ SPOTS = [
 ]  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "options"),
     [("warehouse", ()), ("ramp-yard", ()), ("nested-site", ("--max-error", 0.02))],
@@ -472,6 +473,7 @@ def touch(browser: Any, x: int, y: int) -> None:
     actions.perform()
 
 
+@pytest.mark.slow
 def test_a_drag_turns_the_wheel_zooms_and_the_right_button_moves(
     page: Callable[..., Page], boxes: Path
 ) -> None:

@@ -114,6 +114,7 @@ def red(pixels: NDArray[np.int64]) -> NDArray[np.bool_]:
     return (pixels[..., 0] > 2.5 * pixels[..., 1]) & (pixels[..., 0] > 60)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("azimuth", "right", "far"),
     [(180, True, True), (0, False, False), (90, True, False), (270, False, True)],
@@ -195,6 +196,7 @@ def test_the_picture_says_how_it_is_seen(tmp_path: Path) -> None:
     assert "heights exaggerated 3 times" in report.what
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("perspective", [False, True])
 @pytest.mark.parametrize("size", [450, 900])
 def test_no_line_is_cut_off(perspective: bool, size: int, tmp_path: Path) -> None:

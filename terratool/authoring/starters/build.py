@@ -14,7 +14,7 @@ from terratool.authoring.starters.options import Kind, Wanted
 from terratool.authoring.starters.rough import ROUGH
 from terratool.authoring.starters.warehouse import WAREHOUSE
 from terratool.errors import RequestError
-from terratool.report.wording import listed
+from terratool.report.wording import join_words
 
 KINDS: Mapping[str, Kind] = {
     "flat": FLAT,
@@ -101,4 +101,4 @@ _ALIKE = 0.7
 def hint_for(name: str, names: list[str]) -> str:
     """Hint that names the most similar of some names, or all of them."""
     close = get_close_matches(name, names, 1, _ALIKE)
-    return f"Did you mean {close[0]}?" if close else f"There is {listed(names)}."
+    return f"Did you mean {close[0]}?" if close else f"There is {join_words(names)}."

@@ -13,7 +13,7 @@ from msgspec.structs import replace
 from terratool.definition.key import Key
 from terratool.definition.scattering import share
 from terratool.errors import RequestError
-from terratool.report.wording import listed
+from terratool.report.wording import join_words
 
 Members = dict[str, Any]
 """Members of a JSON object of the definition, by key."""
@@ -65,7 +65,7 @@ class Option(Key, frozen=True, kw_only=True):
     def range(self) -> str:
         """Range or choices of the option in words."""
         if self.choices:
-            return listed(self.choices)
+            return join_words(self.choices)
         unit = f" {self.unit}" if self.unit else ""
         return f"{self.low:,.16g} to {self.high:,.16g}{unit}"
 

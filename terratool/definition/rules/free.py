@@ -15,7 +15,7 @@ from terratool.definition.rules.base import Subject, rule
 from terratool.definition.tree import Tree
 from terratool.definition.turning import CLOSE, turned_shape
 from terratool.definition.uses import Root, copies
-from terratool.text.display import shown
+from terratool.text.display import quote
 
 _CELL_KEYS = {"cellX": "cell_x", "cellY": "cell_y", "span": "span"}
 
@@ -110,7 +110,7 @@ def turned_parent(subject: Subject) -> Iterator[Remark]:
         if free and turn is not UNSET and turn % 90 != 0:
             yield Remark(
                 "/turnDeg",
-                f"the element has children, and is turned by {shown(turn)} degrees, "
+                f"the element has children, and is turned by {quote(turn)} degrees, "
                 "which is no multiple of 90.",
                 "Turn it by 0, 90, 180 or 270, or place the children beside it.",
                 element=parent,
@@ -124,8 +124,8 @@ def turned_parent(subject: Subject) -> Iterator[Remark]:
         if begin < after:
             yield Remark(
                 "/part",
-                f"the root of the part {shown(name)} has children, and is turned by "
-                f"{shown(end.turn)} degrees, which is no multiple of 90.",
+                f"the root of the part {quote(name)} has children, and is turned by "
+                f"{quote(end.turn)} degrees, which is no multiple of 90.",
                 "Put the part into a cell, or place the children beside its root.",
                 element=index,
             )
@@ -167,7 +167,7 @@ def outside_cell(subject: Subject) -> Iterator[Remark]:
         size, parent = alike.size, alike.sides.lengths
         message = f"beyond the parent's cell of {parent[0]:.9g} × {parent[1]:.9g}."
         if alike.root.tree is subject.tree:
-            inside = f", where the part {shown(size.part)} stands." if size.part else "."
+            inside = f", where the part {quote(size.part)} stands." if size.part else "."
             for element, beyond in crowd.taken_beyond(parent):
                 yield Remark(
                     "/at",
@@ -177,7 +177,7 @@ def outside_cell(subject: Subject) -> Iterator[Remark]:
                 )
             continue
         for place, beyond in islice(crowd.beyond(parent), 1):
-            pointer = f"{alike.root.tree.pointer(place)} of the part {shown(size.part)}"
+            pointer = f"{alike.root.tree.pointer(place)} of the part {quote(size.part)}"
             for element in subject.place_sizes.elements_leading_to(size, seen):
                 if element not in told:
                     told.add(element)
@@ -309,7 +309,7 @@ def copies_outside(subject: Subject) -> Iterator[Remark]:
             if step != int(step) if abs(step) < 1e9 else True:
                 yield Remark(
                     f"/repeat/step/{axis}",
-                    f"a step of {shown(step)} leads between the cells.",
+                    f"a step of {quote(step)} leads between the cells.",
                     "Write a whole number, or place the element by at and extent.",
                     element=index,
                 )

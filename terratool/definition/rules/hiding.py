@@ -10,7 +10,7 @@ from msgspec import UNSET
 from terratool.definition.findings import Remark
 from terratool.definition.rules.base import Subject, rule
 from terratool.definition.tree import Tree, cover, overlaps
-from terratool.text.display import escape, shown
+from terratool.text.display import escape, quote
 
 _MANY = 100
 """Most overlapping siblings that are all compared; more would take longer than they help."""
@@ -101,7 +101,7 @@ def _is_copied(tree: Tree, index: int) -> bool:
 
 
 def _remark(tree: Tree, index: int, by: str) -> Remark:
-    surface = shown(str(tree.column("surface")[index]))
+    surface = quote(str(tree.column("surface")[index]))
     return Remark(
         "",
         f"the element's surface {surface} is hidden all over by {by}.",

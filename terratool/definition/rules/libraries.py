@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from terratool.definition.findings import Remark
 from terratool.definition.libraries import DICTIONARIES, Dictionary
 from terratool.definition.rules.base import Subject, reader_rule, rule
-from terratool.text.display import escape, shown
+from terratool.text.display import escape, quote
 
 _NOUNS: dict[Dictionary, str] = {
     "surfTypes": "surface", "elemTypes": "primitive", "parts": "part",
@@ -157,8 +157,8 @@ def ambiguous_name(subject: Subject) -> Iterator[Remark]:
     for clash in subject.clashes:
         yield Remark(
             f"/use/{through[id(clash.second)]}",
-            f"the {_NOUNS[clash.dictionary]} {shown(clash.name)} is in "
-            f"{shown(clash.first.source.name)} and in {shown(clash.second.source.name)}.",
+            f"the {_NOUNS[clash.dictionary]} {quote(clash.name)} is in "
+            f"{quote(clash.first.source.name)} and in {quote(clash.second.source.name)}.",
             f'Rename one of the two, or define it in "{clash.dictionary}" here.',
         )
 
@@ -190,7 +190,7 @@ def library_circle(subject: Subject) -> Iterator[Remark]:
         elif document.catalogue.reaches(library, document):
             yield Remark(
                 f"/use/{index}",
-                f"the library {shown(library.source.name)} uses this file, which uses it.",
+                f"the library {quote(library.source.name)} uses this file, which uses it.",
                 "Move what both need into a library of its own.",
             )
 
@@ -233,7 +233,7 @@ def unused_library(subject: Subject) -> Iterator[Remark]:
         ):
             yield Remark(
                 f"/use/{index}",
-                f"nothing is used of the library {shown(library.source.name)}.",
+                f"nothing is used of the library {quote(library.source.name)}.",
                 "Remove its path.",
             )
 
@@ -278,8 +278,8 @@ def hiding_name(subject: Subject) -> Iterator[Remark]:
         for library, name in sorted(hidden, key=lambda one: one[0].source.name):
             yield Remark(
                 f"/{dictionary}/{escape(name)}",
-                f"the {_NOUNS[dictionary]} {shown(name)} hides that of the library "
-                f"{shown(library.source.name)}.",
+                f"the {_NOUNS[dictionary]} {quote(name)} hides that of the library "
+                f"{quote(library.source.name)}.",
                 "Rename it, or remove it if the library's is meant.",
                 on_key=True,
             )

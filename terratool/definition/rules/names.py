@@ -9,7 +9,7 @@ from msgspec import UNSET
 
 from terratool.definition.findings import Remark
 from terratool.definition.rules.base import Subject, rule
-from terratool.text.display import escape, only_answer, shown
+from terratool.text.display import escape, only_answer, quote
 
 _MANY = 500
 _LONG = 60
@@ -51,13 +51,13 @@ def unknown_primitive(subject: Subject) -> Iterator[Remark]:
     hints = NameHints(primitives, "elemTypes")
     for index, name in subject.tree.elements_with("type", missing):
         if name in surfaces:
-            message = f"{shown(name)} is a surface, where a primitive belongs."
-            hint, fix = f'Write the primitive as "type" and "surface": {shown(name)}.', ""
+            message = f"{quote(name)} is a surface, where a primitive belongs."
+            hint, fix = f'Write the primitive as "type" and "surface": {quote(name)}.', ""
         elif name in subject.uses.names.parts:
-            message = f"{shown(name)} is a part, where a primitive belongs."
-            hint, fix = f'Write "part": {shown(name)} in place of "type".', ""
+            message = f"{quote(name)} is a part, where a primitive belongs."
+            hint, fix = f'Write "part": {quote(name)} in place of "type".', ""
         else:
-            message, (hint, fix) = f"no primitive is called {shown(name)}.", hints[name]
+            message, (hint, fix) = f"no primitive is called {quote(name)}.", hints[name]
         yield Remark("/type", message, hint, element=index, fix=fix)
 
 
@@ -98,20 +98,20 @@ def unknown_surface(subject: Subject) -> Iterator[Remark]:
     hints = NameHints(surfaces, "surfTypes")
     for index, name in subject.tree.elements_with("surface", missing):
         if name in primitives:
-            message = f"{shown(name)} is a primitive, where a surface belongs."
-            hint, fix = f'Write "type": {shown(name)} and the surface as "surface".', ""
+            message = f"{quote(name)} is a primitive, where a surface belongs."
+            hint, fix = f'Write "type": {quote(name)} and the surface as "surface".', ""
         else:
-            message, (hint, fix) = f"no surface is called {shown(name)}.", hints[name]
+            message, (hint, fix) = f"no surface is called {quote(name)}.", hints[name]
         yield Remark("/surface", message, hint, element=index, fix=fix)
     for index, track in enumerate(subject.definition.ruts):
         here = f"/tracks/{index}"
         if track.surface is not UNSET and track.surface not in surfaces:
-            message = f"no surface is called {shown(track.surface)}."
+            message = f"no surface is called {quote(track.surface)}."
             hint, fix = hints[track.surface]
             yield Remark(f"{here}/surface", message, hint, fix=fix)
         for name in track.depth if isinstance(track.depth, dict) else ():
             if name not in surfaces:
-                message = f"no surface is called {shown(name)}."
+                message = f"no surface is called {quote(name)}."
                 hint, fix = hints[name]
                 pointer = f"{here}/depth/{escape(name)}"
                 yield Remark(pointer, message, hint, on_key=True, fix=fix)
@@ -149,10 +149,10 @@ class NameHints(dict[str, tuple[str, str]]):
 
             close = get_close_matches(name, self._close, 2)
         hint = (
-            f'Add {shown(name)} to "{self._dictionary}", or its library to "use", '
+            f'Add {quote(name)} to "{self._dictionary}", or its library to "use", '
             "or write a name that is there."
         )
         if close:
-            hint = f"Did you mean {shown(close[0])}?"
+            hint = f"Did you mean {quote(close[0])}?"
         self[name] = hint, only_answer(name, close)
         return self[name]

@@ -13,7 +13,7 @@ from terratool.definition.rules.base import Subject, rule
 from terratool.definition.rules.names import NameHints
 from terratool.definition.tree import PARTS, part_pointer
 from terratool.definition.uses import MAX_DEPTH
-from terratool.text.display import escape, shown
+from terratool.text.display import escape, quote
 
 
 @rule("TT707", "unknown-part")
@@ -52,10 +52,10 @@ def unknown_part(subject: Subject) -> Iterator[Remark]:
     hints = NameHints(parts, "parts")
     for index, name in subject.tree.elements_with("part", missing):
         if name in subject.primitives:
-            message = f"{shown(name)} is a primitive, where a part belongs."
-            hint, fix = f'Write "type": {shown(name)} in place of "part".', ""
+            message = f"{quote(name)} is a primitive, where a part belongs."
+            hint, fix = f'Write "type": {quote(name)} in place of "part".', ""
         else:
-            message, (hint, fix) = f"no part is called {shown(name)}.", hints[name]
+            message, (hint, fix) = f"no part is called {quote(name)}.", hints[name]
         yield Remark("/part", message, hint, element=index, fix=fix)
 
 
@@ -92,10 +92,10 @@ def part_circle(subject: Subject) -> Iterator[Remark]:
     for index, name in tree.elements_with("part", uses.circles):
         outer = own.get(tree.roots[tree.root_of[index]])
         if outer is not None and uses.circle_of[name] == uses.circle_of.get(outer):
-            through = "itself" if outer == name else f"{shown(name)}, which contains it"
+            through = "itself" if outer == name else f"{quote(name)}, which contains it"
             yield Remark(
                 "/part",
-                f"the part {shown(outer)} contains {through}.",
+                f"the part {quote(outer)} contains {through}.",
                 "Take it out, or put another part there.",
                 element=index,
             )
@@ -178,7 +178,7 @@ def part_turn(subject: Subject) -> Iterator[Remark]:
         if part is not UNSET and turn is not UNSET and turn % 90 != 0:
             yield Remark(
                 "/turnDeg",
-                f"a part is turned by {shown(turn)} degrees, which is no multiple of 90.",
+                f"a part is turned by {quote(turn)} degrees, which is no multiple of 90.",
                 "Turn it by 0, 90, 180 or 270, or turn the elements in it.",
                 element=index,
             )
@@ -232,7 +232,7 @@ def beyond_limits(subject: Subject) -> Iterator[Remark]:
         if uses.depths[name] > MAX_DEPTH:
             yield Remark(
                 "/part",
-                f"with {shown(name)}, {uses.depths[name]:,} parts stand in one another, "
+                f"with {quote(name)}, {uses.depths[name]:,} parts stand in one another, "
                 f"and more than {MAX_DEPTH:,} are not read.",
                 "Write some of them out where they stand.",
                 element=index,
@@ -250,7 +250,7 @@ def beyond_limits(subject: Subject) -> Iterator[Remark]:
         if not height <= LARGEST:  # true for NaN, too
             yield Remark(
                 "/part",
-                f"heights within the part {shown(use.part)} go beyond 1e30 here.",
+                f"heights within the part {quote(use.part)} go beyond 1e30 here.",
                 "Lower vScale here or in the part.",
                 element=use.element,
             )
@@ -288,7 +288,7 @@ def unused_part(subject: Subject) -> Iterator[Remark]:
         if name not in uses.parts_in_use:
             yield Remark(
                 f"/parts/{escape(name)}",
-                f"no element stands for the part {shown(name)}.",
+                f"no element stands for the part {quote(name)}.",
                 'Remove it, or name it by "part".',
                 on_key=True,
             )

@@ -13,7 +13,7 @@ from terratool.definition.findings import Remark
 from terratool.definition.rules.base import Subject, rule
 from terratool.definition.summaries import value_range
 from terratool.definition.tree import ROOT
-from terratool.text.display import shown
+from terratool.text.display import quote
 
 _SAME = 1e-6
 
@@ -117,7 +117,7 @@ class _ElementScales:
         if not others or 2 * len(others) < len(shaped):
             return
         low, high = min(others), max(others)
-        theirs = shown(low) if low == high else f"{shown(low)} to {shown(high)}"
+        theirs = quote(low) if low == high else f"{quote(low)} to {quote(high)}"
         for index in own:
             default = self._default(index)
             least, most = (default * value for value in self._ranges[self._types[index]])

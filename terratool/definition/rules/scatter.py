@@ -20,7 +20,7 @@ from terratool.definition.scattering import copy_count, strew, strewing_of
 from terratool.definition.tree import ROOT, Tree
 from terratool.definition.uses import Root, Uses, elements_of, scatters_over_cells
 from terratool.report.wording import many
-from terratool.text.display import shown
+from terratool.text.display import quote
 
 
 @rule("TT720", "scatter")
@@ -96,7 +96,7 @@ def _contradictions(tree: Tree, index: int, asked: Scatter) -> Iterator[tuple[st
     if least > most:
         yield (
             "/sizes",
-            f"the sizes go from {shown(least)} down to {shown(most)}.",
+            f"the sizes go from {quote(least)} down to {quote(most)}.",
             "Write the least first.",
         )
     if tree.value("repeat", index) is not UNSET:
@@ -156,7 +156,7 @@ def crowded_scatter(subject: Subject) -> Iterator[Remark]:
         area = pair_of(extent, math.nan)
         count = copy_count(asked, area)
         if count == 0:
-            message = f"the density comes to no copy on {shown(area[0] * area[1])} square units."
+            message = f"the density comes to no copy on {quote(area[0] * area[1])} square units."
             hint = "Raise it, make the area larger, or write a count."
             yield Remark("/scatter/density", message, hint, element=index)
         if asked.distance is UNSET and asked.sizes[1] * math.sqrt(2) < min(area):

@@ -9,8 +9,8 @@ from msgspec import UNSET
 from terratool.definition.findings import Remark
 from terratool.definition.rules.base import SensorSubject, rule
 from terratool.definition.sensor import MAX_FRAME, RATE, SENSORS, TURN
-from terratool.report.wording import listed
-from terratool.text.display import shown
+from terratool.report.wording import join_words
+from terratool.text.display import quote
 
 _SLACK = 1.0 + 1e-9
 """Slack for rounding, where the last beam of a column fires with the next column."""
@@ -91,13 +91,13 @@ def reversed_sensor_range(subject: SensorSubject) -> Iterator[Remark]:
         if least >= most:
             yield Remark(
                 pointer,
-                f'"{key}" goes from {shown(least)} to {shown(most)}, which is not above it.',
+                f'"{key}" goes from {quote(least)} to {quote(most)}, which is not above it.',
                 "Write the smaller number first.",
             )
         elif key == "azimuths" and most - least > TURN:
             yield Remark(
                 pointer,
-                f'"{key}" spans {shown(most - least)} degrees, more than a turn.',
+                f'"{key}" spans {quote(most - least)} degrees, more than a turn.',
                 "Let it span 360 at most; without the key a lidar looks all around.",
             )
 
@@ -191,7 +191,7 @@ def two_lenses(subject: SensorSubject) -> Iterator[Remark]:
     if camera is not UNSET and camera.fov is not UNSET and camera.focal is not UNSET:
         yield Remark(
             "/camera/fov",
-            f"{listed(['fov', 'focal'])} both say how wide the camera looks.",
+            f"{join_words(['fov', 'focal'])} both say how wide the camera looks.",
             "Remove one of them.",
             on_key=True,
         )

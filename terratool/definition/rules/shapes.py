@@ -13,7 +13,7 @@ from terratool.definition.findings import Remark
 from terratool.definition.model import CurveValue
 from terratool.definition.rules.base import Subject, rule
 from terratool.definition.summaries import value_range
-from terratool.text.display import escape, shown
+from terratool.text.display import escape, quote
 
 _CLOSE = 1e-9
 
@@ -53,7 +53,7 @@ def curve_range(subject: Subject) -> Iterator[Remark]:
                 continue
             yield Remark(
                 f"/elemTypes/{escape(name)}/{key}{_place(curve, worst)}",
-                f'the curve "{key}" reaches {shown(float(f"{worst:.6g}"))}, outside of 0 to 1.',
+                f'the curve "{key}" reaches {quote(float(f"{worst:.6g}"))}, outside of 0 to 1.',
                 "Scale it to a height of 1, and give the height by vScale and vOffset.",
             )
 
@@ -120,7 +120,7 @@ def zero_primitive(subject: Subject) -> Iterator[Remark]:
         if value_range(summary) == (0, 0):
             yield Remark(
                 f"/elemTypes/{escape(name)}",
-                f"the primitive {shown(name)} is 0 everywhere.",
+                f"the primitive {quote(name)} is 0 everywhere.",
                 'Give it a shape, or say with "x-ignore": ["TT308"] that only surfaces are meant.',
             )
 

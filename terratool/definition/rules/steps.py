@@ -17,7 +17,7 @@ from terratool.definition.summaries import (
     tallest_step,
     value_range,
 )
-from terratool.text.display import shown
+from terratool.text.display import quote
 
 _CLOSE = 1e-9
 
@@ -116,7 +116,7 @@ def tall_step(subject: Subject) -> Iterator[Remark]:
         if tallest > limit + rounding:
             yield Remark(
                 "",
-                f"the element makes a step of up to {tallest:.4g}, more than {shown(limit)}.",
+                f"the element makes a step of up to {tallest:.4g}, more than {quote(limit)}.",
                 "Lower it, or let its curves end at 0 or without a step.",
                 element=index,
             )

@@ -11,7 +11,7 @@ from terratool.definition.findings import Remark
 from terratool.definition.model import SOIL_FIGURES, Pair, Surface, ends_of, names_of
 from terratool.definition.presets import PRESETS
 from terratool.definition.rules.base import Subject, rule
-from terratool.text.display import escape, shown
+from terratool.text.display import escape, quote
 
 _SOIL = (("cohesion", "cohesion"), ("fricAngle", "fric_angle"), ("sinkage", "sinkage"))
 _LONG = 60  # characters of a name that may be a typo
@@ -74,7 +74,7 @@ def missing_soil(subject: Subject) -> Iterator[Remark]:
             words = " or ".join(f'"{key}"' for key in lacking)
             yield Remark(
                 here,
-                f"the surface {shown(name)} has no {words}.",
+                f"the surface {quote(name)} has no {words}.",
                 "Add what the soil has, or a preset; rigid ground has sinkage 0 and cohesion 0.",
             )
 
@@ -123,7 +123,7 @@ def same_color(subject: Subject) -> Iterator[Remark]:
         if other != name:
             yield Remark(
                 f"/surfTypes/{escape(name)}/color",
-                f"{shown(name)} has the colour of {shown(other)}.",
+                f"{quote(name)} has the colour of {quote(other)}.",
                 "Give each surface a colour of its own.",
             )
 
@@ -172,7 +172,7 @@ def implausible_soil(subject: Subject) -> Iterator[Remark]:
                 what = f'item {end} of "{key}"' if is_range else f'"{key}"'
                 yield Remark(
                     f"/surfTypes/{escape(name)}/{key}{f'/{end}' if is_range else ''}",
-                    f"{what} is {shown(value)}; plausible is {low:g} to {high:g} {unit}: {why}.",
+                    f"{what} is {quote(value)}; plausible is {low:g} to {high:g} {unit}: {why}.",
                     f"Check that it is written in {unit}.",
                 )
 
@@ -246,7 +246,7 @@ def unknown_preset(subject: Subject) -> Iterator[Remark]:
         if surface.preset is not UNSET and surface.preset not in PRESETS:
             yield Remark(
                 f"/surfTypes/{escape(name)}/preset",
-                f"no soil is called {shown(surface.preset)}.",
+                f"no soil is called {quote(surface.preset)}.",
                 _preset_hint(surface.preset),
             )
 
@@ -298,7 +298,7 @@ def steep_roughness(subject: Subject) -> Iterator[Remark]:
             degrees = math.degrees(math.atan(slope))
             yield Remark(
                 f"/surfTypes/{escape(name)}/roughness",
-                f"the relief of {shown(name)} is steep: its slope is {degrees:.0f}° rms.",
+                f"the relief of {quote(name)} is steep: its slope is {degrees:.0f}° rms.",
                 "Check the units; the rms is mostly below a quarter of the correlation.",
             )
 
@@ -344,8 +344,8 @@ def reversed_range(subject: Subject) -> Iterator[Remark]:
         if low > high:
             yield Remark(
                 pointer,
-                f'the range of "{key}" is upside down, from {shown(low)} down to {shown(high)}.',
-                f"Write [{shown(high)}, {shown(low)}] if these are its ends.",
+                f'the range of "{key}" is upside down, from {quote(low)} down to {quote(high)}.',
+                f"Write [{quote(high)}, {quote(low)}] if these are its ends.",
             )
 
 
@@ -377,9 +377,9 @@ def single_value_range(subject: Subject) -> Iterator[Remark]:
         if low == high:
             yield Remark(
                 pointer,
-                f'both ends of the range of "{key}" are {shown(low)}.',
-                f"Write {shown(low)} alone.",
-                fix=shown(low),
+                f'both ends of the range of "{key}" are {quote(low)}.',
+                f"Write {quote(low)} alone.",
+                fix=quote(low),
             )
 
 
@@ -390,4 +390,4 @@ def _preset_hint(name: str) -> str:
     plain = "-".join(name.lower().replace("_", " ").replace("-", " ").split())
     close = get_close_matches(plain[:_LONG], PRESETS, 1, 0.6)
     close = close or [known for known in PRESETS if plain and plain in known]
-    return f"Did you mean {shown(close[0])}?" if close else f"Known are {', '.join(PRESETS)}."
+    return f"Did you mean {quote(close[0])}?" if close else f"Known are {', '.join(PRESETS)}."

@@ -13,8 +13,8 @@ from terratool.definition.model import Pair, pair_of
 from terratool.definition.rules.base import CurriculumSubject
 from terratool.definition.tile_kinds import KINDS
 from terratool.definition.tile_spec import KindSpec
-from terratool.report.wording import listed
-from terratool.text.display import escape, shown
+from terratool.report.wording import join_words
+from terratool.text.display import escape, quote
 
 RESERVED = ("ground", "level", "pyramid", "column", "floor", "hole")
 """Names of primitives and surfaces that definitions of tiles have themselves."""
@@ -76,7 +76,7 @@ def _names(pointer: str, names: Iterable[str]) -> Iterator[Remark]:
     is_name = re.compile(NAME).fullmatch
     known: dict[str, str] = {}
     for name in names:
-        here, message = f"{pointer}/{escape(name)}", f"the key {shown(name)}"
+        here, message = f"{pointer}/{escape(name)}", f"the key {quote(name)}"
         if not is_name(name):
             yield Remark(
                 here,
@@ -90,7 +90,7 @@ def _names(pointer: str, names: Iterable[str]) -> Iterator[Remark]:
             yield Remark(here, message, "Choose another one.", on_key=True)
         other = known.setdefault(name.lower(), name)
         if other != name:
-            message = f"the key {shown(name)} differs from {shown(other)} only by case."
+            message = f"the key {quote(name)} differs from {quote(other)} only by case."
             yield Remark(here, message, "Choose another one.", on_key=True)
 
 
@@ -130,8 +130,8 @@ def _unknown_kind(kind: str) -> tuple[str, str]:
     from difflib import get_close_matches
 
     close = get_close_matches(kind, KINDS, 1)
-    hint = f'Did you mean "{close[0]}"?' if close else f"Known are {listed(list(KINDS))}."
-    return f"there is no kind {shown(kind)}.", hint
+    hint = f'Did you mean "{close[0]}"?' if close else f"Known are {join_words(list(KINDS))}."
+    return f"there is no kind {quote(kind)}.", hint
 
 
 def _patches(text: CurriculumText, sides: Pair | None) -> Iterator[Remark]:
@@ -161,7 +161,7 @@ def misfits(kind: KindSpec, tile: Pair) -> Iterator[tuple[str, str, str]]:
         leave, which = ("leave", "one of them") if parts[1:] else ("leaves", "it")
         yield (
             next(iter(lengths)),
-            f"{listed(parts)} {leave} nothing of the tile's {side:g} m.",
+            f"{join_words(parts)} {leave} nothing of the tile's {side:g} m.",
             f"Make {which} smaller, or the tile larger.",
         )
     for key in ("stepWidth", "gridWidth", "spacing"):

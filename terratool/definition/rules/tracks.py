@@ -11,7 +11,7 @@ from terratool.definition.exact import decimal_sum
 from terratool.definition.findings import Remark
 from terratool.definition.model import Track
 from terratool.definition.rules.base import Subject, rule
-from terratool.text.display import shown
+from terratool.text.display import quote
 
 
 @rule("TT601", "no-depth")
@@ -108,7 +108,7 @@ def repeated_point(subject: Subject) -> Iterator[Remark]:
             if point == after:
                 yield Remark(
                     f"{here}/path/{index}",
-                    f"the point [{shown(after[0])}, {shown(after[1])}] stands twice in a row.",
+                    f"the point [{quote(after[0])}, {quote(after[1])}] stands twice in a row.",
                     "Remove one of the two.",
                 )
 
@@ -154,8 +154,8 @@ def track_outside(subject: Subject) -> Iterator[Remark]:
             yield Remark(
                 f"{here}/path",
                 "the track lies wholly outside of the terrain.",
-                f"Points are world coordinates, here from [{shown(west)}, {shown(south)}] "
-                f"to [{shown(east)}, {shown(north)}].",
+                f"Points are world coordinates, here from [{quote(west)}, {quote(south)}] "
+                f"to [{quote(east)}, {quote(north)}].",
             )
 
 
@@ -198,7 +198,7 @@ def track_without_sinkage(subject: Subject) -> Iterator[Remark]:
         given = track.depth if isinstance(track.depth, dict) else ()
         missing = [name for name in lacking if name not in given] if track.by_load else []
         if missing and not subject.left_out(here, "depth"):
-            names = ", ".join(shown(name) for name in missing[:3]) + ", …" * (len(missing) > 3)
+            names = ", ".join(quote(name) for name in missing[:3]) + ", …" * (len(missing) > 3)
             verb = "have" if len(missing) > 1 else "has"
             yield Remark(
                 here,
@@ -236,7 +236,7 @@ def void_track(subject: Subject) -> Iterator[Remark]:
         if track.surface in surfaces and surfaces[str(track.surface)].void is True:
             yield Remark(
                 f"{here}/surface",
-                f"the surface {shown(str(track.surface))} is void, and a track leaves ground.",
+                f"the surface {quote(str(track.surface))} is void, and a track leaves ground.",
                 "Write a surface that is not void, or leave it out.",
             )
 

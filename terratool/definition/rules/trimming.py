@@ -25,7 +25,7 @@ from terratool.definition.summaries import combine_values, curve_values
 from terratool.definition.tree import ROOT, Tree
 from terratool.definition.turning import CLOSE, Point, Turned, turned_shape
 from terratool.definition.uses import Uses, elements_of
-from terratool.text.display import shown
+from terratool.text.display import quote
 
 _STEPS = 128
 """Intervals along each side between the points at which a shape is sampled."""
@@ -246,7 +246,7 @@ def _in_parts(subject: Subject) -> Iterator[Remark]:
             continue
         told.add(mark)
         lost = shape.sentence()[:-1]
-        where = f"where the part {shown(size.part)} stands in {cell[0]:.6g} × {cell[1]:.6g}"
+        where = f"where the part {quote(size.part)} stands in {cell[0]:.6g} × {cell[1]:.6g}"
         hint = 'Place it by "at" and "extent" in its part, or turn the part by 180.'
         if kind.is_root:
             hint = "Give the part a square cell or a free place there, or turn it by 180."

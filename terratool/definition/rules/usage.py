@@ -8,7 +8,7 @@ from msgspec import UNSET
 
 from terratool.definition.findings import Remark
 from terratool.definition.rules.base import Subject, rule
-from terratool.text.display import escape, shown
+from terratool.text.display import escape, quote
 
 
 @rule("TT204", "unused-primitive", "warning")
@@ -37,7 +37,7 @@ def unused_primitive(subject: Subject) -> Iterator[Remark]:
         return
     for name in subject.definition.primitives:
         if name not in used:
-            message = f"no element uses the primitive {shown(name)}."
+            message = f"no element uses the primitive {quote(name)}."
             yield _on_key("elemTypes", name, message, "Remove it, or use it as a type.")
 
 
@@ -75,7 +75,7 @@ def unused_surface(subject: Subject) -> Iterator[Remark]:
     used |= subject.tree.distinct("type")  # names in the wrong place, as TT201 reports
     for name in subject.definition.surfaces:
         if name not in used:
-            message = f"no element wears the surface {shown(name)}."
+            message = f"no element wears the surface {quote(name)}."
             yield _on_key("surfTypes", name, message, "Remove it, or use it as a surface.")
 
 
@@ -109,7 +109,7 @@ def shared_name(subject: Subject) -> Iterator[Remark]:
     surfaces = subject.definition.surfaces
     for name in subject.definition.primitives:
         if name in surfaces:
-            message = f"{shown(name)} is both a primitive and a surface."
+            message = f"{quote(name)} is both a primitive and a surface."
             yield _on_key("elemTypes", name, message, "Rename one of the two.")
 
 
@@ -147,7 +147,7 @@ def similar_names(subject: Subject) -> Iterator[Remark]:
         for name in names:
             other = seen.setdefault(name.casefold(), name)
             if other != name:
-                message = f"{shown(name)} differs from {shown(other)} only by case."
+                message = f"{quote(name)} differs from {quote(other)} only by case."
                 yield _on_key(dictionary, name, message, "Rename one of the two.")
 
 

@@ -11,7 +11,7 @@ from msgspec import UNSET
 from terratool.definition.findings import Remark
 from terratool.definition.rules.base import VehicleSubject, rule
 from terratool.definition.vehicle import AxleText
-from terratool.text.display import shown
+from terratool.text.display import quote
 
 _CLOSE = 1e-9
 _AGREE = 1e-3
@@ -67,8 +67,8 @@ def axles_overlap(subject: VehicleSubject) -> Iterator[Remark]:
             if _beside(axle, other, track) < 0.5 * (widths[index] + widths[ahead]):
                 yield Remark(
                     "/wheelbase" if vehicle.axles is UNSET else f"/axles/{index}/x",
-                    f"the wheels of this axle and those of the one {shown(_short(apart))} m ahead "
-                    f"stand in each other's place: their axles need {shown(_short(least))} m.",
+                    f"the wheels of this axle and those of the one {quote(_short(apart))} m ahead "
+                    f"stand in each other's place: their axles need {quote(_short(least))} m.",
                     'Check the positions, and "radius", which is half a diameter, in metres.',
                 )
                 break
@@ -127,8 +127,8 @@ def narrow_track(subject: VehicleSubject) -> Iterator[Remark]:
     if track < least * (1 - _CLOSE):
         yield Remark(
             "/track",
-            f"{most} wheels of {shown(width)} m do not stand side by side in a track of "
-            f"{shown(track)} m.",
+            f"{most} wheels of {quote(width)} m do not stand side by side in a track of "
+            f"{quote(track)} m.",
             'Give the width of one wheel as "width", and from middle to middle as "track".',
         )
 
@@ -164,8 +164,8 @@ def wheelbase_differs(subject: VehicleSubject) -> Iterator[Remark]:
     if abs(front - rear - vehicle.wheelbase) > _AGREE * vehicle.wheelbase:
         yield Remark(
             "/wheelbase",
-            f"the wheelbase is {shown(vehicle.wheelbase)} m, but the outermost axles are "
-            f"{shown(_short(front - rear))} m apart.",
+            f"the wheelbase is {quote(vehicle.wheelbase)} m, but the outermost axles are "
+            f"{quote(_short(front - rear))} m apart.",
             'Remove "wheelbase", or correct the one that is wrong.',
         )
 
@@ -211,8 +211,8 @@ def tips_over(subject: VehicleSubject) -> Iterator[Remark]:
     if vehicle.cog.x is not UNSET and not rear < vehicle.cog.x < front and rear < front:
         yield Remark(
             "/cog/x",
-            f"the centre of gravity at {shown(vehicle.cog.x)} m is not between the axles at "
-            f"{shown(front)} and {shown(rear)} m, so the vehicle tips over on level ground.",
+            f"the centre of gravity at {quote(vehicle.cog.x)} m is not between the axles at "
+            f"{quote(front)} and {quote(rear)} m, so the vehicle tips over on level ground.",
             "Write it in the frame of the axles, in metres, positive ahead.",
         )
     if all(axle.count < 2 for axle in subject.axles):

@@ -9,7 +9,7 @@ from msgspec import UNSET
 
 from terratool.definition.findings import Remark
 from terratool.definition.rules.base import VehicleSubject, rule
-from terratool.text.display import shown
+from terratool.text.display import quote
 
 _SLIP, _CAUTION_SLIP = 0.2, 0.6
 """Thresholds of slip where a file has none."""
@@ -75,8 +75,8 @@ def class_order(subject: VehicleSubject) -> Iterator[Remark]:
         by_default = ", its default" if classes.caution_slip is UNSET else ""
         yield Remark(
             "/classes/cautionSlip" if classes.slip is UNSET else "/classes/slip",
-            f"the slip for go is {shown(go)}{', its default' if classes.slip is UNSET else ''}, "
-            f"and that for caution {shown(caution)}{by_default}, which is less.",
+            f"the slip for go is {quote(go)}{', its default' if classes.slip is UNSET else ''}, "
+            f"and that for caution {quote(caution)}{by_default}, which is less.",
             'Give both "slip" and "cautionSlip", the smaller one as "slip".',
         )
 
@@ -166,7 +166,7 @@ def _implausible(
         if isinstance(value, float) and not low <= value <= high:
             yield Remark(
                 f"{pointer}/{path}",
-                f'"{path.rpartition("/")[2]}" is {shown(value)} {unit}, which hardly any vehicle '
+                f'"{path.rpartition("/")[2]}" is {quote(value)} {unit}, which hardly any vehicle '
                 f"has: they have {low:g} to {high:g} {unit}.",
                 f"Check its unit, which is {unit}.",
             )
@@ -221,8 +221,8 @@ def used_up_margin(subject: VehicleSubject) -> Iterator[Remark]:
         if margin is not UNSET and limit is not UNSET and margin >= limit:
             yield Remark(
                 f"/margins/{key}",
-                f"a margin of {shown(margin)} {unit} leaves nothing: {what} "
-                f"{shown(float(f'{limit:.6g}'))} {unit}.",
+                f"a margin of {quote(margin)} {unit} leaves nothing: {what} "
+                f"{quote(float(f'{limit:.6g}'))} {unit}.",
                 "Give what is to be left of the limit, or leave the margin out.",
             )
 

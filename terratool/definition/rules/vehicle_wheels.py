@@ -10,7 +10,7 @@ from terratool.definition.findings import Remark
 from terratool.definition.keys import SLOTS
 from terratool.definition.rules.base import WHEEL_KEYS, VehicleSubject, rule
 from terratool.definition.vehicle import AxleText, WheelText
-from terratool.text.display import shown
+from terratool.text.display import quote
 
 _KEYS = {key: SLOTS[AxleText][key].name for key in WHEEL_KEYS}
 _FOREIGN = {
@@ -67,7 +67,7 @@ def contradictory_wheel(subject: VehicleSubject) -> Iterator[Remark]:
                 f"{owner}/{key}",
                 f'"{key}" is a figure of {" or ".join(_NAMES[each] for each in others)}, but the '
                 f'wheel is of kind "{kind}".',
-                f'Remove "{key}", or write {" or ".join(map(shown, others))} as "kind" beside it.',
+                f'Remove "{key}", or write {" or ".join(map(quote, others))} as "kind" beside it.',
             )
 
 
@@ -122,7 +122,7 @@ def oversized_contact(subject: VehicleSubject) -> Iterator[Remark]:
                 continue
             yield Remark(
                 f"{owner}/{key}" if _wrote(written, key) else f"{owner}/radius",
-                f'the wheel has a "{key}" of {shown(length)} m, but {what} only {shown(most)} m.',
+                f'the wheel has a "{key}" of {quote(length)} m, but {what} only {quote(most)} m.',
                 f'Write "{key}" and "radius" in metres, in the axle, too, where it differs.',
             )
 

@@ -21,7 +21,7 @@ from terratool.importing.primitive.entries import (
 from terratool.importing.primitive.fit import CurveForm
 from terratool.importing.primitive.products import Patch, ProductSum
 from terratool.importing.types import HeightSource, SampledHeights
-from terratool.report.numbers import spelled, tenths
+from terratool.report.numbers import coordinates, tenths
 
 MOST_TERMS = 16
 MOST_SAMPLES = 256
@@ -340,7 +340,7 @@ def sentences(imported: ImportedPrimitive) -> Iterator[str]:
     error, unit = imported.error, imported.unit
     yield (
         f"Error: {_size_text(error.largest, error, unit)} at most, at "
-        f"{spelled((error.x, error.y))}; {_size_text(error.rms, error, unit)} RMS, "
+        f"{coordinates((error.x, error.y))}; {_size_text(error.rms, error, unit)} RMS, "
         f"over {error.pixels:,} pixels."
     )
     if imported.missing:

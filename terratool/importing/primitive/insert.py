@@ -13,7 +13,7 @@ from terratool.definition.change import ChangeTarget, open_target
 from terratool.definition.findings import Bounds
 from terratool.definition.tree import ROOT, Tree
 from terratool.errors import RequestError
-from terratool.text.display import shown
+from terratool.text.display import quote
 
 if TYPE_CHECKING:
     from terratool.importing.primitive.build import ImportedPrimitive
@@ -96,7 +96,7 @@ def target_of(
     taken = [name for name in names if name in own]
     if taken and not overwrite:
         raise RequestError(
-            f"{path}: already has a primitive called {shown(taken[0])}.",
+            f"{path}: already has a primitive called {quote(taken[0])}.",
             "Choose another --name, or add --overwrite to replace it.",
         )
     document = target.checked.document
@@ -104,7 +104,7 @@ def target_of(
         hidden = [name for name in names if name in library.entries["elemTypes"]]
         if hidden and not overwrite:
             raise RequestError(
-                f"{path}: its library {library.source.name} has a primitive {shown(hidden[0])}, "
+                f"{path}: its library {library.source.name} has a primitive {quote(hidden[0])}, "
                 "which the new one would hide.",
                 "Choose another --name, or add --overwrite to have the new one in its place.",
             )
@@ -169,14 +169,14 @@ def parse_cell_path(text: str, span: str | None = None) -> CellPath:
     parts = text.split(",", 2)
     if len(parts) < 2 or not all(re.fullmatch("[0-9]{1,9}", part.strip()) for part in parts[:2]):
         raise RequestError(
-            f"{shown(text)} is no place.",
+            f"{quote(text)} is no place.",
             "Write column and row of a cell, as in 3,4, and the JSON pointer of the parent behind "
             "them if that is not the root, as in 3,4,/elemTree/children/0.",
         )
     sides = (span or "1,1").split(",")
     if len(sides) != 2 or not all(re.fullmatch(" *0*[1-9][0-9]{0,8} *", side) for side in sides):
         raise RequestError(
-            f"{shown(span)} is no span.", "Write columns and rows of cells, as in 4,2."
+            f"{quote(span)} is no span.", "Write columns and rows of cells, as in 4,2."
         )
     return CellPath(
         (int(parts[0]), int(parts[1])),

@@ -55,7 +55,7 @@ from terratool.importing.terrain.writing import (
 from terratool.importing.types import HeightSource, PixelGrid, sample_range
 from terratool.kernels import importing as kernels
 from terratool.output import refuse_existing, whole_file
-from terratool.text.display import shown
+from terratool.text.display import quote
 
 _NARROWEST = 2.0**-40
 """Least ratio of a pixel's side to the largest coordinate; below it doubles round pixels away."""
@@ -267,7 +267,7 @@ def _refuse_ground(ground: GroundSurface | None) -> None:
     if ground is None:
         return
     if not ground.name or ground.name == _NO_GROUND:
-        what = "has no name" if not ground.name else f"is called {shown(ground.name)}, as gaps are"
+        what = "has no name" if not ground.name else f"is called {quote(ground.name)}, as gaps are"
         raise RequestError(f"The surface of the ground {what}.", "Give another --surface.")
     try:
         ground.name.encode()
@@ -362,7 +362,7 @@ def summarise_source(
         )
     summary.notes = source.notes  # now, as the second reading would count twice
     if raster is not None and raster.lacking:
-        bare = f"the surface {shown(options.ground.name)}" if options.ground else "no surface"
+        bare = f"the surface {quote(options.ground.name)}" if options.ground else "no surface"
         summary.notes += (f"{raster.name} has no class for {raster.lacking:,} pixels: {bare}.",)
     if options.fill and summary.heights is not None:
         summary.heights = fill_gaps(summary.heights)
@@ -382,7 +382,7 @@ def _add_ground(summary: SourceSummary, ground: GroundSurface, grid: PixelGrid) 
     """
     if ground.name in summary.surface_types and ground.preset is not None:
         raise RequestError(
-            f"The classes have a surface {shown(ground.name)} already, with a soil of its own.",
+            f"The classes have a surface {quote(ground.name)} already, with a soil of its own.",
             "Leave out --preset, or choose another --surface.",
         )
     summary.surface_types.setdefault(ground.name, ground.surface)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from terratool.errors import RequestError
 from terratool.extras import install_command
-from terratool.report.wording import listed
+from terratool.report.wording import join_words
 from terratool.sensing.formats.common import Record
 from terratool.sensing.formats.images import BESIDE, write_png, write_tiff
 from terratool.sensing.formats.points import write_csv, write_las, write_npz, write_pcd, write_ply
@@ -77,7 +77,8 @@ def format_of(path: Path) -> ScanFormat:
         what = f"ends with {suffix}" if suffix else "has no suffix"
         raise RequestError(
             f"{path}: {what}, which says no format.",
-            f"Let it end with one of {listed([*FORMATS])}; .rosbag2 is a folder, a bag of ROS 2.",
+            f"Let it end with one of {join_words([*FORMATS])}; "
+            ".rosbag2 is a folder, a bag of ROS 2.",
         )
     if form.module and (find_spec(form.module) is None or (suffix == ".laz" and not _has_laspy())):
         raise RequestError(

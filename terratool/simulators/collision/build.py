@@ -17,7 +17,7 @@ from terratool.mesh.components import components
 from terratool.mesh.triangulate import delaunay
 from terratool.mesh.types import BuiltMesh, Mesh
 from terratool.report.numbers import metres
-from terratool.report.wording import counted
+from terratool.report.wording import count_of
 from terratool.simulators.collision.footing import rest_of
 from terratool.simulators.collision.height_patch import Bools, Floats, HeightPatch, Indices, Ints
 from terratool.simulators.collision.patches import CELLS, Surroundings, lay_patches, spread
@@ -214,7 +214,7 @@ class _Task:
         area, fewest = float(areas_of(pieces).sum()), len(np.unique(labels))
         height, too_low, spoiling = self.height, 0.0, False
         if fewest > room:
-            self.say(f"covering {counted(fewest, 'part')} of the ground at walls")
+            self.say(f"covering {count_of(fewest, 'part')} of the ground at walls")
         room = max(room, math.ceil(_SPARE * fewest))
         best: tuple[float, list[Solid]] | None = None
         while True:

@@ -9,7 +9,7 @@ import numpy as np
 
 from terratool.report import numbers
 from terratool.report.tables import Cell, Column, Judged, Table
-from terratool.report.wording import counted, listed
+from terratool.report.wording import count_of, join_words
 from terratool.text.display import printable
 from terratool.traversability.report import wording
 from terratool.traversability.report.tables import grounds_of, title, what_binds
@@ -49,16 +49,16 @@ def conclusion(found: VehicleComparison) -> str:
         else:
             kind = unknown if one.verdict == Verdict.UNKNOWN else cannot
             kind.append(vehicle_name(one))
-    count = counted(len(found.reports), "vehicle")
+    count = count_of(len(found.reports), "vehicle")
     if able:
         number = "All" if not cannot and not unknown else str(len(able))
-        parts = [f"{number} of {count} can drive there: {listed(able)}"]
+        parts = [f"{number} of {count} can drive there: {join_words(able)}"]
     else:
         parts = [f"None of {count} {'is known to' if unknown else 'can'} drive there"]
     if cannot:
-        parts.append(f"{listed(cannot)} cannot")
+        parts.append(f"{join_words(cannot)} cannot")
     if unknown:
-        parts.append(f"of {listed(unknown)} it is not known")
+        parts.append(f"of {join_words(unknown)} it is not known")
     return f"{'; '.join(parts)}."
 
 
@@ -92,7 +92,7 @@ def _journey(route: Route) -> tuple[Cell, ...]:
     if route.barriers:
         more = len(route.barriers) - 1
         binds = wording.because(route.barriers[0].reason)
-        binds += f" (and {counted(more, 'more place')})" * bool(more)
+        binds += f" (and {count_of(more, 'more place')})" * bool(more)
     elif margin is not None:
         binds = wording.because(margin.reason)
     return (
@@ -152,7 +152,7 @@ def together_line(found: VehicleComparison) -> str:
     """Sentence on the shares of `together`; empty if there are none."""
     parts = []
     for vehicles, share in together(found):
-        who = listed([*map(printable, vehicles)])
+        who = join_words([*map(printable, vehicles)])
         if not vehicles:
             who = "none"
         elif len(vehicles) == len(found.reports):

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from terratool.report import numbers
-from terratool.report.tables import columns_of, cut
+from terratool.report.tables import columns_of, truncate
 from terratool.text.display import printable
 from terratool.traversability.limits import slip_limit
 from terratool.traversability.report import wording
@@ -263,7 +263,7 @@ def _axes(frame: PlotFrame, heading: str) -> Iterator[str]:
         most = int((frame.width - 40.0) / _LETTER)
         yield (
             f'<text class="title" x="{end:g}" y="{frame.top - 8:g}" text-anchor="end">'
-            f"{escape(cut(printable(heading), most))}</text>"
+            f"{escape(truncate(printable(heading), most))}</text>"
         )
 
 
@@ -305,7 +305,7 @@ def _curves(
     """Elements of the marks, the curves over them, and names where there is room."""
     taken: list[_Box] = []
     most = int((frame.width - 10.0) / _LETTER)
-    marks = [(slip, cut(text, most)) for slip, text in marks]
+    marks = [(slip, truncate(text, most)) for slip, text in marks]
     for slip, text in marks:
         y = frame.down(slip)
         yield f'<path class="limit" d="M{frame.left:g} {y:.1f}h{frame.width:g}"/>'
@@ -328,7 +328,7 @@ def _curves(
     for slip, text in marks:
         yield _text(text, frame.left + 5.0, frame.down(slip) - 6.0, "halo")
     for x, y, line in ends:
-        name = cut(line.name, _NAME)
+        name = truncate(line.name, _NAME)
         others = [end[:2] for end in ends if end[:2] != (x, y)]
         for left, down in (
             (8, 4),
@@ -365,7 +365,7 @@ def _legend(lines: Sequence[Line], left: float, width: float) -> tuple[list[str]
     parts, x, row = [], left, 0
     for number, line in enumerate(lines):
         climb = "not on the level" if line.climb is None else numbers.degrees(line.climb)
-        text = f"{cut(line.name, _NAME)} {climb}"
+        text = f"{truncate(line.name, _NAME)} {climb}"
         wide = _SWATCH + _text_width(text) + 14.0
         if x > left and x + wide > width:
             x, row = left, row + 1

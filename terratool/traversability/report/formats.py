@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from terratool.errors import RequestError
-from terratool.text.display import shown
+from terratool.text.display import quote
 from terratool.traversability.report.curves import as_svg
 from terratool.traversability.report.document import as_json
 from terratool.traversability.report.page import as_markdown, as_page
@@ -30,6 +30,6 @@ def renderer_of(path: str | Path) -> Callable[[Reports], str]:
     """
     suffix = Path(path).suffix.lower()
     if suffix not in FORMATS:
-        what = f"there are no reports as {shown(suffix)}" if suffix else "has no suffix"
+        what = f"there are no reports as {quote(suffix)}" if suffix else "has no suffix"
         raise RequestError(f"{path}: {what}.", f"Let it end in {', '.join(FORMATS)}.")
     return FORMATS[suffix]

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from terratool.report import numbers
-from terratool.report.tables import WIDTH, Cell, Table, align, columns_in, cut, wrap
-from terratool.report.wording import listed
+from terratool.report.tables import WIDTH, Cell, Table, align, columns_in, truncate, wrap
+from terratool.report.wording import join_words
 from terratool.text.display import printable
 from terratool.traversability.report import comparison, wording
 from terratool.traversability.report.tables import (
@@ -74,7 +74,7 @@ def _one(report: TraversabilityReport) -> Iterator[str]:
             yield from wrap(counted)
         yield ""
     for name, warning in warnings(report):
-        yield from wrap(f"{cut(name, _NAME)}: {warning}")
+        yield from wrap(f"{truncate(name, _NAME)}: {warning}")
     for note in report.notes:
         yield from wrap(printable(note))
 
@@ -94,7 +94,7 @@ def _mend_lines(report: TraversabilityReport) -> Iterator[str]:
 
 def _texts(row: Sequence[Cell]) -> list[str]:
     """Row of names and numbers as a terminal shows it."""
-    return [cut(str(row[0]), _NAME), *map(str, row[1:])]
+    return [truncate(str(row[0]), _NAME), *map(str, row[1:])]
 
 
 def _surfaces(report: TraversabilityReport) -> Iterator[Sequence[str]]:
@@ -103,7 +103,7 @@ def _surfaces(report: TraversabilityReport) -> Iterator[Sequence[str]]:
         if figures.missing:
             continue
         yield (
-            cut(title(figures), _NAME),
+            truncate(title(figures), _NAME),
             numbers.length(figures.sinkage),
             numbers.degrees(figures.climb),
             numbers.degrees(figures.cross_slope),
@@ -120,12 +120,12 @@ def _step_limits(report: TraversabilityReport) -> str:
     for figures in report.surfaces:
         if not figures.missing:
             limit = wording.step_limit(figures, report.vehicle)
-            by_limit.setdefault(limit, []).append(cut(title(figures), _NAME))
+            by_limit.setdefault(limit, []).append(truncate(title(figures), _NAME))
     by_limit.pop(numbers.NOTHING, None)
     if len(by_limit) == 1:
         return f"Steps are limited by {next(iter(by_limit))}."
     parts = [f"{limit} ({', '.join(surfaces)})" for limit, surfaces in by_limit.items()]
-    return f"Steps are limited by {listed(parts)}." if parts else ""
+    return f"Steps are limited by {join_words(parts)}." if parts else ""
 
 
 def _turns(report: TraversabilityReport) -> str:
@@ -134,7 +134,7 @@ def _turns(report: TraversabilityReport) -> str:
     for figures in report.surfaces:
         if figures.turning_work or figures.turning_binding != Reason.NONE:
             work = wording.quarter_turn(figures)
-            by_work.setdefault(work, []).append(cut(title(figures), _NAME))
+            by_work.setdefault(work, []).append(truncate(title(figures), _NAME))
     parts = [f"{', '.join(surfaces)} {work}" for work, surfaces in by_work.items()]
     return f"Work of a turn on the spot by 90°: {'; '.join(parts)}." if parts else ""
 
@@ -177,10 +177,10 @@ def _several(found: VehicleComparison) -> Iterator[str]:
 def _rows(table: Table) -> Iterator[Sequence[str]]:
     """Titles and cells as texts, with names cut, and an empty cell behind a last number."""
     more = [""] * table.columns[-1].numeric
-    yield [*(cut(column.title, _VEHICLE) for column in table.columns), *more]
+    yield [*(truncate(column.title, _VEHICLE) for column in table.columns), *more]
     for row in table.rows:
         first, *cells = (cell if isinstance(cell, str) else cell.label for cell in row)
-        yield [cut(first, _VEHICLE), *cells, *more]
+        yield [truncate(first, _VEHICLE), *cells, *more]
 
 
 def _parts(table: Table) -> Iterator[Table]:

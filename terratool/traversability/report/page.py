@@ -15,7 +15,7 @@ from terratool.raster.shading import contour_interval, exaggeration, ticks
 from terratool.report import numbers
 from terratool.report.markup import escape_html, escape_markdown, render
 from terratool.report.tables import Table, join_tables
-from terratool.report.wording import listed
+from terratool.report.wording import join_words
 from terratool.traversability.report import comparison, curves, tables, wording
 from terratool.traversability.report.drawing import chart, map_picture
 from terratool.traversability.report.wording import vehicle_name
@@ -74,7 +74,7 @@ def _variables(reports: Reports) -> dict[str, Any]:
         "report": reports,
         "first": first,
         "several": several,
-        "drivers": listed([vehicle_name(one) for one in reports.reports]),
+        "drivers": join_words([vehicle_name(one) for one in reports.reports]),
         "mends": list(wording.mends(first)),
         "reaches": comparison.merge_sentences(
             reports, lambda one: [wording.reach_line(one.reach)] if one.reach else []

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 
 from terratool.report import numbers
 from terratool.report.tables import Cell, Column, Table
-from terratool.report.wording import counted
+from terratool.report.wording import count_of
 from terratool.text.display import printable
 from terratool.traversability.report import wording
 from terratool.traversability.results import (
@@ -326,7 +326,7 @@ def what_binds(figures: Figures) -> str:
 
 
 def _axle(axle: Axle) -> str:
-    wheels = counted(axle.wheels, "driven wheel" if axle.driven else "towed wheel")
+    wheels = count_of(axle.wheels, "driven wheel" if axle.driven else "towed wheel")
     own = ""
     if axle.wheel is not None:
         own = f", of {_sizes(axle.wheel)}"

@@ -9,8 +9,8 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from terratool.report import numbers
-from terratool.report.wording import counted, listed
-from terratool.text.display import printable, shown
+from terratool.report.wording import count_of, join_words
+from terratool.text.display import printable, quote
 from terratool.traversability.results import (
     CHANCE_BOUNDS,
     FINER_HEADINGS,
@@ -171,7 +171,7 @@ def _way(route: Route) -> str:
         if not route.barriers:
             return f"{what}."
         more = len(route.barriers) - 1
-        rest = f" (and {counted(more, 'more place')})" if more else ""
+        rest = f" (and {count_of(more, 'more place')})" if more else ""
         return f"{what}: {barrier(route.barriers[0])}{rest}."
     what = "There is a way" if route.planned else "The way through the waypoints can be driven"
     line = f"{what} from {ends(route)}: {_journey(route)}"
@@ -193,13 +193,14 @@ def headings_line(route: Route) -> str:
     """Sentence on the numbers of headings that were tried; empty where the first one sufficed."""
     tried = route.tried_headings
     if route.found:
-        few = listed([str(headings) for headings in tried[:-1]])
+        few = join_words([str(headings) for headings in tried[:-1]])
         return f"It takes {tried[-1]} headings at each place; {few} do not show it." if few else ""
     if route.ruled_out_headings is not None:
         return f"More headings at each place, up to {route.ruled_out_headings}, do not change that."
     if not tried:
         return ""
-    line = f"This holds with {listed([str(headings) for headings in tried])} headings at each place"
+    numbers = join_words([str(headings) for headings in tried])
+    line = f"This holds with {numbers} headings at each place"
     asked, most = len(tried) == 1 and tried[0] < MOST_HEADINGS, FINER_HEADINGS[-1]
     more = f"; more may show a way, up to --headings {MOST_HEADINGS}"
     return f"{line}{more * (asked or tried[-1] < most)}."
@@ -253,7 +254,7 @@ def counted_from_line(report: TraversabilityReport) -> str:
         return ""
     if not any(summary.fraction(ground) for ground in (GroundClass.ONE_WAY, GroundClass.CUT_OFF)):
         return ""
-    place = numbers.spelled(round(value, 3) + 0.0 for value in summary.largest.place)
+    place = numbers.coordinates(round(value, 3) + 0.0 for value in summary.largest.place)
     return (
         "What can be reached is counted from the largest connected part of the ground, "
         f"{numbers.share(summary.largest.share)} of it, as with --from {place}."
@@ -285,7 +286,7 @@ def lacking_of(missing: Mapping[str, Sequence[str]], bare: bool) -> str:
         bare: whether there is ground without a surface.
     """
     lacks = [
-        f"surface {shown(name)} lacks {listed(keys)}" for name, keys in missing.items() if keys
+        f"surface {quote(name)} lacks {join_words(keys)}" for name, keys in missing.items() if keys
     ]
     if bare:
         lacks.append(f"{'some of ' * bool(missing)}the ground has no surface")
@@ -308,7 +309,7 @@ def slip_unknown(report: TraversabilityReport) -> str:
     if not names:
         return ""
     have = "has" if len(names) == 1 else "have"
-    return f"Slip is not known on {listed(names)}, which {have} no shearModulus."
+    return f"Slip is not known on {join_words(names)}, which {have} no shearModulus."
 
 
 def slip_caption(vehicle: Vehicle) -> str:
@@ -366,7 +367,7 @@ def conclusion(report: TraversabilityReport) -> str:
         for ground in GROUNDS
         if ground in counts
     ]
-    text = listed([parts[0].replace(" %", " % of the ground", 1), *parts[1:]])
+    text = join_words([parts[0].replace(" %", " % of the ground", 1), *parts[1:]])
     about, lost = {GroundClass.GO, GroundClass.CAUTION}, {GroundClass.ONE_WAY, GroundClass.CUT_OFF}
     if not counts & about and counts & lost:
         text = f"There is no place that the vehicle can drive to and back from: {text}"

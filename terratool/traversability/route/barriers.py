@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terratool.field.terrain import Terrain
-from terratool.report.numbers import spelled
-from terratool.text.display import shown
+from terratool.report.numbers import coordinates
+from terratool.text.display import quote
 from terratool.traversability.limits import level_demand
 from terratool.traversability.results import Barrier, Reason, Survey
 from terratool.traversability.route.graph import drivable, turnable, turning_arc
@@ -122,7 +122,7 @@ def barriers(on: RouteSite, path: Path) -> tuple[Barrier, ...]:
 def _turning_name(on: RouteSite, surface: int, place: Point) -> str:
     """The element and surface on which the vehicle cannot turn, and the measure that binds."""
     element = int(on.terrain.sample(*place).element)
-    name = f"surface {shown(on.terrain.surfaces[surface - 1])}"
+    name = f"surface {quote(on.terrain.surfaces[surface - 1])}"
     return f"{on.terrain.pointer(element)} ({name}), by {on.turns[surface].reason.label}"
 
 
@@ -158,7 +158,7 @@ def barrier_name(
     if element < 0:
         return "ground without an element" if reason != Reason.NO_GROUND else "no element"
     surface = int(terrain.surface_of(np.array([element]))[0])
-    name = f"surface {shown(terrain.surfaces[surface])}" if surface >= 0 else "no surface"
+    name = f"surface {quote(terrain.surfaces[surface])}" if surface >= 0 else "no surface"
     size = f", {abs(rise):.2g} m {'high' if rise > 0.0 else 'deep'}" if rise else ""
     return f"{terrain.pointer(element)} ({name})" + size * (reason == Reason.STEP)
 
@@ -278,4 +278,4 @@ def blocking_reason(on: RouteSite, place: Point, cell: Cell) -> tuple[Reason, st
 def cannot_stand_note(on: RouteSite, what: str, place: Point, cell: Cell) -> str:
     """A sentence that a vehicle cannot stand at a place, and why; `what` names the place."""
     why = blocking_reason(on, place, cell)[1]
-    return f"The vehicle cannot stand at {what}, {spelled(place)}, whatever its heading: {why}."
+    return f"The vehicle cannot stand at {what}, {coordinates(place)}, whatever its heading: {why}."

@@ -18,7 +18,7 @@ from terratool.definition.findings import Bounds
 from terratool.errors import RequestError
 from terratool.field.terrain import Terrain
 from terratool.raster.grid import Grid
-from terratool.report.numbers import spelled
+from terratool.report.numbers import coordinates
 from terratool.traversability.results import (
     Extreme,
     Location,
@@ -287,8 +287,8 @@ def check_inside(
     x, y = place
     for name, (west, south, east, north) in (("the terrain", terrain.bounds), (part_name, part)):
         if not (west <= x <= east and south <= y <= north):
-            sides = spelled((west, south, east, north))
+            sides = coordinates((west, south, east, north))
             raise RequestError(
-                f"{what}, {spelled(place)}, lies outside {name}.",
+                f"{what}, {coordinates(place)}, lies outside {name}.",
                 f"Give x and y within west south east north {sides}.",
             )

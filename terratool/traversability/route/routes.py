@@ -15,7 +15,7 @@ from terratool.errors import RequestError
 from terratool.field.terrain import Terrain, check_bounds, clip_bounds
 from terratool.kernels import traversability as kernels
 from terratool.raster.grid import Grid, grid_over
-from terratool.report.numbers import spelled
+from terratool.report.numbers import coordinates
 from terratool.traversability.results import (
     HEADINGS,
     RANKS,
@@ -333,7 +333,7 @@ def reach_of(
     """
     whole = max(int(np.count_nonzero(ground)), 1)
     if not found.reached.any() and not note:
-        place = spelled(start)
+        place = coordinates(start)
         note = (
             f"The vehicle cannot stand at the place to start from, {place}, whatever its heading."
         )

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terratool.errors import ReadError
-from terratool.text.display import shown
+from terratool.text.display import quote
 from terratool.text.numbers import parse_number
 from terratool.text.source import read_source
 
@@ -67,7 +67,7 @@ def _csv(name: str, text: str) -> list[tuple[float, float]]:
         x, y = (_number(cells[i]) if i < len(cells) else None for i in columns)
         if x is None or y is None:
             raise ReadError(
-                f"{name}:{number}: {shown(line.strip())} holds no two numbers x and y.", _LINE
+                f"{name}:{number}: {quote(line.strip())} holds no two numbers x and y.", _LINE
             )
         points.append((x, y))
     return points
@@ -113,7 +113,7 @@ def _geojson(name: str, text: str) -> list[tuple[float, float]]:
         x, y = [_number(v) if type(v) in (int, float) else None for v in (*pair, None, None)][:2]
         if x is None or y is None:
             raise ReadError(
-                f"{name}: position {len(points)} of the LineString, {shown(json.dumps(position))}, "
+                f"{name}: position {len(points)} of the LineString, {quote(json.dumps(position))}, "
                 "holds no two numbers x and y.",
                 "Write [x, y] for each point.",
             )

@@ -14,7 +14,7 @@ from terratool.errors import DefinitionError
 from terratool.field.terrain import Terrain
 from terratool.io.crs import shown_crs
 from terratool.raster.geotiff import crs_of
-from terratool.report.wording import counted
+from terratool.report.wording import count_of
 from terratool.traversability.route.headings import Progress
 from terratool.traversability.vehicle import Vehicle
 from terratool.viewing.diff.ground import Both, area_of, common_bounds, compare_ground
@@ -91,7 +91,7 @@ def diff(
     differs = bool(frame) or not texts.is_empty
     notes += texts.notes
     if differs and not frame and _is_one_field(old, new):
-        what = counted(texts.places, "place")
+        what = count_of(texts.places, "place")
         notes.append(f"It is written otherwise in {what}, and means the same to the last bit.")
         texts, differs = TextDifference(structs.replace(texts.entries, changes=())), False
     bounds = common_bounds(old.terrain, new.terrain, options.bounds)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from terratool.definition.keys import document_kind
 from terratool.errors import DefinitionError, ReadError, RequestError, TerratoolError
-from terratool.report.wording import counted, many
+from terratool.report.wording import count_of, many
 from terratool.text.source import is_folder, leads_out, read_source, sources
 from terratool.traversability.route.headings import Progress
 from terratool.viewing.diff.compare import ComparedDefinitions, DiffOptions, diff
@@ -109,7 +109,7 @@ def _lone_file(old: str, new: str, name: str, reading: ReadOptions) -> FileDiffe
     terrain = reading.side(new if is_new else old).terrain
     size = " × ".join(f"{side:.6g}" for side in terrain.size)
     count = (
-        counted(terrain.elements, "element")
+        count_of(terrain.elements, "element")
         if terrain.elements < 1e9
         else f"{many(terrain.elements)} elements"
     )

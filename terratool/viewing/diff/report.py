@@ -8,9 +8,9 @@ from typing import Any
 from terratool.report.documents import json_text
 from terratool.report.markup import escape_markdown, markdown_row
 from terratool.report.numbers import metres, per_cent, pixels
-from terratool.report.wording import counted
+from terratool.report.wording import count_of
 from terratool.report.workflow import annotation
-from terratool.text.display import printable, shown
+from terratool.text.display import printable, quote
 from terratool.viewing.diff.results import (
     Comparison,
     DiffDocument,
@@ -64,7 +64,7 @@ def _summary_line(comparison: Comparison) -> str:
         for status in _STATUS
         if (count := comparison.count(status))
     ]
-    return f"{counted(len(comparison.files), 'terrain')}: {', '.join(counts)}."
+    return f"{count_of(len(comparison.files), 'terrain')}: {', '.join(counts)}."
 
 
 def _lines(file: FileDifference, most: int) -> Iterator[str]:
@@ -112,7 +112,7 @@ def _entry(entry: EntryChange) -> str:
     how = _DICTIONARIES[entry.dictionary]
     if entry.kind == "removed" and entry.dictionary == "part":
         how = "stood in"
-    return f"{text}; {tense}{how} {counted(entry.used, 'element')}: {where}"
+    return f"{text}; {tense}{how} {count_of(entry.used, 'element')}: {where}"
 
 
 def _groups(changes: Sequence[ElementChange]) -> list[list[ElementChange]]:
@@ -138,13 +138,13 @@ def _group(group: list[ElementChange]) -> str:
         more = ", …" if len(group) > _NAMED else ""
         return f"{sign} {len(group):,} × {what}{_change(first)}: {names}{more}"
     where = place.pointer + (f" (line {place.line})" if place.line else "")
-    descr = f" {shown(first.descr)}" if first.descr else ""
+    descr = f" {quote(first.descr)}" if first.descr else ""
     if first.kind in ("added", "removed") and place.bounds is not None:
         west, south, east, north = place.bounds
         where += f": {_side(west, east)} × {_side(south, north)} m at "
         where += f"{_middle(west, east)} {_middle(south, north)}"
     if first.elements > 1:
-        where += f", {counted(first.elements, 'element')}"
+        where += f", {count_of(first.elements, 'element')}"
     return f"{sign} {what}{descr}{_change(first)}: {where}"
 
 

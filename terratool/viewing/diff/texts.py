@@ -12,7 +12,7 @@ from terratool.definition.findings import Bounds
 from terratool.definition.model import DEFAULT_MULTIPASS, Track, names_of
 from terratool.definition.tree import Tree
 from terratool.definition.uses import Root
-from terratool.report.wording import counted
+from terratool.report.wording import count_of
 from terratool.text.locate import Address, locate
 from terratool.text.numbers import parse_whole
 from terratool.viewing.diff.elements import RawChange, TreeComparison, TreeDifference
@@ -97,7 +97,7 @@ def compare_texts(old: DiffSide, new: DiffSide) -> TextDifference:
     changes += (part_entry("added", now, new) for now in new.parts if now not in known)
     if descriptions:
         verb = "is" if descriptions == 1 else "are"
-        notes.append(f"{counted(descriptions, 'element')} {verb} described otherwise.")
+        notes.append(f"{count_of(descriptions, 'element')} {verb} described otherwise.")
     if old.terrain.descr != new.terrain.descr:
         notes.append("The terrain is described otherwise.")
     return TextDifference(
