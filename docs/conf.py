@@ -8,6 +8,10 @@ from typing import Any
 from sphinx.domains.python import PyObject
 
 from terratool import __version__
+from terratool.definition import findings
+from terratool.text.edit import Edit
+
+findings.Edit = Edit  # imported for types alone there, as commands are to start quickly
 
 project = "terratool"
 author = "the terratool developers"
