@@ -63,14 +63,14 @@ def command(file: str, coordinates: tuple[str, ...], points: str | None, form: s
     """
     if (points is None) == (not coordinates):
         raise click.UsageError("Give points either as X Y pairs or with --points.")
-    given = _from_arguments(coordinates) if points is None else None
+    listed = _from_arguments(coordinates) if points is None else None
 
     terrain = load(file)
-    source = iter(given) if given is not None else _from_csv(str(points))
-    write, names = _write_json, list(terrain.surfaces)
+    source = iter(listed) if listed is not None else _from_csv(str(points))
+    write, labels = _write_json, list(terrain.surfaces)
     if form == "csv":
-        write, names = _write_csv, list(map(inert_cell, names))
-    rows = _rows(terrain, names, source)
+        write, labels = _write_csv, list(map(inert_cell, terrain.surfaces))
+    rows = _rows(terrain, labels, source)
     if is_terminal():
         write(rows)
     else:
@@ -158,11 +158,18 @@ def _number(text: str) -> float | None:
 
 
 def _rows(
-    terrain: Terrain, surfaces: list[str], points: Iterator[Point]
+    terrain: Terrain, labels: list[str], points: Iterator[Point]
 ) -> Iterator[tuple[Any, ...]]:
+    """Yield the cells of `COLUMNS` for each point, None for an empty one.
+
+    Args:
+        terrain: the terrain.
+        labels: names of `terrain.surfaces` as they are printed, which may be escaped.
+        points: x and y of each point.
+    """
     import numpy as np
 
-    names = [*surfaces, None]
+    surfaces = [*labels, None]  # the last one, at index -1, is none
     pointers: dict[int, str | None] = {}
     while chunk := list(islice(points, _CHUNK)):
         x, y = np.array(chunk).T
@@ -174,7 +181,7 @@ def _rows(
             x.tolist(),
             y.tolist(),
             _or_none(found.height.tolist()),
-            [names[i] for i in found.surface.tolist()],
+            [surfaces[i] for i in found.surface.tolist()],
             [pointers[i] for i in found.element.tolist()],
             *(_or_none(found.normal[:, axis].tolist()) for axis in range(3)),
             _notes(found),
@@ -194,6 +201,7 @@ def _notes(found: PointSamples) -> list[str | None]:
 
 
 def _or_none(values: list[float]) -> list[float | None]:
+    """Numbers with None in place of NaN."""
     return [None if value != value else value for value in values]
 
 
