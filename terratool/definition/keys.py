@@ -210,6 +210,11 @@ SLOTS: Mapping[Shape, dict[str, QuickCheck]] = _Slots()
 """Quick checks of each kind of object, by key."""
 
 
+def default_of(shape: Shape, key: str) -> Any:
+    """Value that an absent key stands for, in the units of the text."""
+    return KEYS[shape][key].default
+
+
 def fits_double(number: float) -> bool:
     """Whether a double holds a number."""
     return -BIGGEST <= number <= BIGGEST

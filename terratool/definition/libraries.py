@@ -424,20 +424,6 @@ def _path_problem(path: str) -> tuple[str, str] | None:
     return None
 
 
-def readable_library(folder: str, path: str, base: str) -> bool:
-    """Whether a library may be read without the user's naming it.
-
-    Args:
-        folder: folder of the file that uses the library.
-        path: path as it is written there.
-        base: folder of the terrain.
-    """
-    real = real_path(str(Path(folder, path)))
-    return _path_problem(path) is None and any(
-        _is_under(real, real_path(one)) for one in (base, ".")
-    )
-
-
 def _is_under(path: str, folder: str) -> bool:
     return path.startswith(folder if folder.endswith(os.sep) else folder + os.sep)
 

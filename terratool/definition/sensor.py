@@ -33,8 +33,6 @@ TURN = 360.0
 
 RATE = 10.0
 RAYS = 4096
-CONE = 90.0
-"""Largest angle of a sonar's fan from its axis, degrees."""
 _SLACK = 1e-9
 
 

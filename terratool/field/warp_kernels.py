@@ -410,15 +410,6 @@ def piece_at(field: wp.array(dtype=DeviceField), row: wp.int32, s: wp.float64):
 
 
 @wp.func
-def even_curve(field: wp.array(dtype=DeviceField), curve: DeviceCurve, t: wp.float64):
-    """Return value and slope of a curve of evenly spaced pieces at t in [0, 1], or EDGE beyond."""
-    s = t * curve.count
-    i = wp.int32(s)
-    value, slope = piece_at(field, curve.first + i, s - wp.float64(i))
-    return value, slope * curve.count
-
-
-@wp.func
 def find_piece(field: wp.array(dtype=DeviceField), curve: DeviceCurve, t: wp.float64):
     """Return the last piece of a knotted curve that begins at or before `t`."""
     slot = wp.min(wp.int32(t * (wp.float64(curve.last) + ONE)), curve.last)

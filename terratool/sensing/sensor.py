@@ -10,9 +10,9 @@ import numpy as np
 from msgspec import UNSET, UnsetType
 from numpy.typing import NDArray
 
-from terratool.definition.keys import document_kind
+from terratool.definition.keys import default_of, document_kind
 from terratool.definition.reader import CheckOptions, check, refusal
-from terratool.definition.sensor import RATE, RAYS, CameraText, LidarText, SensorText, SonarText
+from terratool.definition.sensor import RATE, CameraText, LidarText, SensorText, SonarText
 from terratool.errors import DefinitionError
 from terratool.text.source import read_source
 
@@ -259,8 +259,9 @@ def _camera(text: CameraText) -> Camera:
 def _sonar(text: SonarText) -> Sonar:
     assert text.beam_width is not UNSET and text.threshold is not UNSET
 
-    def of(value: float | UnsetType, default: float) -> float:
-        return default if isinstance(value, UnsetType) else value
+    def given(value: float | UnsetType, key: str) -> float:
+        """Value of a key, or its default."""
+        return float(default_of(SonarText, key) if isinstance(value, UnsetType) else value)
 
     half_power, uniform = math.radians(text.beam_width) / 2.0, text.pattern == "uniform"
     if uniform:
@@ -272,12 +273,12 @@ def _sonar(text: SonarText) -> Sonar:
         half_power=half_power,
         uniform=uniform,
         cone=cone if text.cone is UNSET else math.radians(text.cone) / 2.0,
-        rays=int(of(text.rays, RAYS)),
+        rays=int(given(text.rays, "rays")),
         threshold=text.threshold,
-        pulse_length=of(text.pulse_length, 0.05),
-        absorption=of(text.absorption, 0.0) * _DECIBEL,
-        diffuse=of(text.diffuse, 0.1),
-        lobe=math.radians(of(text.lobe, 3.0)),
-        bounces=int(of(text.bounces, 2)),
-        reflection=of(text.sonar_refl, 0.5),
+        pulse_length=given(text.pulse_length, "pulseLength"),
+        absorption=given(text.absorption, "absorption") * _DECIBEL,
+        diffuse=given(text.diffuse, "diffuse"),
+        lobe=math.radians(given(text.lobe, "lobe")),
+        bounces=int(given(text.bounces, "bounces")),
+        reflection=given(text.sonar_refl, "sonarRefl"),
     )

@@ -9,9 +9,9 @@ from typing import Any
 
 from msgspec import UNSET, Struct, structs
 
-from terratool.definition.keys import document_kind
+from terratool.definition.keys import default_of, document_kind
 from terratool.definition.reader import CheckOptions, check, refusal
-from terratool.definition.vehicle import STEERINGS, AxleText, VehicleText, WheelsText
+from terratool.definition.vehicle import STEERINGS, AxleText, ClassesText, VehicleText, WheelsText
 from terratool.errors import DefinitionError
 from terratool.text.source import read_source
 
@@ -50,12 +50,12 @@ MODELS = ("slip", "paper")
 FLAT = 0.4
 """Least shear length of a wheel, in radii: the flat of a rim that gives by 2 % of its radius. An
 assumption; docs/validation.md compares other values."""
-EXIT_RATIO = 0.45
+EXIT_RATIO: float = default_of(WheelsText, "exitAngleRatio")
 """Default of −θ2/θ1, between the published 0 and 0.95; docs/validation.md compares others."""
 LUGS = 0.1
 """Default height of a lugged wheel's lugs, in radii: 25 mm on 0.25 m, as on the wheel of NASA's
 MGRU3."""
-CARCASS = 20e3
+CARCASS: float = 1e3 * default_of(WheelsText, "carcassStiffness")
 """Default pressure that a tyre's carcass adds to that of its air, Pa: an assumption."""
 
 
@@ -157,11 +157,11 @@ class Thresholds:
             breakover, approach) that is go; caution up to 1.
     """
 
-    utilisation: float = 0.7
-    slip: float = 0.2
-    caution_slip: float = 0.6
-    torque: float = 0.7
-    geometry: float = 0.7
+    utilisation: float = default_of(ClassesText, "utilisation")
+    slip: float = default_of(ClassesText, "slip")
+    caution_slip: float = default_of(ClassesText, "cautionSlip")
+    torque: float = default_of(ClassesText, "torque")
+    geometry: float = default_of(ClassesText, "geometry")
 
 
 @dataclass(frozen=True, slots=True)

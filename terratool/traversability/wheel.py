@@ -264,7 +264,7 @@ def forces_from(
 def stresses_from(
     load: Any, torque: Any, entry_angle: Any, wheel: Wheel
 ) -> tuple[Numbers, Numbers]:
-    """σm and τm from measured W, T and θ1 of a wheel, above 0: the inverse of `forces_from`.
+    """Stresses σm and τm from measured W, T and θ1 > 0 of a wheel: the inverse of `forces_from`.
 
     τm = 2 T/(r² b (θ1 − θ2)), σm = (W/Q − τm sin θm)/cos θm.
     """

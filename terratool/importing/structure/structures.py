@@ -241,7 +241,7 @@ def _structure_of(
 def with_names(structures: Iterable[Structure]) -> tuple[Structure, ...]:
     """Return structures with a name for each pair of curves: the kind, numbered if it has several.
 
-    Kinds whose curves depend on the number of pixels have several: "box-1", "box-2", …
+    Kinds whose curves depend on the number of pixels have several, such as "box-1" and "box-2".
     """
     structures = tuple(structures)
     shapes: dict[str, dict[tuple[object, ...], int]] = {}
