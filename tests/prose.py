@@ -8,12 +8,11 @@ import sys
 from collections import defaultdict
 from collections.abc import Iterator
 from pathlib import Path
-from typing import NamedTuple
 
 ROOT = Path(__file__).parents[1]
 
 FRAGMENT = re.compile(
-    r"…|\.\.\.|[a-zà-ÿ](?![\w.]*\()|"
+    r"…|\.\.\.|[a-zà-ÿα-ω](?![\w.]*\()|"
     r"(What|How|Of|Those|Their|Its|Theirs|Likewise|So (many|much|often|long|far)|The same|And|Or|"
     r"Nor|But|As above|Also|Besides|More of|Then|It|They|Them|These|This|That)\b"
 )
@@ -22,22 +21,8 @@ FRAGMENT = re.compile(
 ENTRY = re.compile(r"^ {4,}[*\w][\w*, ]*(?:\([^)]*\))?: (?P<text>.+)$", re.MULTILINE)
 """An entry of `Args:` or `Attributes:` in Google's style."""
 
-TAIL = re.compile(r"…$")
 
-
-class Docstring(NamedTuple):
-    """A docstring, of a module, class, function or attribute.
-
-    Attributes:
-        line: where it stands, from 1.
-        text: what it says, its margin removed.
-    """
-
-    line: int
-    text: str
-
-
-def docstrings(tree: ast.Module) -> Iterator[Docstring]:
+def docstrings(tree: ast.Module) -> Iterator[ast.Constant]:
     """All docstrings of a module, those below assignments included."""
     for node in ast.walk(tree):
         body = getattr(node, "body", None)
@@ -45,22 +30,19 @@ def docstrings(tree: ast.Module) -> Iterator[Docstring]:
             continue
         scope = isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef)
         for before, here in zip([None, *body], body, strict=False):
-            said = (
-                isinstance(here, ast.Expr)
-                and isinstance(here.value, ast.Constant)
-                and isinstance(here.value.value, str)
-            )
+            if not (isinstance(here, ast.Expr) and isinstance(here.value, ast.Constant)):
+                continue
             attribute = isinstance(before, ast.Assign | ast.AnnAssign)
-            if said and (attribute or (scope and before is None)):
-                yield Docstring(here.lineno, ast.unparse(here) and here.value.value)  # type: ignore[attr-defined]
+            if isinstance(here.value.value, str) and (attribute or (scope and before is None)):
+                yield here.value
 
 
-def faults(path: Path) -> Iterator[str]:
+def faults(name: str, source: str) -> Iterator[str]:
     """Sentences on the docstrings of a file that do not stand alone."""
-    name = path.relative_to(ROOT)
-    for line, text in docstrings(ast.parse(path.read_text())):
+    for docstring in docstrings(ast.parse(source)):
+        line, text = docstring.lineno, str(docstring.value)
         first = text.strip().partition("\n")[0]
-        if FRAGMENT.match(first) or TAIL.search(first):
+        if FRAGMENT.match(first) or first.endswith("…") or text.rstrip().endswith("…"):
             yield f"{name}:{line}: {first!r} does not stand alone."
         for entry in ENTRY.finditer(text):
             if entry["text"].startswith(("…", "the same.", "likewise")):
@@ -83,7 +65,9 @@ def repeated_classes(files: list[Path]) -> Iterator[str]:
 def main() -> int:
     """Print all faults; 1 if there are any."""
     files = sorted((ROOT / "terratool").rglob("*.py"))
-    found = [one for path in files for one in faults(path)] + [*repeated_classes(files)]
+    found = [*repeated_classes(files)]
+    for path in files:
+        found += faults(str(path.relative_to(ROOT)), path.read_text("utf-8"))
     print(*found, sep="\n", end="\n" if found else "")
     return bool(found)
 
