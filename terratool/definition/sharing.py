@@ -20,6 +20,7 @@ from terratool.definition.expand import MAX_ELEMENTS, with_names, with_names_in_
 from terratool.definition.model import Definition, Pair, pair_of
 from terratool.definition.scatter_areas import area_of, copies_over
 from terratool.definition.tree import ROOT
+from terratool.definition.turning import turn_block
 from terratool.definition.uses import Root, Uses, copies, scatters_over_cells
 from terratool.errors import RequestError
 from terratool.report.wording import count_of
@@ -416,8 +417,8 @@ def _node(site: _Site, chain: Chain, surface: Any) -> BlueprintNode:
     odd = quarters % 2 == 1
     if at is UNSET:
         grid = tree.grid(tree.parents[index])
-        span, turned = _turn_block(tree.block(index), grid, quarters)
-        cell = turned["cell_x"], turned["cell_y"]
+        column, row, columns, rows = turn_block(tree.block(index), grid, quarters)
+        cell, span = (column, row), (columns, rows)
     else:
         extent = pair_of(tree.value("extent", index), math.nan)
         place = at[::-1] if odd else at
@@ -494,18 +495,3 @@ def _lengths(
         return own.lengths
     cell = around.block(ONE, grid).lengths
     return cell[0] * span[0], cell[1] * span[1]
-
-
-def _turn_block(
-    block: tuple[int, int, int, int], grid: tuple[int, int], quarters: int
-) -> tuple[tuple[int, int], dict[str, Any]]:
-    """Span and place of a block of cells of a grid after quarter turns."""
-    x, y, w, h = block
-    if quarters == 1:
-        x, y, w, h = y, grid[0] - x - w, h, w
-    elif quarters == 2:
-        x, y = grid[0] - x - w, grid[1] - y - h
-    elif quarters == 3:
-        x, y, w, h = grid[1] - y - h, x, h, w
-    span = UNSET if (w, h) == (1, 1) else (w, h)
-    return (w, h), {"cell_x": x, "cell_y": y, "span": span}

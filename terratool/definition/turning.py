@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 from terratool.definition.model import Pair
 
@@ -14,6 +14,10 @@ THINNEST = 1e-150
 _CORNERS = (-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)
 
 Point = tuple[float, float]
+Whole = TypeVar("Whole", int, Any)
+"""A whole number, or an array of int64."""
+Block = tuple[Whole, Whole, Whole, Whole]
+"""First column and row of a block of cells, and its columns and rows."""
 
 
 class Turned(NamedTuple):
@@ -124,3 +128,18 @@ def _clip(outline: list[Point], axis: int, side: float) -> list[Point]:
 def _area(outline: list[Point]) -> float:
     pairs = zip(outline, [*outline[1:], *outline[:1]], strict=True)
     return abs(sum(x * v - u * y for (x, y), (u, v) in pairs)) / 2
+
+
+def turn_block(block: Block[Whole], grid: tuple[Whole, Whole], quarters: int) -> Block[Whole]:
+    """Turn a block of cells with its grid.
+
+    Args:
+        block: first column and row, columns and rows; whole numbers, or arrays of them.
+        grid: columns and rows of the grid before the turn.
+        quarters: quarter turns clockwise, 0 to 3.
+    """
+    x, y, w, h = block
+    if quarters == 0:
+        return block
+    right, top = grid[0] - x - w, grid[1] - y - h
+    return ((y, right, h, w), (right, top, w, h), (top, x, h, w))[quarters - 1]

@@ -15,6 +15,7 @@ from terratool.definition.exact import Exact, ExactSide, Sides, rest_of, rests_o
 from terratool.definition.model import DEFAULT_CELLS, Definition, Element, pair_of
 from terratool.definition.scatter_areas import area_of, copies_over
 from terratool.definition.tree import ROOT, Tree
+from terratool.definition.turning import turn_block
 from terratool.definition.uses import Root, Uses
 
 Floats = NDArray[np.float64]
@@ -645,11 +646,10 @@ def _turn_blocks(block: Ints, grid: Ints, quarters: Ints) -> Ints:
     """Blocks of cells, (n, 4) column, row, columns, rows, after quarter turns of their grids."""
     if not quarters.any():
         return block
-    x, y, w, h = block.T
-    right, top = grid[:, 0] - x - w, grid[:, 1] - y - h
-    turned = {1: (y, right, h, w), 2: (right, top, w, h), 3: (top, x, h, w)}
+    columns, rows = grid.T
     found = block.copy()
-    for quarter, columns in turned.items():
+    for quarter in (1, 2, 3):
         own = quarters == quarter
-        found[own] = np.column_stack(columns)[own]
+        x, y, w, h = block[own].T
+        found[own] = np.column_stack(turn_block((x, y, w, h), (columns[own], rows[own]), quarter))
     return found

@@ -148,9 +148,8 @@ def geotiff(path: Path, bands: Bands, profile: TiffProfile) -> Iterator[GeoTiff]
     if bands.content == "color":
         settings |= {"photometric": "rgb", "interleave": "pixel"}
     elif bands.count > 1 and bands.dtype == np.uint8:
-        settings["photometric"] = (
-            "minisblack"  # GDAL takes three bands of bytes for red, green and blue
-        )
+        # GDAL would take three bands of bytes for red, green and blue
+        settings["photometric"] = "minisblack"
     placed = profile.transform is not None
     with contextlib.nullcontext() if placed else _no_place_warnings(), gdal_write_errors(path):
         with (
