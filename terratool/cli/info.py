@@ -90,8 +90,8 @@ def _lines(s: TerrainSummary) -> list[str]:
         )
     for number, one in enumerate(s.ranges):
         lines.append(
-            f"{'' if number else 'soil ranges':15}{printable(one['surface'])}: {one['key']} "
-            f"{one['low']:.6g} to {one['high']:.6g}"
+            f"{'' if number else 'soil ranges':15}{printable(one.surface)}: {one.key} "
+            f"{one.low:.6g} to {one.high:.6g}"
         )
     if s.ranges:
         lines.append(f"{'':15}where one number is wanted, the middle counts")

@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from typing import Annotated, NamedTuple, TypeVar
+from typing import Annotated, TypeVar
 
 import msgspec
 from msgspec import UNSET, Meta, Struct, UnsetType
 
 from terratool.definition.key import FLAG, SCHEMA, TEXT, Key, Shape, choice
+from terratool.report.documents import one_of
 
 MAX_CELLS = 65536
 MAX_SCATTERED = 1_000_000
@@ -118,11 +119,21 @@ class Surface(Struct, frozen=True, forbid_unknown_fields=True, rename="camel", k
         }
 
 
-class Range(NamedTuple):
-    """Figure of a surface that is a range: name of the surface, key, least and largest value."""
+_SoilKey = Annotated[str, one_of(key for name, key in names_of(Surface) if name in SOIL_FIGURES)]
+
+
+class Range(Struct, frozen=True):
+    """Figure of a surface that is a range of several values.
+
+    Attributes:
+        surface: name of the surface.
+        key: key of the figure, in whose unit the values are.
+        low: least value.
+        high: largest value.
+    """
 
     surface: str
-    key: str
+    key: _SoilKey
     low: float
     high: float
 

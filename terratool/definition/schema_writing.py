@@ -1,15 +1,12 @@
 """JSON Schemas of terrains, libraries, vehicles, sensors and curricula, from the table of keys.
 
-`make schemas` writes them into schemas/. This module adds the rules beyond single keys: keys that
-go together, and the kinds of elements.
+This module adds the rules beyond single keys: keys that go together, and the kinds of elements.
 """
 
 from __future__ import annotations
 
 import json
-import sys
 from math import inf
-from pathlib import Path
 from typing import Any, NamedTuple
 
 from terratool.definition.curriculum import CurriculumText, PatchText
@@ -401,9 +398,3 @@ def schema_text(name: str) -> str:
         "$defs": writer.definitions,
     }
     return json.dumps(_plain(found), indent=2, ensure_ascii=False) + "\n"
-
-
-if __name__ == "__main__":
-    for name in NAMES:
-        path = Path(sys.argv[1], f"{name}.schema.json")
-        path.write_text(schema_text(name), encoding="utf-8", newline="\n")

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
-from msgspec import UNSET, Struct, to_builtins
+from msgspec import UNSET, Meta, Struct, to_builtins
 from numpy.typing import NDArray
 
 from terratool.definition.findings import Bounds
-from terratool.definition.model import ranges_of
+from terratool.definition.model import Pair, Range, ranges_of
 from terratool.field.terrain import Terrain, clip_bounds
 from terratool.field.tracks import track_lengths
 from terratool.kernels import field as kernels
-from terratool.report.documents import Document, Tool
+from terratool.report.documents import Count, Document, Positive, Tool
 
 _ALONG = 512
 """Points of the height grid along the longer side."""
@@ -34,53 +34,96 @@ _PLASTIC = 1.32471795724474602596
 
 
 class TrackSummary(Struct, frozen=True):
-    """Number of tracks and of their segments, and their length seen from above, world units."""
+    """The ruts of wheels.
 
-    count: int
-    segments: int
-    length: float
+    Attributes:
+        count: number of tracks.
+        segments: number of their segments.
+        length: length of all tracks together, seen from above.
+    """
+
+    count: Count
+    segments: Count
+    length: Annotated[float, Meta(ge=0)]
 
 
 class HeightSummary(Struct, frozen=True):
-    """Lowest and highest height at some points, and their number; None where all is void."""
+    """Heights at points that were looked at: an even grid, and nine in the cell of each element.
+
+    Attributes:
+        low: lowest height; None where all is void.
+        high: highest height; None where all is void.
+        points: number of points.
+    """
 
     low: float | None
     high: float | None
-    points: int
+    points: Count
 
 
 class RoughnessSummary(Struct, frozen=True):
-    """The roughness of a surface, the default of its seed included."""
+    """The relief of a surface.
+
+    Attributes:
+        surface: name of the surface.
+        seed: seed of the relief; 0 where none is written.
+        rms: standard deviation of its heights.
+        correlation: correlation length.
+    """
 
     surface: str
-    seed: int
-    rms: float
-    correlation: float
+    seed: Count
+    rms: Annotated[float, Meta(ge=0)]
+    correlation: Positive
 
 
 class TerrainSummary(Document, frozen=True, kw_only=True):
-    """A terrain in numbers, as `schemas/info.schema.json` describes them.
+    """A terrain in numbers.
 
-    What is not known is None. `ranges` are figures of soils that may have several values.
+    Lengths and heights are in units of the terrain; every key is there, and null stands for what is
+    not known.
+
+    Attributes:
+        tool: program that wrote this.
+        descr: description of the terrain; empty for none.
+        size: sides along x and y.
+        origin: world position of the south-west corner.
+        bounds: west, south, east, north, in world units.
+        crs: coordinate reference system, as it is written; None for none.
+        levels: levels of elements, the root included.
+        elements: number of elements, those of parts and all copies counted.
+        elements_by_primitive: number of elements of each primitive by its name, in the order of the
+            file; 0 for those that nothing uses.
+        elements_by_surface: number of elements that wear each surface, their own or an inherited
+            one.
+        smallest_cell: shortest side of an element's cell.
+        tracks: ruts of wheels.
+        height: heights at points that were looked at: an even grid, and nine in the cell of each
+            element.
+        roughness: surfaces with a relief; none with --no-roughness.
+        ranges: figures of soils that are ranges; where one number is wanted, the middle counts.
+        libraries: files of the libraries that it uses, directly or through others, each once, as
+            seen from where the command runs.
+        bytes: memory of the compiled terrain.
     """
 
     tool: Tool = Tool()
     descr: str
-    size: tuple[float, float]
-    origin: tuple[float, float]
+    size: tuple[Positive, Positive]
+    origin: Pair
     bounds: Bounds
-    crs: Any
-    levels: int
-    elements: int
-    elements_by_primitive: Mapping[str, int]
-    elements_by_surface: Mapping[str, int]
-    smallest_cell: float
+    crs: str | int | dict[str, Any] | None
+    levels: Annotated[int, Meta(ge=1)]
+    elements: Annotated[int, Meta(ge=1)]
+    elements_by_primitive: Mapping[str, Count]
+    elements_by_surface: Mapping[str, Count]
+    smallest_cell: Positive
     tracks: TrackSummary
     height: HeightSummary
     roughness: list[RoughnessSummary]
-    ranges: list[dict[str, Any]]
+    ranges: tuple[Range, ...]
     libraries: tuple[str, ...]
-    bytes: int
+    bytes: Count
 
 
 def summarise(terrain: Terrain) -> TerrainSummary:
@@ -113,7 +156,7 @@ def summarise(terrain: Terrain) -> TerrainSummary:
             and (rough := surface.roughness) is not UNSET
             and surface.void is not True
         ],
-        ranges=[one._asdict() for one in ranges_of(terrain.surface_types)],
+        ranges=ranges_of(terrain.surface_types),
         libraries=tuple(terrain.libraries),
         bytes=terrain.nbytes,
     )

@@ -4,13 +4,32 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
 
 import msgspec
+from msgspec import Meta
 
 from terratool._version import __version__
 from terratool.report.inert import inert_json
+
+Count = Annotated[int, Meta(ge=0)]
+"""Number of things."""
+Positive = Annotated[float, Meta(gt=0)]
+"""Number above 0."""
+Share = Annotated[float, Meta(ge=0, le=1)]
+"""Share of a whole, or a probability."""
+
+
+def one_of(words: Iterable[str]) -> Meta:
+    """Restriction of texts to some words."""
+    return Meta(extra_json_schema={"enum": [*words]})
+
+
+def each_of(words: Iterable[str]) -> Meta:
+    """Restriction of dictionaries to keys that are all there."""
+    return Meta(extra_json_schema={"required": [*words], "propertyNames": {"enum": [*words]}})
 
 
 class Tool(msgspec.Struct, frozen=True):
@@ -21,7 +40,7 @@ class Tool(msgspec.Struct, frozen=True):
         version: version of the program.
     """
 
-    name: str = "terratool"
+    name: Literal["terratool"] = "terratool"
     version: str = __version__
 
 
@@ -29,7 +48,8 @@ class Document(msgspec.Struct, frozen=True, kw_only=True):
     """Base of JSON results; the names of fields are the keys, in their order.
 
     Attributes:
-        format_version: version of the layout of keys.
+        format_version: version of the layout of keys; it grows when a key changes its meaning or
+            goes.
     """
 
     format_version: int = 1

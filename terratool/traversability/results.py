@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from terratool.definition.model import Range
 from terratool.kernels import traversability as kernels
 from terratool.raster.grid import Grid
 from terratool.traversability.vehicle import Vehicle
@@ -148,7 +149,7 @@ class Chances:
         drives: probability of go or caution, from 0 to 1.
         climb_low: climb that 5 % of the samples stay below, rad; None where the vehicle cannot
             even drive on the level.
-        climb_high: climb that 5 % of the samples exceed, rad; None like `climb_low`.
+        climb_high: climb that 5 % of the samples exceed, rad; None likewise.
     """
 
     go: float
@@ -182,7 +183,7 @@ class Figures:
         entry_angle: entry angle θ1 at rest, rad, from the downward vertical.
         strength: shear strength of the soil in the model `paper`, c + σ tan φ, Pa, with the σ that
             the motor's largest torque makes, or σmax where that is not limited.
-        motor_stress: τ of the motor's largest torque in the model `paper`, Pa.
+        motor_stress: shear stress τ of the motor's largest torque in the model `paper`, Pa.
         limit_torque: torque that belongs to σmax and τmax, N m.
         thrust: thrust at the largest torque and slip allowed, N.
         resistance: resistance at the largest torque and slip allowed, N.
@@ -338,17 +339,17 @@ class RouteProfile:
 
     Attributes:
         x, y: world coordinates, m.
-        heading: degrees clockwise from north.
+        heading: heading, degrees clockwise from north.
         distance: distance along the route as seen from above, m.
         height: height of the ground, m.
         sinkage: sinkage of the wheel that sinks deepest, m.
-        pitch, roll: rad; nose up and left side up are positive.
+        pitch, roll: pitch and roll, rad; nose up and left side up are positive.
         slip: slip of the wheel that slips most; NaN where unknown.
         utilisation: largest share that any measure takes of its limit.
         verdict: uint8 `Verdict`.
         reason: uint8 `Reason`.
-        surface: tuple of names of surfaces, empty for none.
-        element: tuple of JSON pointers of the elements that decide the surface, empty for none.
+        surface: names of surfaces, empty for none.
+        element: JSON pointers of the elements that decide the surface, empty for none.
     """
 
     x: NDArray[np.float64]
@@ -392,16 +393,16 @@ class Route:
     Attributes:
         start, goal: first and last place.
         found: whether there is a way.
-        planned: whether a way was searched for; False for waypoints that were checked.
+        planned: whether a way was searched for, rather than waypoints checked.
         verdict: worst verdict along the way; caution at least where it is one-way; with a way back
             the worse of both, no-go where that was asked for and there is none.
-        length: m over ground, heights included; None if there is no way.
+        length: length over ground, heights included, m; None if there is no way.
         energy: energy of the wheels, and of the power drawn all the time, J; None if there is no
             way.
-        time: driving time, s; None if there is no way.
-        steepest: pitch of the largest size, rad, nose up is positive.
-        softest: deepest sinkage, m.
-        tightest: smallest margin, 1 − utilisation.
+        time: driving time at the vehicle's speed less slip, s; None if there is no way.
+        steepest: place of the largest pitch, rad, nose up is positive; None if there is no way.
+        softest: place of the deepest sinkage, m; None if there is no way.
+        tightest: place of the smallest margin, 1 − utilisation; None if there is no way.
         profile: samples along the way, or along checked waypoints even if they cannot be driven;
             None if there is no way.
         barriers: barriers in the order of the way; none if there is a way.
@@ -557,13 +558,13 @@ class Sampling:
         samples: number of samples.
         seed: seed of the generator.
         error: largest error of a share of the samples, at 95 % confidence.
-        ranges: name of the surface, key, least and largest value of each range.
+        ranges: ranges that were sampled, every value in them equally likely.
     """
 
     samples: int
     seed: int
     error: float
-    ranges: tuple[tuple[str, str, float, float], ...]
+    ranges: tuple[Range, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -577,7 +578,9 @@ class TraversabilityReport:
         vehicle: the vehicle.
         surfaces: figures of each surface.
         summary: the map in numbers; None where only routes were asked for.
-        verdict: verdict of the worst route; without routes, of the map.
+        verdict: verdict of the worst route; without routes, of the map: go where all of the ground
+            is, caution where some of it is go or caution, unknown where nothing is known, else
+            no-go. The edge does not count.
         routes: routes and checked waypoints, in the order of the request.
         reach: ground that can be reached; None where it was not asked for.
         preview: the map, coarse enough for a picture; None where no map is wanted.
@@ -619,7 +622,7 @@ class VehicleComparison:
 
     Attributes:
         reports: one for each vehicle, in the order in which they were given.
-        notes: sentences on their grids.
+        notes: sentences on the grids of all vehicles.
     """
 
     reports: tuple[TraversabilityReport, ...]

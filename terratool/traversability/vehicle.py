@@ -72,7 +72,7 @@ class Wheel:
         contact_length: least length of its flat patch on hard ground, m; 0 where it is not known.
         patch_pressure: mean pressure on hard ground, Pa: a tyre's pressure and that of its carcass;
             infinity for a rigid rim, or where it is not known.
-        exit_ratio: a of θ2 = −a θ1, the angle at which it leaves the soil; from 0 to below 1.
+        exit_ratio: exit angle as a share of the entry angle, a of θ2 = −a θ1; from 0 to below 1.
         slips: whether slip counts: the model `slip`, else `paper`.
     """
 
@@ -247,7 +247,7 @@ class Vehicle:
 
     @property
     def weight(self) -> float:
-        """Mass times gravity, N."""
+        """Mass times gravity, or the load of a wheel by itself, N."""
         return self.mass * self.gravity
 
     @property

@@ -386,19 +386,21 @@ def test_info_of_samples_is_as_the_schema_says(path: Path) -> None:
     assert all(Path(library).is_file() for library in report["libraries"])
 
 
-def described(properties: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, str]]:
-    """Keys of a schema, those in objects and lists included, with what it says of each."""
-    for key, value in properties.items():
+def described(schema: Any, kind: Any, prefix: str = "") -> Iterator[tuple[str, str]]:
+    """Keys of a record of a schema, those of records in it included, with what it says of each."""
+    for key, value in kind["properties"].items():
         yield prefix + key, value["description"]
-        yield from described(value.get("properties", {}), f"{prefix}{key}.")
-        inner = value.get("items", {})
-        yield from described(inner.get("properties", {}), f"{prefix}{key}[].")
+        for inner, dot in ((value, "."), (value.get("items"), "[].")):
+            if inner and "$ref" in inner:
+                held = schema["$defs"][inner["$ref"].rpartition("/")[2]]
+                yield from described(schema, held, f"{prefix}{key}{dot}")
 
 
 def test_the_page_has_the_keys_of_the_schema() -> None:
     page = (ROOT / "docs" / "info.md").read_text("utf-8")
     rows = re.findall(r"^\| `([\w.\[\]]+)` \| [^|]+ \| (.*) \|$", page, re.MULTILINE)
-    assert rows == [*described(terratool.schema("info")["properties"])]
+    schema = terratool.schema("info")
+    assert rows == [*described(schema, schema)]
 
 
 @pytest.mark.parametrize(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import json
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import terratool
+from terratool.cli import output_schemas
+from terratool.definition import schemas
 from terratool.definition.keys import KEYS
 from terratool.definition.model import (
     Definition,
@@ -90,11 +93,23 @@ def test_is_a_valid_schema() -> None:
     jsonschema.Draft202012Validator.check_schema(SCHEMA)
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", schemas.NAMES)
 def test_the_files_are_fresh(name: str) -> None:
-    """The files say what the table of keys says; `make schemas` writes them."""
+    """The files say what the table of keys and the records say; `make schemas` writes them."""
     path = HERE.parent / "schemas" / f"{name}.schema.json"
-    assert path.read_text("utf-8") == schema_text(name), "run make schemas"
+    text = schema_text(name) if name in NAMES else output_schemas.schema_text(name)
+    assert path.read_text("utf-8") == text, "run make schemas"
+
+
+@pytest.mark.parametrize("name", output_schemas.OUTPUTS)
+def test_each_key_of_an_output_is_told(name: str) -> None:
+    """By a sentence that is of JSON, as nothing of Python or of other units is in it."""
+    schema = terratool.schema(name)
+    jsonschema.Draft202012Validator.check_schema(schema)
+    for kind in (schema, *schema["$defs"].values()):
+        for one in (kind, *kind["properties"].values()):
+            assert re.fullmatch(r"[A-Z1].*\.", one["description"])
+            assert not re.search(r"\b(None|NaN|False|infinity|Pa|rad)\b", one["description"])
 
 
 @pytest.mark.parametrize(("pointer", "inner"), SUBSCHEMAS, ids=IDS)

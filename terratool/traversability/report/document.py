@@ -5,9 +5,21 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Annotated, Any
 
-from msgspec import UNSET, Struct, UnsetType, structs
+from msgspec import UNSET, Meta, Struct, UnsetType, structs
 
-from terratool.report.documents import Document, Tool, json_text, plain_document
+from terratool.definition.findings import Bounds
+from terratool.definition.model import Pair, Range
+from terratool.definition.vehicle import STEERINGS
+from terratool.report.documents import (
+    Count,
+    Document,
+    Share,
+    Tool,
+    each_of,
+    json_text,
+    one_of,
+    plain_document,
+)
 from terratool.traversability.report import comparison, wording
 from terratool.traversability.report.keys import (
     DEG,
@@ -25,12 +37,13 @@ from terratool.traversability.report.keys import (
     MetresPerSquareSecond,
     NewtonMetres,
     Newtons,
-    Number,
     Numbers,
+    ReasonText,
     ResultMember,
     Seconds,
     SquareMetres,
     Text,
+    VerdictText,
     Watts,
     fill_keys,
     value_of,
@@ -44,24 +57,49 @@ from terratool.traversability.results import (
     VehicleComparison,
     Verdict,
 )
-from terratool.traversability.vehicle import Vehicle
+from terratool.traversability.vehicle import MODELS, Vehicle
 
 FORMAT_VERSION = 2
 
+_GROUNDS = [one.label for one in wording.GROUNDS]
+Fractions = Annotated[dict[str, Share], each_of(_GROUNDS)]
+"""Shares of the ground by class."""
+_MAPPED_REASONS = Meta(
+    extra_json_schema={
+        "propertyNames": one_of(
+            one.label for one in Reason if one not in (Reason.NONE, Reason.TURNING)
+        ).extra_json_schema
+    }
+)
+_OF_A_SURFACE = Meta(
+    extra_json_schema={
+        **(each_of(["surface", *_GROUNDS]).extra_json_schema or {}),
+        "properties": {"surface": {"type": ["string", "null"]}},
+        "additionalProperties": {"type": "integer", "minimum": 0},
+    }
+)
+"""Restriction of the numbers of pixels of a surface, whose name is the first key."""
+
 
 class TerrainKeys(Struct, frozen=True):
-    """Terrain of a report."""
+    """Terrain of a report.
+
+    Attributes:
+        file: name of the definition's file, without its folder.
+        descr: description of the terrain; empty for none.
+        bounds: west, south, east, north, in world units.
+    """
 
     file: str
     descr: str
-    bounds: Numbers
+    bounds: Bounds
 
 
 class PlaceKeys(Struct, frozen=True):
     """Place on the terrain."""
 
-    x: float | None
-    y: float | None
+    x: float
+    y: float
     z: Annotated[float | None, ResultMember("height")]
     surface: Text
     element: Text
@@ -72,19 +110,19 @@ class WheelKeys(Struct, frozen=True):
 
     radius_m: Metres
     width_m: Metres
-    grouser_height_m: Metres
-    contact_length_m: Metres
-    patch_pressure_kPa: Kilopascals
-    exit_ratio: Number
-    max_torque_Nm: NewtonMetres
-    max_slip: Number
+    grouser_height_m: Annotated[Metres, Meta(ge=0)]
+    contact_length_m: Annotated[Metres, Meta(ge=0)]
+    patch_pressure_kPa: Kilopascals | None
+    exit_ratio: Annotated[float, Meta(ge=0, lt=1)]
+    max_torque_Nm: NewtonMetres | None
+    max_slip: Share
 
 
 class AxleKeys(Struct, frozen=True):
     """Axle: wheels side by side."""
 
     x_m: Metres
-    wheels: int
+    wheels: Annotated[int, Meta(ge=1)]
     driven: bool
     wheel: WheelKeys | None
 
@@ -93,7 +131,7 @@ class OverhangKeys(Struct, frozen=True):
     """Overhang of the body beyond an outermost axle."""
 
     length_m: Metres
-    height_m: Metres
+    height_m: Metres | None
 
 
 class MarginKeys(Struct, frozen=True):
@@ -108,11 +146,11 @@ class MarginKeys(Struct, frozen=True):
 class ThresholdKeys(Struct, frozen=True):
     """Limits at which go ends and caution ends."""
 
-    utilisation: Number
-    slip: Number
-    caution_slip: Number
-    torque: Number
-    geometry: Number
+    utilisation: float
+    slip: float
+    caution_slip: float
+    torque: float
+    geometry: float
 
 
 class VehicleKeys(Struct, frozen=True):
@@ -120,18 +158,18 @@ class VehicleKeys(Struct, frozen=True):
 
     name: str
     single_wheel: Annotated[bool, ResultMember("is_single")]
-    mass_kg: Kilograms
-    gravity_m_s2: MetresPerSquareSecond
+    mass_kg: Kilograms | None
+    gravity_m_s2: MetresPerSquareSecond | None
     weight_N: Newtons
     wheel: WheelKeys
-    axles: tuple[AxleKeys, ...]
-    track_m: Annotated[float | None, ResultMember("track_width")]
+    axles: Annotated[tuple[AxleKeys, ...], Meta(min_length=1)]
+    track_m: Annotated[float, ResultMember("track_width")]
     cog_height_m: Metres
-    clearance_m: Metres
+    clearance_m: Metres | None
     body_width_m: Metres
     front: OverhangKeys
     rear: OverhangKeys
-    steering: str
+    steering: Annotated[str, one_of(STEERINGS)]
     speed_m_s: MetresPerSecond
     power_W: Watts
     margins: MarginKeys
@@ -139,62 +177,65 @@ class VehicleKeys(Struct, frozen=True):
 
 
 class SlipCurveKeys(Struct, frozen=True):
-    """Slip against the slope that is driven straight up or down."""
+    """Slip of the vehicle when it drives straight up a slope, or down, with its loads there.
 
-    slope_deg: ManyDegrees
-    slip: Numbers
+    Slopes are every half degree from −10° to 2° beyond the largest climb, and that climb.
+    """
+
+    slope_deg: Annotated[tuple[float, ...], ResultMember(unit="deg", factor=DEG)]
+    slip: tuple[Share | None, ...]
 
 
 class ChanceKeys(Struct, frozen=True):
     """Probabilities that a vehicle can drive on the level of a surface."""
 
-    go: Number
-    go_or_caution: Annotated[Number, ResultMember("drives")]
-    climb_low_deg: Degrees
-    climb_high_deg: Degrees
+    go: Share
+    go_or_caution: Annotated[Share, ResultMember("drives")]
+    climb_low_deg: Degrees | None
+    climb_high_deg: Degrees | None
 
 
 class SurfaceKeys(Struct, frozen=True):
-    """Figures of a vehicle on a surface."""
+    """Figures of a vehicle on a surface, under the wheel that bears most."""
 
     surface: str
-    verdict: str
+    verdict: VerdictText
     binding: Binding
     missing: tuple[str, ...]
     preset: Text
-    load_N: Newtons
-    cohesion_kPa: Kilopascals
-    friction_deg: Degrees
-    sinkage_rate_m_per_kN: MetresPerKilonewton
-    shear_modulus_m: Metres
-    sinkage_m: Metres
-    contact_length_m: Metres
-    contact_area_m2: SquareMetres
-    pressure_kPa: Kilopascals
-    normal_stress_kPa: Kilopascals
-    shear_stress_kPa: Kilopascals
-    entry_angle_deg: Degrees
-    strength_kPa: Kilopascals
-    motor_stress_kPa: Kilopascals
-    limit_torque_Nm: NewtonMetres
-    thrust_N: Newtons
-    resistance_N: Newtons
-    drawbar_N: Newtons
-    torque_Nm: NewtonMetres
-    utilisation: Number
-    slip: Number
-    climb_deg: Degrees
-    climb_binding: Text
-    cross_slope_deg: Degrees
-    cross_slope_binding: Text
-    step_m: Metres
+    load_N: Newtons | None
+    cohesion_kPa: Kilopascals | None
+    friction_deg: Degrees | None
+    sinkage_rate_m_per_kN: MetresPerKilonewton | None
+    shear_modulus_m: Metres | None
+    sinkage_m: Metres | None
+    contact_length_m: Metres | None
+    contact_area_m2: SquareMetres | None
+    pressure_kPa: Kilopascals | None
+    normal_stress_kPa: Kilopascals | None
+    shear_stress_kPa: Kilopascals | None
+    entry_angle_deg: Degrees | None
+    strength_kPa: Kilopascals | None
+    motor_stress_kPa: Kilopascals | None
+    limit_torque_Nm: NewtonMetres | None
+    thrust_N: Newtons | None
+    resistance_N: Newtons | None
+    drawbar_N: Newtons | None
+    torque_Nm: NewtonMetres | None
+    utilisation: float | None
+    slip: float | None
+    climb_deg: Degrees | None
+    climb_binding: ReasonText | None
+    cross_slope_deg: Degrees | None
+    cross_slope_binding: ReasonText | None
+    step_m: Metres | None
     step_binding: Text
-    step_axle: int | None
-    gap_m: Metres
-    turning_Nm: NewtonMetres
-    turning_work_J: Joules
-    turning_slip: Number
-    turning_binding: Text
+    step_axle: Annotated[int, Meta(ge=1)] | None
+    gap_m: Metres | None
+    turning_Nm: NewtonMetres | None
+    turning_work_J: Joules | None
+    turning_slip: float | None
+    turning_binding: ReasonText | None
     warnings: tuple[str, ...]
     slip_curve: SlipCurveKeys | None
     probability: Annotated[ChanceKeys | UnsetType, ResultMember("chances")] = UNSET
@@ -204,13 +245,17 @@ class BarrierKeys(Struct, frozen=True):
     """Barrier on a route."""
 
     binding: Binding
-    bars: Text
-    width_m: Metres
+    bars: str
+    width_m: Metres | None
     place: PlaceKeys
 
 
 class SteepestKeys(Struct, frozen=True):
-    """Steepest place of a route."""
+    """Steepest place of a route.
+
+    Attributes:
+        pitch_deg: pitch of the vehicle; nose up is positive.
+    """
 
     pitch_deg: Annotated[float | None, ResultMember("value", factor=DEG)]
     binding: Binding
@@ -218,7 +263,11 @@ class SteepestKeys(Struct, frozen=True):
 
 
 class SoftestKeys(Struct, frozen=True):
-    """Place of a route where wheels sink deepest."""
+    """Place of a route where wheels sink deepest.
+
+    Attributes:
+        sinkage_m: sinkage of the wheel that sinks deepest.
+    """
 
     sinkage_m: Annotated[float | None, ResultMember("value")]
     binding: Binding
@@ -226,7 +275,11 @@ class SoftestKeys(Struct, frozen=True):
 
 
 class TightestKeys(Struct, frozen=True):
-    """Place of a route with the smallest margin."""
+    """Place of a route with the smallest margin.
+
+    Attributes:
+        margin: 1 less the share that is used of the nearest limit; None where nothing would help.
+    """
 
     margin: Annotated[float | None, ResultMember("value")]
     binding: Binding
@@ -234,14 +287,23 @@ class TightestKeys(Struct, frozen=True):
 
 
 class LeastChanceKeys(Struct, frozen=True):
-    """Place of a route with the smallest probability of go."""
+    """Place of a route with the smallest probability of go.
 
-    probability: Annotated[float | None, ResultMember("value")]
+    Attributes:
+        probability: share of the samples that are go there.
+    """
+
+    probability: Annotated[Share, ResultMember("value")]
     place: PlaceKeys
 
 
 class ProfileKeys(Struct, frozen=True):
-    """Samples along a route."""
+    """Samples along a route; all lists are of one length.
+
+    Attributes:
+        verdict: verdict of each sample.
+        binding: measure that binds at each sample.
+    """
 
     x: Numbers
     y: Numbers
@@ -253,8 +315,8 @@ class ProfileKeys(Struct, frozen=True):
     roll_deg: ManyDegrees
     slip: Numbers
     utilisation: Numbers
-    verdict: Annotated[tuple[str, ...], ResultMember(codes=Verdict)]
-    binding: Annotated[tuple[Text, ...], ResultMember("reason", codes=Reason)]
+    verdict: Annotated[tuple[VerdictText, ...], ResultMember(codes=Verdict)]
+    binding: Annotated[tuple[ReasonText | None, ...], ResultMember("reason", codes=Reason)]
     surface: tuple[Text, ...]
     element: tuple[Text, ...]
 
@@ -264,13 +326,13 @@ class RouteKeys(Struct, frozen=True):
 
     found: bool
     planned: bool
-    verdict: str
+    verdict: VerdictText
     start: PlaceKeys
     goal: PlaceKeys
-    length_m: Metres
-    time_s: Seconds
-    energy_J: Joules
-    turning_J: Joules
+    length_m: Metres | None
+    time_s: Seconds | None
+    energy_J: Joules | None
+    turning_J: Joules | None
     steepest: SteepestKeys | None
     softest: SoftestKeys | None
     tightest: TightestKeys | None
@@ -284,7 +346,7 @@ class RouteKeys(Struct, frozen=True):
     tried_headings: tuple[int, ...]
     ruled_out_headings: int | None
     profile: ProfileKeys | None
-    probability: Annotated[Number | UnsetType, ResultMember("chance")] = UNSET
+    probability: Annotated[Share | UnsetType, ResultMember("chance")] = UNSET
     least_probability: Annotated[LeastChanceKeys | UnsetType, ResultMember("least_chance")] = UNSET
 
 
@@ -292,78 +354,116 @@ class ReachKeys(Struct, frozen=True):
     """Ground that can be reached from a place."""
 
     start: PlaceKeys
-    share: Number
-    returnable: Number
+    share: Share
+    returnable: Share
     note: Text
 
 
 class LargestPartKeys(Struct, frozen=True):
     """The largest connected part of the ground."""
 
-    place: Numbers
-    share: Number
+    place: Pair
+    share: Share
 
 
 class ChancePixels(Struct, frozen=True):
-    """Number of pixels that are go with at least a probability."""
+    """Number of pixels that are go with at least a probability.
 
-    at_least: float
-    pixels: int
+    Attributes:
+        at_least: the probability.
+        pixels: number of pixels that reach it and no larger one.
+    """
+
+    at_least: Share
+    pixels: Count
 
 
 class MapKeys(Struct, frozen=True, rename={"start": "from"}):
-    """Map in numbers: pixels and shares by class of ground."""
+    """Map in numbers: pixels and shares by class of ground.
 
-    resolution_m: Metres
-    width: int
-    height: int
-    bounds: Numbers
-    headings: int
-    start: Numbers | None
+    The classes are go, caution, no-go, unknown; one-way, which can be driven to from the start, but
+    not back; cut-off, which can be driven on, but not to; and edge, where the vehicle would stand
+    over the edge of the terrain with any heading.
+
+    Attributes:
+        resolution_m: side of a pixel.
+        width, height: number of columns and of rows.
+        bounds: west, south, east, north, in world units.
+        largest_part: largest part of the ground that can be driven about, if what can be reached is
+            counted from it; None where it is counted from another place, or there is none.
+        best_heading: pixels by class, with their best heading.
+        worst_heading: pixels by class, with the verdict of the worst heading where they are go,
+            caution, no-go or unknown.
+        fractions: shares of the pixels with ground by class, with their best heading.
+        binding: pixels that are caution or no-go at their best heading, by the measure that binds.
+        by_surface: pixels of each surface by class, with their best heading; the name is null for
+            ground without a surface.
+        probability: pixels with ground by the probability that some heading is go, each counted
+            where it reaches most, and none where that is not known; only where figures of soils are
+            ranges.
+    """
+
+    resolution_m: Annotated[Metres, Meta(gt=0)]
+    width: Count
+    height: Count
+    bounds: Bounds
+    headings: Count
+    start: Pair | None
     largest_part: LargestPartKeys | None
-    pixels: int
-    best_heading: dict[str, int]
-    worst_heading: dict[str, int]
-    fractions: dict[str, Number]
-    binding: dict[str, int]
-    by_surface: tuple[dict[str, Any], ...]
+    pixels: Count
+    best_heading: Annotated[dict[str, Count], each_of(_GROUNDS)]
+    worst_heading: Annotated[dict[str, Count], each_of(_GROUNDS)]
+    fractions: Fractions
+    binding: Annotated[dict[str, Annotated[int, Meta(ge=1)]], _MAPPED_REASONS]
+    by_surface: tuple[Annotated[dict[str, Any], _OF_A_SURFACE], ...]
     probability: tuple[ChancePixels, ...] | UnsetType = UNSET
 
 
 class MendKeys(Struct, frozen=True):
-    """Line of JSON that mends a definition, and the place for it."""
+    """Line of JSON that mends a definition, and the place for it.
+
+    Attributes:
+        where: place in the definition.
+        line: line that goes there.
+    """
 
     where: str
     line: str
 
 
-class RangeKeys(Struct, frozen=True):
-    """Range of a figure of a surface."""
-
-    surface: str
-    key: str
-    low: float
-    high: float
-
-
 class SamplingKeys(Struct, frozen=True):
     """Sampling of soils that are ranges."""
 
-    samples: int
-    seed: int
-    error: Number
-    ranges: tuple[RangeKeys, ...]
+    samples: Annotated[int, Meta(ge=1)]
+    seed: Count
+    error: Share
+    ranges: Annotated[tuple[Range, ...], Meta(min_length=1)]
 
 
 class ReportKeys(Document, frozen=True, kw_only=True):
-    """Report on one vehicle."""
+    """Findings of `terratool traversability` about a vehicle on a terrain.
+
+    Units are in the names of keys; null stands for what is not known, means nothing or has no
+    limit.
+
+    Attributes:
+        tool: program that wrote the report.
+        terrain: the terrain.
+        model: model of wheel and soil: slip, or what the paper says.
+        sentence: verdict for people, and what binds most.
+        mending: lines of JSON that mend what surfaces lack, by an example of a soil; none where
+            nothing is lacking.
+        map: classes of the ground; None where only routes were asked for.
+        sampling: sampling of soils, only where some of their figures are ranges; the middles count
+            for everything but probabilities.
+    """
 
     format_version: int = FORMAT_VERSION
     tool: Tool = Tool()
     terrain: TerrainKeys
     vehicle: VehicleKeys
-    model: str
-    verdict: str
+    model: Annotated[str, one_of(MODELS)]
+    verdict: VerdictText
     sentence: str
     surfaces: tuple[SurfaceKeys, ...]
     mending: tuple[MendKeys, ...]
@@ -376,45 +476,69 @@ class ReportKeys(Document, frozen=True, kw_only=True):
 
 
 class VehicleVerdict(Struct, frozen=True):
-    """Verdict of one of several vehicles on the terrain."""
+    """Verdict of one of several vehicles on the terrain.
+
+    Attributes:
+        vehicle: name of the vehicle's file, with the folder where files have one name.
+        drives: whether the verdict is go or caution.
+        verdict: verdict of the vehicle's report.
+    """
 
     vehicle: str
     drives: bool
-    verdict: str
+    verdict: VerdictText
 
 
 class SurfaceVerdict(Struct, frozen=True):
-    """Verdict and climb of one of several vehicles on a surface, out of its report."""
+    """Verdict and climb of one of several vehicles on a surface, out of its report.
+
+    Attributes:
+        vehicle: name of the vehicle.
+    """
 
     vehicle: str
-    verdict: str
-    binding: Text
-    climb_deg: Number
-    climb_binding: Text
+    verdict: VerdictText
+    binding: Binding
+    climb_deg: Degrees | None
+    climb_binding: ReasonText | None
 
 
 class SurfaceVerdicts(Struct, frozen=True):
-    """Verdicts of all vehicles on a surface."""
+    """Verdicts of all vehicles on a surface.
+
+    Attributes:
+        surface: name of the surface.
+        vehicles: verdict of each vehicle.
+    """
 
     surface: str
     vehicles: tuple[SurfaceVerdict, ...]
 
 
 class RouteVerdict(Struct, frozen=True):
-    """Result of one of several vehicles on a route, out of its report."""
+    """Result of one of several vehicles on a route, out of its report.
+
+    Attributes:
+        vehicle: name of the vehicle.
+    """
 
     vehicle: str
     found: bool
-    verdict: str
-    length_m: Number
-    time_s: Number
-    energy_J: Number
+    verdict: VerdictText
+    length_m: Metres | None
+    time_s: Seconds | None
+    energy_J: Joules | None
     tightest: TightestKeys | None
     barriers: tuple[BarrierKeys, ...]
 
 
 class RouteVerdicts(Struct, frozen=True):
-    """Results of all vehicles on a route."""
+    """Results of all vehicles on a route.
+
+    Attributes:
+        start, goal: first and last place.
+        vehicles: result of each vehicle.
+    """
 
     start: PlaceKeys
     goal: PlaceKeys
@@ -422,22 +546,39 @@ class RouteVerdicts(Struct, frozen=True):
 
 
 class MapShares(Struct, frozen=True):
-    """Shares of ground in each class for one of several vehicles, out of its report."""
+    """Shares of ground in each class for one of several vehicles, out of its report.
+
+    Attributes:
+        vehicle: name of the vehicle.
+    """
 
     vehicle: str
-    resolution_m: Number
-    fractions: dict[str, Number]
+    resolution_m: Metres
+    fractions: Fractions
 
 
 class TogetherKeys(Struct, frozen=True):
-    """Share of the ground that is go or caution for exactly these vehicles."""
+    """Share of the ground that is go or caution for exactly these vehicles.
+
+    Attributes:
+        vehicles: names of the vehicles; none for ground that is neither for any.
+        share: share of all ground.
+    """
 
     vehicles: tuple[str, ...]
-    share: Number
+    share: Share
 
 
 class MapComparisonKeys(Struct, frozen=True):
-    """Maps of several vehicles side by side."""
+    """Maps of several vehicles side by side.
+
+    Attributes:
+        one_grid: whether all maps have the same pixels.
+        vehicles: map of each vehicle.
+        together: ground that is go or caution for some vehicles and for no others, the most first;
+            empty where there is no grid of all. Of a map of more than 1600 pixels along a side one
+            of each few along it is counted.
+    """
 
     one_grid: bool
     vehicles: tuple[MapShares, ...]
@@ -445,18 +586,32 @@ class MapComparisonKeys(Struct, frozen=True):
 
 
 class ComparisonKeys(Document, frozen=True, kw_only=True):
-    """Several vehicles side by side, as schemas/comparison.schema.json has them."""
+    """Findings about several vehicles on one terrain, side by side, and the report of each.
+
+    Units are in the names of keys; null stands for what is not known, means nothing or has no
+    limit.
+
+    Attributes:
+        tool: program that wrote the report.
+        verdict: verdict of the worst of the vehicles: no-go, unknown, caution, go.
+        sentence: statement for people on which of the vehicles can drive there.
+        vehicles: verdict of each vehicle, in the order in which they were given, as everywhere.
+        surfaces: a row for each surface of the terrain.
+        routes: a row for each way that was asked for.
+        map: the maps of all; None where only routes were asked for.
+        reports: report of each vehicle, as it would be by itself on that grid.
+    """
 
     format_version: int = FORMAT_VERSION
     tool: Tool = Tool()
-    verdict: str
+    verdict: VerdictText
     sentence: str
-    vehicles: tuple[VehicleVerdict, ...]
+    vehicles: Annotated[tuple[VehicleVerdict, ...], Meta(min_length=2)]
     surfaces: tuple[SurfaceVerdicts, ...]
     routes: tuple[RouteVerdicts, ...]
     map: MapComparisonKeys | None
     notes: tuple[str, ...]
-    reports: tuple[ReportKeys, ...]
+    reports: Annotated[tuple[ReportKeys, ...], Meta(min_length=2)]
 
 
 def as_dict(reports: Reports) -> dict[str, Any]:
@@ -499,7 +654,7 @@ def _report(report: TraversabilityReport) -> ReportKeys:
             sampling.samples,
             sampling.seed,
             value_of(sampling.error),
-            tuple(RangeKeys(*one) for one in sampling.ranges),
+            sampling.ranges,
         ),
     )
 

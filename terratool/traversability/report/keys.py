@@ -10,6 +10,7 @@ from typing import Annotated, Any, NamedTuple, TypeVar, get_args, get_type_hints
 import numpy as np
 from msgspec import Struct, UnsetType
 
+from terratool.report.documents import one_of
 from terratool.report.numbers import exact
 from terratool.traversability.results import Reason, Verdict
 
@@ -37,38 +38,39 @@ DEG = 180.0 / math.pi
 
 Text = str | None
 """Text, or null where it is empty."""
-Number = float | None
-"""Number, or null where it is not known, means nothing or has no limit."""
-Metres = Annotated[Number, ResultMember(unit="m")]
-SquareMetres = Annotated[Number, ResultMember(unit="m2")]
-MetresPerSecond = Annotated[Number, ResultMember(unit="m_s")]
-MetresPerSquareSecond = Annotated[Number, ResultMember(unit="m_s2")]
-MetresPerKilonewton = Annotated[Number, ResultMember(unit="m_per_kN", factor=1e3)]
-Kilograms = Annotated[Number, ResultMember(unit="kg")]
-Seconds = Annotated[Number, ResultMember(unit="s")]
-Joules = Annotated[Number, ResultMember(unit="J")]
-Watts = Annotated[Number, ResultMember(unit="W")]
-Newtons = Annotated[Number, ResultMember(unit="N")]
-NewtonMetres = Annotated[Number, ResultMember(unit="Nm")]
-Kilopascals = Annotated[Number, ResultMember(unit="kPa", factor=1e-3)]
-Degrees = Annotated[Number, ResultMember(unit="deg", factor=DEG)]
+Metres = Annotated[float, ResultMember(unit="m")]
+SquareMetres = Annotated[float, ResultMember(unit="m2")]
+MetresPerSecond = Annotated[float, ResultMember(unit="m_s")]
+MetresPerSquareSecond = Annotated[float, ResultMember(unit="m_s2")]
+MetresPerKilonewton = Annotated[float, ResultMember(unit="m_per_kN", factor=1e3)]
+Kilograms = Annotated[float, ResultMember(unit="kg")]
+Seconds = Annotated[float, ResultMember(unit="s")]
+Joules = Annotated[float, ResultMember(unit="J")]
+Watts = Annotated[float, ResultMember(unit="W")]
+Newtons = Annotated[float, ResultMember(unit="N")]
+NewtonMetres = Annotated[float, ResultMember(unit="Nm")]
+Kilopascals = Annotated[float, ResultMember(unit="kPa", factor=1e-3)]
+Degrees = Annotated[float, ResultMember(unit="deg", factor=DEG)]
 Numbers = tuple[float | None, ...]
+"""Numbers, each null where it is not known or means nothing."""
 ManyMetres = Annotated[Numbers, ResultMember(unit="m")]
 ManyDegrees = Annotated[Numbers, ResultMember(unit="deg", factor=DEG)]
-Binding = Annotated[Text, ResultMember("reason")]
+VerdictText = Annotated[str, one_of(verdict.label for verdict in Verdict)]
+ReasonText = Annotated[str, one_of(reason.label for reason in Reason if reason != Reason.NONE)]
+Binding = Annotated[ReasonText | None, ResultMember("reason")]
 
 
 def fill_keys(kind: type[Kind], record: object) -> Kind:
     """Make a record of JSON keys from a result."""
     found: dict[str, Any] = {}
-    for one in _sources(kind):
+    for one in sources_of(kind):
         value = value_of(getattr(record, one.member), one.of, one.nested, one.kept)
         if value is not None or not one.optional:
             found[one.key] = value
     return kind(**found)
 
 
-class _Source(NamedTuple):
+class KeySource(NamedTuple):
     """Source of a key.
 
     Attributes:
@@ -89,14 +91,17 @@ class _Source(NamedTuple):
 
 
 @cache
-def _sources(kind: type[Struct]) -> tuple[_Source, ...]:
+def sources_of(kind: type[Struct]) -> tuple[KeySource, ...]:
+    """Sources of the keys of a record."""
     found = []
     for key, hint in get_type_hints(kind, include_extras=True).items():
         parts = list(_parts(hint))
         of = next((one for one in parts if isinstance(one, ResultMember)), ResultMember())
         nested = (one for one in parts if isinstance(one, type) and issubclass(one, Struct))
         member = of.member or (key.removesuffix(f"_{of.unit}") if of.unit else key)
-        found.append(_Source(key, member, of, next(nested, None), hint is str, UnsetType in parts))
+        found.append(
+            KeySource(key, member, of, next(nested, None), hint is str, UnsetType in parts)
+        )
     return tuple(found)
 
 

@@ -132,15 +132,15 @@ def chances(report: TraversabilityReport) -> Table:
     if report.sampling is None:
         return Table(columns, ())
     ranges: dict[str, list[str]] = {}
-    for surface, key, low, high in report.sampling.ranges:
-        text = f"{key} {numbers.number(low, 4)} to {numbers.number(high, 4)}"
-        ranges.setdefault(surface, []).append(text)
+    for one in report.sampling.ranges:
+        text = f"{one.key} {numbers.number(one.low, 4)} to {numbers.number(one.high, 4)}"
+        ranges.setdefault(one.surface, []).append(text)
     rows = []
-    for one in report.surfaces:
-        if (found := one.chances) is not None:
+    for figures in report.surfaces:
+        if (found := figures.chances) is not None:
             climbs = map(numbers.degrees, (found.climb_low, found.climb_high))
             row = numbers.share(found.go), numbers.share(found.drives), " to ".join(climbs)
-            rows.append((title(one), *row, ", ".join(ranges[one.surface])))
+            rows.append((title(figures), *row, ", ".join(ranges[figures.surface])))
     return Table(columns, tuple(rows))
 
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Annotated, Literal, get_args
 
 from msgspec import Struct
 
 from terratool.definition.findings import Bounds
-from terratool.report.documents import Document
+from terratool.report.documents import Count, Document, each_of
 
 ChangeKind = Literal["added", "removed", "moved", "changed"]
 EntryKind = Literal["added", "removed", "renamed", "changed"]
@@ -298,8 +298,16 @@ class Comparison(Struct, frozen=True):
 
 
 class DiffDocument(Document, frozen=True, kw_only=True):
-    """Comparison as JSON; see schemas/difference.schema.json."""
+    """Findings of `terratool diff`: changes of elements, surfaces and ground, file by file.
+
+    Lengths are in units of the terrain; null stands for what there is not.
+
+    Attributes:
+        same: whether all files are the same terrains.
+        summary: number of files by status.
+        files: one entry for two files, one for each name for two folders.
+    """
 
     same: bool
-    summary: dict[FileStatus, int]
+    summary: Annotated[dict[FileStatus, Count], each_of(get_args(FileStatus))]
     files: tuple[FileDifference, ...]

@@ -1,0 +1,163 @@
+"""JSON Schemas of what commands write with ``--json``, from the records whose fields are the keys.
+
+`make schemas` writes them into schemas/, with those of `terratool.definition.schema_writing`. The
+meaning of a key stands in the docstring of its record, or of the result that it is made of.
+"""
+
+from __future__ import annotations
+
+import inspect
+import json
+import re
+import sys
+from functools import cache
+from pathlib import Path
+from typing import Any, get_args, get_type_hints
+
+from msgspec import UNSET, Struct, structs
+from msgspec.json import schema_components
+
+from terratool.definition import schema_writing
+from terratool.field.summary import TerrainSummary
+from terratool.report.documents import Document
+from terratool.traversability import results, vehicle
+from terratool.traversability.report import document
+from terratool.traversability.report.keys import sources_of
+from terratool.viewing.diff.results import DiffDocument
+
+OUTPUTS: dict[str, tuple[type[Document], str]] = {
+    "report": (document.ReportKeys, "traversability report"),
+    "comparison": (document.ComparisonKeys, "traversability report of several vehicles"),
+    "difference": (DiffDocument, "difference"),
+    "info": (TerrainSummary, "info"),
+}
+"""Record and title of each schema."""
+
+_MADE_OF: dict[type, type] = {
+    document.PlaceKeys: results.Location,
+    document.WheelKeys: vehicle.Wheel,
+    document.AxleKeys: vehicle.Axle,
+    document.OverhangKeys: vehicle.Overhang,
+    document.MarginKeys: vehicle.Margins,
+    document.ThresholdKeys: vehicle.Thresholds,
+    document.VehicleKeys: vehicle.Vehicle,
+    document.SlipCurveKeys: results.SlipCurve,
+    document.ChanceKeys: results.Chances,
+    document.SurfaceKeys: results.Figures,
+    document.BarrierKeys: results.Barrier,
+    document.SteepestKeys: results.Extreme,
+    document.SoftestKeys: results.Extreme,
+    document.TightestKeys: results.Extreme,
+    document.LeastChanceKeys: results.Extreme,
+    document.ProfileKeys: results.RouteProfile,
+    document.RouteKeys: results.Route,
+    document.ReachKeys: results.Reach,
+    document.LargestPartKeys: results.LargestPart,
+    document.MapKeys: results.MapSummary,
+    document.SamplingKeys: results.Sampling,
+    document.ReportKeys: results.TraversabilityReport,
+    document.SurfaceVerdict: document.SurfaceKeys,
+    document.RouteVerdict: document.RouteKeys,
+    document.MapShares: document.MapKeys,
+    document.ComparisonKeys: results.VehicleComparison,
+}
+"""Class of the results that a record is made of, or record that it is an extract of."""
+
+_UNIT = re.compile(r", (?:rad|Pa|N m|N|m/N|m/s²|m/s|m²|m³|m|kg|s|J|W)(?=[,;.:])")
+"""Unit of a result in its docstring; that of a key is in the key's name."""
+_NULL = re.compile(r"\b(?:None|NONE|NaN|infinity)\b")
+"""Values of a result that are null in JSON."""
+
+
+@cache
+def _said(kind: type) -> tuple[str, dict[str, str]]:
+    """Description of a class, and of its attributes and properties by name."""
+    text, _, attributes = inspect.cleandoc(kind.__doc__ or "").partition("\n\nAttributes:\n")
+    entries = re.findall(r"^    (\w[^:]*): (.*(?:\n {5,}.*)*)", attributes, re.MULTILINE)
+    found = {
+        name: str(member.__doc__).partition("\n\n")[0]
+        for name, member in vars(kind).items()
+        if isinstance(member, property)
+    }
+    found |= {name: said for names, said in entries for name in names.split(", ")}
+    return " ".join(text.split()), {name: " ".join(said.split()) for name, said in found.items()}
+
+
+def _meaning(kind: type, name: str) -> str:
+    """Meaning of a field of a record, or of an attribute of a result, in its docstring.
+
+    Raises:
+        LookupError: no docstring says what it means.
+    """
+    for base in kind.__mro__:
+        if said := _said(base)[1].get(name):
+            return said
+    if (source := _MADE_OF.get(kind)) is None:
+        raise LookupError(f"no docstring says what {kind.__name__}.{name} is")
+    members = {one.key: one.member for one in sources_of(kind)}
+    return _meaning(source, name if issubclass(source, Struct) else members[name])
+
+
+def _records(hint: Any, found: dict[str, type[Struct]]) -> dict[str, type[Struct]]:
+    """Records in a type, and in those, by name, beside the ones found before."""
+    inside = [*get_args(hint)]
+    if isinstance(hint, type) and issubclass(hint, Struct) and hint.__name__ not in found:
+        found[hint.__name__] = hint
+        inside += get_type_hints(hint).values()
+    for one in inside:
+        _records(one, found)
+    return found
+
+
+def _definition(kind: type[Struct], written: dict[str, Any]) -> dict[str, Any]:
+    """Schema of a record, of what msgspec writes of its types: all of its keys and no others."""
+    properties, fields = written["properties"], structs.fields(kind)
+    for field in fields:
+        value = properties[field.encode_name]
+        value.pop("default", None)
+        if field.name == "format_version":
+            value = {"const": field.default}
+        said = _UNIT.sub("", _meaning(kind, field.name))
+        said = _NULL.sub("left out" if field.default is UNSET else "null", said)
+        if '"null"' in json.dumps(value):
+            said = said.replace("empty", "null")
+        said = said[0].upper() + said[1:]
+        properties[field.encode_name] = {"description": said, **value}
+    return {
+        "description": _said(kind)[0],
+        "type": "object",
+        "properties": properties,
+        "required": [field.encode_name for field in fields if field.default is not UNSET],
+        "additionalProperties": False,
+    }
+
+
+def schema_text(name: str) -> str:
+    """Text of a schema, one of `OUTPUTS`."""
+    kind, title = OUTPUTS[name]
+    written = schema_components([kind], ref_template="#/$defs/{name}")[1]
+    shared = _records(document.ReportKeys, {}) if name == "comparison" else {}
+    definitions = {
+        one.__name__: _definition(one, written[one.__name__])
+        for one in _records(kind, {}).values()
+        if one.__name__ not in shared
+    }
+    found = {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "$id": f"urn:terratool:schema:{name}",
+        "title": f"terratool {title}",
+        **definitions.pop(kind.__name__),
+        "$defs": definitions,
+    }
+    text = json.dumps(found, indent=2, ensure_ascii=False) + "\n"
+    for one in shared:
+        place = "" if one == "ReportKeys" else f"#/$defs/{one}"
+        text = text.replace(f'"#/$defs/{one}"', f'"urn:terratool:schema:report{place}"')
+    return text
+
+
+if __name__ == "__main__":
+    texts = {one: schema_writing.schema_text(one) for one in schema_writing.NAMES}
+    for name, text in (texts | {one: schema_text(one) for one in OUTPUTS}).items():
+        path = Path(sys.argv[1], f"{name}.schema.json")
+        path.write_text(text, encoding="utf-8", newline="\n")
