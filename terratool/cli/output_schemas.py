@@ -115,6 +115,7 @@ def _definition(kind: type[Struct], written: dict[str, Any]) -> dict[str, Any]:
     for field in fields:
         value = properties[field.encode_name]
         value.pop("default", None)
+        value.get("anyOf", []).sort(key={"type": "null"}.__eq__)  # msgspec 0.19 has it first
         if field.name == "format_version":
             value = {"const": field.default}
         said = _UNIT.sub("", _meaning(kind, field.name))

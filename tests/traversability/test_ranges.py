@@ -15,7 +15,7 @@ import pytest
 import rasterio
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from msgspec import UNSET
+from msgspec import UNSET, structs
 from numpy.typing import NDArray
 
 import terratool
@@ -131,7 +131,7 @@ class TestDraws:
     def test_each_part_of_each_range_has_one_value(self, samples: int, seed: int) -> None:
         """A Latin hypercube: so many equal parts, and in each of them one value."""
         draws = drawn(terrain_of(hills()), samples, seed)
-        for name, key, low, high in draws.ranges:
+        for name, key, low, high in map(structs.astuple, draws.ranges):
             attribute = {key: name for name, key in KEYS.items()}[key]
             values = np.array([getattr(one, attribute) for one in draws.surfaces[name]])
             parts = np.floor((values - low) / (high - low) * samples + 1e-9)
