@@ -18,7 +18,8 @@ import trimesh
 import terratool
 from terratool.definition.reader import check
 from terratool.text.source import Source
-from tests.commands import COMMAND, ENVIRONMENT, ROOT, call
+from tests.commands import ENVIRONMENT, ROOT, call
+from tests.served import Place, serve
 
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 PROGRESS = re.compile(r"^terratool: .*\d s\n", re.MULTILINE)  # of a slow machine
@@ -120,22 +121,14 @@ def commands(block: str) -> list[tuple[str, str]]:
 
 def assert_says(words: list[str], shown: str, folder: Path) -> int:
     """Run a command, and give its exit code; a line of "…" stands for whatever follows."""
-    done = subprocess.run(
-        [*COMMAND, *words],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        stdin=subprocess.DEVNULL,
-        cwd=folder,
-        env={**ENVIRONMENT, "PYTHONUNBUFFERED": "1"},
-        timeout=120,
-        check=False,
-    )
-    said = PROGRESS.sub("", done.stdout.decode())
+    place = Place(folder, {**ENVIRONMENT, "PYTHONUNBUFFERED": "1"}, merged=True)
+    code, printed, _ = serve(words, b"", place, 120)
+    said = PROGRESS.sub("", printed.decode())
     if shown.endswith("…\n"):
         shown = shown.removesuffix("…\n")
         said = said[: len(shown)]
     assert said == shown
-    return done.returncode
+    return code
 
 
 @pytest.mark.slow
