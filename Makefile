@@ -65,16 +65,16 @@ demo: $(VENV)/.installed-$(EXTRAS)-$(VARIANTS)  ## Validate the paper's example,
 	@echo "or ask the terrain: $(BIN)/terratool query samples/paper-example.json 15 15"
 
 test: $(VENV)/.installed-test-$(VARIANTS)  ## Run the tests that are quick, on all processors; TESTS=tests/raster for all of some
-	$(BIN)/python -m pytest -n auto --dist loadfile $(if $(filter tests,$(TESTS)),-m "not slow") $(TESTS)
+	$(BIN)/python -m pytest -n auto --dist loadfile $(if $(filter tests,$(TESTS)),-m "not (slow or nightly)") $(TESTS)
 
-slow: $(VENV)/.installed-test-$(VARIANTS)  ## Run the tests that "make test" leaves out
-	$(BIN)/python -m pytest -n auto --dist load -m slow tests
+slow: $(VENV)/.installed-test-$(VARIANTS)  ## Run the tests that "make test" leaves out, but not those of a second and a half or more
+	$(BIN)/python -m pytest -n auto --dist load -m "slow and not nightly" tests
 
 nightly: $(VENV)/.installed-test-all  ## Run all tests, each property with its full number of examples
 	TERRATOOL_EXAMPLES=1 $(BIN)/python -m pytest -n auto --dist loadfile tests
 
 baseline: $(VENV)/.installed-test-all  ## Run the tests of the kernels as built for any processor
-	TERRATOOL_CPU=baseline $(BIN)/python -m pytest -n auto --dist loadfile $(KERNEL_TESTS)
+	TERRATOOL_CPU=baseline $(BIN)/python -m pytest -n auto --dist loadfile -m "not nightly" $(KERNEL_TESTS)
 
 lint: $(VENV)/.installed-dev-$(VARIANTS)  ## Check style, types, sentences and the direction of imports
 	$(BIN)/ruff check .

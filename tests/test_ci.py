@@ -140,7 +140,7 @@ ODD = ["--config=lax.terrain.json", "--fix.terrain.json", "-h.terrain.json", "-.
        "--format=text=victim.terrain.json", "a b'\"$(touch hit)\n.terrain.json"]  # fmt: skip
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no such names")
 @pytest.mark.parametrize("name", HOOKS)
 def test_a_hook_takes_names_for_names(name: str, tmp_path: Path) -> None:
@@ -491,7 +491,7 @@ def skipping(tmp_path: Path) -> Callable[..., subprocess.CompletedProcess[str]]:
     return ran
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize(("value", "code"), [("1", 1), ("", 0)])
 def test_ci_fails_without_a_program(
     skipping: Callable[..., subprocess.CompletedProcess[str]], value: str, code: int
@@ -506,7 +506,7 @@ def test_ci_fails_without_a_program(
         assert ("is not installed, and TERRATOOL_NO_SKIPS=1" in done.stdout) == bool(code)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_last_line_says_what_was_lacking(
     tmp_path: Path, skipping: Callable[..., subprocess.CompletedProcess[str]]
 ) -> None:

@@ -445,7 +445,7 @@ def compile_commands() -> dict[str, list[str]]:
     return found
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.skipif(not X86, reason="other processors name these otherwise")
 @pytest.mark.skipif(not compile_commands(), reason="the kernels were not built in this checkout")
 @pytest.mark.parametrize("variant", sorted(compile_commands()))

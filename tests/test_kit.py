@@ -114,7 +114,7 @@ def beside_edges(side: float, cell: float) -> NDArray[np.float64]:
 
 
 class TestRewritten:
-    @pytest.mark.slow
+    @pytest.mark.nightly
     @pytest.mark.parametrize(("name", "cell"), [("warehouse", 0.25), ("obstacle-course", 0.1)])
     def test_equals_what_it_was(self, name: str, cell: float) -> None:
         """Heights and surfaces at edges, just beside them, and at many points between."""

@@ -355,7 +355,7 @@ def test_nothing_of_the_current_folder_is_obeyed(key: str, stranger: Path, tmp_p
     assert not (tmp_path / "hit").exists()
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_settings_of_the_user_count(stranger: Path, tmp_path: Path) -> None:
     """Where the user names them, also as seen from the current folder; and nothing waits."""
     (stranger / "mine").mkdir()
@@ -388,7 +388,7 @@ def looked_for(log: str, here: Path) -> set[str]:
     return found
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @needs("strace")
 @pytest.mark.parametrize(
     "key", ["cog", "netcdf", "import netcdf", "import dxf", "png", "usd", "verdicts", "simulators"]

@@ -668,7 +668,7 @@ def test_definitions_are_canonical_and_strictly_valid(
     assert np.isfinite(made.origins[..., :2]).all()
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("path", SAMPLES, ids=lambda path: path.stem)
 def test_samples_are_strictly_valid_and_written_whole(path: Any, tmp_path: Any) -> None:
     out, spec = tmp_path / "out.json", json.loads(path.read_text("utf-8"))
@@ -690,7 +690,7 @@ def test_samples_are_strictly_valid_and_written_whole(path: Any, tmp_path: Any) 
     assert sorted(file.name for file in tmp_path.iterdir()) == ["out.json", "out.origins.npz"]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_same_spec_gives_the_same_bytes(tmp_path: Any) -> None:
     again = []
     for name in ("a", "b"):
@@ -703,7 +703,7 @@ def test_the_same_spec_gives_the_same_bytes(tmp_path: Any) -> None:
     assert curriculum(SAMPLES[0], seed=12).text.encode() != again[0][0]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_what_is_there_is_kept(tmp_path: Any) -> None:
     out, origins = tmp_path / "out.json", tmp_path / "out.origins.npz"
     for kept in (out, origins):

@@ -71,7 +71,7 @@ def test_help(command: list[str], option: str) -> None:
         assert all(f"\n  {name} " in ran.out for name in COMMANDS)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_examples_in_the_help_work(tmp_path: Path) -> None:
     """The example that a command gives can be typed as it stands, at the top of the project."""
     for name in COMMANDS:
@@ -212,7 +212,7 @@ def test_invalid_definition(tmp_path: Path, invalid: Path, command: str) -> None
     assert list(tmp_path.iterdir()) == [invalid]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_cannot_be_written(tmp_path: Path) -> None:
     """A file that is there is kept, and a folder that is not is not made: both exit 3."""
     there = tmp_path / "there.tif"

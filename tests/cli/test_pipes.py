@@ -148,7 +148,7 @@ def test_a_pipe_is_not_followed(folder: Path) -> None:
 # --- what a user names ---------------------------------------------------------------------------
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_pipe_that_is_named_is_read(folder: Path) -> None:
     """As `terratool validate <(…)` has one, and as `/dev/stdin` is one."""
     writer = threading.Thread(target=lambda: (folder / "b.json").write_text(GOOD))
@@ -269,7 +269,7 @@ def test_what_lies_beside_the_parts_of_a_mosaic_is_a_file(tmp_path: Path) -> Non
     assert (ran.code, "b.tif.aux.xml: is no regular file" in ran.err) == (3, True)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_buffers_of_a_gltf_are_files(tmp_path: Path) -> None:
     numbers = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 1]], "<f4").tobytes()
     scene = {

@@ -199,7 +199,7 @@ JSON = ("export-dem", "export-mesh", "export-sim", "scan", "map", "deform", "cur
         "import-terrain")  # fmt: skip
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_no_command_prints_what_a_terminal_obeys(name: str) -> None:
     """Whatever files are called: results, errors, usage, and all that is written on the way."""
     told_of = commands(name)

@@ -93,7 +93,7 @@ def assert_same(found: dict[str, Any], wanted: dict[str, Any], share: float, siz
     assert "part" not in found and "repeat" not in found
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @settings(max_examples=examples(200))
 @given(file_sets())
 def test_the_expansion_is_what_the_format_says(files: FileSet) -> None:

@@ -485,7 +485,7 @@ def repetitions() -> st.SearchStrategy[str]:
     return st.builds(lambda f, sign, n: sign.join([f] * n), formulas(1), signs, st.integers(2, 70))
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @settings(max_examples=examples(3000))
 @given(
     st.lists(st.sampled_from(TOKENS), max_size=14).map("".join)

@@ -128,7 +128,7 @@ def codes(checked: Checked) -> list[str]:
     return [f.code for one in (checked, *checked.libraries) for f in one.findings]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_chain_without_end_is_cut(tmp_path: Path) -> None:
     for k in range(10_000):
         text = f'{{"use": ["c{k + 1}.json"], "elemTypes": {{"e{k}": {{"x": [1]}}}}}}'

@@ -269,7 +269,7 @@ def composed(draw: st.DrawFn) -> dict[str, Any]:
     return {"size": list(size), "elemTypes": TYPES, "parts": parts, "elemTree": root}
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @given(composed())
 def test_what_is_trimmed_in_parts_is_what_is_trimmed_when_they_are_written_out(value: Any) -> None:
     """Each element that any of its copies is trimmed of is told of, once, in the text."""

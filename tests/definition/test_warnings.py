@@ -803,7 +803,7 @@ def nested(levels: int, inner: str, **keys: Any) -> str:
     return f'{{"size": 1, "elemTypes": {{"box": {{"x": [1]}}}}, "elemTree": {root}}}'
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_bounds_of_what_lies_deep() -> None:
     """A thousand levels down the rectangle is still that of exact fractions."""
     checked = check(Source("t.json", nested(1000, "", vScale=0).encode()))

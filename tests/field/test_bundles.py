@@ -94,7 +94,7 @@ def meshed(terrain: Terrain) -> list[bytes]:
     return [bits(mesh.vertices), bits(mesh.faces), bits(mesh.walls)]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @settings(max_examples=EXAMPLES)
 @given(st.data())
 def test_file_bundle_and_expansion_are_one_terrain(data: st.DataObject) -> None:
@@ -123,7 +123,7 @@ def test_file_bundle_and_expansion_are_one_terrain(data: st.DataObject) -> None:
         assert mesh == first_mesh
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @settings(max_examples=EXAMPLES)
 @given(st.data())
 def test_heights_surfaces_and_names_are_those_of_the_plain_reading(data: st.DataObject) -> None:

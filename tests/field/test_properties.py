@@ -22,7 +22,7 @@ EXAMPLES = examples(75)
 TOLERANCE = 2e-6
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @settings(max_examples=EXAMPLES)
 @given(st.data())
 def test_height_surface_and_element_agree_with_the_format(data: st.DataObject) -> None:

@@ -117,7 +117,7 @@ class TestEquality:
         assert_same(terrain, x, y)
         assert_same(terrain, *around_edges(terrain))
 
-    @pytest.mark.slow
+    @pytest.mark.nightly
     @settings(max_examples=EXAMPLES)
     @given(st.data())
     def test_random_definitions(self, data: st.DataObject) -> None:
@@ -336,7 +336,7 @@ class TestKernels:
         wp.launch(ask, dim=2, inputs=[field.field, points, *out], device="cpu")
         assert [each.numpy().tolist() for each in out] == [[0.25, 2.0], [0.1, 0.0]]
 
-    @pytest.mark.slow
+    @pytest.mark.nightly
     def test_it_compiles_for_cuda(self, tmp_path: Path) -> None:
         """Without a GPU, by NVRTC; sums and products are rounded each by itself, as edges want."""
         wp.init()

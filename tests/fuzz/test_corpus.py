@@ -64,7 +64,7 @@ def fails(case: Case, folder: Path) -> str:
 TOY = Target("toy", 100, sixteen, fails)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("first", "kind"),
     [(1, "traceback"), (17, "crash"), (33, "slow"), (49, "large"), (65, "output"), (99, None)],

@@ -482,7 +482,7 @@ def test_a_block_that_holds_itself_is_refused(tmp_path: Path) -> None:
     refused(tmp_path / "self.dxf")
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_blocks_that_multiply_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     ezdxf = pytest.importorskip("ezdxf", reason="ezdxf is not installed")
     monkeypatch.setattr(meshes, "MAX_ENTITIES", 1000)

@@ -137,7 +137,7 @@ def test_a_sum_comes_back(x: list[float], y: list[float]) -> None:
     np.testing.assert_allclose(heights(imported, samples), z, atol=3e-6 * np.ptp(z))
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @settings(max_examples=examples(5))
 @given(st.integers(0, 1000), st.floats(0.05, 0.5))
 def test_missing_heights_count_for_nothing(seed: int, share: float) -> None:
@@ -285,7 +285,7 @@ def test_the_largest_error_is_about_the_smallest_there_is(seed: int) -> None:
     assert best * (1 - 1e-9) <= largest <= 1.01 * best
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_large_patches_are_fitted_to_all_of_their_pixels(monkeypatch: pytest.MonkeyPatch) -> None:
     """As well as if all pixels had been fitted from the beginning."""
     rough = Patch(samples_of(roughness(300, 12, 1.2)[:260, :]))
@@ -383,7 +383,7 @@ def test_each_named_curve_is_recognised(name: str) -> None:
     assert imported.elements() == [{"type": "it", "vScale": -2.5, "vOffset": 3}]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("x", "y"),
     [
@@ -417,7 +417,7 @@ def test_one_curve_may_be_recognised_alone() -> None:
     assert found["x"] == "cos" and len(found["y"]) >= 5
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_nothing_is_recognised_beyond_the_tolerance() -> None:
     ripple = 0.02 * np.sin(40 * U)[None, :] * np.cos(31 * V)[:, None]
     z = 2 * np.outer(CURVES["tent"](V), CURVES["cosbell"](U)) + ripple

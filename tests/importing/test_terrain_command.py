@@ -84,7 +84,7 @@ def test_there_and_back_on_the_same_pixels(tmp_path):
     assert 0 < apart.max() <= 0.02
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_surfaces_come_back_with_their_names_colours_and_soils(tmp_path):
     sample = ROOT / "samples" / "nested-site.json"
     dem, text = tmp_path / "site.tif", tmp_path / "again.json"

@@ -188,7 +188,7 @@ def test_any_bytes_in_a_good_text(tmp_path: Path) -> None:
 # --- too much -----------------------------------------------------------------------------------
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_deep_nodes(tmp_path: Path) -> None:
     """No depth is too much, neither of nodes nor of the lists between them."""
     text = "Group{children[" * DEEP + TRIANGLE + "]}" * DEEP

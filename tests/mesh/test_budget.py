@@ -18,7 +18,7 @@ from tests.conftest import terrain_of
 from tests.meshes import HILL, box, crowd, errors, exported, flat, read
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("most", [6_000, 4_000, 1_200, 300, 2])
 def test_faces_are_limited(tmp_path: Path, most: int) -> None:
     """The statement holds for what somebody else finds in the file, whatever was left out."""

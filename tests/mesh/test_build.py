@@ -182,7 +182,7 @@ def test_random_round_terrains(seed: int, free: bool) -> None:
     assert found.max() < 2e-2
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("width", [1e-2, 1e-3, 1e-4, 1e-6])
 def test_a_steep_place_within_a_disc(width: float) -> None:
     """It is as far off as is said, or sideways by no more than is said."""

@@ -331,7 +331,7 @@ def test_without_usd_core(
     assert "usd-core is not installed" in ran.err and "terratool[usd]" in ran.err
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_nothing_half_written(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, saved: Callable[..., Path]
 ) -> None:

@@ -224,7 +224,7 @@ def test_usd_collides_with_the_friction_of_its_surfaces(tmp_path: Path) -> None:
     assert found == {"sand": (4, mu), NASTY: (6, False), "": (2, False)}
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_newton_collides_with_all_surfaces(tmp_path: Path) -> None:
     """It takes every Mesh as a shape that collides, with all of its faces and its friction."""
     newton = pytest.importorskip("newton", reason="newton is not installed")

@@ -180,7 +180,7 @@ def test_joins_are_round() -> None:
     assert np.abs(np.hypot(corner[:, 0] - 6, corner[:, 1] - 1) - 0.2).max() < 1e-8
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_fine_path_has_few_edges() -> None:
     """A bend of a thousand pieces is as coarse as the error allows, and as near as it says."""
     turn = np.linspace(0, math.pi, 1000)

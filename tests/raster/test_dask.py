@@ -48,7 +48,7 @@ def parts(folder: Path) -> set[str]:
     return {str(path.parent) for path in folder.glob(".terratool-tiles-*.part/*/*.tif")}
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_whole_windows_threads_and_dask_are_one(tmp_path: Path) -> None:
     """Bit for bit: a single file, and mosaics by one thread, by three and by two processes."""
     grid = grid_at(0.01)
@@ -69,7 +69,7 @@ def test_whole_windows_threads_and_dask_are_one(tmp_path: Path) -> None:
             assert whole.read().tobytes() == index.read().tobytes()
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("others", [1, 0])
 def test_a_worker_is_killed_in_the_middle_of_a_tile(tmp_path: Path, others: int) -> None:
     """Its tile is made by another one; if there was none, by one that comes later.
@@ -108,7 +108,7 @@ def test_a_worker_is_killed_in_the_middle_of_a_tile(tmp_path: Path, others: int)
     assert not list(folder.glob(".*"))
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_coordinator_is_killed_and_resumes_without_dask(
     tmp_path: Path, saved: Callable[..., Path]
 ) -> None:
@@ -133,7 +133,7 @@ def test_the_coordinator_is_killed_and_resumes_without_dask(
     assert contents(folder) == contents(tmp_path / "b")
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal(tmp_path: Path, saved: Callable[..., Path], number: signal.Signals) -> None:
     """To all processes at once, as a terminal sends it: no word of Dask's, nothing half-written."""
@@ -190,7 +190,7 @@ class TestSent:
         planes = [Painter(t.terrain, t.tiling.grid).paint(window) for t in (tiler, arrived)]
         assert np.array_equal(planes[0].heights, planes[1].heights, equal_nan=True)
 
-    @pytest.mark.slow
+    @pytest.mark.nightly
     def test_the_terrain_travels_once(self, tmp_path: Path, monkeypatch: Any) -> None:
         """A tile takes no more than its place, however large the terrain."""
         sizes = []
@@ -228,7 +228,7 @@ class TestSent:
 class TestWrong:
     """A sentence, and not a word of Dask's own."""
 
-    @pytest.mark.slow
+    @pytest.mark.nightly
     def test_no_scheduler(self, tmp_path: Path, saved: Callable[..., Path]) -> None:
         command = [*COMMAND, "export-dem", saved(SITE), "--tiles", tmp_path / "a", "--dask"]
         environment = {**ENVIRONMENT, "DASK_DISTRIBUTED__COMM__TIMEOUTS__CONNECT": "1s"}
@@ -244,7 +244,7 @@ class TestWrong:
             ]
             assert not (tmp_path / "a").exists()
 
-    @pytest.mark.slow
+    @pytest.mark.nightly
     def test_the_scheduler_is_killed(self, tmp_path: Path, saved: Callable[..., Path]) -> None:
         """A scheduler and a worker as on a cluster; what was finished is kept."""
         there, folder = tmp_path / "scheduler.json", tmp_path / "a"
@@ -316,7 +316,7 @@ class TestWrong:
             mosaic(tmp_path / "a", grid, dask="local", threads=1)
         assert not list((tmp_path / "a").glob(".*"))
 
-    @pytest.mark.slow
+    @pytest.mark.nightly
     def test_many_workers_are_lost_by_one_tile(
         self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:

@@ -238,7 +238,7 @@ class TestWalls:
         assert ((lengths >= 0) & (lengths <= 1)).all()
         assert (lengths > 0).sum() == (across > 0).sum() + (along > 0).sum()
 
-    @pytest.mark.slow
+    @pytest.mark.nightly
     def test_are_those_that_halving_finds(self) -> None:
         """And lower ones on slopes, at which heights between the two pixels do jump."""
         terrain = terrain_of(crowded())
@@ -313,7 +313,7 @@ class TestWindows:
             with pytest.raises(ValueError, match="are wanted"):
                 found.of(window, painter.paint(which))
 
-    @pytest.mark.slow
+    @pytest.mark.nightly
     @pytest.mark.parametrize("size", [(600, 600), (50, 600), (128, 128)])
     def test_with_too_many_walls_are_estimated(
         self, size: tuple[int, int], monkeypatch: pytest.MonkeyPatch

@@ -157,7 +157,7 @@ class TestOneRaster:
 class TestResumed:
     """Finished tiles are kept, anything else is made again, and no byte tells."""
 
-    @pytest.mark.slow
+    @pytest.mark.nightly
     def test_after_a_kill(self, tmp_path: Path, saved: Callable[..., Path]) -> None:
         """Tiles that the journal had are the same files as before."""
         definition, folder = saved(SITE), tmp_path / "a"

@@ -87,7 +87,7 @@ def numbers(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     return paths
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("name", ["plain", "cog", "value"])
 def test_each_is_the_mean_of_the_one_before(
     numbers: dict[str, Path], name: str, tmp_path: Path
@@ -199,7 +199,7 @@ def test_what_does_not_go_together(tmp_path: Path) -> None:
     assert "overviews" not in call("export-dem", sample, tmp_path / "two.tif").out
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_all_else_is_the_same(tmp_path: Path) -> None:
     """Pixels, places, names, units, statistics, compression; and bytes from run to run."""
     terrain = ridges()

@@ -190,7 +190,7 @@ def crowded() -> dict[str, Any]:
     return {"size": 100, "elemTypes": types, "elemTree": root}
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_any_window_is_a_part_of_the_whole() -> None:
     """In float64, on a large turned terrain, down to single rows, columns and pixels."""
     terrain = terrain_of(crowded())
@@ -446,7 +446,7 @@ class TestEnds:
 BIG = {"size": 100, "surfTypes": {"a": {}, "b": {}, "c": {"void": True}}}
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_dense_site_over_several_tiles() -> None:
     """Turned, radial, knotted and spanning elements at 2900 × 2900 pixels, no pixel otherwise."""
     rng = np.random.default_rng(1)

@@ -155,7 +155,7 @@ def test_origins(origin: str, zero: list[float], yard: str, tmp_path: Path) -> N
     assert manifest_of(tmp_path / "o" / "nav2")["origin"] == zero
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_same_bytes_in_another_process(tmp_path: Path) -> None:
     """Whatever the order of sets, the zone of the clock, and the folders; for all targets."""
     for needed in ("pxr", "rosbags"):

@@ -89,7 +89,7 @@ def sample(name: str) -> Terrain:
     return terrain_of(SITE) if name == "site" else terratool.load(f"samples/{name}.json")
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("name", "origin"),
     [("warehouse", "center"), ("stairs-and-kerbs", (3.0, -2.0, 0.5)), ("site", "local")],
@@ -183,7 +183,7 @@ def test_heightmap_is_square_and_full(tmp_path: Path) -> None:
     assert manifest["heightmap"]["max_error"] < high / 255
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_heightmap_in_dart(drop: Drop, tmp_path: Path) -> None:
     """Rests agree within what the README says of steps and of DART's spacing."""
     folder, ground, manifest = written(

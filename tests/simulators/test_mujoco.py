@@ -64,7 +64,7 @@ def sample(name: str) -> Terrain:
     return terratool.load(f"samples/{name}.json")
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     "name", ["warehouse", "stairs-and-kerbs", "paper-example", "sandy-cove", "yard"]
 )
@@ -107,7 +107,7 @@ def test_names_and_single_triangles(tmp_path: Path) -> None:
     checks.check_rays(MuJoCo(folder), ground, ERROR)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("most", [3, 15])
 def test_few_geoms_leave_the_void_open(most: int, tmp_path: Path) -> None:
     """However large the error grows: a round void, and a narrow one; what are too many is said."""
@@ -239,7 +239,7 @@ def _field_of(nodes: np.ndarray, path: Path) -> Callable[[float, float], float]:
     return ray
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_narrow_things_are_there(tmp_path: Path) -> None:
     """A ditch and a fence of 12 mm, found to a millimetre of their walls; a slot is open."""
     folder, ground, manifest = written(terrain_of(YARD), tmp_path / "out", "mujoco", origin="world")
@@ -307,7 +307,7 @@ def hulled(geom: ET.Element, ground: Ground) -> None:
         geom.attrib.update(group="3", contype="1", conaffinity="1", rgba="0 0 0 0")
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("spoil", [mirrored, transposed, hulled])
 def test_checks_refuse_wrong_files(
     spoil: Callable[[ET.Element, Ground], None], tmp_path: Path
@@ -380,7 +380,7 @@ def test_geoms_are_of_surfaces(tmp_path: Path) -> None:
     assert np.allclose(model.geom_friction[collide, 0], 0.3)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_same_bytes(tmp_path: Path) -> None:
     terrain = sample("sandy-cove")
     one, _, _ = written(terrain, tmp_path / "a", "mujoco", origin="center")
@@ -438,7 +438,7 @@ def test_ground_of_many_faces_is_cut_from_a_coarser_mesh(
     checks.check_rays(MuJoCo(folder), ground, 1.01 * counts["error"])
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_height_fields_go_on_over_creases_where_there_are_too_many(tmp_path: Path) -> None:
     """Each pyramid of a field of them would take four solids."""
     pyramids = {"type": "pyramid", "at": [0.9, 0.7], "extent": [0.8, 0.6], "vScale": 1,
@@ -508,7 +508,7 @@ def test_round_walls_on_waves_leave_no_spikes(tmp_path: Path) -> None:
     assert 0.0 < manifest["collision"]["height_fields_error"] <= 0.002
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_slivers_of_a_mesh_are_no_geoms(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """MuJoCo takes no mesh whose corners lie on a line; it loads what is cut from a coarse mesh."""
     monkeypatch.setattr("terratool.simulators.mujoco._FINE", 0)

@@ -35,7 +35,7 @@ def named(*surfaces: str, descr: str = "A site") -> dict[str, Any]:
     }
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("target", WRITTEN_HERE)
 def test_nasty_names(target: str, tmp_path: Path) -> None:
     if target == "usd":

@@ -175,7 +175,7 @@ class TestSideBySide:
         assert sum(shares.values()) == pytest.approx(1.0)
         assert shares[("narrow",)] > 0.05 and shares[()] > 0.05
 
-    @pytest.mark.slow
+    @pytest.mark.nightly
     def test_one_grid_is_the_finest(self, site: tuple[str, str, str]) -> None:
         """That of the small vehicle, and the same as if it had been asked for."""
         terrain, narrow, wide = site

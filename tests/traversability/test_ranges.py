@@ -171,7 +171,7 @@ class TestDraws:
 
 
 class TestMap:
-    @pytest.mark.slow
+    @pytest.mark.nightly
     @pytest.mark.parametrize("resolution", [0.1, 0.25])
     def test_is_the_share_of_maps_of_all_samples(self, resolution: float) -> None:
         """Each sample is written as a terrain of its own, and judged by itself."""
@@ -210,7 +210,7 @@ class TestMap:
             found = chances(terrain_of(hills(tight, loam)), resolution)
             np.testing.assert_array_equal(found, go.astype(np.float32))
 
-    @pytest.mark.slow
+    @pytest.mark.nightly
     @given(
         st.floats(18, 32), st.floats(0.5, 8), st.floats(0, 3), st.floats(0, 3),
         st.floats(0.0, 0.15), st.floats(0.2, 2.0),
@@ -229,7 +229,7 @@ class TestMap:
         )
         assert (other >= one).all()
 
-    @pytest.mark.slow
+    @pytest.mark.nightly
     def test_windows_are_parts_of_the_whole(self) -> None:
         """Whatever is asked for first, to the bit."""
         ground = terrain_of(hills())
@@ -240,7 +240,7 @@ class TestMap:
             assert part is not None
             np.testing.assert_array_equal(part, whole[part_of(window)])
 
-    @pytest.mark.slow
+    @pytest.mark.nightly
     def test_unknown_ground_has_no_probability(self, tmp_path: Path) -> None:
         """Where the verdict is unknown, and off the terrain; elsewhere it lies in 0 to 1."""
         definition = hills(loam={"descr": "nobody knows"})
@@ -294,7 +294,7 @@ class TestCommand:
         assert not {"sampling", "probability"} & set(json.loads(found[0]["r.json"]))
         assert b"robabilit" not in found[0]["r.md"]
 
-    @pytest.mark.slow
+    @pytest.mark.nightly
     def test_a_seed_gives_the_same_bytes_and_another_one_others(self, tmp_path: Path) -> None:
         """Whatever the number of threads."""
         asked = ("--resolution", 0.3, "--samples", 50, "--route", 41, -19, 47, -18)
@@ -390,7 +390,7 @@ class TestSurfaces:
         assert math.degrees(found.climb_low) == pytest.approx(20.5, abs=0.02)
         assert math.degrees(found.climb_high) == pytest.approx(29.5, abs=0.02)
 
-    @pytest.mark.slow
+    @pytest.mark.nightly
     def test_the_table_says_none_as_a_dash(self) -> None:
         soil = {**SAND, "fricAngle": [4, 33], "sinkage": [0.1, 1.2]}
         rows = tables.chances(report_of(hills(soil), resolution=0.5)).rows
@@ -440,7 +440,7 @@ class TestRoutes:
         assert route.chance == pytest.approx(np.mean(np.all(going, axis=1)))
         assert 0.1 < route.chance < route.least_chance.value < 1
 
-    @pytest.mark.slow
+    @pytest.mark.nightly
     def test_a_map_changes_nothing(self) -> None:
         """Whether the ground is judged as a whole, or tile by tile for the route."""
         alone, both = (
@@ -450,7 +450,7 @@ class TestRoutes:
         assert alone[0].chance == both[0].chance
         assert alone[0].least_chance == both[0].least_chance
 
-    @pytest.mark.slow
+    @pytest.mark.nightly
     def test_is_said(self) -> None:
         """In the sentence, with its place, in JSON and GeoJSON; the verdict is the middle's."""
         report = report_of(

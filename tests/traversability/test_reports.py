@@ -224,7 +224,7 @@ class TestPage:
         titles = [element.text for element in root.iter(f"{XHTML}title")]
         assert titles == ["no-go: site & yard.json"]
 
-    @pytest.mark.slow
+    @pytest.mark.nightly
     @given(st.text(max_size=20))
     def test_no_name_breaks_it(self, name: str) -> None:
         """Control characters and halves of pairs, too, which XML may not hold."""

@@ -122,7 +122,7 @@ def slip_by_statics(vehicle: Vehicle, soil: Soil, slope: float) -> float:
     return max(slips(share))
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("soil", [TURF, FIRM, HARD], ids=["turf", "firm", "hard"])
 @pytest.mark.parametrize("vehicle", [NOSE_HEAVY, TAIL_HEAVY], ids=["nose", "tail"])
 def test_agrees_with_wheels_one_by_one(vehicle: Vehicle, soil: Soil) -> None:
@@ -182,7 +182,7 @@ def random_cases() -> list[tuple[Vehicle, Soil]]:
     return found
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_rises_up_to_the_climb_and_ends_there() -> None:
     """For any vehicle: no gap before the climb, never down; beyond it there is nothing to have."""
     bound = set()

@@ -167,7 +167,7 @@ def test_git_hands_over_seven_arguments(pair: tuple[Path, Path], tmp_path: Path)
     assert call("diff", "--git", new, old).code == 2
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_git_itself_says_what_an_edit_did(tmp_path: Path) -> None:
     """As a difftool and as an external diff, of a file with a library, changed, added and gone."""
     repo = tmp_path / "repo"

@@ -370,7 +370,7 @@ def test_what_stands_in_a_turned_element_is_looked_at_where_it_lies(
     assert found.around == pytest.approx((122, -30.5, 123, -27.5))
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_what_cannot_differ_is_not_looked_at(monkeypatch: pytest.MonkeyPatch) -> None:
     """The whole terrain shows the same as the rectangles of what differs."""
     monkeypatch.setattr(ground, "SIDE", 8)

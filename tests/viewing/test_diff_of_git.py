@@ -234,7 +234,7 @@ def test_files_called_like_the_numbers_of_versions(repository: Repository) -> No
     repository.untouched()
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_git_itself_goes_on(repository: Repository) -> None:
     """With the command that the docs name, in a process of its own for each file."""
     names = [NAMES[key] for key in ("overwrite", "output", "stdin", "lines", "no utf-8")]
@@ -283,7 +283,7 @@ def test_options_of_the_user_stay_options(count: int, behind: bool, repository: 
     repository.untouched()
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_what_is_no_terrain_is_told(repository: Repository) -> None:
     """A link, a submodule, another mode, and a file that is unmerged; and git diff goes on."""
     link = repository.top / "--vehicle"

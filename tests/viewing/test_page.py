@@ -101,7 +101,7 @@ def test_all_of_it_is_in_view_whatever_the_window_is(
         assert max((right - left) / wide, (bottom - top) / tall) > 0.9
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_browser_without_webgl_is_told(tmp_path: Path) -> None:
     """And all but the picture is shown."""
     out = tmp_path / "a.html"
@@ -215,7 +215,7 @@ SPOTS = [
 ]  # fmt: skip
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("name", "options"),
     [("warehouse", ()), ("ramp-yard", ()), ("nested-site", ("--max-error", 0.02))],
@@ -473,7 +473,7 @@ def touch(browser: Any, x: int, y: int) -> None:
     actions.perform()
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_drag_turns_the_wheel_zooms_and_the_right_button_moves(
     page: Callable[..., Page], boxes: Path
 ) -> None:
@@ -499,7 +499,7 @@ def test_a_drag_turns_the_wheel_zooms_and_the_right_button_moves(
     assert (extent(reddish(shown.picture())) != np.array(moved)).any()
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_watching_a_file_through_save_break_and_mend(browser: Any, boxes: Path) -> None:
     """The picture follows a save and keeps its view; while the file is broken the last good one
     stays, with the findings; what the pointer tells is the field's own answer."""

@@ -193,7 +193,7 @@ def texts_drawn(definition: dict[str, Any], **options: Any) -> dict[str, list[An
     return found
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_labels_of_contours_stand_where_they_can_be_read() -> None:
     """On the slope, but not at the side of the table, where contours lie on each other.
 
@@ -242,7 +242,7 @@ def test_heights_are_exaggerated_only_where_they_are_flat(relief: float, factor:
     assert chosen_exaggeration(100.0, relief, 10.0) == factor
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_command_says_that_slopes_look_steeper(saved: Saved, tmp_path: Path) -> None:
     definition = copy.deepcopy(PLATE)
     definition["elemTree"]["children"][0]["vScale"] = 0.5
@@ -266,7 +266,7 @@ def test_large_numbers_have_commas(saved: Saved, tmp_path: Path) -> None:
     assert re.match(r".*: 1,200 × \d{3} pixels, plan of 40,000 × 16,000 m,", ran.out)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_matplotlib_does_not_complain_of_its_folders(saved: Saved, tmp_path: Path) -> None:
     ran = run("render", saved(PLATE), tmp_path / "a.png", HOME="/dev/null", MPLCONFIGDIR="",
               XDG_CONFIG_HOME="", XDG_CACHE_HOME="")  # fmt: skip
@@ -307,7 +307,7 @@ def test_unknown_friction_is_grey(tmp_path: Path) -> None:
     assert high.sum() > low.sum() and high.tolist() != [128, 128, 128]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_verdicts_have_the_colors_of_the_map(tmp_path: Path) -> None:
     """Go on the level; no-go, hatched, where the step up to the box bars the way."""
     definition = copy.deepcopy(PLATE)
@@ -500,7 +500,7 @@ def test_round_lengths_of_the_scale_bar(tmp_path: Path) -> None:
         assert f"{length:e}"[0] in "125" and ticks(0.0, length, 1)[-1] == pytest.approx(length)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("suffix", [".png", ".svg", ".pdf"])
 def test_a_disk_without_room_is_told_of(suffix: str, tmp_path: Path) -> None:
     """Matplotlib's writer of PDF ended in an error of its own."""
