@@ -7,7 +7,7 @@ from functools import cached_property
 
 from msgspec import UNSET
 
-from terratool.definition.findings import Remark
+from terratool.definition.findings import Remark, RemarkBatch
 from terratool.definition.rules.base import Subject, rule
 from terratool.text.display import escape, only_answer, quote
 
@@ -16,7 +16,7 @@ _LONG = 60
 
 
 @rule("TT201", "unknown-primitive")
-def unknown_primitive(subject: Subject) -> Iterator[Remark]:
+def unknown_primitive(subject: Subject) -> Iterator[RemarkBatch]:
     """The type of an element is a name that elemTypes does not have, here or in a library.
 
     Names are case-sensitive. A surface is no primitive, though the paper behind the format prints
@@ -49,7 +49,9 @@ def unknown_primitive(subject: Subject) -> Iterator[Remark]:
         return
     missing = subject.tree.distinct("type") - primitives.keys() - {UNSET}
     hints = NameHints(primitives, "elemTypes")
-    for index, name in subject.tree.elements_with("type", missing):
+
+    def remark(index: int) -> Remark:
+        name = subject.tree.value("type", index)
         if name in surfaces:
             message = f"{quote(name)} is a surface, where a primitive belongs."
             hint, fix = f'Write the primitive as "type" and "surface": {quote(name)}.', ""
@@ -58,11 +60,13 @@ def unknown_primitive(subject: Subject) -> Iterator[Remark]:
             hint, fix = f'Write "part": {quote(name)} in place of "type".', ""
         else:
             message, (hint, fix) = f"no primitive is called {quote(name)}.", hints[name]
-        yield Remark("/type", message, hint, element=index, fix=fix)
+        return Remark("/type", message, hint, element=index, fix=fix)
+
+    yield RemarkBatch([index for index, _ in subject.tree.elements_with("type", missing)], remark)
 
 
 @rule("TT202", "unknown-surface")
-def unknown_surface(subject: Subject) -> Iterator[Remark]:
+def unknown_surface(subject: Subject) -> Iterator[Remark | RemarkBatch]:
     """The surface of an element or a track is a name that no surfTypes has, here or in a library.
 
     Names are case-sensitive. The depths of a track may be given by the names of surfaces, too.
@@ -96,13 +100,18 @@ def unknown_surface(subject: Subject) -> Iterator[Remark]:
         return
     missing = subject.tree.distinct("surface") - surfaces.keys() - {UNSET}
     hints = NameHints(surfaces, "surfTypes")
-    for index, name in subject.tree.elements_with("surface", missing):
+
+    def remark(index: int) -> Remark:
+        name = subject.tree.value("surface", index)
         if name in primitives:
             message = f"{quote(name)} is a primitive, where a surface belongs."
             hint, fix = f'Write "type": {quote(name)} and the surface as "surface".', ""
         else:
             message, (hint, fix) = f"no surface is called {quote(name)}.", hints[name]
-        yield Remark("/surface", message, hint, element=index, fix=fix)
+        return Remark("/surface", message, hint, element=index, fix=fix)
+
+    found = [index for index, _ in subject.tree.elements_with("surface", missing)]
+    yield RemarkBatch(found, remark)
     for index, track in enumerate(subject.definition.ruts):
         here = f"/tracks/{index}"
         if track.surface is not UNSET and track.surface not in surfaces:
