@@ -109,16 +109,13 @@ def choose_targets(names: tuple[str, ...]) -> dict[str, Target]:
 
 def _hint_on(name: str) -> str:
     """Return a hint on a name that is of no target."""
-    from difflib import get_close_matches
+    from terratool.text.meaning import guess, near_names
 
     known = [*TARGETS, "all"]
     parts = name.replace(",", " ").split()
-    near = [close for part in parts for close in get_close_matches(part.lower(), known, 1)]
-    if not near or len(near) < len(parts):
-        return f"Choose from {', '.join(TARGETS)}, or all."
-    if len(near) > 1:
-        return f"Name each by itself: {_as_options(near)}."
-    return f"Did you mean {near[0]}?"
+    if len(parts) > 1 and all(near_names(part, known) for part in parts):
+        return f"Name each by itself: {_as_options([near_names(part, known)[0] for part in parts])}."
+    return guess(name, known) or f"Choose from {', '.join(TARGETS)}, or all."
 
 
 def refuse_uninstalled(targets: Mapping[str, Target]) -> None:
