@@ -83,10 +83,6 @@ class AddedDocument(Document, frozen=True, kw_only=True):
     ),
     *cell_options,
     click.option(
-        "--parent", metavar="POINTER", default="/elemTree", show_default=True,
-        help="JSON pointer of the element that it is put into.",
-    ),
-    click.option(
         "--turn", type=float, metavar="DEG", callback=_finite,
         help="Degrees clockwise.  [default: 0]",
     ),

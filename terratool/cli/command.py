@@ -108,6 +108,15 @@ class Command(click.Command):
                         formatter.write(f"  {line}\n")
 
 
+    def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the example, whose words are whole on their lines, so that it can be copied."""
+        if self.epilog is None or self.epilog.startswith("\b"):
+            super().format_epilog(ctx, formatter)
+            return
+        formatter.write_paragraph()
+        _write_plain(formatter, self.epilog)
+
+
 def _write_plain(formatter: click.HelpFormatter, text: str) -> None:
     for line in _wrap(text, formatter.width - 2):
         formatter.write(f"  {line}\n".replace("\u00a0", " "))

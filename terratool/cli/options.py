@@ -209,12 +209,16 @@ def has_roughness() -> bool:
 
 cell_options = (
     click.option(
-        "--cell", nargs=2, type=int, metavar="X Y",
-        help="Cell of it in the parent's grid, by column and row from 0.",
+        "--cell", nargs=2, type=click.IntRange(0), metavar="X Y",
+        help="Its cell in the parent's grid, by column and row from 0.",
     ),
     click.option(
-        "--span", nargs=2, type=int, metavar="W H",
+        "--span", nargs=2, type=click.IntRange(1), metavar="W H",
         help="With --cell: how many cells it takes to the east and north.  [default: 1 1]",
+    ),
+    click.option(
+        "--parent", metavar="POINTER", default="/elemTree", show_default=True,
+        help="JSON pointer of the element that it is put into.",
     ),
 )  # fmt: skip
 """Options that put an element into cells of its parent's grid."""
