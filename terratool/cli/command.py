@@ -107,7 +107,6 @@ class Command(click.Command):
                     for line in _lines(rows[name], column, formatter.width - 2):
                         formatter.write(f"  {line}\n")
 
-
     def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write the example, whose words are whole on their lines, so that it can be copied."""
         if self.epilog is None or self.epilog.startswith("\b"):

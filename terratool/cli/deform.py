@@ -59,7 +59,9 @@ if TYPE_CHECKING:
 )
 @option_group(
     "Ruts",
-    click.option("--surface", metavar="NAME", help="What they wear.  [default: what the ground does]"),
+    click.option(
+        "--surface", metavar="NAME", help="What they wear.  [default: what the ground does]"
+    ),
     click.option(
         "--multipass",
         type=click.FloatRange(1),

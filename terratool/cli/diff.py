@@ -170,9 +170,7 @@ def _take(ctx: click.Context, handed: _GitWords) -> None:
         help=f"{', '.join(FORMATS)}; FORM=OUT goes into a file; may be repeated.  [default: text]",
     ),
     json_option("The same as --format json."),
-    click.option(
-        "--picture", metavar="OUT.png", help="Draw what was cut (red) and filled (blue)."
-    ),
+    click.option("--picture", metavar="OUT.png", help="Draw what was cut (red) and filled (blue)."),
     click.option("--map", "map_", metavar="OUT.tif", help="Write new less old as a GeoTIFF."),
     click.option(
         "--max-changes",

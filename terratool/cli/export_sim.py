@@ -93,9 +93,7 @@ _IN_PLACE_OF = {"max_geoms": "flex", "max_slope": "vehicle", "max_step": "vehicl
     click.option(
         "--flex", is_flag=True, help="mujoco: Collide with the mesh itself, a rigid flex."
     ),
-    click.option(
-        "--heightmap", is_flag=True, help="gazebo: A picture of heights, without walls."
-    ),
+    click.option("--heightmap", is_flag=True, help="gazebo: A picture of heights, without walls."),
 )
 @option_group(
     "nav2 and grid-map",

@@ -79,7 +79,9 @@ _METHODS = ("rows", "columns", "nodal-rows", "nodal-columns", "hats")
 )
 @option_group(
     "What it wears",
-    click.option("--preset", type=WordChoice(PRESETS), metavar="SOIL", help="Its soil, as dry-sand."),
+    click.option(
+        "--preset", type=WordChoice(PRESETS), metavar="SOIL", help="Its soil, as dry-sand."
+    ),
     click.option(
         "--surface",
         metavar="NAME",

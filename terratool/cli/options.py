@@ -14,8 +14,8 @@ from terratool.text.display import quote
 from terratool.text.meaning import guess
 
 if TYPE_CHECKING:
-    from terratool.mesh.origin import Origin
     from terratool.importing.types import SourceOptions
+    from terratool.mesh.origin import Origin
     from terratool.traversability.vehicle import Vehicle
 
 
@@ -66,7 +66,9 @@ def output_parameters(required: bool = True) -> tuple[click.Argument, click.Opti
     """Output of a command that makes a file or a folder: the last argument, or -o."""
     return (
         # eager, as it returns what is no output to the arguments before it
-        _Output(["output"], metavar="OUT" if required else "[OUT]", required=required, is_eager=True),
+        _Output(
+            ["output"], metavar="OUT" if required else "[OUT]", required=required, is_eager=True
+        ),
         click.Option(
             ["-o", "--output", _NAMED],
             metavar="OUT",
@@ -209,11 +211,11 @@ def has_roughness() -> bool:
 
 cell_options = (
     click.option(
-        "--cell", nargs=2, type=click.IntRange(0), metavar="X Y",
+        "--cell", nargs=2, type=int, metavar="X Y",
         help="Its cell in the parent's grid, by column and row from 0.",
     ),
     click.option(
-        "--span", nargs=2, type=click.IntRange(1), metavar="W H",
+        "--span", nargs=2, type=int, metavar="W H",
         help="With --cell: how many cells it takes to the east and north.  [default: 1 1]",
     ),
     click.option(

@@ -127,7 +127,7 @@ def command(
         raise click.UsageError(
             "Both --pose and --poses say where the sensor is. Leave out one of them."
             if poses
-            else "Nothing says where the sensor is. Add --pose X Y Z YAW PITCH ROLL or --poses FILE."
+            else "Nothing says where the sensor is. Add --pose X Y Z YAW PITCH ROLL or --poses CSV."
         )
     for source in (file, sensor_file, path_file):
         if source and source != "-" and is_same_file(output, source):

@@ -16,8 +16,8 @@ import msgspec
 from msgspec import Struct, field, structs
 
 from terratool.cli.baseline import KnownFindings, read_baseline, write_baseline
-from terratool.cli.config import Config, find_config, read_config
 from terratool.cli.command import Command, option_group
+from terratool.cli.config import Config, find_config, read_config
 from terratool.cli.options import json_option, library_root_option, library_roots
 from terratool.cli.report import (
     REPORTERS,
@@ -558,9 +558,7 @@ def _write(report: ValidationReport, plan: _ValidationPlan) -> None:
 )
 @option_group(
     "What counts",
-    click.option(
-        "--strict/--no-strict", default=None, help="Warnings make a file invalid, too."
-    ),
+    click.option("--strict/--no-strict", default=None, help="Warnings make a file invalid, too."),
     click.option(
         "--select",
         multiple=True,
@@ -583,15 +581,11 @@ def _write(report: ValidationReport, plan: _ValidationPlan) -> None:
         metavar="FILE",
         help="Leave out findings that this file has from an earlier run.",
     ),
-    click.option(
-        "--update-baseline", is_flag=True, help="Write all findings into the baseline."
-    ),
+    click.option("--update-baseline", is_flag=True, help="Write all findings into the baseline."),
 )
 @option_group(
     "What is done",
-    click.option(
-        "--fix", is_flag=True, help="Mend in place what can be mended in one way only."
-    ),
+    click.option("--fix", is_flag=True, help="Mend in place what can be mended in one way only."),
     click.option(
         "--watch",
         is_flag=True,

@@ -19,6 +19,7 @@ MAX_GEOMS = 2000
 MAX_SLOPE, MAX_STEP = 20.0, 0.1
 """Default limits of slope (degrees) and step (units of the terrain), if no vehicle is named."""
 
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SceneOptions:
     """Options of the files for simulators. Lengths are in units of the terrain.

@@ -14,6 +14,7 @@ from terratool.errors import RequestError
 from terratool.extras import install_command
 from terratool.report.wording import join_words
 from terratool.text.display import quote
+from terratool.text.meaning import guess, near_names
 
 if TYPE_CHECKING:
     from terratool.simulators.scene import Material, Scene
@@ -109,12 +110,11 @@ def choose_targets(names: tuple[str, ...]) -> dict[str, Target]:
 
 def _hint_on(name: str) -> str:
     """Return a hint on a name that is of no target."""
-    from terratool.text.meaning import guess, near_names
-
     known = [*TARGETS, "all"]
     parts = name.replace(",", " ").split()
-    if len(parts) > 1 and all(near_names(part, known) for part in parts):
-        return f"Name each by itself: {_as_options([near_names(part, known)[0] for part in parts])}."
+    near = [near_names(part, known)[:1] for part in parts]
+    if len(near) > 1 and all(near):
+        return f"Name each by itself: {_as_options([name for (name,) in near])}."
     return guess(name, known) or f"Choose from {', '.join(TARGETS)}, or all."
 
 

@@ -154,9 +154,9 @@ def commands(n: str) -> dict[str, list[list[Any]]]:
         ],
         "scan": [[d, f"./{n}.npz", "--sensor", s, *pose], [d, f"./{n}.{n}", "--sensor", s, *pose],
                  [d, f"./{n}-2.ply", "--sensor", d, *pose],
-                 [d, f"./{n}-2.ply", "--sensor", s, "--path", d]],
-        "map": [[f"./{n}.npz", "--cell", 1, "--output", f"./{n}-map.tif"],
-                [d, "--cell", 1, "--output", f"./{n}-map2.tif"]],
+                 [d, f"./{n}-2.ply", "--sensor", s, "--poses", d]],
+        "map": [[f"./{n}.npz", "--resolution", 1, "--output", f"./{n}-map.tif"],
+                [d, "--resolution", 1, "--output", f"./{n}-map2.tif"]],
         "compare": [[f"./{n}-map.tif", d, "--max-rmse", 0], [d, d], [f"./{n}-no.tif", d]],
         "deform": [[d, "--vehicle", v, "--path", table, "--output", f"./{n}-d.json"],
                    [d, "--vehicle", d, "--path", table, "--output", f"./{n}-d2.json"]],
@@ -186,11 +186,11 @@ MACHINES: dict[str, Callable[[str], list[list[Any]]]] = {
         for form in ("json", "sarif", "junit", "gitlab", "github")
     ],
     "info": lambda n: [[f"./{n}.json", "--json"], [f"./{n}.json", "--geojson"]],
-    "query": lambda n: [[f"./{n}.json", 1, 1, 3, 1, "--format", "json"]],
+    "query": lambda n: [[f"./{n}.json", 1, 1, 3, 1, "--json"]],
     "diff": lambda n: [
         [f"./{n}.json", "/dev/null", "--format", form] for form in ("json", "github")
     ],
-    "compare": lambda n: [[f"./{n}-map.tif", f"./{n}.json", "--format", "json"]],
+    "compare": lambda n: [[f"./{n}-map.tif", f"./{n}.json", "--json"]],
     "traversability": lambda n: [
         [f"./{n}.json", "--vehicle", f"./{n}-v.json", "--resolution", 1, "--headings", 4, "--json"]
     ],
@@ -221,7 +221,7 @@ def test_what_machines_read_is_still_theirs(name: str) -> None:
     told("export-dem", f"./{n}.json", f"./{n}.tif", "--resolution", 1)
     words = [f"./{n}.json", f"./{n}.npz", "--sensor", f"./{n}-s.json", "--pose", 2, 2, 1, 0, 30, 0]
     told("scan", *words)
-    told("map", f"./{n}.npz", "--cell", 1, "--output", f"./{n}-map.tif")
+    told("map", f"./{n}.npz", "--resolution", 1, "--output", f"./{n}-map.tif")
     for command, more in MACHINES.items():
         for words in more(n):
             text = told(command, *words)

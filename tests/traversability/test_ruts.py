@@ -312,7 +312,7 @@ class TestText:
 
     @pytest.mark.parametrize(
         ("option", "value"),
-        [("--tolerance", "nan"), ("--tolerance", "inf"), ("--multipass", "nan"),
+        [("--max-error", "nan"), ("--max-error", "inf"), ("--multipass", "nan"),
          ("--multipass", "inf"), ("--passes", "99999999999")],
     )  # fmt: skip
     def test_numbers_that_are_none(self, tmp_path: Path, option: str, value: str) -> None:

@@ -162,11 +162,16 @@ def remarks(into: PrimitiveTarget, imported: ImportedPrimitive) -> list[str]:
 
 def _refuse_outside(path: str, grid: tuple[int, int], place: CellPath) -> None:
     """Refuse cells outside of the grid."""
-    if place.cell[0] + place.span[0] > grid[0] or place.cell[1] + place.span[1] > grid[1]:
-        wide = "" if place.span == (1, 1) else f" with {place.span[0]} × {place.span[1]} cells"
+    (x, y), (across, along) = place.cell, place.span
+    if across < 1 or along < 1:
         raise RequestError(
-            f"{path}: the cell {place.cell[0]}, {place.cell[1]}{wide} lies outside of the grid of "
-            f"{place.parent}, which has {grid[0]} × {grid[1]} cells.",
+            f"The span is {across} × {along} cells.", "Give columns and rows from 1 on, as 4 2."
+        )
+    if x < 0 or y < 0 or x + across > grid[0] or y + along > grid[1]:
+        wide = "" if place.span == (1, 1) else f" with {across} × {along} cells"
+        raise RequestError(
+            f"{path}: the cell {x}, {y}{wide} lies outside of the grid of {place.parent}, which "
+            f"has {grid[0]} × {grid[1]} cells.",
             "Columns and rows count from 0, from the south-west.",
         )
 
