@@ -166,7 +166,7 @@ def _take(ctx: click.Context, handed: _GitWords) -> None:
         "--format",
         "formats",
         multiple=True,
-        metavar="FORM[=OUT]",
+        metavar="FORM",
         help=f"{', '.join(FORMATS)}; FORM=OUT goes into a file; may be repeated.  [default: text]",
     ),
     json_option("The same as --format json."),

@@ -8,7 +8,12 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from terratool.cli.command import Command, option_group
-from terratool.cli.options import finite, json_option, output_argument, overwrite_option
+from terratool.cli.options import (
+    finite,
+    json_option,
+    output_argument_behind_several,
+    overwrite_option,
+)
 from terratool.cli.saying import say, say_json
 from terratool.cli.terminal import StatusLine
 from terratool.report.documents import Document
@@ -32,7 +37,7 @@ _MOST_NAMES = 20
     epilog="Example: terratool map first.npz second.npz map.tif --resolution 0.1 --bag map_bag",
 )
 @click.argument("scans", nargs=-1, required=True, metavar="SCANS...")
-@output_argument
+@output_argument_behind_several
 @option_group(
     "Cells",
     click.option(

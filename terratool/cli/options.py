@@ -62,12 +62,21 @@ class _Output(click.Argument):
         return named, ParameterSource.COMMANDLINE
 
 
-def output_parameters(required: bool = True) -> tuple[click.Argument, click.Option]:
-    """Output of a command that makes a file or a folder: the last argument, or -o."""
+def output_parameters(
+    *, required: bool = True, behind_several: bool = False
+) -> tuple[click.Argument, click.Option]:
+    """Output of a command that makes a file or a folder: the last argument, or -o.
+
+    Args:
+        required: whether it must be given.
+        behind_several: whether the argument before it takes several words.
+    """
     return (
-        # eager, as it returns what is no output to the arguments before it
         _Output(
-            ["output"], metavar="OUT" if required else "[OUT]", required=required, is_eager=True
+            ["output"],
+            metavar="OUT" if required else "[OUT]",
+            required=required,
+            is_eager=behind_several,  # it returns a word to the argument before it
         ),
         click.Option(
             ["-o", "--output", _NAMED],
@@ -81,6 +90,11 @@ def output_parameters(required: bool = True) -> tuple[click.Argument, click.Opti
 def output_argument(command: _Command) -> _Command:
     """Add the output to a command that makes a file or a folder, as `output`."""
     return _with_parameters(command, output_parameters())
+
+
+def output_argument_behind_several(command: _Command) -> _Command:
+    """Add the output to a command whose argument before it takes several words."""
+    return _with_parameters(command, output_parameters(behind_several=True))
 
 
 def optional_output_argument(command: _Command) -> _Command:
@@ -242,8 +256,8 @@ _reading_of_source = option_group(
     click.option("--nodata", type=float, metavar="Z", help="A number that stands for no height."),
     click.option("--resolution", type=float, metavar="R", help="Side of the pixels of a mesh."),
     click.option(
-        "--up", type=click.Choice(["y", "z"]),
-        help="The axis of a mesh that points up.  [default: as its format has it]",
+        "--up", type=click.Choice(["y", "z"]), metavar="AXIS",
+        help="y or z, the axis of a mesh that points up.  [default: as its format has it]",
     ),
     click.option(
         "--scale", type=float, default=1.0, metavar="F",

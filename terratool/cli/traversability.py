@@ -180,7 +180,7 @@ def command(
     matters to it. Ends with 1 where there is no way for a route.
 
     --fail-on takes >, >=, < or <= and go-, caution-, no-go-, unknown-, one-way-, cut-off-, edge-,
-    reachable-fraction; route-length, -time, -energy; least-margin, steepest, sinkage: SI, degrees.
+    reachable-fraction; route-length, route-time, route-energy; least-margin, steepest, sinkage.
     """
     from pathlib import Path
 

@@ -543,7 +543,7 @@ def _write(report: ValidationReport, plan: _ValidationPlan) -> None:
         "--format",
         "formats",
         multiple=True,
-        metavar="FORM[=OUT]",
+        metavar="FORM",
         help=f"{', '.join(REPORTERS)}; FORM=OUT goes into a file; may be repeated.  "
         "[default: text]",
     ),

@@ -214,7 +214,7 @@ def test_an_empty_folder_name_is_refused(yard: str) -> None:
     """As of a variable that is not set: nothing is written where one stands."""
     ran = run("export-sim", yard, "", "--target", "pybullet")
     assert ran.code == 2
-    assert "DIR is empty" in ran.err
+    assert "OUT is empty" in ran.err
     assert not (ROOT / "pybullet").exists()
 
 
