@@ -5,6 +5,7 @@ docs/commands.md says it; a command or an option that breaks it is told of here.
 
 from __future__ import annotations
 
+import json
 import re
 from collections import defaultdict
 from collections.abc import Callable, Iterator
@@ -89,6 +90,9 @@ def wrong_answers(commands: Commands) -> Iterator[str]:
             yield f"{name}: another --format"
 
 
+_side = re.compile(r"Side of (the |a )?(\w+ )?(pixel|cell)").match
+
+
 def wrong_words(commands: Commands) -> Iterator[str]:
     """Places are separate words; the same letters stand for the same kinds of numbers."""
     for name, command in commands.items():
@@ -103,10 +107,7 @@ def wrong_words(commands: Commands) -> Iterator[str]:
             for letter, meant in (("E", "--max-error"), ("R", "--resolution")):
                 if (metavar == letter) != (called == meant):
                     yield f"{name}: {called} {metavar}, where {letter} is {meant}"
-            side = re.match(
-                r"(Instead: )?(The )?[Ss]ide of (the |a )?\S*\s?(pixel|cell)", option.help or ""
-            )
-            if side and called != "--resolution":
+            if _side(option.help or "") and called != "--resolution":
                 yield f"{name}: {called} is a side of pixels"
             if re.search("toler|error|accura", called) and called != "--max-error":
                 yield f"{name}: {called} is an error"
@@ -244,14 +245,10 @@ def test_the_page_has_each_command_as_it_is_called() -> None:
 
 @pytest.mark.parametrize(
     "words",
-    [
-        ("{in}", "{out}"),
-        ("{in}", "-o", "{out}"),
-        ("-o", "{out}", "{in}"),
-        ("--output={out}", "{in}"),
-    ],
+    [("{in}", "{out}"), ("{in}", "-o", "{out}"), ("-o", "{out}", "{in}"), ("-o{out}", "{in}"),
+     ("--output={out}", "{in}")],
     ids=" ".join,
-)
+)  # fmt: skip
 def test_an_output_is_the_last_word_or_behind_o(tmp_path: Any, words: tuple[str, ...]) -> None:
     out = tmp_path / "bundle.json"
     given = [word.replace("{in}", SAMPLE).replace("{out}", str(out)) for word in words]
@@ -289,10 +286,8 @@ def test_what_is_changed_in_place_may_go_elsewhere(tmp_path: Any) -> None:
     """Without -o the file itself gets the element; with it that stays as it was."""
     site, other = tmp_path / "site.json", tmp_path / "other.json"
     site.write_bytes((ROOT / "samples" / "paper-example.json").read_bytes())
-    before, kind = (
-        site.read_bytes(),
-        next(iter(__import__("json").loads(site.read_text())["elemTypes"])),
-    )
+    before = site.read_bytes()
+    kind = next(iter(json.loads(before)["elemTypes"]))
     element = ("--type", kind, "--at", 2, 3, "--extent", 1, 0.5)
     assert call("add", site, *element, "-o", other).code == 0
     assert site.read_bytes() == before and other.read_bytes() != before
@@ -314,10 +309,10 @@ def test_help_is_one_page(name: str) -> None:
     assert len(lines) <= MOST_LINES and max(map(len, lines)) <= WIDE
     text = "\n".join(lines)
     for option in options_of(COMMANDS[name]):
-        assert re.search(
-            rf"(?<![\w-]){re.escape(option.opts[-1])}\b|--\[no-\]{option.opts[0][2:]}\b", text
-        )
-    names = [line.split()[0] for line in lines if re.match("  -", line)]
+        shown = f"--[no-]{option.opts[0][2:]}" if option.secondary_opts else option.opts[-1]
+        assert re.search(rf"(?<![\w-]){re.escape(shown)}(?![\w-])", text)
+    listed = text.split("\n  Example")[0].splitlines()
+    names = [line.split()[0] for line in listed if re.match("  -", line)]
     assert names[-1] == "-h,"
     for rare in ("--library-root", "--wheel-radius"):
         if rare in names:
