@@ -137,7 +137,7 @@ def _row(option: click.Parameter, ctx: click.Context) -> tuple[str, str]:
     assert record is not None and isinstance(option, click.Option)
     names, text = record[0], option.help or ""
     if option.secondary_opts:
-        names = f"--[no-]{option.opts[0][2:]}"
+        names = "/".join((*option.opts, *option.secondary_opts))
     default = option.default
     if option.show_default and default is not None:
         shown = f"{default:g}" if isinstance(default, float) else str(default)

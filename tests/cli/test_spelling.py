@@ -309,8 +309,8 @@ def test_help_is_one_page(name: str) -> None:
     assert len(lines) <= MOST_LINES and max(map(len, lines)) <= WIDE
     text = "\n".join(lines)
     for option in options_of(COMMANDS[name]):
-        shown = f"--[no-]{option.opts[0][2:]}" if option.secondary_opts else option.opts[-1]
-        assert re.search(rf"(?<![\w-]){re.escape(shown)}(?![\w-])", text)
+        for shown in (*option.opts, *option.secondary_opts):
+            assert re.search(rf"(?<![\w-]){re.escape(shown)}(?![\w-])", text)
     listed = text.split("\n  Example")[0].splitlines()
     names = [line.split()[0] for line in listed if re.match("  -", line)]
     assert names[-1] == "-h,"
