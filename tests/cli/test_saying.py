@@ -105,13 +105,18 @@ def told(*words: object) -> str:
     return done.out
 
 
+def kind_of(n: str) -> str:
+    """A primitive of the terrain under a name."""
+    return str(next(iter(json.loads(Path(f"./{n}.json").read_text())["elemTypes"])))
+
+
 def commands(n: str) -> dict[str, list[list[Any]]]:
     """Words for each command, of which each says something of the name."""
     d, v, s, c, table = (
         f"./{n}{end}" for end in (".json", "-v.json", "-s.json", "-c.json", ".csv")
     )
     pose = ["--pose", 2, 2, 1, 0, 30, 0]
-    fit, kind = ["--max-error", 0.5], next(iter(json.loads(Path(d).read_text())["elemTypes"]))
+    fit, kind = ["--max-error", 0.5], kind_of(n)
     return {
         "new": [["flat", f"./{n}-n.json"], ["flat", f"./{n}-n.json"], ["flat", f"./{n}/n.json"]],
         "validate": [
@@ -140,7 +145,7 @@ def commands(n: str) -> dict[str, list[list[Any]]]:
             [d, f"./{n}-sim", "--target", "nav2"], [d, f"./{n}-sim", "--target", "nav2"],
             [d, table, "--target", "nav2"], [d, f"./{n}-sim", "--target", n],
         ],
-        "render": [[d, f"./{n}.png", "--width", 200], [d, f"./{n}.png"], [d, f"./{n}.{n}"]],
+        "render": [[d, f"./{n}.png", "--pixels", 600], [d, f"./{n}.png"], [d, f"./{n}.{n}"]],
         "view": [[d, "--output", f"./{n}.html", "--no-open"], [d, "--output", f"./{n}.html"],
                  [f"./{n}-no.json", "--watch", "--no-open"]],
         "import-primitive": [
@@ -190,6 +195,23 @@ MACHINES: dict[str, Callable[[str], list[list[Any]]]] = {
     "diff": lambda n: [
         [f"./{n}.json", "/dev/null", "--format", form] for form in ("json", "github")
     ],
+    "add": lambda n: [
+        [
+            f"./{n}.json",
+            "--type",
+            next(iter(json.loads(Path(f"{n}.json").read_text())["elemTypes"])),
+            "--cell",
+            2,
+            1,
+            "-o",
+            f"./{n}-j.json",
+            "--json",
+        ]
+    ],
+    "bundle": lambda n: [[f"./{n}.json", f"./{n}-k.json", "--json"]],
+    "format": lambda n: [[f"./{n}.json", f"./{n}-no.json", "--check", "--json"]],
+    "render": lambda n: [[f"./{n}.json", f"./{n}-k.png", "--pixels", 600, "--json"]],
+    "view": lambda n: [[f"./{n}.json", "-o", f"./{n}-k.html", "--no-open", "--json"]],
     "compare": lambda n: [[f"./{n}-map.tif", f"./{n}.json", "--json"]],
     "traversability": lambda n: [
         [f"./{n}.json", "--vehicle", f"./{n}-v.json", "--resolution", 1, "--headings", 4, "--json"]
@@ -227,6 +249,7 @@ def test_what_machines_read_is_still_theirs(name: str) -> None:
             text = told(command, *words)
             if not {"junit", "github", "gitlab"} & set(map(str, words)) and text:
                 json.loads(text)
+            assert text or "--json" not in words or command == "compare", words
     for command in JSON:
         words = commands(n)[command][0]
         for path in (f"{n}-n.json", f"{n}-cc.json", f"{n}-d.json", f"{n}-i.json"):

@@ -9,6 +9,7 @@ import json
 import re
 from collections import defaultdict
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import click  # noqa: TID251, the tree of commands is what is tested
@@ -17,8 +18,9 @@ import pytest
 from terratool.cli import main
 from terratool.cli.command import Command
 from terratool.cli.options import json_option, output_argument, output_option
+from terratool.definition.layout import canonical
 from terratool.text.meaning import _MEANT, near_names
-from tests.commands import ROOT, SAMPLE, call, run
+from tests.commands import PLATED, ROOT, SAMPLE, call, plated_site, run
 
 PAGE = (ROOT / "docs" / "commands.md").read_text("utf-8")
 SILENT = {"completion"}
@@ -293,6 +295,85 @@ def test_what_is_changed_in_place_may_go_elsewhere(tmp_path: Any) -> None:
     assert site.read_bytes() == before and other.read_bytes() != before
     assert call("add", site, *element).code == 0
     assert site.read_bytes() == other.read_bytes()
+
+
+# --- the answer ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "words", [("validate", SAMPLE), ("diff", SAMPLE, SAMPLE), ("rules", "TT2")], ids=" ".join
+)
+def test_json_is_short_for_its_format(words: tuple[str, ...]) -> None:
+    ran = call(*words, "--json")
+    assert ran == call(*words, "--format", "json")
+    assert json.loads(ran.out)["format_version"] >= 1
+    assert call(*words, "--json", "--format", "text").code == 2
+
+
+def test_rules_as_json_are_those_of_the_list() -> None:
+    """Each with its severity and its manual page."""
+    found = json.loads(call("rules", "--json").out)["rules"]
+    lines = [f"{one['code']}  {one['severity']:7}  {one['name']}" for one in found]
+    assert lines == call("rules").out.splitlines()
+    alone = call("rules", found[3]["code"]).out
+    assert found[3]["manual"] in alone and found[3]["summary"] in found[3]["manual"]
+
+
+def test_what_was_added_as_json(tmp_path: Any) -> None:
+    """The pointer leads to the element, and what is unusual about it has its place and its rule."""
+    site = plated_site(tmp_path)
+    words = ("--type", "plate", "--v-scale", 0.5, "--cell", 0, 1)
+    found = json.loads(call("add", site, *words, "--json").out)
+    assert (found["file"], found["pointer"]) == (str(site), "/elemTree/children/1")
+    added = json.loads(site.read_text())["elemTree"]["children"][1]
+    assert added == {"cellX": 0, "cellY": 1, "type": "plate", "vScale": 0.5}
+    (said,) = found["findings"]
+    assert (said["code"], said["severity"]) == ("TT208", "warning")
+    line = site.read_text().splitlines()[said["line"] - 1]
+    assert '"cellY": 1' in line and 0 < said["column"] <= len(line)
+
+
+def test_which_files_changed_as_json(tmp_path: Any) -> None:
+    """With --check they stay; without it they are those that were written."""
+    good, rough = tmp_path / "good.json", tmp_path / "rough.json"
+    good.write_text(canonical(json.dumps(PLATED)), encoding="utf-8")
+    rough.write_text(json.dumps(PLATED), encoding="utf-8")
+    for words, code in ((("--check",), 1), ((), 0)):
+        ran = call("format", tmp_path, *words, "--json")
+        found = json.loads(ran.out)
+        assert (ran.code, found["files"], found["changed"]) == (code, 2, [str(rough)])
+        assert (found["broken"], found["failed"]) == (0, 0)
+    assert rough.read_bytes() == good.read_bytes()
+    assert json.loads(call("format", tmp_path, "--json").out)["changed"] == []
+    assert call("format", "-", "--json", stdin="{}").code == 2
+
+
+def test_a_bundle_a_picture_and_a_page_as_json(tmp_path: Any) -> None:
+    """They name the file that there is, and say of it what can be counted there."""
+    hall = ROOT / "samples" / "warehouse.json"
+    out = tmp_path / "out.json"
+    found = json.loads(call("bundle", hall, out, "--json").out)
+    assert (found["file"], found["bytes"]) == (str(out), out.stat().st_size)
+    used = json.loads(hall.read_text("utf-8"))["use"]
+    assert {*used} <= {Path(name).name for name in found["libraries"]}
+    page = tmp_path / "page.html"
+    found = json.loads(call("view", SAMPLE, "-o", page, "--no-open", "--json").out)
+    assert (found["file"], found["bytes"]) == (str(page), page.stat().st_size)
+    assert found["faces"] > 0 and found["routes"] == []
+    assert call("view", SAMPLE, "--watch", "--json").code == 2
+
+
+def test_a_picture_as_json(tmp_path: Any) -> None:
+    """Its sides are those of the file."""
+    out = tmp_path / "out.png"
+    words = ("render", SAMPLE, out, "--pixels", 640, "--profile", 2, 30, 90, 40, "--json")
+    ran = call(*words)
+    if ran.code == 2 and "matplotlib" in ran.err.lower():
+        pytest.skip("Matplotlib is not installed")
+    found = json.loads(ran.out)
+    header = out.read_bytes()[16:24]  # of a PNG: two whole numbers of four bytes
+    assert header == found["width"].to_bytes(4, "big") + found["height"].to_bytes(4, "big")
+    assert max(found["width"], found["height"]) == 640 and found["file"] == str(out)
 
 
 # --- the page of help ----------------------------------------------------------------------------

@@ -76,6 +76,28 @@ def test_coordinates_of_the_world(tmp_path: Path) -> None:
     assert points[1][:, 0].min() == 500000
 
 
+@pytest.mark.parametrize("origin", ["center", (500010.25, 4649760.0, -3.5)])
+def test_zero_is_where_it_is_asked_to_be(tmp_path: Path, origin: Any) -> None:
+    """The mesh is moved as a whole: with its zero added it is the one near the corner, base too."""
+    terrain = terrain_of(SITE)
+    part = 500003.0, 4649777.0, 500011.0, 4649781.0  # oblong, and not in the middle
+    options = {"bounds": part, "solid": True}
+    near = exported(terrain, tmp_path / "near.ply", 0.05, **options)
+    moved = exported(terrain, tmp_path / "moved.ply", 0.05, origin=origin, **options)
+    zero = (500007.0, 4649779.0, 0.0) if origin == "center" else origin
+    assert moved.origin == zero != near.origin
+    assert (moved.faces, moved.bounds) == (near.faces, near.bounds)
+    assert moved.base == pytest.approx(near.base, abs=1e-9)
+    one, other = read(tmp_path / "near.ply"), read(tmp_path / "moved.ply")
+    shift = np.array(near.origin) - zero
+    assert np.abs(one.vertices + shift - other.vertices).max() < 1e-5
+    x, y, z = other.vertices.T + np.array(zero)[:, None]
+    top = z > z.min() + 1e-3
+    assert (x.min(), y.min(), x.max(), y.max()) == pytest.approx(part, abs=1e-5)
+    height = terrain.height(x[top], y[top])
+    assert np.median(np.abs(z[top] - height)[~np.isnan(height)]) < 0.05
+
+
 def test_bounds(tmp_path: Path) -> None:
     """A part of the terrain is the same ground in fewer faces, and its corner is the zero."""
     terrain = terrain_of(SITE)
@@ -250,6 +272,9 @@ def test_tiles(tmp_path: Path, saved: Callable[..., Path], monkeypatch: pytest.M
         ("obj {good} a.obj --elevation-grid", 2, "There is no option", " --help."),
         ("mesh {good} a.glb --origin world", 2, "too short for coordinates", "one of .obj, .ply"),
         ("mesh {good} a.glb --origin moon", 2, "'moon'", "local"),
+        ("mesh {good} a.ply --origin center --origin-at 1 2 3", 2, "exclude each other", ""),
+        ("mesh {good} a.ply --origin-at 1 2 nan", 2, "nan is no finite number", ""),
+        ("mesh {hill} a.wrl --elevation-grid --origin center", 2, "--origin is about a", "Leave"),
         ("mesh {good} a.glb --max-error -1", 2, "largest error is -1", "above 0"),
         ("mesh {good} a.glb --max-error 0", 2, "largest error is 0", "above 0"),
         ("mesh {good} a.glb --max-error nan", 2, "largest error is nan", "above 0"),
