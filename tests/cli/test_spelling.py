@@ -355,7 +355,7 @@ def test_a_bundle_a_picture_and_a_page_as_json(tmp_path: Any) -> None:
     found = json.loads(call("bundle", hall, out, "--json").out)
     assert (found["file"], found["bytes"]) == (str(out), out.stat().st_size)
     used = json.loads(hall.read_text("utf-8"))["use"]
-    assert {*used} <= {Path(name).name for name in found["libraries"]}
+    assert {str(hall.parent / name) for name in used} <= {*found["libraries"]}
     page = tmp_path / "page.html"
     found = json.loads(call("view", SAMPLE, "-o", page, "--no-open", "--json").out)
     assert (found["file"], found["bytes"]) == (str(page), page.stat().st_size)
