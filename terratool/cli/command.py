@@ -10,10 +10,7 @@ import click
 from terratool.text.meaning import guess
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
-_Decorator = Callable[[_Function], _Function]
 _GROUPS = "__option_groups__"
-WIDTH = 100
-"""Widest line of a page of help."""
 _WIDEST = 30
 """Most characters of an option with its text beside it."""
 

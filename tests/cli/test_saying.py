@@ -249,7 +249,7 @@ def test_what_machines_read_is_still_theirs(name: str) -> None:
             text = told(command, *words)
             if not {"junit", "github", "gitlab"} & set(map(str, words)) and text:
                 json.loads(text)
-            assert text or "--json" not in words or command in ("add", "compare"), words
+            assert text or "--json" not in words or command == "compare" or "\udcff" in n, words
     for command in JSON:
         words = commands(n)[command][0]
         for path in (f"{n}-n.json", f"{n}-cc.json", f"{n}-d.json", f"{n}-i.json"):
