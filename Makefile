@@ -116,7 +116,7 @@ schemas: $(VENV)/.installed-$(EXTRAS)  ## Write the schemas, of the table of key
 docs: pages site  ## Write the pages that are generated, and build the site of all pages into out/site
 
 pages: $(VENV)/.installed-$(EXTRAS)-$(VARIANTS)  ## Write docs/rules.md, the tables and picture of docs/validation.md, and pictures of docs/images
-	$(BIN)/terratool rules --markdown > docs/rules.md
+	$(BIN)/terratool rules --format markdown > docs/rules.md
 	$(BIN)/python -m tests.validation
 	$(BIN)/terratool traversability samples/ramp-yard.json --vehicle samples/vehicles/husky-a200.json \
 		--report docs/images/slip.svg --overwrite > /dev/null

@@ -54,7 +54,7 @@ def commands(
     yield "info-json", ["info", file, "--json"]
     yield "format", ["format", file, "--check"]
     yield "query-csv", ["query", file, "--points", "points.csv"]
-    yield "query-json", ["query", file, "--points", "points.csv", "--format", "json"]
+    yield "query-json", ["query", file, "--points", "points.csv", "--json"]
     every = [word for layer in LAYERS for word in ("--layer", layer)]
     yield "dem-tif", ["export-dem", file, "dem.tif", "--resolution", fine]
     yield "dem-all", ["export-dem", file, "all.tif", "--resolution", coarse, *every]
@@ -83,8 +83,8 @@ def commands(
         "import-terrain", "mesh.glb", "mesh.json", "--resolution", coarse, *terrain,
     ]  # fmt: skip
     for form, extra in {
-        "plain": [], "turn": ["--turn"], "terms": ["--terms", "3"],
-        "sum": ["--combine", "auto", "--samples", "9"], "recognise": ["--recognise"],
+        "plain": [], "turn": ["--fit-turn"], "terms": ["--terms", "3"],
+        "sum": ["--combine", "auto", "--values", "9"], "recognise": ["--recognise"],
     }.items():  # fmt: skip
         yield f"primitive-{form}", [
             "import-primitive", "dem.tif", "--name", "patch", "--window", "40", "30", "90", "70",
@@ -161,7 +161,7 @@ def record_commands(out: Path, dems: list[Path], only: tuple[str, ...] = ("",)) 
             arguments = ["import-terrain", Path(copy).name, f"{name}.json.gz"]
             run(folder, name, [*arguments, "--max-error", error])
         window = ["--window", "10", "12", "60", "50"]
-        for form in ("--turn", "--recognise", "--json"):
+        for form in ("--fit-turn", "--recognise", "--json"):
             arguments = ["import-primitive", Path(copy).name, "--name", "patch", *window, form]
             run(folder, f"primitive{form}", arguments)
 

@@ -160,9 +160,9 @@ def _sensed() -> list[Job]:
         Job(f"images {ending}", ("scan", hall, f"@a.{ending}", *camera, *over), before=YARD)
         for ending in ("png", "tif")
     ]
-    sonar = ("--sensor", "samples/sensors/senscomp-6500.json", "--path", "@poses.csv", *over)
+    sonar = ("--sensor", "samples/sensors/senscomp-6500.json", "--poses", "@poses.csv", *over)
     found.append(Job("scan path", ("scan", YARD, "@a.npz", *sonar), (("poses.csv", "poses"),)))
-    told = ("--cell", "0.5", "--output", "@m.tif", "--overwrite")
+    told = ("--resolution", "0.5", "--output", "@m.tif", "--overwrite")
     for ending in ("npz", "csv", "ply", "pcd", "las", "laz"):
         scans = ((f"scan.{ending}", hall), (f"other.{ending}", YARD))
         words = ("map", f"@scan.{ending}", *told)
@@ -295,7 +295,7 @@ def made(name: str, origin: str, folder: Path) -> Contents:
     put(folder, {})
     finish(words, folder)
     if stem == "map":
-        finish(("map", "@scan.npz", "--cell", "0.5", "--output", "@map.tif"), folder)
+        finish(("map", "@scan.npz", "--resolution", "0.5", "--output", "@map.tif"), folder)
         (folder / "scan.npz").unlink()
     if ending == "zip":
         with zipfile.ZipFile(folder / name, "w") as archive:

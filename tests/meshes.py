@@ -12,6 +12,7 @@ import trimesh
 
 from terratool.field.terrain import Terrain
 from terratool.mesh.export import MeshOptions, MeshReport, export_mesh
+from terratool.mesh.origin import Origin
 from terratool.mesh.tiles import MeshTilesReport, TileCount, export_tiles
 from terratool.mesh.types import BuiltMesh, Mesh
 from tests.conftest import terrain_of
@@ -220,12 +221,12 @@ def exported_tiles(
     rows: int | None = None,
     columns: int | None = None,
     *,
-    world: bool = False,
+    origin: Origin = "local",
     **options: Any,
 ) -> MeshTilesReport:
     """Write tiles with some options."""
     count = TileCount(rows=rows, columns=columns)
-    wanted = MeshOptions(error, world=world)
+    wanted = MeshOptions(error, origin=origin)
     return export_tiles(terrain, folder, suffix, wanted, count, **options)
 
 

@@ -317,7 +317,7 @@ def as_csv(folder: Path) -> Any:
 
 
 def as_json(folder: Path) -> Any:
-    words = ("query", folder / "site.json", 1, 1, 3, 1, 9, 9, "--format", "json")
+    words = ("query", folder / "site.json", 1, 1, 3, 1, 9, 9, "--json")
     found = json.loads(ran(*words))
     name = next(iter(json.loads((folder / "site.json").read_text())["surfTypes"]))
     assert found["points"][1]["surface"] == name

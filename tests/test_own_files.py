@@ -42,8 +42,8 @@ COMMANDS: dict[str, tuple[str, list[Any]]] = {
                            "--resolution", 0.5, "--map", "out/a.tif"]),
     "several": ("", ["traversability", "s.json", "--vehicle", HUSKY, "--vehicle", WARTHOG,
                      "--headings", 4, "--resolution", 0.5, "--map", "out/a.tif"]),
-    "map": ("a.tif", ["map", "c.npz", "--cell", 0.5, "--output", "out/a.tif"]),
-    "map bag": ("out", ["map", "c.npz", "--cell", 0.5, "--output", "m.tif", "--bag", "out"]),
+    "map": ("a.tif", ["map", "c.npz", "out/a.tif", "--resolution", 0.5]),
+    "map bag": ("out", ["map", "c.npz", "--resolution", 0.5, "--output", "m.tif", "--bag", "out"]),
     **{
         target: ("", ["export-sim", "s.json", "out", "--target", target])
         for target in ("mujoco", "gazebo", "pybullet", "usd", "chrono", "nav2", "grid-map")

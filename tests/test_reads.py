@@ -172,7 +172,7 @@ def test_no_module_of_a_strange_folder_is_run(kind: str, tmp_path: Path) -> None
         header = laspy.LasHeader(version="1.4", point_format=6)
         with laspy.open(here / "a.laz", "w", header=header) as file:
             file.write_points(laspy.ScaleAwarePointRecord.zeros(3, header=header))
-        words = ["map", "a.laz", "--cell", "1", "--output", "a.tif"]
+        words = ["map", "a.laz", "--resolution", "1", "--output", "a.tif"]
     done = subprocess.run(
         [sys.executable, "-P", "-m", "terratool", *words],
         cwd=here, env=ENVIRONMENT, capture_output=True, text=True, check=False,
@@ -256,14 +256,14 @@ COMMANDS = {
     "glb": "export-mesh s.json m.glb --max-error 1",
     "usd": "export-mesh s.json m.usda --max-error 1",
     "simulators": "export-sim s.json sim --target all",
-    "png": "render s.json r.png --size 500",
-    "pdf": "render s.json r.pdf --size 500",
+    "png": "render s.json r.png --pixels 500",
+    "pdf": "render s.json r.pdf --pixels 500",
     "page": "view s.json --no-open --output v.html",
     "scan": f"scan s.json c.npz --sensor {LIDAR} {' '.join(POSE)}",
     "laz": f"scan s.json c.laz --sensor {LIDAR} {' '.join(POSE)}",
     "bag": f"scan s.json c.rosbag2 --sensor {LIDAR} {' '.join(POSE)}",
     "image": f"scan s.json e.tif --sensor {CAMERA} {' '.join(POSE)}",
-    "map": "map in.npz --cell 1 --output k.tif --bag kbag",
+    "map": "map in.npz --resolution 1 --output k.tif --bag kbag",
     "compare": "compare in.map.tif s.json --picture p.png",
     "verdicts": f"traversability s.json --vehicle {HUSKY} --headings 4 --resolution 1 --map w.tif "
     "--report w.html",
@@ -299,7 +299,7 @@ def inputs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for words in (
         "export-dem s.json in.nc --resolution 1",
         f"scan s.json in.npz --sensor {LIDAR} {' '.join(POSE)}",
-        "map in.npz --cell 1 --output in.map.tif",
+        "map in.npz --resolution 1 --output in.map.tif",
     ):
         done = command(here, words)
         assert done.returncode == 0, done.stderr

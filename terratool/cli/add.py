@@ -6,9 +6,19 @@ import math
 from typing import Any
 
 import click
+from msgspec import Struct
 
-from terratool.cli.options import library_root_option, library_roots
-from terratool.cli.saying import say
+from terratool.cli.command import Command, option_group
+from terratool.cli.options import (
+    cell_options,
+    json_option,
+    library_root_option,
+    library_roots,
+    output_option,
+    overwrite_option,
+)
+from terratool.cli.saying import say, say_json
+from terratool.report.documents import Document
 
 _ALL = 10**9
 
@@ -28,52 +38,73 @@ def _finite(ctx: click.Context, param: click.Parameter, value: Any) -> Any:
     return value
 
 
+class SaidDocument(Struct, frozen=True):
+    """Finding about an element, as JSON."""
+
+    line: int
+    column: int
+    severity: str
+    code: str
+    message: str
+    hint: str
+
+
+class AddedDocument(Document, frozen=True, kw_only=True):
+    """Element that was added, as JSON."""
+
+    file: str
+    pointer: str
+    findings: list[SaidDocument]
+
+
 @click.command(
     "add",
+    cls=Command,
     epilog="Example: terratool add site.json --type kerb --surface concrete --at 12.5 4 "
     "--extent 6 0.3 --turn 30",
 )
 @click.argument("file")
-@click.option("--type", "kind", metavar="T", callback=_encodable, help="The primitive that it is.")
-@click.option(
-    "--part", metavar="P", callback=_encodable, help="The part that it is, in place of a primitive."
+@option_group(
+    "What it is",
+    click.option("--type", "kind", metavar="T", callback=_encodable, help="A primitive."),
+    click.option("--part", metavar="P", callback=_encodable, help="Or a part."),
+    click.option("--surface", metavar="NAME", callback=_encodable, help="What it wears."),
+    click.option("--descr", metavar="TEXT", callback=_encodable, help="A description."),
 )
-@click.option("--surface", metavar="S", callback=_encodable, help="What it wears.")
-@click.option(
-    "--at", nargs=2, type=float, metavar="X Y", callback=_finite,
-    help="Its middle, from the south-west corner of the parent's cell.",
+@option_group(
+    "Where it stands",
+    click.option(
+        "--at", nargs=2, type=float, metavar="X Y", callback=_finite,
+        help="Its middle, from the south-west corner of the parent's cell.",
+    ),
+    click.option(
+        "--extent", nargs=2, type=float, metavar="W H", callback=_finite,
+        help="With --at: its sides.",
+    ),
+    *cell_options,
+    click.option(
+        "--turn", type=float, metavar="DEG", callback=_finite,
+        help="Degrees clockwise.  [default: 0]",
+    ),
 )  # fmt: skip
-@click.option(
-    "--extent", nargs=2, type=float, metavar="W H", callback=_finite, help="With --at: its sides."
-)
-@click.option(
-    "--cell", nargs=2, type=int, metavar="X Y",
-    help="Or its cell in the parent's grid, by column and row from 0.",
+@option_group(
+    "How high it is",
+    click.option(
+        "--v-scale", type=float, metavar="F", callback=_finite,
+        help="Factor on its heights.  [default: by the size of its cell]",
+    ),
+    click.option(
+        "--v-offset", type=float, metavar="Z", callback=_finite,
+        help="Added to its heights.  [default: 0]",
+    ),
 )  # fmt: skip
-@click.option(
-    "--span", nargs=2, type=int, metavar="W H",
-    help="With --cell: how many cells it takes to the east and north.  [default: 1 1]",
-)  # fmt: skip
-@click.option(
-    "--turn", type=float, metavar="D", callback=_finite, help="Degrees clockwise.  [default: 0]"
-)
-@click.option(
-    "--v-scale", type=float, metavar="F", callback=_finite,
-    help="Factor on its heights.  [default: by the size of its cell]",
-)  # fmt: skip
-@click.option(
-    "--v-offset", type=float, metavar="Z", callback=_finite,
-    help="Added to its heights.  [default: 0]",
-)  # fmt: skip
-@click.option("--descr", metavar="TEXT", callback=_encodable, help="A description.")
-@click.option(
-    "--parent", metavar="POINTER", default="/elemTree", show_default=True,
-    help="JSON pointer of the element that it is put into.",
-)  # fmt: skip
-@click.option("--output", metavar="OUT", help="Write to this file instead.")
-@click.option("--overwrite", is_flag=True, help="Replace an OUT that exists.")
+@output_option("Write to this file instead.")
+@overwrite_option("Replace an OUT that exists.")
+@json_option("Say what was added as JSON.")
 @library_root_option
-def command(file: str, parent: str, output: str | None, overwrite: bool, **values: Any) -> None:
+def command(
+    file: str, parent: str, output: str | None, overwrite: bool, as_json: bool, **values: Any
+) -> None:
     """Add an element to a terrain or a library, FILE.
 
     The element comes behind the other children of its parent. Everything else in FILE stays as it
@@ -90,12 +121,23 @@ def command(file: str, parent: str, output: str | None, overwrite: bool, **value
     data = target.with_elements(target.source.data, parent, [element])
     checked = target.check_change(data, "the element", CheckOptions(limit=_ALL))
     target.write(data, overwrite)
+    own = [
+        finding
+        for finding in checked.findings
+        if finding.pointer == pointer or finding.pointer.startswith(f"{pointer}/")
+    ]
+    if as_json:
+        said = [
+            SaidDocument(one.line, one.column, one.severity, one.code, one.message, one.hint)
+            for one in own
+        ]
+        say_json(AddedDocument(file=str(target.output), pointer=pointer, findings=said))
+        return
     say(f"{target.output}: has {pointer} now.", err=True)
-    for finding in checked.findings:
-        if finding.pointer == pointer or finding.pointer.startswith(f"{pointer}/"):
-            where = f"{finding.file}:{finding.line}:{finding.column}"
-            say(f"{where}: {finding.severity} {finding.code}: {finding.message}", err=True)
-            say(f"  {finding.hint}", err=True)
+    for finding in own:
+        where = f"{finding.file}:{finding.line}:{finding.column}"
+        say(f"{where}: {finding.severity} {finding.code}: {finding.message}", err=True)
+        say(f"  {finding.hint}", err=True)
 
 
 def _element(values: dict[str, Any]) -> dict[str, Any]:

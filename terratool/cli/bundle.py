@@ -6,24 +6,37 @@ from pathlib import Path
 
 import click
 
-from terratool.cli.options import library_root_option, library_roots
-from terratool.cli.saying import say, write_definition
+from terratool.cli.command import Command
+from terratool.cli.options import (
+    json_option,
+    library_root_option,
+    library_roots,
+    output_argument,
+    overwrite_option,
+)
+from terratool.cli.saying import say, say_json, write_definition
 from terratool.cli.terminal import StatusLine, short_name
+from terratool.report.documents import Document
 from terratool.report.wording import count_of
 
 
-@click.command("bundle", epilog="Example: terratool bundle samples/warehouse.json out.json")
+@click.command(
+    "bundle",
+    cls=Command,
+    epilog="Example: terratool bundle samples/warehouse.json out.json",
+)
 @click.argument("file")
-@click.argument("output", metavar="OUT")
+@output_argument
 @click.option(
     "--expand",
     "expanded",
     is_flag=True,
     help="Write parts and copies out, too; places stay as they are.",
 )
-@click.option("--overwrite", is_flag=True, help="Replace OUT if it exists.")
+@overwrite_option("Replace OUT if it exists.")
+@json_option()
 @library_root_option
-def command(file: str, output: str, expanded: bool, overwrite: bool) -> None:
+def command(file: str, output: str, expanded: bool, overwrite: bool, as_json: bool) -> None:
     """Write FILE and what it needs of its libraries into one file, OUT.
 
     What is not needed is left out: surfaces, primitives and parts that nothing names. The terrain
@@ -58,6 +71,23 @@ def command(file: str, output: str, expanded: bool, overwrite: bool) -> None:
     if shown:
         write_definition(text)
         return
+    if as_json:
+        names = [library.name for library in checked.libraries]
+        say_json(
+            BundleDocument(
+                file=output, bytes=Path(output).stat().st_size, libraries=names, rounded=rounded
+            )
+        )
+        return
     count = len(checked.libraries)
     used = f", {count_of(count, 'library')} taken in" if count else ""
     say(f"{output}: {Path(output).stat().st_size:,} bytes{used}")
+
+
+class BundleDocument(Document, frozen=True, kw_only=True):
+    """Summary of a bundle, as JSON."""
+
+    file: str
+    bytes: int
+    libraries: list[str]
+    rounded: int

@@ -10,7 +10,14 @@ from typing import TYPE_CHECKING
 import click
 from msgspec import Struct
 
-from terratool.cli.options import finite, library_root_option, roughness_option
+from terratool.cli.command import Command
+from terratool.cli.options import (
+    finite,
+    json_option,
+    library_root_option,
+    overwrite_option,
+    roughness_option,
+)
 from terratool.cli.saying import say, say_json
 from terratool.cli.terminal import StatusLine, load
 from terratool.report.documents import Document
@@ -25,18 +32,11 @@ if TYPE_CHECKING:
 
 @click.command(
     "compare",
+    cls=Command,
     epilog="Example: terratool compare map.tif site.json --max-rmse 0.05 --picture errors.png",
 )
 @click.argument("map_", metavar="MAP")
 @click.argument("file")
-@click.option(
-    "--format",
-    "form",
-    type=click.Choice(["text", "json"]),
-    default="text",
-    show_default=True,
-    help="How it is said.",
-)
 @click.option("--picture", metavar="OUT.png", help="Draw where the map is too high or too low.")
 @click.option(
     "--max-rmse",
@@ -52,17 +52,18 @@ if TYPE_CHECKING:
     metavar="C",
     help="End with 1 if less of the ground is known, from 0 to 1.",
 )
-@click.option("--overwrite", is_flag=True, help="Replace OUT.png if it exists.")
+@overwrite_option("Replace OUT.png if it exists.")
+@json_option("Say it as JSON.")
 @roughness_option
 @library_root_option
 def command(
     map_: str,
     file: str,
-    form: str,
     picture: str | None,
     max_rmse: float | None,
     min_coverage: float | None,
     overwrite: bool,
+    as_json: bool,
 ) -> int:
     """Say how good MAP is, a map of the terrain in FILE: how much it knows, and how far off it is.
 
@@ -87,7 +88,7 @@ def command(
 
             status.say("drawing")
             write_picture(comparison, terrain, picture, overwrite=overwrite)
-    if form == "json":
+    if as_json:
         say_json(_document(comparison))
     else:
         for line in as_text(comparison):

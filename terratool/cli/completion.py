@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import click
 
+from terratool.cli.command import Command
 from terratool.cli.options import WordChoice
 from terratool.cli.saying import say_block
 
 _SHELLS = ("bash", "zsh", "fish")
 
 
-@click.command("completion", epilog='Example: eval "$(terratool completion bash)"')
+@click.command("completion", cls=Command, epilog='Example: eval "$(terratool completion bash)"')
 @click.argument("shell", type=WordChoice(_SHELLS), metavar="|".join(_SHELLS))
 @click.pass_context
 def command(ctx: click.Context, shell: str) -> None:

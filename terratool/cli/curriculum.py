@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 import click
 from msgspec import Struct
 
+from terratool.cli.command import Command
+from terratool.cli.options import json_option, output_argument, overwrite_option
 from terratool.cli.saying import say, say_json
 from terratool.cli.terminal import StatusLine, short_name
 from terratool.report.documents import Document
@@ -20,26 +22,27 @@ if TYPE_CHECKING:
 
 @click.command(
     "curriculum",
+    cls=Command,
     epilog="Example: terratool curriculum samples/curricula/rough.json course.json --seed 7",
 )
 @click.argument("spec")
-@click.argument("output")
+@output_argument
 @click.option(
     "--seed",
     type=click.IntRange(0, 2**53),
     metavar="N",
     help="Number that all random choices follow from, instead of the spec's own.",
 )
-@click.option("--overwrite", is_flag=True, help="Replace files that exist.")
-@click.option("--json", "as_json", is_flag=True, help="Say what was written as JSON.")
+@overwrite_option()
+@json_option()
 @click.pass_context
 def command(
     ctx: click.Context, spec: str, output: str, seed: int | None, overwrite: bool, as_json: bool
 ) -> None:
-    """Make a grid of training tiles of SPEC: a definition, OUTPUT, and origins beside it.
+    """Make a grid of training tiles of SPEC: a definition, OUT, and origins beside it.
 
     Tiles stand in rows along x, which get more difficult, and in columns along y, each of a kind.
-    OUTPUT ends in .json; what ends in .origins.npz instead holds where robots begin on each tile,
+    OUT ends in .json; what ends in .origins.npz instead holds where robots begin on each tile,
     level places on it, its kind and its difficulty. The same SPEC and seed give the same bytes.
     """
     from pathlib import Path

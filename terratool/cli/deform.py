@@ -7,12 +7,17 @@ from typing import TYPE_CHECKING, Any
 import click
 from msgspec import UNSET, UnsetType
 
+from terratool.cli.command import Command, option_group
 from terratool.cli.options import (
     finite,
+    json_option,
     library_root_option,
     library_roots,
+    output_option,
+    overwrite_option,
     vehicle_from,
-    vehicle_options,
+    vehicle_option,
+    wheel_options,
 )
 from terratool.cli.saying import say, say_json
 from terratool.cli.terminal import StatusLine, short_name
@@ -28,51 +33,62 @@ if TYPE_CHECKING:
 
 @click.command(
     "deform",
+    cls=Command,
     epilog="Example: terratool deform samples/planetary-site.json --vehicle rover.json "
-    "--path drive.csv --output driven.json",
+    "--path drive.csv -o driven.json",
 )
 @click.argument("file")
-@vehicle_options
-@click.option(
-    "--path",
-    "path_file",
-    required=True,
-    metavar="PATH.csv",
-    help="Where the middle of the vehicle drives: a line x,y for each point, or a GeoJSON line.",
+@option_group(
+    "Drive",
+    vehicle_option,
+    click.option(
+        "--path",
+        "path_file",
+        required=True,
+        metavar="PATH.csv",
+        help="Where its middle drives: a line x,y for each point, or a GeoJSON line.",
+    ),
+    click.option(
+        "--passes",
+        type=click.IntRange(1, 1_000_000_000),
+        default=1,
+        show_default=True,
+        metavar="N",
+        help="Drive so many times.",
+    ),
 )
-@click.option("--output", required=True, metavar="OUT", help="The definition with the tracks.")
-@click.option(
-    "--passes",
-    type=click.IntRange(1, 1_000_000_000),
-    default=1,
-    show_default=True,
-    metavar="N",
-    help="Drive so many times.",
+@option_group(
+    "Ruts",
+    click.option(
+        "--surface", metavar="NAME", help="What they wear.  [default: what the ground does]"
+    ),
+    click.option(
+        "--multipass",
+        type=click.FloatRange(1),
+        metavar="A",
+        callback=finite,
+        help="The depth grows with the passes n as n^(1/A): 2 to 3 for loose soil, 4 to 5 for "
+        "dense soil.  [default: 3]",
+    ),
+    click.option(
+        "--max-error",
+        "tolerance",
+        type=click.FloatRange(0, min_open=True),
+        metavar="E",
+        callback=finite,
+        help="How far the simplified lines of the wheels may be off, m.  [default: a fifth of a "
+        "wheel's width]",
+    ),
 )
-@click.option("--surface", metavar="NAME", help="Surface of the ruts.  [default: as the ground]")
-@click.option(
-    "--multipass",
-    type=click.FloatRange(1),
-    metavar="A",
-    callback=finite,
-    help="The depth grows with the passes n as n^(1/A): 2 to 3 for loose soil, 4 to 5 for dense "
-    "soil.  [default: 3]",
-)
-@click.option(
-    "--tolerance",
-    type=click.FloatRange(0, min_open=True),
-    metavar="M",
-    callback=finite,
-    help="Simplify the lines of the wheels by up to so many metres.  [default: a fifth of a "
-    "wheel's width]",
-)
-@click.option("--overwrite", is_flag=True, help="Replace OUT if it exists; it may be FILE itself.")
-@click.option("--json", "as_json", is_flag=True, help="Say what was done as JSON.")
+@wheel_options
+@output_option("Write to this file instead.")
+@overwrite_option("Replace an OUT that exists.")
+@json_option("Say what was done as JSON.")
 @library_root_option
 def command(
     file: str,
     path_file: str,
-    output: str,
+    output: str | None,
     passes: int,
     surface: str | None,
     multipass: float | None,
@@ -81,23 +97,28 @@ def command(
     as_json: bool,
     **options: Any,
 ) -> None:
-    """Drive a vehicle along a path over FILE, and write the ruts of its wheels into OUT.
+    """Drive a vehicle along a path over FILE, and write the ruts of its wheels into it.
 
     Each wheel leaves a track with vertical sides, as wide as it is and as deep as it sinks by the
     surface of the ground: z = k·W. What is driven over again sinks less each time. All else in the
-    text stays as it is.
+    text stays as it is, byte for byte.
     """
     from pathlib import Path
 
     from terratool.definition.reader import load_checked
-    from terratool.errors import WriteError
+    from terratool.errors import RequestError, WriteError
     from terratool.output import is_same_file, refuse_existing, refuse_missing_folder
     from terratool.traversability.route.waypoints import read_waypoints
     from terratool.traversability.ruts import deform, write_deformed
 
+    if output is None:
+        if file == "-":
+            raise RequestError("Standard input cannot be changed.", "Name a file by -o OUT.")
+        output = file
     for source in (options["vehicle"], path_file):
         if source and is_same_file(output, source):
             raise WriteError(f"{output}: is read, too, as {source}.", "Choose another name.")
+    overwrite = overwrite or is_same_file(output, file)
     refuse_existing(Path(output), overwrite)
     refuse_missing_folder(Path(output))
     vehicle = vehicle_from(options)

@@ -7,17 +7,21 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
+from terratool.cli.command import Command, option_group
 from terratool.cli.options import (
     finite,
     has_roughness,
+    json_option,
     library_root_option,
     library_roots,
+    overwrite_option,
     refuse_ambiguous,
     roughness_option,
 )
 from terratool.cli.saying import say, say_block
 from terratool.cli.terminal import StatusLine
 from terratool.text.display import quote
+from terratool.text.meaning import guess
 
 if TYPE_CHECKING:
     from terratool.viewing.diff.compare import DiffOptions
@@ -48,7 +52,7 @@ class _GitWords(NamedTuple):
     files: tuple[str, ...] = ()
 
 
-class _Command(click.Command):
+class _Command(Command):
     """Command that tells words of the user from those of git, which may look like anything."""
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
@@ -122,68 +126,81 @@ def _take(ctx: click.Context, handed: _GitWords) -> None:
     epilog="Example: terratool diff old/site.json site.json --vehicle rover.json",
 )
 @click.argument("files", nargs=-1, metavar="OLD NEW")
-@click.option(
-    "--format",
-    "formats",
-    multiple=True,
-    metavar="FORM[=OUT]",
-    help=f"Form of the report: {', '.join(FORMATS)}. FORM=OUT writes it into a file; may be "
-    "repeated.  [default: text]",
+@option_group(
+    "What counts",
+    click.option(
+        "--min-change",
+        "tolerance",
+        type=click.FloatRange(0),
+        default=1e-3,
+        show_default=True,
+        metavar="H",
+        callback=finite,
+        help="Ground counts as changed where heights differ by more.",
+    ),
+    click.option(
+        "--bounds",
+        nargs=4,
+        type=float,
+        metavar="W S E N",
+        help="Compare the ground in this rectangle of the world only.",
+    ),
+    click.option(
+        "--resolution",
+        type=float,
+        metavar="R",
+        help="Side of the pixels at whose centres it is compared.  [default: fine enough]",
+    ),
+    click.option(
+        "--vehicle",
+        "vehicles",
+        multiple=True,
+        metavar="V.json",
+        help="Say which verdicts of this vehicle flipped; may be repeated.",
+    ),
+    click.option("--exit-code", is_flag=True, help="End with 1 if any terrain differs."),
 )
-@click.option(
-    "--tolerance",
-    type=click.FloatRange(0),
-    default=1e-3,
-    show_default=True,
-    metavar="T",
-    callback=finite,
-    help="Ground counts as changed where heights differ by more.",
+@option_group(
+    "How it is said",
+    click.option(
+        "--format",
+        "formats",
+        multiple=True,
+        metavar="FORM",
+        help=f"{', '.join(FORMATS)}; FORM=OUT goes into a file; may be repeated.  [default: text]",
+    ),
+    json_option("The same as --format json."),
+    click.option("--picture", metavar="OUT.png", help="Draw what was cut (red) and filled (blue)."),
+    click.option("--map", "map_", metavar="OUT.tif", help="Write new less old as a GeoTIFF."),
+    click.option(
+        "--max-changes",
+        type=click.IntRange(min=0),
+        default=MOST,
+        show_default=True,
+        metavar="N",
+        help="Most lines of a list in text; 0 lists all. JSON always has all.",
+    ),
 )
-@click.option(
-    "--bounds", nargs=4, type=float, metavar="W S E N", help="Compare the ground in here only."
+@option_group(
+    "For git",
+    click.option(
+        "--git",
+        is_flag=True,
+        help="Take what git hands to an external diff: all words behind options of your own.",
+    ),
+    click.option(
+        "--difftool",
+        is_flag=True,
+        help="Take the last three words, whatever they look like: path, old file, new file.",
+    ),
+    click.option(
+        "--as",
+        "called",
+        metavar="PATH",
+        help="Look for the libraries of both files from PATH on, as if both stood there.",
+    ),
 )
-@click.option(
-    "--resolution",
-    type=float,
-    metavar="R",
-    help="Side of the pixels at whose centres the ground is compared.  [default: fine enough for "
-    "what differs]",
-)
-@click.option(
-    "--vehicle",
-    "vehicles",
-    multiple=True,
-    metavar="V.json",
-    help="Say which verdicts of this vehicle flipped; may be repeated.",
-)
-@click.option("--picture", metavar="OUT.png", help="Draw what was cut (red) and filled (blue).")
-@click.option("--map", "map_", metavar="OUT.tif", help="Write new less old as a GeoTIFF.")
-@click.option(
-    "--max-changes",
-    type=click.IntRange(min=0),
-    default=MOST,
-    show_default=True,
-    metavar="N",
-    help="Most lines of a list in text; 0 lists all. JSON always has all.",
-)
-@click.option("--exit-code", is_flag=True, help="End with 1 if any terrain differs.")
-@click.option(
-    "--as",
-    "called",
-    metavar="PATH",
-    help="Look for the libraries of both files from PATH on, as if both stood there.",
-)
-@click.option(
-    "--git",
-    is_flag=True,
-    help="Take the words that git hands to an external diff: all behind options of your own.",
-)
-@click.option(
-    "--difftool",
-    is_flag=True,
-    help="Take the last three words, whatever they look like: the path, the old and the new file.",
-)
-@click.option("--overwrite", is_flag=True, help="Replace files that exist.")
+@overwrite_option()
 @roughness_option
 @library_root_option
 def command(
@@ -197,6 +214,7 @@ def command(
     git: bool,
     difftool: bool,
     overwrite: bool,
+    as_json: bool,
     **values: Any,
 ) -> int:
     """Say what an edit did to a terrain: from OLD to NEW, two files or two folders.
@@ -212,7 +230,7 @@ def command(
     from terratool.errors import TerratoolError
     from terratool.viewing.diff.files import ReadOptions, are_folders
 
-    form, outputs = _plan(formats)
+    form, outputs = _plan(formats + ("json",) * as_json)
     if git and not files:
         say(f"{called}: is unmerged, so that there are no two versions to compare.")
         return 0
@@ -267,7 +285,8 @@ def _plan(formats: tuple[str, ...]) -> tuple[str, list[tuple[str, str]]]:
         form, equals, out = given.partition("=")
         if form not in FORMATS:
             raise click.UsageError(
-                f"There is no format {form!r}. The formats are {', '.join(FORMATS)}."
+                f"There is no format {form!r}. The formats are {', '.join(FORMATS)}. "
+                f"{guess(form, FORMATS)}".rstrip()
             )
         if equals and not out:
             raise click.UsageError(f"--format {given} names no file. Write {form}=OUT.")

@@ -9,7 +9,15 @@ from typing import TYPE_CHECKING, Any
 import click
 from msgspec import UNSET, Struct, UnsetType
 
-from terratool.cli.options import WordChoice, library_root_option, roughness_option
+from terratool.cli.command import Command, option_group
+from terratool.cli.options import (
+    WordChoice,
+    json_option,
+    library_root_option,
+    optional_output_argument,
+    overwrite_option,
+    roughness_option,
+)
 from terratool.cli.saying import say, say_json
 from terratool.cli.terminal import StatusLine, load
 from terratool.report.documents import Document
@@ -28,65 +36,90 @@ COMPRESSIONS = ("zstd", "deflate", "lzw", "lerc", "none")
 
 @click.command(
     "export-dem",
+    cls=Command,
     epilog="Example: terratool export-dem samples/nested-site.json out.tif --resolution 0.5 "
     "--layer height --layer slope --layer surface",
 )
 @click.argument("file")
-@click.argument("output", required=False)
-@click.option("--resolution", type=float, metavar="R", help="Side of a pixel.")
-@click.option("--bounds", nargs=4, type=float, metavar="W S E N", help="World rectangle to write.")
-@click.option(
-    "--layer",
-    "layers",
-    multiple=True,
-    type=WordChoice(LAYERS),
-    default=("height",),
-    metavar="NAME",
-    help=f"What to write, once or several times: {', '.join(LAYERS)}.  [default: height]",
+@optional_output_argument
+@option_group(
+    "What is written",
+    click.option(
+        "--layer",
+        "layers",
+        multiple=True,
+        type=WordChoice(LAYERS),
+        default=("height",),
+        metavar="NAME",
+        help=f"Once or several times: {', '.join(LAYERS)}.  [default: height]",
+    ),
+    click.option(
+        "--resolution", type=float, metavar="R", help="Side of a pixel.  [default: as above]"
+    ),
+    click.option(
+        "--bounds", nargs=4, type=float, metavar="W S E N", help="Rectangle of the world."
+    ),
+    click.option(
+        "--losses/--no-losses", default=True, help="Whether to say what the pixels do not show."
+    ),
 )
-@click.option(
-    "--dtype",
-    type=click.Choice(["float32", "float64"]),
-    default="float32",
-    show_default=True,
-    help="Of all layers of numbers.",
+@option_group(
+    "How it is stored",
+    click.option(
+        "--dtype",
+        type=click.Choice(["float32", "float64"]),
+        default="float32",
+        show_default=True,
+        help="Of all layers of numbers.",
+    ),
+    click.option(
+        "--nodata",
+        type=float,
+        metavar="Z",
+        help="A number that stands for none, in layers of numbers.  [default: NaN; -9999 in text]",
+    ),
+    click.option(
+        "--compress",
+        type=WordChoice(COMPRESSIONS),
+        metavar="METHOD",
+        help=f"Of a GeoTIFF: {', '.join(COMPRESSIONS)}.  [default: zstd]",
+    ),
+    click.option(
+        "--max-error",
+        "max_z_error",
+        type=float,
+        metavar="E",
+        help="How far --compress lerc may be off, at most.  [default: 0]",
+    ),
+    click.option("--cog", is_flag=True, help="Write a cloud-optimised GeoTIFF."),
+    click.option(
+        "--overviews/--no-overviews",
+        default=None,
+        help="Whether a .tif has overviews.  [default: beyond 4096 pixels on the longer side]",
+    ),
 )
-@click.option(
-    "--compress",
-    type=WordChoice(COMPRESSIONS),
-    help="Of a GeoTIFF.  [default: zstd]",
+@option_group(
+    "Large rasters",
+    click.option(
+        "--tiles",
+        type=click.Path(),
+        metavar="DIR",
+        help="Write a mosaic in DIR; the same again goes on where it was interrupted.",
+    ),
+    click.option(
+        "--tile-size", type=int, metavar="PIXELS", help="Side of a tile.  [default: 4096]"
+    ),
+    click.option(
+        "--dask",
+        metavar="ADDRESS|local",
+        help="Let the workers of a Dask scheduler make the tiles.",
+    ),
+    click.option(
+        "--threads", type=click.IntRange(1), metavar="N", help="[default: one a processor]"
+    ),
 )
-@click.option(
-    "--max-z-error", type=float, metavar="E", help="How far --compress lerc may be off, at most."
-)
-@click.option(
-    "--nodata",
-    type=float,
-    metavar="VALUE",
-    help="The number that stands for none, in layers of numbers.  [default: NaN; -9999 in text]",
-)
-@click.option("--cog", is_flag=True, help="Write a cloud-optimised GeoTIFF.")
-@click.option(
-    "--overviews/--no-overviews",
-    default=None,
-    help="Whether a .tif has overviews.  [default: beyond 4096 pixels on the longer side]",
-)
-@click.option(
-    "--tiles",
-    type=click.Path(),
-    metavar="DIR",
-    help="Write a mosaic of GeoTIFFs in DIR; the same again goes on where it was interrupted.",
-)
-@click.option("--tile-size", type=int, metavar="PIXELS", help="Side of a tile.  [default: 4096]")
-@click.option(
-    "--dask", metavar="ADDRESS|local", help="Let the workers of a Dask scheduler make the tiles."
-)
-@click.option("--threads", type=click.IntRange(1), metavar="N", help="Default: all processors.")
-@click.option(
-    "--losses/--no-losses", default=True, help="Whether to say what the pixels do not show."
-)
-@click.option("--overwrite", is_flag=True, help="Replace files that exist.")
-@click.option("--json", "as_json", is_flag=True, help="Say what was written as JSON.")
+@overwrite_option()
+@json_option()
 @roughness_option
 @library_root_option
 def command(
@@ -111,18 +144,12 @@ def command(
 ) -> None:
     """Write FILE as a raster: heights, and what else is known of the ground.
 
-    The suffix of OUTPUT names the format: .tif, .asc, .png (16 bits), .npy, or another one that
-    GDAL writes. Values are those at the pixel centres, north up, NaN where there is no ground.
-    Layers of numbers are bands of one file; surface and color get a file of their own.
+    The suffix of OUT names the format: .tif, .asc, .png (16 bits), .npy, or another one that GDAL
+    writes. Values are those at the pixel centres, north up, NaN where there is no ground. Layers of
+    numbers are bands of one file; surface and color get a file of their own. Without --resolution a
+    pixel is as fine as the finest detail wants, but the longer side has at most 4096.
 
-    Without --resolution a pixel is the least of a tenth of the smallest cell, the finest detail of
-    a curve, a third of the narrowest track and a quarter of the shortest correlation length of a
-    rough surface, but the longer side has at most 4096. Pixels count from the south-west. Where
-    they do not divide a side, their number is rounded to the nearest: the last ones end up to half
-    a pixel before or beyond the east and north sides.
-
-    With --tiles, OUTPUT is the .vrt that opens the tiles as one raster, DIR/mosaic.vrt if not said.
-    Tiles that an interrupted run had finished are kept if they are unchanged.
+    With --tiles, OUT is the .vrt that opens the tiles as one raster, DIR/mosaic.vrt if not said.
     """
     from pathlib import Path
 
@@ -180,7 +207,7 @@ def _refuse_odd(
         raise RequestError("The name of the folder for --tiles is empty.", "Give one.")
     if tiles is None:
         if output is None:
-            raise click.UsageError("Missing argument 'OUTPUT'; only --tiles DIR goes without.")
+            raise click.UsageError("Missing argument 'OUT'; only --tiles DIR goes without.")
         for name, value in (("--dask", dask), ("--tile-size", tile_size)):
             if value is not None:
                 raise RequestError(

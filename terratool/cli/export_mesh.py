@@ -9,7 +9,16 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from terratool.cli.options import library_root_option, roughness_option
+from terratool.cli.command import Command, option_group
+from terratool.cli.options import (
+    json_option,
+    library_root_option,
+    origin_from,
+    origin_options,
+    output_argument,
+    overwrite_option,
+    roughness_option,
+)
 from terratool.cli.saying import say, say_json
 from terratool.cli.terminal import StatusLine, load
 from terratool.report.numbers import coordinates
@@ -17,64 +26,12 @@ from terratool.report.numbers import coordinates
 if TYPE_CHECKING:
     from terratool.mesh.elevation import ElevationGridReport
     from terratool.mesh.export import MeshOptions, MeshReport
+    from terratool.mesh.origin import Origin
     from terratool.mesh.tiles import MeshTilesReport
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 
-_OPTIONS = (
-    click.argument("file"),
-    click.argument("output"),
-    click.option(
-        "--max-error",
-        type=float,
-        metavar="E",
-        help="How far the ground may be from the terrain, along z, anywhere.  [default: 0.005, "
-        "half of what a small wheel notices; but 1/100,000 of a side beyond 500, 1/1000 below 5, "
-        "and more where rough surfaces would take over 2,000,000 faces]",
-    ),
-    click.option(
-        "--max-faces",
-        type=int,
-        metavar="N",
-        help="Enlarge the error, and then leave out the lowest elements and ruts, until there are "
-        "no more.",
-    ),
-    click.option(
-        "--bounds", nargs=4, type=float, metavar="W S E N", help="World rectangle to write."
-    ),
-    click.option("--solid", is_flag=True, help="Close the mesh by sides and a bottom."),
-    click.option(
-        "--base",
-        type=float,
-        metavar="Z",
-        help="Height of the bottom of a --solid.  [default: somewhat below the lowest ground]",
-    ),
-    click.option(
-        "--origin",
-        type=click.Choice(["local", "world"]),
-        default="local",
-        show_default=True,
-        help="Whether coordinates are near 0, and the file says where that is, or those of the "
-        "world; .obj and .ply have digits enough for these.",
-    ),
-    click.option(
-        "--tile-faces",
-        type=int,
-        metavar="N",
-        help="Write files of about N faces each, for terrains too large for one, into a folder: "
-        "OUTPUT without its suffix. They fit each other; its tiles.json lists them.",
-    ),
-    roughness_option,
-    library_root_option,
-    click.option("--overwrite", is_flag=True, help="Replace files that exist."),
-    click.option("--json", "as_json", is_flag=True, help="Say what was written as JSON."),
-)
-_NORMALS_OPTION = click.option(
-    "--no-normals",
-    is_flag=True,
-    help="Leave out the normals of an .obj: it is smaller, and viewers shade it flat.",
-)
-_GRID_OPTIONS = (
+_GRID = (
     click.option(
         "--elevation-grid",
         is_flag=True,
@@ -84,17 +41,83 @@ _GRID_OPTIONS = (
         "--resolution",
         type=float,
         metavar="R",
-        help="Distance between the nodes of an --elevation-grid.  [default: a tenth of the "
-        "smallest cell, but 128 to 512 steps on the longer side]",
+        help="Side of the cells of an --elevation-grid.  [default: a tenth of the smallest cell, "
+        "but 128 to 512 cells on the longer side]",
+    ),
+)
+_NORMALS = (
+    click.option(
+        "--no-normals",
+        is_flag=True,
+        help="Leave out the normals of an .obj: it is smaller, and viewers shade it flat.",
     ),
 )
 
 
-def _options(*options: Callable[[_Function], _Function]) -> Callable[[_Function], _Function]:
-    """Decorator that adds options to a function, in their order."""
+def _options(*more: Callable[[Any], Any]) -> Callable[[_Function], _Function]:
+    """Decorator that adds the arguments and options of a mesh to a command, and some more.
+
+    Args:
+        more: decorators of options that only some formats have.
+    """
 
     def decorate(function: _Function) -> _Function:
-        for option in reversed(options):
+        for option in reversed(
+            (
+                click.argument("file"),
+                output_argument,
+                option_group(
+                    "How fine it is",
+                    click.option(
+                        "--max-error",
+                        type=float,
+                        metavar="E",
+                        help="How far the ground may be from the terrain, along z, anywhere.  "
+                        "[default: 0.005; but 1/100,000 of a side beyond 500, 1/1000 below 5, and "
+                        "more where rough surfaces would take over 2,000,000 faces]",
+                    ),
+                    click.option(
+                        "--max-faces",
+                        type=int,
+                        metavar="N",
+                        help="Enlarge the error, and then leave out the lowest elements and ruts, "
+                        "until there are no more.",
+                    ),
+                    click.option(
+                        "--tile-faces",
+                        type=int,
+                        metavar="N",
+                        help="Write tiles of about N faces each into a folder: OUT without its "
+                        "suffix. They fit each other; its tiles.json lists them.",
+                    ),
+                ),
+                option_group(
+                    "What it has",
+                    click.option(
+                        "--bounds",
+                        nargs=4,
+                        type=float,
+                        metavar="W S E N",
+                        help="Rectangle of the world.",
+                    ),
+                    origin_options,
+                    click.option(
+                        "--solid", is_flag=True, help="Close the mesh by sides and a bottom."
+                    ),
+                    click.option(
+                        "--base",
+                        type=float,
+                        metavar="Z",
+                        help="Height of the bottom.  [default: somewhat below the lowest ground]",
+                    ),
+                    *more,
+                ),
+                overwrite_option(),
+                json_option(),
+                roughness_option,
+                library_root_option,
+            )
+        ):
             function = option(function)
         return function
 
@@ -103,44 +126,48 @@ def _options(*options: Callable[[_Function], _Function]) -> Callable[[_Function]
 
 @click.command(
     "export-mesh",
+    cls=Command,
     epilog="Example: terratool export-mesh samples/warehouse.json out.glb --max-error 0.02",
 )
-@_options(*_OPTIONS[:-2], *_GRID_OPTIONS, _NORMALS_OPTION, *_OPTIONS[-2:])
+@_options(*_GRID, *_NORMALS)
 def command(**options: Any) -> None:
     """Write FILE as a mesh of triangles with upright walls.
 
-    The suffix of OUTPUT names the format: .obj (with an .mtl), .wrl (VRML97), .x3d, .glb, .stl,
+    The suffix of OUT names the format: .obj (with an .mtl), .wrl (VRML97), .x3d, .glb, .stl,
     .ply, .usdc or .usda (these two need terratool[usd]). Faces have the colours and names of their
-    surfaces, as far as the format has a place for them. z is up, but y in a .glb.
+    surfaces, as far as the format has a place for them. z is up, but y in a .glb. Only .obj and
+    .ply have digits enough for --origin world.
     """
-    _export(_Request("", **options))
+    _export(_Request.of("", options))
 
 
 @click.command(
     "export-obj",
+    cls=Command,
     epilog="Example: terratool export-obj samples/stairs-and-kerbs.json out.obj --origin world",
 )
-@_options(*_OPTIONS[:-2], _NORMALS_OPTION, *_OPTIONS[-2:])
+@_options(*_NORMALS)
 def obj(**options: Any) -> None:
     """Write FILE as Wavefront OBJ, with materials in an .mtl beside it.
 
-    The same as export-mesh with an OUTPUT that ends in .obj: a group and a material for each
-    surface, z up.
+    The same as export-mesh with an OUT that ends in .obj: a group and a material for each surface,
+    z up.
     """
-    _export(_Request(".obj", **options))
+    _export(_Request.of(".obj", options))
 
 
 @click.command(
     "export-vrml",
+    cls=Command,
     epilog="Example: terratool export-vrml samples/ramp-yard.json out.wrl --max-faces 5000",
 )
-@_options(*_OPTIONS[:-2], *_GRID_OPTIONS, *_OPTIONS[-2:])
+@_options(*_GRID)
 def vrml(**options: Any) -> None:
     """Write FILE as VRML97, indented and with names, so that a person can read it.
 
-    The same as export-mesh with an OUTPUT that ends in .wrl: a Shape for each surface, z up.
+    The same as export-mesh with an OUT that ends in .wrl: a Shape for each surface, z up.
     """
-    _export(_Request(".wrl", **options))
+    _export(_Request.of(".wrl", options))
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,7 +182,7 @@ class _Request:
     bounds: tuple[float, float, float, float] | None
     solid: bool
     base: float | None
-    origin: str
+    origin: Origin
     tile_faces: int | None
     overwrite: bool
     as_json: bool
@@ -163,9 +190,11 @@ class _Request:
     resolution: float | None = None
     no_normals: bool = False
 
-    @property
-    def world(self) -> bool:
-        return self.origin == "world"
+    @classmethod
+    def of(cls, suffix: str, options: dict[str, Any]) -> _Request:
+        """Request by the values of a command's arguments and options."""
+        origin = origin_from(options)
+        return cls(suffix, origin=origin, **options)
 
     def options(self) -> MeshOptions:
         """Options of the mesh."""
@@ -177,7 +206,7 @@ class _Request:
             self.bounds,
             self.solid,
             self.base,
-            self.world,
+            self.origin,
             not self.no_normals,
         )
 
@@ -202,7 +231,7 @@ class _Request:
             "--max-faces": self.max_faces is not None,
             "--solid": self.solid,
             "--base": self.base is not None,
-            "--origin world": self.world,
+            "--origin": self.origin != "local",
             "--tile-faces": self.tile_faces is not None,
             "--no-normals": self.no_normals,
         }
@@ -328,7 +357,7 @@ def _check_output(request: _Request) -> None:
     from terratool.mesh.export import check_request
     from terratool.output import is_same_file
 
-    form = check_request(request.output, request.overwrite, request.world)
+    form = check_request(request.output, request.overwrite, request.origin == "world")
     output = Path(request.output)
     for path in (output, *(output.with_suffix(suffix) for suffix in form.companions)):
         if is_same_file(path, request.file):

@@ -2,12 +2,22 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 from msgspec import Struct
 
-from terratool.cli.options import library_root_option, roughness_option
+from terratool.cli.command import Command, option_group
+from terratool.cli.options import (
+    json_option,
+    library_root_option,
+    origin_from,
+    origin_options,
+    output_argument,
+    overwrite_option,
+    roughness_option,
+    vehicle_option,
+)
 from terratool.cli.saying import say, say_json
 from terratool.cli.terminal import StatusLine, load
 from terratool.report.documents import Document
@@ -20,9 +30,6 @@ from terratool.simulators.options import (
     SceneOptions,
 )
 from terratool.simulators.targets import TARGETS, choose_targets
-
-if TYPE_CHECKING:
-    from terratool.simulators.options import Origin
 
 _ABOUT = {
     "max_geoms": ["mujoco"],
@@ -40,94 +47,96 @@ _IN_PLACE_OF = {"max_geoms": "flex", "max_slope": "vehicle", "max_step": "vehicl
 
 @click.command(
     "export-sim",
+    cls=Command,
     epilog="Example: terratool export-sim samples/warehouse.json out --target mujoco "
     "--target gazebo",
 )
 @click.argument("file")
-@click.argument("folder", metavar="DIR")
-@click.option(
-    "--target",
-    "targets",
-    multiple=True,
-    metavar="|".join([*TARGETS, "all"]),
-    help="What to write for; several times for several.  [required]",
+@output_argument
+@option_group(
+    "What is written",
+    click.option(
+        "--target",
+        "targets",
+        multiple=True,
+        metavar="NAME",
+        help=f"{', '.join(TARGETS)} or all; several times for several.  [required]",
+    ),
+    click.option(
+        "--max-error",
+        type=float,
+        default=DEFAULT_ERROR,
+        show_default=True,
+        metavar="E",
+        help="How far the ground may be from the terrain, along z, anywhere.",
+    ),
+    origin_options,
+    click.option(
+        "--friction",
+        type=float,
+        default=ASSUMED_FRICTION,
+        show_default=True,
+        metavar="MU",
+        help="Of surfaces without a fricAngle; others have the tangent of theirs.",
+    ),
 )
-@click.option(
-    "--max-error",
-    type=float,
-    default=DEFAULT_ERROR,
-    show_default=True,
-    metavar="E",
-    help="How far the ground may be from the terrain, along z, anywhere.",
+@option_group(
+    "mujoco and gazebo",
+    click.option(
+        "--max-geoms",
+        type=int,
+        default=MAX_GEOMS,
+        show_default=True,
+        metavar="N",
+        help="mujoco: Most solids and height fields that collide; the error grows if need be.",
+    ),
+    click.option(
+        "--flex", is_flag=True, help="mujoco: Collide with the mesh itself, a rigid flex."
+    ),
+    click.option("--heightmap", is_flag=True, help="gazebo: A picture of heights, without walls."),
 )
-@click.option(
-    "--origin",
-    default="local",
-    show_default=True,
-    metavar="local|center|world|X,Y,Z",
-    help="Where zero is: the south-west corner, the middle, the zero of the world, or a point of "
-    "the world.",
+@option_group(
+    "nav2 and grid-map",
+    click.option(
+        "--resolution",
+        type=float,
+        metavar="R",
+        help="Side of a cell.  [default: 0.05, or coarser where that is too many]",
+    ),
+    vehicle_option,
+    click.option(
+        "--max-slope",
+        type=float,
+        default=MAX_SLOPE,
+        show_default=True,
+        metavar="DEG",
+        help="nav2: The steepest slope, without a --vehicle.",
+    ),
+    click.option(
+        "--max-step",
+        type=float,
+        default=MAX_STEP,
+        show_default=True,
+        metavar="H",
+        help="nav2: The highest step, without a --vehicle.",
+    ),
 )
-@click.option(
-    "--friction",
-    type=float,
-    default=ASSUMED_FRICTION,
-    show_default=True,
-    metavar="MU",
-    help="The coefficient of surfaces without a fricAngle; others have the tangent of theirs.",
-)
-@click.option(
-    "--max-geoms",
-    type=int,
-    default=MAX_GEOMS,
-    show_default=True,
-    metavar="N",
-    help="mujoco: At most so many solids and height fields collide; the error grows if need be.",
-)
-@click.option("--flex", is_flag=True, help="mujoco: Collide with the mesh itself, a rigid flex.")
-@click.option("--heightmap", is_flag=True, help="gazebo: A picture of heights, without walls.")
-@click.option(
-    "--vehicle", metavar="V.json", help="nav2, grid-map: The vehicle whose verdict decides."
-)
-@click.option(
-    "--max-slope",
-    type=float,
-    default=MAX_SLOPE,
-    show_default=True,
-    metavar="DEG",
-    help="nav2: The steepest slope, without a --vehicle.",
-)
-@click.option(
-    "--max-step",
-    type=float,
-    default=MAX_STEP,
-    show_default=True,
-    metavar="H",
-    help="nav2: The highest step, without a --vehicle.",
-)
-@click.option(
-    "--resolution",
-    type=float,
-    metavar="R",
-    help="nav2, grid-map: The side of a cell.  [default: 0.05, but 4,096 cells a side at most, of "
-    "grid-map 1,024]",
-)
+@overwrite_option("Write folders of an earlier run again.")
+@json_option()
 @roughness_option
 @library_root_option
-@click.option("--overwrite", is_flag=True, help="Write folders of an earlier run again.")
-@click.option("--json", "as_json", is_flag=True, help="Say what was written as JSON.")
 @click.pass_context
 def command(
     ctx: click.Context,
     /,
     file: str,
-    folder: str,
+    output: str,
     targets: tuple[str, ...],
     overwrite: bool,
     as_json: bool,
     **options: Any,
 ) -> None:
-    """Write FILE for simulators: each gets a folder in DIR, with a README.md and a manifest.json.
+    """Write FILE for simulators: each gets a folder in OUT, with a README.md and a manifest.json.
 
     The README.md says in a few lines how to load it, the manifest.json lists surfaces with their
     friction, what is lost, and the files. The same FILE and options give the same bytes.
@@ -135,12 +144,12 @@ def command(
     from terratool.errors import RequestError
     from terratool.simulators.export import plan_export
 
-    if not folder:
-        raise RequestError("DIR is empty.", "Name a folder.")
+    if not output:
+        raise RequestError("OUT is empty.", "Name a folder.")
     _refuse_idle(ctx, list(choose_targets(targets)))
-    wanted = SceneOptions(origin=_origin(options.pop("origin")), **options)
+    wanted = SceneOptions(origin=origin_from(options), **options)
     source = None if file == "-" else file
-    plan = plan_export(folder, targets, wanted, source=source, overwrite=overwrite)
+    plan = plan_export(output, targets, wanted, source=source, overwrite=overwrite)
     terrain = load(file)
     with StatusLine("meshing") as status:
         reports = plan.write(terrain, status.say)
@@ -203,17 +212,3 @@ def _refuse_idle(ctx: click.Context, targets: list[str]) -> None:
                 f"{option} has no effect with --{_IN_PLACE_OF[name]}.",
                 f"Leave out {option} or --{_IN_PLACE_OF[name]}.",
             )
-
-
-def _origin(text: str) -> Origin:
-    from terratool.errors import RequestError
-
-    if text in ("local", "center", "world"):
-        return text  # type: ignore[return-value]
-    try:
-        x, y, z = map(float, text.replace(",", " ").split())
-    except ValueError:
-        raise RequestError(
-            f"The origin is {text!r}.", "Give local, center, world, or three numbers: X,Y,Z."
-        ) from None
-    return x, y, z

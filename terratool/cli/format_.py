@@ -8,13 +8,16 @@ from itertools import chain
 
 import click
 
+from terratool.cli.command import Command
+from terratool.cli.options import json_option
 from terratool.cli.report import ValidationReport, ValidationSummary, as_text
-from terratool.cli.saying import say, say_block, say_error, write_definition
+from terratool.cli.saying import say, say_block, say_error, say_json, write_definition
 from terratool.cli.terminal import StatusLine, short_name
 from terratool.definition.layout import canonical
 from terratool.definition.reader import CheckOptions, check
 from terratool.errors import ReadError, WriteError
 from terratool.output import whole_file
+from terratool.report.documents import Document
 from terratool.report.wording import count_of
 from terratool.text.source import PLAIN, Source, leads_out, read_source, sources
 
@@ -22,13 +25,27 @@ _NOT_ONE = ("TT105", "")
 """Code and JSON pointer of the finding in a text that is no object."""
 
 
-@click.command("format", epilog="Example: terratool format samples/paper-example.json --check")
+class FormatDocument(Document, frozen=True, kw_only=True):
+    """Files that were laid out, or would be, as JSON."""
+
+    files: int
+    changed: list[str]
+    broken: int
+    failed: int
+
+
+@click.command(
+    "format",
+    cls=Command,
+    epilog="Example: terratool format samples/paper-example.json --check",
+)
 @click.argument("files", nargs=-1, required=True, metavar="FILE|DIR...")
 @click.option(
     "--check", "only_check", is_flag=True, help="Write nothing; exit 1 if a file differs."
 )
+@json_option("Say which files changed as JSON.")
 @click.pass_context
-def command(ctx: click.Context, files: tuple[str, ...], only_check: bool) -> None:
+def command(ctx: click.Context, files: tuple[str, ...], only_check: bool, as_json: bool) -> None:
     """Lay terrains, libraries, vehicles, sensors and curricula out canonically, in place.
 
     Keys stand in the format's order, short vectors and members share a line, lines have up to 120
@@ -37,7 +54,10 @@ def command(ctx: click.Context, files: tuple[str, ...], only_check: bool) -> Non
     are not. Exits 1 if a text is no JSON object, or with --check if one is not laid out so, and 3
     if one cannot be read or written.
     """
-    changed = broken = count = 0
+    if as_json and "-" in files and not only_check:
+        raise click.UsageError("Standard output takes the definition or --json. Drop one of them.")
+    broken = count = 0
+    changed: list[str] = []
     failed: list[ReadError | WriteError] = []
     with StatusLine("reading") as status:
         for name in chain.from_iterable(_names(given, failed, status) for given in files):
@@ -69,12 +89,15 @@ def command(ctx: click.Context, files: tuple[str, ...], only_check: bool) -> Non
                 except WriteError as error:
                     failed.append(_print_error(error, status))
                     continue
-                say(f"{source.name}: {what}")
-            changed += differs
-    if "-" not in files or only_check:
+                if not as_json:
+                    say(f"{source.name}: {what}")
+            changed += [source.name] * differs
+    if as_json:
+        say_json(FormatDocument(files=count, changed=changed, broken=broken, failed=len(failed)))
+    elif "-" not in files or only_check:
         what = "would change" if only_check else "changed"
-        say(f"{count_of(count, 'file')} read, {changed:,} {what}.")
-    ctx.exit(3 if failed else int(broken > 0 or (only_check and changed > 0)))
+        say(f"{count_of(count, 'file')} read, {len(changed):,} {what}.")
+    ctx.exit(3 if failed else int(broken > 0 or (only_check and bool(changed))))
 
 
 def _names(given: str, failed: list[ReadError | WriteError], status: StatusLine) -> Iterator[str]:

@@ -7,7 +7,18 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from terratool.cli.options import library_root_option, library_roots, options_of, source_options
+from terratool.cli.command import Command, option_group
+from terratool.cli.options import (
+    WordChoice,
+    cell_options,
+    json_option,
+    library_root_option,
+    library_roots,
+    options_of,
+    output_option,
+    overwrite_option,
+    source_options,
+)
 from terratool.cli.saying import say, say_json, write_definition
 from terratool.cli.terminal import StatusLine, short_name
 
@@ -22,51 +33,56 @@ _MOST_STEPS = 64
 
 @click.command(
     "import-primitive",
+    cls=Command,
     epilog="Example: terratool import-primitive dem.tif --name knoll --window 120 80 64 48 "
-    "--into terrain.json --place 3,2",
+    "--into terrain.json --cell 3 2",
 )
 @click.argument("source")
-@click.option("--name", required=True, metavar="NAME", help="Of the primitive.")
-@click.option("--into", metavar="FILE", help="Add it to this terrain or library.")
-@click.option("--output", metavar="OUT", help="Write to this file instead.")
-@click.option(
-    "--place",
-    metavar="X,Y[,PARENT]",
-    help="With --into: also add an element in this cell of the grid of PARENT, a JSON pointer.  "
-    "[default: /elemTree]",
+@option_group(
+    "Where it goes",
+    click.option("--name", required=True, metavar="NAME", help="Of the primitive."),
+    click.option("--into", metavar="FILE", help="Add it to this terrain or library."),
+    output_option("Write to this file instead."),
+    *cell_options,
 )
-@click.option(
-    "--span",
-    metavar="W,H",
-    help="With --place: the element takes so many cells to the east and north.  [default: 1,1]",
-)
-@click.option(
-    "--samples",
-    type=int,
-    metavar="N",
-    help="Values in each curve.  [default: the fewest with an error close to the smallest]",
-)
-@click.option("--terms", type=int, default=1, metavar="K", help="So many primitives for one cell.")
-@click.option("--turn", is_flag=True, help="Look for the angle that fits best.")
-@click.option(
-    "--combine",
-    type=click.Choice(["product", "sum", "auto"]),
-    default="product",
-    show_default=True,
-    help="How the two curves become one; auto takes what fits better.",
-)
-@click.option("--recognise", is_flag=True, help="Write named curves where they fit.")
-@click.option(
-    "--tolerance",
-    type=float,
-    metavar="E",
-    help="Largest error, in units of the heights; if it is missed, write nothing and exit 1.",
+@option_group(
+    "How close it is",
+    click.option(
+        "--max-error",
+        "tolerance",
+        type=float,
+        metavar="E",
+        help="Largest error, in units of the heights; if it is missed, write nothing and exit 1.",
+    ),
+    click.option(
+        "--values",
+        "samples",
+        type=int,
+        metavar="N",
+        help="In each curve.  [default: the fewest with an error close to the smallest]",
+    ),
+    click.option(
+        "--terms",
+        type=int,
+        default=1,
+        show_default=True,
+        metavar="K",
+        help="So many primitives for one cell.",
+    ),
+    click.option("--fit-turn", "turn", is_flag=True, help="Look for the angle that fits best."),
+    click.option(
+        "--combine",
+        type=WordChoice(("product", "sum", "auto")),
+        default="product",
+        show_default=True,
+        metavar="HOW",
+        help="How two curves become one: product, sum, or auto for what fits better.",
+    ),
+    click.option("--recognise", is_flag=True, help="Write named curves where they fit."),
 )
 @source_options
-@click.option(
-    "--overwrite", is_flag=True, help="Replace a primitive of that name, and an OUT that exists."
-)
-@click.option("--json", "as_json", is_flag=True, help="Say what was found as JSON.")
+@overwrite_option("Replace a primitive of that name, and an OUT that exists.")
+@json_option("Say what was found as JSON.")
 @library_root_option
 def command(source: str, name: str, overwrite: bool, as_json: bool, **values: Any) -> None:
     """Make a primitive of a patch of heights from SOURCE, a DEM or a mesh.
@@ -87,10 +103,10 @@ def command(source: str, name: str, overwrite: bool, as_json: bool, **values: An
     from terratool.output import is_same_file, refuse_existing, refuse_missing_folder
 
     chosen = options_of(values)
-    into, output, place, span = (values.pop(key) for key in ("into", "output", "place", "span"))
+    into, output = values.pop("into"), values.pop("output")
+    cell = _cell(into, values.pop("cell"), values.pop("span"), values.pop("parent"))
     wanted = PrimitiveRequest(**values)
     names = names_of(name, wanted)
-    cell = _cell(into, place, span)
     target = None
     if into is not None:
         target = insert.target_of(into, names, cell, output, overwrite, library_roots())
@@ -110,21 +126,25 @@ def command(source: str, name: str, overwrite: bool, as_json: bool, **values: An
         raise MissedError(
             f"The error is {largest:.4g} {imported.unit}, and {wanted.tolerance:g} is allowed; "
             "nothing was written.",
-            "Allow more, or try more --terms, --turn or a smaller patch.",
+            "Allow more, or try more --terms, --fit-turn or a smaller patch.",
         )
     _deliver(imported, target, output, overwrite, as_json)
 
 
-def _cell(into: str | None, place: str | None, span: str | None) -> CellPath | None:
-    """Cell of the element that is added; None if no element is."""
+def _cell(
+    into: str | None, cell: tuple[int, int] | None, span: tuple[int, int] | None, parent: str
+) -> CellPath | None:
+    """Cells of the element that is added; None if no element is."""
     from terratool.errors import RequestError
-    from terratool.importing.primitive.insert import parse_cell_path
+    from terratool.importing.primitive.insert import CellPath
 
-    if place is not None and into is None:
-        raise RequestError("--place is about a definition.", "Name it with --into.")
-    if span is not None and place is None:
-        raise RequestError("--span is about a place.", "Say where with --place.")
-    return None if place is None else parse_cell_path(place, span)
+    if cell is not None and into is None:
+        raise RequestError("--cell is about a definition.", "Name it with --into.")
+    if cell is None:
+        if span is not None:
+            raise RequestError("--span goes with --cell.", "Give --cell X Y, or drop --span.")
+        return None
+    return CellPath(cell, parent, span or (1, 1))
 
 
 def _read(

@@ -9,7 +9,15 @@ from typing import TYPE_CHECKING, Any
 import click
 from msgspec import Struct
 
-from terratool.cli.options import WordChoice, options_of, source_options
+from terratool.cli.command import Command, option_group
+from terratool.cli.options import (
+    WordChoice,
+    json_option,
+    options_of,
+    output_argument,
+    overwrite_option,
+    source_options,
+)
 from terratool.cli.saying import say, say_json
 from terratool.cli.terminal import StatusLine, short_name
 from terratool.definition.presets import PRESETS
@@ -26,73 +34,72 @@ _METHODS = ("rows", "columns", "nodal-rows", "nodal-columns", "hats")
 
 @click.command(
     "import-terrain",
+    cls=Command,
     epilog="Example: terratool import-terrain dem.tif site.json.gz --max-error 0.1 "
     "--preset dry-sand",
 )
 @click.argument("source")
-@click.argument("output")
-@click.option(
-    "--max-error",
-    type=float,
-    required=True,
-    metavar="E",
-    help="How far heights may be off, in their units.",
+@output_argument
+@option_group(
+    "How close it is",
+    click.option(
+        "--max-error",
+        type=float,
+        required=True,
+        metavar="E",
+        help="How far heights may be off, in their units.",
+    ),
+    click.option("--fill", is_flag=True, help="Fill what is nodata, rather than leave it void."),
+    click.option(
+        "--structures/--no-structures",
+        default=True,
+        help="Whether to look for boxes, ramps and hills.",
+    ),
+    click.option(
+        "--walls",
+        is_flag=True,
+        help="Give these upright walls, where the DEM has a slope of one pixel.",
+    ),
+    click.option(
+        "--method",
+        "methods",
+        multiple=True,
+        type=WordChoice(_METHODS),
+        metavar="NAME",
+        help=f"Of writing heights: {', '.join(_METHODS)}.  [default: the smallest]",
+    ),
+    click.option(
+        "--cells",
+        type=WordChoice(("pixels", "half-pixels")),
+        default="half-pixels",
+        show_default=True,
+        metavar="KIND",
+        help="half-pixels make the smallest file; to pixels elements are easily added.",
+    ),
+)
+@option_group(
+    "What it wears",
+    click.option(
+        "--preset", type=WordChoice(PRESETS), metavar="SOIL", help="Its soil, as dry-sand."
+    ),
+    click.option(
+        "--surface",
+        metavar="NAME",
+        help="A surface, to be filled in, or a class.  [default: the name of the preset]",
+    ),
+    click.option(
+        "--surfaces", metavar="CLASSES.tif", help="Take surfaces from a raster of classes first."
+    ),
 )
 @source_options
-@click.option(
-    "--surfaces",
-    metavar="CLASSES.tif",
-    help="Take surfaces from a raster of classes.",
-)
-@click.option(
-    "--surface",
-    metavar="S",
-    help="What the ground wears, where no class says otherwise: a surface of this name, to be "
-    "filled in, or that class.  [default: the name of the preset, if there is one]",
-)
-@click.option(
-    "--preset",
-    type=WordChoice(PRESETS),
-    metavar="SOIL",
-    help="The soil of that surface, as dry-sand.",
-)
-@click.option("--fill", is_flag=True, help="Fill what is nodata, rather than leave it void.")
-@click.option(
-    "--structures/--no-structures",
-    default=True,
-    help="Whether to look for boxes, ramps and hills.",
-)
-@click.option(
-    "--walls",
-    is_flag=True,
-    help="Give these upright walls, where the DEM has a slope of one pixel.",
-)
-@click.option(
-    "--method",
-    "methods",
-    multiple=True,
-    type=WordChoice(_METHODS),
-    metavar="NAME",
-    help=f"How to write the heights, once or several times: {', '.join(_METHODS)}.  "
-    "[default: the smallest]",
-)
-@click.option(
-    "--cells",
-    type=WordChoice(("pixels", "half-pixels")),
-    default="half-pixels",
-    show_default=True,
-    metavar="KIND",
-    help="What the cells of the tree are: half-pixels make the smallest file, in pixels own "
-    "elements are easily added.",
-)
-@click.option("--overwrite", is_flag=True, help="Replace a file that exists.")
-@click.option("--json", "as_json", is_flag=True, help="Say what was written as JSON.")
+@overwrite_option("Replace a file that exists.")
+@json_option()
 def command(source: str, output: str, overwrite: bool, as_json: bool, **values: Any) -> None:
-    """Write a DEM or a mesh, SOURCE, as a definition, OUTPUT.
+    """Write a DEM or a mesh, SOURCE, as a definition, OUT.
 
     The terrain is within E of the DEM everywhere, which is bilinear between the centres of its
     pixels; that is measured before the file appears. What is nodata becomes a void surface.
-    OUTPUT is compressed if its name ends in .json.gz. A SOURCE is a raster that GDAL reads, or a
+    OUT is compressed if its name ends in .json.gz. A SOURCE is a raster that GDAL reads, or a
     mesh (.obj, .stl, .ply, .glb, .gltf, .off, .3mf, .dxf, .wrl, .x3d, .x3dv), which is looked at
     from above.
     """

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from terratool.cli.options import library_root_option, roughness_option
+from terratool.cli.command import Command
+from terratool.cli.options import json_option, library_root_option, roughness_option
 from terratool.cli.saying import say, say_json, write_json
 from terratool.cli.terminal import StatusLine, load
 from terratool.text.display import printable
@@ -18,17 +19,17 @@ if TYPE_CHECKING:
     from terratool.field.terrain import Terrain
 
 
-@click.command("info", epilog="Example: terratool info samples/paper-example.json")
+@click.command("info", cls=Command, epilog="Example: terratool info samples/paper-example.json")
 @click.argument("file")
-@click.option("--json", "as_json", is_flag=True, help="Write JSON.")
 @click.option(
     "--geojson",
     is_flag=True,
     help="Write the footprints of elements and the lines of tracks as GeoJSON, in its crs.",
 )
+@json_option("Say it as JSON.")
 @roughness_option
 @library_root_option
-def command(file: str, as_json: bool, geojson: bool) -> None:
+def command(file: str, geojson: bool, as_json: bool) -> None:
     """Say what a terrain consists of: size, elements, heights, memory."""
     if as_json and geojson:
         raise click.UsageError("--json and --geojson are two formats. Choose one.")

@@ -99,10 +99,9 @@ class _Lazy(click.Group):
         if ctx.resilient_parsing:  # no error may be printed while a shell completes
             return super().resolve_command(ctx, args)
         if args and args[0] not in _COMMANDS and not args[0].startswith("-"):
-            from difflib import get_close_matches
+            from terratool.text.meaning import guess
 
-            close = get_close_matches(args[0], _COMMANDS, 1)
-            hint = f"Did you mean {close[0]}?" if close else "Run terratool --help for the list."
+            hint = guess(args[0], _COMMANDS) or "Run terratool --help for the list."
             ctx.fail(f"There is no command {args[0]!r}. {hint}")
         from terratool.cli.options import refuse_ambiguous
 
@@ -144,7 +143,7 @@ def _say_version(ctx: click.Context, param: click.Parameter, value: bool) -> Non
 
 @click.command(
     cls=_Lazy,
-    context_settings={"help_option_names": ["-h", "--help"]},
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
     epilog="Example: terratool validate samples/paper-example.json",
 )
 @click.option(

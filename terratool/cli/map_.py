@@ -7,7 +7,13 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from terratool.cli.options import finite
+from terratool.cli.command import Command, option_group
+from terratool.cli.options import (
+    finite,
+    json_option,
+    output_argument_behind_several,
+    overwrite_option,
+)
 from terratool.cli.saying import say, say_json
 from terratool.cli.terminal import StatusLine
 from terratool.report.documents import Document
@@ -27,54 +33,64 @@ _MOST_NAMES = 20
 
 @click.command(
     "map",
-    epilog="Example: terratool map first.npz second.npz --cell 0.1 --output map.tif --bag map_bag",
+    cls=Command,
+    epilog="Example: terratool map first.npz second.npz map.tif --resolution 0.1 --bag map_bag",
 )
-@click.argument("scans", nargs=-1, required=True, metavar="SCANS")
-@click.option("--output", required=True, metavar="OUT.tif", help="The map, of its finest cells.")
-@click.option(
-    "--cell",
-    type=click.FloatRange(0, min_open=True),
-    required=True,
-    callback=finite,
-    metavar="S",
-    help="Side of the finest cells, m.",
+@click.argument("scans", nargs=-1, required=True, metavar="SCANS...")
+@output_argument_behind_several
+@option_group(
+    "Cells",
+    click.option(
+        "--resolution",
+        type=click.FloatRange(0, min_open=True),
+        required=True,
+        callback=finite,
+        metavar="R",
+        help="Side of the finest cells, m.",
+    ),
+    click.option(
+        "--levels",
+        type=click.IntRange(1, MOST_LEVELS),
+        default=LEVELS,
+        show_default=True,
+        metavar="N",
+        help="So many sizes of cells, each twice the one before; a file OUT.level-1.tif, … for "
+        "each.",
+    ),
+    click.option(
+        "--bounds",
+        nargs=4,
+        type=float,
+        callback=finite,
+        metavar="W S E N",
+        help="Rectangle of the world that the map holds.  [default: all readings]",
+    ),
 )
-@click.option(
-    "--levels",
-    type=click.IntRange(1, MOST_LEVELS),
-    default=LEVELS,
-    show_default=True,
-    metavar="N",
-    help="So many sizes of cells, each twice the one before; a file OUT.level-1.tif, … for each.",
+@option_group(
+    "Scans",
+    click.option(
+        "--sensor-at",
+        nargs=3,
+        type=float,
+        callback=finite,
+        metavar="X Y Z",
+        help="Where the sensor was, for scans that do not say.",
+    ),
+    click.option(
+        "--sigma",
+        type=click.FloatRange(0, min_open=True),
+        callback=finite,
+        metavar="M",
+        help=f"Standard deviation of ranges, m.  [default: {SIGMA:g}]",
+    ),
+    click.option(
+        "--sensor", "sensor_file", metavar="S.json", help="Instead: the noise of a sensor."
+    ),
+    click.option("--crs", metavar="CRS", help="Reference system of the scans, as EPSG:32633."),
 )
-@click.option(
-    "--bounds",
-    nargs=4,
-    type=float,
-    callback=finite,
-    metavar="W S E N",
-    help="What the map holds.  [default: all readings]",
-)
-@click.option(
-    "--sigma",
-    type=click.FloatRange(0, min_open=True),
-    callback=finite,
-    metavar="M",
-    help=f"Standard deviation of ranges, m.  [default: {SIGMA:g}]",
-)
-@click.option("--sensor", "sensor_file", metavar="S.json", help="Instead: the noise of a sensor.")
-@click.option(
-    "--origin",
-    nargs=3,
-    type=float,
-    callback=finite,
-    metavar="X Y Z",
-    help="Where the sensor was, for scans that do not say.",
-)
-@click.option("--crs", metavar="CRS", help="Reference system of the scans, as EPSG:32633.")
 @click.option("--bag", metavar="DIR", help="Write a folder that is a bag of ROS 2, of grid_maps.")
-@click.option("--overwrite", is_flag=True, help="Replace what exists.")
-@click.option("--json", "as_json", is_flag=True, help="Say what was mapped as JSON.")
+@overwrite_option("Replace what exists.")
+@json_option("Say what was mapped as JSON.")
 def command(
     scans: tuple[str, ...],
     output: str,
@@ -84,7 +100,7 @@ def command(
     as_json: bool,
     **values: Any,
 ) -> None:
-    """Fuse SCANS into the map that a robot would have made of them.
+    """Fuse SCANS into the map that a robot would have made of them, a GeoTIFF.
 
     SCANS are clouds of points: .npz, .csv, .ply, .pcd, .las or .laz, in the world's axes, as
     terratool scan writes them. Each cell has its height with the variance of that, the lowest and
@@ -112,9 +128,9 @@ def command(
     noise = Noise(sigma=SIGMA if sigma is None else sigma)
     if sensor_file is not None:
         noise = load_sensor(sensor_file).noise
-    options = MapOptions(values["cell"], levels, noise)
+    options = MapOptions(values["resolution"], levels, noise)
     with StatusLine("reading") as status:
-        robot_map = map_scans(scans, options, values["bounds"], values["origin"], status.say)
+        robot_map = map_scans(scans, options, values["bounds"], values["sensor_at"], status.say)
         files = write_map(robot_map, wanted, status.say)
     if as_json:
         say_json(_document(robot_map, files))

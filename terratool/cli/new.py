@@ -10,6 +10,8 @@ import click
 
 from terratool.authoring.starters.build import KINDS, hint_for
 from terratool.authoring.starters.options import Option
+from terratool.cli.command import Command
+from terratool.cli.options import output_parameters
 from terratool.cli.saying import say, say_json, write_definition
 from terratool.cli.terminal import StatusLine, short_name
 from terratool.report.documents import Document
@@ -36,12 +38,12 @@ def _number(text: str | float) -> float:
         ) from None
 
 
-class _KindCommand(click.Command):
+class _KindCommand(Command):
     """Command of one kind of terrain; its errors name the kinds that take an unknown option."""
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         try:
-            return super().parse_args(ctx, args)
+            return click.Command.parse_args(self, ctx, args)
         except click.NoSuchOption as error:
             raise click.UsageError(_no_option(self.name or "", error.option_name), ctx) from error
 
@@ -54,7 +56,8 @@ def _no_option(kind: str, given: str) -> str:
         verb = "does" if len(others) == 1 else "do"
         takers, options = join_words(others), join_words(own)
         return f"{kind} takes no {given}, but {takers} {verb}. It takes {options}."
-    return f"{kind} takes no {given}. {hint_for(given, [*own, '--overwrite', '--json'])}"
+    known = [*own, "--output", "--overwrite", "--json"]
+    return f"{kind} takes no {given}. {hint_for(given, known)}"
 
 
 class _KindGroup(click.Group):
@@ -82,13 +85,13 @@ class _KindGroup(click.Group):
 @click.command(
     "new",
     cls=_KindGroup,
-    subcommand_metavar="KIND OUT.json ...",
+    subcommand_metavar="KIND OUT ...",
     epilog="Example: terratool new stairs stairs.json --steps 8 --rise 0.15",
 )
 def command() -> None:
     """Make a terrain to start from.
 
-    OUT.json is a definition to read and to change: short where it can be, laid out as terratool
+    OUT is a definition to read and to change: short where it can be, laid out as terratool
     format does, with a description of all that is in it. It needs no other file. The same kind,
     options and seed give the same bytes. terratool new KIND --help lists the options of a kind.
     """
@@ -100,17 +103,18 @@ def _command_of(kind: str) -> click.Command:
     def make(output: str, overwrite: bool, as_json: bool, **values: Any) -> None:
         _make(kind, output, overwrite, as_json, values)
 
+    output, named = output_parameters()
     return _KindCommand(
         kind,
         params=[
-            click.Argument(["output"], metavar="OUT.json"),
+            output,
             *(_option_of(option) for option in KINDS[kind].options),
-            click.Option(["--overwrite"], is_flag=True, help="Replace OUT.json if it exists."),
+            named,
+            click.Option(["--overwrite"], is_flag=True, help="Replace OUT if it exists."),
             click.Option(["--json", "as_json"], is_flag=True, help="Say what was written as JSON."),
         ],
         callback=make,
-        help=f"{KINDS[kind].descr}\n\nOUT.json is gzipped if it ends with .gz; - is standard "
-        "output.",
+        help=f"{KINDS[kind].descr}\n\nOUT is gzipped if it ends with .gz; - is standard output.",
         epilog=f"Example: terratool new {_EXAMPLES[kind]}",
     )
 
@@ -147,7 +151,7 @@ def _make(kind: str, output: str, overwrite: bool, as_json: bool, values: dict[s
     if not shown:
         if not output.endswith(ALL) or Path(output).name in ALL:
             if not output:
-                raise RequestError("OUT.json has an empty name.", "Give one that ends in .json.")
+                raise RequestError("OUT has an empty name.", "Give one that ends in .json.")
             raise RequestError(f"{output}: is no name of a definition.", "Let it end in .json.")
         refuse_existing(Path(output), overwrite)
         refuse_missing_folder(Path(output))

@@ -1,17 +1,21 @@
-"""Options that commands share: libraries, roughness, sources of heights, vehicles."""
+"""Options that commands share: outputs, libraries, roughness, origins, sources, vehicles."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
+from click.core import ParameterSource
 
+from terratool.cli.command import option_group
 from terratool.text.display import quote
+from terratool.text.meaning import guess
 
 if TYPE_CHECKING:
     from terratool.importing.types import SourceOptions
+    from terratool.mesh.origin import Origin
     from terratool.traversability.vehicle import Vehicle
 
 
@@ -26,11 +30,126 @@ class WordChoice(click.Choice[str]):
 
     def get_invalid_choice_message(self, value: Any, ctx: click.Context | None) -> str:
         """Message of click, with the nearest word."""
-        from difflib import get_close_matches
-
         message = super().get_invalid_choice_message(value, ctx)
-        close = get_close_matches(str(value).lower(), self.choices, 1)
-        return f"{message} Did you mean {close[0]}?" if close else message
+        return f"{message} {guess(str(value), self.choices)}".rstrip()
+
+
+_NAMED = "output_by_name"
+"""Name of the parameter of -o, where the output may be the last argument, too."""
+
+
+class _Output(click.Argument):
+    """Last positional argument, the output, which may stand behind -o instead."""
+
+    def consume_value(
+        self, ctx: click.Context, opts: Mapping[str, Any]
+    ) -> tuple[Any, ParameterSource]:
+        """Value of the argument, or else that of -o."""
+        value, source = super().consume_value(ctx, opts)
+        named = opts.get(_NAMED)
+        if not isinstance(named, str):
+            return value, source
+        if isinstance(value, str):
+            several = next((str(one.name) for one in ctx.command.params if one.nargs == -1), None)
+            if several is None or not isinstance(opts, dict):
+                raise click.UsageError(
+                    f"The output is named twice, as {quote(value)} and by -o as {quote(named)}. "
+                    "Leave out one of them.",
+                    ctx,
+                )
+            given = opts.get(several)
+            opts[several] = (*(given if isinstance(given, tuple) else ()), value)
+        return named, ParameterSource.COMMANDLINE
+
+
+def output_parameters(
+    *, required: bool = True, behind_several: bool = False
+) -> tuple[click.Argument, click.Option]:
+    """Output of a command that makes a file or a folder: the last argument, or -o.
+
+    Args:
+        required: whether it must be given.
+        behind_several: whether the argument before it takes several words.
+    """
+    return (
+        _Output(
+            ["output"],
+            metavar="OUT" if required else "[OUT]",
+            required=required,
+            is_eager=behind_several,  # it returns a word to the argument before it
+        ),
+        click.Option(
+            ["-o", "--output", _NAMED],
+            metavar="OUT",
+            expose_value=False,
+            help="Name OUT here, in place of the last word.",
+        ),
+    )
+
+
+def output_argument(command: _Command) -> _Command:
+    """Add the output to a command that makes a file or a folder, as `output`."""
+    return _with_parameters(command, output_parameters())
+
+
+def output_argument_behind_several(command: _Command) -> _Command:
+    """Add the output to a command whose argument before it takes several words."""
+    return _with_parameters(command, output_parameters(behind_several=True))
+
+
+def optional_output_argument(command: _Command) -> _Command:
+    """Add an output that may be left out, as where another option says where things go."""
+    return _with_parameters(command, output_parameters(required=False))
+
+
+def _with_parameters(command: _Command, parameters: tuple[click.Parameter, ...]) -> _Command:
+    command.__dict__.setdefault("__click_params__", []).extend(reversed(parameters))
+    return command
+
+
+def output_option(text: str) -> Callable[[_Command], _Command]:
+    """Decorator that adds -o to a command that does without an output, too."""
+    return click.option("-o", "--output", metavar="OUT", help=text)
+
+
+def overwrite_option(text: str = "Replace files that exist.") -> Callable[[_Command], _Command]:
+    """Decorator that adds --overwrite to a command."""
+    return click.option("--overwrite", is_flag=True, help=text)
+
+
+def json_option(text: str = "Say what was written as JSON.") -> Callable[[_Command], _Command]:
+    """Decorator that adds --json to a command, as `as_json`."""
+    return click.option("--json", "as_json", is_flag=True, help=text)
+
+
+def origin_options(command: _Command) -> _Command:
+    """Add --origin and --origin-at to a command; `origin_from` makes one value of them."""
+    for option in (
+        click.option(
+            "--origin-at", nargs=3, type=float, callback=finite, metavar="X Y Z",
+            help="Or at this point of the world.",
+        ),
+        click.option(
+            "--origin", type=WordChoice(("local", "center", "world")), metavar="WHERE",
+            help="Where zero is: local, the south-west corner; center; world, its own zero.  "
+            "[default: local]",
+        ),
+    ):  # fmt: skip
+        command = option(command)
+    return command
+
+
+def origin_from(values: dict[str, Any]) -> Origin:
+    """Remove the values of the options about the origin from a command's, and return it.
+
+    Raises:
+        click.UsageError: both are given.
+    """
+    word, point = values.pop("origin"), values.pop("origin_at")
+    if word is not None and point is not None:
+        raise click.UsageError("--origin and --origin-at exclude each other. Drop one of them.")
+    found: Origin = point or word or "local"
+    return found
 
 
 def refuse_ambiguous(words: list[str]) -> None:
@@ -72,8 +191,7 @@ library_root_option = click.option(
     type=click.Path(exists=True, file_okay=False),
     expose_value=False,
     callback=_keep_roots,
-    help="Libraries may lie under this folder, too, not only under that of the file and the "
-    "current one; may be repeated.",
+    help="Libraries may lie in this folder, too; may be repeated.",
 )
 
 
@@ -105,58 +223,56 @@ def has_roughness() -> bool:
     return True if context is None else context.meta.get(_ROUGHNESS, True)
 
 
+cell_options = (
+    click.option(
+        "--cell", nargs=2, type=int, metavar="X Y",
+        help="Its cell in the parent's grid, by column and row from 0.",
+    ),
+    click.option(
+        "--span", nargs=2, type=int, metavar="W H",
+        help="With --cell: how many cells it takes to the east and north.  [default: 1 1]",
+    ),
+    click.option(
+        "--parent", metavar="POINTER", default="/elemTree", show_default=True,
+        help="JSON pointer of the element that it is put into.",
+    ),
+)  # fmt: skip
+"""Options that put an element into cells of its parent's grid."""
+_part_of_source = option_group(
+    "Part of SOURCE",
+    click.option(
+        "--bounds", nargs=4, type=float, metavar="W S E N",
+        help="Take the pixels with their centres in here, in the source's coordinates.",
+    ),
+    click.option(
+        "--window", nargs=4, type=int, metavar="COL ROW W H",
+        help="Take these pixels of a raster, counted from the north-west.",
+    ),
+    click.option("--band", type=int, metavar="N", help="Band of a raster with the heights."),
+)  # fmt: skip
+_reading_of_source = option_group(
+    "How it is read",
+    click.option("--crs", metavar="CRS", help="Reproject a raster first, as to EPSG:32633."),
+    click.option("--nodata", type=float, metavar="Z", help="A number that stands for no height."),
+    click.option("--resolution", type=float, metavar="R", help="Side of the pixels of a mesh."),
+    click.option(
+        "--up", type=click.Choice(["y", "z"]), metavar="AXIS",
+        help="y or z, the axis of a mesh that points up.  [default: as its format has it]",
+    ),
+    click.option(
+        "--scale", type=float, default=1.0, metavar="F",
+        help="Factor on the coordinates of a mesh, as 0.001 for millimetres.",
+    ),
+    click.option(
+        "--allow-remote", is_flag=True,
+        help="Let a raster lie on the net, or lead out of its folder.",
+    ),
+)  # fmt: skip
+
+
 def source_options(command: _Command) -> _Command:
     """Add the options about a source to a command; `options_of` collects their values."""
-    for option in reversed(
-        (
-            click.option(
-                "--bounds",
-                nargs=4,
-                type=float,
-                metavar="W S E N",
-                help="Take the pixels with their centres in this rectangle, in the source's "
-                "coordinates.",
-            ),
-            click.option(
-                "--window",
-                nargs=4,
-                type=int,
-                metavar="COL ROW W H",
-                help="Take these pixels of a raster, counted from the north-west.",
-            ),
-            click.option(
-                "--band", type=int, metavar="N", help="Band of a raster with the heights."
-            ),
-            click.option(
-                "--crs", metavar="CRS", help="Reproject a raster first, as to EPSG:32633."
-            ),
-            click.option(
-                "--nodata", type=float, metavar="Z", help="A number that stands for no height."
-            ),
-            click.option(
-                "--resolution", type=float, metavar="R", help="Side of the pixels of a mesh."
-            ),
-            click.option(
-                "--up",
-                type=click.Choice(["y", "z"]),
-                help="The axis of a mesh that points up.  [default: as its format has it]",
-            ),
-            click.option(
-                "--scale",
-                type=float,
-                default=1.0,
-                metavar="F",
-                help="Factor on the coordinates of a mesh, as 0.001 for millimetres.",
-            ),
-            click.option(
-                "--allow-remote",
-                is_flag=True,
-                help="Let a raster lie on the net, or lead out of its folder.",
-            ),
-        )
-    ):
-        command = option(command)
-    return command
+    return _part_of_source(_reading_of_source(command))
 
 
 def options_of(values: dict[str, Any]) -> SourceOptions:
@@ -199,52 +315,38 @@ def _slip(ctx: click.Context, param: click.Parameter, value: float | None) -> fl
     return value
 
 
-def vehicle_options(command: _Command) -> _Command:
-    """Add the options about one vehicle to a command; `vehicle_from` collects their values."""
-    vehicle = click.option("--vehicle", metavar="V.json", help="The vehicle, from its file.")
-    return vehicle(_wheel_options(command))
+vehicle_option = click.option("--vehicle", metavar="V.json", help="The vehicle, from its file.")
+"""Option that names one vehicle; `vehicle_from` collects its value and those of the wheel."""
+vehicles_option = click.option(
+    "--vehicle", multiple=True, metavar="V.json",
+    help="The vehicle, from its file; several are compared side by side.",
+)  # fmt: skip
+"""Option that names one or more vehicles; `vehicles_from` collects its value and the wheel's."""
 
 
-def vehicles_options(command: _Command) -> _Command:
-    """Add the options about one or more vehicles; `vehicles_from` collects their values."""
-    text = "The vehicle, from its file; several are compared side by side."
-    vehicle = click.option("--vehicle", multiple=True, metavar="V.json", help=text)
-    return vehicle(_wheel_options(command))
+def _measure(name: str, unit: str, text: str) -> Callable[[_Command], _Command]:
+    return click.option(name, type=float, metavar=unit, callback=_positive, help=text)
 
 
-def _wheel_options(command: _Command) -> _Command:
-    for option in reversed(
-        (
-            _measure("--wheel-radius", "R", "Instead of a vehicle: a driven wheel's radius, m."),
-            _measure("--wheel-width", "B", "Its width, m."),
-            _measure("--load", "W", "The load that it bears, N."),
-            _measure(
-                "--grouser-height", "H", "The height of its lugs, m.  [default: a smooth rim]"
-            ),
-            _measure(
-                "--tyre-pressure", "P", "The pressure in its tyre, kPa.  [default: a rigid rim]"
-            ),
-            _measure(
-                "--contact-length",
-                "L",
-                "The least length of its contact with hard ground, m.  [default: 0]",
-            ),
-            _measure("--torque", "T", "The largest torque of its motor, N m.  [default: no limit]"),
-            click.option(
-                "--max-slip",
-                type=float,
-                metavar="S",
-                callback=_slip,
-                help="The largest slip at which it is driven, up to 1.  [default: 1]",
-            ),
-        )
-    ):
-        command = option(command)
-    return command
-
-
-def _measure(name: str, metavar: str, text: str) -> Callable[[_Command], _Command]:
-    return click.option(name, type=float, metavar=metavar, callback=_positive, help=text)
+wheel_options = option_group(
+    "A wheel in place of --vehicle (M metres, N newtons, KPA kilopascals, NM newton metres)",
+    _measure("--wheel-radius", "M", "Instead of a vehicle: a driven wheel's radius, m."),
+    _measure("--wheel-width", "M", "Its width, m."),
+    _measure("--load", "N", "The load that it bears, N."),
+    _measure("--grouser-height", "M", "The height of its lugs, m.  [default: a smooth rim]"),
+    _measure("--tyre-pressure", "KPA", "The pressure in its tyre, kPa.  [default: a rigid rim]"),
+    _measure(
+        "--contact-length", "M",
+        "The least length of its contact with hard ground, m.  [default: 0]",
+    ),
+    _measure("--torque", "NM", "The largest torque of its motor, N m.  [default: no limit]"),
+    click.option(
+        "--max-slip", type=float, metavar="SHARE", callback=_slip,
+        help="The largest slip at which it is driven, up to 1.  [default: 1]",
+    ),
+    dense=True,
+)  # fmt: skip
+"""Options that describe one wheel; `vehicle_from` and `vehicles_from` collect their values."""
 
 
 def vehicle_from(values: dict[str, Any]) -> Vehicle:

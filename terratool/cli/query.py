@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, Any, TextIO
 
 import click
 
-from terratool.cli.options import library_root_option, roughness_option
+from terratool.cli.command import Command, guess_option
+from terratool.cli.options import json_option, library_root_option, roughness_option
 from terratool.cli.saying import is_terminal, write_json, write_rows
 from terratool.cli.terminal import StatusLine, load
 from terratool.errors import ReadError
@@ -36,24 +37,19 @@ Point = tuple[float, float]
 
 @click.command(
     "query",
+    cls=Command,
     # negative coordinates are no options
     context_settings={"ignore_unknown_options": True},
     epilog="\b\nExamples: terratool query samples/paper-example.json 15 15\n"
-    "          terratool query terrain.json --points points.csv --format json",
+    "          terratool query terrain.json --points points.csv --json",
 )
 @click.argument("file")
 @click.argument("coordinates", nargs=-1, metavar="[X Y]...")
 @click.option("--points", metavar="FILE|-", help="Read points from a CSV file or standard input.")
-@click.option(
-    "--format",
-    "form",
-    type=click.Choice(["csv", "json"]),
-    default="csv",
-    help="How the answers are written.",
-)
+@json_option("Answer as JSON, not as CSV.")
 @roughness_option
 @library_root_option
-def command(file: str, coordinates: tuple[str, ...], points: str | None, form: str) -> None:
+def command(file: str, coordinates: tuple[str, ...], points: str | None, as_json: bool) -> None:
     """Answer height, surface, element and normal at points.
 
     Points are given as X Y pairs, or as CSV: two columns, or the columns x and y of a header. What
@@ -67,9 +63,9 @@ def command(file: str, coordinates: tuple[str, ...], points: str | None, form: s
 
     terrain = load(file)
     source = iter(listed) if listed is not None else _from_csv(str(points))
-    write, labels = _write_json, list(terrain.surfaces)
-    if form == "csv":
-        write, labels = _write_csv, list(map(inert_cell, terrain.surfaces))
+    write, labels = _write_csv, list(map(inert_cell, terrain.surfaces))
+    if as_json:
+        write, labels = _write_json, list(terrain.surfaces)
     rows = _rows(terrain, labels, source)
     if is_terminal():
         write(rows)
@@ -81,8 +77,9 @@ def command(file: str, coordinates: tuple[str, ...], points: str | None, form: s
 def _from_arguments(coordinates: tuple[str, ...]) -> list[Point]:
     for text in coordinates:
         if _number(text) is None:
-            what = "option" if text.startswith("--") else "coordinate"
-            raise click.UsageError(f'"{text}" is no {what}.')
+            if text.startswith("--"):
+                raise click.UsageError(f'"{text}" is no option. {guess_option(text)}'.rstrip())
+            raise click.UsageError(f'"{text}" is no coordinate.')
     if len(coordinates) % 2:
         raise click.UsageError("The last coordinate stands alone. Give X Y for each point.")
     numbers = [float(text) for text in coordinates]

@@ -8,9 +8,18 @@ from typing import Any
 
 import click
 
-from terratool.cli.options import WordChoice, library_root_option, roughness_option
-from terratool.cli.saying import say
+from terratool.cli.command import Command, option_group
+from terratool.cli.options import (
+    WordChoice,
+    json_option,
+    library_root_option,
+    output_argument,
+    overwrite_option,
+    roughness_option,
+)
+from terratool.cli.saying import say, say_json
 from terratool.cli.terminal import StatusLine, load
+from terratool.report.documents import Document
 
 # equal to those of terratool.viewing.layers, which is not imported for --help; a test checks
 LAYERS = ("height", "slope", "surface", "friction", "traversability")
@@ -30,7 +39,7 @@ class _Interval(click.ParamType[Any]):
             self.fail(f"{value!r} is no number. Give a height after --contours, or write it last.")
 
 
-class _Render(click.Command):
+class _Render(Command):
     """Command that refuses a number below 0 after --contours as a number, not as an option."""
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
@@ -53,87 +62,108 @@ def _refuse_interval(interval: float) -> None:
     epilog="Example: terratool render samples/nested-site.json site.png --contours 2 --grid",
 )
 @click.argument("file")
-@click.argument("output", metavar="OUT")
-@click.option(
-    "--layer",
-    type=WordChoice(LAYERS),
-    default="surface",
-    show_default=True,
-    metavar="NAME",
-    help=f"What the colours show: {', '.join(LAYERS)}.",
+@output_argument
+@option_group(
+    "What is drawn",
+    click.option(
+        "--layer",
+        type=WordChoice(LAYERS),
+        default="surface",
+        show_default=True,
+        metavar="NAME",
+        help=f"What the colours show: {', '.join(LAYERS)}.",
+    ),
+    click.option(
+        "--vehicle",
+        metavar="V.json",
+        help="The vehicle whose verdicts --layer traversability shows.",
+    ),
+    click.option(
+        "--bounds", nargs=4, type=float, metavar="W S E N", help="Rectangle of the world."
+    ),
+    click.option(
+        "--contours",
+        is_flag=False,
+        flag_value="auto",
+        type=_Interval(),
+        metavar="[INTERVAL]",
+        help="Draw contours so far apart, in units of the terrain; by itself about eight.",
+    ),
+    click.option(
+        "--grid", is_flag=True, help="Draw nested cells, and what elements are said to be."
+    ),
 )
-@click.option(
-    "--vehicle", metavar="V.json", help="The vehicle whose verdicts --layer traversability shows."
+@option_group(
+    "From the side",
+    click.option(
+        "--profile",
+        nargs=4,
+        type=float,
+        metavar="X0 Y0 X1 Y1",
+        help="Draw a section from one point to another instead of a plan.",
+    ),
+    click.option(
+        "--perspective", is_flag=True, help="Draw a view from the side instead of a plan."
+    ),
+    click.option(
+        "--azimuth",
+        type=float,
+        default=215.0,
+        show_default=True,
+        metavar="DEG",
+        help="From where that is seen, clockwise from north, -360 to 360.",
+    ),
+    click.option(
+        "--elevation",
+        type=float,
+        default=35.0,
+        show_default=True,
+        metavar="DEG",
+        help="How high above the horizon it is seen from.",
+    ),
+    click.option(
+        "--max-error",
+        type=float,
+        metavar="E",
+        help="The largest error of its mesh.  [default: half a pixel of the picture]",
+    ),
+    click.option(
+        "--exaggeration",
+        type=float,
+        metavar="F",
+        help="Factor on the heights of both.  [default: 1, or more where the relief is below 1/20 "
+        "of the width]",
+    ),
 )
-@click.option("--bounds", nargs=4, type=float, metavar="W S E N", help="World rectangle to draw.")
-@click.option(
-    "--contours",
-    is_flag=False,
-    flag_value="auto",
-    type=_Interval(),
-    metavar="[INTERVAL]",
-    help="Draw contours so far apart, in units of the terrain; by itself about eight.",
+@option_group(
+    "The sheet",
+    click.option(
+        "--pixels",
+        "size",
+        type=int,
+        default=1600,
+        show_default=True,
+        metavar="N",
+        help="Of the longer side, 200 to 4,096; 3 inches or more unless --bare is given.",
+    ),
+    click.option(
+        "--dpi",
+        type=float,
+        default=150.0,
+        show_default=True,
+        metavar="N",
+        help="Pixels of an inch: with more, letters are larger.",
+    ),
+    click.option(
+        "--title", metavar="TEXT", help='Over the picture.  [default: the "descr" of FILE]'
+    ),
+    click.option("--no-legend", is_flag=True, help="Leave out what the colours mean."),
+    click.option("--bare", is_flag=True, help="Leave out letters, axes and legend."),
 )
-@click.option("--grid", is_flag=True, help="Draw nested cells, and what elements are said to be.")
-@click.option(
-    "--profile",
-    nargs=4,
-    type=float,
-    metavar="X0 Y0 X1 Y1",
-    help="Draw a section from one point to another instead of a plan.",
-)
-@click.option("--perspective", is_flag=True, help="Draw a view from the side instead of a plan.")
-@click.option(
-    "--azimuth",
-    type=float,
-    default=215.0,
-    show_default=True,
-    metavar="DEG",
-    help="From where a perspective is seen, clockwise from north, -360 to 360.",
-)
-@click.option(
-    "--elevation",
-    type=float,
-    default=35.0,
-    show_default=True,
-    metavar="DEG",
-    help="How high above the horizon it is seen from.",
-)
-@click.option(
-    "--max-error",
-    type=float,
-    metavar="E",
-    help="The largest error of its mesh.  [default: half a pixel of the picture]",
-)
-@click.option(
-    "--exaggeration",
-    type=float,
-    metavar="F",
-    help="Factor on the heights of a section or a perspective.  [default: 1, or more where the "
-    "relief is below 1/20 of the width]",
-)
-@click.option("--title", metavar="TEXT", help='Over the picture.  [default: the "descr" of FILE]')
-@click.option("--no-legend", is_flag=True, help="Leave out what the colours mean.")
-@click.option("--bare", is_flag=True, help="Leave out letters, axes and legend.")
-@click.option(
-    "--size",
-    type=int,
-    default=1600,
-    show_default=True,
-    metavar="N",
-    help="Pixels of the longer side, 200 to 4,096; 3 inches or more unless --bare is given.",
-)
-@click.option(
-    "--dpi",
-    type=float,
-    default=150.0,
-    show_default=True,
-    metavar="N",
-    help="Pixels of an inch: with more, letters are larger.",
-)
+@overwrite_option("Replace an existing file.")
+@json_option("Say what was drawn as JSON.")
 @roughness_option
 @library_root_option
-@click.option("--overwrite", is_flag=True, help="Replace an existing file.")
 @click.pass_context
 def command(
     ctx: click.Context,
@@ -142,6 +172,7 @@ def command(
     output: str,
     no_legend: bool,
     overwrite: bool,
+    as_json: bool,
     **options: Any,
 ) -> None:
     """Draw the terrain FILE into the picture OUT: .png, .svg or .pdf.
@@ -161,9 +192,30 @@ def command(
     terrain = load(file)
     with StatusLine("drawing") as status:
         report = render(terrain, output, wanted, overwrite=overwrite, progress=status.say)
+    if as_json:
+        say_json(
+            PictureDocument(
+                file=str(report.path),
+                width=report.width,
+                height=report.height,
+                what=report.what,
+                notes=list(report.notes),
+            )
+        )
+        return
     say(f"{report.path}: {report.width:,} × {report.height:,} pixels, {report.what}")
     for note in report.notes:
         say(f"  {note}")
+
+
+class PictureDocument(Document, frozen=True, kw_only=True):
+    """Picture that was drawn, as JSON."""
+
+    file: str
+    width: int
+    height: int
+    what: str
+    notes: list[str]
 
 
 def _refuse_idle(ctx: click.Context, perspective: bool) -> None:

@@ -5,10 +5,14 @@ from __future__ import annotations
 import re
 
 import click
+from msgspec import Struct
 
-from terratool.cli.saying import say_block
+from terratool.cli.command import Command
+from terratool.cli.options import WordChoice, json_option
+from terratool.cli.saying import say_block, say_json
 from terratool.definition.rules import RULES
 from terratool.definition.rules.base import Rule
+from terratool.report.documents import Document
 
 _HEAD = """# The rules
 
@@ -24,15 +28,46 @@ This page is written by `make docs` from the same text that `terratool rules COD
 """
 
 
-@click.command("rules", epilog="Example: terratool rules TT201")
+class RuleDocument(Struct, frozen=True):
+    """Rule, as JSON."""
+
+    code: str
+    name: str
+    severity: str
+    summary: str
+    manual: str
+
+
+class RulesDocument(Document, frozen=True, kw_only=True):
+    """Rules, as JSON."""
+
+    rules: list[RuleDocument]
+
+
+@click.command("rules", cls=Command, epilog="Example: terratool rules TT201")
 @click.argument("code", required=False)
-@click.option("--markdown", is_flag=True, help="Explain them as Markdown.")
-def command(code: str | None, markdown: bool) -> None:
+@click.option(
+    "--format",
+    "form",
+    type=WordChoice(("text", "markdown", "json")),
+    metavar="FORM",
+    help="text, or markdown or json, which explain each.  [default: text]",
+)
+@json_option("The same as --format json.")
+def command(code: str | None, form: str | None, as_json: bool) -> None:
     """List the validator's rules, those that begin with CODE, or explain the one with CODE."""
     wanted = [rule for rule in RULES.values() if rule.code.startswith((code or "").upper())]
     if not wanted:
         raise click.UsageError(f"No rule has the code {code}. Run terratool rules for the list.")
-    if markdown:
+    if form is not None and as_json:
+        raise click.UsageError("--format and --json both say how. Drop one of them.")
+    if as_json or form == "json":
+        listed = [
+            RuleDocument(rule.code, rule.name, rule.severity, rule.summary, rule.manual)
+            for rule in wanted
+        ]
+        say_json(RulesDocument(rules=listed))
+    elif form == "markdown":
         head = [] if code else [_HEAD, _table()]
         say_block("\n".join([*head, *map(_section, wanted)]))
     elif len(wanted) == 1:

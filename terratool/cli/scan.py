@@ -7,7 +7,14 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from terratool.cli.options import library_root_option, roughness_option
+from terratool.cli.command import Command, option_group
+from terratool.cli.options import (
+    json_option,
+    library_root_option,
+    output_argument,
+    overwrite_option,
+    roughness_option,
+)
 from terratool.cli.saying import say, say_json
 from terratool.cli.terminal import StatusLine, load
 from terratool.report.documents import Document
@@ -30,54 +37,64 @@ _SEEN = {
 
 @click.command(
     "scan",
+    cls=Command,
     epilog="Example: terratool scan samples/warehouse.json cloud.ply --sensor "
     "samples/sensors/velodyne-vlp-16.json --pose 12 9 0 30 0 0 --on-ground 1.2",
 )
 @click.argument("file")
-@click.argument("output", metavar="OUT")
-@click.option("--sensor", "sensor_file", required=True, metavar="S.json", help="What reads.")
-@click.option(
-    "--pose",
-    "poses",
-    nargs=6,
-    type=float,
-    multiple=True,
-    metavar="X Y Z YAW PITCH ROLL",
-    help="Where it is, in the world, and how it is turned, degrees: x ahead, y to the left, z up; "
-    "a positive yaw turns left, a pitch down, a roll right. May be repeated.",
+@output_argument
+@option_group(
+    "Sensor",
+    click.option("--sensor", "sensor_file", required=True, metavar="S.json", help="What reads."),
+    click.option(
+        "--seed",
+        type=click.IntRange(min=0),
+        metavar="N",
+        help="Add the sensor's noise, drawn from this seed.  [default: exact]",
+    ),
 )
-@click.option(
-    "--path",
-    "path_file",
-    metavar="POSES.csv",
-    help="Where it moves: a header time,x,y,z,yaw,pitch,roll and a line for each pose. Without "
-    "time it rests at each.",
+@option_group(
+    "Where it is",
+    click.option(
+        "--pose",
+        "poses",
+        nargs=6,
+        type=float,
+        multiple=True,
+        metavar="X Y Z YAW PITCH ROLL",
+        help="In the world, and how it is turned, degrees: x ahead, y to the left, z up; a "
+        "positive yaw turns left, a pitch down, a roll right. May be repeated.",
+    ),
+    click.option(
+        "--poses",
+        "path_file",
+        metavar="POSES.csv",
+        help="Where it moves: a header time,x,y,z,yaw,pitch,roll and a line for each pose. Without "
+        "time it rests at each.",
+    ),
+    click.option(
+        "--on-ground",
+        type=float,
+        metavar="HEIGHT",
+        help="Stand so high above the ground, whatever z says.",
+    ),
+    click.option("--follow-slope", is_flag=True, help="Tilt with the ground, with --on-ground."),
 )
-@click.option(
-    "--on-ground",
-    type=float,
-    metavar="HEIGHT",
-    help="Stand so high above the ground, whatever z says.",
+@option_group(
+    "What is written",
+    click.option(
+        "--frame",
+        type=click.Choice(["world", "sensor"]),
+        default="world",
+        show_default=True,
+        help="The axes that points are in.",
+    ),
+    click.option("--misses", is_flag=True, help="Keep rays without a reading, and say why."),
 )
-@click.option("--follow-slope", is_flag=True, help="Tilt with the ground, with --on-ground.")
-@click.option(
-    "--seed",
-    type=click.IntRange(min=0),
-    metavar="N",
-    help="Add the sensor's noise, drawn from this seed.  [default: exact]",
-)
-@click.option(
-    "--frame",
-    type=click.Choice(["world", "sensor"]),
-    default="world",
-    show_default=True,
-    help="The axes that points are in.",
-)
-@click.option("--misses", is_flag=True, help="Keep rays without a reading, and say why.")
+@overwrite_option("Replace OUT if it exists.")
+@json_option("Say what was read as JSON.")
 @roughness_option
 @library_root_option
-@click.option("--overwrite", is_flag=True, help="Replace OUT if it exists.")
-@click.option("--json", "as_json", is_flag=True, help="Say what was read as JSON.")
 def command(
     file: str,
     output: str,
@@ -108,9 +125,9 @@ def command(
 
     if bool(poses) == bool(path_file):
         raise click.UsageError(
-            "Both --pose and --path say where the sensor is. Leave out one of them."
+            "Both --pose and --poses say where the sensor is. Leave out one of them."
             if poses
-            else "Nothing says where the sensor is. Add --pose X Y Z YAW PITCH ROLL or --path FILE."
+            else "Nothing says where the sensor is. Add --pose X Y Z YAW PITCH ROLL or --poses CSV."
         )
     for source in (file, sensor_file, path_file):
         if source and source != "-" and is_same_file(output, source):

@@ -7,12 +7,16 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from terratool.cli.command import Command, option_group
 from terratool.cli.options import (
     WordChoice,
+    json_option,
     library_root_option,
+    overwrite_option,
     roughness_option,
     vehicles_from,
-    vehicles_options,
+    vehicles_option,
+    wheel_options,
 )
 from terratool.cli.saying import say, say_block, say_error
 from terratool.cli.terminal import StatusLine, load
@@ -31,114 +35,121 @@ SAMPLES = (256, 16, 1024)  # default, least, most
 
 @click.command(
     "traversability",
+    cls=Command,
     epilog="Example: terratool traversability samples/ramp-yard.json "
     "--vehicle samples/vehicles/husky-a200.json --route 4 60 70 8 --report yard.html",
 )
 @click.argument("file")
-@vehicles_options
-@click.option(
-    "--model",
-    type=WordChoice(MODELS),
-    default=MODELS[0],
-    show_default=True,
-    metavar="WHAT",
-    help="How wheel and soil are computed: slip, or what the paper says (section 3.6).",
+@option_group(
+    "Vehicle",
+    vehicles_option,
+    click.option(
+        "--model",
+        type=WordChoice(MODELS),
+        default=MODELS[0],
+        show_default=True,
+        metavar="WHAT",
+        help="Of wheel and soil: slip, or what the paper says, 3.6.",
+    ),
 )
-@click.option(
-    "--report",
-    "reports",
-    multiple=True,
-    metavar="OUT.json|.md|.html|.geojson|.svg",
-    help="Write a report, once or several times; as .geojson the routes alone, as .svg a picture "
-    "of slip against slope.",
+@option_group(
+    "Routes",
+    click.option(
+        "--route",
+        "routes",
+        nargs=4,
+        type=float,
+        multiple=True,
+        metavar="X0 Y0 X1 Y1",
+        help="Look for a way, once or several times.",
+    ),
+    click.option(
+        "--waypoints",
+        multiple=True,
+        metavar="FILE",
+        help="Check the way through the points of a CSV or GeoJSON file.",
+    ),
+    click.option("--return", "returns", is_flag=True, help="Look for the way back, too."),
+    click.option(
+        "--prefer",
+        type=WordChoice(PREFERENCES),
+        default="time",
+        show_default=True,
+        metavar="WHAT",
+        help=f"Choose the best by {', '.join(PREFERENCES)}.",
+    ),
+    click.option(
+        "--from",
+        "start",
+        nargs=2,
+        type=float,
+        metavar="X Y",
+        help="Say what can be reached from here.  [default: the largest part]",
+    ),
 )
-@click.option(
-    "--map",
-    "map_",
-    metavar="OUT.tif",
-    help="Write the map, and beside it OUT-classes.tif and OUT-numbers.tif.",
+@option_group(
+    "Answers",
+    click.option(
+        "--report",
+        "reports",
+        multiple=True,
+        metavar="OUT",
+        help=".json, .md or .html; .geojson: routes alone; .svg: slip against slope.",
+    ),
+    click.option(
+        "--map",
+        "map_",
+        metavar="OUT.tif",
+        help="Write the map, and beside it OUT-classes.tif and OUT-numbers.tif.",
+    ),
+    click.option(
+        "--fail-on",
+        "conditions",
+        multiple=True,
+        metavar="WHAT",
+        help="End with 1 if no-route, caution, no-go, unknown, or no-go-fraction>0.3, ….",
+    ),
 )
-@click.option(
-    "--route",
-    "routes",
-    nargs=4,
-    type=float,
-    multiple=True,
-    metavar="X0 Y0 X1 Y1",
-    help="Look for a way, once or several times.",
+@option_group(
+    "Ground",
+    click.option(
+        "--bounds", nargs=4, type=float, metavar="W S E N", help="Rectangle of the world."
+    ),
+    click.option(
+        "--resolution",
+        type=float,
+        metavar="R",
+        help="Side of a pixel.  [default: by the vehicle's width or a wheel's radius]",
+    ),
+    click.option(
+        "--headings",
+        type=click.IntRange(4, 64),
+        metavar="N",
+        help="4, 8, … 64 at each place.  [default: 8; where they show no way more]",
+    ),
+    click.option(
+        "--samples",
+        type=click.IntRange(*SAMPLES[1:]),
+        default=SAMPLES[0],
+        show_default=True,
+        metavar="N",
+        help="Of soils whose figures are ranges, for probabilities of go.",
+    ),
+    click.option(
+        "--seed",
+        type=click.IntRange(0, 2**63 - 1),
+        default=0,
+        show_default=True,
+        metavar="N",
+        help="Number that these samples follow from.",
+    ),
+    click.option(
+        "--threads", type=click.IntRange(1), metavar="N", help="[default: one a processor]"
+    ),
 )
-@click.option(
-    "--waypoints",
-    multiple=True,
-    metavar="FILE",
-    help="Check the way through the points of a CSV or GeoJSON file.",
-)
-@click.option(
-    "--return",
-    "returns",
-    is_flag=True,
-    help="Look for the way back, too.",
-)
-@click.option(
-    "--from",
-    "--reachable",
-    "start",
-    nargs=2,
-    type=float,
-    metavar="X Y",
-    help="Say what can be reached from here.  [default: the largest part of the ground]",
-)
-@click.option(
-    "--prefer",
-    type=WordChoice(PREFERENCES),
-    default="time",
-    show_default=True,
-    metavar="WHAT",
-    help=f"What a route is to be the best of: {', '.join(PREFERENCES)}.",
-)
-@click.option(
-    "--resolution",
-    type=float,
-    metavar="R",
-    help="Side of a pixel.  [default: a sixth of the vehicle's width for routes, else a quarter of "
-    "a wheel's radius; or coarser]",
-)
-@click.option(
-    "--bounds", nargs=4, type=float, metavar="W S E N", help="World rectangle to look at."
-)
-@click.option(
-    "--headings",
-    type=click.IntRange(4, 64),
-    metavar="N",
-    help="Headings at each place, a multiple of 4.  [default: 8; where these show no way 16, then "
-    "32]",
-)
-@click.option(
-    "--samples",
-    type=click.IntRange(*SAMPLES[1:]),
-    default=SAMPLES[0],
-    show_default=True,
-    metavar="N",
-    help="Samples of soils whose figures are ranges, for probabilities of go.",
-)
-@click.option(
-    "--seed",
-    type=click.IntRange(0, 2**63 - 1),
-    default=0,
-    show_default=True,
-    metavar="N",
-    help="Seed of these samples.",
-)
-@click.option(
-    "--fail-on",
-    "conditions",
-    multiple=True,
-    metavar="WHAT",
-    help="End with 1 if no-route, caution, no-go or unknown, or on a figure: no-go-fraction>0.3.",
-)
-@click.option("--threads", type=click.IntRange(1), metavar="N", help="Default: all processors.")
-@click.option("--overwrite", is_flag=True, help="Replace files that exist.")
-@click.option("--json", "as_json", is_flag=True, help="Write the report as JSON, no table.")
+@wheel_options
+@overwrite_option()
+@json_option("Write the report as JSON, no table.")
 @roughness_option
 @library_root_option
 def command(
@@ -165,16 +176,11 @@ def command(
     """Say whether a vehicle can drive on the terrain FILE, where not, and why.
 
     For each surface: how deep the wheels sink, what they pull, what they climb. For each place and
-    heading: go, caution or no-go, and what binds; --map writes that. --route looks for a way, and
-    says what bars it where there is none; the command ends with 1 then. With a route and without
-    --map, --report or --from only the ground that matters to it is looked at.
+    heading: go, caution or no-go, and what binds; with a route alone only of the ground that
+    matters to it. Ends with 1 where there is no way for a route.
 
-    Several --vehicle are compared; maps have the vehicles' names in theirs. The command ends with
-    1 if it would with any of them alone.
-
-    --fail-on compares a figure by >, >=, < or <=: go-, caution-, no-go-, unknown-, one-way-,
-    cut-off-, edge- or reachable-fraction, route-length (m), route-time (s), route-energy (J),
-    least-margin, steepest (degrees), sinkage (m).
+    --fail-on takes >, >=, < or <= and go-, caution-, no-go-, unknown-, one-way-, cut-off-, edge-,
+    reachable-fraction; route-length, route-time, route-energy; least-margin, steepest, sinkage.
     """
     from pathlib import Path
 

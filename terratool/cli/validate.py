@@ -16,8 +16,9 @@ import msgspec
 from msgspec import Struct, field, structs
 
 from terratool.cli.baseline import KnownFindings, read_baseline, write_baseline
+from terratool.cli.command import Command, option_group
 from terratool.cli.config import Config, find_config, read_config
-from terratool.cli.options import library_root_option, library_roots
+from terratool.cli.options import json_option, library_root_option, library_roots
 from terratool.cli.report import (
     REPORTERS,
     Unreadable,
@@ -35,6 +36,7 @@ from terratool.output import is_same_file, refuse_existing, refuse_missing_folde
 from terratool.report.wording import count_of
 from terratool.text.display import quote
 from terratool.text.edit import apply_edits
+from terratool.text.meaning import guess
 from terratool.text.source import (
     is_folder,
     leads_out,
@@ -161,12 +163,9 @@ def _plan(formats: tuple[str, ...], settings: Config, given: dict[str, Any]) -> 
     for text in formats or settings.formats:
         name, separator, out = text.partition("=")
         if name not in REPORTERS:
-            from difflib import get_close_matches
-
-            close = get_close_matches(name.lower(), REPORTERS, 1)
-            guess = f" Did you mean {close[0]}?" if close else ""
             raise click.UsageError(
-                f"There is no format {quote(name)}. There is {', '.join(REPORTERS)}.{guess}"
+                f"There is no format {quote(name)}. There is {', '.join(REPORTERS)}. "
+                f"{guess(name, REPORTERS)}".rstrip()
             )
         if separator:
             out = out if formats else settings.output_path(out)
@@ -534,60 +533,74 @@ def _write(report: ValidationReport, plan: _ValidationPlan) -> None:
 
 @click.command(
     "validate",
+    cls=Command,
     epilog="Example: terratool validate samples/paper-example.json --strict",
 )
 @click.argument("files", nargs=-1, metavar="[FILE|DIR]...")
-@click.option(
-    "--format",
-    "formats",
-    multiple=True,
-    metavar="FORM[=OUT]",
-    help=f"How the findings are written: {', '.join(REPORTERS)}; once, and as often as you like "
-    "into files.  [default: text]",
+@option_group(
+    "How it is said",
+    click.option(
+        "--format",
+        "formats",
+        multiple=True,
+        metavar="FORM",
+        help=f"{', '.join(REPORTERS)}; FORM=OUT goes into a file; may be repeated.  "
+        "[default: text]",
+    ),
+    json_option("The same as --format json."),
+    click.option(
+        "--max-findings",
+        type=click.IntRange(min=0),
+        metavar="N",
+        help=f"List so many at most and count the rest; 0 lists all.  [default: {_MOST_FINDINGS}]",
+    ),
+    click.option("--statistics", is_flag=True, help="Say how often each rule was broken."),
 )
-@click.option("--strict/--no-strict", default=None, help="Warnings make a file invalid, too.")
-@click.option(
-    "--select",
-    multiple=True,
-    metavar="CODE",
-    callback=_codes,
-    help="Only these rules: TT104, or TT1 for all that begin so; may be repeated.",
+@option_group(
+    "What counts",
+    click.option("--strict/--no-strict", default=None, help="Warnings make a file invalid, too."),
+    click.option(
+        "--select",
+        multiple=True,
+        metavar="CODE",
+        callback=_codes,
+        help="Only these rules: TT104, or TT1 for all that begin so; may be repeated.",
+    ),
+    click.option(
+        "--ignore", multiple=True, metavar="CODE", callback=_codes, help="All rules but these."
+    ),
+    click.option(
+        "--max-step",
+        type=click.FloatRange(min=0),
+        metavar="H",
+        callback=_number,
+        help="Warn of elements that make a vertical step taller than H.",
+    ),
+    click.option(
+        "--baseline",
+        metavar="FILE",
+        help="Leave out findings that this file has from an earlier run.",
+    ),
+    click.option("--update-baseline", is_flag=True, help="Write all findings into the baseline."),
 )
-@click.option(
-    "--ignore", multiple=True, metavar="CODE", callback=_codes, help="All rules but these."
+@option_group(
+    "What is done",
+    click.option("--fix", is_flag=True, help="Mend in place what can be mended in one way only."),
+    click.option(
+        "--watch",
+        is_flag=True,
+        help="Check again whenever a file, or a library that it uses, changes.",
+    ),
 )
-@click.option(
-    "--max-step",
-    type=click.FloatRange(min=0),
-    metavar="H",
-    callback=_number,
-    help="Warn of elements that make a vertical step taller than H.",
-)
-@click.option(
-    "--max-findings",
-    type=click.IntRange(min=0),
-    metavar="N",
-    help=f"List so many at most and count the rest; 0 lists all.  [default: {_MOST_FINDINGS}]",
-)
-@click.option(
-    "--baseline", metavar="FILE", help="Leave out findings that this file has from an earlier run."
-)
-@click.option("--update-baseline", is_flag=True, help="Write all findings into the baseline.")
-@click.option("--statistics", is_flag=True, help="Say how often each rule was broken.")
-@click.option("--fix", is_flag=True, help="Mend in place what can be mended in one way only.")
-@click.option(
-    "--watch",
-    is_flag=True,
-    help="Check again whenever a file, or a library that it uses, changes.",
-)
-@library_root_option
 @click.option("--config", "config_file", metavar="FILE", help="Settings, in place of those found.")
+@library_root_option
 @click.pass_context
 def command(
     ctx: click.Context,
     /,
     files: tuple[str, ...],
     formats: tuple[str, ...],
+    as_json: bool,
     update_baseline: bool,
     statistics: bool,
     fix: bool,
@@ -609,7 +622,7 @@ def command(
     or the nearest one above; options outrank them.
     """
     settings = _settings(config_file)
-    plan = _plan(formats, settings, given)
+    plan = _plan(formats + ("json",) * as_json, settings, given)
     names = files or settings.files()
     if not names:
         raise click.UsageError(

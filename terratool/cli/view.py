@@ -9,16 +9,22 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 import click
 
+from terratool.cli.command import Command, option_group
 from terratool.cli.options import (
     has_roughness,
+    json_option,
     library_root_option,
     library_roots,
+    output_option,
+    overwrite_option,
     roughness_option,
     vehicle_from,
-    vehicle_options,
+    vehicle_option,
+    wheel_options,
 )
-from terratool.cli.saying import flush, say, say_error
+from terratool.cli.saying import flush, say, say_error, say_json
 from terratool.cli.terminal import StatusLine, short_name
+from terratool.report.documents import Document
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -38,54 +44,62 @@ _DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY", "BROWSER", "WSL_DISTRO_NAME")
 
 @click.command(
     "view",
+    cls=Command,
     epilog="\b\nExamples: terratool view samples/warehouse.json\n"
-    "          terratool view site.json --output site.html --no-open\n"
+    "          terratool view site.json -o site.html --no-open\n"
     "          terratool view site.json --watch",
 )
 @click.argument("file")
-@click.option(
-    "--output",
-    metavar="OUT.html",
-    help="Where the page goes.  [default: a new folder among the temporary ones]",
+@option_group(
+    "Page",
+    output_option("Where the page goes.  [default: a new folder among the temporary ones]"),
+    click.option("--no-open", is_flag=True, help="Do not open the page in a browser."),
+    click.option(
+        "--watch",
+        is_flag=True,
+        help="Serve the page to this machine alone, and draw it again whenever FILE is saved.",
+    ),
+    click.option(
+        "--port",
+        type=click.IntRange(0, 65535),
+        metavar="N",
+        help="The port of --watch.  [default: any that is free]",
+    ),
 )
-@click.option("--no-open", is_flag=True, help="Do not open the page in a browser.")
-@click.option(
-    "--watch",
-    is_flag=True,
-    help="Serve the page to this machine alone, and draw it again whenever FILE is saved.",
+@option_group(
+    "Ground",
+    click.option(
+        "--max-error",
+        type=float,
+        metavar="E",
+        help="How far the ground may be from the terrain, along z, anywhere.  [default: 0.001, or "
+        "as small as about 200,000 faces allow, 40,000 with --watch]",
+    ),
+    click.option(
+        "--max-faces",
+        type=int,
+        metavar="N",
+        help="Enlarge the error, and then leave out the lowest elements, until there are no more.",
+    ),
 )
-@click.option(
-    "--port",
-    type=click.IntRange(0, 65535),
-    metavar="N",
-    help="The port of --watch.  [default: any that is free]",
+@option_group(
+    "Verdicts",
+    vehicle_option,
+    click.option(
+        "--route",
+        "routes",
+        nargs=4,
+        type=float,
+        multiple=True,
+        metavar="X0 Y0 X1 Y1",
+        help="Draw a way of the vehicle, once or several times.",
+    ),
 )
-@vehicle_options
-@click.option(
-    "--route",
-    "routes",
-    nargs=4,
-    type=float,
-    multiple=True,
-    metavar="X0 Y0 X1 Y1",
-    help="Draw a way of the vehicle, once or several times.",
-)
-@click.option(
-    "--max-error",
-    type=float,
-    metavar="E",
-    help="How far the ground may be from the terrain, along z, anywhere.  [default: 0.001, or as "
-    "small as about 200,000 faces allow, 40,000 with --watch]",
-)
-@click.option(
-    "--max-faces",
-    type=int,
-    metavar="N",
-    help="Enlarge the error, and then leave out the lowest elements, until there are no more.",
-)
+@wheel_options
+@overwrite_option("Replace a page that exists.")
+@json_option()
 @roughness_option
 @library_root_option
-@click.option("--overwrite", is_flag=True, help="Replace a page that exists.")
 def command(
     file: str,
     output: str | None,
@@ -96,6 +110,7 @@ def command(
     max_error: float | None,
     max_faces: int | None,
     overwrite: bool,
+    as_json: bool,
     **values: Any,
 ) -> int:
     """Show the terrain FILE in a browser: turn it, ask what is where, switch layers.
@@ -106,9 +121,12 @@ def command(
     """
     from terratool.viewing.mesh import PageOptions
     from terratool.viewing.pages import three_js
+    from terratool.viewing.places import read_site
 
     if watch and output is not None:
         raise click.UsageError("--watch serves the page, and --output writes it. Drop one of them.")
+    if watch and as_json:
+        raise click.UsageError("--json is about a page that is written. Drop it, or --watch.")
     if watch and file == "-":
         raise click.UsageError("--watch needs a file, and - is none. Name a file.")
     if port is not None and not watch:
@@ -123,7 +141,34 @@ def command(
     vehicle = vehicle_from(values) if wheeled else None
     if watch:
         _follow(file, options, vehicle, routes, port or 0, not no_open)
-    return _write(file, options, vehicle, routes, path, overwrite, not no_open)
+    with StatusLine(f"reading {short_name(file)}") as status:
+        site = read_site(file, library_roots(), roughness=has_roughness())
+        scene = _scene(site, options, vehicle, routes, status)
+        status.say("writing the page")
+        written = _write(file, scene, path, overwrite)
+    if as_json:
+        say_json(written)
+    else:
+        for line in _lines(written):
+            say(line)
+    if not no_open and not _open(Path(written.file).resolve().as_uri()):
+        say("No browser can be opened here. Open the page in yours.", err=True)
+    lost = [route["note"] for route in written.routes if not route["found"]]
+    for note in lost:
+        say_error(f"There is no such route. {note}")
+    return int(bool(lost))
+
+
+class PageDocument(Document, frozen=True, kw_only=True):
+    """Page that was written, as JSON."""
+
+    file: str
+    bytes: int
+    faces: int
+    error: float
+    measured: bool
+    routes: list[dict[str, Any]]
+    notes: list[str]
 
 
 def _page_path(output: str, file: str, overwrite: bool) -> Path:
@@ -141,38 +186,38 @@ def _page_path(output: str, file: str, overwrite: bool) -> Path:
     return path
 
 
-def _write(
-    file: str, options: PageOptions, vehicle: Vehicle | None, routes: Routes, path: Path | None,
-    overwrite: bool, opens: bool,
-) -> int:  # fmt: skip
-    """Write the page and return the exit code."""
+def _write(file: str, scene: PageScene, path: Path | None, overwrite: bool) -> PageDocument:
+    """Write the page and return what is to be said of it."""
     from terratool.output import whole_file
+    from terratool.viewing.pages import page_of
+
+    text = page_of(short_name(file), scene.to_bytes())
+    path = _temporary(file) if path is None else path
+    with whole_file(path, overwrite) as part:
+        part.write_text(text, encoding="utf-8", newline="\n")
+    facts = scene.facts
+    return PageDocument(
+        file=str(path),
+        bytes=len(text.encode()),
+        faces=len(scene.arrays["elements"]),
+        error=facts["error"],
+        measured=facts["measured"],
+        routes=[{key: route[key] for key in ("found", "note")} for route in facts["routes"]],
+        notes=list(_notes(facts)),
+    )
+
+
+def _lines(written: PageDocument) -> Iterator[str]:
+    """Lines for people on a page."""
     from terratool.report.numbers import metres
     from terratool.report.wording import count_of
-    from terratool.viewing.pages import page_of
-    from terratool.viewing.places import read_site
 
-    with StatusLine(f"reading {short_name(file)}") as status:
-        site = read_site(file, library_roots(), roughness=has_roughness())
-        scene = _scene(site, options, vehicle, routes, status)
-        status.say("writing the page")
-        text = page_of(short_name(file), scene.to_bytes())
-        path = _temporary(file) if path is None else path
-        with whole_file(path, overwrite) as part:
-            part.write_text(text, encoding="utf-8", newline="\n")
-    facts = scene.facts
-    within = f"{count_of(len(scene.arrays['elements']), 'face')} within {metres(facts['error'])}"
-    if facts["measured"]:
+    within = f"{count_of(written.faces, 'face')} within {metres(written.error)}"
+    if written.measured:
         within += ", as far as measured"
-    say(f"{path}: {within}, {len(text.encode()):,} bytes")
-    for note in _notes(facts):
-        say(f"  {note}")
-    if opens and not _open(path.resolve().as_uri()):
-        say("No browser can be opened here. Open the page in yours.", err=True)
-    lost = [route["note"] for route in facts["routes"] if not route["found"]]
-    for note in lost:
-        say_error(f"There is no such route. {note}")
-    return int(bool(lost))
+    yield f"{written.file}: {within}, {written.bytes:,} bytes"
+    for note in written.notes:
+        yield f"  {note}"
 
 
 def _notes(facts: dict[str, Any]) -> Iterator[str]:
@@ -202,7 +247,7 @@ def _temporary(file: str) -> Path:
     try:
         folder = Path(tempfile.mkdtemp(prefix="terratool-"))
     except OSError as error:
-        raise WriteError.of(tempfile.gettempdir(), error, "Name a page with --output.") from error
+        raise WriteError.of(tempfile.gettempdir(), error, "Name a page by -o OUT.") from error
     stem = "terrain" if file == "-" else Path(file).name.removesuffix(".gz").removesuffix(".json")
     return folder / f"{stem}.html"
 

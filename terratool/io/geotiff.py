@@ -63,7 +63,7 @@ class Compression:
         if self.max_z_error and self.name != "lerc":
             raise RequestError(
                 f"Compression by {self.name} makes no error.",
-                'Leave out --max-z-error, or add "--compress lerc".',
+                'Leave out --max-error, or add "--compress lerc".',
             )
 
     def options(self, dtype: np.dtype[Any]) -> dict[str, Any]:

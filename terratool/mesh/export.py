@@ -25,6 +25,7 @@ from terratool.mesh.formats.common import points_of
 from terratool.mesh.formats.table import MeshFormat, mesh_format
 from terratool.mesh.loss import MeshLoss, omitted_elements, wall_summary
 from terratool.mesh.normals import with_normals
+from terratool.mesh.origin import Origin, check_origin, zero_of
 from terratool.mesh.types import BuiltMesh, Mesh
 from terratool.output import refuse_existing, refuse_missing_folder, target_of, whole_file
 from terratool.report.documents import plain_document
@@ -85,7 +86,7 @@ class MeshOptions:
         bounds: world rectangle west, south, east, north; the whole terrain if None.
         solid: whether sides and a bottom close the mesh.
         base: height of the bottom; somewhat below the lowest ground if None.
-        world: whether coordinates are those of the world rather than near 0.
+        origin: zero of the coordinates; those of the "world" are in float64.
         normals: whether a format that has a place for normals gets them.
     """
 
@@ -94,8 +95,13 @@ class MeshOptions:
     bounds: Bounds | None = None
     solid: bool = False
     base: float | None = None
-    world: bool = False
+    origin: Origin = "local"
     normals: bool = True
+
+    @property
+    def world(self) -> bool:
+        """Whether coordinates are those of the world, in float64."""
+        return self.origin == "world"
 
     def check(self, tiles: bool = False) -> None:
         """Refuse numbers outside their range, and for tiles options that are about one mesh.
@@ -103,6 +109,7 @@ class MeshOptions:
         Raises:
             RequestError: an option is refused.
         """
+        check_origin(self.origin)
         error, faces, base = self.max_error, self.max_faces, self.base
         for name, given in (("--max-faces", faces is not None), ("--solid", self.solid)):
             if tiles and given:
@@ -121,6 +128,15 @@ class MeshOptions:
             raise RequestError("There is a base, but no solid is asked for.", "Add --solid.")
         if base is not None and not math.isfinite(base):
             raise RequestError(f"The base is at {base:g}.", "Give a height.")
+
+    def moved(self, built: BuiltMesh, terrain: Terrain) -> BuiltMesh:
+        """Mesh of a terrain, or of a tile of it, with its zero where the options have it."""
+        if self.origin in ("local", "world"):
+            return built
+        mesh = built.mesh
+        zero = np.array(zero_of(self.origin, clip_bounds(terrain, self.bounds)))
+        vertices = mesh.vertices + (mesh.origin - zero)
+        return replace(built, mesh=replace(mesh, vertices=vertices, origin=zero))
 
     def error_for(self, terrain: Terrain) -> tuple[float, str]:
         """Return the largest error, and its reason in words."""
@@ -248,7 +264,7 @@ def export_mesh(
         largest = float(sizes.max(initial=0.0))
         relief = relief_of(terrain, bounds)
         fit = within_budget(attempt, wanted, relief, largest, options.max_faces)
-    fit = fit._replace(built=collapse_degenerate(fit.built))
+    fit = fit._replace(built=collapse_degenerate(options.moved(fit.built, terrain)))
     mesh = fit.built.mesh
     if not len(mesh.faces):
         raise no_ground("Give other --bounds." if bounds else _WHOLE)
@@ -268,7 +284,7 @@ def export_mesh(
         walls=int(mesh.walls.sum()),
         vertices=len(mesh.vertices),
         surfaces=dict(zip(mesh.names, counts, strict=True)),
-        base=float(mesh.vertices[:, 2].min()) if options.solid else None,
+        base=float(mesh.vertices[:, 2].min() + mesh.origin[2]) if options.solid else None,
         chosen=chosen,
         statement=loss_of(terrain, fit, options, wanted),
     )

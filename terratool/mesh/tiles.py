@@ -18,7 +18,7 @@ from terratool.definition.findings import Bounds
 from terratool.errors import RequestError, WriteError
 from terratool.field.bounds import curve_pieces
 from terratool.field.records import COMBINE
-from terratool.field.terrain import Terrain, check_bounds
+from terratool.field.terrain import Terrain, check_bounds, clip_bounds
 from terratool.kernels import mesh as kernels
 from terratool.mesh.build import coarse_mesh, finish
 from terratool.mesh.export import (
@@ -31,6 +31,7 @@ from terratool.mesh.export import (
 from terratool.mesh.formats.table import FORMATS, mesh_format
 from terratool.mesh.loss import MeshLoss, OmittedElements, WallSummary, join_walls, wall_summary
 from terratool.mesh.normals import with_normals
+from terratool.mesh.origin import zero_of
 from terratool.mesh.plan import plan_of
 from terratool.mesh.seams import Seam, boundary_of, cut_segments, lay_seams
 from terratool.mesh.types import BuiltMesh, MeshPlan, PlanLoss
@@ -284,11 +285,14 @@ def export_tiles(
     layout = lay_out(terrain, wanted, count, options.bounds)
     rows, columns = layout.shape
     tiles: list[MeshTile] = []
+    zero = (*layout.plan.origin.tolist(), 0.0)
+    if options.origin != "local":
+        zero = zero_of(options.origin, clip_bounds(terrain, options.bounds))
     with stop_on_signals():
         _prepare(folder)
         faces, walls, error, rounding, standing = 0, 0, 0.0, 0.0, WallSummary()
         for row, column, whole in build_tiles(terrain, layout):
-            built = collapse_degenerate(whole)
+            built = collapse_degenerate(options.moved(whole, terrain))
             mesh, error = built.mesh, max(error, built.error)
             written: tuple[Path, ...] = ()
             if len(mesh.faces):
@@ -312,7 +316,7 @@ def export_tiles(
         report = MeshTilesReport(
             index=folder / INDEX,
             bounds=(*tiles[-columns].bounds[:2], *tiles[columns - 1].bounds[2:]),
-            origin=(0.0, 0.0, 0.0) if options.world else (*layout.plan.origin.tolist(), 0.0),
+            origin=zero,
             rows=rows,
             columns=columns,
             faces=faces,

@@ -235,7 +235,7 @@ def export_dem(
     if request.compression is not None and form.driver not in ("GTiff", "COG"):
         raise RequestError(
             f"{path.name}: only a .tif is compressed as one likes.",
-            "Leave out --compress and --max-z-error, or ask for a .tif.",
+            "Leave out --compress and --max-error, or ask for a .tif.",
         )
     files, overviews = request.files(terrain), request.has_overviews(form, grid)
     paths = paths_of(path, files)

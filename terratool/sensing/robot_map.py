@@ -519,7 +519,7 @@ def map_scans(
             if place is None and in_sensor_axes(cloud):
                 raise RequestError(
                     f"{path}: its points are as far from 0 as they were from the sensor.",
-                    "Scan with --frame world; if the sensor was at 0, say --origin 0 0 0.",
+                    "Scan with --frame world; if the sensor was at 0, say --sensor-at 0 0 0.",
                 )
             robot_map.add(cloud)
     if not robot_map.points:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
 from terratool.errors import RequestError
+from terratool.mesh.origin import Origin, check_origin
 
 DEFAULT_ERROR = 0.002
 """Default of the largest error, units of the terrain: bodies that roll notice more."""
@@ -18,8 +18,6 @@ MAX_GEOMS = 2000
 """Default of the most geoms: MuJoCo's steps take longer with more."""
 MAX_SLOPE, MAX_STEP = 20.0, 0.1
 """Default limits of slope (degrees) and step (units of the terrain), if no vehicle is named."""
-
-Origin = Literal["local", "center", "world"] | tuple[float, float, float]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -69,11 +67,7 @@ class SceneOptions:
             raise RequestError(
                 f"The assumed friction is {self.friction:g}.", "Give a finite number from 0 on."
             )
-        if isinstance(self.origin, tuple) and not all(map(math.isfinite, self.origin)):
-            raise RequestError(
-                f"The origin is {' '.join(f'{x:g}' for x in self.origin)}.",
-                "Give three finite numbers.",
-            )
+        check_origin(self.origin)
         if not 0.0 < self.max_slope < 90.0:
             raise RequestError(
                 f"The steepest slope is {self.max_slope:g}°.", "Give degrees above 0 and below 90."

@@ -24,6 +24,7 @@ from terratool.mesh.formats.common import (
 )
 from terratool.mesh.loss import MeshLoss
 from terratool.mesh.normals import with_normals
+from terratool.mesh.origin import zero_of
 from terratool.mesh.types import BuiltMesh, Mesh
 from terratool.raster.grid import Grid
 from terratool.report.numbers import metres
@@ -137,16 +138,7 @@ class Scene:
     @property
     def zero(self) -> tuple[float, float, float]:
         """World position x, y, z of the zero of the files."""
-        west, south, east, north = self.terrain.bounds
-        match self.options.origin:
-            case "local":
-                return west, south, 0.0
-            case "center":
-                return 0.5 * (west + east), 0.5 * (south + north), 0.0
-            case "world":
-                return 0.0, 0.0, 0.0
-            case point:
-                return point
+        return zero_of(self.options.origin, self.terrain.bounds)
 
     @property
     def offset(self) -> tuple[float, float, float]:

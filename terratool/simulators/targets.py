@@ -14,6 +14,7 @@ from terratool.errors import RequestError
 from terratool.extras import install_command
 from terratool.report.wording import join_words
 from terratool.text.display import quote
+from terratool.text.meaning import guess, near_names
 
 if TYPE_CHECKING:
     from terratool.simulators.scene import Material, Scene
@@ -109,16 +110,12 @@ def choose_targets(names: tuple[str, ...]) -> dict[str, Target]:
 
 def _hint_on(name: str) -> str:
     """Return a hint on a name that is of no target."""
-    from difflib import get_close_matches
-
     known = [*TARGETS, "all"]
     parts = name.replace(",", " ").split()
-    near = [close for part in parts for close in get_close_matches(part.lower(), known, 1)]
-    if not near or len(near) < len(parts):
-        return f"Choose from {', '.join(TARGETS)}, or all."
-    if len(near) > 1:
-        return f"Name each by itself: {_as_options(near)}."
-    return f"Did you mean {near[0]}?"
+    near = [near_names(part, known)[:1] for part in parts]
+    if len(near) > 1 and all(near):
+        return f"Name each by itself: {_as_options([name for (name,) in near])}."
+    return guess(name, known) or f"Choose from {', '.join(TARGETS)}, or all."
 
 
 def refuse_uninstalled(targets: Mapping[str, Target]) -> None:

@@ -22,6 +22,7 @@ from terratool.definition.reader import Checked, CheckOptions, check, refusal
 from terratool.errors import DefinitionError, MissedError, RequestError
 from terratool.field.terrain import Terrain
 from terratool.field.types import OUTSIDE
+from terratool.output import is_same_file
 from terratool.text.display import quote
 from terratool.text.edit import set_member
 from terratool.text.source import Source, read_source, write_source
@@ -386,7 +387,7 @@ def write_deformed(
 ) -> int:
     """Write the definition at `path` with the tracks after a drive, all other text unchanged.
 
-    The output is gzipped if its name ends with .gz.
+    The output is gzipped if its name ends with .gz, or if it is the definition and that is.
 
     Returns:
         Growth of the text, bytes.
@@ -399,7 +400,8 @@ def write_deformed(
     tracks = msgspec.to_builtins(deformed.tracks)
     text = with_moved_paths(source, output)
     data = set_member(text, "", "tracks", tracks, TERRAIN).apply(text)
-    packed = Path(output).name.lower().endswith(".gz")
+    own = is_same_file(output, path)
+    packed = source.packed if own else Path(output).name.lower().endswith(".gz")
     result = Source(str(output), data, packed, source.marked)
     options = CheckOptions(warnings=False, library_roots=(*library_roots, str(Path(path).parent)))
     checked = check(result, options)

@@ -79,7 +79,7 @@ class RenderOptions:
         if not LEAST_SIZE <= self.size <= MOST_SIZE:
             raise RequestError(
                 f"The longer side is to have {self.size:,} pixels.",
-                f"Give --size from {LEAST_SIZE} to {MOST_SIZE:,}; look closer with --bounds, or "
+                f"Give --pixels from {LEAST_SIZE} to {MOST_SIZE:,}; look closer with --bounds, or "
                 "write a raster of any size with terratool export-dem.",
             )
         if not LEAST_DPI <= self.dpi <= MOST_DPI:
@@ -90,7 +90,7 @@ class RenderOptions:
         if self.size / self.dpi < 3.0 and not self.bare:
             raise RequestError(
                 f"{self.size} pixels at {self.dpi:g} to an inch leave no room beside the letters.",
-                f"Give a --size of at least {math.ceil(3.0 * self.dpi)}, a smaller --dpi, "
+                f"Give --pixels of at least {math.ceil(3.0 * self.dpi)}, a smaller --dpi, "
                 "or --bare.",
             )
         self._check_contours()

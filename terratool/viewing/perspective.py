@@ -349,7 +349,7 @@ def _sheet(
     if min(across, down) < 24:
         raise RequestError(
             "There is no room for the ground beside the letters.",
-            "Give a larger --size or a smaller --dpi, or --no-legend.",
+            "Give more --pixels or a smaller --dpi, or --no-legend.",
         )
     viewpoint = viewpoint_for(vertices, options.azimuth, options.elevation, (across, down))
     flat = viewpoint.project(vertices)[:, :2]

@@ -116,7 +116,7 @@ def layout(sides: tuple[float, float], options: RenderOptions, margins: SheetMar
     if min(across, down) < 3 * _LEAST_MAP:
         raise RequestError(
             "There is no room for the ground beside the letters.",
-            "Give a larger --size or a smaller --dpi, or --no-legend.",
+            "Give more --pixels or a smaller --dpi, or --no-legend.",
         )
     per_pixel = max(sides[0] / across, sides[1] / down)
     width = round(sides[0] / per_pixel)

@@ -783,11 +783,11 @@ def test_without_a_kind_all_are_listed() -> None:
         (["stairs", ".json"], ".json: is no name of a definition."),
         (["stairs", "o.json", "--run", "0"], "--run is 0."),
         (["stairs", "o.json", "--run", "nan"], "--run is nan."),
-        (["stairs"], "Missing argument 'OUT.json'"),
+        (["stairs"], "Missing argument 'OUT'"),
         (["stairs", "o.json", "--rise", "17cm"], "Write one with a point and without a unit"),
         (["stairs", "o.json", "--size", "3", "0,17"], "'0,17' is no number."),
         (["castle", "o.json"], "There is flat, ramp, stairs,"),
-        (["flat", ""], "OUT.json has an empty name."),
+        (["flat", ""], "OUT has an empty name."),
     ],
 )  # fmt: skip
 def test_wrong_usage_is_said(

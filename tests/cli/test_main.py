@@ -164,7 +164,7 @@ def test_version_says_what_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
         ("query", SAMPLE, "1e999", "2"),
         ("query", SAMPLE, "1,2"), ("query", SAMPLE, "1", "2", "--points", "-"),
         ("query", SAMPLE, "1", "2", "--frobnicate"), ("query", SAMPLE, "-z", "2"),
-        ("query", SAMPLE, "1", "2", "--format", "xml"), ("rules", "TT999"), ("rules", "TT201", "x"),
+        ("query", SAMPLE, "1", "2", "--format", "csv"), ("rules", "TT999"), ("rules", "TT201", "x"),
         ("export-dem", SAMPLE), ("export-dem", SAMPLE, "o.tif", "--resolution", "fine"),
         ("export-dem", SAMPLE, "o.tif", "--bounds", "1", "2"),
         ("export-dem", SAMPLE, "o.tif", "--resolution", "0"),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,8 @@ import click  # noqa: TID251, a command is what is tested
 import pytest
 from click.testing import CliRunner  # noqa: TID251
 
-from terratool.cli.options import vehicle_from, vehicle_options
+from terratool.cli.command import Command
+from terratool.cli.options import vehicle_from, vehicle_option, wheel_options
 from terratool.errors import DefinitionError, ReadError
 from terratool.traversability.vehicle import Vehicle, Wheel
 from tests.commands import SAMPLE, call
@@ -20,8 +22,9 @@ from tests.vehicles import SMALLEST
 WHEEL = ["--wheel-radius", "0.2", "--wheel-width", "0.1", "--load", "100"]
 
 
-@click.command()
-@vehicle_options
+@click.command(cls=Command)
+@vehicle_option
+@wheel_options
 @click.pass_context
 def drive(ctx: click.Context, **values: Any) -> None:
     ctx.obj.append(vehicle_from(values))
@@ -72,14 +75,16 @@ def test_a_wheel_has_lugs_or_a_tyre(arguments: list[object], wheel: Wheel) -> No
 
 
 def test_the_help_has_the_units() -> None:
-    """N and not kg, N m, m."""
-    text = CliRunner().invoke(drive, ["--help"]).output
-    for name, unit in (
-        ("--wheel-radius R", "m."), ("--wheel-width B", "m."), ("--load W", "N."),
-        ("--torque T", "N m."), ("--grouser-height H", "m."), ("--tyre-pressure P", "kPa."),
-    ):  # fmt: skip
-        line = next(line for line in text.splitlines() if name in line)
-        assert f", {unit}" in line, line
+    """Newtons and not kilograms, newton metres, metres; all eight in two lines."""
+    text = CliRunner().invoke(drive, ["--help"], terminal_width=100).output
+    head, *lines = text[text.index("A wheel in place of") : text.index("Also")].splitlines()
+    shown = re.findall(r"--([\w-]+) (\w+)", " ".join(lines))
+    assert shown == [
+        ("wheel-radius", "M"), ("wheel-width", "M"), ("load", "N"), ("grouser-height", "M"),
+        ("tyre-pressure", "KPA"), ("contact-length", "M"), ("torque", "NM"), ("max-slip", "SHARE"),
+    ]  # fmt: skip
+    assert len(lines) == 2
+    assert "M metres, N newtons, KPA kilopascals, NM newton metres" in head
 
 
 @pytest.mark.parametrize(

@@ -176,7 +176,7 @@ def test_a_simulator_has_no_sum_of_a_pipe(folder: Path) -> None:
 def test_a_scan_that_is_a_pipe_is_read_once(folder: Path, tmp_path: Path) -> None:
     pipe = tmp_path / "a.csv"
     os.mkfifo(pipe)
-    told = ("map", pipe, "--cell", 1, "--output", tmp_path / "m.tif", "--overwrite")
+    told = ("map", pipe, "--resolution", 1, "--output", tmp_path / "m.tif", "--overwrite")
     ran = run(*told)
     assert (ran.code, "is a pipe, and is read twice" in ran.err) == (2, True)
     writer = threading.Thread(target=lambda: pipe.write_text("x,y,z\n1,1,0\n2,3,1\n"))
@@ -190,7 +190,7 @@ def test_a_scan_that_is_a_pipe_is_read_once(folder: Path, tmp_path: Path) -> Non
 def test_scans_that_are_looked_at_out_of_order_are_files(suffix: str, tmp_path: Path) -> None:
     pipe = tmp_path / f"a{suffix}"
     os.mkfifo(pipe)
-    told = ("--cell", 1, "--output", tmp_path / "m.tif", "--bounds", 0, 0, 4, 4)
+    told = ("--resolution", 1, "--output", tmp_path / "m.tif", "--bounds", 0, 0, 4, 4)
     ran = run("map", pipe, *told)
     assert (ran.code, "it is a pipe, and no regular file" in ran.err) == (3, True)
 

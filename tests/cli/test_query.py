@@ -67,7 +67,7 @@ def test_answers_as_csv(yard: Path) -> None:
 
 def test_answers_as_json(yard: Path) -> None:
     """The same as JSON, with null for what there is not, and a version."""
-    ran = call("query", yard, *(n for point in ANSWERS for n in point), "--format", "json")
+    ran = call("query", yard, *(n for point in ANSWERS for n in point), "--json")
     assert (ran.code, ran.err) == (0, "")
     report = json.loads(ran.out)
     points = report if isinstance(report, list) else report["points"]
@@ -83,7 +83,7 @@ def test_answers_as_json(yard: Path) -> None:
 
 def test_json_carries_a_version(yard: Path) -> None:
     """A script can tell the version of the report, as with every other JSON."""
-    report = json.loads(call("query", yard, 1, 1, "--format", "json").out)
+    report = json.loads(call("query", yard, 1, 1, "--json").out)
     assert isinstance(report, dict)
     assert report["format_version"] == 1
 
@@ -98,8 +98,8 @@ def test_the_surface_with_a_comma_is_quoted(yard: Path) -> None:
     [
         (["-3", "-2"], [(-3, -2)]),
         (["-.5", "-1e0"], [(-0.5, -1)]),
-        (["-3", "-2", "--format", "csv"], [(-3, -2)]),
-        (["--format", "csv", "--", "-3", "-2"], [(-3, -2)]),
+        (["-3", "-2", "--no-roughness"], [(-3, -2)]),
+        (["--no-roughness", "--", "-3", "-2"], [(-3, -2)]),
         (["-4", "-4", "-3", "-3"], [(-4, -4), (-3, -3)]),
     ],
 )
@@ -162,7 +162,7 @@ def assert_ramp(ran: Ran) -> None:
 @pytest.mark.parametrize(("form", "length"), [("csv", 1), ("json", 0)])
 def test_no_points(yard: Path, text: str, form: str, length: int) -> None:
     """No points make no answers, and that is good."""
-    ran = call("query", yard, "--points", "-", "--format", form, stdin=text)
+    ran = call("query", yard, "--points", "-", *["--json"] * (form == "json"), stdin=text)
     assert (ran.code, ran.err) == (0, "")
     if form == "csv":
         assert ran.out.splitlines() == [HEADER][:length]

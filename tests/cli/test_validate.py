@@ -548,7 +548,7 @@ def test_x_ignore_does_not_reach_names_that_begin_alike() -> None:
 
 def test_rules_as_markdown() -> None:
     """Every rule has a section, to which the table at the top leads, and its examples are JSON."""
-    page = call("rules", "--markdown").out
+    page = call("rules", "--format", "markdown").out
     headings = re.findall(r"^## (TT\d+) (\S+)$", page, re.MULTILINE)
     assert headings == [(rule.code, rule.name) for rule in RULES.values()]
     links = re.findall(r"^\| \[(TT\d+)\]\(#(\S+)\) \| (\w+) \| \S.*\. \|$", page, re.MULTILINE)

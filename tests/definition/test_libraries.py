@@ -650,7 +650,7 @@ def test_each_report_names_the_file_of_the_library(site: Path, tmp_path: Path, f
 def test_the_commands_know_the_libraries(site: Path, tmp_path: Path) -> None:
     """Under --library-root; without it, a library outside is a finding and not read."""
     root = ("--library-root", tmp_path)
-    ran = call("query", site, "2.5", "3.5", "--format", "json", *root)
+    ran = call("query", site, "2.5", "3.5", "--json", *root)
     assert ran.code == 0, ran.err
     assert "/elemTree/children/0>../kit/kit.json#/parts/crate" in ran.out and "clay" in ran.out
     assert call("info", site, "--json", *root).code == 0

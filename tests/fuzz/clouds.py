@@ -216,7 +216,7 @@ def try_cloud(case: Case, folder: Path) -> str:
             high = np.maximum(high, cloud.points.max(axis=0))
             count += len(cloud.points)
         if draw % 32 == 0:
-            told = ("--cell", 1, "--output", folder / "map.tif", "--overwrite", "--json")
+            told = ("--resolution", 1, "--output", folder / "map.tif", "--overwrite", "--json")
             ask("map", name, *told)
         side = max(float((high - low)[:2].max(initial=0.0)) / 30.0, 1e-3)
         if count and draw % 4 == 1 and side < 1e8:
@@ -297,7 +297,7 @@ def try_map(case: Case, folder: Path) -> str:
             return "many cells"
         compare(found, TERRAIN)
         if draw % 32 == 0:
-            ask("compare", name, "samples/stairs-and-kerbs.json", "--format", "json")
+            ask("compare", name, "samples/stairs-and-kerbs.json", "--json")
             ask("compare", name, "samples/stairs-and-kerbs.json")
     except TerratoolError:
         return "refused"

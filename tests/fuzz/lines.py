@@ -61,7 +61,7 @@ def try_lines(case: Case, folder: Path) -> str:
         if draw % 128 == 1:
             ask("deform", _YARD, "--vehicle", _HUSKY, "--path", name, "--output", folder / "a.json")
         if draw % 128 == 2:
-            ask("scan", _YARD, folder / "a.npz", "--sensor", _HOKUYO, "--path", name)
+            ask("scan", _YARD, folder / "a.npz", "--sensor", _HOKUYO, "--poses", name)
         if draw % 2:
             points = read_waypoints(name)
         else:

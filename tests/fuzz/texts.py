@@ -419,7 +419,7 @@ def try_sensor(case: Case, folder: Path) -> str:
         pose = ("--pose", 3, 3, 0, 0, 0, 0, "--on-ground", 1)
         ask("scan", yard, folder / "scan.npz", "--sensor", name, *pose)
         if (folder / "scan.npz").exists():
-            told = ("--cell", 1, "--sensor", name, "--output", folder / "map.tif")
+            told = ("--resolution", 1, "--sensor", name, "--output", folder / "map.tif")
             ask("map", folder / "scan.npz", *told)
     for path in folder.iterdir():
         path.unlink()

@@ -455,7 +455,7 @@ def test_level_patches_rows_and_columns() -> None:
         (np.eye(4), PrimitiveRequest(terms=2, recognise=True), "--recognise"),
         (np.eye(4), PrimitiveRequest(terms=2, combine="sum"), "--combine"),
         (np.eye(4), PrimitiveRequest(recognise=True, combine="auto"), "products"),
-        (np.eye(4), PrimitiveRequest(turn=True, x_steps=(1.0,)), "--turn"),
+        (np.eye(4), PrimitiveRequest(turn=True, x_steps=(1.0,)), "--fit-turn"),
     ],
 )
 def test_what_makes_no_sense_is_refused(z: Floats, wanted: PrimitiveRequest, words: str) -> None:

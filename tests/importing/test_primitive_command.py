@@ -16,7 +16,6 @@ from terratool.errors import RequestError, TerratoolError
 from terratool.field.terrain import load
 from terratool.importing.primitive.insert import (
     CellPath,
-    parse_cell_path,
     target_of,
     text_with,
 )
@@ -58,7 +57,7 @@ def site(tmp_path: Path) -> Path:
 
 
 def test_the_entry_goes_to_standard_output_and_the_error_to_the_other(dem: Path) -> None:
-    ran = run("import-primitive", dem, "--name", "knoll", *WINDOW, "--samples", 5)
+    ran = run("import-primitive", dem, "--name", "knoll", *WINDOW, "--values", 5)
     assert ran.code == 0
     entry = json.loads(ran.out)["knoll"]
     assert len(entry["x"]) == len(entry["y"]) == 5
@@ -71,7 +70,7 @@ def test_the_entry_goes_to_standard_output_and_the_error_to_the_other(dem: Path)
 def test_what_is_placed_answers_the_patch_within_the_error(dem: Path, site: Path) -> None:
     before = site.read_bytes()
     ran = run("import-primitive", dem, "--name", "knoll", *WINDOW, "--into", site, "--terms", 2,
-              "--place", "1,0", "--json")  # fmt: skip
+              "--cell", 1, 0, "--json")  # fmt: skip
     assert ran.code == 0, ran.err
     report = json.loads(ran.out)
     assert report["file"] == str(site) and report["notes"] == []
@@ -98,7 +97,8 @@ def test_what_is_placed_answers_the_patch_within_the_error(dem: Path, site: Path
 def test_a_span_takes_several_cells(dem: Path, site: Path) -> None:
     """The plate's grid has cells of 5 × 2.6 under its own 3 m: a block of 3 × 4 of them."""
     ran = run("import-primitive", dem, "--name", "knoll", *WINDOW, "--into", site,
-              "--place", "1,0,/elemTree/children/0", "--span", "3,4", "--json")  # fmt: skip
+              "--cell", 1, 0, "--parent", "/elemTree/children/0", "--span", 3, 4,
+              "--json")  # fmt: skip
     assert ran.code == 0, ran.err
     report = json.loads(ran.out)
     assert any("15 × 10.4" in note and "stretched" in note for note in report["notes"])
@@ -118,11 +118,11 @@ def test_a_library_gets_primitives_and_elements(dem: Path, tmp_path: Path, dicti
         '{"elemTypes":{"peg":{"x":[1]}' + ("" if dictionary else ',"post":{"x":[1]}') + "}}",
         encoding="utf-8",
     )
-    asked = ("import-primitive", dem, "--name", "knoll", *WINDOW, "--samples", 3, "--into", kit)
-    ran = run(*asked, "--place", "2,3")
+    asked = ("import-primitive", dem, "--name", "knoll", *WINDOW, "--values", 3, "--into", kit)
+    ran = run(*asked, "--cell", 2, 3)
     assert ran.code == 2 and "/parts/NAME" in ran.err
     assert kit.read_text("utf-8") == text
-    ran = run(*asked, "--place", "2,3,/parts/hill~1top", "--span", "4,5")
+    ran = run(*asked, "--cell", 2, 3, "--parent", "/parts/hill~1top", "--span", 4, 5)
     assert ran.code == 0, ran.err
     after = json.loads(kit.read_text("utf-8"))
     assert len(after["elemTypes"].pop("knoll")["x"]) == 3
@@ -147,7 +147,7 @@ def test_a_name_that_is_there_is_refused_unless_it_may_be_replaced(dem: Path, si
 @pytest.mark.slow
 def test_a_tolerance_that_is_missed_writes_nothing(dem: Path, site: Path) -> None:
     before = site.read_bytes()
-    asked = ("import-primitive", dem, "--name", "knoll", *WINDOW, "--tolerance", "0.01")
+    asked = ("import-primitive", dem, "--name", "knoll", *WINDOW, "--max-error", "0.01")
     ran = run(*asked, "--into", site)
     assert ran.code == 1 and "nothing was written" in ran.err and ran.out == ""
     assert site.read_bytes() == before
@@ -161,7 +161,7 @@ def test_a_tolerance_that_is_missed_writes_nothing(dem: Path, site: Path) -> Non
 
 def test_the_entry_alone_may_go_to_a_file(dem: Path, tmp_path: Path) -> None:
     out = tmp_path / "entry.json"
-    asked = ("import-primitive", dem, "--name", "knoll", *WINDOW, "--samples", 3, "--output", out)
+    asked = ("import-primitive", dem, "--name", "knoll", *WINDOW, "--values", 3, "--output", out)
     assert run(*asked).code == 0
     assert list(json.loads(out.read_text(encoding="utf-8"))) == ["knoll"]
     ran = run(*asked)
@@ -171,12 +171,13 @@ def test_the_entry_alone_may_go_to_a_file(dem: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("options", "code", "words"),
     [
-        (["--place", "1,1"], 2, "--into"),
-        (["--span", "1,1"], 2, "--place"),
-        (["--into", "SITE", "--place", "1,1", "--span", "0,1"], 2, "is no span"),
-        (["--into", "SITE", "--place", "1,1", "--span", "2"], 2, "is no span"),
-        (["--into", "SITE", "--place", "1,1", "--span", "2,2"], 2, "2 × 2 cells lies outside"),
-        (["--into", "SITE", "--place", "one"], 2, "is no place"),
+        (["--cell", "1", "1"], 2, "--into"),
+        (["--span", "1", "1"], 2, "Give --cell X Y"),
+        (["--into", "SITE", "--cell", "1", "1", "--span", "0", "1"], 2, "The span is 0 × 1 cells."),
+        (["--into", "SITE", "--cell", "1", "1", "--span", "2"], 2, "requires 2 arguments"),
+        (["--into", "SITE", "--cell", "1", "1", "--span", "2", "2"], 2, "2 × 2 cells lies outside"),
+        (["--into", "SITE", "--cell", "one", "1"], 2, "'one' is not a valid integer"),
+        (["--into", "SITE", "--cell", "-1", "1"], 2, "the cell -1, 1 lies outside"),
         (["--into", "missing.json"], 3, "cannot be read"),
         (["--terms", "99"], 2, "99 terms"),
         (["--window", "0", "0", "1", "1"], 2, "only one"),
@@ -266,16 +267,6 @@ def test_places_that_are_not_there_are_refused(site: Path, place: CellPath) -> N
     assert caught.value.hint.endswith(".")
 
 
-def test_places_are_read() -> None:
-    assert parse_cell_path("3,4") == CellPath((3, 4))
-    assert parse_cell_path(" 0 , 12 , /elemTree/children/0") == CellPath(
-        (0, 12), "/elemTree/children/0"
-    )
-    for text in ("", "3", "3,", "3,-1", "3;4", "a,b", "1.0,2", ",,"):
-        with pytest.raises(RequestError, match="is no place"):
-            parse_cell_path(text)
-
-
 def test_a_definition_with_errors_is_left_alone(tmp_path: Path) -> None:
     path = tmp_path / "site.json"
     path.write_text(json.dumps({**PLATED, "size": -1}), encoding="utf-8")
@@ -301,11 +292,11 @@ def test_the_cell_is_that_of_the_field(site: Path, span: list[int]) -> None:
 def test_what_stands_in_the_cell_already_is_told(dem: Path, site: Path) -> None:
     out = site.with_name("out.json")
     ran = run("import-primitive", dem, "--name", "knoll", *WINDOW, "--into", site, "--output", out,
-              "--samples", 3, "--place", "0,0,/elemTree/children/0")  # fmt: skip
+              "--values", 3, "--cell", 0, 0, "--parent", "/elemTree/children/0")  # fmt: skip
     assert ran.code == 0 and "from 3 to 3 m high already" in ran.out
     assert "is 5 × 2.6 and the patch 20 × 13" in ran.out
-    ran = run("import-primitive", dem, "--name", "knoll", *WINDOW, "--into", site, "--samples", 3,
-              "--place", "0,0,/elemTree/children/0", "--json")  # fmt: skip
+    ran = run("import-primitive", dem, "--name", "knoll", *WINDOW, "--into", site, "--values", 3,
+              "--cell", 0, 0, "--parent", "/elemTree/children/0", "--json")  # fmt: skip
     assert "from 3 to 3 m high already" in " ".join(json.loads(ran.out)["notes"])
 
 

@@ -65,7 +65,7 @@ def test_coordinates_of_the_world(tmp_path: Path) -> None:
     trimesh = pytest.importorskip("trimesh")
     terrain = terrain_of(SITE)
     near = exported(terrain, tmp_path / "near.obj")
-    far = exported(terrain, tmp_path / "far.obj", world=True)
+    far = exported(terrain, tmp_path / "far.obj", origin="world")
     assert far.origin == (0, 0, 0)
     points = [
         np.array(trimesh.load_mesh(tmp_path / name, process=False).vertices)
@@ -74,6 +74,28 @@ def test_coordinates_of_the_world(tmp_path: Path) -> None:
     # trimesh adds up in the order of the file, and that has 15 digits
     assert np.abs(np.float32(points[0]) + near.origin - points[1]).max() < 1e-8
     assert points[1][:, 0].min() == 500000
+
+
+@pytest.mark.parametrize("origin", ["center", (500010.25, 4649760.0, -3.5)])
+def test_zero_is_where_it_is_asked_to_be(tmp_path: Path, origin: Any) -> None:
+    """The mesh is moved as a whole: with its zero added it is the one near the corner, base too."""
+    terrain = terrain_of(SITE)
+    part = 500003.0, 4649777.0, 500011.0, 4649781.0  # oblong, and not in the middle
+    options = {"bounds": part, "solid": True}
+    near = exported(terrain, tmp_path / "near.ply", 0.05, **options)
+    moved = exported(terrain, tmp_path / "moved.ply", 0.05, origin=origin, **options)
+    zero = (500007.0, 4649779.0, 0.0) if origin == "center" else origin
+    assert moved.origin == zero != near.origin
+    assert (moved.faces, moved.bounds) == (near.faces, near.bounds)
+    assert moved.base == pytest.approx(near.base, abs=1e-9)
+    one, other = read(tmp_path / "near.ply"), read(tmp_path / "moved.ply")
+    shift = np.array(near.origin) - zero
+    assert np.abs(one.vertices + shift - other.vertices).max() < 1e-5
+    x, y, z = other.vertices.T + np.array(zero)[:, None]
+    top = z > z.min() + 1e-3
+    assert (x.min(), y.min(), x.max(), y.max()) == pytest.approx(part, abs=1e-5)
+    height = terrain.height(x[top], y[top])
+    assert np.median(np.abs(z[top] - height)[~np.isnan(height)]) < 0.05
 
 
 def test_bounds(tmp_path: Path) -> None:
@@ -238,7 +260,7 @@ def test_tiles(tmp_path: Path, saved: Callable[..., Path], monkeypatch: pytest.M
         ("mesh {bad} a.obj", 1, "bad.json", "side length"),
         ("mesh {good} a.3ds", 2, "no mesh format has the suffix '.3ds'", "Try .obj, .wrl"),
         ("mesh {good} a", 2, "has no suffix", "Try .obj, .wrl"),
-        ("mesh {good}", 2, "Missing argument 'OUTPUT'", " --help."),
+        ("mesh {good}", 2, "Missing argument 'OUT'", " --help."),
         ("mesh {good} no/folder/a.obj", 3, "the folder", "Create it first"),
         ("mesh missing.json there.obj", 3, "there.obj: exists already", "--overwrite"),
         ("mesh {good} there.obj", 3, "there.obj: exists already", "--overwrite"),
@@ -247,9 +269,12 @@ def test_tiles(tmp_path: Path, saved: Callable[..., Path], monkeypatch: pytest.M
         ("mesh {wrl} named.wrl --overwrite", 3, "named.wrl: is the definition itself", "another"),
         ("obj {good} a.wrl", 2, "export-obj writes .obj files only", "or use export-mesh"),
         ("vrml {good} a.obj", 2, "export-vrml writes .wrl files only", "or use export-mesh"),
-        ("obj {good} a.obj --elevation-grid", 2, "No such option", " --help."),
+        ("obj {good} a.obj --elevation-grid", 2, "There is no option", " --help."),
         ("mesh {good} a.glb --origin world", 2, "too short for coordinates", "one of .obj, .ply"),
         ("mesh {good} a.glb --origin moon", 2, "'moon'", "local"),
+        ("mesh {good} a.ply --origin center --origin-at 1 2 3", 2, "exclude each other", ""),
+        ("mesh {good} a.ply --origin-at 1 2 nan", 2, "nan is no finite number", ""),
+        ("mesh {hill} a.wrl --elevation-grid --origin center", 2, "--origin is about a", "Leave"),
         ("mesh {good} a.glb --max-error -1", 2, "largest error is -1", "above 0"),
         ("mesh {good} a.glb --max-error 0", 2, "largest error is 0", "above 0"),
         ("mesh {good} a.glb --max-error nan", 2, "largest error is nan", "above 0"),
@@ -277,7 +302,7 @@ def test_tiles(tmp_path: Path, saved: Callable[..., Path], monkeypatch: pytest.M
         ("vrml {hill} a.wrl --elevation-grid --tile-faces 9", 2, "--tile-faces is about", "Leave"),
         ("mesh {good} a.glb --no-normals", 2, "a.glb: has no normals anyway", "Leave out"),
         ("obj {good} a.obj --no-normals --tile-faces 0", 2, "Tiles of 0 faces", "1 or more"),
-        ("vrml {good} a.wrl --no-normals", 2, "No such option", " --help."),
+        ("vrml {good} a.wrl --no-normals", 2, "There is no option", " --help."),
         ("mesh {hill} a.wrl --elevation-grid --no-normals", 2, "--no-normals is about a", "Leave"),
         ("mesh {good} a.glb --resolution 1", 2, "about a grid of heights", "--elevation-grid"),
         ("mesh {hill} a.glb --elevation-grid", 2, "only VRML has", "a .wrl"),

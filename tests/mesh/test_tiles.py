@@ -461,19 +461,23 @@ def test_a_file_for_each_tile_and_an_index(terrain: Terrain, tmp_path: Path, suf
     assert west[0] == 0 and west[1] == east[0] == west[3] and south[0] == north[2]
 
 
-@pytest.mark.parametrize("world", [False, True])
-def test_the_files_fit(tmp_path: Path, world: bool) -> None:
+@pytest.mark.parametrize(
+    ("origin", "zero"),
+    [("local", (1000, 2000, 0)), ("center", (1005, 2005, 0)), ("world", (0, 0, 0)),
+     ((990.25, 2017.5, -2.0), (990.25, 2017.5, -2.0))],
+)  # fmt: skip
+def test_the_files_fit(tmp_path: Path, origin: Any, zero: tuple[float, ...]) -> None:
     """Loaded together they are one closed surface, and lie where the terrain is."""
     definition = random_definition(1, 30, STRAIGHT, ("grass", "rock"))
     definition["origin"] = [1000, 2000]
     terrain = terrain_of(definition)
-    report = exported_tiles(terrain, tmp_path, ".ply", 0.01, rows=2, columns=2, world=world)
+    report = exported_tiles(terrain, tmp_path, ".ply", 0.01, rows=2, columns=2, origin=origin)
     meshes = [trimesh.load(tmp_path / tile.files[0], process=False) for tile in report.tiles]
     vertices = np.concatenate([mesh.vertices for mesh in meshes])
     begins = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
     faces = np.concatenate([m.faces + b for m, b in zip(meshes, begins, strict=False)])
     low, high = vertices.min(axis=0), vertices.max(axis=0)
-    assert report.origin == ((0, 0, 0) if world else (1000, 2000, 0))
+    assert report.origin == zero
     assert np.allclose(low[:2] + report.origin[:2], (1000, 2000))
     assert np.allclose(high[:2] + report.origin[:2], (1010, 2010))
     unique, index = np.unique(vertices, axis=0, return_inverse=True)
@@ -548,7 +552,7 @@ def test_what_makes_no_sense_is_refused(terrain: Terrain, tmp_path: Path) -> Non
     with pytest.raises(RequestError, match="suffix"):
         exported_tiles(terrain, tmp_path, ".xyz", 0.1)
     with pytest.raises(RequestError, match="too short"):
-        exported_tiles(terrain, tmp_path, ".stl", 0.1, world=True)
+        exported_tiles(terrain, tmp_path, ".stl", 0.1, origin="world")
     with pytest.raises(WriteError, match="does not exist"):
         exported_tiles(terrain, tmp_path / "a" / "b", ".stl", 0.1)
     (tmp_path / "file").write_text("")

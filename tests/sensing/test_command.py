@@ -113,7 +113,7 @@ PATHS = {
     ("words", "code", "said"),
     [
         ((), 2, "Nothing says where the sensor is."),
-        ((*POSE, "--path", "unordered.csv"), 2, "Both --pose and --path"),
+        ((*POSE, "--poses", "unordered.csv"), 2, "Both --pose and --poses"),
         (("--pose", "nan", 207, 1.7, 0, 0, 0), 2, "The pose has nan for x."),
         (("--pose", 110, 207, 1.7, "inf", 0, 0), 2, "The pose has inf for yaw."),
         (("--pose", 110, 207, 0.25, 0, 0, 0), 2, "is 0.25 m below the ground at x 110, y 207."),
@@ -123,12 +123,12 @@ PATHS = {
         ((*POSE, "--on-ground", -1), 2, "The height above the ground is -1."),
         ((*POSE, "--on-ground", "nan"), 2, "The height above the ground is nan."),
         ((*POSE, "--follow-slope"), 2, "Add --on-ground."),
-        (("--path", "unordered.csv"), 2, ":3: the time 0 does not come after 1."),
-        (("--path", "same.csv"), 2, ":3: the time 1 does not come after 1."),
-        (("--path", "nan.csv"), 2, ':2: y is "nan", which is no number'),
-        (("--path", "long.csv"), 2, "10,000,000,000 frames of 4 rays are 40,000,000,000 rays"),
-        (("--path", "into.csv"), 2, "The sensor is 1.8 m below the ground at x 135"),
-        (("--path", "none.csv"), 3, "none.csv: cannot be read"),
+        (("--poses", "unordered.csv"), 2, ":3: the time 0 does not come after 1."),
+        (("--poses", "same.csv"), 2, ":3: the time 1 does not come after 1."),
+        (("--poses", "nan.csv"), 2, ':2: y is "nan", which is no number'),
+        (("--poses", "long.csv"), 2, "10,000,000,000 frames of 4 rays are 40,000,000,000 rays"),
+        (("--poses", "into.csv"), 2, "The sensor is 1.8 m below the ground at x 135"),
+        (("--poses", "none.csv"), 3, "none.csv: cannot be read"),
     ],
 )
 def test_poses_that_cannot_be(
@@ -154,7 +154,7 @@ def test_a_sensor_that_dives_between_two_poses(folder: Path) -> None:
     """Its poses are in order, but on the way from one to the other it is in the brick."""
     (folder / "p.csv").write_text("x,y,z,time\n110,207,1.7,0\n139,207,1.7,1\n")
     before = names(folder)
-    ran = scan("--path", "p.csv", out="out.rosbag2")
+    ran = scan("--poses", "p.csv", out="out.rosbag2")
     assert ran.code == 2
     assert "below the ground at x 1" in ran.err
     assert names(folder) == before
@@ -169,12 +169,12 @@ def test_all_of_a_path_is_looked_at_first(folder: Path, monkeypatch: pytest.Monk
 
     monkeypatch.setattr(Terrain, "cast", cast)
     (folder / "p.csv").write_text("x,y,z,time\n110,207,1.7,0\n139,207,1.7,100\n")
-    ran = scan("--path", "p.csv", out="out.ply")
+    ran = scan("--poses", "p.csv", out="out.ply")
     assert ran.code == 2
     # columns of the lidar fire at 0 and 0.025 s of each turn; x = 128 is at 62.069 s
     assert "is 1.8 m below the ground at x 128.009, y 207 at 62.1 s." in ran.err
     (folder / "q.csv").write_text("x,y,time\n134,210,0\n134,223,13\n")
-    ran = scan("--path", "q.csv", "--on-ground", 1, out="out.ply")
+    ran = scan("--poses", "q.csv", "--on-ground", 1, out="out.ply")
     assert ran.code == 2
     assert "There is no ground at x 134, y 218 at 8 s, only void." in ran.err
     assert not (folder / "out.ply").exists()

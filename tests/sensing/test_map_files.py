@@ -333,12 +333,12 @@ def test_commands_end_to_end(saved: Save, tmp_path: Path) -> None:
     ]
     scan.write_text("\n".join(["x,y,z", *lines]), "utf-8")
     bounds = ("--bounds", -4, 10, 8, 16)
-    ran = call("map", scan, "--cell", 1, "--levels", 2, "--output", out, *bounds, "--json")
+    ran = call("map", scan, "--resolution", 1, "--levels", 2, "--output", out, *bounds, "--json")
     said = json.loads(ran.out)
     assert (said["points"], said["seen"], said["columns"], said["rows"]) == (70, 70, 12, 6)
-    assert call("map", scan, "--cell", 1, "--output", out).code == 3
+    assert call("map", scan, "--resolution", 1, "--output", out).code == 3
     picture = tmp_path / "errors.png"
-    ran = call("compare", out, site, "--format", "json", "--picture", picture)
+    ran = call("compare", out, site, "--json", "--picture", picture)
     figures = json.loads(ran.out)
     assert ran.code == 0 and figures["coverage"] == 1.0
     assert figures["rmse"] == pytest.approx(np.sqrt(6 * 0.25 / 70))
@@ -361,9 +361,9 @@ def test_commands_end_to_end(saved: Save, tmp_path: Path) -> None:
     assert ran.code == 1 and "so the RMSE is not shown to be within 9 m" in ran.err
     ran = call("compare", site, site)
     assert ran.code in (2, 3) and not ran.out
-    ran = call("map", scan, "--cell", "nan", "--output", tmp_path / "n.tif")
+    ran = call("map", scan, "--resolution", "nan", "--output", tmp_path / "n.tif")
     assert ran.code == 2 and not (tmp_path / "n.tif").exists()
-    ran = call("map", scan, "--cell", 1, "--sigma", 1, "--sensor", site, "--output", "x.tif")
+    ran = call("map", scan, "--resolution", 1, "--sigma", 1, "--sensor", site, "--output", "x.tif")
     assert ran.code == 2
 
 

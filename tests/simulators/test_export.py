@@ -147,10 +147,14 @@ def test_all_targets_state_the_same_surfaces(more: dict, names: list[str], tmp_p
 
 
 @pytest.mark.parametrize(
-    ("origin", "zero"), [("local", [-5, -5, 0]), ("world", [0, 0, 0]), ("1,-2.5,3", [1, -2.5, 3])]
-)
+    ("origin", "zero"),
+    [
+        ("--origin local", [-5, -5, 0]), ("--origin world", [0, 0, 0]),
+        ("--origin-at 1 -2.5 3", [1, -2.5, 3]),
+    ],
+)  # fmt: skip
 def test_origins(origin: str, zero: list[float], yard: str, tmp_path: Path) -> None:
-    ran = run("export-sim", yard, str(tmp_path / "o"), "--target", "nav2", "--origin", origin)
+    ran = run("export-sim", yard, str(tmp_path / "o"), "--target", "nav2", *origin.split())
     assert ran.code == 0, ran.err
     assert manifest_of(tmp_path / "o" / "nav2")["origin"] == zero
 
@@ -210,7 +214,7 @@ def test_an_empty_folder_name_is_refused(yard: str) -> None:
     """As of a variable that is not set: nothing is written where one stands."""
     ran = run("export-sim", yard, "", "--target", "pybullet")
     assert ran.code == 2
-    assert "DIR is empty" in ran.err
+    assert "OUT is empty" in ran.err
     assert not (ROOT / "pybullet").exists()
 
 
@@ -232,9 +236,14 @@ def test_an_empty_folder_name_is_refused(yard: str) -> None:
         (["--target", "mujoco", "--max-error", "nan"], 2, "The largest error is nan"),
         (["--target", "mujoco", "--max-error", "inf"], 2, "Give a finite height above 0"),
         (["--target", "nav2", "--max-slope", "90"], 2, "Give degrees above 0 and below 90."),
-        (["--target", "mujoco", "--origin", "here"], 2, "The origin is 'here'"),
-        (["--target", "mujoco", "--origin", "1,2"], 2, "The origin is '1,2'"),
-        (["--target", "mujoco", "--origin", "1,2,inf"], 2, "The origin is 1 2 inf"),
+        (["--target", "mujoco", "--origin", "here"], 2, "'here' is not one of"),
+        (["--target", "mujoco", "--origin-at", "1", "2"], 2, "requires 3 arguments"),
+        (["--target", "mujoco", "--origin-at", "1", "2", "inf"], 2, "inf is no finite number"),
+        (
+            ["--target", "usd", "--origin", "world", "--origin-at", "1", "2", "3"],
+            2,
+            "--origin and --origin-at exclude each other.",
+        ),
         (["--target", "mujoco", "--friction", "-1"], 2, "The assumed friction is -1"),
         (["--target", "mujoco", "--max-geoms", "0"], 2, "At most 0 geoms are allowed"),
         (["--target", "nav2", "--max-step", "-1"], 2, "step"),

@@ -94,7 +94,7 @@ def test_says_and_writes_all(site: tuple[str, ...], tmp_path: Path) -> None:
     names = [tmp_path / name for name in ("a.json", "a.md", "a.html", "a.tif")]
     outputs = [*(part for name in names[:3] for part in ("--report", name)), "--map", names[3]]
     arguments = (
-        *site, *outputs, "--route", *WAY, "--reachable", 102, 51, "--fail-on", "no-route",
+        *site, *outputs, "--route", *WAY, "--from", 102, 51, "--fail-on", "no-route",
         "--fail-on", "reachable-fraction<0.3",
     )  # fmt: skip
     ran = drive(*arguments)

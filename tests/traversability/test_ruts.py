@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import json
 import math
 from itertools import pairwise
@@ -293,6 +294,24 @@ class TestText:
         assert own.code == 0
         assert load(out).height(8.0, 10.0) == pytest.approx(-0.01 * 2 ** (1 / 3))
 
+    @pytest.mark.parametrize("name", ["own.json", "own.json.gz", "packed.json"])
+    def test_in_place(self, tmp_path: Path, name: str) -> None:
+        """Without -o the file itself gets the tracks; it stays packed or plain."""
+        out, own = tmp_path / "out.json", tmp_path / name
+        words = command(tmp_path, out)
+        packed = name != "own.json"
+        before = Path(str(words[1])).read_bytes()
+        own.write_bytes(gzip.compress(before) if packed else before)
+        assert call(*words).code == 0
+        assert call("deform", own, *words[2:-2]).code == 0
+        after = own.read_bytes()
+        assert (gzip.decompress(after) if packed else after) == out.read_bytes() != before
+
+    def test_standard_input_has_no_place(self, tmp_path: Path) -> None:
+        words = command(tmp_path, tmp_path / "out.json")
+        result = call("deform", "-", *words[2:-2], stdin=Path(str(words[1])).read_bytes())
+        assert result.code == 2 and "-o OUT" in result.err
+
     def test_nothing_is_written(self, tmp_path: Path) -> None:
         out = tmp_path / "out.json"
         result = call(*command(tmp_path, out, "4,10\n12,80\n"))
@@ -312,7 +331,7 @@ class TestText:
 
     @pytest.mark.parametrize(
         ("option", "value"),
-        [("--tolerance", "nan"), ("--tolerance", "inf"), ("--multipass", "nan"),
+        [("--max-error", "nan"), ("--max-error", "inf"), ("--multipass", "nan"),
          ("--multipass", "inf"), ("--passes", "99999999999")],
     )  # fmt: skip
     def test_numbers_that_are_none(self, tmp_path: Path, option: str, value: str) -> None:

@@ -231,7 +231,7 @@ def test_what_the_pointer_tells_is_what_a_query_answers(
     assert within < 12
     told = [shown.move(*spot) for spot in SPOTS]
     places = [one[key] for one in told for key in "xy"]
-    answers = json.loads(call("query", file, *places, "--format", "json").out)["points"]
+    answers = json.loads(call("query", file, *places, "--json").out)["points"]
     for one, answer in zip(told, answers, strict=True):
         assert abs(float(one["z"]) - answer["z"]) <= float(one["±"]) + 1e-9, one
         slope = np.degrees(np.arccos(answer["nz"]))
@@ -566,9 +566,9 @@ def test_watching_a_file_through_save_break_and_mend(browser: Any, boxes: Path) 
                 lambda: browser.find_element("id", "readout").get_attribute("data-exact") == "yes"
             )
             told = shown.said()
-            [answer] = json.loads(
-                call("query", boxes, told["x"], told["y"], "--format", "json").out
-            )["points"]
+            [answer] = json.loads(call("query", boxes, told["x"], told["y"], "--json").out)[
+                "points"
+            ]
             assert float(told["z"]) == pytest.approx(answer["z"], abs=1e-9)
             assert told["element"] == answer["element"] == "/elemTree/children/2"
         finally:

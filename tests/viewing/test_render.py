@@ -222,11 +222,11 @@ def test_letters_of_surfaces_stand_on_no_label() -> None:
 
 def test_elements_narrower_than_a_pixel_are_said(saved: Saved, tmp_path: Path) -> None:
     """A cone that is 1 m and one that is 0.1 m wide, in pixels of 0.2 m."""
-    ran = call("render", saved(HILLS), tmp_path / "w.png", "--bare", "--size", "200")
+    ran = call("render", saved(HILLS), tmp_path / "w.png", "--bare", "--pixels", "200")
     assert "0.2" in ran.out and "Narrower" not in ran.out
     definition = copy.deepcopy(HILLS)
     definition["elemTree"]["children"][1]["extent"] = [0.1, 1]
-    ran = call("render", saved(definition), tmp_path / "n.png", "--bare", "--size", "200")
+    ran = call("render", saved(definition), tmp_path / "n.png", "--bare", "--pixels", "200")
     assert "Narrower than a pixel: 1 element.\n" in ran.out
 
 
@@ -262,7 +262,7 @@ def test_the_command_says_that_slopes_look_steeper(saved: Saved, tmp_path: Path)
 def test_large_numbers_have_commas(saved: Saved, tmp_path: Path) -> None:
     definition = copy.deepcopy(PLATE)
     definition["size"] = [40_000, 16_000]
-    ran = call("render", saved(definition), tmp_path / "a.png", "--size", "1200")
+    ran = call("render", saved(definition), tmp_path / "a.png", "--pixels", "1200")
     assert re.match(r".*: 1,200 × \d{3} pixels, plan of 40,000 × 16,000 m,", ran.out)
 
 
@@ -406,13 +406,13 @@ REFUSED = [
     (["out.png", "--vehicle", "samples/vehicles/husky-a200.json"], "--layer traversability"),
     (["out.png", "--bounds", "0", "0", "1", "1"], "miss the terrain"),
     (["out.png", "--bounds", "nan", "0", "1", "1"], "finite numbers"),
-    (["out.png", "--size", "1000000"], "--size from 200 to 4,096"),
+    (["out.png", "--pixels", "1000000"], "--pixels from 200 to 4,096"),
     (["out.png", "--dpi", "nan"], "--dpi"),
-    (["out.png", "--size", "400", "--dpi", "600"], "leave no room"),
+    (["out.png", "--pixels", "400", "--dpi", "600"], "leave no room"),
     (["out.png", "--contours", "0"], "above 0"),
     (["out.png", "--contours", "nan"], "above 0"),
     (["out.png", "--contours", "-1"], "Contours are to be -1 apart"),
-    (["out.png", "--size", "449"], "at least 450, a smaller --dpi, or --bare"),
+    (["out.png", "--pixels", "449"], "at least 450, a smaller --dpi, or --bare"),
     (["out.png", "--contours", "1e-9"], "Give at least"),
     (["out.png", "--profile", "101", "201", "101", "201"], "one point"),
     (["out.png", "--profile", "0", "0", "9", "9"], "misses the terrain"),

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from difflib import get_close_matches
 from typing import Any
 
 from terratool.authoring.starters.built import FLAT, RAMP, STAIRS
@@ -15,6 +14,7 @@ from terratool.authoring.starters.rough import ROUGH
 from terratool.authoring.starters.warehouse import WAREHOUSE
 from terratool.errors import RequestError
 from terratool.report.wording import join_words
+from terratool.text.meaning import guess
 
 KINDS: Mapping[str, Kind] = {
     "flat": FLAT,
@@ -94,11 +94,6 @@ def text_of(document: Mapping[str, Any]) -> str:
     return text
 
 
-_ALIKE = 0.7
-"""Least similarity, 0 to 1, of a misspelling: castle is less similar to craters."""
-
-
 def hint_for(name: str, names: list[str]) -> str:
     """Hint that names the most similar of some names, or all of them."""
-    close = get_close_matches(name, names, 1, _ALIKE)
-    return f"Did you mean {close[0]}?" if close else f"There is {join_words(names)}."
+    return guess(name, names) or f"There is {join_words(names)}."

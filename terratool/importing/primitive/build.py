@@ -177,7 +177,7 @@ def import_primitive(
 
         named = recognise(patch, terms, error.largest, wanted.tolerance)
         if named is None:
-            notes.append("No named curve fits within the tolerance.")
+            notes.append("No named curve fits within the largest error.")
         else:
             entries = (named,)
             error = fit_error(patch, entries)
@@ -282,7 +282,7 @@ def _refuse_request(name: str, wanted: PrimitiveRequest) -> None:
     if wanted.samples is not None and not 1 <= wanted.samples <= MOST_SAMPLES:
         raise RequestError(
             f"Curves of {wanted.samples} values are asked for.",
-            f"Ask for 1 to {MOST_SAMPLES} with --samples.",
+            f"Ask for 1 to {MOST_SAMPLES} with --values.",
         )
     if wanted.terms * (wanted.samples or 0) > MOST_VALUES:
         raise RequestError(
@@ -291,7 +291,7 @@ def _refuse_request(name: str, wanted: PrimitiveRequest) -> None:
         )
     if wanted.tolerance is not None and not 0.0 <= wanted.tolerance < math.inf:
         raise RequestError(
-            f"The tolerance is {wanted.tolerance:g}.", "Give a largest error of 0 or more."
+            f"The largest error is {wanted.tolerance:g}.", "Give --max-error of 0 or more."
         )
     for option, given in (
         ("--combine", wanted.combine != "product"),
@@ -308,7 +308,7 @@ def _refuse_request(name: str, wanted: PrimitiveRequest) -> None:
         )
     if wanted.turn and (wanted.x_steps or wanted.y_steps):
         raise RequestError(
-            "Walls along x and y are no steps of turned curves.", "Leave out --turn or --steps."
+            "Walls along x and y are no steps of turned curves.", "Leave out --fit-turn."
         )
 
 

@@ -160,38 +160,18 @@ def remarks(into: PrimitiveTarget, imported: ImportedPrimitive) -> list[str]:
     return found
 
 
-def parse_cell_path(text: str, span: str | None = None) -> CellPath:
-    """Parse a place, CELLX,CELLY or CELLX,CELLY,PARENT, and its span W,H.
-
-    Raises:
-        RequestError: the place or the span has another form.
-    """
-    parts = text.split(",", 2)
-    if len(parts) < 2 or not all(re.fullmatch("[0-9]{1,9}", part.strip()) for part in parts[:2]):
-        raise RequestError(
-            f"{quote(text)} is no place.",
-            "Write column and row of a cell, as in 3,4, and the JSON pointer of the parent behind "
-            "them if that is not the root, as in 3,4,/elemTree/children/0.",
-        )
-    sides = (span or "1,1").split(",")
-    if len(sides) != 2 or not all(re.fullmatch(" *0*[1-9][0-9]{0,8} *", side) for side in sides):
-        raise RequestError(
-            f"{quote(span)} is no span.", "Write columns and rows of cells, as in 4,2."
-        )
-    return CellPath(
-        (int(parts[0]), int(parts[1])),
-        parts[2].strip() if len(parts) > 2 else ROOT,
-        (int(sides[0]), int(sides[1])),
-    )
-
-
 def _refuse_outside(path: str, grid: tuple[int, int], place: CellPath) -> None:
     """Refuse cells outside of the grid."""
-    if place.cell[0] + place.span[0] > grid[0] or place.cell[1] + place.span[1] > grid[1]:
-        wide = "" if place.span == (1, 1) else f" with {place.span[0]} × {place.span[1]} cells"
+    (x, y), (across, along) = place.cell, place.span
+    if across < 1 or along < 1:
         raise RequestError(
-            f"{path}: the cell {place.cell[0]}, {place.cell[1]}{wide} lies outside of the grid of "
-            f"{place.parent}, which has {grid[0]} × {grid[1]} cells.",
+            f"The span is {across} × {along} cells.", "Give columns and rows from 1 on, as 4 2."
+        )
+    if x < 0 or y < 0 or x + across > grid[0] or y + along > grid[1]:
+        wide = "" if place.span == (1, 1) else f" with {across} × {along} cells"
+        raise RequestError(
+            f"{path}: the cell {x}, {y}{wide} lies outside of the grid of {place.parent}, which "
+            f"has {grid[0]} × {grid[1]} cells.",
             "Columns and rows count from 0, from the south-west.",
         )
 

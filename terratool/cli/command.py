@@ -1,0 +1,152 @@
+"""Commands that show their options in groups, and guess what a wrong option means."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Any, NamedTuple, TypeVar
+
+import click
+
+from terratool.text.meaning import guess
+
+_Function = TypeVar("_Function", bound=Callable[..., Any])
+_GROUPS = "__option_groups__"
+_WIDEST = 30
+"""Most characters of an option with its text beside it."""
+
+
+class OptionGroup(NamedTuple):
+    """Options under one heading of a page of help.
+
+    Attributes:
+        heading: text over them.
+        options: names of their parameters.
+        dense: whether their names alone are shown, several on a line.
+    """
+
+    heading: str
+    options: tuple[str, ...]
+    dense: bool = False
+
+
+def option_group(
+    heading: str, *options: Callable[[Any], Any], dense: bool = False
+) -> Callable[[_Function], _Function]:
+    """Decorator that adds options to a command under a heading of its help.
+
+    Args:
+        heading: text over the options.
+        options: decorators of click, in the order of the help.
+        dense: whether the help shows their names alone.
+    """
+
+    def decorate(function: _Function) -> _Function:
+        before = len(_parameters(function))
+        for option in reversed(options):
+            function = option(function)
+        added = reversed(_parameters(function)[before:])
+        group = OptionGroup(heading, tuple(str(one.name) for one in added), dense)
+        function.__dict__.setdefault(_GROUPS, []).insert(0, group)
+        return function
+
+    return decorate
+
+
+def _parameters(function: Callable[..., Any]) -> list[click.Parameter]:
+    found: list[click.Parameter] = getattr(function, "__click_params__", [])
+    return found
+
+
+def guess_option(word: str) -> str:
+    """Question whether one of the options of the running command was meant; empty if none is."""
+    return _guess(click.get_current_context().command, word)
+
+
+def _guess(command: click.Command, word: str) -> str:
+    options = [one for one in command.params if isinstance(one, click.Option)]
+    names = [name for one in options for name in (*one.opts, *one.secondary_opts)]
+    return guess(word, [name for name in names if name.startswith("--")])
+
+
+class Command(click.Command):
+    """Command whose help has a heading for each group of options; those of no group come last."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Parse words; an unknown option is an error that guesses the option that was meant."""
+        try:
+            return super().parse_args(ctx, args)
+        except click.NoSuchOption as error:
+            message = f"There is no option {error.option_name}. {_guess(self, error.option_name)}"
+            raise click.UsageError(message.rstrip(), error.ctx or ctx) from error
+
+    def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the options, group by group."""
+        options = {str(one.name): one for one in self.get_params(ctx) if _is_shown(one)}
+        groups: list[OptionGroup] = list(getattr(self.callback, _GROUPS, ()))
+        grouped = {name for group in groups for name in group.options}
+        others = tuple(name for name in options if name not in grouped)
+        groups.append(OptionGroup("Also" if groups else "Options", others))
+        rows = {name: _row(option, ctx) for name, option in options.items()}
+        listed = [rows[name][0] for group in groups if not group.dense for name in group.options]
+        column = max(len(name) for name in listed if len(name) <= _WIDEST) + 2
+        formatter.write_paragraph()
+        for group in groups:
+            formatter.write(f"{group.heading}:\n")
+            with formatter.indentation():
+                if group.dense:
+                    # a no-break space holds an option and its value together
+                    names = [rows[name][0].replace(" ", "\u00a0") for name in group.options]
+                    _write_plain(formatter, "  ".join(names))
+                    continue
+                for name in group.options:
+                    for line in _lines(rows[name], column, formatter.width - 2):
+                        formatter.write(f"  {line}\n")
+
+    def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the example, whose words are whole on their lines, so that it can be copied."""
+        if self.epilog is None or self.epilog.startswith("\b"):
+            super().format_epilog(ctx, formatter)
+            return
+        formatter.write_paragraph()
+        _write_plain(formatter, self.epilog)
+
+
+def _write_plain(formatter: click.HelpFormatter, text: str) -> None:
+    for line in _wrap(text, formatter.width - 2):
+        formatter.write(f"  {line}\n".replace("\u00a0", " "))
+
+
+def _wrap(text: str, width: int) -> list[str]:
+    from textwrap import wrap
+
+    return wrap(text, width, break_on_hyphens=False, break_long_words=False)
+
+
+def _is_shown(parameter: click.Parameter) -> bool:
+    return isinstance(parameter, click.Option) and not parameter.hidden
+
+
+def _row(option: click.Parameter, ctx: click.Context) -> tuple[str, str]:
+    """Names of an option with its value, and its text."""
+    record = option.get_help_record(ctx)
+    assert record is not None and isinstance(option, click.Option)
+    names, text = record[0], option.help or ""
+    if option.secondary_opts:
+        names = "/".join((*option.opts, *option.secondary_opts))
+    default = option.default
+    if option.show_default and default is not None:
+        shown = f"{default:g}" if isinstance(default, float) else str(default)
+        text += f"  [default: {shown}]"
+    return names, text + ("  [required]" if option.required else "")
+
+
+def _lines(row: tuple[str, str], column: int, width: int) -> Iterator[str]:
+    """Lines of an option: its names, and its text in a column beside them."""
+    names, text = row
+    lines = _wrap(text, max(width - column, 10)) or [""]
+    if len(names) > _WIDEST:
+        yield names
+    else:
+        yield f"{names:{column}}{lines.pop(0)}".rstrip()
+    for line in lines:
+        yield " " * column + line

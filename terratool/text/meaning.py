@@ -1,0 +1,107 @@
+"""Names that a wrong word may stand for: by what it means, how it begins, or its letters."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+_MOST = 3
+_ALIKE = 0.7
+"""Least similarity, 0 to 1, of a misspelling: castle is less similar to craters."""
+_MEANT = {
+    # options
+    "resolution": "cell cell-size cellsize pixel-size pixelsize px-size gsd grid-size spacing",
+    "max-error": "tolerance tol error eps epsilon accuracy precision max-z-error simplify",
+    "min-change": "tolerance tol threshold",
+    "output": "out outfile out-file output-file destination dest save write to",
+    "overwrite": "force replace clobber yes",
+    "bounds": "bbox extent region area roi crop clip projwin te rectangle",
+    "crs": "epsg srs projection proj t-srs",
+    "max-faces": "faces triangles max-triangles budget decimate target-faces",
+    "vehicle": "robot rover",
+    "from": "reachable start source",
+    "route": "goal to path",
+    "waypoints": "path via",
+    "poses": "path trajectory",
+    "path": "poses trajectory waypoints route",
+    "pixels": "size width px image-size",
+    "turn": "yaw rotate rotation angle heading",
+    "fit-turn": "turn rotate rotation angle",
+    "values": "samples",
+    "cell": "place",
+    "threads": "jobs workers cores processes",
+    "compress": "compression",
+    "library-root": "library include library-path lib",
+    "target": "sim simulator engine format",
+    "origin": "center centre zero",
+    "origin-at": "origin offset",
+    "sensor-at": "origin position",
+    "exaggeration": "z-scale zscale vertical-exaggeration scale",
+    "json": "format machine",
+    "format": "markdown report json fmt pretty prettify",
+    "preset": "soil material",
+    "soil": "preset material ground",
+    "layer": "band channel attribute",
+    "on-ground": "height above-ground",
+    # simulators
+    "usd": "isaac isaac-sim isaacsim isaac-lab isaaclab omniverse openusd physx newton usdc",
+    "gazebo": "sdf ignition ign gz gz-sim gazebo-sim harmonic",
+    "nav2": "ros ros2 costmap map-server navigation navigation2 occupancy occupancy-grid",
+    "mujoco": "mjcf mjx mjlab robosuite",
+    "pybullet": "bullet urdf",
+    "chrono": "pychrono project-chrono scm",
+    "grid-map": "gridmap elevation-map elevation-mapping ros ros2",
+    # layers
+    "height": "elevation dem dtm z altitude",
+    "slope": "gradient steepness inclination",
+    "surface": "class classes semantic material label",
+    "color": "rgb colour texture",
+    "traversability": "trav cost verdict traverse drivable navigate plan route",
+    # commands
+    "validate": "check lint verify test",
+    "new": "create init make generate gen",
+    "render": "plot draw picture image",
+    "view": "show open gui preview browse",
+    "query": "sample height probe",
+    "export-dem": "dem raster geotiff tif heightmap export-raster",
+    "export-mesh": "mesh glb gltf stl export-glb export-gltf export-stl export-ply",
+    "export-sim": "sim simulate simulator sdf gazebo mujoco usd isaac ros",
+    "import-terrain": "import import-dem import-mesh from-dem",
+    "scan": "lidar sensor raycast",
+    "map": "slam mapping fuse",
+    "compare": "evaluate score",
+    "deform": "drive ruts",
+    "bundle": "pack flatten",
+    "info": "stats summary describe",
+}
+"""Words of others for a name, by the name."""
+
+
+def near_names(word: str, known: Iterable[str]) -> list[str]:
+    """Names that a word may stand for, at most three, the likeliest first; none if nothing is near.
+
+    Args:
+        word: wrong word, such as "--res", "isaac" or "heigth".
+        known: names that there are, with or without the hyphens of options.
+    """
+    names = {name.lstrip("-"): name for name in known}
+    plain = word.lstrip("-").lower().replace("_", "-")
+    if plain in names:
+        return [names[plain]]
+    found = [name for name in names if plain in _meant(name)]
+    if len(plain) > 1:
+        found += [name for name in names if name.startswith(plain) and name not in found]
+    if not found:
+        from difflib import get_close_matches
+
+        found = get_close_matches(plain, names, 1, _ALIKE)
+    return [names[name] for name in found[:_MOST]]
+
+
+def guess(word: str, known: Iterable[str]) -> str:
+    """Question whether one of the `near_names` was meant; empty if there is none."""
+    near = near_names(word, known)
+    return f"Did you mean {' or '.join(near)}?" if near else ""
+
+
+def _meant(name: str) -> list[str]:
+    return _MEANT.get(name, "").split()
