@@ -225,7 +225,7 @@ def exported_tiles(
 ) -> MeshTilesReport:
     """Write tiles with some options."""
     count = TileCount(rows=rows, columns=columns)
-    wanted = MeshOptions(error, world=world)
+    wanted = MeshOptions(error, origin="world" if world else "local")
     return export_tiles(terrain, folder, suffix, wanted, count, **options)
 
 

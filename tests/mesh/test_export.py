@@ -65,7 +65,7 @@ def test_coordinates_of_the_world(tmp_path: Path) -> None:
     trimesh = pytest.importorskip("trimesh")
     terrain = terrain_of(SITE)
     near = exported(terrain, tmp_path / "near.obj")
-    far = exported(terrain, tmp_path / "far.obj", world=True)
+    far = exported(terrain, tmp_path / "far.obj", origin="world")
     assert far.origin == (0, 0, 0)
     points = [
         np.array(trimesh.load_mesh(tmp_path / name, process=False).vertices)
