@@ -207,12 +207,12 @@ class DemArrays:
     @property
     def x(self) -> NDArray[np.float64]:
         """World x of the pixels' centres, (columns,) float64, from west to east."""
-        return self.transform.c + (np.arange(self.shape[1]) + 0.5) * self.transform.a
+        return np.asarray(self.transform.c + (np.arange(self.shape[1]) + 0.5) * self.transform.a)
 
     @property
     def y(self) -> NDArray[np.float64]:
         """World y of the pixels' centres, (rows,) float64, from north to south."""
-        return self.transform.f + (np.arange(self.shape[0]) + 0.5) * self.transform.e
+        return np.asarray(self.transform.f + (np.arange(self.shape[0]) + 0.5) * self.transform.e)
 
     def __getitem__(self, band: str) -> NDArray[Any]:
         """Array of a band by its name."""
@@ -279,7 +279,8 @@ def dem_arrays(terrain: Terrain, choice: GridChoice, request: RasterRequest) -> 
         for whole, pixels in zip(found, made.buffer.pixels, strict=True):
             whole[:, rows, columns] = pixels
         maker.reuse(made)
-    bands, units = {}, {}
+    bands: dict[str, NDArray[Any]] = {}
+    units: dict[str, str] = {}
     for file, pixels in zip(files, found, strict=True):
         bands.update(zip(file.names, pixels, strict=True))
         units.update(zip(file.names, file.units, strict=True))

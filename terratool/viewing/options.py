@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Set
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -172,6 +173,24 @@ class RenderOptions:
         error = self.max_error
         if error is not None and not (math.isfinite(error) and error > 0.0):
             raise RequestError(f"The largest error is {error:g}.", "Give a finite height above 0.")
+
+
+def refuse_idle(given: Set[str], perspective: bool) -> None:
+    """Refuse options about a perspective where none is drawn.
+
+    Args:
+        given: names of the options that the user gave.
+        perspective: whether a perspective is drawn.
+
+    Raises:
+        RequestError: an option would have no effect.
+    """
+    for name in ("azimuth", "elevation", "max_error"):
+        if name in given and not perspective:
+            option = f"--{name.replace('_', '-')}"
+            raise RequestError(
+                f"{option} is about perspectives.", f"Add --perspective, or leave out {option}."
+            )
 
 
 @dataclass(frozen=True, slots=True)
