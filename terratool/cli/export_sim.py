@@ -130,7 +130,7 @@ def command(
         for name in ctx.params
         if ctx.get_parameter_source(name) is click.core.ParameterSource.COMMANDLINE
     }
-    refuse_idle(given, choose_targets(targets))
+    refuse_idle(given, list(choose_targets(targets)))
     wanted = SceneOptions(origin=_origin(options.pop("origin")), **options)
     source = None if file == "-" else file
     plan = plan_export(folder, targets, wanted, source=source, overwrite=overwrite)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Set
+from collections.abc import Sequence, Set
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, get_args
@@ -111,7 +111,7 @@ class SceneOptions:
             raise RequestError(f"At most {self.max_geoms} geoms are allowed.", "Allow 1 or more.")
 
 
-def refuse_idle(given: Set[str], targets: Collection[str]) -> None:
+def refuse_idle(given: Set[str], targets: Sequence[str]) -> None:
     """Refuse options that would have no effect.
 
     Args:

@@ -376,7 +376,7 @@ def test_each_named_curve_is_recognised(name: str) -> None:
     other = "tent" if name != "tent" else "dome"
     z = 3 - 2.5 * np.outer(CURVES[other](V), CURVES[name](U))
     imported = import_primitive(
-        samples_of(z), "it", PrimitiveRequest(recognise=True, tolerance=1e-4)
+        samples_of(z), "it", PrimitiveRequest(recognise=True, max_error=1e-4)
     )
     x = {} if name == "flat" else {"x": name}
     assert imported.primitives() == {"it": {**x, "y": other}}
@@ -401,7 +401,7 @@ def test_each_named_curve_is_recognised(name: str) -> None:
 def test_mirrored_and_trimmed_curves_are_recognised(x: Any, y: Any) -> None:
     z = 1 + 2 * np.outer(y(V), x(U))
     samples = samples_of(z)
-    imported = import_primitive(samples, "it", PrimitiveRequest(recognise=True, tolerance=2e-3))
+    imported = import_primitive(samples, "it", PrimitiveRequest(recognise=True, max_error=2e-3))
     found = imported.primitives()["it"]
     assert isinstance(found["x"], str) and isinstance(found["y"], str)
     np.testing.assert_allclose(heights(imported, samples), z, atol=2e-3)
@@ -411,7 +411,7 @@ def test_mirrored_and_trimmed_curves_are_recognised(x: Any, y: Any) -> None:
 def test_one_curve_may_be_recognised_alone() -> None:
     z = 1 + 2 * np.outer(curve([0, 0.9, 0.1, 0.8, 0.3], V), CURVES["cos"](U))
     imported = import_primitive(
-        samples_of(z), "it", PrimitiveRequest(recognise=True, tolerance=1e-3)
+        samples_of(z), "it", PrimitiveRequest(recognise=True, max_error=1e-3)
     )
     found = imported.primitives()["it"]
     assert found["x"] == "cos" and len(found["y"]) >= 5
@@ -421,9 +421,9 @@ def test_one_curve_may_be_recognised_alone() -> None:
 def test_nothing_is_recognised_beyond_the_tolerance() -> None:
     ripple = 0.02 * np.sin(40 * U)[None, :] * np.cos(31 * V)[:, None]
     z = 2 * np.outer(CURVES["tent"](V), CURVES["cosbell"](U)) + ripple
-    strict = import_primitive(samples_of(z), "it", PrimitiveRequest(recognise=True, tolerance=0.01))
+    strict = import_primitive(samples_of(z), "it", PrimitiveRequest(recognise=True, max_error=0.01))
     assert not any(isinstance(c, str) for c in strict.primitives()["it"].values())
-    loose = import_primitive(samples_of(z), "it", PrimitiveRequest(recognise=True, tolerance=0.03))
+    loose = import_primitive(samples_of(z), "it", PrimitiveRequest(recognise=True, max_error=0.03))
     assert loose.primitives() == {"it": {"x": "cosbell", "y": "tent"}}
 
 
@@ -450,8 +450,8 @@ def test_level_patches_rows_and_columns() -> None:
         (np.eye(4), PrimitiveRequest(terms=17), "17 terms"),
         (np.eye(4), PrimitiveRequest(samples=0), "0 values"),
         (np.eye(4), PrimitiveRequest(terms=9, samples=57), "9 terms of curves with 57 values"),
-        (np.eye(4), PrimitiveRequest(tolerance=-1.0), "-1"),
-        (np.eye(4), PrimitiveRequest(tolerance=math.nan), "nan"),
+        (np.eye(4), PrimitiveRequest(max_error=-1.0), "-1"),
+        (np.eye(4), PrimitiveRequest(max_error=math.nan), "nan"),
         (np.eye(4), PrimitiveRequest(terms=2, recognise=True), "--recognise"),
         (np.eye(4), PrimitiveRequest(terms=2, combine="sum"), "--combine"),
         (np.eye(4), PrimitiveRequest(recognise=True, combine="auto"), "products"),

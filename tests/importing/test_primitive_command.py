@@ -147,7 +147,7 @@ def test_a_name_that_is_there_is_refused_unless_it_may_be_replaced(dem: Path, si
 @pytest.mark.slow
 def test_a_tolerance_that_is_missed_writes_nothing(dem: Path, site: Path) -> None:
     before = site.read_bytes()
-    asked = ("import-primitive", dem, "--name", "knoll", *WINDOW, "--tolerance", "0.01")
+    asked = ("import-primitive", dem, "--name", "knoll", *WINDOW, "--max-error", "0.01")
     ran = run(*asked, "--into", site)
     assert ran.code == 1 and "nothing was written" in ran.err and ran.out == ""
     assert site.read_bytes() == before

@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 
 from terratool.definition.model import LARGEST, SMALLEST
-from terratool.errors import RequestError
+from terratool.errors import MissedError, RequestError
 from terratool.importing.primitive import fit
 from terratool.importing.primitive.entries import (
     FitError,
@@ -51,7 +51,7 @@ class PrimitiveRequest:
         turn: whether to look for the best angle.
         terms: number of primitives in the cell.
         recognise: whether to write named curves where they fit.
-        tolerance: largest error, in units of the heights; None for any.
+        max_error: largest error, in units of the heights; None for any.
         combine: combination of the two curves; "auto" takes the better one.
         x_steps: world positions of vertical steps along x, as walls of a mesh make.
         y_steps: world positions of vertical steps along y.
@@ -61,7 +61,7 @@ class PrimitiveRequest:
     turn: bool = False
     terms: int = 1
     recognise: bool = False
-    tolerance: float | None = None
+    max_error: float | None = None
     combine: Combine = "product"
     x_steps: tuple[float, ...] = ()
     y_steps: tuple[float, ...] = ()
@@ -175,7 +175,7 @@ def import_primitive(
     if wanted.recognise and low < high:
         from terratool.importing.primitive.recognise import recognise
 
-        named = recognise(patch, terms, error.largest, wanted.tolerance)
+        named = recognise(patch, terms, error.largest, wanted.max_error)
         if named is None:
             notes.append("No named curve fits within the tolerance.")
         else:
@@ -289,10 +289,8 @@ def _refuse_request(name: str, wanted: PrimitiveRequest) -> None:
             f"{wanted.terms} terms of curves with {wanted.samples} values are asked for.",
             f"Ask for fewer: together no more than {MOST_VALUES} along a side.",
         )
-    if wanted.tolerance is not None and not 0.0 <= wanted.tolerance < math.inf:
-        raise RequestError(
-            f"The tolerance is {wanted.tolerance:g}.", "Give a largest error of 0 or more."
-        )
+    if wanted.max_error is not None and not 0.0 <= wanted.max_error < math.inf:
+        raise RequestError(f"The largest error is {wanted.max_error:g}.", "Give 0 or more.")
     for option, given in (
         ("--combine", wanted.combine != "product"),
         ("--recognise", wanted.recognise),
@@ -332,6 +330,21 @@ def _refuse_empty(samples: SampledHeights) -> None:
         raise RequestError(
             f"Of the {size} only one has a height, which makes no curve.",
             "Choose more pixels with --bounds or --window.",
+        )
+
+
+def refuse_missed(imported: ImportedPrimitive, wanted: PrimitiveRequest) -> None:
+    """Refuse primitives that are farther from their patch than was allowed.
+
+    Raises:
+        MissedError: the error is larger.
+    """
+    largest = imported.error.largest
+    if wanted.max_error is not None and largest > wanted.max_error:
+        raise MissedError(
+            f"The error is {largest:.4g} {imported.unit}, and {wanted.max_error:g} is allowed; "
+            "nothing was written.",
+            "Allow more, or try more --terms, --turn or a smaller patch.",
         )
 
 
