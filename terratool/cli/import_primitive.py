@@ -138,11 +138,7 @@ def _deliver(
     written = None
     notes: list[str] = []
     if target is not None:
-        place = target.place
-        elements = imported.elements(place.cell, place.span) if place else []
-        data = insert.text_with(target, imported.primitives(), elements)
-        notes = insert.remarks(target, imported)
-        target.target.write(data, overwrite)
+        notes = insert.insert_primitive(target, imported, overwrite)
         written = str(target.target.output)
     elif output is not None:
         with whole_file(output, overwrite) as path:

@@ -160,6 +160,23 @@ def remarks(into: PrimitiveTarget, imported: ImportedPrimitive) -> list[str]:
     return found
 
 
+def insert_primitive(
+    into: PrimitiveTarget, imported: ImportedPrimitive, overwrite: bool
+) -> list[str]:
+    """Write primitives, and their elements if there is a place, into a file; return remarks.
+
+    Raises:
+        DefinitionError: the text would have errors.
+        WriteError: the file cannot be written.
+    """
+    place = into.place
+    elements = imported.elements(place.cell, place.span) if place else []
+    data = text_with(into, imported.primitives(), elements)
+    notes = remarks(into, imported)
+    into.target.write(data, overwrite)
+    return notes
+
+
 def parse_cell_path(text: str, span: str | None = None) -> CellPath:
     """Parse a place, CELLX,CELLY or CELLX,CELLY,PARENT, and its span W,H.
 
