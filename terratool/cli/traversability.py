@@ -232,8 +232,11 @@ def _assess(planned: PreparedComparison, name: str, files: JudgementFiles) -> Re
                 progress.clear()
                 say_error(f"{one.vehicle.name}: " * several + line)
 
-        def begin(one: PreparedRequest) -> None:
-            if several:
+        def begin(one: PreparedRequest | None) -> None:
+            if one is None:
+                progress.about("")
+                progress.say("writing files")
+            elif several:
                 progress.about(one.vehicle.name)
                 progress.say("judging" if one.pixels else "looking for ways", one.pixels)
 

@@ -45,7 +45,7 @@ def assess_all(
     name: str = "",
     files: JudgementFiles = NO_FILES,
     progress: Progress | None = None,
-    begin: Callable[[PreparedRequest], object] = lambda _: None,
+    begin: Callable[[PreparedRequest | None], object] = lambda _: None,
 ) -> Reports:
     """Find out of each vehicle whether, where and why not it can drive, and write the files.
 
@@ -56,7 +56,8 @@ def assess_all(
         name: name of the terrain, for people.
         files: files to write.
         progress: called with the number of pixels done; its `say` names the step.
-        begin: called with each request before it is answered.
+        begin: called with each request before it is answered, and with None before files are
+            written.
 
     Raises:
         RequestError: no report has such a suffix, or a figure of a surface is too large.
@@ -78,8 +79,8 @@ def assess_all(
         parts = [stack.enter_context(whole_file(one, files.overwrite)) for one in files.reports]
         found = tuple(reports(stack))
         result: Reports = VehicleComparison(found, planned.notes) if several else found[0]
-        if progress and (parts or files.map_path):
-            progress.say("writing files")
+        if parts or files.map_path:
+            begin(None)
         for part, render in zip(parts, renderers, strict=True):
             part.write_text(render(result), encoding="utf-8", newline="\n")
     return result
