@@ -1,1 +1,1 @@
-"""What Python users see: a terrain's verbs, definitions built in Python, and their options."""
+"""The package for Python users: verbs of a terrain, definitions in Python, and their options."""

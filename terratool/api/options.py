@@ -115,6 +115,7 @@ def takes(
     *records: type,
     only: Iterable[str] = (),
     without: Iterable[str] = (),
+    called: str = "",
 ) -> Callable[[Callable[P, R]], Callable[P, R]]:
     """Decorator of a function with `**options`, which has those of some records from then on.
 
@@ -125,30 +126,30 @@ def takes(
         records: records whose attributes are options.
         only: names of the options that are taken; all if empty.
         without: names of attributes that are no options.
+        called: name of the function for users; its own if empty.
     """
     options: dict[str, NamedOption] = {}
     for record in records:
         options |= options_of(record)
     kept = set(only) or set(options)
-    return takes_options(
-        {name: one for name, one in options.items() if name in kept - set(without)}
-    )
+    wanted = {name: one for name, one in options.items() if name in kept - set(without)}
+    return takes_options(wanted, called=called)
 
 
 def takes_options(
-    options: Mapping[str, NamedOption],
+    options: Mapping[str, NamedOption], called: str = ""
 ) -> Callable[[Callable[P, R]], Callable[P, R]]:
     """Decorator of a function with `**options`, which has these from then on; see `takes`."""
 
     def decorate(function: Callable[P, R]) -> Callable[P, R]:
-        own = inspect.signature(function)
+        own, name = inspect.signature(function), called or function.__name__
         named = [one for one in own.parameters.values() if one.kind is not one.VAR_KEYWORD]
         known = {**{one.name: NamedOption(one.name, str(one.annotation), one.default, "", "")
                     for one in named}, **options}  # fmt: skip
 
         @functools.wraps(function)
         def call(*args: P.args, **given: P.kwargs) -> R:
-            refuse_unknown(function.__name__, given, known)
+            refuse_unknown(name, given, known)
             with spoken_errors(known):
                 return function(*args, **given)
 
@@ -157,6 +158,8 @@ def takes_options(
         call.__signature__ = own.replace(parameters=parameters)  # type: ignore[attr-defined]
         call.__doc__ = _with_options(function.__doc__ or "", options)
         call.__options__ = options  # type: ignore[attr-defined]
+        if called and function.__name__ != "__init__":
+            call.__name__ = call.__qualname__ = called
         return call
 
     return decorate

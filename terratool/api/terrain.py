@@ -291,11 +291,13 @@ class UserTerrain(ShownTerrain):
 
     # --- vehicles and sensors ---------------------------------------------------------------------
 
-    @takes(Request, without=("why",))
+    @takes(Request, without=("why", "routes", "waypoints"))
     def traversability(
         self,
         vehicle: AnyVehicle | Sequence[AnyVehicle],
         *,
+        routes: Sequence[Line] = (),
+        waypoints: Sequence[ArrayLike | str | Path] = (),
         model: Literal["slip", "paper"] = "slip",
         report: str | Path | Sequence[str | Path] = (),
         map: str | Path | None = None,  # noqa: A002 -- the option's name
@@ -306,6 +308,8 @@ class UserTerrain(ShownTerrain):
 
         Args:
             vehicle: vehicle, or path of its file; several are compared.
+            routes: x and y of the start and of the goal of each way that is looked for.
+            waypoints: for each way that is checked, its points, (n, 2), or the path of their file.
             model: how wheel and soil are computed: with slip, or what the paper says.
             report: paths of reports to write: .json, .md, .html, .geojson or .svg.
             map: path of a .tif for the map; None for no map.
@@ -322,12 +326,10 @@ class UserTerrain(ShownTerrain):
         if model not in MODELS:
             raise RequestError(f"There is no model {model!r}.", f"Choose {' or '.join(MODELS)}.")
         vehicles = [each.by_model(model) for each in _vehicles(vehicle)]
-        ways = options.get("waypoints", ())
-        ways = [ways] if isinstance(ways, str | Path | np.ndarray) else ways
-        options["waypoints"] = tuple(_points(way) for way in ways)
         reports = (report,) if isinstance(report, str | Path) else tuple(report)
         files = JudgementFiles(reports, map, overwrite)
-        request = fill(Request, options)
+        ways = tuple(_points(way) for way in waypoints)
+        request = fill(Request, options, routes=tuple(routes), waypoints=ways)
         planned = prepare(self, vehicles, request, map_path=map, overwrite=overwrite)
         return assess_all(planned, self.name, files)
 
@@ -395,19 +397,26 @@ class UserTerrain(ShownTerrain):
 
     # --- other terrains ---------------------------------------------------------------------------
 
-    @takes(DiffOptions, without=("everywhere",))
-    def diff(self, other: UserTerrain | AnyDefinition, **options: Any) -> Difference:
+    @takes(DiffOptions, without=("everywhere", "vehicles"))
+    def diff(
+        self,
+        other: UserTerrain | AnyDefinition,
+        *,
+        vehicles: AnyVehicle | Sequence[AnyVehicle] = (),
+        **options: Any,
+    ) -> Difference:
         """Say what differs from here to another terrain, the new one, as `terratool diff` does.
 
         Args:
             other: the new terrain, or its definition in any form that `load` takes.
+            vehicles: vehicles whose verdicts are compared.
             **options: options of `DiffOptions`, by name.
 
         Raises:
             ReadError, DefinitionError: a definition or vehicle cannot be read, or has errors.
             RequestError: bounds or resolution make no grid, or a vehicle cannot be asked there.
         """
-        driven = _vehicles(options.pop("vehicles", ()))
+        driven = _vehicles(vehicles)
         new = other if isinstance(other, UserTerrain) else load(other)
         before, after = DiffSide(self._checked(), self), DiffSide(new._checked(), new)
         wanted = fill(DiffOptions, options, vehicles=tuple(driven))

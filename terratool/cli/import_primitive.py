@@ -133,7 +133,6 @@ def _deliver(
     from terratool.definition.layout import primitives_text
     from terratool.importing.primitive import insert
     from terratool.importing.primitive.build import sentences
-    from terratool.output import whole_file
 
     written = None
     notes: list[str] = []
@@ -141,8 +140,7 @@ def _deliver(
         notes = insert.insert_primitive(target, imported, overwrite)
         written = str(target.target.output)
     elif output is not None:
-        with whole_file(output, overwrite) as path:
-            path.write_text(primitives_text(imported.primitives()), encoding="utf-8", newline="\n")
+        insert.write_primitives(imported, output, overwrite)
         written = output
     if as_json:
         report = {"file": written, **imported.to_json()}

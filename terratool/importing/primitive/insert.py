@@ -5,14 +5,17 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from terratool.definition.change import ChangeTarget, open_target
 from terratool.definition.findings import Bounds
+from terratool.definition.layout import primitives_text
 from terratool.definition.tree import ROOT, Tree
 from terratool.errors import RequestError
+from terratool.output import whole_file
 from terratool.text.display import quote
 
 if TYPE_CHECKING:
@@ -175,6 +178,16 @@ def insert_primitive(
     notes = remarks(into, imported)
     into.target.write(data, overwrite)
     return notes
+
+
+def write_primitives(imported: ImportedPrimitive, output: str | Path, overwrite: bool) -> None:
+    """Write primitives alone, as a dictionary by name.
+
+    Raises:
+        WriteError: the file exists, or cannot be written.
+    """
+    with whole_file(output, overwrite) as path:
+        path.write_text(primitives_text(imported.primitives()), encoding="utf-8", newline="\n")
 
 
 def parse_cell_path(text: str, span: str | None = None) -> CellPath:
