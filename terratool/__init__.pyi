@@ -535,6 +535,8 @@ class Definition:
         use: Sequence[str] | None = None,
         origin: Sequence[float] | None = None,
         crs: Any | None = None,
+        x_ignore: Sequence[str] | None = None,
+        x_why: str | None = None,
     ) -> None:
         """Begin a definition of a terrain."""
 
@@ -560,6 +562,8 @@ class Definition:
         shear_modulus: float | Sequence[float] | None = None,
         void: bool | None = None,
         roughness: Mapping[str, Any] | None = None,
+        x_ignore: Sequence[str] | None = None,
+        x_why: str | None = None,
     ) -> str:
         """Add a surface, and return its name."""
 
@@ -571,6 +575,8 @@ class Definition:
         x: str | Sequence[Any] | None = None,
         y: str | Sequence[Any] | None = None,
         combine: str | None = None,
+        x_ignore: Sequence[str] | None = None,
+        x_why: str | None = None,
     ) -> str:
         """Add a primitive, and return its name."""
 
@@ -594,6 +600,8 @@ class Definition:
         v_offset: float | None = None,
         turn_deg: float | None = None,
         cells: int | Sequence[int] | None = None,
+        x_ignore: Sequence[str] | None = None,
+        x_why: str | None = None,
     ) -> Element:
         """Add a part, an element with all that is added to it, for elements to stand for."""
 
@@ -608,6 +616,8 @@ class Definition:
         passes: int | None = None,
         multipass: float | None = None,
         surface: str | None = None,
+        x_ignore: Sequence[str] | None = None,
+        x_why: str | None = None,
     ) -> None:
         """Add the rut of a wheel."""
 
@@ -624,6 +634,8 @@ class Definition:
         v_offset: float | None = None,
         turn_deg: float | None = None,
         cells: int | Sequence[int] | None = None,
+        x_ignore: Sequence[str] | None = None,
+        x_why: str | None = None,
     ) -> Element:
         """Say what covers the whole terrain, and return it; `add` puts elements onto it."""
 
@@ -646,6 +658,8 @@ class Definition:
         v_offset: float | None = None,
         turn_deg: float | None = None,
         cells: int | Sequence[int] | None = None,
+        x_ignore: Sequence[str] | None = None,
+        x_why: str | None = None,
     ) -> Element:
         """Add an element to the root, and return it, so that others can be added to it."""
 
@@ -696,6 +710,8 @@ class Element:
         v_offset: float | None = None,
         turn_deg: float | None = None,
         cells: int | Sequence[int] | None = None,
+        x_ignore: Sequence[str] | None = None,
+        x_why: str | None = None,
     ) -> Element:
         """Add an element to the cell of this one, and return it."""
 

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-from terratool.api.options import NamedOption, public, refuse_unknown, takes_options
+from terratool.api.options import NamedOption, public, refuse_unknown, takes, takes_options
 from terratool.api.sources import UNNAMED, checked_source, json_of
 from terratool.api.terrain import UserTerrain
 from terratool.definition.findings import Finding
@@ -44,6 +45,17 @@ _TYPES = {
 _NUMBERS = {"number": "float", "whole": "int"}
 
 
+_FREE = "x_"
+"""Beginning of the names of keys that the format leaves to users: x_why is x-why."""
+_NOTES = {
+    "x_ignore": NamedOption(
+        "x_ignore", "Sequence[str] | None", None,
+        "Codes of warnings that are not given here: x-ignore.", __name__,
+    ),
+    "x_why": NamedOption("x_why", "str | None", None, "Reason for that: x-why.", __name__),
+}  # fmt: skip
+
+
 def _annotation(key: Key) -> str:
     """Type of a key's value in Python; None leaves the key out."""
     one = _NUMBERS.get(key.kind)
@@ -59,7 +71,7 @@ def key_options(kind: type) -> dict[str, NamedOption]:
         name: NamedOption(name, _annotation(keys[key]), None, keys[key].descr, __name__)
         for name, key in names_of(kind)
         if key not in _BUILT
-    }
+    } | _NOTES
 
 
 _CELL = NamedOption(
@@ -75,6 +87,9 @@ def _without(options: Mapping[str, NamedOption], *names: str) -> dict[str, Named
     return {name: one for name, one in options.items() if name not in names}
 
 
+_takes_keys = partial(takes_options, free=_FREE)
+
+
 def members_of(kind: type, what: str, given: Mapping[str, Any]) -> dict[str, Any]:
     """Members of an object of the text; what is None is left out.
 
@@ -87,7 +102,7 @@ def members_of(kind: type, what: str, given: Mapping[str, Any]) -> dict[str, Any
         RequestError: a name is no key.
     """
     keys = dict(names_of(kind))
-    refuse_unknown(what, (name for name in given if not name.startswith("x_")), keys)
+    refuse_unknown(what, (name for name in given if not name.startswith(_FREE)), keys)
     found = {}
     for name, value in given.items():
         if value is None:
@@ -108,12 +123,12 @@ def _element(what: str, given: dict[str, Any]) -> dict[str, Any]:
     cell = given.pop("cell", None)
     if cell is not None:
         if given.get("cell_x") is not None or given.get("cell_y") is not None:
-            raise RequestError(f"{what} has its cell twice.", "Leave out cell_x and cell_y.")
+            raise RequestError("The cell is given twice.", "Leave out cell_x and cell_y.")
         try:
             given["cell_x"], given["cell_y"] = cell
         except (TypeError, ValueError):
             raise RequestError(
-                f"The cell of {what} is {cell!r}.", "Give column and row, as in cell=(3, 2)."
+                f"The cell is {cell!r}.", "Give column and row, as in cell=(3, 2)."
             ) from None
     return members_of(Element, what, given)
 
@@ -130,7 +145,7 @@ class ElementBuilder:
         what = self._members.get("type") or self._members.get("part") or "nothing yet"
         return f"<Element of {what} with {len(self._members.get('children', ()))} inside>"
 
-    @takes_options(_without(ELEMENT, "type"))
+    @_takes_keys(_without(ELEMENT, "type"))
     def add(self, type: str | None = None, **keys: Any) -> ElementBuilder:  # noqa: A002
         """Add an element to the cell of this one, and return it.
 
@@ -160,7 +175,7 @@ class DefinitionBuilder:
     Numbers and arrays of NumPy are taken, too.
     """
 
-    @takes_options(_without(_TERRAIN, "size"), called="Definition")
+    @_takes_keys(_without(_TERRAIN, "size"), called="Definition")
     def __init__(self, size: Any = None, **keys: Any) -> None:
         """Begin a definition of a terrain.
 
@@ -204,7 +219,7 @@ class DefinitionBuilder:
 
     # --- entries ----------------------------------------------------------------------------------
 
-    @takes_options(key_options(Surface))
+    @_takes_keys(key_options(Surface))
     def surface(self, name: str, **keys: Any) -> str:
         """Add a surface, and return its name.
 
@@ -217,7 +232,7 @@ class DefinitionBuilder:
         """
         return self._enter("surfTypes", "surface", name, members_of(Surface, "surface", keys))
 
-    @takes_options(key_options(Primitive))
+    @_takes_keys(key_options(Primitive))
     def primitive(self, name: str, **keys: Any) -> str:
         """Add a primitive, and return its name.
 
@@ -230,7 +245,7 @@ class DefinitionBuilder:
         """
         return self._enter("elemTypes", "primitive", name, members_of(Primitive, "primitive", keys))
 
-    @takes_options(_without(ELEMENT, "type"))
+    @_takes_keys(_without(ELEMENT, "type"))
     def part(self, name: str, type: str | None = None, **keys: Any) -> ElementBuilder:  # noqa: A002
         """Add a part, an element with all that is added to it, for elements to stand for.
 
@@ -246,7 +261,7 @@ class DefinitionBuilder:
         self._enter("parts", "part", name, root._members)
         return root
 
-    @takes_options(key_options(Track))
+    @_takes_keys(key_options(Track))
     def track(self, **keys: Any) -> None:
         """Add the rut of a wheel.
 
@@ -268,7 +283,7 @@ class DefinitionBuilder:
 
     # --- elements ---------------------------------------------------------------------------------
 
-    @takes_options(_without(ELEMENT, "type", "cell", "cell_x", "cell_y", "span", "at", "extent"))
+    @_takes_keys(_without(ELEMENT, "type", "cell", "cell_x", "cell_y", "span", "at", "extent"))
     def root(self, type: str | None = None, **keys: Any) -> ElementBuilder:  # noqa: A002
         """Say what covers the whole terrain, and return it; `add` puts elements onto it.
 
@@ -288,7 +303,7 @@ class DefinitionBuilder:
         found: dict[str, Any] = self._document.setdefault("elemTree", {})
         return found
 
-    @takes_options(_without(ELEMENT, "type"))
+    @_takes_keys(_without(ELEMENT, "type"))
     def add(self, type: str | None = None, **keys: Any) -> ElementBuilder:  # noqa: A002
         """Add an element to the root, and return it, so that others can be added to it.
 
@@ -316,6 +331,7 @@ class DefinitionBuilder:
         """
         return check(self._source(UNNAMED)).findings
 
+    @takes()
     def compile(self, *, roughness: bool = True) -> UserTerrain:
         """Compile the terrain.
 
@@ -328,6 +344,7 @@ class DefinitionBuilder:
         """
         return UserTerrain(checked_source(self._source(UNNAMED)), roughness=roughness)
 
+    @takes()
     def save(self, path: str | Path, overwrite: bool = False) -> Path:
         """Write the text into a file in the canonical layout, and return its path.
 

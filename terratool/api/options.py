@@ -137,9 +137,15 @@ def takes(
 
 
 def takes_options(
-    options: Mapping[str, NamedOption], called: str = ""
+    options: Mapping[str, NamedOption], called: str = "", free: str = "\0"
 ) -> Callable[[Callable[P, R]], Callable[P, R]]:
-    """Decorator of a function with `**options`, which has these from then on; see `takes`."""
+    """Decorator of a function with `**options`, which has these from then on; see `takes`.
+
+    Args:
+        options: options by name.
+        called: name of the function for users; its own if empty.
+        free: beginning of names that are taken whatever follows.
+    """
 
     def decorate(function: Callable[P, R]) -> Callable[P, R]:
         own, name = inspect.signature(function), called or function.__name__
@@ -149,7 +155,7 @@ def takes_options(
 
         @functools.wraps(function)
         def call(*args: P.args, **given: P.kwargs) -> R:
-            refuse_unknown(name, given, known)
+            refuse_unknown(name, (one for one in given if not one.startswith(free)), known)
             with spoken_errors(known):
                 return function(*args, **given)
 
@@ -205,6 +211,8 @@ _FLAG = re.compile(r"--([a-z][a-z0-9-]*[a-z0-9])(?: ([A-Z][\w.]*(?:[ ,][A-Z][\w.
 _WORD = re.compile(r" ([a-z0-9][a-z0-9-]*)")
 _WORDS = ("compress", "dtype", "frame", "model", "origin", "prefer", "target")
 """Options after which a message may have a value as a word."""
+_LISTED = "terratool validate lists"
+"""Beginning of a hint on the findings that a message leaves out."""
 _OTHERWISE = {"from": "start", "reachable": "start"}
 """Names in Python of options whose words Python keeps for itself."""
 
@@ -227,6 +235,7 @@ def spoken(text: str, known: Mapping[str, NamedOption]) -> str:
         text: sentence of an error.
         known: options of the verb that it is about; others stay as they are.
     """
+    text = text.replace(_LISTED, "The error's `findings` list")
     parts, end = [], 0
     for flag in _FLAG.finditer(text):
         name, value = _name_of(flag[1], known)
