@@ -101,11 +101,63 @@ def _defaults(record: type) -> dict[str, Any]:
 
 
 def fill(record: type[T], options: Mapping[str, Any], **more: Any) -> T:
-    """Fill in a record with those of some options that it has; lists become tuples."""
-    known = _defaults(record)
-    given = {name: value for name, value in options.items() if name in known}
-    given = {name: tuple(one) if isinstance(one, list) else one for name, one in given.items()}
+    """Fill in a record with those of some options that it has.
+
+    Lists and arrays become tuples, numbers of NumPy those of Python, and whole numbers floats where
+    these are wanted.
+
+    Raises:
+        RequestError: a value is no number, or too few or many numbers.
+    """
+    known = options_of(record)
+    given = {name: _fitting(value, known[name]) for name, value in options.items() if name in known}
     return record(**given, **more)
+
+
+def _fitting(value: Any, option: NamedOption) -> Any:
+    """Value as a record holds it.
+
+    Raises:
+        RequestError: the value is no number, or too few or many numbers.
+    """
+    if hasattr(value, "tolist"):
+        value = value.tolist()
+    kind = option.annotation.removesuffix(" | None")
+    if kind in _NUMBERS and value is not None:
+        if isinstance(value, bool) or not isinstance(value, _NUMBERS[kind]):
+            raise RequestError(f"{option.name} is {value!r}.", f"Give {_WANTED[kind]}.")
+        return float(value) if kind == "float" else value
+    if kind in _TUPLES and value is not None:
+        return floats(option.name, value, _TUPLES[kind])
+    return tuple(value) if isinstance(value, list) else value
+
+
+def floats(name: str, value: Any, wanted: str) -> tuple[float, ...]:
+    """Numbers as a tuple of floats.
+
+    Args:
+        name: name of the option, for messages.
+        value: list, tuple or array of numbers.
+        wanted: meaning of each number, separated by commas.
+
+    Raises:
+        RequestError: there are too few or many, or one is no number.
+    """
+    try:
+        found = tuple(float(one) for one in value)
+    except (TypeError, ValueError):
+        found = ()
+    if len(found) != wanted.count(",") + 1:
+        raise RequestError(f"{name} is {value!r}.", f"Give {wanted}, all of them numbers.")
+    return found
+
+
+_NUMBERS: dict[str, Any] = {"float": (int, float), "int": int}
+_WANTED = {"float": "a number", "int": "a whole number"}
+_TUPLES = {
+    "Bounds": "west, south, east, north", "Line": "x0, y0, x1, y1", "Point": "x, y",
+}  # fmt: skip
+"""Meanings of the numbers of tuples, by the names of their types."""
 
 
 # --- verbs ----------------------------------------------------------------------------------------
@@ -206,7 +258,10 @@ def public(name: str) -> Callable[[C], C]:
 
 # --- errors ---------------------------------------------------------------------------------------
 
-_FLAG = re.compile(r"--([a-z][a-z0-9-]*[a-z0-9])(?: ([A-Z][\w.]*(?:[ ,][A-Z][\w.]*)*)\b)?")
+_FLAG = re.compile(
+    r"(?<![\w./-])--([a-z][a-z0-9-]*[a-z0-9])(?![\w/-]|\.\w)"
+    r"(?: ([A-Z][\w.]*(?:[ ,][A-Z][\w.]*)*)\b)?"
+)
 """Option of the command line, and what stands for its values."""
 _WORD = re.compile(r" ([a-z0-9][a-z0-9-]*)")
 _WORDS = ("compress", "dtype", "frame", "model", "origin", "prefer", "target")

@@ -12,7 +12,7 @@ import msgspec
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from terratool.api.options import fill, public, takes
+from terratool.api.options import fill, floats, public, takes
 from terratool.api.showing import ShownTerrain
 from terratool.api.sources import UNNAMED, AnyDefinition, checked_source, source_of
 from terratool.definition.model import Definition
@@ -41,6 +41,7 @@ from terratool.traversability.vehicle import MODELS, Vehicle, load_vehicle
 from terratool.viewing.diff.compare import DiffOptions, diff
 from terratool.viewing.diff.results import Difference
 from terratool.viewing.diff.sides import DiffSide
+from terratool.viewing.diff.writing import GroundFiles
 from terratool.viewing.mesh import PageOptions
 from terratool.viewing.options import Line, RenderOptions, RenderReport, refuse_idle
 from terratool.viewing.places import Site
@@ -211,6 +212,8 @@ class UserTerrain(ShownTerrain):
             WriteError: a folder is there already, holds something else, or cannot be written.
         """
         targets = (target,) if isinstance(target, str) else tuple(target)
+        if not isinstance(origin := options.get("origin", "local"), str):
+            options["origin"] = floats("origin", origin, "x, y, z")
         wanted = fill(SceneOptions, options)
         source = self._text.name if Path(self._text.name).is_file() else None
         refuse_idle_targets(options.keys(), list(choose_targets(targets)))
@@ -283,7 +286,7 @@ class UserTerrain(ShownTerrain):
             check_page(path, overwrite)
         driven = None if vehicle is None else _vehicle(vehicle)
         site = Site(self.written_out, self._checked())
-        scene = terrain_scene(site, wanted, driven, tuple(routes))
+        scene = terrain_scene(site, wanted, driven, _lines(routes))
         page = terrain_page(self.name or self.descr or "terrain", scene, height)
         if path is not None:
             page.write(path, overwrite)
@@ -329,7 +332,7 @@ class UserTerrain(ShownTerrain):
         reports = (report,) if isinstance(report, str | Path) else tuple(report)
         files = JudgementFiles(reports, map, overwrite)
         ways = tuple(_points(way) for way in waypoints)
-        request = fill(Request, options, routes=tuple(routes), waypoints=ways)
+        request = fill(Request, options, routes=_lines(routes), waypoints=ways)
         planned = prepare(self, vehicles, request, map_path=map, overwrite=overwrite)
         return assess_all(planned, self.name, files)
 
@@ -403,6 +406,9 @@ class UserTerrain(ShownTerrain):
         other: UserTerrain | AnyDefinition,
         *,
         vehicles: AnyVehicle | Sequence[AnyVehicle] = (),
+        map: str | Path | None = None,  # noqa: A002 -- the option's name
+        picture: str | Path | None = None,
+        overwrite: bool = False,
         **options: Any,
     ) -> Difference:
         """Say what differs from here to another terrain, the new one, as `terratool diff` does.
@@ -410,17 +416,26 @@ class UserTerrain(ShownTerrain):
         Args:
             other: the new terrain, or its definition in any form that `load` takes.
             vehicles: vehicles whose verdicts are compared.
+            map: path of a .tif with new less old heights; None for none.
+            picture: path of a .png of what was cut and filled; None for none.
+            overwrite: whether files may exist.
             **options: options of `DiffOptions`, by name.
 
         Raises:
             ReadError, DefinitionError: a definition or vehicle cannot be read, or has errors.
-            RequestError: bounds or resolution make no grid, or a vehicle cannot be asked there.
+            RequestError: bounds or resolution make no grid, a vehicle cannot be asked there, or
+                there is no ground to be shown.
+            WriteError: a file exists, or cannot be written.
         """
+        files = GroundFiles(map, picture, overwrite)
+        files.check()
         driven = _vehicles(vehicles)
         new = other if isinstance(other, UserTerrain) else load(other)
         before, after = DiffSide(self._checked(), self), DiffSide(new._checked(), new)
         wanted = fill(DiffOptions, options, vehicles=tuple(driven))
-        return diff(before, after, wanted).difference
+        compared = diff(before, after, wanted)
+        files.write(compared, wanted)
+        return compared.difference
 
 
 @takes()
@@ -467,6 +482,16 @@ def _vehicles(vehicle: AnyVehicle | Sequence[AnyVehicle]) -> list[Vehicle]:
         replace(vehicle, name=name)
         for vehicle, name in zip(vehicles, names_of(labels), strict=True)
     ]
+
+
+def _lines(routes: Sequence[Any]) -> tuple[Line, ...]:
+    """Starts and goals of ways.
+
+    Raises:
+        RequestError: one is not four numbers.
+    """
+    lines = [floats("a route", way, "x0, y0, x1, y1") for way in routes]
+    return tuple((x0, y0, x1, y1) for x0, y0, x1, y1 in lines)
 
 
 def _points(way: Any) -> Any:
