@@ -545,7 +545,7 @@ class Definition:
 
     @property
     def document(self) -> dict[str, Any]:
-        """Members of the definition, a copy."""
+        """Members of the definition as the text has them, a copy."""
 
     @property
     def text(self) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import json
 from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
@@ -205,8 +206,13 @@ class DefinitionBuilder:
 
     @property
     def document(self) -> dict[str, Any]:
-        """Members of the definition, a copy."""
-        return copy.deepcopy(self._document)
+        """Members of the definition as the text has them, a copy.
+
+        Raises:
+            RequestError: a value cannot be written as JSON.
+        """
+        found: dict[str, Any] = json.loads(json_of(self._document))
+        return found
 
     @property
     def text(self) -> str:

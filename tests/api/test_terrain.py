@@ -339,6 +339,7 @@ def test_vehicles_are_files_or_vehicles(terrain: terratool.Terrain) -> None:
 def test_points_of_a_way_are_an_array_or_a_file(terrain: terratool.Terrain, tmp_path: Path) -> None:
     gentle = json.loads(json.dumps(SITE))
     gentle["elemTree"]["vScale"] = 0.3
+    gentle["surfTypes"]["sand"] = {"preset": "dry-sand"}
     terrain = terratool.load(gentle)
     way = np.array([[500002.0, 4649777.5], [500003, 4649780], [500002, 4649782]])
     path = tmp_path / "way.csv"
