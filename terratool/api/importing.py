@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import operator
 import tempfile
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -14,6 +15,7 @@ from rasterio.transform import Affine
 from terratool.api.options import fill, options_of, takes
 from terratool.api.sources import source_of
 from terratool.api.terrain import UserTerrain, load
+from terratool.definition.tree import ROOT
 from terratool.errors import RequestError, WriteError
 from terratool.importing.arrays import PlacedArray, sampled_array
 from terratool.importing.primitive.build import (
@@ -26,7 +28,6 @@ from terratool.importing.primitive.build import (
 from terratool.importing.primitive.insert import (
     CellPath,
     insert_primitive,
-    parse_cell_path,
     target_of,
     write_primitives,
 )
@@ -102,8 +103,9 @@ def import_primitive_from(
     transform: Affine | Sequence[float] | None = None,
     into: str | Path | None = None,
     output: str | Path | None = None,
-    place: str | Sequence[Any] | None = None,
+    cell: tuple[int, int] | None = None,
     span: tuple[int, int] = (1, 1),
+    parent: str = ROOT,
     overwrite: bool = False,
     **options: Any,
 ) -> ImportedPrimitive:
@@ -117,9 +119,9 @@ def import_primitive_from(
         transform: affine transform of an array, as rasterio has it.
         into: terrain or library that it is added to; None for none.
         output: file to write: `into` with the primitive, or the primitive alone.
-        place: column and row of a cell, and the JSON pointer of the parent if that is not the root,
-            where an element is added to `into`.
+        cell: column and row of the cell where an element is added to `into`; None for no element.
         span: columns and rows of cells that this element takes.
+        parent: JSON pointer of the element whose grid has the cell.
         overwrite: whether to replace a primitive of that name, and an output that exists.
         **options: options of `PrimitiveRequest` and `SourceOptions`, by name.
 
@@ -132,11 +134,13 @@ def import_primitive_from(
     """
     wanted = fill(PrimitiveRequest, options)
     names = names_of(name, wanted)
-    cell = _cell(into, place, span)
+    if cell is not None and into is None:
+        raise RequestError("A cell is about a definition.", "Name that by into=….")
+    place = None if cell is None else CellPath(pair("cell", cell, 0), parent, pair("span", span, 1))
     target = None
     if into is not None:
         target = target_of(
-            str(into), names, cell, None if output is None else str(output), overwrite
+            str(into), names, place, None if output is None else str(output), overwrite
         )
     elif output is not None:
         refuse_existing(Path(output), overwrite)
@@ -154,16 +158,19 @@ def import_primitive_from(
     return imported
 
 
-def _cell(
-    into: str | Path | None, place: str | Sequence[Any] | None, span: tuple[int, int]
-) -> CellPath | None:
-    """Cell of the element that is added; None if no element is."""
-    if place is None:
-        return None
-    if into is None:
-        raise RequestError("A place is about a definition.", "Name that by into=….")
-    text = place if isinstance(place, str) else ",".join(map(str, place))
-    return parse_cell_path(text, ",".join(map(str, span)))
+def pair(name: str, value: Any, least: int) -> tuple[int, int]:
+    """Two whole numbers.
+
+    Raises:
+        RequestError: the value is something else, or a number is below the least.
+    """
+    try:
+        x, y = (operator.index(one) for one in value)
+    except (TypeError, ValueError):
+        x = y = least - 1
+    if min(x, y) < least:
+        raise RequestError(f"{name} is {value!r}.", f"Give two whole numbers from {least} on.")
+    return x, y
 
 
 def _title(source: AnyHeights) -> str:

@@ -268,8 +268,11 @@ _WORDS = ("compress", "dtype", "frame", "model", "origin", "prefer", "target")
 """Options after which a message may have a value as a word."""
 _LISTED = "terratool validate lists"
 """Beginning of a hint on the findings that a message leaves out."""
-_OTHERWISE = {"from": "start", "reachable": "start"}
-"""Names in Python of options whose words Python keeps for itself."""
+_OTHERWISE = {
+    "from": "start", "reachable": "start", "size": "pixels", "samples": "values",
+    "turn": "fit_turn", "max_z_error": "max_error", "tolerance": "min_change",
+}  # fmt: skip
+"""Names in Python of options that have another one there, unless the verb has that, too."""
 
 
 @contextlib.contextmanager
@@ -313,7 +316,7 @@ def spoken(text: str, known: Mapping[str, NamedOption]) -> str:
 def _name_of(flag: str, known: Mapping[str, NamedOption]) -> tuple[str, str]:
     """Name of an option in Python, and the value of a switch; two empty texts for neither."""
     word = flag.replace("-", "_")
-    word = _OTHERWISE.get(word, word)
+    word = word if word in known else _OTHERWISE.get(word, word)
     value = "True"
     if word.startswith("no_") and word not in known:
         word, value = word.removeprefix("no_"), "False"

@@ -95,7 +95,7 @@ def _small() -> RenderOptions:
     """Options of the picture in a notebook."""
     from terratool.viewing.options import RenderOptions
 
-    return RenderOptions(size=_SIZE, dpi=_DPI, title="")
+    return RenderOptions(pixels=_SIZE, dpi=_DPI, title="")
 
 
 def _sides(terrain: Terrain) -> str:

@@ -342,7 +342,7 @@ class UserTerrain(ShownTerrain):
         sensor: Sensor | str | Path,
         pose: AnyPose | None = None,
         *,
-        path: str | Path | None = None,
+        poses: str | Path | None = None,
         **options: Any,
     ) -> list[Frame]:
         """Read the terrain with a lidar, a camera or a sonar; the frames, with points in the world.
@@ -350,7 +350,7 @@ class UserTerrain(ShownTerrain):
         Args:
             sensor: sensor, or path of its file.
             pose: x, y, z, and yaw, pitch, roll in degrees; rows of these for several.
-            path: path of a CSV file with poses, in place of `pose`.
+            poses: path of a CSV file with poses, in place of `pose`.
             **options: options of `ScanOptions`, by name.
 
         Raises:
@@ -358,7 +358,7 @@ class UserTerrain(ShownTerrain):
                 no sense.
             ReadError, DefinitionError: a file cannot be read, or has errors.
         """
-        scan = _scan(sensor, pose, path, fill(ScanOptions, options))
+        scan = _scan(sensor, pose, poses, fill(ScanOptions, options))
         return list(scan.check_poses(self).read(self))
 
     @takes(ScanOptions)
@@ -368,7 +368,7 @@ class UserTerrain(ShownTerrain):
         sensor: Sensor | str | Path,
         pose: AnyPose | None = None,
         *,
-        path: str | Path | None = None,
+        poses: str | Path | None = None,
         frame: Literal["world", "sensor"] = "world",
         misses: bool = False,
         overwrite: bool = False,
@@ -380,7 +380,7 @@ class UserTerrain(ShownTerrain):
             output: file to write, whose suffix names the format.
             sensor: sensor, or path of its file.
             pose: x, y, z, and yaw, pitch, roll in degrees; rows of these for several.
-            path: path of a CSV file with poses, in place of `pose`.
+            poses: path of a CSV file with poses, in place of `pose`.
             frame: axes that points are in.
             misses: whether rays without a reading are kept.
             overwrite: whether files may exist.
@@ -394,7 +394,7 @@ class UserTerrain(ShownTerrain):
         """
         if frame not in ("world", "sensor"):
             raise RequestError(f"The frame is {frame!r}.", "Choose world or sensor.")
-        scan = _scan(sensor, pose, path, fill(ScanOptions, options))
+        scan = _scan(sensor, pose, poses, fill(ScanOptions, options))
         wanted = ScanOutput(Path(output), frame == "world", misses, overwrite)
         return export_scan(self, scan, wanted)
 
@@ -507,21 +507,24 @@ def _points(way: Any) -> Any:
 
 
 def _scan(
-    sensor: Sensor | str | Path, pose: AnyPose | None, path: str | Path | None, options: ScanOptions
+    sensor: Sensor | str | Path,
+    pose: AnyPose | None,
+    poses: str | Path | None,
+    options: ScanOptions,
 ) -> Scan:
     """Scan of a sensor from its poses.
 
     Raises:
         RequestError: there is no pose, there are two kinds of them, or a number makes no sense.
     """
-    if (pose is None) == (path is None):
+    if (pose is None) == (poses is None):
         raise RequestError(
             "Nothing says where the sensor is."
             if pose is None
-            else "Both --pose and --path say where the sensor is.",
+            else "Both --pose and --poses say where the sensor is.",
             "Give pose=(x, y, z, yaw, pitch, roll), or the path of a file.",
         )
-    where = _poses(pose) if path is None else read_poses(path)
+    where = _poses(pose) if poses is None else read_poses(poses)
     return Scan(sensor if isinstance(sensor, Sensor) else load_sensor(sensor), where, options)
 
 

@@ -133,6 +133,7 @@ def _take(ctx: click.Context, handed: _GitWords) -> None:
 )
 @click.option(
     "--tolerance",
+    "min_change",
     type=click.FloatRange(0),
     default=1e-3,
     show_default=True,
@@ -256,7 +257,7 @@ def _options(values: dict[str, Any]) -> DiffOptions:
 
     names_of(values["vehicles"])  # refuses a vehicle given twice
     return DiffOptions(
-        values["tolerance"],
+        values["min_change"],
         values["bounds"],
         values["resolution"],
         tuple(map(load_vehicle, values["vehicles"])),

@@ -57,7 +57,11 @@ COMPRESSIONS = ("zstd", "deflate", "lzw", "lerc", "none")
     help="Of a GeoTIFF.  [default: zstd]",
 )
 @click.option(
-    "--max-z-error", type=float, metavar="E", help="How far --compress lerc may be off, at most."
+    "--max-z-error",
+    "max_error",
+    type=float,
+    metavar="E",
+    help="How far --compress lerc may be off, at most.",
 )
 @click.option(
     "--nodata",

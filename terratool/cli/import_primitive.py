@@ -38,12 +38,13 @@ if TYPE_CHECKING:
 )
 @click.option(
     "--samples",
+    "values",
     type=int,
     metavar="N",
     help="Values in each curve.  [default: the fewest with an error close to the smallest]",
 )
 @click.option("--terms", type=int, default=1, metavar="K", help="So many primitives for one cell.")
-@click.option("--turn", is_flag=True, help="Look for the angle that fits best.")
+@click.option("--turn", "fit_turn", is_flag=True, help="Look for the angle that fits best.")
 @click.option(
     "--combine",
     type=click.Choice(["product", "sum", "auto"]),

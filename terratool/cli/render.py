@@ -117,6 +117,7 @@ def _refuse_interval(interval: float) -> None:
 @click.option("--bare", is_flag=True, help="Leave out letters, axes and legend.")
 @click.option(
     "--size",
+    "pixels",
     type=int,
     default=1600,
     show_default=True,

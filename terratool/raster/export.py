@@ -122,7 +122,7 @@ class RasterRequest:
         layers: names from `terratool.raster.layers.LAYERS`.
         dtype: data type of all layers of numbers, "float32" or "float64".
         compress: compression of GeoTIFFs: zstd, deflate, lzw, lerc or none; zstd if None.
-        max_z_error: largest error of lerc, in the unit of the band; 0 if None.
+        max_error: largest error of lerc, in the unit of the band; 0 if None.
         nodata: nodata value of layers of numbers; if None, NaN or the format's own.
         overviews: whether GeoTIFFs have overviews; if None, those larger than `OVERVIEWS_FROM`.
         overwrite: whether to replace existing files.
@@ -133,7 +133,7 @@ class RasterRequest:
     layers: Sequence[str] = ("height",)
     dtype: str = "float32"
     compress: str | None = None
-    max_z_error: float | None = None
+    max_error: float | None = None
     nodata: float | None = None
     overviews: bool | None = None
     overwrite: bool = False
@@ -147,9 +147,9 @@ class RasterRequest:
         Raises:
             RequestError: there is no such compression, or it makes no such error.
         """
-        if self.compress is None and self.max_z_error is None:
+        if self.compress is None and self.max_error is None:
             return None
-        return Compression(self.compress or "zstd", self.max_z_error or 0.0)
+        return Compression(self.compress or "zstd", self.max_error or 0.0)
 
     def files(self, terrain: Terrain) -> tuple[LayerBands, ...]:
         """Bands of the files that the layers need.

@@ -47,7 +47,7 @@ class RenderOptions:
         title: title over the picture; the terrain's description if None, no title if empty.
         legend: whether a legend of the colours is drawn.
         bare: whether all letters, axes and legends are left out.
-        size: number of pixels of the longer side.
+        pixels: number of pixels of the longer side.
         dpi: pixels per inch; letters keep their size in inches.
     """
 
@@ -65,7 +65,7 @@ class RenderOptions:
     title: str | None = None
     legend: bool = True
     bare: bool = False
-    size: int = 1600
+    pixels: int = 1600
     dpi: float = 150.0
 
     def check(self) -> None:
@@ -77,9 +77,9 @@ class RenderOptions:
         from terratool.viewing.layers import check_layer
 
         check_layer(self.layer, self.vehicle)
-        if not LEAST_SIZE <= self.size <= MOST_SIZE:
+        if not LEAST_SIZE <= self.pixels <= MOST_SIZE:
             raise RequestError(
-                f"The longer side is to have {self.size:,} pixels.",
+                f"The longer side is to have {self.pixels:,} pixels.",
                 f"Give --size from {LEAST_SIZE} to {MOST_SIZE:,}; look closer with --bounds, or "
                 "write a raster of any size with terratool export-dem.",
             )
@@ -88,9 +88,10 @@ class RenderOptions:
                 f"An inch is to have {self.dpi:g} pixels.",
                 f"Give --dpi from {LEAST_DPI:g} to {MOST_DPI:g}.",
             )
-        if self.size / self.dpi < 3.0 and not self.bare:
+        if self.pixels / self.dpi < 3.0 and not self.bare:
             raise RequestError(
-                f"{self.size} pixels at {self.dpi:g} to an inch leave no room beside the letters.",
+                f"{self.pixels} pixels at {self.dpi:g} to an inch leave no room beside the "
+                "letters.",
                 f"Give a --size of at least {math.ceil(3.0 * self.dpi)}, a smaller --dpi, "
                 "or --bare.",
             )

@@ -81,7 +81,7 @@ def test_a_file_is_what_the_command_makes_of_it(heights: np.ndarray, tmp_path: P
 def test_a_primitive_fits_its_patch(heights: np.ndarray, tmp_path: Path) -> None:
     rows, columns = np.mgrid[0:16, 0:11]
     product = (1.0 + columns / 10) * (2.0 - rows / 15)  # larger in the north and the east
-    made = terratool.import_primitive(product, "knoll", transform=PLACE, samples=2)
+    made = terratool.import_primitive(product, "knoll", transform=PLACE, values=2)
     assert made.names == ("knoll",) and made.error.largest < 0.1
     site = terratool.Definition(size=(22, 8), origin=(WEST, NORTH - 8))
     for name, primitive in made.primitives().items():
@@ -99,17 +99,17 @@ def test_a_primitive_is_put_into_a_definition(heights: np.ndarray, tmp_path: Pat
     site.primitive("flat", x=[0], x_ignore=["TT308"])
     site.root("flat", cells=(2, 2)).add("flat", cell=(0, 0))
     path = site.save(tmp_path / "site.json")
-    terratool.import_primitive(heights, "hill", transform=PLACE, into=path, place=(1, 1))
+    terratool.import_primitive(heights, "hill", transform=PLACE, into=path, cell=(1, 1))
     terrain = terratool.load(path)
     assert terrain.count_by_primitive()["hill"] == 1
     # the hill's north-eastern quarter is its highest
     assert terrain.height(19, 7) > terrain.height(13, 5)
     with pytest.raises(terratool.RequestError, match="overwrite=True"):
-        terratool.import_primitive(heights, "hill", transform=PLACE, into=path, place=(1, 0))
+        terratool.import_primitive(heights, "hill", transform=PLACE, into=path, cell=(1, 0))
     before = path.read_bytes()
     with pytest.raises(terratool.MissedError, match="is allowed"):
         terratool.import_primitive(
-            heights, "other", transform=PLACE, into=path, samples=2, max_error=0.001
+            heights, "other", transform=PLACE, into=path, values=2, max_error=0.001
         )
     assert path.read_bytes() == before
 

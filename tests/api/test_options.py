@@ -21,10 +21,10 @@ VERBS: dict[str, tuple[str, dict[str, str]]] = {
     "export_sim": ("export-sim", {"targets": "target"}),
     "render": ("render", {"output": "path", "no_legend": "legend"}),
     "traversability": ("traversability", {"reports": "report", "map_": "map"}),
-    "write_scan": ("scan", {"sensor_file": "sensor", "poses": "pose", "path_file": "path"}),
+    "write_scan": ("scan", {"sensor_file": "sensor", "poses": "pose", "path_file": "poses"}),
     "diff": ("diff", {"map_": "map"}),
     "import_terrain": ("import-terrain", {}),
-    "import_primitive": ("import-primitive", {}),
+    "import_primitive": ("import-primitive", {"place": "cell"}),
 }
 """Commands that do what a verb does, and names of parameters that click cannot have."""
 SHELL = {
@@ -122,8 +122,8 @@ def test_errors_name_options_as_python_does(said: str, wanted: str) -> None:
         (lambda t, p: t.write_dem(p / "a.tif", tile_size=512),
          "tile_size is about tiles, but a single file is asked for. Add tiles=…."),
         (lambda t, p: t.write_dem(), "No file is named. Name one, or a folder by tiles=…."),
-        (lambda t, p: t.scan(p, (0, 0, 0, 0, 0, 0), path=p),
-         "Both pose and path say where the sensor is. Give pose=(x, y, z, yaw, pitch, roll), or "
+        (lambda t, p: t.scan(p, (0, 0, 0, 0, 0, 0), poses=p),
+         "Both pose and poses say where the sensor is. Give pose=(x, y, z, yaw, pitch, roll), or "
          "the path of a file."),
         (lambda t, p: t.view(routes=[(0, 0, 1, 1)]), "A route needs a vehicle. Add vehicle."),
         (lambda t, p: t.traversability("v.json", waypoints=[[1, 2, 3]]),

@@ -143,6 +143,7 @@ def test_it_says_what_it_is(terrain: terratool.Terrain) -> None:
     assert "relief    none, all is void\ncrs       none" in str(terratool.load(void))
 
 
+@pytest.mark.slow
 def test_a_picture_is_drawn_when_it_is_shown_and_once(
     terrain: terratool.Terrain, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -202,6 +203,7 @@ def test_a_dem_is_what_the_command_writes(
         assert raster.transform == dem.transform and raster.crs == dem.crs
 
 
+@pytest.mark.slow
 def test_an_xarray_knows_places(terrain: terratool.Terrain) -> None:
     pytest.importorskip("xarray")
     array = terrain.to_dem(resolution=0.5, dtype="float64").to_xarray()
@@ -215,6 +217,7 @@ def test_an_xarray_knows_places(terrain: terratool.Terrain) -> None:
     assert several.sel(band="surface", x=500009.5, y=4649777.5) == 2
 
 
+@pytest.mark.slow
 def test_a_mesh_lies_on_the_field(terrain: terratool.Terrain) -> None:
     mesh = terrain.to_mesh(max_error=0.01)
     assert mesh.bounds == pytest.approx(np.array([[500000, 4649776, 0], [500012, 4649784, 6]]))
@@ -251,7 +254,7 @@ BOTH: dict[str, tuple[str, list[Any], Callable[[Any, Path], object]]] = {
                         lambda t, out: t.write_mesh(f"{out.parent}.obj", tile_faces=6)),
     "picture": ("a.png", ["render", "FILE", "OUT", "--layer", "slope", "--size", 600,
                           "--no-legend"],
-                lambda t, out: t.render(out, layer="slope", size=600, legend=False)),
+                lambda t, out: t.render(out, layer="slope", pixels=600, legend=False)),
     "page": ("a.html", ["view", "FILE", "--output", "OUT", "--no-open", "--max-error", 0.1],
              lambda t, out: t.view(out, max_error=0.1)),
     "report": ("a.json", ["traversability", "FILE", "--vehicle", HUSKY, "--report", "OUT",
@@ -260,8 +263,8 @@ BOTH: dict[str, tuple[str, list[Any], Callable[[Any, Path], object]]] = {
                    HUSKY, report=out, resolution=0.5,
                    routes=[(500001, 4649777, 500002, 4649782)])),
     "map": ("a.tif", ["traversability", "FILE", "--vehicle", HUSKY, "--map", "OUT",
-                      "--resolution", 0.5, "--headings", 4, "--model", "paper"],
-            lambda t, out: t.traversability(HUSKY, map=out, resolution=0.5, headings=4,
+                      "--resolution", 1, "--headings", 4, "--model", "paper"],
+            lambda t, out: t.traversability(HUSKY, map=out, resolution=1, headings=4,
                                             model="paper")),
     "scan": ("a.ply", ["scan", "FILE", "OUT", "--sensor", LIDAR, "--pose", *POSE, "--on-ground",
                        1.2, "--seed", 3, "--misses"],
@@ -315,7 +318,7 @@ def test_simulators_get_the_same_files(file: Path, tmp_path: Path) -> None:
 
 def test_a_figure_is_one_of_matplotlib(terrain: terratool.Terrain) -> None:
     figure_type = pytest.importorskip("matplotlib.figure").Figure
-    figure = terrain.render(size=500, dpi=100, layer="height")
+    figure = terrain.render(pixels=500, dpi=100, layer="height")
     assert isinstance(figure, figure_type)
     assert max(figure.get_size_inches()) * figure.dpi == pytest.approx(500)
     drawn = io.BytesIO()
@@ -363,6 +366,7 @@ def test_readings_lie_on_the_ground(terrain: terratool.Terrain) -> None:
             terrain.scan(LIDAR, pose)
 
 
+@pytest.mark.slow
 def test_a_difference_goes_from_the_old_to_the_new(
     terrain: terratool.Terrain, tmp_path: Path
 ) -> None:
@@ -383,6 +387,7 @@ def test_a_difference_goes_from_the_old_to_the_new(
     assert terrain.diff(terratool.load(SITE)).same
 
 
+@pytest.mark.slow
 def test_a_page_in_a_notebook_runs_its_script_and_nothing_else(tmp_path: Path) -> None:
     """In the frame that a notebook shows, in Chromium."""
     import time

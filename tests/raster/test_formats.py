@@ -61,7 +61,7 @@ class TestGeoTiff:
     def test_lerc_loses_no_more_than_allowed(self, tmp_path: Path, cog: bool) -> None:
         terrain, grid, plain = heights(tmp_path)
         path = tmp_path / "a.tif"
-        report = export_dem(terrain, grid, path, compress="lerc", max_z_error=0.01, cog=cog)
+        report = export_dem(terrain, grid, path, compress="lerc", max_error=0.01, cog=cog)
         with rasterio.open(path) as file:
             pixels = file.read(1)
         assert np.array_equal(np.isnan(pixels), np.isnan(plain))
@@ -331,7 +331,7 @@ def test_companions_of_an_older_file_are_removed(tmp_path: Path) -> None:
     export_dem(terrain, grid, tmp_path / "plain.tif", overwrite=True)
     assert [path.name for path in tmp_path.iterdir()] == ["plain.tif"]
     with pytest.raises(RequestError, match="is compressed as one likes"):
-        export_dem(terrain, grid, tmp_path / "a.png", compress="lerc", max_z_error=0.1)
+        export_dem(terrain, grid, tmp_path / "a.png", compress="lerc", max_error=0.1)
     (tmp_path / "a.prj").write_text("mine")
     with pytest.raises(WriteError, match=r"a\.prj: exists already"):
         export_dem(terrain, grid, tmp_path / "a.asc")

@@ -228,7 +228,7 @@ def test_lossy_compression_says_so(tmp_path: Path) -> None:
     grid = grid_over(terrain, 0.02)
     report = export_dem(
         terrain, grid, tmp_path / "a.tif", ["height", "aspect"],
-        compress="lerc", max_z_error=0.01, overviews=True,
+        compress="lerc", max_error=0.01, overviews=True,
     )  # fmt: skip
     export_dem(terrain, grid, tmp_path / "b.tif", ["height", "aspect"])
     found, exact = level(tmp_path / "a.tif"), level(tmp_path / "b.tif")

@@ -47,8 +47,8 @@ class PrimitiveRequest:
     """Options for importing a patch.
 
     Attributes:
-        samples: values in each curve; the fewest that suffice if None.
-        turn: whether to look for the best angle.
+        values: values in each curve; the fewest that suffice if None.
+        fit_turn: whether to look for the best angle.
         terms: number of primitives in the cell.
         recognise: whether to write named curves where they fit.
         max_error: largest error, in units of the heights; None for any.
@@ -57,8 +57,8 @@ class PrimitiveRequest:
         y_steps: world positions of vertical steps along y.
     """
 
-    samples: int | None = None
-    turn: bool = False
+    values: int | None = None
+    fit_turn: bool = False
     terms: int = 1
     recognise: bool = False
     max_error: float | None = None
@@ -169,7 +169,7 @@ def import_primitive(
         entries = entries_of(
             terms, patch.turn, high - low, lambda tried: fit.center_error(patch, tried)
         )
-        if wanted.turn and patch.turn == 0.0:
+        if wanted.fit_turn and patch.turn == 0.0:
             notes.append("No turn fits better than none.")
     error = fit_error(patch, entries)
     if wanted.recognise and low < high:
@@ -206,8 +206,8 @@ def names_of(name: str, wanted: PrimitiveRequest) -> tuple[str, ...]:
 def _best(patch: Patch, wanted: PrimitiveRequest) -> tuple[Patch, ProductSum, float | None]:
     """Return the best fit, the patch with its turn, and the largest error without that turn."""
     unturned = None
-    if wanted.turn:
-        counts = None if wanted.samples is None else (wanted.samples, wanted.samples)
+    if wanted.fit_turn:
+        counts = None if wanted.values is None else (wanted.values, wanted.values)
         turned = replace(patch, turn=fit.best_turn(patch, wanted.terms, counts))
         covered = _covered_patch(turned)
         heights = covered.values[~np.isnan(covered.values)]
@@ -234,7 +234,7 @@ def _best_combination(patch: Patch, wanted: PrimitiveRequest) -> tuple[ProductSu
     for summed in (False, True):
         if wanted.combine in ("auto", "sum" if summed else "product"):
             curves = _curves(patch, wanted, summed)
-            found.append(fit.fit_terms(patch, curves, _counts(patch, curves, wanted.samples)))
+            found.append(fit.fit_terms(patch, curves, _counts(patch, curves, wanted.values)))
     if len(found) == 2 and found[1][1] <= _GAIN * found[0][1]:
         return found[1]
     return found[0]
@@ -279,14 +279,14 @@ def _refuse_request(name: str, wanted: PrimitiveRequest) -> None:
         raise RequestError(
             f"{wanted.terms} terms are asked for.", f"Ask for 1 to {MOST_TERMS} with --terms."
         )
-    if wanted.samples is not None and not 1 <= wanted.samples <= MOST_SAMPLES:
+    if wanted.values is not None and not 1 <= wanted.values <= MOST_SAMPLES:
         raise RequestError(
-            f"Curves of {wanted.samples} values are asked for.",
+            f"Curves of {wanted.values} values are asked for.",
             f"Ask for 1 to {MOST_SAMPLES} with --samples.",
         )
-    if wanted.terms * (wanted.samples or 0) > MOST_VALUES:
+    if wanted.terms * (wanted.values or 0) > MOST_VALUES:
         raise RequestError(
-            f"{wanted.terms} terms of curves with {wanted.samples} values are asked for.",
+            f"{wanted.terms} terms of curves with {wanted.values} values are asked for.",
             f"Ask for fewer: together no more than {MOST_VALUES} along a side.",
         )
     if wanted.max_error is not None and not 0.0 <= wanted.max_error < math.inf:
@@ -304,7 +304,7 @@ def _refuse_request(name: str, wanted: PrimitiveRequest) -> None:
         raise RequestError(
             "Named curves are looked for in products only.", "Leave out --combine or --recognise."
         )
-    if wanted.turn and (wanted.x_steps or wanted.y_steps):
+    if wanted.fit_turn and (wanted.x_steps or wanted.y_steps):
         raise RequestError(
             "Walls along x and y are no steps of turned curves.", "Leave out --turn or --steps."
         )

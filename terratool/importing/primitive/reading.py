@@ -28,7 +28,7 @@ def read_patch(
         ReadError: the source cannot be read, or has no heights.
         RequestError: an option does not fit the source.
     """
-    if not is_mesh(source) or wanted.turn:
+    if not is_mesh(source) or wanted.fit_turn:
         with open_source(source, options) as heights:
             return read_samples(heights), wanted
     check_options(source, options)

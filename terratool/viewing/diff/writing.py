@@ -67,5 +67,5 @@ class GroundFiles:
             progress(f"drawing {self.picture}")
             write_picture(
                 both, found, str(self.picture),
-                tolerance=options.tolerance, overwrite=self.overwrite,
+                tolerance=options.min_change, overwrite=self.overwrite,
             )  # fmt: skip
