@@ -81,6 +81,7 @@ lint: $(VENV)/.installed-dev-$(VARIANTS)  ## Check style, types, sentences and t
 	$(BIN)/ruff format --check .
 	$(BIN)/clang-format --dry-run -Werror $(filter kernels/%,$(KERNELS)) tests/rows.cpp tests/simulators/drop.cpp
 	$(BIN)/python kernels/python/stubs.py --check
+	$(BIN)/python -m tests.stubs --check
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(BIN)/python -m tests.prose
@@ -107,8 +108,9 @@ bench: $(VENV)/.installed-bench-$(VARIANTS)  ## Measure speed and memory, as rat
 clocks: $(VENV)/.installed-$(EXTRAS)-$(VARIANTS)  ## Print the ratios to watch beside the last recorded ones, in three minutes; RECORD=1 records them
 	$(BIN)/python benchmarks/clocks.py $(if $(RECORD),--record)
 
-stubs: $(VENV)/.installed-dev-$(VARIANTS)  ## Write the type stubs of the kernels
+stubs: $(VENV)/.installed-dev-$(VARIANTS)  ## Write the type stubs of the kernels and of the package
 	$(BIN)/python kernels/python/stubs.py
+	$(BIN)/python -m tests.stubs
 
 schemas: $(VENV)/.installed-$(EXTRAS)  ## Write the schemas, of the table of keys and of the records of results
 	$(BIN)/python -m terratool.cli.output_schemas schemas

@@ -35,11 +35,11 @@ COMBINES: dict[str, dict[str, Any]] = {
     "max": {"combine": "max", "x": "tent", "y": []},
     "radial": {"combine": "radial", "x": "tent"},
 }
-SMALL = RenderOptions(perspective=True, bare=True, size=300, azimuth=200, elevation=28,
+SMALL = RenderOptions(perspective=True, bare=True, pixels=300, azimuth=200, elevation=28,
                       exaggeration=1.0, max_error=0.01)  # fmt: skip
-README = RenderOptions(perspective=True, title="", size=1200)
-SAMPLE = RenderOptions(perspective=True, bare=True, size=480)
-TUTORIAL = RenderOptions(perspective=True, title="", size=900, dpi=100)
+README = RenderOptions(perspective=True, title="", pixels=1200)
+SAMPLE = RenderOptions(perspective=True, bare=True, pixels=480)
+TUTORIAL = RenderOptions(perspective=True, title="", pixels=900, dpi=100)
 
 
 class Picture(NamedTuple):

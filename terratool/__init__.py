@@ -1,67 +1,52 @@
-"""Robot terrains from a small JSON text: heights, soils, rasters and more.
+"""Robot terrains from a small JSON text: heights, soils, rasters, meshes, simulators and more.
 
 >>> import terratool
 >>> terrain = terratool.load("samples/paper-example.json")  # doctest: +SKIP
 >>> terrain.height(15.0, 15.0)  # doctest: +SKIP
+
+Types stand in __init__.pyi, which `make stubs` writes.
 """
 
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
 
 from terratool._version import __version__ as __version__
 
-if TYPE_CHECKING:
-    from terratool.authoring.curriculum.build import curriculum
-    from terratool.authoring.starters.build import new
-    from terratool.definition.reader import check, load_definition
-    from terratool.definition.schemas import schema
-    from terratool.errors import (
-        DefinitionError,
-        ReadError,
-        RequestError,
-        TerratoolError,
-        WriteError,
-    )
-    from terratool.field.terrain import Terrain, load
-    from terratool.traversability.vehicle import Vehicle, load_vehicle
-
 _HOMES = {
-    "load": "terratool.field.terrain",
-    "Terrain": "terratool.field.terrain",
-    "Vehicle": "terratool.traversability.vehicle",
-    "load_vehicle": "terratool.traversability.vehicle",
-    "check": "terratool.definition.reader",
-    "load_definition": "terratool.definition.reader",
-    "schema": "terratool.definition.schemas",
-    "curriculum": "terratool.authoring.curriculum.build",
-    "new": "terratool.authoring.starters.build",
-    "TerratoolError": "terratool.errors",
-    "DefinitionError": "terratool.errors",
-    "ReadError": "terratool.errors",
-    "RequestError": "terratool.errors",
-    "WriteError": "terratool.errors",
+    "load": "terratool.api.terrain:load",
+    "Terrain": "terratool.api.terrain:UserTerrain",
+    "new": "terratool.api.starting:new",
+    "Definition": "terratool.api.definition:DefinitionBuilder",
+    "Element": "terratool.api.definition:ElementBuilder",
+    "check": "terratool.api.checking:check_definition",
+    "schema": "terratool.definition.schemas:schema",
+    "import_terrain": "terratool.api.importing:import_terrain_from",
+    "import_primitive": "terratool.api.importing:import_primitive_from",
+    "curriculum": "terratool.authoring.curriculum.build:curriculum",
+    "Vehicle": "terratool.traversability.vehicle:Vehicle",
+    "load_vehicle": "terratool.traversability.vehicle:load_vehicle",
+    "Sensor": "terratool.sensing.sensor:Sensor",
+    "load_sensor": "terratool.sensing.sensor:load_sensor",
+    "TerratoolError": "terratool.errors:TerratoolError",
+    "DefinitionError": "terratool.errors:DefinitionError",
+    "MissedError": "terratool.errors:MissedError",
+    "ReadError": "terratool.errors:ReadError",
+    "RequestError": "terratool.errors:RequestError",
+    "WriteError": "terratool.errors:WriteError",
 }
+"""Public names, each with the module and the name where it stands."""
 
-__all__ = [
-    "DefinitionError",
-    "ReadError",
-    "RequestError",
-    "Terrain",
-    "TerratoolError",
-    "Vehicle",
-    "WriteError",
-    "check",
-    "curriculum",
-    "load",
-    "load_definition",
-    "load_vehicle",
-    "new",
-    "schema",
-]
+__all__ = sorted(_HOMES)
 
 
-def __getattr__(name: str) -> Any:
+def __getattr__(name: str) -> object:
     """Import public names when they are first used: the command line starts without NumPy."""
-    if name in _HOMES:
-        return getattr(import_module(_HOMES[name]), name)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    module, _, home = _HOMES[name].partition(":")
+    globals()[name] = found = getattr(import_module(module), home)
+    return found
+
+
+def __dir__() -> list[str]:
+    """List the public names, for completion and help."""
+    return [*__all__, "__all__", "__doc__", "__file__", "__name__", "__path__", "__version__"]

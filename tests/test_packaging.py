@@ -51,7 +51,12 @@ def test_the_wheel_has_the_schemas_and_nothing_stray(unpacked: Path) -> None:
     package = Path("terratool")
     style = package / "traversability" / "report" / "style.css"  # of the HTML report
     page = package / "viewing" / "page"
-    for path in (style, *(page / name for name in ("template.html", "page.css", "page.js"))):
+    types = (package / "py.typed", package / "__init__.pyi")
+    for path in (
+        style,
+        *types,
+        *(page / name for name in ("template.html", "page.css", "page.js")),
+    ):
         assert (unpacked / path).read_bytes() == (ROOT / path).read_bytes()
 
 

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from terratool.viewing.diff.compare import DiffOptions
     from terratool.viewing.diff.files import ReadOptions
     from terratool.viewing.diff.results import Comparison
+    from terratool.viewing.diff.writing import GroundFiles
 
 # equal to those of terratool.viewing.diff.report, which is not imported for --help; a test checks
 FORMATS = ("text", "json", "markdown", "github")
@@ -130,7 +131,6 @@ def _take(ctx: click.Context, handed: _GitWords) -> None:
     "What counts",
     click.option(
         "--min-change",
-        "tolerance",
         type=click.FloatRange(0),
         default=1e-3,
         show_default=True,
@@ -229,6 +229,7 @@ def command(
     """
     from terratool.errors import TerratoolError
     from terratool.viewing.diff.files import ReadOptions, are_folders
+    from terratool.viewing.diff.writing import GroundFiles
 
     form, outputs = _plan(formats + ("json",) * as_json)
     if git and not files:
@@ -247,12 +248,14 @@ def command(
         option = "--map" if map_ else "--picture" if picture else "--as"
         raise click.UsageError(f"{option} is for two files, and these are folders.")
     written = [out for _, out in outputs] + [out for out in (map_, picture) if out]
-    _refuse_outputs((*files, *values["vehicles"]), written, map_, picture, overwrite)
+    ground = GroundFiles(map_, picture, overwrite)
+    ground.check()
+    _refuse_outputs((*files, *values["vehicles"]), written, overwrite)
     reading = ReadOptions(called, library_roots(), has_roughness())
     options = _options(values)
     try:
         with StatusLine("comparing") as status:
-            found = _compare(files, folders, reading, options, status, map_, picture, overwrite)
+            found = _compare(files, folders, reading, options, status, ground)
     except TerratoolError as error:
         if not git:
             raise
@@ -270,7 +273,7 @@ def _options(values: dict[str, Any]) -> DiffOptions:
 
     names_of(values["vehicles"])  # refuses a vehicle given twice
     return DiffOptions(
-        values["tolerance"],
+        values["min_change"],
         values["bounds"],
         values["resolution"],
         tuple(map(load_vehicle, values["vehicles"])),
@@ -300,10 +303,7 @@ def _plan(formats: tuple[str, ...]) -> tuple[str, list[tuple[str, str]]]:
     return (printed or ["text"])[0], outputs
 
 
-def _refuse_outputs(
-    sources: tuple[str, ...], written: list[str], map_: str | None, picture: str | None,
-    overwrite: bool,
-) -> None:  # fmt: skip
+def _refuse_outputs(sources: tuple[str, ...], written: list[str], overwrite: bool) -> None:
     """Refuse outputs that cannot be written, or that are inputs, before any work."""
     import os
     from pathlib import Path
@@ -311,14 +311,6 @@ def _refuse_outputs(
     from terratool.errors import RequestError, WriteError
     from terratool.output import is_same_file, refuse_existing, refuse_missing_folder
 
-    if map_:
-        from terratool.viewing.diff.map import refuse_map
-
-        refuse_map(map_, overwrite)
-    if picture:
-        from terratool.viewing.differences import refuse_picture
-
-        refuse_picture(picture, overwrite)
     known: set[str] = set()
     for out in written:
         real = os.path.realpath(out)
@@ -336,37 +328,19 @@ def _refuse_outputs(
 
 def _compare(
     files: tuple[str, ...], folders: bool, reading: ReadOptions, options: DiffOptions,
-    status: StatusLine, map_: str | None, picture: str | None, overwrite: bool,
+    status: StatusLine, ground: GroundFiles,
 ) -> Comparison:  # fmt: skip
-    from terratool.errors import RequestError
     from terratool.viewing.diff.compare import ComparedDefinitions
     from terratool.viewing.diff.files import compare_files, compare_folders
-    from terratool.viewing.diff.map import write_map
 
     old, new = files
     if folders:
         return compare_folders(old, new, reading, options, status)
 
-    def write_pictures(compared: ComparedDefinitions) -> None:
-        if compared.both is None and (map_ or picture):
-            raise RequestError(
-                f"{new}: its ground cannot be compared, so that there is no "
-                f"{'map' if map_ else 'picture'}.",
-                "Leave it out to see what differs.",
-            )
-        if map_ and compared.both is not None:
-            status.say(f"writing {map_}")
-            write_map(compared.both, map_, options.resolution, overwrite=overwrite)
-        if picture and compared.both is not None:
-            from terratool.viewing.diff.picture import write_picture
+    def write_ground(compared: ComparedDefinitions) -> None:
+        ground.write(compared, options, status.say)
 
-            status.say(f"drawing {picture}")
-            write_picture(
-                compared.both, compared.difference, picture, tolerance=options.tolerance,
-                overwrite=overwrite,
-            )  # fmt: skip
-
-    return compare_files(old, new, reading, options, status, write_pictures)
+    return compare_files(old, new, reading, options, status, write_ground)
 
 
 def _write(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -23,6 +22,7 @@ from terratool.cli.terminal import StatusLine, load
 from terratool.report.documents import Document
 
 if TYPE_CHECKING:
+    from terratool.raster.dem import GridChoice
     from terratool.raster.export import RasterReport, WrittenFile
 
 # equal to those of terratool.raster.layers and .geotiff, which are not imported for --help;
@@ -86,7 +86,6 @@ COMPRESSIONS = ("zstd", "deflate", "lzw", "lerc", "none")
     ),
     click.option(
         "--max-error",
-        "max_z_error",
         type=float,
         metavar="E",
         help="How far --compress lerc may be off, at most.  [default: 0]",
@@ -125,22 +124,8 @@ COMPRESSIONS = ("zstd", "deflate", "lzw", "lerc", "none")
 def command(
     file: str,
     output: str | None,
-    resolution: float | None,
-    bounds: tuple[float, float, float, float] | None,
-    layers: tuple[str, ...],
-    dtype: str,
-    compress: str | None,
-    max_z_error: float | None,
-    nodata: float | None,
-    cog: bool,
-    overviews: bool | None,
-    tiles: str | None,
-    tile_size: int | None,
-    dask: str | None,
-    threads: int | None,
-    losses: bool,
-    overwrite: bool,
     as_json: bool,
+    **values: Any,
 ) -> None:
     """Write FILE as a raster: heights, and what else is known of the ground.
 
@@ -151,98 +136,25 @@ def command(
 
     With --tiles, OUT is the .vrt that opens the tiles as one raster, DIR/mosaic.vrt if not said.
     """
-    from pathlib import Path
-
     from terratool.errors import WriteError
-    from terratool.io.geotiff import Compression
-    from terratool.output import is_same_file, refuse_existing
-    from terratool.raster.export import RasterRequest, export_dem
-    from terratool.raster.grid import default_resolution, grid_over, overhang
-    from terratool.raster.mosaic import TILE_SIZE, export_mosaic
-    from terratool.raster.tiles import INDEX
+    from terratool.output import is_same_file
+    from terratool.raster.dem import DemOptions, GridChoice, write_dem
 
-    _refuse_odd(output, tiles, tile_size, dask, cog, overviews)
-    compression = None
-    if compress is not None or max_z_error is not None:
-        compression = Compression(compress or "zstd", max_z_error or 0.0)
-    if output is None:
-        output = str(Path(str(tiles), INDEX))
-    if tiles is None:
-        refuse_existing(Path(output), overwrite)
-    if is_same_file(output, file):
-        raise WriteError(f"{output}: is the definition itself.", "Choose another name.")
+    if output is None and values["tiles"] is None:
+        raise click.UsageError("Missing argument 'OUT'; only --tiles DIR goes without.")
+    options = DemOptions(**values)
+    path = options.output_of(output)
+    if is_same_file(path, file):
+        raise WriteError(f"{path}: is the definition itself.", "Choose another name.")
     terrain = load(file)
-    why = "as asked"
-    if resolution is None:
-        resolution, why = default_resolution(terrain, bounds)
-    grid = grid_over(terrain, resolution, bounds)
-    request = RasterRequest(
-        layers, dtype, compression, nodata, overviews, overwrite, losses, threads
-    )
-    with StatusLine("painting", grid.width * grid.height) as progress:
-        if tiles is None:
-            report = export_dem(terrain, grid, output, request, cog=cog, progress=progress)
-        else:
-            size = TILE_SIZE if tile_size is None else tile_size
-            report = export_mosaic(
-                terrain, grid, tiles, output, request,
-                tile_size=size, dask=dask, progress=progress,
-            )  # fmt: skip
-    choice = GridChoice(why, overhang(grid, bounds or terrain.bounds))
+    choice = GridChoice.of(terrain, options.resolution, options.bounds)
+    with StatusLine("painting", choice.pixels) as progress:
+        report = write_dem(terrain, choice, path, options, progress)
     if as_json:
         say_json(_document(report, choice))
     else:
         for line in as_text(report, choice):
             say(line)
-
-
-def _refuse_odd(
-    output: str | None, tiles: str | None, tile_size: int | None, dask: str | None, cog: bool,
-    overviews: bool | None,
-) -> None:  # fmt: skip
-    """Refuse options that do not go together."""
-    from terratool.errors import RequestError
-
-    if tiles == "":
-        raise RequestError("The name of the folder for --tiles is empty.", "Give one.")
-    if tiles is None:
-        if output is None:
-            raise click.UsageError("Missing argument 'OUT'; only --tiles DIR goes without.")
-        for name, value in (("--dask", dask), ("--tile-size", tile_size)):
-            if value is not None:
-                raise RequestError(
-                    f"{name} is about tiles, but a single file is asked for.", "Add --tiles DIR."
-                )
-    elif cog:
-        raise RequestError(
-            "The tiles of a mosaic are plain GeoTIFFs, not cloud-optimised ones.",
-            "Leave out --cog or --tiles.",
-        )
-    elif overviews:
-        raise RequestError(
-            "The tiles of a mosaic have no overviews.",
-            "Leave out --overviews, and add them to the index with gdaladdo -ro.",
-        )
-
-
-@dataclass(frozen=True, slots=True)
-class GridChoice:
-    """Choice of the pixels.
-
-    Attributes:
-        why: phrase on who chose the resolution.
-        overhang: distances by which pixels reach over the east and the north side of the bounds.
-    """
-
-    why: str
-    overhang: tuple[float, float]
-
-    def sentences(self) -> Iterator[str]:
-        """Yield sentences on the ends of the last pixels, if not at the sides."""
-        for side, over in zip(("east", "north"), self.overhang, strict=True):
-            if over:
-                where = "before" if over < 0 else "beyond"
-                yield f"The last pixels end {abs(over):.4g} {where} the {side} side."
 
 
 class BandDocument(Struct, frozen=True):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -24,10 +23,7 @@ from terratool.cli.terminal import StatusLine, load
 from terratool.report.numbers import coordinates
 
 if TYPE_CHECKING:
-    from terratool.mesh.elevation import ElevationGridReport
-    from terratool.mesh.export import MeshOptions, MeshReport
-    from terratool.mesh.origin import Origin
-    from terratool.mesh.tiles import MeshTilesReport
+    from terratool.mesh.request import AnyMeshReport
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 
@@ -138,7 +134,7 @@ def command(**options: Any) -> None:
     surfaces, as far as the format has a place for them. z is up, but y in a .glb. Only .obj and
     .ply have digits enough for --origin world.
     """
-    _export(_Request.of("", options))
+    _export("", **options)
 
 
 @click.command(
@@ -153,7 +149,7 @@ def obj(**options: Any) -> None:
     The same as export-mesh with an OUT that ends in .obj: a group and a material for each surface,
     z up.
     """
-    _export(_Request.of(".obj", options))
+    _export(".obj", **options)
 
 
 @click.command(
@@ -167,198 +163,90 @@ def vrml(**options: Any) -> None:
 
     The same as export-mesh with an OUT that ends in .wrl: a Shape for each surface, z up.
     """
-    _export(_Request.of(".wrl", options))
+    _export(".wrl", **options)
 
 
-@dataclass(frozen=True, slots=True)
-class _Request:
-    """Arguments and options of a command; `suffix`, if not empty, is the only one allowed."""
+_ONLY = {".obj": "export-obj", ".wrl": "export-vrml"}
+"""Commands that write one format, by its suffix."""
 
-    suffix: str
-    file: str
-    output: str
-    max_error: float | None
-    max_faces: int | None
-    bounds: tuple[float, float, float, float] | None
-    solid: bool
-    base: float | None
-    origin: Origin
-    tile_faces: int | None
-    overwrite: bool
-    as_json: bool
-    elevation_grid: bool = False
-    resolution: float | None = None
-    no_normals: bool = False
 
-    @classmethod
-    def of(cls, suffix: str, options: dict[str, Any]) -> _Request:
-        """Request by the values of a command's arguments and options."""
-        origin = origin_from(options)
-        return cls(suffix, origin=origin, **options)
+def _export(
+    suffix: str, file: str, output: str, overwrite: bool, as_json: bool, **values: Any
+) -> None:
+    """Write a mesh, tiles or a grid of heights, and print the report.
 
-    def options(self) -> MeshOptions:
-        """Options of the mesh."""
-        from terratool.mesh.export import MeshOptions
+    Args:
+        suffix: the only suffix that the command writes; empty for all.
+        file: the definition.
+        output: the file to write.
+        overwrite: whether files may exist.
+        as_json: whether the report is printed as JSON.
+        values: options of the mesh, as `MeshRequest` has them.
+    """
+    from terratool.errors import RequestError
+    from terratool.mesh.request import MeshRequest, write_mesh_files
 
-        return MeshOptions(
-            self.max_error,
-            self.max_faces,
-            self.bounds,
-            self.solid,
-            self.base,
-            self.origin,
-            not self.no_normals,
+    if suffix and Path(output).suffix.lower() != suffix:
+        raise RequestError(
+            f"{output}: {_ONLY[suffix]} writes {suffix} files only.",
+            f"Choose a name that ends in {suffix}, or use export-mesh.",
         )
-
-    def check(self) -> None:
-        """Refuse formats that the command is not for, and options that do not go together."""
-        from terratool.errors import RequestError
-        from terratool.mesh.formats.table import mesh_format
-
-        if self.suffix and Path(self.output).suffix.lower() != self.suffix:
-            name = {".obj": "export-obj", ".wrl": "export-vrml"}[self.suffix]
-            raise RequestError(
-                f"{self.output}: {name} writes {self.suffix} files only.",
-                f"Choose a name that ends in {self.suffix}, or use export-mesh.",
-            )
-        if self.resolution is not None and not self.elevation_grid:
-            raise RequestError(
-                "--resolution is about a grid of heights, but a mesh is asked for.",
-                "Add --elevation-grid, or say --max-error instead.",
-            )
-        given = {
-            "--max-error": self.max_error is not None,
-            "--max-faces": self.max_faces is not None,
-            "--solid": self.solid,
-            "--base": self.base is not None,
-            "--origin": self.origin != "local",
-            "--tile-faces": self.tile_faces is not None,
-            "--no-normals": self.no_normals,
-        }
-        for name in filter(given.get, given):
-            if self.elevation_grid:
-                raise RequestError(
-                    f"{name} is about a mesh, but a grid of heights is asked for.",
-                    f"Leave out {name} or --elevation-grid.",
-                )
-        if self.no_normals and not mesh_format(Path(self.output)).normals:
-            raise RequestError(
-                f"{self.output}: has no normals anyway.",
-                "Leave out --no-normals, which is about an .obj.",
-            )
-        self.options().check(tiles=self.tile_faces is not None)
-        if self.tile_faces is not None and self.tile_faces < 1:
-            raise RequestError(
-                f"Tiles of {self.tile_faces} faces are asked for.", "Ask for 1 or more."
-            )
-
-
-def _export(request: _Request) -> None:
-    """Write a mesh, tiles or a grid of heights, and print the report."""
-    request.check()  # before a large definition is read
-    report: MeshReport | ElevationGridReport | MeshTilesReport
-    if request.tile_faces is not None:
-        report, lines = _export_tiles(request)
-    elif request.elevation_grid:
-        report, lines = _export_grid(request)
-    else:
-        report, lines = _export_mesh(request)
-    if request.as_json:
+    request = MeshRequest(
+        origin=origin_from(values), normals=not values.pop("no_normals", False), **values
+    )
+    request.check_file(output, overwrite)  # before a large definition is read
+    _refuse_own(file, Path(output), request.tile_faces is not None)
+    terrain = load(file)
+    with StatusLine("writing" if request.elevation_grid else "meshing") as status:
+        report = write_mesh_files(
+            terrain, output, request, overwrite=overwrite, progress=status.say
+        )
+    if as_json:
         say_json(report.to_json())
         return
+    lines = _lines(report)
     place = coordinates(report.origin)
     for line in (lines[0], f"{lines[1]}: zero is at {place}", *lines[2:]):
         say(line)
 
 
-def _export_mesh(request: _Request) -> tuple[MeshReport, list[str]]:
-    """Write a mesh; return the report, and its lines for people."""
-    from terratool.mesh.export import export_mesh
+def _lines(report: AnyMeshReport) -> list[str]:
+    """Lines on a mesh, tiles or a grid of heights for people."""
+    from terratool.mesh.elevation import ElevationGridReport
+    from terratool.mesh.export import MeshReport
     from terratool.report.numbers import metres
     from terratool.report.wording import count_of
 
-    _check_output(request)
-    terrain = load(request.file)
-    with StatusLine("meshing") as status:
-        report = export_mesh(
-            terrain,
-            request.output,
-            request.options(),
-            overwrite=request.overwrite,
-            progress=status.say,
-        )
+    if isinstance(report, ElevationGridReport):
+        wide, tall = report.spacing
+        nodes = f"{report.columns} × {report.rows} nodes of {wide:.6g} × {tall:.6g}"
+        sentences = report.statement.sentences(max(wide, tall))
+        return [f"{nodes} ({report.chosen})", str(report.files[0]), *sentences]
     loss = report.statement
-    closed = "" if report.base is None else f", closed by a base at {report.base:.6g}"
-    first = (
-        f"{count_of(report.faces, 'face')}, {report.walls:,} of them upright{closed}; "
-        f"an error of {metres(loss.wanted)} was wanted ({report.chosen})"
-    )
-    return report, [first, ", ".join(map(str, report.files)), *loss.sentences()]
+    what = f"{count_of(report.faces, 'face')}, {report.walls:,} of them upright"
+    wanted = f"an error of {metres(loss.wanted)} was wanted ({report.chosen})"
+    if isinstance(report, MeshReport):
+        closed = "" if report.base is None else f", closed by a base at {report.base:.6g}"
+        return [f"{what}{closed}; {wanted}", ", ".join(map(str, report.files)), *loss.sentences()]
+    tiles = f"in {report.rows} × {report.columns} tiles"
+    return [f"{what}, {tiles}; {wanted}", str(report.index), *loss.sentences()]
 
 
-def _export_grid(request: _Request) -> tuple[ElevationGridReport, list[str]]:
-    """Write a grid of heights; return the report, and its lines for people."""
-    from terratool.mesh.elevation import export_elevation_grid
-
-    _check_output(request)
-    terrain = load(request.file)
-    with StatusLine("writing"):
-        report = export_elevation_grid(
-            terrain,
-            request.output,
-            request.resolution,
-            request.bounds,
-            overwrite=request.overwrite,
-        )
-    wide, tall = report.spacing
-    first = f"{report.columns} × {report.rows} nodes of {wide:.6g} × {tall:.6g} ({report.chosen})"
-    return report, [first, str(report.files[0]), *report.statement.sentences(max(wide, tall))]
-
-
-def _export_tiles(request: _Request) -> tuple[MeshTilesReport, list[str]]:
-    """Write tiles of a mesh; return the report, and its lines for people."""
+def _refuse_own(file: str, output: Path, tiled: bool) -> None:
+    """Refuse outputs that would replace the definition."""
     from terratool.errors import WriteError
     from terratool.mesh.formats.table import mesh_format
-    from terratool.mesh.tiles import TileCount, export_tiles
-    from terratool.report.numbers import metres
-
-    file, output = Path(request.file), Path(request.output)
-    mesh_format(output)
-    folder = output.with_suffix("")
-    # tiles of an earlier run are removed
-    if folder.is_dir() and file.exists() and file.resolve().parent == folder.resolve():
-        raise WriteError(
-            f"{folder}: holds the definition itself.", "Choose another folder for the tiles."
-        )
-    terrain = load(request.file)
-    with StatusLine("meshing") as status:
-        report = export_tiles(
-            terrain,
-            folder,
-            output.suffix.lower(),
-            request.options(),
-            TileCount(request.tile_faces or 1),
-            overwrite=request.overwrite,
-            progress=lambda done, tiles, faces: status.say(
-                f"{done} of {tiles} tiles, {faces:,} faces"
-            ),
-        )
-    loss = report.statement
-    first = (
-        f"{report.faces:,} faces, {report.walls:,} of them upright, in {report.rows} × "
-        f"{report.columns} tiles; an error of {metres(loss.wanted)} was wanted ({report.chosen})"
-    )
-    return report, [first, str(report.index), *loss.sentences()]
-
-
-def _check_output(request: _Request) -> None:
-    """Refuse outputs that are known to fail before the definition is read, or that replace it."""
-    from terratool.errors import WriteError
-    from terratool.mesh.export import check_request
     from terratool.output import is_same_file
 
-    form = check_request(request.output, request.overwrite, request.origin == "world")
-    output = Path(request.output)
+    form = mesh_format(output)
+    if tiled:
+        folder, own = output.with_suffix(""), Path(file)
+        # tiles of an earlier run are removed
+        if folder.is_dir() and own.exists() and own.resolve().parent == folder.resolve():
+            raise WriteError(
+                f"{folder}: holds the definition itself.", "Choose another folder for the tiles."
+            )
+        return
     for path in (output, *(output.with_suffix(suffix) for suffix in form.companions)):
-        if is_same_file(path, request.file):
+        if is_same_file(path, file):
             raise WriteError(f"{path}: is the definition itself.", "Choose another name.")

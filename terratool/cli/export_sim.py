@@ -28,21 +28,9 @@ from terratool.simulators.options import (
     MAX_SLOPE,
     MAX_STEP,
     SceneOptions,
+    refuse_idle,
 )
 from terratool.simulators.targets import TARGETS, choose_targets
-
-_ABOUT = {
-    "max_geoms": ["mujoco"],
-    "flex": ["mujoco"],
-    "heightmap": ["gazebo"],
-    "vehicle": ["nav2", "grid-map"],
-    "max_slope": ["nav2"],
-    "max_step": ["nav2"],
-    "resolution": ["nav2", "grid-map"],
-}
-"""Targets that use an option, by the option's name."""
-_IN_PLACE_OF = {"max_geoms": "flex", "max_slope": "vehicle", "max_step": "vehicle"}
-"""Option that makes another one idle, by the name of the idle one."""
 
 
 @click.command(
@@ -146,7 +134,12 @@ def command(
 
     if not output:
         raise RequestError("OUT is empty.", "Name a folder.")
-    _refuse_idle(ctx, list(choose_targets(targets)))
+    given = {
+        name
+        for name in ctx.params
+        if ctx.get_parameter_source(name) is click.core.ParameterSource.COMMANDLINE
+    }
+    refuse_idle(given, list(choose_targets(targets)))
     wanted = SceneOptions(origin=origin_from(options), **options)
     source = None if file == "-" else file
     plan = plan_export(output, targets, wanted, source=source, overwrite=overwrite)
@@ -181,34 +174,3 @@ class TargetsDocument(Document, frozen=True, kw_only=True):
     """Folders that were written, as JSON, by simulator."""
 
     targets: dict[str, FolderDocument]
-
-
-def _refuse_idle(ctx: click.Context, targets: list[str]) -> None:
-    """Refuse options that would have no effect.
-
-    Raises:
-        RequestError: an option is idle.
-    """
-    from terratool.errors import RequestError
-    from terratool.report.wording import join_words
-
-    given = {
-        name
-        for name in ctx.params
-        if ctx.get_parameter_source(name) is click.core.ParameterSource.COMMANDLINE
-    }
-    for name in _ABOUT:
-        users, option = _ABOUT[name], f"--{name.replace('_', '-')}"
-        if name not in given:
-            continue
-        if not {*users} & {*targets}:
-            are = "target is" if len(targets) == 1 else "targets are"
-            raise RequestError(
-                f"{option} is about {join_words(users)}, but the {are} {join_words(targets)}.",
-                f"Leave it out, or add {' or '.join(f'--target {user}' for user in users)}.",
-            )
-        if _IN_PLACE_OF.get(name) in given:
-            raise RequestError(
-                f"{option} has no effect with --{_IN_PLACE_OF[name]}.",
-                f"Leave out {option} or --{_IN_PLACE_OF[name]}.",
-            )

@@ -23,12 +23,8 @@ from terratool.cli.saying import say, say_json, write_definition
 from terratool.cli.terminal import StatusLine, short_name
 
 if TYPE_CHECKING:
-    from terratool.importing.primitive.build import ImportedPrimitive, PrimitiveRequest
+    from terratool.importing.primitive.build import ImportedPrimitive
     from terratool.importing.primitive.insert import CellPath, PrimitiveTarget
-    from terratool.importing.types import SampledHeights, SourceOptions
-
-_MOST_STEPS = 64
-"""Most steps of a curve; a mesh with more walls all across is one of bars, not of steps."""
 
 
 @click.command(
@@ -49,14 +45,12 @@ _MOST_STEPS = 64
     "How close it is",
     click.option(
         "--max-error",
-        "tolerance",
         type=float,
         metavar="E",
         help="Largest error, in units of the heights; if it is missed, write nothing and exit 1.",
     ),
     click.option(
         "--values",
-        "samples",
         type=int,
         metavar="N",
         help="In each curve.  [default: the fewest with an error close to the smallest]",
@@ -69,7 +63,7 @@ _MOST_STEPS = 64
         metavar="K",
         help="So many primitives for one cell.",
     ),
-    click.option("--fit-turn", "turn", is_flag=True, help="Look for the angle that fits best."),
+    click.option("--fit-turn", is_flag=True, help="Look for the angle that fits best."),
     click.option(
         "--combine",
         type=WordChoice(("product", "sum", "auto")),
@@ -98,8 +92,10 @@ def command(source: str, name: str, overwrite: bool, as_json: bool, **values: An
         PrimitiveRequest,
         import_primitive,
         names_of,
+        refuse_missed,
         sentences,
     )
+    from terratool.importing.primitive.reading import read_patch
     from terratool.output import is_same_file, refuse_existing, refuse_missing_folder
 
     chosen = options_of(values)
@@ -116,18 +112,15 @@ def command(source: str, name: str, overwrite: bool, as_json: bool, **values: An
     if output is not None and is_same_file(output, source):
         raise WriteError(f"{output}: is the source itself.", "Choose another name.")
     with StatusLine(f"reading {short_name(source)}") as status:
-        patch, wanted = _read(source, chosen, wanted)
+        patch, wanted = read_patch(source, chosen, wanted)
         status.say("fitting")
         imported = import_primitive(patch, name, wanted)
-    largest = imported.error.largest
-    if wanted.tolerance is not None and largest > wanted.tolerance:
+    try:
+        refuse_missed(imported, wanted)
+    except MissedError:
         for line in sentences(imported):
             say(line, err=True)
-        raise MissedError(
-            f"The error is {largest:.4g} {imported.unit}, and {wanted.tolerance:g} is allowed; "
-            "nothing was written.",
-            "Allow more, or try more --terms, --fit-turn or a smaller patch.",
-        )
+        raise
     _deliver(imported, target, output, overwrite, as_json)
 
 
@@ -147,30 +140,6 @@ def _cell(
     return CellPath(cell, parent, span or (1, 1))
 
 
-def _read(
-    source: str, options: SourceOptions, wanted: PrimitiveRequest
-) -> tuple[SampledHeights, PrimitiveRequest]:
-    """Patch of heights, and the request with the walls of a mesh as steps."""
-    from dataclasses import replace
-
-    from terratool.importing.primitive.build import read_samples
-    from terratool.importing.sources import check_options, is_mesh, open_source
-
-    if not is_mesh(source) or wanted.turn:
-        with open_source(source, options) as heights:
-            return read_samples(heights), wanted
-    from terratool.importing.meshes import read_triangles
-    from terratool.importing.sampling import sample, steps
-
-    check_options(source, options)
-    triangles = read_triangles(source, options.up, options.scale)
-    samples = sample(triangles, options.resolution, options.bounds, name=source)
-    x_steps, y_steps = (tuple(each.tolist()) for each in steps(triangles, samples.grid.bounds))
-    if len(x_steps) + len(y_steps) > _MOST_STEPS:
-        return samples, wanted
-    return samples, replace(wanted, x_steps=x_steps, y_steps=y_steps)
-
-
 def _deliver(
     imported: ImportedPrimitive,
     target: PrimitiveTarget | None,
@@ -182,20 +151,14 @@ def _deliver(
     from terratool.definition.layout import primitives_text
     from terratool.importing.primitive import insert
     from terratool.importing.primitive.build import sentences
-    from terratool.output import whole_file
 
     written = None
     notes: list[str] = []
     if target is not None:
-        place = target.place
-        elements = imported.elements(place.cell, place.span) if place else []
-        data = insert.text_with(target, imported.primitives(), elements)
-        notes = insert.remarks(target, imported)
-        target.target.write(data, overwrite)
+        notes = insert.insert_primitive(target, imported, overwrite)
         written = str(target.target.output)
     elif output is not None:
-        with whole_file(output, overwrite) as path:
-            path.write_text(primitives_text(imported.primitives()), encoding="utf-8", newline="\n")
+        insert.write_primitives(imported, output, overwrite)
         written = output
     if as_json:
         report = {"file": written, **imported.to_json()}

@@ -107,8 +107,7 @@ def command(source: str, output: str, overwrite: bool, as_json: bool, **values: 
 
     from terratool.errors import RequestError
     from terratool.importing.sources import open_source
-    from terratool.importing.terrain.build import GroundSurface, ImportOptions, import_terrain
-    from terratool.importing.terrain.methods import methods_named
+    from terratool.importing.terrain.build import ImportOptions, import_terrain
     from terratool.output import is_same_file
 
     if not output.endswith((".json", ".json.gz")):
@@ -121,18 +120,7 @@ def command(source: str, output: str, overwrite: bool, as_json: bool, **values: 
             raise RequestError(
                 f"{output}: is the same file as {name}.", "Give the definition another name."
             )
-    methods = tuple(method for name in values.pop("methods") for method in methods_named(name))
-    surface, preset = values.pop("surface"), values.pop("preset")
-    if surface is None:
-        surface = preset
-    options = ImportOptions(
-        ground=None if surface is None else GroundSurface(surface, preset),
-        pixels=values.pop("cells") == "pixels",
-        methods=methods,
-        title=Path(source).name,
-        allow_remote=chosen.allow_remote,
-        **values,
-    )
+    options = ImportOptions(title=Path(source).name, allow_remote=chosen.allow_remote, **values)
     with contextlib.ExitStack() as stack:
         with StatusLine(f"reading {short_name(source)}"):
             heights = stack.enter_context(open_source(source, chosen))

@@ -139,7 +139,6 @@ def _refuse_interval(interval: float) -> None:
     "The sheet",
     click.option(
         "--pixels",
-        "size",
         type=int,
         default=1600,
         show_default=True,
@@ -182,10 +181,14 @@ def command(
     view from the side. However fine the terrain is, only the pixels of the picture are painted.
     The same FILE and options give the same bytes.
     """
-    from terratool.viewing.options import RenderOptions
+    from terratool.viewing.options import RenderOptions, refuse_idle
     from terratool.viewing.render import check_request, render
 
-    _refuse_idle(ctx, options["perspective"])
+    source = ctx.get_parameter_source
+    refuse_idle(
+        {name for name in options if source(name) is click.core.ParameterSource.COMMANDLINE},
+        options["perspective"],
+    )
     wanted = RenderOptions(legend=not no_legend, **options)
     _refuse_own(output, (file, options["vehicle"]))
     check_request(output, wanted, overwrite)
@@ -216,19 +219,6 @@ class PictureDocument(Document, frozen=True, kw_only=True):
     height: int
     what: str
     notes: list[str]
-
-
-def _refuse_idle(ctx: click.Context, perspective: bool) -> None:
-    """Refuse options about a perspective where none is drawn."""
-    from terratool.errors import RequestError
-
-    for name in ("azimuth", "elevation", "max_error"):
-        given = ctx.get_parameter_source(name) is click.core.ParameterSource.COMMANDLINE
-        if given and not perspective:
-            option = f"--{name.replace('_', '-')}"
-            raise RequestError(
-                f"{option} is about perspectives.", f"Add --perspective, or leave out {option}."
-            )
 
 
 def _refuse_own(output: str, sources: tuple[str | None, ...]) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -23,8 +22,10 @@ from terratool.cli.terminal import StatusLine, load
 
 if TYPE_CHECKING:
     from terratool.traversability.assess import PreparedRequest
+    from terratool.traversability.compare import PreparedComparison
     from terratool.traversability.conditions import Condition
-    from terratool.traversability.results import Reports, TraversabilityReport
+    from terratool.traversability.report.writing import JudgementFiles
+    from terratool.traversability.results import Reports
 
 # equal to those of route.graph, vehicle and ranges of terratool.traversability, which are not
 # imported for --help; tests check
@@ -184,12 +185,11 @@ def command(
     """
     from pathlib import Path
 
-    from terratool.output import whole_file
     from terratool.traversability.assess import Request
     from terratool.traversability.compare import prepare
     from terratool.traversability.conditions import parse
     from terratool.traversability.report.formats import renderer_of
-    from terratool.traversability.results import VehicleComparison
+    from terratool.traversability.report.writing import JudgementFiles
     from terratool.traversability.route.waypoints import read_waypoints
 
     checks = [parse(text) for text in conditions]
@@ -201,7 +201,8 @@ def command(
     routed = [*lines_only, *["--return"] * returns]
     _refuse_unasked(checks, travels, start is not None, routed, curves, model)
     paths = values["vehicle"]
-    renderers = list(map(renderer_of, reports))
+    for path in reports:
+        renderer_of(path)  # refuses other suffixes
     _refuse_outputs((file, *paths, *waypoints), reports, _maps(map_, paths), overwrite)
     vehicles = [vehicle.by_model(model) for vehicle in vehicles_from(values)]
     wants_map = map_ is not None or len(lines_only) + len(curves) < len(reports)
@@ -219,49 +220,33 @@ def command(
         samples=samples,
         seed=seed,
     )
-    planned, notes = prepare(load(file), vehicles, request, map_path=map_, overwrite=overwrite)
-    doing = "judging" if planned[0].pixels else "looking for ways"
-    # every file is complete before the first one takes its place
-    with StatusLine(doing, planned[0].pixels) as progress, contextlib.ExitStack() as stack:
-        parts = [stack.enter_context(whole_file(path, overwrite)) for path in reports]
-        found = _assess(planned, Path(file).name, map_, overwrite, progress, stack)
-        result = VehicleComparison(found, notes) if len(found) > 1 else found[0]
-        if parts or map_:
-            progress.say("writing files")
-        for part, render in zip(parts, renderers, strict=True):
-            part.write_text(render(result), encoding="utf-8", newline="\n")
+    planned = prepare(load(file), vehicles, request, map_path=map_, overwrite=overwrite)
+    files = JudgementFiles(reports, map_, overwrite)
+    result = _assess(planned, Path(file).name, files)
     return _print_result(result, checks, as_json)
 
 
-def _assess(
-    planned: list[PreparedRequest], name: str, map_: str | None, overwrite: bool,
-    progress: StatusLine, stack: contextlib.ExitStack,
-) -> tuple[TraversabilityReport, ...]:  # fmt: skip
-    """Report on each vehicle; first print what its starts and goals show at once.
+def _assess(planned: PreparedComparison, name: str, files: JudgementFiles) -> Reports:
+    """Report on each vehicle; first print what its starts and goals show at once."""
+    from terratool.traversability.assess import first_look
+    from terratool.traversability.report.writing import assess_all
 
-    Requests are removed from their list, one by one, as each holds much memory.
-    """
-    from terratool.traversability.assess import assess, first_look
-    from terratool.traversability.compare import map_path_of
+    pixels, several = planned.requests[0].pixels, len(planned.requests) > 1
+    with StatusLine("judging" if pixels else "looking for ways", pixels) as progress:
+        for one in planned.requests:
+            for line in first_look(one):
+                progress.clear()
+                say_error(f"{one.vehicle.name}: " * several + line)
 
-    several, found = len(planned) > 1, []
-    for one in planned:
-        whose = f"{one.vehicle.name}: " * several
-        for line in first_look(one):
-            progress.clear()
-            say_error(whose + line)
-    while planned:
-        one, path = planned.pop(0), map_
-        if several:
-            progress.about(one.vehicle.name)
-            progress.say("judging" if one.pixels else "looking for ways", one.pixels)
-            path = map_ and str(map_path_of(map_, one.vehicle.name))
-        report = assess(
-            one, name=name, map_path=path, overwrite=overwrite, progress=progress, stack=stack
-        )
-        found.append(report)
-    progress.about("")
-    return tuple(found)
+        def begin(one: PreparedRequest | None) -> None:
+            if one is None:
+                progress.about("")
+                progress.say("writing files")
+            elif several:
+                progress.about(one.vehicle.name)
+                progress.say("judging" if one.pixels else "looking for ways", one.pixels)
+
+        return assess_all(planned, name, files, progress, begin)
 
 
 def _print_result(result: Reports, checks: list[Condition], wants_json: bool) -> int:

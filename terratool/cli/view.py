@@ -30,14 +30,12 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     from terratool.errors import TerratoolError
-    from terratool.traversability.results import TraversabilityReport
     from terratool.traversability.vehicle import Vehicle
     from terratool.viewing.mesh import PageOptions
     from terratool.viewing.places import Site
     from terratool.viewing.scene import PageScene
 
 Routes = tuple[tuple[float, float, float, float], ...]
-_SUFFIXES = (".html", ".htm")
 _DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY", "BROWSER", "WSL_DISTRO_NAME")
 """Environment variables of which one is set where Linux can open a window."""
 
@@ -122,6 +120,7 @@ def command(
     from terratool.viewing.mesh import PageOptions
     from terratool.viewing.pages import three_js
     from terratool.viewing.places import read_site
+    from terratool.viewing.terrain_page import terrain_scene
 
     if watch and output is not None:
         raise click.UsageError("--watch serves the page, and --output writes it. Drop one of them.")
@@ -143,7 +142,7 @@ def command(
         _follow(file, options, vehicle, routes, port or 0, not no_open)
     with StatusLine(f"reading {short_name(file)}") as status:
         site = read_site(file, library_roots(), roughness=has_roughness())
-        scene = _scene(site, options, vehicle, routes, status)
+        scene = terrain_scene(site, options, vehicle, routes, status)
         status.say("writing the page")
         written = _write(file, scene, path, overwrite)
     if as_json:
@@ -173,32 +172,25 @@ class PageDocument(Document, frozen=True, kw_only=True):
 
 def _page_path(output: str, file: str, overwrite: bool) -> Path:
     """Path of the page; refuse one that cannot be written, before any work."""
-    from terratool.errors import RequestError, WriteError
-    from terratool.output import is_same_file, refuse_existing, refuse_missing_folder
+    from terratool.errors import WriteError
+    from terratool.output import is_same_file
+    from terratool.viewing.terrain_page import check_page
 
-    path = Path(output)
-    if path.suffix.lower() not in _SUFFIXES:
-        raise RequestError(f"{output}: is no name of a page.", "Choose one that ends in .html.")
-    if is_same_file(path, file):
+    if is_same_file(output, file):
         raise WriteError(f"{output}: is the definition itself.", "Choose another name.")
-    refuse_existing(path, overwrite)
-    refuse_missing_folder(path)
-    return path
+    return check_page(output, overwrite)
 
 
 def _write(file: str, scene: PageScene, path: Path | None, overwrite: bool) -> PageDocument:
     """Write the page and return what is to be said of it."""
-    from terratool.output import whole_file
-    from terratool.viewing.pages import page_of
+    from terratool.viewing.terrain_page import terrain_page
 
-    text = page_of(short_name(file), scene.to_bytes())
-    path = _temporary(file) if path is None else path
-    with whole_file(path, overwrite) as part:
-        part.write_text(text, encoding="utf-8", newline="\n")
+    page = terrain_page(short_name(file), scene)
+    path = page.write(_temporary(file) if path is None else path, overwrite)
     facts = scene.facts
     return PageDocument(
         file=str(path),
-        bytes=len(text.encode()),
+        bytes=len(page.text.encode()),
         faces=len(scene.arrays["elements"]),
         error=facts["error"],
         measured=facts["measured"],
@@ -252,26 +244,6 @@ def _temporary(file: str) -> Path:
     return folder / f"{stem}.html"
 
 
-def _scene(
-    site: Site, options: PageOptions, vehicle: Vehicle | None, routes: Routes, status: StatusLine
-) -> PageScene:
-    from terratool.viewing.scene import scene_of
-
-    report = None if vehicle is None else _judge(site, vehicle, routes, status)
-    return scene_of(site, options, report, status.say)
-
-
-def _judge(
-    site: Site, vehicle: Vehicle, routes: Routes, status: StatusLine
-) -> TraversabilityReport:
-    """Report on the vehicle: the map, and the routes that are asked for."""
-    from terratool.traversability.assess import Request, assess, prepare_assessment
-
-    prepared = prepare_assessment(site.terrain, vehicle, Request(routes=routes))
-    status.say("judging", prepared.pixels)
-    return assess(prepared, name=site.name, progress=status)
-
-
 def _follow(
     file: str, options: PageOptions, vehicle: Vehicle | None, routes: Routes, port: int,
     opens: bool,
@@ -279,6 +251,7 @@ def _follow(
     from terratool.text.source import read_source
     from terratool.viewing.live import FollowedFile, LiveState, PageServer, follow
     from terratool.viewing.pages import page_of
+    from terratool.viewing.terrain_page import terrain_scene
 
     read_source(file, named=False)  # refuses what is no regular file
     state = LiveState()
@@ -286,7 +259,7 @@ def _follow(
 
     def scene(site: Site) -> PageScene:
         with StatusLine(f"drawing {short_name(file)}") as status:
-            return _scene(site, options, vehicle, routes, status)
+            return terrain_scene(site, options, vehicle, routes, status)
 
     with PageServer(page_of(short_name(file), live=True), state, port) as server:
         say(f"{server.url} shows {file}; Ctrl-C ends it.")

@@ -86,7 +86,8 @@ class MeshOptions:
         bounds: world rectangle west, south, east, north; the whole terrain if None.
         solid: whether sides and a bottom close the mesh.
         base: height of the bottom; somewhat below the lowest ground if None.
-        origin: zero of the coordinates; those of the "world" are in float64.
+        origin: zero of the coordinates: "local" for the south-west corner, "center", "world", whose
+            coordinates are in float64, or a point of the world.
         normals: whether a format that has a place for normals gets them.
     """
 
@@ -239,12 +240,65 @@ def export_mesh(
     path = Path(path)
     terrain = terrain.written_out
     form = check_request(path, overwrite, options.world)
+    say = progress or (lambda _: None)
+    fitted = fitted_mesh(terrain, options, say)
+    fit = fitted.fit
+    mesh = fit.built.mesh
+    say(f"writing {count_of(len(mesh.faces), 'face')}")
+    if form.normals and options.normals:
+        mesh = with_normals(fit.built)
+    files = write_mesh(mesh, path, overwrite, terrain.descr, options.world)
+    if not path.is_symlink():  # then the files are where the user says
+        files = path, *(path.with_name(file.name) for file in files[1:])
+    counts = np.bincount(mesh.surfaces[mesh.surfaces >= 0], minlength=len(mesh.names)).tolist()
+    x, y, z = (0.0, 0.0, 0.0) if options.world else mesh.origin.tolist()
+    return MeshReport(
+        files=files,
+        bounds=clip_bounds(terrain, options.bounds),
+        origin=(x, y, z),
+        faces=len(mesh.faces),
+        walls=int(mesh.walls.sum()),
+        vertices=len(mesh.vertices),
+        surfaces=dict(zip(mesh.names, counts, strict=True)),
+        base=float(mesh.vertices[:, 2].min() + mesh.origin[2]) if options.solid else None,
+        chosen=fitted.chosen,
+        statement=loss_of(terrain, fit, options, fitted.wanted),
+    )
+
+
+class FittedMesh(NamedTuple):
+    """A mesh as its options want it.
+
+    Attributes:
+        fit: the mesh, with the error that it was built with.
+        wanted: wanted error.
+        chosen: reason for that, in words.
+    """
+
+    fit: BudgetedMesh
+    wanted: float
+    chosen: str
+
+
+def fitted_mesh(
+    terrain: Terrain, options: MeshOptions, say: Progress = lambda _: None
+) -> FittedMesh:
+    """Build the mesh of a terrain, or of a part of it, as its options want it.
+
+    Args:
+        terrain: terrain to mesh.
+        options: options of the mesh.
+        say: function that is called with a phrase at each step.
+
+    Raises:
+        RequestError: there is no ground, or an option makes no sense.
+    """
+    terrain = terrain.written_out
     options.check()
     bounds = options.bounds
     if bounds is not None:
         check_bounds(bounds, terrain)
     wanted, chosen = options.error_for(terrain)
-    say = progress or (lambda _: None)
     base: float | Literal["below"] | None = None
     if options.solid:
         base = "below" if options.base is None else options.base
@@ -265,29 +319,9 @@ def export_mesh(
         relief = relief_of(terrain, bounds)
         fit = within_budget(attempt, wanted, relief, largest, options.max_faces)
     fit = fit._replace(built=collapse_degenerate(options.moved(fit.built, terrain)))
-    mesh = fit.built.mesh
-    if not len(mesh.faces):
+    if not len(fit.built.mesh.faces):
         raise no_ground("Give other --bounds." if bounds else _WHOLE)
-    say(f"writing {count_of(len(mesh.faces), 'face')}")
-    if form.normals and options.normals:
-        mesh = with_normals(fit.built)
-    files = write_mesh(mesh, path, overwrite, terrain.descr, options.world)
-    if not path.is_symlink():  # then the files are where the user says
-        files = path, *(path.with_name(file.name) for file in files[1:])
-    counts = np.bincount(mesh.surfaces[mesh.surfaces >= 0], minlength=len(mesh.names)).tolist()
-    x, y, z = (0.0, 0.0, 0.0) if options.world else mesh.origin.tolist()
-    return MeshReport(
-        files=files,
-        bounds=clip_bounds(terrain, bounds),
-        origin=(x, y, z),
-        faces=len(mesh.faces),
-        walls=int(mesh.walls.sum()),
-        vertices=len(mesh.vertices),
-        surfaces=dict(zip(mesh.names, counts, strict=True)),
-        base=float(mesh.vertices[:, 2].min() + mesh.origin[2]) if options.solid else None,
-        chosen=chosen,
-        statement=loss_of(terrain, fit, options, wanted),
-    )
+    return FittedMesh(fit, wanted, chosen)
 
 
 def no_ground(hint: str = _WHOLE) -> RequestError:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import Literal
+from typing import Literal, get_args
 
 from terratool.errors import RequestError
 
 Point = tuple[float, float, float]
-Origin = Literal["local", "center", "world"] | Point
+OriginName = Literal["local", "center", "world"]
+Origin = OriginName | Point
 """South-west corner of what is written, its middle, the zero of the world, or a point of it."""
 
 
@@ -32,12 +33,17 @@ def zero_of(origin: Origin, bounds: tuple[float, float, float, float]) -> Point:
 
 
 def check_origin(origin: Origin) -> None:
-    """Refuse a point that is no place.
+    """Refuse a word that there is not, and a point that is no place.
 
     Raises:
-        RequestError: a number is not finite.
+        RequestError: the word is unknown, or a number is not finite.
     """
-    if isinstance(origin, tuple) and not all(map(math.isfinite, origin)):
+    if isinstance(origin, str):
+        if origin not in get_args(OriginName):
+            raise RequestError(
+                f"The origin is {origin!r}.", "Give local, center, world, or three numbers."
+            )
+    elif not all(map(math.isfinite, origin)):
         raise RequestError(
             f"The origin is {' '.join(f'{x:g}' for x in origin)}.", "Give three finite numbers."
         )

@@ -121,7 +121,8 @@ class RasterRequest:
     Attributes:
         layers: names from `terratool.raster.layers.LAYERS`.
         dtype: data type of all layers of numbers, "float32" or "float64".
-        compression: compression of GeoTIFFs; ZSTD if None.
+        compress: compression of GeoTIFFs: zstd, deflate, lzw, lerc or none; zstd if None.
+        max_error: largest error of lerc, in the unit of the band; 0 if None.
         nodata: nodata value of layers of numbers; if None, NaN or the format's own.
         overviews: whether GeoTIFFs have overviews; if None, those larger than `OVERVIEWS_FROM`.
         overwrite: whether to replace existing files.
@@ -131,12 +132,24 @@ class RasterRequest:
 
     layers: Sequence[str] = ("height",)
     dtype: str = "float32"
-    compression: Compression | None = None
+    compress: str | None = None
+    max_error: float | None = None
     nodata: float | None = None
     overviews: bool | None = None
     overwrite: bool = False
     losses: bool = True
     threads: int | None = None
+
+    @property
+    def compression(self) -> Compression | None:
+        """Compression of GeoTIFFs; None where nothing is said.
+
+        Raises:
+            RequestError: there is no such compression, or it makes no such error.
+        """
+        if self.compress is None and self.max_error is None:
+            return None
+        return Compression(self.compress or "zstd", self.max_error or 0.0)
 
     def files(self, terrain: Terrain) -> tuple[LayerBands, ...]:
         """Bands of the files that the layers need.

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence, Set
 from dataclasses import dataclass
 from pathlib import Path
 
 from terratool.errors import RequestError
 from terratool.mesh.origin import Origin, check_origin
+from terratool.report.wording import join_words
 
 DEFAULT_ERROR = 0.002
 """Default of the largest error, units of the terrain: bodies that roll notice more."""
@@ -18,6 +20,19 @@ MAX_GEOMS = 2000
 """Default of the most geoms: MuJoCo's steps take longer with more."""
 MAX_SLOPE, MAX_STEP = 20.0, 0.1
 """Default limits of slope (degrees) and step (units of the terrain), if no vehicle is named."""
+
+_ABOUT = {
+    "max_geoms": ["mujoco"],
+    "flex": ["mujoco"],
+    "heightmap": ["gazebo"],
+    "vehicle": ["nav2", "grid-map"],
+    "max_slope": ["nav2"],
+    "max_step": ["nav2"],
+    "resolution": ["nav2", "grid-map"],
+}
+"""Targets that use an option, by the option's name."""
+_IN_PLACE_OF = {"max_geoms": "flex", "max_slope": "vehicle", "max_step": "vehicle"}
+"""Option that makes another one idle, by the name of the idle one."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -80,3 +95,30 @@ class SceneOptions:
             refuse_resolution(self.resolution)
         if self.max_geoms < 1:
             raise RequestError(f"At most {self.max_geoms} geoms are allowed.", "Allow 1 or more.")
+
+
+def refuse_idle(given: Set[str], targets: Sequence[str]) -> None:
+    """Refuse options that would have no effect.
+
+    Args:
+        given: names of the options that the user gave.
+        targets: names of the simulators that files are written for.
+
+    Raises:
+        RequestError: an option is idle.
+    """
+    for name, users in _ABOUT.items():
+        option = f"--{name.replace('_', '-')}"
+        if name not in given:
+            continue
+        if not {*users} & {*targets}:
+            are = "target is" if len(targets) == 1 else "targets are"
+            raise RequestError(
+                f"{option} is about {join_words(users)}, but the {are} {join_words(targets)}.",
+                f"Leave it out, or add {' or '.join(f'--target {user}' for user in users)}.",
+            )
+        if _IN_PLACE_OF.get(name) in given:
+            raise RequestError(
+                f"{option} has no effect with --{_IN_PLACE_OF[name]}.",
+                f"Leave out {option} or --{_IN_PLACE_OF[name]}.",
+            )

@@ -25,7 +25,7 @@ from terratool.viewing.sheet import new_sheet, require_matplotlib, write
 
 LIGHT = Light(contrast=0.8, shade=0.55, glare=1.12, steeper=10.0)
 """Light on the colours of differences."""
-_OPTIONS = RenderOptions(size=1200)
+_OPTIONS = RenderOptions(pixels=1200)
 """Options of all sheets."""
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Set
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -46,7 +47,7 @@ class RenderOptions:
         title: title over the picture; the terrain's description if None, no title if empty.
         legend: whether a legend of the colours is drawn.
         bare: whether all letters, axes and legends are left out.
-        size: number of pixels of the longer side.
+        pixels: number of pixels of the longer side.
         dpi: pixels per inch; letters keep their size in inches.
     """
 
@@ -64,7 +65,7 @@ class RenderOptions:
     title: str | None = None
     legend: bool = True
     bare: bool = False
-    size: int = 1600
+    pixels: int = 1600
     dpi: float = 150.0
 
     def check(self) -> None:
@@ -76,9 +77,9 @@ class RenderOptions:
         from terratool.viewing.layers import check_layer
 
         check_layer(self.layer, self.vehicle)
-        if not LEAST_SIZE <= self.size <= MOST_SIZE:
+        if not LEAST_SIZE <= self.pixels <= MOST_SIZE:
             raise RequestError(
-                f"The longer side is to have {self.size:,} pixels.",
+                f"The longer side is to have {self.pixels:,} pixels.",
                 f"Give --pixels from {LEAST_SIZE} to {MOST_SIZE:,}; look closer with --bounds, or "
                 "write a raster of any size with terratool export-dem.",
             )
@@ -87,9 +88,10 @@ class RenderOptions:
                 f"An inch is to have {self.dpi:g} pixels.",
                 f"Give --dpi from {LEAST_DPI:g} to {MOST_DPI:g}.",
             )
-        if self.size / self.dpi < 3.0 and not self.bare:
+        if self.pixels / self.dpi < 3.0 and not self.bare:
             raise RequestError(
-                f"{self.size} pixels at {self.dpi:g} to an inch leave no room beside the letters.",
+                f"{self.pixels} pixels at {self.dpi:g} to an inch leave no room beside the "
+                "letters.",
                 f"Give --pixels of at least {math.ceil(3.0 * self.dpi)}, a smaller --dpi, "
                 "or --bare.",
             )
@@ -172,6 +174,24 @@ class RenderOptions:
         error = self.max_error
         if error is not None and not (math.isfinite(error) and error > 0.0):
             raise RequestError(f"The largest error is {error:g}.", "Give a finite height above 0.")
+
+
+def refuse_idle(given: Set[str], perspective: bool) -> None:
+    """Refuse options about a perspective where none is drawn.
+
+    Args:
+        given: names of the options that the user gave.
+        perspective: whether a perspective is drawn.
+
+    Raises:
+        RequestError: an option would have no effect.
+    """
+    for name in ("azimuth", "elevation", "max_error"):
+        if name in given and not perspective:
+            option = f"--{name.replace('_', '-')}"
+            raise RequestError(
+                f"{option} is about perspectives.", f"Add --perspective, or leave out {option}."
+            )
 
 
 @dataclass(frozen=True, slots=True)

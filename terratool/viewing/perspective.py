@@ -237,7 +237,7 @@ def _plan(
     judge: Judge | None, progress: Callable[[str], object],
 ) -> LayerPicture:  # fmt: skip
     """Layer seen from above, from which the ground takes its colours."""
-    resolution = max(part[2] - part[0], part[3] - part[1]) / options.size
+    resolution = max(part[2] - part[0], part[3] - part[1]) / options.pixels
     resolution = min(resolution, part[2] - part[0], part[3] - part[1])
     return layer_picture(
         terrain, grid_over(terrain, resolution, part), options.layer, judge, progress
@@ -257,7 +257,7 @@ def _block(
     if error is None:
         # half a pixel of the ground, or of towers that are far higher than the ground is wide
         extent = max(part[2] - part[0], part[3] - part[1], relief_of(terrain, options.bounds))
-        error = 0.5 * extent / options.size
+        error = 0.5 * extent / options.pixels
     whole = terrain.written_out_or_none
     if whole is not None:
         west, south, east, north = whole.footprints()
@@ -345,7 +345,7 @@ def _sheet(
     """Sheet whose longer side has the size asked for, and the rectangle of the block on it."""
     per_point = options.dpi / 72.0
     left, bottom, right, top = (math.ceil(part * per_point) for part in margins)
-    across, down = options.size - left - right, options.size - bottom - top
+    across, down = options.pixels - left - right, options.pixels - bottom - top
     if min(across, down) < 24:
         raise RequestError(
             "There is no room for the ground beside the letters.",
@@ -355,7 +355,7 @@ def _sheet(
     flat = viewpoint.project(vertices)[:, :2]
     width, height = (math.ceil(side) + 2 for side in np.ptp(flat, axis=0))
     width, height = min(width, across), min(height, down)
-    least = 0 if options.bare else min(options.size, math.ceil(150.0 * per_point))
+    least = 0 if options.bare else min(options.pixels, math.ceil(150.0 * per_point))
     wide, tall = max(width + left + right, least), max(height + bottom + top, least)
     sheet = new_sheet(wide, tall, options.dpi)
     return sheet, Rectangle(left, tall - top - height, width, height)

@@ -112,7 +112,7 @@ def layout(sides: tuple[float, float], options: RenderOptions, margins: SheetMar
     """
     per_point = options.dpi / 72.0
     left, bottom, right, top = (math.ceil(part * per_point) for part in margins)
-    across, down = options.size - left - right, options.size - bottom - top
+    across, down = options.pixels - left - right, options.pixels - bottom - top
     if min(across, down) < 3 * _LEAST_MAP:
         raise RequestError(
             "There is no room for the ground beside the letters.",
@@ -127,7 +127,7 @@ def layout(sides: tuple[float, float], options: RenderOptions, margins: SheetMar
             f"{max(width, 1)} by {max(height, 1)} pixels.",
             "Look at a part of it with --bounds W S E N.",
         )
-    least = 0 if options.bare else min(options.size, math.ceil(150.0 * per_point))
+    least = 0 if options.bare else min(options.pixels, math.ceil(150.0 * per_point))
     tall = max(height + bottom + top, least)
     wide = max(width + left + right, least)
     ground = Rectangle(left, tall - top - height, width, height)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from terratool.field.terrain import Terrain
 from terratool.output import refuse_existing, refuse_missing_folder, whole_file
@@ -12,7 +13,10 @@ from terratool.viewing.options import RenderOptions, RenderReport, picture_forma
 from terratool.viewing.perspective import draw_perspective
 from terratool.viewing.plan import Drawn, draw_plan
 from terratool.viewing.profile import draw_section
-from terratool.viewing.sheet import require_matplotlib, settings, write
+from terratool.viewing.sheet import encoded, require_matplotlib, settings, write
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 Progress = Callable[[str], object]
 """A function that is called with words on the step that begins."""
@@ -58,9 +62,8 @@ def render(
     """
     options = RenderOptions() if options is None else options
     path = check_request(path, options, overwrite)
-    judge = None if options.vehicle is None else Judge.of(options.vehicle)
     with settings():
-        drawn = _draw(terrain, options, judge, progress)
+        drawn = _draw(terrain, options, progress)
         progress("writing")
         with whole_file(path, overwrite) as part:
             write(drawn.sheet, part)
@@ -68,10 +71,25 @@ def render(
     return RenderReport(path, sheet.width, sheet.height, drawn.what, drawn.notes)
 
 
-def _draw(
-    terrain: Terrain, options: RenderOptions, judge: Judge | None, progress: Progress
-) -> Drawn:
-    """Draw a section, a perspective or a plan."""
+def figure_of(terrain: Terrain, options: RenderOptions | None = None) -> Figure:
+    """Draw a terrain as a figure of Matplotlib; arguments and errors are those of `render`."""
+    options = RenderOptions() if options is None else options
+    options.check()
+    with settings():
+        return _draw(terrain, options).sheet.figure
+
+
+def png_of(terrain: Terrain, options: RenderOptions | None = None) -> bytes:
+    """Draw a terrain as the bytes of a PNG; arguments and errors are those of `render`."""
+    options = RenderOptions() if options is None else options
+    options.check()
+    with settings():
+        return encoded(_draw(terrain, options).sheet, ".png")
+
+
+def _draw(terrain: Terrain, options: RenderOptions, progress: Progress = lambda _: None) -> Drawn:
+    """Draw a section, a perspective or a plan, within `settings`."""
+    judge = None if options.vehicle is None else Judge.of(options.vehicle)
     if options.profile is not None:
         return draw_section(terrain, options, progress)
     if options.perspective:

@@ -465,9 +465,13 @@ def new_sheet(width: int, height: int, dpi: float) -> Sheet:
     return Sheet(figure, width, height, dpi)
 
 
-def write(sheet: Sheet, path: Path) -> None:
-    """Write a sheet in the format of a path's suffix, within `settings`."""
-    suffix = path.suffix.lower()
+def encoded(sheet: Sheet, suffix: str) -> bytes:
+    """Encode a sheet in the format of a suffix, within `settings`."""
     drawn = io.BytesIO()  # on a full disk the writer of PDF would end in an error of its own
     sheet.figure.savefig(drawn, format=suffix[1:], dpi=sheet.dpi, metadata=_METADATA[suffix])
-    path.write_bytes(drawn.getvalue())
+    return drawn.getvalue()
+
+
+def write(sheet: Sheet, path: Path) -> None:
+    """Write a sheet in the format of a path's suffix, within `settings`."""
+    path.write_bytes(encoded(sheet, path.suffix.lower()))

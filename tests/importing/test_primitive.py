@@ -165,7 +165,7 @@ def test_noise_stays_noise() -> None:
 def test_the_error_is_that_of_the_compiled_terrain_and_where_it_is() -> None:
     z = 10 * roughness(60, 3)[:41, :]
     samples = samples_of(z)
-    imported = import_primitive(samples, "rough", PrimitiveRequest(samples=5))
+    imported = import_primitive(samples, "rough", PrimitiveRequest(values=5))
     off = np.abs(heights(imported, samples) - z)
     row, column = np.unravel_index(off.argmax(), off.shape)
     error = imported.error
@@ -193,7 +193,7 @@ def test_a_turn_is_found(turn: float, noise: float) -> None:
     z = turned(turn, 220, 220, 1.5, 1.5)
     z = z + noise * np.ptp(z) * np.random.default_rng(3).normal(size=z.shape)
     samples = samples_of(z, 1.5, 1.5)
-    imported = import_primitive(samples, "hill", PrimitiveRequest(samples=17, turn=True))
+    imported = import_primitive(samples, "hill", PrimitiveRequest(values=17, fit_turn=True))
     (element,) = imported.elements()
     assert element["turnDeg"] == pytest.approx(turn, abs=0.1)
     assert imported.unturned is not None and imported.unturned > 1.5 * imported.error.largest
@@ -205,7 +205,7 @@ def test_a_turn_is_found(turn: float, noise: float) -> None:
 def test_a_turn_of_an_oblong_patch_fits_where_it_stands() -> None:
     z = turned(30.0, 80, 90, 1.0, 1.5)
     samples = samples_of(z, 1.0, 1.5)
-    imported = import_primitive(samples, "hill", PrimitiveRequest(samples=17, turn=True))
+    imported = import_primitive(samples, "hill", PrimitiveRequest(values=17, fit_turn=True))
     off = np.abs(heights(imported, samples) - z)
     covered = heights(imported, samples) != 0
     assert imported.error.largest == pytest.approx(off[covered].max(), rel=1e-9)
@@ -214,7 +214,7 @@ def test_a_turn_of_an_oblong_patch_fits_where_it_stands() -> None:
 
 def test_what_needs_no_turn_gets_none() -> None:
     z = 4 * product([0, 0.2, 1, 0.3, 0.1], [0.1, 0.5, 1, 0.8])
-    imported = import_primitive(samples_of(z), "hill", PrimitiveRequest(turn=True))
+    imported = import_primitive(samples_of(z), "hill", PrimitiveRequest(fit_turn=True))
     assert "turnDeg" not in imported.elements()[0]
     assert any("No turn" in line for line in sentences(imported))
 
@@ -257,7 +257,7 @@ def test_more_terms_fit_better_and_never_better_than_they_can() -> None:
     largest = []
     for terms in (1, 2, 4):
         imported = import_primitive(
-            samples_of(z), "rough", PrimitiveRequest(terms=terms, samples=31)
+            samples_of(z), "rough", PrimitiveRequest(terms=terms, values=31)
         )
         assert len(imported.names) == terms
         rest = np.linalg.svd(z, compute_uv=False)[terms + 1 :]  # the offset is a term, too
@@ -376,7 +376,7 @@ def test_each_named_curve_is_recognised(name: str) -> None:
     other = "tent" if name != "tent" else "dome"
     z = 3 - 2.5 * np.outer(CURVES[other](V), CURVES[name](U))
     imported = import_primitive(
-        samples_of(z), "it", PrimitiveRequest(recognise=True, tolerance=1e-4)
+        samples_of(z), "it", PrimitiveRequest(recognise=True, max_error=1e-4)
     )
     x = {} if name == "flat" else {"x": name}
     assert imported.primitives() == {"it": {**x, "y": other}}
@@ -401,7 +401,7 @@ def test_each_named_curve_is_recognised(name: str) -> None:
 def test_mirrored_and_trimmed_curves_are_recognised(x: Any, y: Any) -> None:
     z = 1 + 2 * np.outer(y(V), x(U))
     samples = samples_of(z)
-    imported = import_primitive(samples, "it", PrimitiveRequest(recognise=True, tolerance=2e-3))
+    imported = import_primitive(samples, "it", PrimitiveRequest(recognise=True, max_error=2e-3))
     found = imported.primitives()["it"]
     assert isinstance(found["x"], str) and isinstance(found["y"], str)
     np.testing.assert_allclose(heights(imported, samples), z, atol=2e-3)
@@ -411,7 +411,7 @@ def test_mirrored_and_trimmed_curves_are_recognised(x: Any, y: Any) -> None:
 def test_one_curve_may_be_recognised_alone() -> None:
     z = 1 + 2 * np.outer(curve([0, 0.9, 0.1, 0.8, 0.3], V), CURVES["cos"](U))
     imported = import_primitive(
-        samples_of(z), "it", PrimitiveRequest(recognise=True, tolerance=1e-3)
+        samples_of(z), "it", PrimitiveRequest(recognise=True, max_error=1e-3)
     )
     found = imported.primitives()["it"]
     assert found["x"] == "cos" and len(found["y"]) >= 5
@@ -421,9 +421,9 @@ def test_one_curve_may_be_recognised_alone() -> None:
 def test_nothing_is_recognised_beyond_the_tolerance() -> None:
     ripple = 0.02 * np.sin(40 * U)[None, :] * np.cos(31 * V)[:, None]
     z = 2 * np.outer(CURVES["tent"](V), CURVES["cosbell"](U)) + ripple
-    strict = import_primitive(samples_of(z), "it", PrimitiveRequest(recognise=True, tolerance=0.01))
+    strict = import_primitive(samples_of(z), "it", PrimitiveRequest(recognise=True, max_error=0.01))
     assert not any(isinstance(c, str) for c in strict.primitives()["it"].values())
-    loose = import_primitive(samples_of(z), "it", PrimitiveRequest(recognise=True, tolerance=0.03))
+    loose = import_primitive(samples_of(z), "it", PrimitiveRequest(recognise=True, max_error=0.03))
     assert loose.primitives() == {"it": {"x": "cosbell", "y": "tent"}}
 
 
@@ -448,14 +448,14 @@ def test_level_patches_rows_and_columns() -> None:
         (np.array([[3.0, np.nan]]), PrimitiveRequest(), "only one"),
         (np.eye(4), PrimitiveRequest(terms=0), "0 terms"),
         (np.eye(4), PrimitiveRequest(terms=17), "17 terms"),
-        (np.eye(4), PrimitiveRequest(samples=0), "0 values"),
-        (np.eye(4), PrimitiveRequest(terms=9, samples=57), "9 terms of curves with 57 values"),
-        (np.eye(4), PrimitiveRequest(tolerance=-1.0), "-1"),
-        (np.eye(4), PrimitiveRequest(tolerance=math.nan), "nan"),
+        (np.eye(4), PrimitiveRequest(values=0), "0 values"),
+        (np.eye(4), PrimitiveRequest(terms=9, values=57), "9 terms of curves with 57 values"),
+        (np.eye(4), PrimitiveRequest(max_error=-1.0), "-1"),
+        (np.eye(4), PrimitiveRequest(max_error=math.nan), "nan"),
         (np.eye(4), PrimitiveRequest(terms=2, recognise=True), "--recognise"),
         (np.eye(4), PrimitiveRequest(terms=2, combine="sum"), "--combine"),
         (np.eye(4), PrimitiveRequest(recognise=True, combine="auto"), "products"),
-        (np.eye(4), PrimitiveRequest(turn=True, x_steps=(1.0,)), "--fit-turn"),
+        (np.eye(4), PrimitiveRequest(fit_turn=True, x_steps=(1.0,)), "--fit-turn"),
     ],
 )
 def test_what_makes_no_sense_is_refused(z: Floats, wanted: PrimitiveRequest, words: str) -> None:
@@ -505,7 +505,7 @@ def test_few_heights_in_a_large_patch_are_met(known: int) -> None:
 def test_heights_that_every_turn_leaves_bare_are_not_turned(corner: slice) -> None:
     z = np.full((40, 60), np.nan)
     z[corner, corner] = [[1, 2], [2, 5]]
-    imported = import_primitive(samples_of(z, dy=0.5), "corner", PrimitiveRequest(turn=True))
+    imported = import_primitive(samples_of(z, dy=0.5), "corner", PrimitiveRequest(fit_turn=True))
     assert imported.elements()[0].get("turnDeg", 0) == 0
     assert imported.error.pixels == 4 and imported.error.bare == 0
 
@@ -515,7 +515,7 @@ def test_a_term_more_is_told_only_if_it_helps() -> None:
     u, v = U[None, :], V[:, None]
     z = np.exp(-30 * (u - 0.3) ** 2 - 20 * (v - 0.4) ** 2)
     for samples in (1, 2, 3):
-        imported = import_primitive(samples_of(z), "hill", PrimitiveRequest(samples=samples))
+        imported = import_primitive(samples_of(z), "hill", PrimitiveRequest(values=samples))
         text = " ".join(sentences(imported))
         assert "import-terrain" in text
         helps = imported.more is not None and imported.more < 0.9 * imported.error.largest

@@ -66,6 +66,9 @@ def anywhere(source: SampledHeights, seed: int = 0, count: int = 20_000):
     return x, y
 
 
+CELLS = ("half-pixels", "pixels")
+
+
 def imported(source: SampledHeights, path: Path, **options: object) -> Terrain:
     """What comes of an import, read again."""
     options = {"max_error": 0.05, "structures": False, **options}
@@ -90,7 +93,7 @@ def rough(rows: int, columns: int, seed: int, relief: float = 4.0) -> NDArray[np
 def test_the_bound_holds_everywhere_by_every_method(tmp_path, name, shape, pixels):
     source = samples(rough(*shape, seed=shape[0]))
     methods = methods_named(name)
-    terrain = imported(source, tmp_path / "t.json", methods=methods, pixels=pixels)
+    terrain = imported(source, tmp_path / "t.json", methods=methods, cells=CELLS[pixels])
     x, y = anywhere(source)
     assert np.abs(terrain.height(x, y) - bilinear(source, x, y)).max() <= 0.05
     assert terrain.bounds == pytest.approx(source.grid.bounds, rel=1e-15)
@@ -105,7 +108,7 @@ def test_unknown_heights_become_void_and_the_rest_is_kept(tmp_path, name, pixels
     heights[33, 89] = np.nan
     source = samples(heights)
     methods = methods_named(name)
-    terrain = imported(source, tmp_path / "t.json", methods=methods, pixels=pixels)
+    terrain = imported(source, tmp_path / "t.json", methods=methods, cells=CELLS[pixels])
     at = source.grid
     x, y = np.meshgrid(
         at.west + (np.arange(at.columns) + 0.5) * at.dx,
@@ -168,7 +171,7 @@ def test_the_bound_holds_for_any_dem(
         return
     path = tmp_path_factory.mktemp("any") / "t.json.gz"
     methods = methods_named(name)
-    terrain = imported(source, path, max_error=error, methods=methods, pixels=pixels)
+    terrain = imported(source, path, max_error=error, methods=methods, cells=CELLS[pixels])
     x, y = anywhere(source, seed, 3000)
     wanted = bilinear(source, x, y)
     ours = terrain.height(x, y)
@@ -228,7 +231,9 @@ def test_the_smallest_method_is_taken(tmp_path):
 def test_what_is_written_is_valid_and_clean(tmp_path, name, relief, holes, pixels):
     heights = rough(40, 50, seed=5, relief=relief) * bool(relief)
     heights[3 : 3 + holes, 7:9] = np.nan
-    imported(samples(heights), tmp_path / "t.json", methods=methods_named(name), pixels=pixels)
+    imported(
+        samples(heights), tmp_path / "t.json", methods=methods_named(name), cells=CELLS[pixels]
+    )
     checked = check(read_source(tmp_path / "t.json"), CheckOptions())
     assert checked.definition is not None
     assert [finding for finding in checked.findings if finding.code != "TT204"] == []
@@ -408,7 +413,7 @@ def test_structures_in_cells_of_pixels(tmp_path, seed, walls):
     """Those that have their edges there; without walls others are rows, and the bound holds."""
     _, terrain = built(seed)
     source = sampled(terrain)
-    options = ImportOptions(0.05, pixels=True, walls=walls)
+    options = ImportOptions(0.05, cells="pixels", walls=walls)
     report = import_terrain(source, tmp_path / "t.json", options)
     assert (sum(report.structures.values()) > 10) == walls
     at = source.grid
@@ -466,7 +471,7 @@ def test_cells_are_pixels_and_a_crater_is_added_by_hand(tmp_path):
     heights = rough(77, 105, seed=11)
     heights[40:44, 60:64] = np.nan
     source = samples(heights)
-    before = imported(source, tmp_path / "t.json", pixels=True)
+    before = imported(source, tmp_path / "t.json", cells="pixels")
     text = json.loads((tmp_path / "t.json").read_text())
     tree = text["elemTree"]
     assert tree["cells"] == [105, 77]

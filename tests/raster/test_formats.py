@@ -26,7 +26,7 @@ def heights(folder: Path, resolution: float = 0.11) -> tuple[Any, Grid, np.ndarr
     """A terrain, a grid and its heights from a plain GeoTIFF."""
     terrain = terrain_of({**SITE, "crs": "EPSG:32633"})
     grid = grid_over(terrain, resolution)
-    export_dem(terrain, grid, folder / "plain.tif", compression=Compression("none"))
+    export_dem(terrain, grid, folder / "plain.tif", compress="none")
     with rasterio.open(folder / "plain.tif") as file:
         return terrain, grid, file.read(1)
 
@@ -47,7 +47,7 @@ class TestGeoTiff:
     def test_compressions_lose_nothing(self, tmp_path: Path, name: str, cog: bool) -> None:
         terrain, grid, plain = heights(tmp_path)
         path = tmp_path / "a.tif"
-        report = export_dem(terrain, grid, path, compression=Compression(name), cog=cog)
+        report = export_dem(terrain, grid, path, compress=name, cog=cog)
         assert report.files[0].difference == 0
         with rasterio.open(path) as file:
             assert np.array_equal(file.read(1), plain, equal_nan=True)
@@ -61,7 +61,7 @@ class TestGeoTiff:
     def test_lerc_loses_no_more_than_allowed(self, tmp_path: Path, cog: bool) -> None:
         terrain, grid, plain = heights(tmp_path)
         path = tmp_path / "a.tif"
-        report = export_dem(terrain, grid, path, compression=Compression("lerc", 0.01), cog=cog)
+        report = export_dem(terrain, grid, path, compress="lerc", max_error=0.01, cog=cog)
         with rasterio.open(path) as file:
             pixels = file.read(1)
         assert np.array_equal(np.isnan(pixels), np.isnan(plain))
@@ -103,7 +103,7 @@ class TestGeoTiff:
         """Corners, CRS, statistics, nodata, and the checksum of the pixels themselves."""
         terrain, grid, plain = heights(tmp_path)
         path = tmp_path / "a.tif"
-        export_dem(terrain, grid, path, compression=Compression(name), cog=cog)
+        export_dem(terrain, grid, path, compress=name, cog=cog)
         told, (band,) = info(path), info(path)["bands"]
         west, south, east, north = grid.bounds
         assert told["cornerCoordinates"]["lowerLeft"] == pytest.approx([west, south])
@@ -331,7 +331,7 @@ def test_companions_of_an_older_file_are_removed(tmp_path: Path) -> None:
     export_dem(terrain, grid, tmp_path / "plain.tif", overwrite=True)
     assert [path.name for path in tmp_path.iterdir()] == ["plain.tif"]
     with pytest.raises(RequestError, match="is compressed as one likes"):
-        export_dem(terrain, grid, tmp_path / "a.png", compression=Compression("lerc", 0.1))
+        export_dem(terrain, grid, tmp_path / "a.png", compress="lerc", max_error=0.1)
     (tmp_path / "a.prj").write_text("mine")
     with pytest.raises(WriteError, match=r"a\.prj: exists already"):
         export_dem(terrain, grid, tmp_path / "a.asc")

@@ -17,7 +17,6 @@ import pytest
 import rasterio
 
 from terratool.errors import WriteError
-from terratool.io.geotiff import Compression
 from terratool.output import PART
 from terratool.raster import export, tiles
 from terratool.raster.export import RasterReport
@@ -108,10 +107,9 @@ class TestOneRaster:
         """Also on the pixels, by its own checksums, and on the attribute table."""
         terrain = terrain_of(SITE)
         layers = ("height", "slope", "surface", "color")
-        compression = Compression("deflate")
-        export_dem(terrain, grid, tmp_path / "a.tif", layers, compression=compression)
+        export_dem(terrain, grid, tmp_path / "a.tif", layers, compress="deflate")
         export_mosaic(
-            terrain, grid, tmp_path / "a", layers=layers, tile_size=512, compression=compression
+            terrain, grid, tmp_path / "a", layers=layers, tile_size=512, compress="deflate"
         )
         for end in ("", "-surface", "-color"):
             told = [
@@ -306,7 +304,7 @@ class TestAnother:
         [
             ({"layers": ("height", "slope")}, "choice of layers"),
             ({"dtype": "float64"}, "type of numbers"),
-            ({"compression": Compression("deflate")}, "compression"),
+            ({"compress": "deflate"}, "compression"),
             ({"tile_size": 1024}, "tile size"),
             ({"losses": False}, "choice of losses"),
         ],

@@ -381,6 +381,6 @@ def test_outputs_are_refused_before_any_work(pair: tuple[Path, Path], tmp_path: 
 
 def test_what_help_says_is_what_there_is() -> None:
     """The command names formats and defaults without importing what they are of."""
-    default = next(one.default for one in diff.command.params if one.name == "tolerance")
+    default = next(one.default for one in diff.command.params if one.name == "min_change")
     assert tuple(REPORTERS) == diff.FORMATS
     assert default == TOLERANCE

@@ -116,7 +116,7 @@ def test_edits_change_what_the_format_says(data: st.DataObject) -> None:
         assert old is not None
         assert new is not None
         resolution = resolution_of(meaning(changed))
-        options = DiffOptions(tolerance=TOLERANCE, resolution=resolution)
+        options = DiffOptions(min_change=TOLERANCE, resolution=resolution)
         found = diff(old, new, options).difference
     seen = pixels(meaning(files), meaning(changed), resolution)
     assert_holds(found, seen, resolution)

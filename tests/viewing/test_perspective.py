@@ -104,7 +104,7 @@ def test_what_is_right_and_what_is_far(azimuth: float, right: Any, up: Any) -> N
 
 
 def picture(tmp_path: Path, **options: Any) -> NDArray[np.int64]:
-    wanted = {"perspective": True, "size": 640, "dpi": 72.0, "legend": False, "title": ""}
+    wanted = {"perspective": True, "pixels": 640, "dpi": 72.0, "legend": False, "title": ""}
     path = tmp_path / "view.png"
     render(terrain_of(PLATE), path, RenderOptions(**{**wanted, **options}), overwrite=True)
     return pixels_of(path)
@@ -166,7 +166,7 @@ def test_towers_fit_into_the_picture(tmp_path: Path) -> None:
     definition["elemTree"]["children"] = [
         {"cellX": 8, "cellY": 3, "type": "flat", "vScale": 1000, "surface": "box red"}
     ]
-    options = RenderOptions(perspective=True, size=400, dpi=72.0, legend=False)
+    options = RenderOptions(perspective=True, pixels=400, dpi=72.0, legend=False)
     report = render(terrain_of(definition), tmp_path / "tower.png", options)
     assert "heights multiplied by 0.02" in report.what
     assert red(pixels_of(tmp_path / "tower.png")).sum() > 200
@@ -185,7 +185,7 @@ def test_void_is_open(tmp_path: Path) -> None:
 
 def test_the_picture_says_how_it_is_seen(tmp_path: Path) -> None:
     path = tmp_path / "view.svg"
-    options = RenderOptions(perspective=True, exaggeration=3.0, size=640, dpi=72.0)
+    options = RenderOptions(perspective=True, exaggeration=3.0, pixels=640, dpi=72.0)
     report = render(terrain_of(PLATE), path, options)
     texts = texts_of(path)
     (caption,) = (text for text in texts if "Seen from" in text)
@@ -202,7 +202,7 @@ def test_the_picture_says_how_it_is_seen(tmp_path: Path) -> None:
 def test_no_line_is_cut_off(perspective: bool, size: int, tmp_path: Path) -> None:
     """Whatever the size: titles end with dots before the edge, and captions are smaller."""
     factor = 3.0 if perspective else None
-    options = RenderOptions(perspective=perspective, exaggeration=factor, size=size, legend=False)
+    options = RenderOptions(perspective=perspective, exaggeration=factor, pixels=size, legend=False)
     terrain = terrain_of(
         {**PLATE, "descr": "A plate with a name that no picture has room for. " * 4000}
     )
@@ -231,7 +231,7 @@ def test_too_many_elements_are_drawn_from_a_grid(
     monkeypatch.setattr(perspective, "_MOST_ELEMENTS", 1)
     monkeypatch.setattr(perspective, "_GRID_SIDE", 400)
     options = RenderOptions(
-        perspective=True, azimuth=200.0, size=640, dpi=72.0, legend=False, title=""
+        perspective=True, azimuth=200.0, pixels=640, dpi=72.0, legend=False, title=""
     )
     report = render(terrain_of(PLATE), tmp_path / "grid.png", options)
     assert "heights, as there are too many elements for a mesh" in report.what

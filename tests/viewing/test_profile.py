@@ -189,7 +189,7 @@ def test_between_its_points_the_ground_is_as_the_terrain_says(seed: int) -> None
 def test_the_picture_has_these_lines(tmp_path: Path) -> None:
     """In the SVG: the sides of the box go straight up, at their place between the ends."""
     line = (100.0, 214.0, 139.0, 214.0)
-    options = RenderOptions(profile=line, size=640, dpi=72.0, exaggeration=2.5)
+    options = RenderOptions(profile=line, pixels=640, dpi=72.0, exaggeration=2.5)
     report = render(terrain_of(PLATE), tmp_path / "p.svg", options)
     text = (tmp_path / "p.svg").read_text("utf-8")
     (path,) = re.findall(r'<g id="ground">\s*<path d="([^"]*)"', text)

@@ -31,7 +31,7 @@ from tests.commands import ENVIRONMENT, ROOT, call, run
 from tests.conftest import terrain_of
 from tests.viewing.pictures import PLATE, RED, SAND, STONE, Ground, hue_of, texts_of
 
-SMALL = {"size": 640, "dpi": 72.0}
+SMALL = {"pixels": 640, "dpi": 72.0}
 Saved = Callable[[dict[str, Any]], Path]
 
 
@@ -335,7 +335,7 @@ def test_verdicts_have_the_colors_of_the_map(tmp_path: Path) -> None:
     [
         {"contours": "auto", "grid": True},
         {"profile": (100.0, 201.0, 140.0, 215.0)},
-        {"perspective": True, "size": 400},
+        {"perspective": True, "pixels": 400},
     ],
     ids=["plan", "profile", "perspective"],
 )

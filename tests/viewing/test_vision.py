@@ -58,7 +58,7 @@ def test_letters_stand_where_there_is_most_room() -> None:
 
 
 def test_a_plan_has_letters_where_colors_look_alike(tmp_path: Path) -> None:
-    options = RenderOptions(size=640, dpi=72.0)
+    options = RenderOptions(pixels=640, dpi=72.0)
     definition = copy.deepcopy(PLATE)
     render(terrain_of(definition), tmp_path / "apart.svg", options)
     assert not {"A", "B", "C"} & {*texts_of(tmp_path / "apart.svg")}

@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 
 from terratool.definition.model import LARGEST, SMALLEST
-from terratool.errors import RequestError
+from terratool.errors import MissedError, RequestError
 from terratool.importing.primitive import fit
 from terratool.importing.primitive.entries import (
     FitError,
@@ -47,21 +47,21 @@ class PrimitiveRequest:
     """Options for importing a patch.
 
     Attributes:
-        samples: values in each curve; the fewest that suffice if None.
-        turn: whether to look for the best angle.
+        values: values in each curve; the fewest that suffice if None.
+        fit_turn: whether to look for the best angle.
         terms: number of primitives in the cell.
         recognise: whether to write named curves where they fit.
-        tolerance: largest error, in units of the heights; None for any.
+        max_error: largest error, in units of the heights; None for any.
         combine: combination of the two curves; "auto" takes the better one.
         x_steps: world positions of vertical steps along x, as walls of a mesh make.
         y_steps: world positions of vertical steps along y.
     """
 
-    samples: int | None = None
-    turn: bool = False
+    values: int | None = None
+    fit_turn: bool = False
     terms: int = 1
     recognise: bool = False
-    tolerance: float | None = None
+    max_error: float | None = None
     combine: Combine = "product"
     x_steps: tuple[float, ...] = ()
     y_steps: tuple[float, ...] = ()
@@ -169,13 +169,13 @@ def import_primitive(
         entries = entries_of(
             terms, patch.turn, high - low, lambda tried: fit.center_error(patch, tried)
         )
-        if wanted.turn and patch.turn == 0.0:
+        if wanted.fit_turn and patch.turn == 0.0:
             notes.append("No turn fits better than none.")
     error = fit_error(patch, entries)
     if wanted.recognise and low < high:
         from terratool.importing.primitive.recognise import recognise
 
-        named = recognise(patch, terms, error.largest, wanted.tolerance)
+        named = recognise(patch, terms, error.largest, wanted.max_error)
         if named is None:
             notes.append("No named curve fits within the largest error.")
         else:
@@ -206,8 +206,8 @@ def names_of(name: str, wanted: PrimitiveRequest) -> tuple[str, ...]:
 def _best(patch: Patch, wanted: PrimitiveRequest) -> tuple[Patch, ProductSum, float | None]:
     """Return the best fit, the patch with its turn, and the largest error without that turn."""
     unturned = None
-    if wanted.turn:
-        counts = None if wanted.samples is None else (wanted.samples, wanted.samples)
+    if wanted.fit_turn:
+        counts = None if wanted.values is None else (wanted.values, wanted.values)
         turned = replace(patch, turn=fit.best_turn(patch, wanted.terms, counts))
         covered = _covered_patch(turned)
         heights = covered.values[~np.isnan(covered.values)]
@@ -234,7 +234,7 @@ def _best_combination(patch: Patch, wanted: PrimitiveRequest) -> tuple[ProductSu
     for summed in (False, True):
         if wanted.combine in ("auto", "sum" if summed else "product"):
             curves = _curves(patch, wanted, summed)
-            found.append(fit.fit_terms(patch, curves, _counts(patch, curves, wanted.samples)))
+            found.append(fit.fit_terms(patch, curves, _counts(patch, curves, wanted.values)))
     if len(found) == 2 and found[1][1] <= _GAIN * found[0][1]:
         return found[1]
     return found[0]
@@ -279,19 +279,19 @@ def _refuse_request(name: str, wanted: PrimitiveRequest) -> None:
         raise RequestError(
             f"{wanted.terms} terms are asked for.", f"Ask for 1 to {MOST_TERMS} with --terms."
         )
-    if wanted.samples is not None and not 1 <= wanted.samples <= MOST_SAMPLES:
+    if wanted.values is not None and not 1 <= wanted.values <= MOST_SAMPLES:
         raise RequestError(
-            f"Curves of {wanted.samples} values are asked for.",
+            f"Curves of {wanted.values} values are asked for.",
             f"Ask for 1 to {MOST_SAMPLES} with --values.",
         )
-    if wanted.terms * (wanted.samples or 0) > MOST_VALUES:
+    if wanted.terms * (wanted.values or 0) > MOST_VALUES:
         raise RequestError(
-            f"{wanted.terms} terms of curves with {wanted.samples} values are asked for.",
+            f"{wanted.terms} terms of curves with {wanted.values} values are asked for.",
             f"Ask for fewer: together no more than {MOST_VALUES} along a side.",
         )
-    if wanted.tolerance is not None and not 0.0 <= wanted.tolerance < math.inf:
+    if wanted.max_error is not None and not 0.0 <= wanted.max_error < math.inf:
         raise RequestError(
-            f"The largest error is {wanted.tolerance:g}.", "Give --max-error of 0 or more."
+            f"The largest error is {wanted.max_error:g}.", "Give --max-error of 0 or more."
         )
     for option, given in (
         ("--combine", wanted.combine != "product"),
@@ -306,7 +306,7 @@ def _refuse_request(name: str, wanted: PrimitiveRequest) -> None:
         raise RequestError(
             "Named curves are looked for in products only.", "Leave out --combine or --recognise."
         )
-    if wanted.turn and (wanted.x_steps or wanted.y_steps):
+    if wanted.fit_turn and (wanted.x_steps or wanted.y_steps):
         raise RequestError(
             "Walls along x and y are no steps of turned curves.", "Leave out --fit-turn."
         )
@@ -332,6 +332,21 @@ def _refuse_empty(samples: SampledHeights) -> None:
         raise RequestError(
             f"Of the {size} only one has a height, which makes no curve.",
             "Choose more pixels with --bounds or --window.",
+        )
+
+
+def refuse_missed(imported: ImportedPrimitive, wanted: PrimitiveRequest) -> None:
+    """Refuse primitives that are farther from their patch than was allowed.
+
+    Raises:
+        MissedError: the error is larger.
+    """
+    largest = imported.error.largest
+    if wanted.max_error is not None and largest > wanted.max_error:
+        raise MissedError(
+            f"The error is {largest:.4g} {imported.unit}, and {wanted.max_error:g} is allowed; "
+            "nothing was written.",
+            "Allow more, or try more --terms, --fit-turn or a smaller patch.",
         )
 
 

@@ -5,14 +5,17 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from terratool.definition.change import ChangeTarget, open_target
 from terratool.definition.findings import Bounds
+from terratool.definition.layout import primitives_text
 from terratool.definition.tree import ROOT, Tree
 from terratool.errors import RequestError
+from terratool.output import whole_file
 from terratool.text.display import quote
 
 if TYPE_CHECKING:
@@ -158,6 +161,33 @@ def remarks(into: PrimitiveTarget, imported: ImportedPrimitive) -> list[str]:
             "already; the primitive stands on it, so that the heights add up."
         )
     return found
+
+
+def insert_primitive(
+    into: PrimitiveTarget, imported: ImportedPrimitive, overwrite: bool
+) -> list[str]:
+    """Write primitives, and their elements if there is a place, into a file; return remarks.
+
+    Raises:
+        DefinitionError: the text would have errors.
+        WriteError: the file cannot be written.
+    """
+    place = into.place
+    elements = imported.elements(place.cell, place.span) if place else []
+    data = text_with(into, imported.primitives(), elements)
+    notes = remarks(into, imported)
+    into.target.write(data, overwrite)
+    return notes
+
+
+def write_primitives(imported: ImportedPrimitive, output: str | Path, overwrite: bool) -> None:
+    """Write primitives alone, as a dictionary by name.
+
+    Raises:
+        WriteError: the file exists, or cannot be written.
+    """
+    with whole_file(output, overwrite) as path:
+        path.write_text(primitives_text(imported.primitives()), encoding="utf-8", newline="\n")
 
 
 def _refuse_outside(path: str, grid: tuple[int, int], place: CellPath) -> None:

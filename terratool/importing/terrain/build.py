@@ -5,16 +5,18 @@ from __future__ import annotations
 import math
 import zlib
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
+from itertools import chain
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from terratool.definition.presets import PRESETS
 from terratool.errors import ReadError, RequestError
 from terratool.importing.rasters import ClassRaster, open_classes
 from terratool.importing.structure.finding import find_structures
@@ -33,6 +35,7 @@ from terratool.importing.terrain.methods import (
     Read,
     hat_texts,
     hats_of,
+    methods_named,
     rows_of,
     size_of,
     smallest,
@@ -55,6 +58,7 @@ from terratool.importing.terrain.writing import (
 from terratool.importing.types import HeightSource, PixelGrid, sample_range
 from terratool.kernels import importing as kernels
 from terratool.output import refuse_existing, whole_file
+from terratool.report.wording import join_words
 from terratool.text.display import quote
 
 _NARROWEST = 2.0**-40
@@ -107,27 +111,70 @@ class ImportOptions:
 
     Attributes:
         max_error: largest error, in units of the heights.
-        methods: methods that may be tried; all if empty.
+        methods: names of the methods that may be tried: rows, columns, nodal-rows, nodal-columns
+            and hats, or methods themselves; all if empty.
         fill: whether unknown heights are filled rather than void.
         structures: whether to look for boxes, ramps and hills.
         walls: whether structures get upright walls where the DEM has a gap of a pixel.
         surfaces: name of a raster of classes, or None.
         title: name of the source, for the description.
         allow_remote: whether the raster of classes may lie on the net, or link out of its folder.
-        pixels: whether the root's cells are the pixels, so that own elements are easily added.
-        ground: surface of the root, or None.
+        cells: cells of the tree: "half-pixels" make the smallest file, in "pixels" own elements are
+            easily added.
+        surface: name of the surface of the ground where no class says otherwise; that of the preset
+            if None.
+        preset: soil of that surface; None leaves its figures to the user.
     """
 
     max_error: float
-    methods: tuple[Method, ...] = ()
+    methods: Sequence[str | Method] = ()
     fill: bool = False
     structures: bool = True
     walls: bool = False
     surfaces: str | None = None
     title: str = ""
     allow_remote: bool = False
-    pixels: bool = False
-    ground: GroundSurface | None = None
+    cells: Literal["half-pixels", "pixels"] = "half-pixels"
+    surface: str | None = None
+    preset: str | None = None
+
+    @property
+    def pixels(self) -> bool:
+        """Whether the root's cells are the pixels."""
+        return self.cells == "pixels"
+
+    @property
+    def ground(self) -> GroundSurface | None:
+        """Surface of the root; None without one."""
+        name = self.preset if self.surface is None else self.surface
+        return None if name is None else GroundSurface(name, self.preset)
+
+    @property
+    def tried(self) -> tuple[Method, ...]:
+        """Methods that may be tried.
+
+        Raises:
+            RequestError: there is no method of a name.
+        """
+        given = ((one,) if isinstance(one, Method) else methods_named(one) for one in self.methods)
+        return tuple(chain.from_iterable(given)) or METHODS
+
+    def check(self) -> None:
+        """Refuse options that make no sense for any source.
+
+        Raises:
+            RequestError: an option makes no sense.
+        """
+        if self.cells not in ("half-pixels", "pixels"):
+            raise RequestError(f"The cells are {self.cells!r}.", "Choose half-pixels or pixels.")
+        if self.preset is not None and self.preset not in PRESETS:
+            raise RequestError(
+                f"There is no preset {self.preset!r}.",
+                f"The presets are {join_words(tuple(PRESETS))}.",
+            )
+        _ = self.tried
+        _refuse_ground(self.ground)
+        step_for(self.max_error, 0.0)  # refuse a bad error before reading
 
 
 @dataclass(frozen=True, slots=True)
@@ -231,8 +278,7 @@ def import_terrain(
     """
     work = progress or (lambda _: None)
     _refuse_size(source.grid)
-    _refuse_ground(options.ground)
-    step_for(options.max_error, 0.0)  # refuse a bad error before reading
+    options.check()
     output = Path(output)
     refuse_existing(output, overwrite)
     summary = summarise_source(source, options, work)
@@ -453,7 +499,7 @@ def _plan_import(
 
 def _methods(heights: Floats | None, options: ImportOptions) -> tuple[Method, ...]:
     """Return the methods to try; for a DEM that is not in memory, methods by rows alone."""
-    wanted = options.methods or METHODS
+    wanted = options.tried
     if options.pixels:
         wanted = tuple(replace(method, pixels=True) for method in wanted)
     if heights is not None:

@@ -40,6 +40,7 @@ from terratool.importing.terrain.writing import (
     root_of,
 )
 from terratool.kernels import importing as kernels
+from terratool.report.wording import join_words
 
 BLOCK = 64
 """Rows that are processed at a time."""
@@ -94,8 +95,20 @@ METHODS = (
 )  # fmt: skip
 
 
+METHOD_NAMES = ("rows", "columns", "nodal-rows", "nodal-columns", "hats")
+"""Names of methods, as users say them."""
+
+
 def methods_named(name: str) -> tuple[Method, ...]:
-    """Return the methods of a name: rows, columns, nodal-rows, nodal-columns or hats."""
+    """Return the methods of a name: rows, columns, nodal-rows, nodal-columns or hats.
+
+    Raises:
+        RequestError: there is no method of that name.
+    """
+    if name not in METHOD_NAMES:
+        raise RequestError(
+            f"There is no method {name!r}.", f"The methods are {join_words(METHOD_NAMES)}."
+        )
     kind = name.removeprefix("nodal-")
     return tuple(
         method

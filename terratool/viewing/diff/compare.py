@@ -38,14 +38,14 @@ class DiffOptions:
     """Options of a comparison.
 
     Attributes:
-        tolerance: largest difference of heights that does not count as changed ground.
+        min_change: largest difference of heights that does not count as changed ground.
         bounds: world rectangle of the ground to compare; None for all.
         resolution: side of a pixel; None to choose it.
         vehicles: vehicles whose verdicts are compared.
         everywhere: whether ground is compared even where nothing can differ; for tests.
     """
 
-    tolerance: float = TOLERANCE
+    min_change: float = TOLERANCE
     bounds: Bounds | None = None
     resolution: float | None = None
     vehicles: tuple[Vehicle, ...] = ()
@@ -108,7 +108,7 @@ def diff(
     if differs and both is not None:
         if progress is not None:
             progress.say("comparing the ground")
-        ground = compare_ground(both, tolerance=options.tolerance, resolution=options.resolution)
+        ground = compare_ground(both, tolerance=options.min_change, resolution=options.resolution)
         ground = _with_outside(ground, both, options.bounds)
         verdicts = tuple(
             compare_verdicts(

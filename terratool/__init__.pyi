@@ -1,0 +1,816 @@
+"""Robot terrains from a small JSON text. Written by `make stubs`."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Literal, overload
+
+import trimesh
+from matplotlib.figure import Figure
+from numpy.typing import ArrayLike
+from rasterio.transform import Affine
+
+from terratool._version import __version__ as __version__
+from terratool.api.importing import AnyHeights
+from terratool.api.showing import ShownTerrain
+from terratool.api.sources import AnyDefinition
+from terratool.api.terrain import AnyPose, AnyVehicle
+from terratool.authoring.curriculum.build import curriculum as curriculum
+from terratool.definition.findings import Bounds, Finding
+from terratool.definition.keys import Kind
+from terratool.definition.model import Definition as ModelDefinition
+from terratool.definition.reader import Checked
+from terratool.definition.schemas import schema as schema
+from terratool.errors import DefinitionError as DefinitionError
+from terratool.errors import MissedError as MissedError
+from terratool.errors import ReadError as ReadError
+from terratool.errors import RequestError as RequestError
+from terratool.errors import TerratoolError as TerratoolError
+from terratool.errors import WriteError as WriteError
+from terratool.importing.primitive.build import Combine, ImportedPrimitive
+from terratool.importing.terrain.build import ImportReport
+from terratool.importing.terrain.methods import Method
+from terratool.mesh.origin import Origin
+from terratool.mesh.request import AnyMeshReport
+from terratool.raster.dem import DemArrays
+from terratool.raster.export import RasterReport
+from terratool.sensing.export import ScanReport
+from terratool.sensing.readings import Frame
+from terratool.sensing.sensor import Sensor as Sensor
+from terratool.sensing.sensor import load_sensor as load_sensor
+from terratool.simulators.export import SimulatorReport
+from terratool.traversability.assess import Point
+from terratool.traversability.results import Reports
+from terratool.traversability.route.graph import Preference
+from terratool.traversability.vehicle import Vehicle as Vehicle
+from terratool.traversability.vehicle import load_vehicle as load_vehicle
+from terratool.viewing.diff.results import Difference
+from terratool.viewing.options import Contours, Line, RenderReport
+from terratool.viewing.terrain_page import TerrainPage
+
+__all__ = [
+    "Definition",
+    "DefinitionError",
+    "Element",
+    "MissedError",
+    "ReadError",
+    "RequestError",
+    "Sensor",
+    "Terrain",
+    "TerratoolError",
+    "Vehicle",
+    "WriteError",
+    "check",
+    "curriculum",
+    "import_primitive",
+    "import_terrain",
+    "load",
+    "load_sensor",
+    "load_vehicle",
+    "new",
+    "schema",
+]
+
+def load(
+    definition: AnyDefinition,
+    library_roots: Sequence[str] = (),
+    *,
+    roughness: bool = True,
+) -> Terrain:
+    """Read, check and compile a definition."""
+
+class Terrain(ShownTerrain):
+    """A compiled terrain: it answers at points, writes files, draws and judges."""
+
+    def __init__(
+        self,
+        definition: ModelDefinition | Checked,
+        *,
+        roughness: bool = True,
+        share_above: float = 65536,
+        library_roots: tuple[str, ...] = (),
+    ) -> None:
+        """Compile a valid definition, or one that was checked; `load` reads and checks first."""
+
+    @property
+    def name(self) -> str:
+        """Name of the definition's file without its folder; empty where it came from no file."""
+
+    @property
+    def text(self) -> str:
+        """Text of the definition, JSON."""
+
+    @property
+    def document(self) -> dict[str, Any]:
+        """Members of the definition, as its text has them."""
+
+    def to_dem(
+        self,
+        *,
+        layers: Sequence[str] = ("height",),
+        dtype: str = "float32",
+        threads: int | None = None,
+        resolution: float | None = None,
+        bounds: Bounds | None = None,
+    ) -> DemArrays:
+        """Heights and other layers at the centres of pixels, as arrays with their place."""
+
+    def write_dem(
+        self,
+        path: str | Path | None = None,
+        *,
+        layers: Sequence[str] = ("height",),
+        dtype: str = "float32",
+        compress: str | None = None,
+        max_error: float | None = None,
+        nodata: float | None = None,
+        overviews: bool | None = None,
+        overwrite: bool = False,
+        losses: bool = True,
+        threads: int | None = None,
+        resolution: float | None = None,
+        bounds: Bounds | None = None,
+        cog: bool = False,
+        tiles: str | Path | None = None,
+        tile_size: int | None = None,
+        dask: str | None = None,
+    ) -> RasterReport:
+        """Write the terrain as a raster, as `terratool export-dem` does."""
+
+    def to_mesh(
+        self,
+        *,
+        max_error: float | None = None,
+        max_faces: int | None = None,
+        bounds: Bounds | None = None,
+        solid: bool = False,
+        base: float | None = None,
+    ) -> trimesh.Trimesh:
+        """Mesh of the terrain with upright walls, in coordinates of the world."""
+
+    def write_mesh(
+        self,
+        path: str | Path,
+        *,
+        overwrite: bool = False,
+        max_error: float | None = None,
+        max_faces: int | None = None,
+        bounds: Bounds | None = None,
+        solid: bool = False,
+        base: float | None = None,
+        origin: Origin = "local",
+        normals: bool = True,
+        tile_faces: int | None = None,
+        elevation_grid: bool = False,
+        resolution: float | None = None,
+    ) -> AnyMeshReport:
+        """Write the terrain as a mesh, as `terratool export-mesh` does."""
+
+    def export_sim(
+        self,
+        folder: str | Path,
+        target: str | Sequence[str],
+        *,
+        overwrite: bool = False,
+        max_error: float = 0.002,
+        origin: Origin = "local",
+        friction: float = 0.7,
+        max_geoms: int = 2000,
+        flex: bool = False,
+        heightmap: bool = False,
+        vehicle: str | Path | None = None,
+        max_slope: float = 20.0,
+        max_step: float = 0.1,
+        resolution: float | None = None,
+    ) -> tuple[SimulatorReport, ...]:
+        """Write the terrain for simulators, as `terratool export-sim` does."""
+
+    @overload
+    def render(
+        self,
+        path: None = None,
+        *,
+        layer: str = "surface",
+        vehicle: str | Path | None = None,
+        bounds: Bounds | None = None,
+        contours: Contours = None,
+        grid: bool = False,
+        profile: Line | None = None,
+        perspective: bool = False,
+        azimuth: float = 215.0,
+        elevation: float = 35.0,
+        max_error: float | None = None,
+        exaggeration: float | None = None,
+        title: str | None = None,
+        legend: bool = True,
+        bare: bool = False,
+        pixels: int = 1600,
+        dpi: float = 150.0,
+    ) -> Figure:
+        """Draw the terrain, as `terratool render` does: a plan, a section or a perspective."""
+
+    @overload
+    def render(
+        self,
+        path: str | Path,
+        *,
+        overwrite: bool = False,
+        layer: str = "surface",
+        vehicle: str | Path | None = None,
+        bounds: Bounds | None = None,
+        contours: Contours = None,
+        grid: bool = False,
+        profile: Line | None = None,
+        perspective: bool = False,
+        azimuth: float = 215.0,
+        elevation: float = 35.0,
+        max_error: float | None = None,
+        exaggeration: float | None = None,
+        title: str | None = None,
+        legend: bool = True,
+        bare: bool = False,
+        pixels: int = 1600,
+        dpi: float = 150.0,
+    ) -> RenderReport:
+        """Draw the terrain, as `terratool render` does: a plan, a section or a perspective."""
+
+    def view(
+        self,
+        path: str | Path | None = None,
+        *,
+        vehicle: AnyVehicle | None = None,
+        routes: Sequence[Line] = (),
+        height: int = 600,
+        overwrite: bool = False,
+        max_error: float | None = None,
+        max_faces: int | None = None,
+    ) -> TerrainPage:
+        """Page on which the terrain can be turned and asked, as `terratool view` makes it."""
+
+    def traversability(
+        self,
+        vehicle: AnyVehicle | Sequence[AnyVehicle],
+        *,
+        routes: Sequence[Line] = (),
+        waypoints: Sequence[ArrayLike | str | Path] = (),
+        model: Literal["slip", "paper"] = "slip",
+        report: str | Path | Sequence[str | Path] = (),
+        map: str | Path | None = None,
+        overwrite: bool = False,
+        returns: bool = False,
+        start: Point | None = None,
+        prefer: Preference = "time",
+        resolution: float | None = None,
+        bounds: Bounds | None = None,
+        headings: int | None = None,
+        mapped: bool = True,
+        threads: int | None = None,
+        samples: int = 256,
+        seed: int = 0,
+    ) -> Reports:
+        """Say where a vehicle can drive, where not, and why, as `terratool traversability` does."""
+
+    def scan(
+        self,
+        sensor: Sensor | str | Path,
+        pose: AnyPose | None = None,
+        *,
+        poses: str | Path | None = None,
+        on_ground: float | None = None,
+        follow_slope: bool = False,
+        seed: int | None = None,
+    ) -> list[Frame]:
+        """Read the terrain with a lidar, a camera or a sonar; the frames, with points in the world."""
+
+    def write_scan(
+        self,
+        output: str | Path,
+        sensor: Sensor | str | Path,
+        pose: AnyPose | None = None,
+        *,
+        poses: str | Path | None = None,
+        frame: Literal["world", "sensor"] = "world",
+        misses: bool = False,
+        overwrite: bool = False,
+        on_ground: float | None = None,
+        follow_slope: bool = False,
+        seed: int | None = None,
+    ) -> ScanReport:
+        """Write what a sensor reads into a file, as `terratool scan` does."""
+
+    def diff(
+        self,
+        other: Terrain | AnyDefinition,
+        *,
+        vehicles: AnyVehicle | Sequence[AnyVehicle] = (),
+        map: str | Path | None = None,
+        picture: str | Path | None = None,
+        overwrite: bool = False,
+        min_change: float = 0.001,
+        bounds: Bounds | None = None,
+        resolution: float | None = None,
+    ) -> Difference:
+        """Say what differs from here to another terrain, the new one, as `terratool diff` does."""
+
+@overload
+def new(
+    kind: Literal["flat"],
+    *,
+    size: tuple[float, float] | None = ...,
+    soil: Literal[
+        "dry-sand",
+        "lete-sand",
+        "sandy-loam-11",
+        "sandy-loam-15",
+        "sandy-loam-23",
+        "upland-sandy-loam",
+        "clayey-soil-38",
+        "clayey-soil-55",
+        "lean-clay-22",
+        "heavy-clay-25",
+        "snow-us",
+        "snow-sweden",
+        "lunar-nominal",
+        "concrete",
+        "asphalt-wet",
+        "gravel",
+        "earth-road",
+        "earth-road-wet",
+        "grass-wet",
+        "snow-packed",
+        "ice",
+    ]
+    | None = ...,
+) -> str:
+    """Level ground, to put things on."""
+
+@overload
+def new(
+    kind: Literal["ramp"],
+    *,
+    size: tuple[float, float] | None = ...,
+    slope: float | None = ...,
+    rise: float | None = ...,
+    width: float | None = ...,
+    platform: float | None = ...,
+    soil: Literal[
+        "dry-sand",
+        "lete-sand",
+        "sandy-loam-11",
+        "sandy-loam-15",
+        "sandy-loam-23",
+        "upland-sandy-loam",
+        "clayey-soil-38",
+        "clayey-soil-55",
+        "lean-clay-22",
+        "heavy-clay-25",
+        "snow-us",
+        "snow-sweden",
+        "lunar-nominal",
+        "concrete",
+        "asphalt-wet",
+        "gravel",
+        "earth-road",
+        "earth-road-wet",
+        "grass-wet",
+        "snow-packed",
+        "ice",
+    ]
+    | None = ...,
+) -> str:
+    """A ramp up to a level top and down again, with upright sides."""
+
+@overload
+def new(
+    kind: Literal["stairs"],
+    *,
+    size: tuple[float, float] | None = ...,
+    rise: float | None = ...,
+    run: float | None = ...,
+    steps: int | None = ...,
+    width: float | None = ...,
+    landing: float | None = ...,
+    soil: Literal[
+        "dry-sand",
+        "lete-sand",
+        "sandy-loam-11",
+        "sandy-loam-15",
+        "sandy-loam-23",
+        "upland-sandy-loam",
+        "clayey-soil-38",
+        "clayey-soil-55",
+        "lean-clay-22",
+        "heavy-clay-25",
+        "snow-us",
+        "snow-sweden",
+        "lunar-nominal",
+        "concrete",
+        "asphalt-wet",
+        "gravel",
+        "earth-road",
+        "earth-road-wet",
+        "grass-wet",
+        "snow-packed",
+        "ice",
+    ]
+    | None = ...,
+) -> str:
+    """A flight of steps with true risers up to a landing, and one down."""
+
+@overload
+def new(
+    kind: Literal["rough"],
+    *,
+    size: tuple[float, float] | None = ...,
+    seed: int | None = ...,
+    height_range: tuple[float, float] | None = ...,
+    height_step: float | None = ...,
+    spacing: float | None = ...,
+    rms: float | None = ...,
+    correlation: float | None = ...,
+    soil: Literal[
+        "dry-sand",
+        "lete-sand",
+        "sandy-loam-11",
+        "sandy-loam-15",
+        "sandy-loam-23",
+        "upland-sandy-loam",
+        "clayey-soil-38",
+        "clayey-soil-55",
+        "lean-clay-22",
+        "heavy-clay-25",
+        "snow-us",
+        "snow-sweden",
+        "lunar-nominal",
+        "concrete",
+        "asphalt-wet",
+        "gravel",
+        "earth-road",
+        "earth-road-wet",
+        "grass-wet",
+        "snow-packed",
+        "ice",
+    ]
+    | None = ...,
+) -> str:
+    """Random heights on a grid, as in Isaac Lab's random_uniform_terrain."""
+
+@overload
+def new(
+    kind: Literal["craters"],
+    *,
+    size: tuple[float, float] | None = ...,
+    seed: int | None = ...,
+    count: int | None = ...,
+    largest: float | None = ...,
+    smallest: float | None = ...,
+    fresh: float | None = ...,
+    rocks: int | None = ...,
+    soil: Literal[
+        "dry-sand",
+        "lete-sand",
+        "sandy-loam-11",
+        "sandy-loam-15",
+        "sandy-loam-23",
+        "upland-sandy-loam",
+        "clayey-soil-38",
+        "clayey-soil-55",
+        "lean-clay-22",
+        "heavy-clay-25",
+        "snow-us",
+        "snow-sweden",
+        "lunar-nominal",
+        "concrete",
+        "asphalt-wet",
+        "gravel",
+        "earth-road",
+        "earth-road-wet",
+        "grass-wet",
+        "snow-packed",
+        "ice",
+    ]
+    | None = ...,
+) -> str:
+    """Craters of the Moon, fresh and worn, with rocks."""
+
+@overload
+def new(
+    kind: Literal["warehouse"],
+    *,
+    size: tuple[float, float] | None = ...,
+    seed: int | None = ...,
+    aisle: float | None = ...,
+    height: float | None = ...,
+) -> str:
+    """A hall with racks, aisles, a gate and pallets."""
+
+@overload
+def new(
+    kind: Literal["dunes"],
+    *,
+    size: tuple[float, float] | None = ...,
+    seed: int | None = ...,
+    count: int | None = ...,
+    height: float | None = ...,
+) -> str:
+    """Barchans: dunes with horns and slip faces of 33 degrees."""
+
+@overload
+def new(
+    kind: Literal["course"],
+    *,
+    style: Literal["isaac-lab", "legged-gym"] | None = ...,
+    seed: int | None = ...,
+    rows: int | None = ...,
+    columns: int | None = ...,
+    tile: tuple[float, float] | None = ...,
+    border: float | None = ...,
+) -> str:
+    """Training tiles of Isaac Lab or legged_gym, with the origin of each."""
+
+class Definition:
+    """A definition that is written in Python, and says what a text says and nothing else."""
+
+    def __init__(
+        self,
+        size: Any = None,
+        *,
+        descr: str | None = None,
+        use: Sequence[str] | None = None,
+        origin: Sequence[float] | None = None,
+        crs: Any | None = None,
+        x_ignore: Sequence[str] | None = None,
+        x_why: str | None = None,
+    ) -> None:
+        """Begin a definition of a terrain."""
+
+    @property
+    def document(self) -> dict[str, Any]:
+        """Members of the definition as the text has them, a copy."""
+
+    @property
+    def text(self) -> str:
+        """Text of the definition in the canonical layout, as `terratool format` has it."""
+
+    def surface(
+        self,
+        name: str,
+        *,
+        descr: str | None = None,
+        preset: str | None = None,
+        cohesion: float | Sequence[float] | None = None,
+        fric_angle: float | Sequence[float] | None = None,
+        sinkage: float | Sequence[float] | None = None,
+        color: Sequence[int] | None = None,
+        sonar_refl: float | None = None,
+        shear_modulus: float | Sequence[float] | None = None,
+        void: bool | None = None,
+        roughness: Mapping[str, Any] | None = None,
+        x_ignore: Sequence[str] | None = None,
+        x_why: str | None = None,
+    ) -> str:
+        """Add a surface, and return its name."""
+
+    def primitive(
+        self,
+        name: str,
+        *,
+        descr: str | None = None,
+        x: str | Sequence[Any] | None = None,
+        y: str | Sequence[Any] | None = None,
+        combine: str | None = None,
+        x_ignore: Sequence[str] | None = None,
+        x_why: str | None = None,
+    ) -> str:
+        """Add a primitive, and return its name."""
+
+    def part(
+        self,
+        name: str,
+        type: str | None = None,
+        *,
+        cell: Sequence[int] | None = None,
+        cell_x: int | None = None,
+        cell_y: int | None = None,
+        span: Sequence[int] | None = None,
+        at: Sequence[float] | None = None,
+        extent: float | Sequence[float] | None = None,
+        repeat: Mapping[str, Any] | None = None,
+        scatter: Mapping[str, Any] | None = None,
+        descr: str | None = None,
+        part: str | None = None,
+        surface: str | None = None,
+        v_scale: float | None = None,
+        v_offset: float | None = None,
+        turn_deg: float | None = None,
+        cells: int | Sequence[int] | None = None,
+        x_ignore: Sequence[str] | None = None,
+        x_why: str | None = None,
+    ) -> Element:
+        """Add a part, an element with all that is added to it, for elements to stand for."""
+
+    def track(
+        self,
+        *,
+        descr: str | None = None,
+        path: Sequence[Sequence[float]] | None = None,
+        width: float | None = None,
+        load: float | None = None,
+        depth: float | Mapping[str, float] | None = None,
+        passes: int | None = None,
+        multipass: float | None = None,
+        surface: str | None = None,
+        x_ignore: Sequence[str] | None = None,
+        x_why: str | None = None,
+    ) -> None:
+        """Add the rut of a wheel."""
+
+    def root(
+        self,
+        type: str | None = None,
+        *,
+        repeat: Mapping[str, Any] | None = None,
+        scatter: Mapping[str, Any] | None = None,
+        descr: str | None = None,
+        part: str | None = None,
+        surface: str | None = None,
+        v_scale: float | None = None,
+        v_offset: float | None = None,
+        turn_deg: float | None = None,
+        cells: int | Sequence[int] | None = None,
+        x_ignore: Sequence[str] | None = None,
+        x_why: str | None = None,
+    ) -> Element:
+        """Say what covers the whole terrain, and return it; `add` puts elements onto it."""
+
+    def add(
+        self,
+        type: str | None = None,
+        *,
+        cell: Sequence[int] | None = None,
+        cell_x: int | None = None,
+        cell_y: int | None = None,
+        span: Sequence[int] | None = None,
+        at: Sequence[float] | None = None,
+        extent: float | Sequence[float] | None = None,
+        repeat: Mapping[str, Any] | None = None,
+        scatter: Mapping[str, Any] | None = None,
+        descr: str | None = None,
+        part: str | None = None,
+        surface: str | None = None,
+        v_scale: float | None = None,
+        v_offset: float | None = None,
+        turn_deg: float | None = None,
+        cells: int | Sequence[int] | None = None,
+        x_ignore: Sequence[str] | None = None,
+        x_why: str | None = None,
+    ) -> Element:
+        """Add an element to the root, and return it, so that others can be added to it."""
+
+    def validate(
+        self,
+    ) -> tuple[Finding, ...]:
+        """Findings of the reader on the text, errors and warnings; empty if it is clean."""
+
+    def compile(
+        self,
+        *,
+        roughness: bool = True,
+    ) -> Terrain:
+        """Compile the terrain."""
+
+    def save(
+        self,
+        path: str | Path,
+        overwrite: bool = False,
+    ) -> Path:
+        """Write the text into a file in the canonical layout, and return its path."""
+
+class Element:
+    """An element of a definition; `add` puts another one into its cell."""
+
+    def __init__(
+        self,
+        members: dict[str, Any],
+    ) -> None:
+        """Wrap the members of an element, which stay those of the definition."""
+
+    def add(
+        self,
+        type: str | None = None,
+        *,
+        cell: Sequence[int] | None = None,
+        cell_x: int | None = None,
+        cell_y: int | None = None,
+        span: Sequence[int] | None = None,
+        at: Sequence[float] | None = None,
+        extent: float | Sequence[float] | None = None,
+        repeat: Mapping[str, Any] | None = None,
+        scatter: Mapping[str, Any] | None = None,
+        descr: str | None = None,
+        part: str | None = None,
+        surface: str | None = None,
+        v_scale: float | None = None,
+        v_offset: float | None = None,
+        turn_deg: float | None = None,
+        cells: int | Sequence[int] | None = None,
+        x_ignore: Sequence[str] | None = None,
+        x_why: str | None = None,
+    ) -> Element:
+        """Add an element to the cell of this one, and return it."""
+
+def check(
+    definition: AnyDefinition,
+    *,
+    kind: Kind | None = "terrain",
+    warnings: bool = True,
+    max_step: float | None = None,
+    limit: int = 1000,
+    select: tuple[str, ...] = (),
+    ignore: tuple[str, ...] = (),
+    library_roots: tuple[str, ...] = (),
+) -> Checked:
+    """Check a definition, as `terratool validate` does; `findings` of the result say what is wrong."""
+
+@overload
+def import_terrain(
+    source: AnyHeights,
+    output: None = None,
+    *,
+    transform: Affine | Sequence[float] | None = None,
+    max_error: float,
+    methods: Sequence[str | Method] = (),
+    fill: bool = False,
+    structures: bool = True,
+    walls: bool = False,
+    surfaces: str | None = None,
+    allow_remote: bool = False,
+    cells: Literal["half-pixels", "pixels"] = "half-pixels",
+    surface: str | None = None,
+    preset: str | None = None,
+    bounds: Bounds | None = None,
+    window: tuple[int, int, int, int] | None = None,
+    band: int | None = None,
+    crs: str | None = None,
+    nodata: float | None = None,
+    resolution: float | None = None,
+    up: str | None = None,
+    scale: float = 1.0,
+) -> Terrain:
+    """Make a definition of a DEM or a mesh, as `terratool import-terrain` does."""
+
+@overload
+def import_terrain(
+    source: AnyHeights,
+    output: str | Path,
+    *,
+    transform: Affine | Sequence[float] | None = None,
+    overwrite: bool = False,
+    max_error: float,
+    methods: Sequence[str | Method] = (),
+    fill: bool = False,
+    structures: bool = True,
+    walls: bool = False,
+    surfaces: str | None = None,
+    allow_remote: bool = False,
+    cells: Literal["half-pixels", "pixels"] = "half-pixels",
+    surface: str | None = None,
+    preset: str | None = None,
+    bounds: Bounds | None = None,
+    window: tuple[int, int, int, int] | None = None,
+    band: int | None = None,
+    crs: str | None = None,
+    nodata: float | None = None,
+    resolution: float | None = None,
+    up: str | None = None,
+    scale: float = 1.0,
+) -> ImportReport:
+    """Make a definition of a DEM or a mesh, as `terratool import-terrain` does."""
+
+def import_primitive(
+    source: AnyHeights,
+    name: str,
+    *,
+    transform: Affine | Sequence[float] | None = None,
+    into: str | Path | None = None,
+    output: str | Path | None = None,
+    cell: tuple[int, int] | None = None,
+    span: tuple[int, int] = (1, 1),
+    parent: str = "/elemTree",
+    overwrite: bool = False,
+    values: int | None = None,
+    fit_turn: bool = False,
+    terms: int = 1,
+    recognise: bool = False,
+    max_error: float | None = None,
+    combine: Combine = "product",
+    bounds: Bounds | None = None,
+    window: tuple[int, int, int, int] | None = None,
+    band: int | None = None,
+    crs: str | None = None,
+    nodata: float | None = None,
+    resolution: float | None = None,
+    up: str | None = None,
+    scale: float = 1.0,
+    allow_remote: bool = False,
+) -> ImportedPrimitive:
+    """Make a primitive of a patch of heights, as `terratool import-primitive` does."""

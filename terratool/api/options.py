@@ -1,0 +1,325 @@
+"""Options of Python's verbs: those of the records that commands fill in, too, by name.
+
+A verb takes its options as keywords. Their names, types, defaults and meanings are read off the
+record that the verb fills in, so that they stand once. Errors of the layers below name options as
+the command line does; verbs say them as Python does.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import inspect
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import MISSING, fields, is_dataclass
+from typing import Any, NamedTuple, ParamSpec, TypeVar
+
+import msgspec
+from msgspec import NODEFAULT
+
+from terratool.authoring.starters.build import hint_for
+from terratool.errors import RequestError, TerratoolError
+
+P = ParamSpec("P")
+R = TypeVar("R")
+T = TypeVar("T")
+C = TypeVar("C", bound=type)
+
+REQUIRED = inspect.Parameter.empty
+"""Default of an option that has to be given."""
+
+
+class NamedOption(NamedTuple):
+    """Option of a verb.
+
+    Attributes:
+        name: name of the keyword.
+        annotation: type, as it is written where the record stands.
+        default: default; `REQUIRED` for none.
+        descr: meaning, in words.
+        home: module in which the names of the annotation are known.
+    """
+
+    name: str
+    annotation: str
+    default: Any
+    descr: str
+    home: str
+
+    @property
+    def parameter(self) -> inspect.Parameter:
+        """Parameter of a signature."""
+        return inspect.Parameter(
+            self.name, inspect.Parameter.KEYWORD_ONLY,
+            default=self.default, annotation=self.annotation,
+        )  # fmt: skip
+
+
+# --- records --------------------------------------------------------------------------------------
+
+_ENTRY = re.compile(r"^    (\w[\w, ]*): (.+(?:\n {8}.+)*)", re.MULTILINE)
+"""Entry of the section `Attributes:` of a docstring, without its indentation."""
+
+
+def _meanings(record: type) -> dict[str, str]:
+    """Meanings of a record's attributes, from its docstring."""
+    _, _, entries = inspect.cleandoc(record.__doc__ or "").partition("Attributes:\n")
+    found = {}
+    for entry in _ENTRY.finditer(entries):
+        words = re.sub(r"\s+", " ", entry[2])
+        found.update(dict.fromkeys(entry[1].split(", "), words))
+    return found
+
+
+def options_of(record: type) -> dict[str, NamedOption]:
+    """Options of a record, a dataclass or a struct, by name, those of its bases first."""
+    homes: dict[str, str] = {}
+    annotations: dict[str, str] = {}
+    meanings: dict[str, str] = {}
+    for one in reversed(record.__mro__):
+        own = inspect.get_annotations(one)
+        homes.update(dict.fromkeys(own, one.__module__))
+        annotations.update(own)
+        meanings.update(_meanings(one) if own else {})
+    return {
+        name: NamedOption(name, annotations[name], default, meanings.get(name, ""), homes[name])
+        for name, default in _defaults(record).items()
+    }
+
+
+def _defaults(record: type) -> dict[str, Any]:
+    """Defaults of a record's attributes, `REQUIRED` where there is none."""
+    if is_dataclass(record):
+        return {
+            one.name: REQUIRED if one.default is MISSING else one.default for one in fields(record)
+        }
+    return {
+        one.name: REQUIRED if one.default is NODEFAULT else one.default
+        for one in msgspec.structs.fields(record)
+    }
+
+
+def fill(record: type[T], options: Mapping[str, Any], **more: Any) -> T:
+    """Fill in a record with those of some options that it has.
+
+    Lists and arrays become tuples, numbers of NumPy those of Python, and whole numbers floats where
+    these are wanted.
+
+    Raises:
+        RequestError: a value is no number, or too few or many numbers.
+    """
+    known = options_of(record)
+    given = {name: _fitting(value, known[name]) for name, value in options.items() if name in known}
+    return record(**given, **more)
+
+
+def _fitting(value: Any, option: NamedOption) -> Any:
+    """Value as a record holds it.
+
+    Raises:
+        RequestError: the value is no number, or too few or many numbers.
+    """
+    if hasattr(value, "tolist"):
+        value = value.tolist()
+    kind = option.annotation.removesuffix(" | None")
+    if kind in _NUMBERS and value is not None:
+        if isinstance(value, bool) or not isinstance(value, _NUMBERS[kind]):
+            raise RequestError(f"{option.name} is {value!r}.", f"Give {_WANTED[kind]}.")
+        return float(value) if kind == "float" else value
+    if kind in _TUPLES and value is not None and not isinstance(value, str):
+        return floats(option.name, value, _TUPLES[kind])
+    return tuple(value) if isinstance(value, list) else value
+
+
+def floats(name: str, value: Any, wanted: str) -> tuple[float, ...]:
+    """Numbers as a tuple of floats.
+
+    Args:
+        name: name of the option, for messages.
+        value: list, tuple or array of numbers.
+        wanted: meaning of each number, separated by commas.
+
+    Raises:
+        RequestError: there are too few or many, or one is no number.
+    """
+    try:
+        found = tuple(float(one) for one in value)
+    except (TypeError, ValueError):
+        found = ()
+    if len(found) != wanted.count(",") + 1:
+        raise RequestError(f"{name} is {value!r}.", f"Give {wanted}, all of them numbers.")
+    return found
+
+
+_NUMBERS: dict[str, Any] = {"float": (int, float), "int": int}
+_WANTED = {"float": "a number", "int": "a whole number"}
+_TUPLES = {
+    "Bounds": "west, south, east, north", "Line": "x0, y0, x1, y1", "Point": "x, y",
+    "Origin": "x, y, z",
+}  # fmt: skip
+"""Meanings of the numbers of tuples, by the names of their types."""
+
+
+# --- verbs ----------------------------------------------------------------------------------------
+
+
+def takes(
+    *records: type,
+    only: Iterable[str] = (),
+    without: Iterable[str] = (),
+    called: str = "",
+) -> Callable[[Callable[P, R]], Callable[P, R]]:
+    """Decorator of a function with `**options`, which has those of some records from then on.
+
+    The function has its own parameters, and then the options, in its signature and its docstring.
+    An unknown option is refused in a sentence, and all errors speak Python.
+
+    Args:
+        records: records whose attributes are options.
+        only: names of the options that are taken; all if empty.
+        without: names of attributes that are no options.
+        called: name of the function for users; its own if empty.
+    """
+    options: dict[str, NamedOption] = {}
+    for record in records:
+        options |= options_of(record)
+    kept = set(only) or set(options)
+    wanted = {name: one for name, one in options.items() if name in kept - set(without)}
+    return takes_options(wanted, called=called)
+
+
+def takes_options(
+    options: Mapping[str, NamedOption], called: str = "", free: str = "\0"
+) -> Callable[[Callable[P, R]], Callable[P, R]]:
+    """Decorator of a function with `**options`, which has these from then on; see `takes`.
+
+    Args:
+        options: options by name.
+        called: name of the function for users; its own if empty.
+        free: beginning of names that are taken whatever follows.
+    """
+
+    def decorate(function: Callable[P, R]) -> Callable[P, R]:
+        own, name = inspect.signature(function), called or function.__name__
+        named = [one for one in own.parameters.values() if one.kind is not one.VAR_KEYWORD]
+        known = {**{one.name: NamedOption(one.name, str(one.annotation), one.default, "", "")
+                    for one in named}, **options}  # fmt: skip
+
+        @functools.wraps(function)
+        def call(*args: P.args, **given: P.kwargs) -> R:
+            refuse_unknown(name, (one for one in given if not one.startswith(free)), known)
+            with spoken_errors(known):
+                return function(*args, **given)
+
+        parameters = [*named, *(one.parameter for one in options.values())]
+        parameters.sort(key=lambda one: one.kind)
+        call.__signature__ = own.replace(parameters=parameters)  # type: ignore[attr-defined]
+        call.__doc__ = _with_options(function.__doc__ or "", options)
+        call.__options__ = options  # type: ignore[attr-defined]
+        if called and function.__name__ != "__init__":
+            call.__name__ = call.__qualname__ = called
+        return call
+
+    return decorate
+
+
+def refuse_unknown(what: str, given: Iterable[str], known: Iterable[str]) -> None:
+    """Refuse a keyword that a verb does not have, and name the most similar one.
+
+    Raises:
+        RequestError: a keyword is unknown.
+    """
+    names = [name for name in known if name != "self"]
+    for name in given:
+        if name not in names:
+            raise RequestError(f"{what} takes no {name!r}.", hint_for(name, names))
+
+
+def _with_options(doc: str, options: Mapping[str, NamedOption]) -> str:
+    """Docstring with the meanings of options in place of its line on `**options`."""
+    entries = [f"    {one.name}: {one.descr}" for one in options.values()]
+    lines = inspect.cleandoc(doc).split("\n")
+    places = [n for n, line in enumerate(lines) if line.startswith("    **options:")]
+    for place in places:
+        lines[place : place + 1] = entries
+    return "\n".join(lines)
+
+
+def public(name: str) -> Callable[[C], C]:
+    """Decorator of a class that users know by another name, as one of the package itself."""
+
+    def decorate(kind: C) -> C:
+        kind.__name__ = kind.__qualname__ = name
+        kind.__module__ = "terratool"
+        return kind
+
+    return decorate
+
+
+# --- errors ---------------------------------------------------------------------------------------
+
+_FLAG = re.compile(
+    r"(?<![\w./-])--([a-z][a-z0-9-]*[a-z0-9])(?![\w/-]|\.\w)"
+    r"(?: ([A-Z][\w.]*(?:[ ,][A-Z][\w.]*)*)\b)?"
+)
+"""Option of the command line, and what stands for its values."""
+_WORD = re.compile(r" ([a-z0-9][a-z0-9-]*)")
+_WORDS = ("compress", "dtype", "frame", "model", "origin", "prefer", "target")
+"""Options after which a message may have a value as a word."""
+_LISTED = "terratool validate lists"
+"""Beginning of a hint on the findings that a message leaves out."""
+_OTHERWISE = {"from": "start", "origin_at": "origin"}
+"""Names in Python of options that have another one there, unless the verb has that, too."""
+
+
+@contextlib.contextmanager
+def spoken_errors(known: Mapping[str, NamedOption]) -> Iterator[None]:
+    """Have errors within the block name options as Python does."""
+    try:
+        yield
+    except TerratoolError as error:
+        error.message, error.hint = (spoken(one, known) for one in (error.message, error.hint))
+        error.args = (error.message,)
+        raise
+
+
+def spoken(text: str, known: Mapping[str, NamedOption]) -> str:
+    """Text in which options of the command line are those of Python: --solid is solid=True.
+
+    Args:
+        text: sentence of an error.
+        known: options of the verb that it is about; others stay as they are.
+    """
+    text = text.replace(_LISTED, "The error's `findings` list")
+    parts, end = [], 0
+    for flag in _FLAG.finditer(text):
+        name, value = _name_of(flag[1], known)
+        if not name or flag.start() < end:
+            continue
+        stop = flag.end()
+        if value:
+            stop, said = flag.end(1), f"{name}={value}"
+        elif flag[2]:
+            said = f"{name}=…"
+        elif name in _WORDS and (word := _WORD.match(text, flag.end())):
+            stop, said = word.end(), f'{name}="{word[1]}"'
+        else:
+            said = name
+        parts += [text[end : flag.start()], said]
+        end = stop
+    return "".join([*parts, text[end:]])
+
+
+def _name_of(flag: str, known: Mapping[str, NamedOption]) -> tuple[str, str]:
+    """Name of an option in Python, and the value of a switch; two empty texts for neither."""
+    word = flag.replace("-", "_")
+    word = word if word in known else _OTHERWISE.get(word, word)
+    value = "True"
+    if word.startswith("no_") and word not in known:
+        word, value = word.removeprefix("no_"), "False"
+    name = next((one for one in (word, f"{word}s") if one in known), "")
+    if not name:
+        return "", ""
+    switch = isinstance(known[name].default, bool) or known[name].annotation == "bool | None"
+    return name, value if switch else ""

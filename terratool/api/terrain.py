@@ -1,0 +1,547 @@
+"""Terrains as Python users have them: what each command does is a verb, with the same options."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, overload
+
+import msgspec
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from terratool.api.options import fill, floats, public, takes
+from terratool.api.showing import ShownTerrain
+from terratool.api.sources import UNNAMED, AnyDefinition, checked_source, source_of
+from terratool.definition.model import Definition
+from terratool.definition.reader import Checked
+from terratool.errors import RequestError
+from terratool.field.terrain import SHARE_ABOVE
+from terratool.mesh.export import MeshOptions
+from terratool.mesh.request import AnyMeshReport, MeshRequest, write_mesh_files
+from terratool.raster.dem import DemArrays, DemOptions, GridChoice, dem_arrays, write_dem
+from terratool.raster.export import RasterReport
+from terratool.sensing.export import ScanOutput, ScanReport, export_scan
+from terratool.sensing.poses import Poses, one_pose, read_poses
+from terratool.sensing.readings import Frame
+from terratool.sensing.scan import Scan, ScanOptions
+from terratool.sensing.sensor import Sensor, load_sensor
+from terratool.simulators.export import SimulatorReport, plan_export
+from terratool.simulators.options import SceneOptions
+from terratool.simulators.options import refuse_idle as refuse_idle_targets
+from terratool.simulators.targets import choose_targets
+from terratool.text.source import Source
+from terratool.traversability.assess import Request
+from terratool.traversability.compare import names_of, prepare
+from terratool.traversability.results import Reports
+from terratool.traversability.route.waypoints import read_waypoints
+from terratool.traversability.vehicle import MODELS, Vehicle, load_vehicle
+from terratool.viewing.diff.compare import DiffOptions, diff
+from terratool.viewing.diff.results import Difference
+from terratool.viewing.diff.sides import DiffSide
+from terratool.viewing.diff.writing import GroundFiles
+from terratool.viewing.mesh import PageOptions
+from terratool.viewing.options import Line, RenderOptions, RenderReport, refuse_idle
+from terratool.viewing.places import Site
+from terratool.viewing.terrain_page import (
+    HEIGHT,
+    TerrainPage,
+    check_page,
+    terrain_page,
+    terrain_scene,
+)
+
+if TYPE_CHECKING:
+    import trimesh
+    from matplotlib.figure import Figure
+
+AnyVehicle = Vehicle | str | Path
+"""A vehicle, or the path of its file."""
+AnyPose = Sequence[float] | ArrayLike | Poses
+"""Position x, y, z and yaw, pitch, roll in degrees; several as rows of an array, or as poses."""
+
+
+@public("Terrain")
+class UserTerrain(ShownTerrain):
+    """A compiled terrain: it answers at points, writes files, draws and judges.
+
+    All queries take x and y in world units, as numbers or arrays that broadcast together, and
+    return the broadcast shape. Outside of the terrain the height is NaN and everything else None.
+    Verbs have the options of the commands that do the same, by the same names with _ in place of -.
+    """
+
+    def __init__(
+        self,
+        definition: Definition | Checked,
+        *,
+        roughness: bool = True,
+        share_above: float = SHARE_ABOVE,
+        library_roots: tuple[str, ...] = (),
+    ) -> None:
+        """Compile a valid definition, or one that was checked; `load` reads and checks first.
+
+        Args:
+            definition: a valid definition, or the result of a check.
+            roughness: whether rough surfaces have their relief.
+            share_above: number of elements above which parts and copies are shared rather than
+                written out; it changes no result.
+            library_roots: further folders under which the libraries of the text may lie.
+
+        Raises:
+            DefinitionError: the checked definition has errors.
+            RequestError: the definition comes to too many elements.
+        """
+        super().__init__(definition, roughness=roughness, share_above=share_above)
+        self._roots = library_roots
+        if isinstance(definition, Checked) and definition.document is not None:
+            self._text = definition.document.source
+        else:
+            self._text = Source(UNNAMED, msgspec.json.encode(definition))
+
+    @property
+    def name(self) -> str:
+        """Name of the definition's file without its folder; empty where it came from no file."""
+        return "" if self._text.name == UNNAMED else Path(self._text.name).name
+
+    @property
+    def text(self) -> str:
+        """Text of the definition, JSON."""
+        return self._text.data.decode("utf-8")
+
+    @property
+    def document(self) -> dict[str, Any]:
+        """Members of the definition, as its text has them."""
+        found: dict[str, Any] = msgspec.json.decode(self._text.data)
+        return found
+
+    def _checked(self) -> Checked:
+        """The definition, read and checked once more: it takes much memory."""
+        return checked_source(self._text, self._roots)
+
+    # --- rasters and meshes -----------------------------------------------------------------------
+
+    @takes(DemOptions, only=("resolution", "bounds", "layers", "dtype", "threads"))
+    def to_dem(self, **options: Any) -> DemArrays:
+        """Heights and other layers at the centres of pixels, as arrays with their place.
+
+        NumPy takes the result for the array of its first layer. It has the `transform` and the
+        `crs`; `to_xarray()` gives a `xarray.DataArray`.
+
+        Args:
+            **options: options of `DemOptions`, by name.
+
+        Raises:
+            RequestError: an option makes no sense for the terrain.
+            DefinitionError: the CRS of the terrain is unknown.
+        """
+        wanted = fill(DemOptions, options)
+        choice = GridChoice.of(self, wanted.resolution, wanted.bounds)
+        return dem_arrays(self, choice, wanted)
+
+    @takes(DemOptions)
+    def write_dem(self, path: str | Path | None = None, **options: Any) -> RasterReport:
+        """Write the terrain as a raster, as `terratool export-dem` does.
+
+        Args:
+            path: file to write, whose suffix names the format; only a mosaic goes without.
+            **options: options of `DemOptions`, by name.
+
+        Raises:
+            RequestError: options make no sense, alone, together or with the format.
+            WriteError: a file exists, cannot be written or does not fit on the disk.
+            DefinitionError: the CRS of the terrain is unknown.
+        """
+        wanted = fill(DemOptions, options)
+        output = wanted.output_of(path)
+        choice = GridChoice.of(self, wanted.resolution, wanted.bounds)
+        return write_dem(self, choice, output, wanted)
+
+    @takes(MeshOptions, without=("origin", "normals"))
+    def to_mesh(self, **options: Any) -> trimesh.Trimesh:
+        """Mesh of the terrain with upright walls, in coordinates of the world.
+
+        Faces have the colours of their surfaces. `face_attributes` has "surface", the index of each
+        face's surface in `metadata["surfaces"]` or -1, and "wall", whether it stands upright.
+
+        Args:
+            **options: options of `MeshOptions`, by name.
+
+        Raises:
+            RequestError: there is no ground, or an option makes no sense.
+        """
+        from terratool.mesh.as_trimesh import trimesh_of
+
+        return trimesh_of(self, fill(MeshOptions, options))
+
+    @takes(MeshRequest)
+    def write_mesh(
+        self, path: str | Path, *, overwrite: bool = False, **options: Any
+    ) -> AnyMeshReport:
+        """Write the terrain as a mesh, as `terratool export-mesh` does.
+
+        Args:
+            path: file to write, whose suffix names the format.
+            overwrite: whether files may exist.
+            **options: options of `MeshRequest`, by name.
+
+        Raises:
+            RequestError: there is no ground, an option makes no sense, or the format cannot hold
+                the mesh.
+            WriteError: a file exists, or cannot be written.
+        """
+        return write_mesh_files(self, path, fill(MeshRequest, options), overwrite=overwrite)
+
+    @takes(SceneOptions)
+    def export_sim(
+        self, folder: str | Path, target: str | Sequence[str], *, overwrite: bool = False,
+        **options: Any,
+    ) -> tuple[SimulatorReport, ...]:  # fmt: skip
+        """Write the terrain for simulators, as `terratool export-sim` does.
+
+        Args:
+            folder: parent of the simulators' folders; a missing one is made.
+            target: name of a simulator, or names of several; "all" is every one.
+            overwrite: whether folders of an earlier export are written again.
+            **options: options of `SceneOptions`, by name.
+
+        Raises:
+            RequestError: a target is unknown or not installed, or an option makes no sense.
+            ReadError, DefinitionError: the vehicle's file cannot be read, or has errors.
+            WriteError: a folder is there already, holds something else, or cannot be written.
+        """
+        targets = (target,) if isinstance(target, str) else tuple(target)
+        wanted = fill(SceneOptions, options)
+        source = self._text.name if Path(self._text.name).is_file() else None
+        refuse_idle_targets(options.keys(), list(choose_targets(targets)))
+        plan = plan_export(folder, targets, wanted, source=source, overwrite=overwrite)
+        return plan.write(self)
+
+    # --- pictures and pages -----------------------------------------------------------------------
+
+    @overload
+    def render(self, path: None = None, **options: Any) -> Figure: ...
+    @overload
+    def render(
+        self, path: str | Path, *, overwrite: bool = False, **options: Any
+    ) -> RenderReport: ...
+    @takes(RenderOptions)
+    def render(
+        self, path: str | Path | None = None, *, overwrite: bool = False, **options: Any
+    ) -> RenderReport | Figure:
+        """Draw the terrain, as `terratool render` does: a plan, a section or a perspective.
+
+        Args:
+            path: picture to write, a .png, .svg or .pdf; None for a figure of Matplotlib.
+            overwrite: whether the picture may exist already.
+            **options: options of `RenderOptions`, by name.
+
+        Raises:
+            RequestError: an option makes no sense for the terrain, or Matplotlib is missing.
+            ReadError, DefinitionError: the vehicle cannot be read, or has errors.
+            WriteError: the file exists and is not to be overwritten, or cannot be written.
+        """
+        from terratool.viewing.render import figure_of, render
+
+        wanted = fill(RenderOptions, options)
+        refuse_idle(options.keys(), wanted.perspective)
+        if path is None:
+            return figure_of(self, wanted)
+        return render(self, path, wanted, overwrite=overwrite)
+
+    @takes(PageOptions, without=("live",))
+    def view(
+        self,
+        path: str | Path | None = None,
+        *,
+        vehicle: AnyVehicle | None = None,
+        routes: Sequence[Line] = (),
+        height: int = HEIGHT,
+        overwrite: bool = False,
+        **options: Any,
+    ) -> TerrainPage:
+        """Page on which the terrain can be turned and asked, as `terratool view` makes it.
+
+        A notebook shows the page where it is the value of a cell.
+
+        Args:
+            path: file to write the page into, a .html; None for no file.
+            vehicle: vehicle whose verdicts the page has; None for none.
+            routes: x and y of the start and of the goal of each way of the vehicle.
+            height: height of the page within a notebook, pixels.
+            overwrite: whether the file may exist already.
+            **options: options of `PageOptions`, by name.
+
+        Raises:
+            RequestError: there is no ground, or an option makes no sense.
+            ReadError, DefinitionError: the vehicle's file cannot be read, or has errors.
+            WriteError: the file exists and is not to be overwritten, or cannot be written.
+        """
+        wanted = fill(PageOptions, options)
+        wanted.check()
+        if path is not None:
+            check_page(path, overwrite)
+        driven = None if vehicle is None else _vehicle(vehicle)
+        site = Site(self.written_out, self._checked())
+        scene = terrain_scene(site, wanted, driven, _lines(routes))
+        page = terrain_page(self.name or self.descr or "terrain", scene, height)
+        if path is not None:
+            page.write(path, overwrite)
+        return page
+
+    # --- vehicles and sensors ---------------------------------------------------------------------
+
+    @takes(Request, without=("why", "routes", "waypoints"))
+    def traversability(
+        self,
+        vehicle: AnyVehicle | Sequence[AnyVehicle],
+        *,
+        routes: Sequence[Line] = (),
+        waypoints: Sequence[ArrayLike | str | Path] = (),
+        model: Literal["slip", "paper"] = "slip",
+        report: str | Path | Sequence[str | Path] = (),
+        map: str | Path | None = None,  # noqa: A002 -- the option's name
+        overwrite: bool = False,
+        **options: Any,
+    ) -> Reports:
+        """Say where a vehicle can drive, where not, and why, as `terratool traversability` does.
+
+        Args:
+            vehicle: vehicle, or path of its file; several are compared.
+            routes: x and y of the start and of the goal of each way that is looked for.
+            waypoints: for each way that is checked, its points, (n, 2), or the path of their file.
+            model: how wheel and soil are computed: with slip, or what the paper says.
+            report: paths of reports to write: .json, .md, .html, .geojson or .svg.
+            map: path of a .tif for the map; None for no map.
+            overwrite: whether files may exist.
+            **options: options of `Request`, by name.
+
+        Raises:
+            RequestError: a place lies outside of the terrain, or an option makes no sense.
+            ReadError, DefinitionError: a file cannot be read, or has errors.
+            WriteError: a file exists already, or cannot be written.
+        """
+        from terratool.traversability.report.writing import JudgementFiles, assess_all
+
+        if model not in MODELS:
+            raise RequestError(f"There is no model {model!r}.", f"Choose {' or '.join(MODELS)}.")
+        vehicles = [each.by_model(model) for each in _vehicles(vehicle)]
+        reports = (report,) if isinstance(report, str | Path) else tuple(report)
+        files = JudgementFiles(reports, map, overwrite)
+        ways = tuple(_points(way) for way in waypoints)
+        request = fill(Request, options, routes=_lines(routes), waypoints=ways)
+        planned = prepare(self, vehicles, request, map_path=map, overwrite=overwrite)
+        return assess_all(planned, self.name, files)
+
+    @takes(ScanOptions)
+    def scan(
+        self,
+        sensor: Sensor | str | Path,
+        pose: AnyPose | None = None,
+        *,
+        poses: str | Path | None = None,
+        **options: Any,
+    ) -> list[Frame]:
+        """Read the terrain with a lidar, a camera or a sonar; the frames, with points in the world.
+
+        Args:
+            sensor: sensor, or path of its file.
+            pose: x, y, z, and yaw, pitch, roll in degrees; rows of these for several.
+            poses: path of a CSV file with poses, in place of `pose`.
+            **options: options of `ScanOptions`, by name.
+
+        Raises:
+            RequestError: a pose is outside of the terrain or below the ground, or an option makes
+                no sense.
+            ReadError, DefinitionError: a file cannot be read, or has errors.
+        """
+        scan = _scan(sensor, pose, poses, fill(ScanOptions, options))
+        return list(scan.check_poses(self).read(self))
+
+    @takes(ScanOptions)
+    def write_scan(
+        self,
+        output: str | Path,
+        sensor: Sensor | str | Path,
+        pose: AnyPose | None = None,
+        *,
+        poses: str | Path | None = None,
+        frame: Literal["world", "sensor"] = "world",
+        misses: bool = False,
+        overwrite: bool = False,
+        **options: Any,
+    ) -> ScanReport:
+        """Write what a sensor reads into a file, as `terratool scan` does.
+
+        Args:
+            output: file to write, whose suffix names the format.
+            sensor: sensor, or path of its file.
+            pose: x, y, z, and yaw, pitch, roll in degrees; rows of these for several.
+            poses: path of a CSV file with poses, in place of `pose`.
+            frame: axes that points are in.
+            misses: whether rays without a reading are kept.
+            overwrite: whether files may exist.
+            **options: options of `ScanOptions`, by name.
+
+        Raises:
+            RequestError: the format does not hold the scan, a pose is outside of the terrain or
+                below the ground, or an option makes no sense.
+            ReadError, DefinitionError: a file cannot be read, or has errors.
+            WriteError: the file exists or cannot be written.
+        """
+        if frame not in ("world", "sensor"):
+            raise RequestError(f"The frame is {frame!r}.", "Choose world or sensor.")
+        scan = _scan(sensor, pose, poses, fill(ScanOptions, options))
+        wanted = ScanOutput(Path(output), frame == "world", misses, overwrite)
+        return export_scan(self, scan, wanted)
+
+    # --- other terrains ---------------------------------------------------------------------------
+
+    @takes(DiffOptions, without=("everywhere", "vehicles"))
+    def diff(
+        self,
+        other: UserTerrain | AnyDefinition,
+        *,
+        vehicles: AnyVehicle | Sequence[AnyVehicle] = (),
+        map: str | Path | None = None,  # noqa: A002 -- the option's name
+        picture: str | Path | None = None,
+        overwrite: bool = False,
+        **options: Any,
+    ) -> Difference:
+        """Say what differs from here to another terrain, the new one, as `terratool diff` does.
+
+        Args:
+            other: the new terrain, or its definition in any form that `load` takes.
+            vehicles: vehicles whose verdicts are compared.
+            map: path of a .tif with new less old heights; None for none.
+            picture: path of a .png of what was cut and filled; None for none.
+            overwrite: whether files may exist.
+            **options: options of `DiffOptions`, by name.
+
+        Raises:
+            ReadError, DefinitionError: a definition or vehicle cannot be read, or has errors.
+            RequestError: bounds or resolution make no grid, a vehicle cannot be asked there, or
+                there is no ground to be shown.
+            WriteError: a file exists, or cannot be written.
+        """
+        files = GroundFiles(map, picture, overwrite)
+        files.check()
+        driven = _vehicles(vehicles)
+        new = other if isinstance(other, UserTerrain) else load(other)
+        before, after = DiffSide(self._checked(), self), DiffSide(new._checked(), new)
+        wanted = fill(DiffOptions, options, vehicles=tuple(driven))
+        compared = diff(before, after, wanted)
+        files.write(compared, wanted)
+        return compared.difference
+
+
+@takes()
+def load(
+    definition: AnyDefinition,
+    library_roots: Sequence[str] = (),
+    *,
+    roughness: bool = True,
+) -> UserTerrain:
+    """Read, check and compile a definition.
+
+    Args:
+        definition: path of a file, JSON as text or bytes, a dictionary, or a `Definition`. A text
+            that begins with a brace is JSON.
+        library_roots: further folders under which the libraries that it uses may lie.
+        roughness: whether rough surfaces have their relief.
+
+    Raises:
+        ReadError: the file cannot be read.
+        DefinitionError: the definition is no valid terrain; the findings say why.
+    """
+    roots = tuple(map(str, library_roots))
+    checked = checked_source(source_of(definition), roots)
+    return UserTerrain(checked, roughness=roughness, library_roots=roots)
+
+
+def _vehicle(vehicle: AnyVehicle) -> Vehicle:
+    """Vehicle itself, or that of a file."""
+    return vehicle if isinstance(vehicle, Vehicle) else load_vehicle(vehicle)
+
+
+def _vehicles(vehicle: AnyVehicle | Sequence[AnyVehicle]) -> list[Vehicle]:
+    """One vehicle, or several by different names, those of their files where they have some.
+
+    Raises:
+        RequestError: a vehicle is given twice, or two cannot be told apart.
+    """
+    given = [vehicle] if isinstance(vehicle, AnyVehicle) else list(vehicle)
+    vehicles = list(map(_vehicle, given))
+    if len(vehicles) < 2:
+        return vehicles
+    labels = [one.name if isinstance(one, Vehicle) else str(one) for one in given]
+    return [
+        replace(vehicle, name=name)
+        for vehicle, name in zip(vehicles, names_of(labels), strict=True)
+    ]
+
+
+def _lines(routes: Sequence[Any]) -> tuple[Line, ...]:
+    """Starts and goals of ways.
+
+    Raises:
+        RequestError: one is not four numbers.
+    """
+    lines = [floats("a route", way, "x0, y0, x1, y1") for way in routes]
+    return tuple((x0, y0, x1, y1) for x0, y0, x1, y1 in lines)
+
+
+def _points(way: Any) -> Any:
+    """Points of a way, (n, 2) float64, or those of a file."""
+    if isinstance(way, str | Path):
+        return read_waypoints(way)
+    points = _numbers(way)
+    if points.ndim != 2 or points.shape[1] != 2 or len(points) < 2:
+        raise RequestError(
+            f"Waypoints are an array of shape {points.shape}.", "Give two or more rows of x and y."
+        )
+    return points
+
+
+def _scan(
+    sensor: Sensor | str | Path,
+    pose: AnyPose | None,
+    poses: str | Path | None,
+    options: ScanOptions,
+) -> Scan:
+    """Scan of a sensor from its poses.
+
+    Raises:
+        RequestError: there is no pose, there are two kinds of them, or a number makes no sense.
+    """
+    if (pose is None) == (poses is None):
+        raise RequestError(
+            "Nothing says where the sensor is."
+            if pose is None
+            else "Both --pose and --poses say where the sensor is.",
+            "Give pose=(x, y, z, yaw, pitch, roll), or the path of a file.",
+        )
+    where = _poses(pose) if poses is None else read_poses(poses)
+    return Scan(sensor if isinstance(sensor, Sensor) else load_sensor(sensor), where, options)
+
+
+def _poses(pose: Any) -> Poses:
+    """Poses of numbers."""
+    if isinstance(pose, Poses):
+        return pose
+    rows = np.atleast_2d(_numbers(pose))
+    if rows.ndim != 2 or rows.shape[1] != 6 or math.prod(rows.shape) == 0:
+        raise RequestError(
+            f"The pose is an array of shape {np.shape(pose)}.",
+            "Give six numbers, x, y, z, yaw, pitch, roll, or rows of them.",
+        )
+    return Poses.join([one_pose(tuple(row)) for row in rows.tolist()])
+
+
+def _numbers(value: Any) -> NDArray[np.float64]:
+    """Array of numbers; an empty one where the value holds something else."""
+    try:
+        return np.asarray(value, np.float64)
+    except (TypeError, ValueError):
+        return np.zeros(0)

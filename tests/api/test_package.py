@@ -1,0 +1,114 @@
+"""The package as a whole: names, help, types, and how fast it is there."""
+
+from __future__ import annotations
+
+import inspect
+import pydoc
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import terratool
+from tests import stubs
+from tests.commands import ENVIRONMENT, ROOT
+
+NAMES = ["Definition", "Terrain", "check", "import_primitive", "import_terrain", "load", "new"]
+
+
+def test_it_is_there_at_once_and_without_numpy() -> None:
+    """Within 50 ms, even on a machine that does something else; completion loads nothing."""
+    code = "import terratool, sys; dir(terratool); assert 'numpy' not in sys.modules"
+    fastest = 1e9
+    for _ in range(3):
+        done = subprocess.run(
+            [sys.executable, "-X", "importtime", "-c", code],
+            capture_output=True, text=True, cwd=ROOT, env=ENVIRONMENT, check=True,
+        )  # fmt: skip
+        [line] = re.findall(
+            r"^import time: +\d+ \| +(\d+) \| terratool$", done.stderr, re.MULTILINE
+        )
+        fastest = min(fastest, int(line) / 1000)
+    assert fastest < 50
+
+
+def test_completion_and_stars_find_the_public_names() -> None:
+    assert set(NAMES) <= set(dir(terratool))
+    assert set(terratool.__all__) <= set(dir(terratool))
+    assert not any(name.startswith("_") for name in terratool.__all__)
+    names: dict[str, object] = {}
+    exec("from terratool import *", names)
+    assert set(terratool.__all__) <= set(names)
+    with pytest.raises(AttributeError, match="lod"):
+        terratool.lod  # noqa: B018
+
+
+def test_help_shows_what_there_is() -> None:
+    """Classes and functions with their names and options, and nothing of how they are found."""
+    shown = pydoc.plain(pydoc.render_doc(terratool))
+    assert "__getattr__" not in shown and "_HOMES" not in shown
+    for name in terratool.__all__:
+        kind = "class " if inspect.isclass(getattr(terratool, name)) else ""
+        assert re.search(rf"^    {kind}{name}\(", shown, re.MULTILINE), name
+    assert "exaggeration: factor on heights of a section" in shown  # an option of render
+    assert "stairs: " in shown and "steps" in shown  # a kind of new terrain
+
+
+def test_everything_public_is_explained() -> None:
+    for name in terratool.__all__:
+        found = getattr(terratool, name)
+        assert inspect.getdoc(found), name
+        for own, member in vars(found).items() if name in ("Terrain", "Definition") else ():
+            if not own.startswith("_"):
+                assert inspect.getdoc(member), f"{name}.{own}"
+
+
+def test_types_are_those_of_the_records() -> None:
+    """`make stubs` has been run since an option changed."""
+    assert stubs.same(stubs.StubWriter().text(), stubs.STUB.read_text("utf-8"))
+    assert (stubs.STUB.parent / "py.typed").exists()
+
+
+RIGHT = """
+import terratool
+text: str = terratool.new("stairs", rise=0.15, size=(8, 4))
+terrain = terratool.load(text)
+width: int = terrain.to_dem(resolution=0.5, layers=["slope"]).shape[1]
+terrain.render("a.png", contours="auto", overwrite=True).width
+terrain.render(layer="slope").savefig("b.png")
+terrain.write_mesh("a.obj", origin="world", max_error=0.1)
+definition = terratool.Definition(size=(20, 12), crs="EPSG:32633")
+definition.surface("sand", preset="dry-sand", fric_angle=[26, 30])
+definition.add("box", at=(1, 2), extent=3, repeat={"count": (2, 2), "step": (1, 1)}).add("box")
+terrain.diff(definition, vehicles="v.json").same
+terratool.import_terrain("dem.tif", max_error=0.1).elements
+terratool.import_terrain("dem.tif", "site.json", max_error=0.1).bound
+"""
+WRONG = """
+import terratool
+terratool.new("stairs", rize=0.15)
+terratool.new("flat", soil="mud")
+terrain = terratool.load("a.json")
+terrain.write_mesh("a.obj", origin="centre")
+terrain.to_dem(resolutoin=0.5)
+terrain.render("a.png").savefig("b.png")
+terratool.Definition(size=(20, 12)).add("box", vscale=3)
+"""
+
+
+@pytest.mark.slow
+def test_a_type_checker_knows_the_options(tmp_path: Path) -> None:
+    """What is right passes, and each line but the first and the fourth of what is wrong fails."""
+    pytest.importorskip("mypy")
+    (tmp_path / "right.py").write_text(RIGHT)
+    (tmp_path / "wrong.py").write_text(WRONG)
+    command = [sys.executable, "-m", "mypy", "--no-incremental", "--strict", "--no-error-summary"]
+    settings = ["--config-file", str(ROOT / "pyproject.toml"), "--follow-imports", "silent"]
+    done = subprocess.run(
+        [*command, *settings, "right.py", "wrong.py"],
+        capture_output=True, text=True, cwd=tmp_path, env=ENVIRONMENT, check=False,
+    )  # fmt: skip
+    found = {tuple(found) for found in re.findall(r"^(\w+)\.py:(\d+): error", done.stdout, re.M)}
+    assert found == {("wrong", str(line)) for line in (3, 4, 6, 7, 8, 9)}, done.stdout
