@@ -193,10 +193,12 @@ def prepare_assessment(
         overwrite: whether the map's files may exist already.
 
     Raises:
-        RequestError: a place lies outside the terrain or its part, or an option makes no sense.
+        RequestError: a place lies outside the terrain or its part, an option makes no sense, or the
+            terrain is in degrees.
         WriteError: the map exists already, or does not fit on the disk.
         DefinitionError: the map has a CRS, which is unknown.
     """
+    terrain.refuse_degrees("A vehicle")
     terrain = terrain.written_out
     check_preference(request.prefer)
     thread_count(request.threads)
@@ -242,8 +244,10 @@ def chosen_resolution(terrain: Terrain, vehicle: Vehicle, request: Request, writ
     """The resolution that a request has, or gets, m; `written` says that the map goes into a file.
 
     Raises:
-        RequestError: the bounds lie outside the terrain, or are too large for the pixels.
+        RequestError: the bounds lie outside the terrain, or are too large for the pixels, or the
+            terrain is in degrees.
     """
+    terrain.refuse_degrees("A vehicle")
     return _grids(terrain.written_out, vehicle, request, written).grid.resolution
 
 

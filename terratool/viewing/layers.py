@@ -253,6 +253,8 @@ def _number_layer(terrain: Terrain, grid: Grid, planes: Planes, layer: str) -> L
     """The layer `height`, `slope` or `friction`, with a scale of colours."""
     from matplotlib import colormaps
 
+    if LAYERS[layer].slopes:
+        terrain.refuse_degrees(f"The layer {layer}")
     bands, ground = np.empty((1, *planes.heights.shape)), ~np.isnan(planes.heights)
     layer_painter(LayerBands.of([LAYERS[layer]], np.dtype(np.float64)), terrain)(planes, bands)
     values = bands[0]
@@ -278,6 +280,7 @@ def _verdict_layer(
     terrain: Terrain, grid: Grid, planes: Planes, judge: Judge, progress: Callable[[str], object]
 ) -> LayerPicture:
     """The layer `traversability`: classes of a map of its own, at the pixels of the picture."""
+    terrain.refuse_degrees("A vehicle")
     terrain = terrain.written_out
     bounds = grid.bounds
     part = _clip_to_terrain(terrain, bounds)

@@ -31,6 +31,7 @@ NAMES = {
     "TT113": "unused-ignore",
     "TT114": "no-crs",
     "TT115": "unknown-crs",
+    "TT116": "degrees",
     "TT201": "unknown-primitive",
     "TT202": "unknown-surface",
     "TT203": "outside-grid",
