@@ -26,7 +26,9 @@ from terratool.text.display import Excerpt, printable
 SARIF_SCHEMA = "https://docs.oasis-open.org/sarif/sarif/v2.1.0/os/schemas/sarif-schema-2.1.0.json"
 _HOME = "https://doi.org/10.2507/26th.daaam.proceedings.056"
 """Address of the paper on the model, as the project has none of its own yet."""
-_COLORS = {"error": "red", "warning": "yellow"}
+_COLORS = {"error": "red", "warning": "yellow", "note": "cyan"}
+_IN_WORKFLOWS = {"error": "error", "warning": "warning", "note": "notice"}
+_IN_GITLAB = {"error": "major", "warning": "minor", "note": "info"}
 _LISTED = 12
 """Most other places of a group that are named."""
 
@@ -49,6 +51,7 @@ class ValidationSummary(Struct, frozen=True):
         unreadable: number of files that could not be read.
         errors: number of errors, listed or not.
         warnings: number of warnings, listed or not.
+        notes: number of notes, listed or not.
         hidden: number of findings that are counted but not listed.
         known: number of findings that are left out, as a baseline has them.
     """
@@ -59,6 +62,7 @@ class ValidationSummary(Struct, frozen=True):
     unreadable: int = 0
     errors: int = 0
     warnings: int = 0
+    notes: int = 0
     hidden: int = 0
     known: int = 0
 
@@ -181,6 +185,8 @@ def _summary_line(summary: ValidationSummary) -> str:
     if summary.unreadable:
         parts.append(f"{summary.unreadable:,} unreadable")
     parts += [_count(summary.errors, "error"), _count(summary.warnings, "warning")]
+    if summary.notes:
+        parts.append(count_of(summary.notes, "note"))
     end = "."
     if summary.hidden:
         end = f"; {summary.hidden:,} of them not listed (see --max-findings)."
@@ -222,7 +228,7 @@ def as_github(report: ValidationReport) -> str:
         f = group.first
         place = {"file": f.file, "line": f.line, "col": f.column, "title": f.code}
         text = "\n".join(filter(None, (f.message, f.hint, group.rest())))
-        lines.append(annotation(f.severity, place, text))
+        lines.append(annotation(_IN_WORKFLOWS[f.severity], place, text))
     for file in report.unreadable:
         what = f"{file.message}\n{file.hint}"
         lines.append(annotation("error", {"file": file.file, "title": "unreadable"}, what))
@@ -334,16 +340,18 @@ def as_junit(report: ValidationReport) -> str:
     for file, groups in suites.items():
         suite = Xml.SubElement(
             top, "testsuite", name=xml_text(file), tests=str(max(1, len(groups))),
-            failures=str(len(groups)), errors="0",
+            failures=str(sum(group.first.severity != "note" for group in groups)), errors="0",
         )  # fmt: skip
         for group in groups:
             f = group.first
             case = Xml.SubElement(
                 suite, "testcase", classname=xml_text(file), name=f"{f.code} at {f.line}:{f.column}"
             )
-            failure = Xml.SubElement(case, "failure", type=f.severity, message=xml_text(f.message))
+            said = Xml.SubElement(case, "system-out" if f.severity == "note" else "failure")
+            if f.severity != "note":
+                said.attrib.update(type=f.severity, message=xml_text(f.message))
             lines = (f"{file}:{f.line}:{f.column}: {f.message}", f.hint, group.rest())
-            failure.text = xml_text("\n".join(filter(None, lines)))
+            said.text = xml_text("\n".join(filter(None, lines)))
         if not groups:
             Xml.SubElement(suite, "testcase", classname=xml_text(file), name="valid")
     for unread in report.unreadable:
@@ -369,7 +377,7 @@ def as_gitlab(report: ValidationReport) -> str:
                 filter(None, (group.first.message, group.first.hint, group.rest()))
             ),
             "check_name": group.first.code,
-            "severity": {"error": "major", "warning": "minor"}[group.first.severity],
+            "severity": _IN_GITLAB[group.first.severity],
             "fingerprint": mark,
             "location": {"path": _relative(group.first.file), "lines": {"begin": group.first.line}},
         }
@@ -409,7 +417,7 @@ _HEAD = b"|".join(
     )
 )
 """Pattern of the beginnings of reports in JSON, SARIF, JUnit's XML and GitLab's JSON."""
-_LINE = rb"(?:[^\n]+:\d+:\d+: (?:error|warning) TT\d+: [^\n]*|::(?:error|warning) [^\n]*|  [^\n]*)?"
+_LINE = rb"(?:[^\n]+:\d+:\d+: (?:error|warning|note) TT\d+: [^\n]*|::(?:error|warning|notice) [^\n]*|  [^\n]*)?"
 _LAST = (
     rb"(?:no files|[\d,]+ files?) checked, (?:[\d,]+ (?:invalid|unreadable), )*"
     rb"(?:no|[\d,]+) errors?, (?:no|[\d,]+) warnings?[^\n]*\."

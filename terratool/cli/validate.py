@@ -283,6 +283,7 @@ class _ValidationTally(Struct):
             unreadable=len(self.unreadable),
             errors=by_severity["error"],
             warnings=by_severity["warning"],
+            notes=by_severity["note"],
             hidden=self.counts.total() - len(listed),
             known=self.known,
         )

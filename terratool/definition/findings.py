@@ -14,7 +14,8 @@ from terratool.text.display import Excerpt
 if TYPE_CHECKING:
     from terratool.text.edit import Edit
 
-Severity = Literal["error", "warning"]
+Severity = Literal["error", "warning", "note"]
+"""An error makes a text invalid, a warning does so where asked, a note never does."""
 Bounds = tuple[float, float, float, float]
 """World rectangle: west, south, east, north."""
 Owner = int | str
