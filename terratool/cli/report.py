@@ -51,9 +51,9 @@ class ValidationSummary(Struct, frozen=True):
         unreadable: number of files that could not be read.
         errors: number of errors, listed or not.
         warnings: number of warnings, listed or not.
-        notes: number of notes, listed or not.
         hidden: number of findings that are counted but not listed.
         known: number of findings that are left out, as a baseline has them.
+        notes: number of notes, listed or not.
     """
 
     files: int = 0
@@ -62,9 +62,9 @@ class ValidationSummary(Struct, frozen=True):
     unreadable: int = 0
     errors: int = 0
     warnings: int = 0
-    notes: int = 0
     hidden: int = 0
     known: int = 0
+    notes: int = 0
 
 
 class FindingGroup(Struct, frozen=True):

@@ -79,6 +79,11 @@ class RemarkLog(Struct):
         """Whether no more remarks of a code will be kept."""
         return self.counts[code] >= self.limit
 
+    def drop(self, code: str) -> None:
+        """Forget the remarks of a code."""
+        self.kept = [kept for kept in self.kept if kept[0] != code]
+        del self.counts[code]
+
     def keep(self, code: str, remark: Remark) -> None:
         """Keep a remark that `wants` counted."""
         self.kept.append((code, remark))

@@ -397,6 +397,8 @@ def _full_result(document: SourceDocument, options: CheckOptions) -> Checked:
         return own.checked
     broken = {id(library): _own_result(library, options).checked for library in bad}
     found = own.found.copy()
+    for code in [code for code in found.counts if RULES[code].severity == "note"]:
+        found.drop(code)
     found.take("TT706", _broken_libraries(document, broken))
     findings = _locate_findings(document.source, found, document.decoded, options)
     return Checked(findings, found.counts, name=document.source.name)
@@ -546,8 +548,11 @@ def _apply_rules(document: SourceDocument, found: RemarkLog, options: CheckOptio
     decoded = document.decoded
     ignores = IgnoreLists(decoded.ignores)
     subjects = _subjects(document, options)
-    for rule in RULES.values():
+    # notes are of texts without errors
+    for rule in sorted(RULES.values(), key=lambda rule: rule.severity == "note"):
         if rule.check is None or not (options.warnings or rule.severity == "error"):
+            continue
+        if rule.severity == "note" and any(RULES[c].severity == "error" for c in found.counts):
             continue
         for kind, subject in subjects:
             if rule.kind != kind:

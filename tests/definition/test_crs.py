@@ -27,7 +27,7 @@ from terratool.traversability.ruts import deform
 from terratool.traversability.vehicle import load_vehicle
 from tests.commands import ROOT, call
 
-BOX = {"size": 10, "elemTypes": {"box": {"x": [1]}}, "elemTree": {"type": "box"}}
+BOX = {"size": 10, "elemTypes": {"box": {"x": [1]}}, "elemTree": {"type": "box", "vScale": 1}}
 WEB_MERCATOR = (
     "+proj=merc +a=6378137 +b=6378137 +lat_ts=0 +lon_0=0 +x_0=0 +y_0=0 +k=1 +units=m "
     "+nadgrids=@null +wktext +no_defs"

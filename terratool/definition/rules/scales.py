@@ -62,7 +62,7 @@ def default_scale(subject: Subject) -> Iterator[Remark]:
     """
     tree = subject.tree
     scales, lacking = tree.column("v_scale"), tree.count_lacking("v_scale")
-    if subject.is_library or lacking == len(tree):
+    if subject.is_library or lacking == len(tree) or subject.definition.size is UNSET:
         return
     if lacking == scales[: len(tree.roots)].count(UNSET):
         return
@@ -106,7 +106,7 @@ def default_height(subject: Subject) -> Iterator[Remark]:
     """
     elements = default_elements(subject)
     first = next(elements, -1)
-    if first < 0 or subject.unfit:
+    if first < 0:
         return
     cell = subject.tree.rectangle(first, subject.definition)
     if cell is None:
