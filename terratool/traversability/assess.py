@@ -479,7 +479,8 @@ def _judge_map(
     reach = None
     if start is not None:
         note = "" if found.reached.any() else _no_start_note(prepared, start)
-        reach = reach_of(terrain, start, found, builder.ground, note)
+        counted = builder.ground & (classes != GroundClass.EDGE)
+        reach = reach_of(terrain, start, found, counted, note)
     return _MapResult(builder.summary(classes, found, start), reach, builder.preview(classes))
 
 
@@ -549,8 +550,8 @@ def verdict_of(summary: MapSummary | None, routes: Sequence[Route]) -> Verdict:
     """The verdict of the worst route; without routes, of the ground.
 
     Ground that is all go is go. Ground with connected pixels that are go or caution is
-    caution. Other ground is no-go, or unknown if all of it is unknown. Pixels where the vehicle
-    would stand over the edge of the terrain count only where there are no others.
+    caution. Other ground is no-go, or unknown if all of it is unknown. Pixels at the edge of the
+    terrain, which only its end bars, count only where there are no others.
     """
     if routes:
         return max((route.verdict for route in routes), key=RANKS.__getitem__)

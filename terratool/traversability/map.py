@@ -60,16 +60,17 @@ def map_bands(measures: WindowMeasures, inside: NDArray[np.bool_]) -> MapBands:
     """Reduce the measures of all headings to one number for each pixel and band of a map.
 
     The best heading has the best verdict, and among equal verdicts the most in reserve; the worst
-    heading has the worst verdict, and the least in reserve, of those with which the vehicle does
-    not stand over the rim, if there are any. Of equals the first from north counts.
+    heading has the worst verdict, and the least in reserve. Of equals the first from north counts.
+    Headings with which the vehicle stands over the rim count only where there are no others.
     Pixels not `inside` the terrain, (height, width), are NaN, or 0 in bands of integers.
     """
     share = measures.numbers[:, kernels.UTILISATION].astype(np.float64)
     reserve = np.ones_like(share)
     np.divide(share, 1.0 + share, out=reserve, where=np.isfinite(share))
     order = 2.0 * RANKS[measures.verdict] + reserve
-    best = np.argmin(order, axis=0)[None]
-    worst = np.argmax(np.where(measures.reason == Reason.EDGE, -1.0, order), axis=0)[None]
+    over = measures.reason == Reason.EDGE
+    best = np.argmin(np.where(over, np.inf, order), axis=0)[None]
+    worst = np.argmax(np.where(over, -1.0, order), axis=0)[None]
 
     def at(heading: Any, values: NDArray[Any]) -> NDArray[Any]:
         return np.asarray(np.take_along_axis(values, heading, axis=0)[0])

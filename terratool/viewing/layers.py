@@ -302,8 +302,9 @@ def _verdict_layer(
         Swatch(code.label, COLORS[code], _HATCHES.get(code, "")) for code in order if seen[code]
     ]
     share = seen[GroundClass.GO] + seen[GroundClass.CAUTION]
+    counted = int(seen.sum() - seen[GroundClass.EDGE])
     notes = [
-        f"{verdict.vehicle} can drive on {share / max(1, int(seen.sum())):.0%} of the ground drawn;"
+        f"{verdict.vehicle} can drive on {share / max(1, counted):.0%} of the ground drawn;"
         f" judged at pixels of {resolution:.4g} m ({why})."
     ]
     if verdict.lacking:
