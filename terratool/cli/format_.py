@@ -42,8 +42,9 @@ def command(ctx: click.Context, files: tuple[str, ...], only_check: bool, explic
     Keys stand in the format's order, short vectors and members share a line, lines have up to 120
     characters. Numbers and texts stay as they are spelled, keys of your own are kept. - reads
     standard input and writes to standard output. Of a DIR all *.json are laid out; compressed files
-    are not. --explicit also adds to the elements of terrains what rule TT214 remarks on. Exits 1 if a text is no JSON object, or with --check if one is not laid out so, and 3
-    if one cannot be read or written.
+    are not. --explicit adds what TT214 remarks on to terrains without errors. Exits 1 if a text is
+    no JSON object, or with --check if one is not laid out so, and 3 if one cannot be read or
+    written.
     """
     changed = broken = count = 0
     failed: list[ReadError | WriteError] = []

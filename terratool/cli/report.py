@@ -1,11 +1,11 @@
-"""Reports of `validate`: the result, and a table of functions that format it."""
+"""Reports of findings: the result, and a table of functions that format it."""
 
 from __future__ import annotations
 
 import os
 import re
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 import click
@@ -91,6 +91,8 @@ class ValidationReport(Struct, frozen=True):
         summary: numbers of files and findings.
         files: names of the files that were read.
         statistics: number of findings by code; None unless asked for.
+        further: rules of the command's own, beside those on texts.
+        command: command that found them.
     """
 
     findings: tuple[Finding, ...]
@@ -98,6 +100,13 @@ class ValidationReport(Struct, frozen=True):
     summary: ValidationSummary
     files: tuple[str, ...] = ()
     statistics: dict[str, int] | None = None
+    further: tuple[Rule, ...] = ()
+    command: str = "validate"
+
+    @property
+    def rules(self) -> Mapping[str, Rule]:
+        """Rules that findings may be of, by code."""
+        return RULES | {rule.code: rule for rule in self.further}
 
     def groups(self) -> list[FindingGroup]:
         """Findings in groups of equal messages, in the order of the first of each."""
@@ -164,7 +173,8 @@ def as_text(report: ValidationReport) -> str:
         lines.append("")
     statistics = report.statistics or {}
     for code, count in sorted(statistics.items(), key=lambda item: (-item[1], item[0])):
-        lines.append(f"{count:>8,}  {code}  {RULES[code].severity:7}  {RULES[code].name}")
+        rule = report.rules[code]
+        lines.append(f"{count:>8,}  {code}  {rule.severity:7}  {rule.name}")
     if statistics:
         lines.append("")
     return "\n".join([*lines, _summary_line(report.summary)])
@@ -237,13 +247,13 @@ def as_github(report: ValidationReport) -> str:
 
 def as_sarif(report: ValidationReport) -> str:
     """SARIF 2.1.0, which code scanning services take."""
-    places = {code: index for index, code in enumerate(RULES)}
+    places = {code: index for index, code in enumerate(report.rules)}
     driver = {
         "name": "terratool",
         "version": __version__,
         "semanticVersion": __version__,
         "informationUri": _HOME,
-        "rules": [_rule(rule) for rule in RULES.values()],
+        "rules": [_rule(rule) for rule in report.rules.values()],
     }
     notes = [
         {
@@ -336,7 +346,7 @@ def as_junit(report: ValidationReport) -> str:
     suites: dict[str, list[FindingGroup]] = {file: [] for file in report.files}
     for group in report.groups():
         suites.setdefault(group.first.file, []).append(group)
-    top = Xml.Element("testsuites", name="terratool validate")
+    top = Xml.Element("testsuites", name=f"terratool {report.command}")
     for file, groups in suites.items():
         suite = Xml.SubElement(
             top, "testsuite", name=xml_text(file), tests=str(max(1, len(groups))),
@@ -411,13 +421,17 @@ _HEAD = b"|".join(
         rb'\{\n  "format_version": \d+,\n  "findings": \[',
         rb'\{\n  "\$schema": "[^"\n]*",\n  "version": "2\.1\.0",\n  "runs": \[\n    \{\n'
         rb'      "tool": \{\n        "driver": \{\n          "name": "terratool",',
-        rb'<\?xml version="1\.0" encoding="UTF-8"\?>\n<testsuites name="terratool validate"',
+        rb'<\?xml version="1\.0" encoding="UTF-8"\?>\n'
+        rb'<testsuites name="terratool (?:validate|traversability)"',
         rb"\[\]\n\Z",
-        rb'\[\n  \{\n    "description": "[^\n]*",\n    "check_name": "(?:TT\d+|unreadable)",\n',
+        rb'\[\n  \{\n    "description": "[^\n]*",\n    "check_name": "(?:T[TD]\d+|unreadable)",\n',
     )
 )
 """Pattern of the beginnings of reports in JSON, SARIF, JUnit's XML and GitLab's JSON."""
-_LINE = rb"(?:[^\n]+:\d+:\d+: (?:error|warning|note) TT\d+: [^\n]*|::(?:error|warning|notice) [^\n]*|  [^\n]*)?"
+_LINE = (
+    rb"(?:[^\n]+:\d+:\d+: (?:error|warning|note) T[TD]\d+: [^\n]*"
+    rb"|::(?:error|warning|notice) [^\n]*|  [^\n]*)?"
+)
 _LAST = (
     rb"(?:no files|[\d,]+ files?) checked, (?:[\d,]+ (?:invalid|unreadable), )*"
     rb"(?:no|[\d,]+) errors?, (?:no|[\d,]+) warnings?[^\n]*\."
@@ -427,7 +441,7 @@ _LOOKED_AT = 1 << 16
 
 
 def is_report(name: str) -> bool:
-    """Whether a file is a report of `validate` in any format, by its first and last 64 KiB."""
+    """Whether a file is a report of findings in any format, by its first and last 64 KiB."""
     try:
         with open(name, "rb") as file:
             head = file.read(_LOOKED_AT)

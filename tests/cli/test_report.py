@@ -34,7 +34,7 @@ from terratool.text.source import Source
 from tests.commands import COMMAND, ENVIRONMENT, ROOT, call, run
 from tests.layouts import Cursor
 
-TYPES = '"elemTypes":{"b":{"x":[1]}},"elemTree":{"type":"b","vScale":1}'
+TYPES = '"elemTypes":{"b":{"x":[1]}},"elemTree":{"type":"b"}'
 FAULT = '"size":0,' + TYPES + "}"
 # Four columns of 10 and two rows of 10, from (100, -50) on. The child spans columns 1 and 2 of the
 # upper row; it has five columns of 4 and four rows of 2.5, of which its child is in the last.
@@ -79,7 +79,7 @@ def test_a_finding_in_full() -> None:
     text = '{\n  "descr": "é",\n  "size": 0, ' + TYPES + "\n}"
     assert plain(report_on(text)) == (
         '0.json:3:11: error TT106: "size" is 0, out of its range.\n'
-        '  3 | "size": 0, "elemTypes":{"b":{"x":[1]}},"elemTree":{"type":"b","vScale":1}\n'
+        '  3 | "size": 0, "elemTypes":{"b":{"x":[1]}},"elemTree":{"type":"b"}\n'
         "    |         ^\n"
         "  Write a side length above 0, from 1e-30 to 1e30, or a pair [x, y] of them.\n"
         "\n"
