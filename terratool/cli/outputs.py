@@ -20,7 +20,7 @@ class ReportPlan(Struct, frozen=True):
     """Formats of a report, and where each goes.
 
     Attributes:
-        form: format on standard output.
+        form: format on standard output; empty for none.
         outputs: formats with their files.
         settings: settings that name the files of `outputs`; None where the user does.
     """
@@ -99,4 +99,5 @@ class ReportPlan(Struct, frozen=True):
             with whole_file(out, overwrite=True) as part:
                 text = click.unstyle(REPORTERS[form](report))
                 part.write_text(text + "\n", encoding="utf-8", newline="\n")
-        say_block(REPORTERS[self.form](report), machine=self.form != "text")
+        if self.form:
+            say_block(REPORTERS[self.form](report), machine=self.form != "text")

@@ -18,9 +18,13 @@ from terratool.cli.saying import say, say_block, say_error
 from terratool.cli.terminal import StatusLine, load
 
 if TYPE_CHECKING:
-    from terratool.traversability.assess import PreparedRequest
+    from collections.abc import Callable
+
+    from terratool.cli.config import Config, DriveSettings
+    from terratool.traversability.assess import PreparedRequest, Request
     from terratool.traversability.conditions import Condition
     from terratool.traversability.results import Reports, TraversabilityReport
+    from terratool.traversability.vehicle import Vehicle
 
 # equal to those of route.graph, vehicle and ranges of terratool.traversability, which are not
 # imported for --help; tests check
@@ -34,7 +38,7 @@ SAMPLES = (256, 16, 1024)  # default, least, most
     epilog="Example: terratool traversability samples/ramp-yard.json "
     "--vehicle samples/vehicles/husky-a200.json --route 4 60 70 8 --report yard.html",
 )
-@click.argument("file")
+@click.argument("files", nargs=-1, metavar="[FILE|DIR]...")
 @vehicles_options
 @click.option(
     "--model",
@@ -136,13 +140,22 @@ SAMPLES = (256, 16, 1024)  # default, least, most
     metavar="WHAT",
     help="End with 1 if no-route, caution, no-go or unknown, or on a figure: no-go-fraction>0.3.",
 )
+@click.option(
+    "--format",
+    "formats",
+    multiple=True,
+    metavar="FORM[=OUT]",
+    help="How findings on files are written, as by validate: text, json, sarif, github, junit, "
+    "gitlab.",
+)
+@click.option("--config", "config_file", metavar="FILE", help="Settings, in place of those found.")
 @click.option("--threads", type=click.IntRange(1), metavar="N", help="Default: all processors.")
 @click.option("--overwrite", is_flag=True, help="Replace files that exist.")
 @click.option("--json", "as_json", is_flag=True, help="Write the report as JSON, no table.")
 @roughness_option
 @library_root_option
 def command(
-    file: str,
+    files: tuple[str, ...],
     model: str,
     reports: tuple[str, ...],
     map_: str | None,
@@ -157,12 +170,14 @@ def command(
     samples: int,
     seed: int,
     conditions: tuple[str, ...],
+    formats: tuple[str, ...],
+    config_file: str | None,
     threads: int | None,
     overwrite: bool,
     as_json: bool,
     **values: Any,
 ) -> int:
-    """Say whether a vehicle can drive on the terrain FILE, where not, and why.
+    """Say whether a vehicle can drive on a terrain, FILE, where not, and why.
 
     For each surface: how deep the wheels sink, what they pull, what they climb. For each place and
     heading: go, caution or no-go, and what binds; --map writes that. --route looks for a way, and
@@ -172,13 +187,21 @@ def command(
     Several --vehicle are compared; maps have the vehicles' names in theirs. The command ends with
     1 if it would with any of them alone.
 
+    Of several FILEs, or the terrains in a DIR, a table says what becomes of each. What fails is
+    a finding; all are judged, and the command ends with 1, or 3 if one cannot be read. Vehicles,
+    routes, conditions and paths may stand in .terratool.toml, under [traversability].
+
     --fail-on compares a figure by >, >=, < or <=: go-, caution-, no-go-, unknown-, one-way-,
     cut-off-, edge- or reachable-fraction, route-length (m), route-time (s), route-energy (J),
     least-margin, steepest (degrees), sinkage (m).
     """
+    from dataclasses import replace
     from pathlib import Path
 
+    from terratool.cli.config import DriveSettings, project_settings
+    from terratool.cli.gate import asked_of
     from terratool.output import whole_file
+    from terratool.text.source import is_folder
     from terratool.traversability.assess import Request
     from terratool.traversability.compare import prepare
     from terratool.traversability.conditions import parse
@@ -186,7 +209,31 @@ def command(
     from terratool.traversability.results import VehicleComparison
     from terratool.traversability.route.waypoints import read_waypoints
 
-    checks = [parse(text) for text in conditions]
+    settings = project_settings(config_file)
+    for text in conditions:
+        parse(text)
+    wheel = any(values[name] is not None for name in ("wheel_radius", "wheel_width", "load"))
+    own = DriveSettings(
+        vehicles=() if wheel else values["vehicle"] or None, routes=routes or None, start=start,
+        fail_on=conditions or None, resolution=resolution,
+    )  # fmt: skip
+    base = Request(
+        waypoints=tuple(map(read_waypoints, waypoints)), returns=returns, prefer=prefer,
+        bounds=bounds, headings=headings, samples=samples, seed=seed, threads=threads,
+    )  # fmt: skip
+
+    def vehicles_of(paths: tuple[str, ...]) -> list[Vehicle]:
+        return [one.by_model(model) for one in vehicles_from({**values, "vehicle": paths})]
+
+    if len(files) != 1 or is_folder(files[0]) or formats:
+        for option, given in (("--report", reports), ("--map", map_)):
+            if given:
+                raise click.UsageError(f"{option} is of one terrain. Name one FILE, or drop it.")
+        return _judge_many(files, formats, settings, own, base, vehicles_of, as_json)
+    (file,) = files
+    asked = asked_of(file, own, settings)
+    routes, start, resolution = asked.routes or (), asked.start, asked.resolution
+    checks = [parse(text) for text in asked.fail_on or ()]
     travels = bool(routes or waypoints)
     lines_only, curves = (
         [path for path in reports if Path(path).suffix.lower() == suffix]
@@ -194,24 +241,17 @@ def command(
     )
     routed = [*lines_only, *["--return"] * returns]
     _refuse_unasked(checks, travels, start is not None, routed, curves, model)
-    paths = values["vehicle"]
+    paths = asked.vehicles or ()
     renderers = list(map(renderer_of, reports))
     _refuse_outputs((file, *paths, *waypoints), reports, _maps(map_, paths), overwrite)
-    vehicles = [vehicle.by_model(model) for vehicle in vehicles_from(values)]
+    vehicles = vehicles_of(paths)
     wants_map = map_ is not None or len(lines_only) + len(curves) < len(reports)
-    request = Request(
+    request = replace(
+        base,
         routes=routes,
-        waypoints=tuple(map(read_waypoints, waypoints)),
-        returns=returns,
         start=start,
-        prefer=prefer,
         resolution=resolution,
-        bounds=bounds,
-        headings=headings,
         mapped=wants_map or any(check.needs == "map" for check in checks),
-        threads=threads,
-        samples=samples,
-        seed=seed,
     )
     planned, notes = prepare(load(file), vehicles, request, map_path=map_, overwrite=overwrite)
     doing = "judging" if planned[0].pixels else "looking for ways"
@@ -225,6 +265,25 @@ def command(
         for part, render in zip(parts, renderers, strict=True):
             part.write_text(render(result), encoding="utf-8", newline="\n")
     return _print_result(result, checks, as_json)
+
+
+def _judge_many(
+    files: tuple[str, ...], formats: tuple[str, ...], settings: Config, own: DriveSettings,
+    base: Request, vehicles: Callable[[tuple[str, ...]], list[Vehicle]], as_json: bool,
+) -> int:  # fmt: skip
+    """Judge several files; return the exit code."""
+    from terratool.cli.gate import GatePlan, judge_many
+    from terratool.cli.options import has_roughness, library_roots
+    from terratool.cli.outputs import ReportPlan
+    from terratool.raster.export import thread_count
+
+    if as_json and any("=" not in text for text in formats):
+        raise click.UsageError("Both --json and --format are for standard output. Keep one.")
+    reports = ReportPlan.of(formats, settings.traversability.formats, settings)
+    plan = GatePlan(
+        files, reports, settings, own, base, vehicles, library_roots(), has_roughness(), as_json
+    )
+    return judge_many(plan, thread_count(base.threads))
 
 
 def _assess(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import math
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from itertools import chain
 from pathlib import Path
 from typing import Any, NoReturn
@@ -15,11 +15,12 @@ import msgspec
 from msgspec import Struct, field, structs
 
 from terratool.cli.baseline import KnownFindings, read_baseline, write_baseline
-from terratool.cli.config import Config, find_config, read_config
+from terratool.cli.config import Config, project_settings
 from terratool.cli.options import library_root_option, library_roots
 from terratool.cli.outputs import ReportPlan
 from terratool.cli.report import REPORTERS, Unreadable, ValidationReport, ValidationSummary
 from terratool.cli.saying import say, say_error
+from terratool.cli.sources import files_of
 from terratool.cli.terminal import StatusLine, short_name
 from terratool.definition.findings import Finding
 from terratool.definition.reader import Checked, CheckOptions, check, new_shelf
@@ -34,7 +35,6 @@ from terratool.text.source import (
     leads_out,
     read_source,
     real_path,
-    sources,
     write_source,
 )
 
@@ -107,12 +107,7 @@ def _settings(config_file: str | None) -> Config:
         ReadError: the file of settings cannot be read.
         RequestError: the file has an unknown setting or code.
     """
-    if config_file is None:
-        settings: Config | None = find_config(Path.cwd())
-    else:
-        settings = read_config(Path(config_file), named=True)
-    if settings is None:
-        raise RequestError(f"{config_file}: has no [tool.terratool].", "Add that table.")
+    settings = project_settings(config_file)
     for codes in (settings.select, settings.ignore, *settings.per_file_ignores.values()):
         try:
             _known_codes(codes)
@@ -348,7 +343,7 @@ class _ValidationJob(Struct, frozen=True):
             WriteError: a file cannot be written.
         """
         for given in self.names:
-            for name in self._files_of(given, []):
+            for name in files_of(given, self.reached, []):
                 if self.plan.writes(name):
                     continue
                 if name != given and leads_out(name, (given,)):
@@ -366,22 +361,9 @@ class _ValidationJob(Struct, frozen=True):
         return [
             name
             for given in self.names
-            for name in self._files_of(given, [])
+            for name in files_of(given, self.reached, [])
             if not self.plan.writes(name)
         ]
-
-    def _files_of(self, given: str, unreadable: list[Unreadable]) -> Iterator[str]:
-        """File of a name, or files of a folder, without links out of the allowed folders."""
-        try:
-            for name in sources(given):
-                if name != given and leads_out(name, self.reached):
-                    message = f"{name}: is a link out of the folders that may be read."
-                    hint = "Put the file itself there, or name its folder by --library-root."
-                    unreadable.append(Unreadable(name, message, hint))
-                else:
-                    yield name
-        except ReadError as error:
-            unreadable.append(Unreadable(given, error.message, error.hint))
 
     def check_all(
         self, look: Callable[[str, CheckOptions], Checked], status: StatusLine
@@ -401,7 +383,7 @@ class _ValidationJob(Struct, frozen=True):
             KnownFindings(plan.baseline) if plan.baseline is not None and self.compared else None
         )
         for name in chain.from_iterable(
-            self._files_of(one, found.unreadable) for one in self.names
+            files_of(one, self.reached, found.unreadable) for one in self.names
         ):
             status.say(f"checking {short_name(name)}")
             if plan.writes(name):

@@ -109,8 +109,8 @@ def default_scales(kinds: CellKinds, size: Pair) -> list[float]:
             cells.append(sides(origin.span))
             lengths = origin.span
         else:
-            around, (columns, rows) = cells[origin.around], origin.span
-            cells.append(around.block(origin.span, origin.grid))
+            around, (columns, rows) = cells[origin.around], map(int, origin.span)
+            cells.append(around.block((columns, rows), origin.grid))
             pitch = around.block((1, 1), origin.grid).lengths
             lengths = (pitch[0] * columns, pitch[1] * rows)
         scales.append(min(lengths[0] / size[0], lengths[1] / size[1]))

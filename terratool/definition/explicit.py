@@ -23,9 +23,7 @@ def with_default_scales(checked: Checked, data: bytes) -> bytes:
     terrain, tree, document = checked.terrain, checked.tree, checked.document
     if terrain is None or tree is None or document is None:
         return data
-    elements = list(
-        default_elements(Subject(definition=terrain, tree=tree, document=document))
-    )
+    elements = list(default_elements(Subject(definition=terrain, tree=tree, document=document)))
     kinds = cell_kinds(tree)
     scales = default_scales(kinds, terrain.extent)
     begins = offsets(data, [Address(tree.pointer(index)) for index in elements])

@@ -467,8 +467,8 @@ class GroundPainter:
         """Find the crests in pixels, which need not be beyond the rim."""
         return Crests(
             *kernels.find_crests(
-                self._terrain.field, self._lines, self._weights, x, y, self._grid.resolution, LOW_CREST * min(self._radii),
-                heights,
+                self._terrain.field, self._lines, self._weights, x, y, self._grid.resolution,
+                LOW_CREST * min(self._radii), heights,
             )
         )  # fmt: skip
 
@@ -483,9 +483,7 @@ class GroundPainter:
         return walls_in_order(pairs, len(x), places, jumps, self._grid.resolution)
 
 
-def inside_of(
-    terrain: Terrain, x: Axis, y: Axis
-) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+def inside_of(terrain: Terrain, x: Axis, y: Axis) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Whether columns at x, and rows at y, lie on the terrain, (n,) bool each."""
     west, south, east, north = terrain.bounds
     return (x >= west) & (x <= east), (y >= south) & (y <= north)

@@ -355,8 +355,8 @@ class Surveyor:
         if none is None:
             return None
         marked = {heading: none.copy() for heading in headings}
-        bytes_ = np.empty((3, *flat), np.uint8)
-        out = Verdicts(*bytes_, np.empty((kernels.PLANES, *flat), np.float32))
+        verdict, reason, onward = np.empty((3, *flat), np.uint8)
+        out = Verdicts(verdict, reason, onward, np.empty((kernels.PLANES, *flat), np.float32))
         for heading, stance in self._stances(self._sweep_of(window), window, headings):
             self._judge(heading, stance, out, marked[heading])
         return np.array(list(marked.values()))

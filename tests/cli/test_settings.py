@@ -311,7 +311,7 @@ def test_fix_leaves_what_has_more(tmp_path: Path, text: str) -> None:
 @pytest.mark.parametrize("wrong", ["snad", "asnd", "sadn"])
 def test_fix_puts_letters_back(tmp_path: Path, wrong: str) -> None:
     path = tmp_path / "a.json"
-    text = '{"size":1,"elemTypes":{"sand":{"x":[1]},"send":{"x":[1]}},"elemTree":{"type":"%s","vScale":1}}'
+    text = '{"size":1,"elemTypes":{"sand":{"x":[1]},"send":{"x":[1]}},"elemTree":{"type":"%s"}}'
     path.write_text(text % wrong, encoding="utf-8")
     call("validate", path, "--fix")
     assert path.read_text("utf-8") == text % "sand"
@@ -374,7 +374,10 @@ def test_a_baseline_needs_all_files(project: Path) -> None:
     ("before", "after"),
     [
         # names with other numbers are other names; a key that is there already stays
-        ('{"size":1,"elemTypes":{"rock1":{"x":[1]}},"elemTree":{"type":"rock10","vScale":1}}', None),
+        (
+            '{"size":1,"elemTypes":{"rock1":{"x":[1]}},"elemTree":{"type":"rock10","vScale":1}}',
+            None,
+        ),
         (
             '{"size":1,"elemTypes":{"b":{"x":[1]}},"elemTree":{"type":"b","vscale":1,"VScale":2}}',
             None,

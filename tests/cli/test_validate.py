@@ -310,7 +310,7 @@ def test_a_text_that_is_no_json_always_counts(text: str, options: list[str]) -> 
     assert ran.out.endswith("1 file checked, 1 invalid, 1 error, no warnings.\n")
 
 
-STEPS = """{"size": 10, "elemTypes": {"b": {"x": [1]}}, "elemTree": {"type": "b", "vScale": 1, "children": [
+STEPS = """{"size": 10, "elemTypes":{"b":{"x":[1]}}, "elemTree":{"type":"b","vScale":1,"children": [
  {"type": "b", "cellX": 0, "cellY": 0, "vScale": 0.15},
  {"type": "b", "cellX": 1, "cellY": 0, "vScale": -0.2},
  {"type": "b", "cellX": 2, "cellY": 0, "vScale": 0.1, "vOffset": 0.3}]}}"""

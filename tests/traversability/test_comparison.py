@@ -153,7 +153,7 @@ class TestSideBySide:
     def test_shares_of_both_are_those_of_the_maps(
         self, site: tuple[str, str, str], tmp_path: Path
     ) -> None:
-        """Counted in the files, pixel by pixel, where neither has the edge: all, one alone, none."""
+        """Counted in the files where neither has the edge, by pixels: all, one alone, none."""
         terrain, narrow, wide = site
         vehicles = ("--vehicle", narrow, "--vehicle", wide)
         ran = drive(terrain, *vehicles, "--map", tmp_path / "m.tif", "--json")

@@ -63,7 +63,9 @@ def classes_of(
 ) -> NDArray[np.uint8]:  # fmt: skip
     """Classes of a map, rows from the north."""
     grid = grid or grid_over(terrain, RESOLUTION)
-    builder = MapBuilder(terrain, Surveyor(terrain, vehicle, grid), False, turnings(terrain, vehicle))
+    builder = MapBuilder(
+        terrain, Surveyor(terrain, vehicle, grid), False, turnings(terrain, vehicle)
+    )
     stream_map(builder._surveyor, builder, None, 1)
     classes, _ = builder.classes(begin_of(builder, start), vehicle.area)
     return classes
@@ -165,7 +167,9 @@ def test_it_is_as_if_the_ground_went_on(walls: tuple[Json, ...], husky: Vehicle)
     start = (1.05, 1.05)
     ours = classes_of(small, husky, grid, start)
     rows = round(BEYOND / RESOLUTION)
-    theirs = classes_of(large, husky, None, start)[rows : rows + grid.height, rows : rows + grid.width]
+    theirs = classes_of(large, husky, None, start)[
+        rows : rows + grid.height, rows : rows + grid.width
+    ]
     assert theirs.shape == ours.shape
     edge = ours == GroundClass.EDGE
     drives = drives_of(theirs)
@@ -179,9 +183,7 @@ def test_it_is_as_if_the_ground_went_on(walls: tuple[Json, ...], husky: Vehicle)
 
 def test_a_mirrored_terrain_has_a_mirrored_rim(husky: Vehicle) -> None:
     walls = (wall(5.5, 0.5, 0.3, 5.5), wall(0, 3.0, 2.0, 0.3))
-    turned = tuple(
-        {**one, "at": [9.0 - one["at"][0], 6.0 - one["at"][1]]} for one in walls
-    )
+    turned = tuple({**one, "at": [9.0 - one["at"][0], 6.0 - one["at"][1]]} for one in walls)
     ours, theirs = (classes_of(yard(*some), husky, start=at) for some, at in (
         (walls, (4.0, 1.5)), (turned, (5.0, 4.5))))  # fmt: skip
     np.testing.assert_array_equal(ours, theirs[::-1, ::-1])

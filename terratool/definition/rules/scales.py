@@ -142,7 +142,9 @@ def default_elements(subject: Subject) -> Iterator[int]:
         told.append(map(solid.__contains__, tree.column("surface")))
     if tree.roots != (ROOT,) or tree.distinct("scatter") != {UNSET}:
         told.append(_fixed(tree))
-    return compress(range(len(tree)), told[0] if len(told) == 1 else map(all, zip(*told)))
+    return compress(
+        range(len(tree)), told[0] if len(told) == 1 else map(all, zip(*told, strict=True))
+    )
 
 
 def _fixed(tree: Tree) -> list[bool]:

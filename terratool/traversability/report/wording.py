@@ -361,8 +361,7 @@ def conclusion(report: TraversabilityReport) -> str:
         text = "All of the ground is go, with the best heading at each place."
         return " ".join(filter(None, (text, likely_line(report), edge)))
     if inner == {GroundClass.UNKNOWN}:
-        known = "Nothing is known of the ground."
-        return " ".join(filter(None, (known, lacking(report), edge)))
+        return " ".join(filter(None, ("Nothing is known of the ground.", lacking(report), edge)))
     parts = [
         f"{numbers.share(summary.fraction(ground))} {_PHRASES[ground]}"
         for ground in GROUNDS
