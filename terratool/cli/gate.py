@@ -82,7 +82,7 @@ class GatePlan(Struct, frozen=True):
                     yield name
 
     def job(self, file: str, known: dict[tuple[str, ...], tuple[Vehicle, ...]]) -> FileJob:
-        """What is asked of a file; vehicles are read once each."""
+        """Job of a file, with the vehicles that are known or now read."""
         from terratool.traversability.conditions import parse
         from terratool.traversability.gate import FileJob
 
@@ -103,7 +103,7 @@ class GatePlan(Struct, frozen=True):
 
 
 def asked_of(file: str, given: DriveSettings, settings: Config) -> DriveSettings:
-    """What options and settings ask of a file; options outrank settings.
+    """Settings of a file, of options and of the project; options outrank settings.
 
     Raises:
         RequestError: the settings name a vehicle that lies outside of their folder.
@@ -212,7 +212,7 @@ def _cells(row: VehicleRow) -> list[str]:
 
 
 class VehicleDocument(Struct, frozen=True):
-    """What a vehicle makes of a terrain, as JSON."""
+    """Result of a vehicle on a terrain, as JSON."""
 
     vehicle: str
     verdict: str

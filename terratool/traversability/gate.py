@@ -42,7 +42,7 @@ GATES = (
     _rule("TD104", "refused", "What was asked makes no sense on this terrain."),
     _rule("TD105", "broken-off", "The judgement ended before it was done, as for want of memory."),
 )
-"""What a file can fail on, beside the rules on its text."""
+"""Rules that a terrain fails on in `judge_file`, beside those on its text."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +70,7 @@ class FileJob:
 
 @dataclass(frozen=True, slots=True)
 class VehicleRow:
-    """What a vehicle makes of a terrain, in a few numbers.
+    """Result of a vehicle on a terrain, in a few numbers.
 
     Attributes:
         vehicle: name of the vehicle; empty for a wheel by itself.
@@ -91,7 +91,7 @@ class VehicleRow:
 
 @dataclass(frozen=True, slots=True)
 class FileVerdict:
-    """What became of a terrain.
+    """Result of all vehicles on a terrain.
 
     Attributes:
         file: name of the file.

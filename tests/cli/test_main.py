@@ -28,9 +28,7 @@ COMMANDS = [
     "export-vrml", "rules",
 ]  # fmt: skip
 MINIMAL = '{"size": 1, "elemTypes": {"b": {"x": [1]}}, "elemTree": {"type": "b", "vScale": 1}}'
-INVALID = (
-    '{\n "size": 0,\n "elemTypes": {"b": {"x": [1]}},\n "elemTree": {"type": "b", "vScale": 1}}\n'
-)
+INVALID = '{\n "size": 0,\n "elemTypes": {"b": {"x": [1]}},\n "elemTree": {"type": "b"}}\n'
 
 
 ASKING = ["info", "query", "export-dem", "export-mesh", "export-obj", "export-vrml"]
