@@ -332,8 +332,8 @@ def test_a_child_that_is_no_object_moves_no_other() -> None:
     """Findings in the children behind it keep their pointers, and it lacks no keys besides."""
     text = GOOD[:-2] + ',"children":[7,{"type":"c","cellX":0,"cellY":0}]}}'
     assert places(check(text)) == [
-        (1, 74, "TT105", "/elemTree/children/0"),
-        (1, 84, "TT201", "/elemTree/children/1/type"),
+        (1, 85, "TT105", "/elemTree/children/0"),
+        (1, 95, "TT201", "/elemTree/children/1/type"),
     ]
 
 
