@@ -146,7 +146,7 @@ def judged(
         np.stack([flat, -across[None], along[None]]), flat, flat, flat, flat, flat,
         np.zeros(shape, np.bool_), under(ids, np.uint8), *pressed, 0, wheels,
     )  # fmt: skip
-    out = Verdicts(*np.empty((2, *shape), np.uint8), np.empty((kernels.PLANES, *shape), np.float32))
+    out = Verdicts(*np.empty((3, *shape), np.uint8), np.empty((kernels.PLANES, *shape), np.float32))
     on_soils = kernels.VehicleOnSoils(vehicle_params(vehicle), *soils)
     kernels.judge_cells(on_soils, stance, 0.0, 1.0, out)
     return out.numbers[:, 0]

@@ -297,12 +297,13 @@ template <class Visit> void visit_arguments(Stance& s, Visit visit) {
 // What is found out at each reference point: numbers of `Verdict` and `Reason`, and the planes.
 struct Verdicts {
     Matrix<u8> verdict, reason;
+    Matrix<u8> onward;  // 1 where it drives, or would if the ground went on beyond the rim
     Cube<float> numbers;
 };
 
 template <class Visit> void visit_arguments(Verdicts& v, Visit visit) {
     visit("verdict[h,w]", v.verdict), visit("reason[h,w]", v.reason);
-    visit("numbers[8,h,w]", v.numbers);
+    visit("onward[h,w]", v.onward), visit("numbers[8,h,w]", v.numbers);
 }
 
 // What a vehicle's shape says at a reference point: `down` is as in `Gravity`, `limit` the highest
@@ -386,13 +387,15 @@ void judge_points(
         under.begin(i);
         for (i64 j = 0; j < out.verdict.columns(); ++j) {
             auto number = [&](Plane plane) -> float& { return out.numbers(plane, i, j); };
-            for (int p = 0; p < PLANES; ++p) number(Plane(p)) = float(NaN);
-            if (stance.beyond(i, j) || isnan(stance.plane(0, i, j))) {
-                out.verdict(i, j) = u8(Verdict::NO_GO);
-                out.reason(i, j) = u8(stance.beyond(i, j) ? Reason::EDGE : Reason::NO_GROUND);
+            auto bar = [&](Reason why) {
+                for (int p = 0; p < PLANES; ++p) number(Plane(p)) = float(NaN);
                 number(UTILISATION) = number(ENERGY) = float(INF);
-                continue;
-            }
+                out.verdict(i, j) = u8(Verdict::NO_GO), out.reason(i, j) = u8(why);
+            };
+            out.onward(i, j) = 0;
+            bar(stance.beyond(i, j) ? Reason::EDGE : Reason::NO_GROUND);
+            if (isnan(stance.plane(0, i, j))) continue;
+            number(ENERGY) = float(NaN);  // of soil that is not known
             double dx = stance.plane(1, i, j), dy = stance.plane(2, i, j);
             double along = dx * east + dy * north, across = dy * east - dx * north;
             Gravity g = gravity(along, across);
@@ -436,6 +439,9 @@ void judge_points(
             out.verdict(i, j) = u8(judged.verdict), out.reason(i, j) = u8(judged.reason);
             number(PITCH) = float(atan(along)), number(ROLL) = float(atan(across));
             number(UTILISATION) = float(judged.worst), number(RESERVE) = float(need.reserve);
+            bool drives = judged.verdict == Verdict::GO || judged.verdict == Verdict::CAUTION;
+            out.onward(i, j) = drives && number(ENERGY) < float(INF);
+            if (stance.beyond(i, j)) bar(Reason::EDGE);
         }
     }
 }

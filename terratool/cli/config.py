@@ -1,4 +1,4 @@
-"""Settings of a project for `validate`, in `.terratool.toml` or pyproject.toml.
+"""Settings of a project for commands that check it, in `.terratool.toml` or pyproject.toml.
 
 The project may be a stranger's: its settings name no file outside of their folder, and no output
 that could do harm in it.
@@ -11,14 +11,15 @@ import os
 import re
 from fnmatch import fnmatch
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeVar
 
 import msgspec
-from msgspec import Meta, Struct
+from msgspec import Meta, Struct, field
 
 from terratool.errors import ReadError, RequestError
 from terratool.text.display import quote
 
+_T = TypeVar("_T")
 _OWN_FIELDS = ("file", "folder", "named")
 OWN, SHARED = ".terratool.toml", "pyproject.toml"
 _MOST_BYTES = 1 << 20
@@ -27,6 +28,38 @@ _long_key = re.compile(rf"(?<![\w-]){_PART}(?:[ \t]*\.[ \t]*{_PART}){{30}}").sea
 """Search for a key of more than 30 parts (a.a.a…), whose parsing takes quadratic time."""
 REPORTS = (".json", ".log", ".md", ".sarif", ".txt", ".xml")
 """Suffixes of the reports that settings may name."""
+
+
+class DriveSettings(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab", kw_only=True):
+    """Settings of `traversability` for all terrains, or for some; None where nothing is set.
+
+    Attributes:
+        vehicles: files of vehicles.
+        routes: x and y of the start and of the goal of each route.
+        start: x and y from which ground is reached; `from` in the file.
+        fail_on: conditions on which a file fails.
+        resolution: side of a pixel.
+    """
+
+    vehicles: tuple[str, ...] | None = None
+    routes: tuple[tuple[float, float, float, float], ...] | None = None
+    start: tuple[float, float] | None = field(default=None, name="from")
+    fail_on: tuple[str, ...] | None = None
+    resolution: float | None = None
+
+
+class DriveConfig(DriveSettings, frozen=True, forbid_unknown_fields=True, rename="kebab"):
+    """Settings of `traversability` of a project.
+
+    Attributes:
+        paths: files and directories to judge where the command line names none.
+        formats: values of `--format`.
+        per_file: settings that stand in place of these, by a pattern of file names.
+    """
+
+    paths: tuple[str, ...] = ()
+    formats: tuple[str, ...] = ()
+    per_file: Annotated[dict[str, DriveSettings], Meta(max_length=1000)] = {}
 
 
 class Config(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab", kw_only=True):
@@ -39,6 +72,7 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab", kw
         paths: files and directories to check where the command line names none.
         per_file_ignores: codes to ignore, by a pattern of file names.
         formats: values of `--format`.
+        traversability: settings of that command.
     """
 
     file: str = ""
@@ -53,15 +87,17 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab", kw
     max_findings: Annotated[int, Meta(ge=0)] | None = None
     formats: tuple[str, ...] = ()
     baseline: str | None = None
+    traversability: DriveConfig = DriveConfig()
 
-    def files(self) -> tuple[str, ...]:
-        """Paths to check, relative to the working directory.
+    def files(self, paths: tuple[str, ...] | None = None) -> tuple[str, ...]:
+        """Paths to check, or other paths of the settings, relative to the working directory.
 
         Raises:
             RequestError: one of them lies outside.
         """
+        paths = self.paths if paths is None else paths
         # a name with NUL is reported where it is read
-        return tuple(path if "\0" in path else self.path_here(path) for path in self.paths)
+        return tuple(path if "\0" in path else self.path_here(path) for path in paths)
 
     def path_here(self, path: str) -> str:
         """Path of the settings, relative to the working directory.
@@ -124,22 +160,48 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab", kw
             )
 
     def ignored_codes(self, file: str) -> tuple[str, ...]:
-        """Codes to ignore in a file; a pattern without a slash is matched with its name alone."""
-        if not self.per_file_ignores:
-            return ()
+        """Codes to ignore in a file."""
+        return tuple(code for codes in self._of_file(self.per_file_ignores, file) for code in codes)
+
+    def drive_settings(self, file: str) -> DriveSettings:
+        """Settings of `traversability` for a file; of patterns that match, the last one counts."""
+        found: dict[str, Any] = {}
+        for settings in (self.traversability, *self._of_file(self.traversability.per_file, file)):
+            given = {name: getattr(settings, name) for name in DriveSettings.__struct_fields__}
+            found |= {name: value for name, value in given.items() if value is not None}
+        return DriveSettings(**found)
+
+    def _of_file(self, table: dict[str, _T], file: str) -> list[_T]:
+        """Values of the patterns that match a file; one without a slash looks at its name alone."""
+        if not table:
+            return []
         path = Path(os.path.relpath(file or ".", self.folder)).as_posix()
-        return tuple(
-            code
-            for pattern, codes in self.per_file_ignores.items()
+        return [
+            value
+            for pattern, value in table.items()
             if fnmatch(path if "/" in pattern else path.rpartition("/")[2], pattern)
-            for code in codes
-        )
+        ]
 
 
 def _is_hidden(part: str) -> bool:
     """Whether a part of a path is hidden on some file system: `.git`, but also `git~1`."""
     name = "".join(c for c in part if c.isprintable())
     return name.startswith(".") or re.fullmatch(r"git~\d", name.casefold()) is not None
+
+
+def project_settings(config_file: str | None) -> Config:
+    """Settings from a named file, or from the nearest one of the working directory.
+
+    Raises:
+        ReadError: the file of settings cannot be read.
+        RequestError: the file has an unknown setting, or no table of settings.
+    """
+    if config_file is None:
+        return find_config(Path.cwd())
+    settings = read_config(Path(config_file), named=True)
+    if settings is None:
+        raise RequestError(f"{config_file}: has no [tool.terratool].", "Add that table.")
+    return settings
 
 
 def find_config(start: Path) -> Config:

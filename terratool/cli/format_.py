@@ -9,10 +9,11 @@ from itertools import chain
 import click
 
 from terratool.cli.command import Command
-from terratool.cli.options import json_option
+from terratool.cli.options import json_option, library_root_option, library_roots
 from terratool.cli.report import ValidationReport, ValidationSummary, as_text
 from terratool.cli.saying import say, say_block, say_error, say_json, write_definition
 from terratool.cli.terminal import StatusLine, short_name
+from terratool.definition.explicit import with_default_scales
 from terratool.definition.layout import canonical
 from terratool.definition.reader import CheckOptions, check
 from terratool.errors import ReadError, WriteError
@@ -43,16 +44,25 @@ class FormatDocument(Document, frozen=True, kw_only=True):
 @click.option(
     "--check", "only_check", is_flag=True, help="Write nothing; exit 1 if a file differs."
 )
+@click.option(
+    "--explicit",
+    is_flag=True,
+    help="Write the vScale of elements that have none, as it is by default; heights stay.",
+)
 @json_option("Say which files changed as JSON.")
+@library_root_option
 @click.pass_context
-def command(ctx: click.Context, files: tuple[str, ...], only_check: bool, as_json: bool) -> None:
+def command(
+    ctx: click.Context, files: tuple[str, ...], only_check: bool, explicit: bool, as_json: bool
+) -> None:
     """Lay terrains, libraries, vehicles, sensors and curricula out canonically, in place.
 
     Keys stand in the format's order, short vectors and members share a line, lines have up to 120
     characters. Numbers and texts stay as they are spelled, keys of your own are kept. - reads
     standard input and writes to standard output. Of a DIR all *.json are laid out; compressed files
-    are not. Exits 1 if a text is no JSON object, or with --check if one is not laid out so, and 3
-    if one cannot be read or written.
+    are not. --explicit adds what TT214 remarks on to terrains without errors. Exits 1 if a text is
+    no JSON object, or with --check if one is not laid out so, and 3 if one cannot be read or
+    written.
     """
     if as_json and "-" in files and not only_check:
         raise click.UsageError("Standard output takes the definition or --json. Drop one of them.")
@@ -68,10 +78,11 @@ def command(ctx: click.Context, files: tuple[str, ...], only_check: bool, as_jso
             except ReadError as error:
                 failed.append(_print_error(error, status))
                 continue
-            if not _is_definition(source, status):
+            data = _definition(source, explicit, status)
+            if data is None:
                 broken += 1
                 continue
-            text = canonical(source.data.decode("utf-8"))
+            text = canonical(data.decode("utf-8"))
             differs = text.encode() != source.data
             status.clear()
             if name == "-" and not only_check:
@@ -120,16 +131,24 @@ def _print_error(error: ReadError | WriteError, status: StatusLine) -> ReadError
     return error
 
 
-def _is_definition(source: Source, status: StatusLine) -> bool:
-    """Whether a text is a JSON object; if not, print the finding."""
-    checked = check(source, CheckOptions(warnings=False), kind=None)
-    wrong = [f for f in checked.findings if not checked.readable or (f.code, f.pointer) == _NOT_ONE]
+def _definition(source: Source, explicit: bool, status: StatusLine) -> bytes | None:
+    """Text to lay out, with explicit heights if wanted; None, and findings, where that is none.
+
+    A text is laid out that is a JSON object; heights can be said of one without errors.
+    """
+    options = CheckOptions(warnings=False, library_roots=library_roots())
+    checked = check(source, options, kind=None)
+    wrong = [
+        finding
+        for finding in checked.findings
+        if explicit or not checked.readable or (finding.code, finding.pointer) == _NOT_ONE
+    ]
     if not wrong:
-        return True
-    summary = ValidationSummary(files=1, invalid=1, errors=1)
+        return with_default_scales(checked, source.data) if explicit else source.data
+    summary = ValidationSummary(files=1, invalid=1, errors=len(wrong))
     status.clear()
-    say_block(as_text(ValidationReport(tuple(wrong[:1]), (), summary)), err=True)
-    return False
+    say_block(as_text(ValidationReport(tuple(wrong), (), summary)), err=True)
+    return None
 
 
 def _write(name: str, text: str) -> None:

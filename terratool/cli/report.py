@@ -1,11 +1,11 @@
-"""Reports of `validate`: the result, and a table of functions that format it."""
+"""Reports of findings: the result, and a table of functions that format it."""
 
 from __future__ import annotations
 
 import os
 import re
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 import click
@@ -26,7 +26,9 @@ from terratool.text.display import Excerpt, printable
 SARIF_SCHEMA = "https://docs.oasis-open.org/sarif/sarif/v2.1.0/os/schemas/sarif-schema-2.1.0.json"
 _HOME = "https://doi.org/10.2507/26th.daaam.proceedings.056"
 """Address of the paper on the model, as the project has none of its own yet."""
-_COLORS = {"error": "red", "warning": "yellow"}
+_COLORS = {"error": "red", "warning": "yellow", "note": "cyan"}
+_IN_WORKFLOWS = {"error": "error", "warning": "warning", "note": "notice"}
+_IN_GITLAB = {"error": "major", "warning": "minor", "note": "info"}
 _LISTED = 12
 """Most other places of a group that are named."""
 
@@ -51,6 +53,7 @@ class ValidationSummary(Struct, frozen=True):
         warnings: number of warnings, listed or not.
         hidden: number of findings that are counted but not listed.
         known: number of findings that are left out, as a baseline has them.
+        notes: number of notes, listed or not.
     """
 
     files: int = 0
@@ -61,6 +64,7 @@ class ValidationSummary(Struct, frozen=True):
     warnings: int = 0
     hidden: int = 0
     known: int = 0
+    notes: int = 0
 
 
 class FindingGroup(Struct, frozen=True):
@@ -87,6 +91,8 @@ class ValidationReport(Struct, frozen=True):
         summary: numbers of files and findings.
         files: names of the files that were read.
         statistics: number of findings by code; None unless asked for.
+        further: rules of the command's own, beside those on texts.
+        command: command that found them.
     """
 
     findings: tuple[Finding, ...]
@@ -94,6 +100,13 @@ class ValidationReport(Struct, frozen=True):
     summary: ValidationSummary
     files: tuple[str, ...] = ()
     statistics: dict[str, int] | None = None
+    further: tuple[Rule, ...] = ()
+    command: str = "validate"
+
+    @property
+    def rules(self) -> Mapping[str, Rule]:
+        """Rules that findings may be of, by code."""
+        return RULES | {rule.code: rule for rule in self.further}
 
     def groups(self) -> list[FindingGroup]:
         """Findings in groups of equal messages, in the order of the first of each."""
@@ -160,7 +173,8 @@ def as_text(report: ValidationReport) -> str:
         lines.append("")
     statistics = report.statistics or {}
     for code, count in sorted(statistics.items(), key=lambda item: (-item[1], item[0])):
-        lines.append(f"{count:>8,}  {code}  {RULES[code].severity:7}  {RULES[code].name}")
+        rule = report.rules[code]
+        lines.append(f"{count:>8,}  {code}  {rule.severity:7}  {rule.name}")
     if statistics:
         lines.append("")
     return "\n".join([*lines, _summary_line(report.summary)])
@@ -181,6 +195,8 @@ def _summary_line(summary: ValidationSummary) -> str:
     if summary.unreadable:
         parts.append(f"{summary.unreadable:,} unreadable")
     parts += [_count(summary.errors, "error"), _count(summary.warnings, "warning")]
+    if summary.notes:
+        parts.append(count_of(summary.notes, "note"))
     end = "."
     if summary.hidden:
         end = f"; {summary.hidden:,} of them not listed (see --max-findings)."
@@ -222,7 +238,7 @@ def as_github(report: ValidationReport) -> str:
         f = group.first
         place = {"file": f.file, "line": f.line, "col": f.column, "title": f.code}
         text = "\n".join(filter(None, (f.message, f.hint, group.rest())))
-        lines.append(annotation(f.severity, place, text))
+        lines.append(annotation(_IN_WORKFLOWS[f.severity], place, text))
     for file in report.unreadable:
         what = f"{file.message}\n{file.hint}"
         lines.append(annotation("error", {"file": file.file, "title": "unreadable"}, what))
@@ -231,13 +247,13 @@ def as_github(report: ValidationReport) -> str:
 
 def as_sarif(report: ValidationReport) -> str:
     """SARIF 2.1.0, which code scanning services take."""
-    places = {code: index for index, code in enumerate(RULES)}
+    places = {code: index for index, code in enumerate(report.rules)}
     driver = {
         "name": "terratool",
         "version": __version__,
         "semanticVersion": __version__,
         "informationUri": _HOME,
-        "rules": [_rule(rule) for rule in RULES.values()],
+        "rules": [_rule(rule) for rule in report.rules.values()],
     }
     notes = [
         {
@@ -330,20 +346,22 @@ def as_junit(report: ValidationReport) -> str:
     suites: dict[str, list[FindingGroup]] = {file: [] for file in report.files}
     for group in report.groups():
         suites.setdefault(group.first.file, []).append(group)
-    top = Xml.Element("testsuites", name="terratool validate")
+    top = Xml.Element("testsuites", name=f"terratool {report.command}")
     for file, groups in suites.items():
         suite = Xml.SubElement(
             top, "testsuite", name=xml_text(file), tests=str(max(1, len(groups))),
-            failures=str(len(groups)), errors="0",
+            failures=str(sum(group.first.severity != "note" for group in groups)), errors="0",
         )  # fmt: skip
         for group in groups:
             f = group.first
             case = Xml.SubElement(
                 suite, "testcase", classname=xml_text(file), name=f"{f.code} at {f.line}:{f.column}"
             )
-            failure = Xml.SubElement(case, "failure", type=f.severity, message=xml_text(f.message))
+            said = Xml.SubElement(case, "system-out" if f.severity == "note" else "failure")
+            if f.severity != "note":
+                said.attrib.update(type=f.severity, message=xml_text(f.message))
             lines = (f"{file}:{f.line}:{f.column}: {f.message}", f.hint, group.rest())
-            failure.text = xml_text("\n".join(filter(None, lines)))
+            said.text = xml_text("\n".join(filter(None, lines)))
         if not groups:
             Xml.SubElement(suite, "testcase", classname=xml_text(file), name="valid")
     for unread in report.unreadable:
@@ -369,7 +387,7 @@ def as_gitlab(report: ValidationReport) -> str:
                 filter(None, (group.first.message, group.first.hint, group.rest()))
             ),
             "check_name": group.first.code,
-            "severity": {"error": "major", "warning": "minor"}[group.first.severity],
+            "severity": _IN_GITLAB[group.first.severity],
             "fingerprint": mark,
             "location": {"path": _relative(group.first.file), "lines": {"begin": group.first.line}},
         }
@@ -403,13 +421,17 @@ _HEAD = b"|".join(
         rb'\{\n  "format_version": \d+,\n  "findings": \[',
         rb'\{\n  "\$schema": "[^"\n]*",\n  "version": "2\.1\.0",\n  "runs": \[\n    \{\n'
         rb'      "tool": \{\n        "driver": \{\n          "name": "terratool",',
-        rb'<\?xml version="1\.0" encoding="UTF-8"\?>\n<testsuites name="terratool validate"',
+        rb'<\?xml version="1\.0" encoding="UTF-8"\?>\n'
+        rb'<testsuites name="terratool (?:validate|traversability)"',
         rb"\[\]\n\Z",
-        rb'\[\n  \{\n    "description": "[^\n]*",\n    "check_name": "(?:TT\d+|unreadable)",\n',
+        rb'\[\n  \{\n    "description": "[^\n]*",\n    "check_name": "(?:T[TD]\d+|unreadable)",\n',
     )
 )
 """Pattern of the beginnings of reports in JSON, SARIF, JUnit's XML and GitLab's JSON."""
-_LINE = rb"(?:[^\n]+:\d+:\d+: (?:error|warning) TT\d+: [^\n]*|::(?:error|warning) [^\n]*|  [^\n]*)?"
+_LINE = (
+    rb"(?:[^\n]+:\d+:\d+: (?:error|warning|note) T[TD]\d+: [^\n]*"
+    rb"|::(?:error|warning|notice) [^\n]*|  [^\n]*)?"
+)
 _LAST = (
     rb"(?:no files|[\d,]+ files?) checked, (?:[\d,]+ (?:invalid|unreadable), )*"
     rb"(?:no|[\d,]+) errors?, (?:no|[\d,]+) warnings?[^\n]*\."
@@ -419,7 +441,7 @@ _LOOKED_AT = 1 << 16
 
 
 def is_report(name: str) -> bool:
-    """Whether a file is a report of `validate` in any format, by its first and last 64 KiB."""
+    """Whether a file is a report of findings in any format, by its first and last 64 KiB."""
     try:
         with open(name, "rb") as file:
             head = file.read(_LOOKED_AT)

@@ -17,12 +17,12 @@ from terratool.report.documents import Document
 _HEAD = """# The rules
 
 What `terratool validate` looks at, each with an example that fails and one that passes. An error
-makes a definition invalid; a warning does so under `--strict` only. `--select` and `--ignore` take
-codes or the beginning of codes, and `"x-ignore": ["TT208"]` in a terrain, surface, primitive,
-element or track silences a warning about it and all in it. TT1 is of all texts, TT2 to TT4 and TT6
-of [terrains](format.md), TT5 of [vehicles](vehicle.md), where `x-ignore` stands in any object, too,
-TT7 of libraries and what is in them, TT8 of [grids of training tiles](curriculum.md), TT9 of
-[sensors](scan.md).
+makes a definition invalid; a warning does so under `--strict` only; a note, which only a text
+without errors gets, never does. `--select` and `--ignore` take codes or the beginning of codes, and
+`"x-ignore": ["TT208"]` in a terrain, surface, primitive, element or track silences a warning or
+note about it and all in it. TT1 is of all texts, TT2 to TT4 and TT6 of [terrains](format.md), TT5
+of [vehicles](vehicle.md), where `x-ignore` stands in any object, too, TT7 of libraries and what is
+in them, TT8 of [grids of training tiles](curriculum.md), TT9 of [sensors](scan.md).
 
 This page is written by `make docs` from the same text that `terratool rules CODE` shows.
 """

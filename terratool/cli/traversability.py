@@ -21,11 +21,15 @@ from terratool.cli.saying import say, say_block, say_error
 from terratool.cli.terminal import StatusLine, load
 
 if TYPE_CHECKING:
-    from terratool.traversability.assess import PreparedRequest
+    from collections.abc import Callable
+
+    from terratool.cli.config import Config, DriveSettings
+    from terratool.traversability.assess import PreparedRequest, Request
     from terratool.traversability.compare import PreparedComparison
     from terratool.traversability.conditions import Condition
     from terratool.traversability.report.writing import JudgementFiles
     from terratool.traversability.results import Reports
+    from terratool.traversability.vehicle import Vehicle
 
 # equal to those of route.graph, vehicle and ranges of terratool.traversability, which are not
 # imported for --help; tests check
@@ -40,7 +44,7 @@ SAMPLES = (256, 16, 1024)  # default, least, most
     epilog="Example: terratool traversability samples/ramp-yard.json "
     "--vehicle samples/vehicles/husky-a200.json --route 4 60 70 8 --report yard.html",
 )
-@click.argument("file")
+@click.argument("files", nargs=-1, metavar="[FILE|DIR]...")
 @option_group(
     "Vehicle",
     vehicles_option,
@@ -110,6 +114,14 @@ SAMPLES = (256, 16, 1024)  # default, least, most
         metavar="WHAT",
         help="End with 1 if no-route, caution, no-go, unknown, or no-go-fraction>0.3, ….",
     ),
+    click.option(
+        "--format",
+        "formats",
+        multiple=True,
+        metavar="FORM",
+        help="As validate has them; FORM=OUT goes into a file; may be repeated.  [default: text]",
+    ),
+    json_option("The same as --format json."),
 )
 @option_group(
     "Ground",
@@ -150,11 +162,11 @@ SAMPLES = (256, 16, 1024)  # default, least, most
 )
 @wheel_options
 @overwrite_option()
-@json_option("Write the report as JSON, no table.")
+@click.option("--config", "config_file", metavar="FILE", help="Settings, in place of those found.")
 @roughness_option
 @library_root_option
 def command(
-    file: str,
+    files: tuple[str, ...],
     model: str,
     reports: tuple[str, ...],
     map_: str | None,
@@ -169,22 +181,30 @@ def command(
     samples: int,
     seed: int,
     conditions: tuple[str, ...],
+    formats: tuple[str, ...],
+    config_file: str | None,
     threads: int | None,
     overwrite: bool,
     as_json: bool,
     **values: Any,
 ) -> int:
-    """Say whether a vehicle can drive on the terrain FILE, where not, and why.
+    """Say whether a vehicle can drive on a terrain, FILE, where not, and why.
 
     For each surface: how deep the wheels sink, what they pull, what they climb. For each place and
     heading: go, caution or no-go, and what binds; with a route alone only of the ground that
-    matters to it. Ends with 1 where there is no way for a route.
+    matters to it. Ends with 1 where there is no way for a route. Of several FILEs, or those of a
+    DIR, a table says what becomes of each, and all that fails is a finding. Vehicles, routes and
+    conditions may stand in .terratool.toml.
 
     --fail-on takes >, >=, < or <= and go-, caution-, no-go-, unknown-, one-way-, cut-off-, edge-,
     reachable-fraction; route-length, route-time, route-energy; least-margin, steepest, sinkage.
     """
+    from dataclasses import replace
     from pathlib import Path
 
+    from terratool.cli.config import DriveSettings, project_settings
+    from terratool.cli.gate import asked_of
+    from terratool.text.source import is_folder
     from terratool.traversability.assess import Request
     from terratool.traversability.compare import prepare
     from terratool.traversability.conditions import parse
@@ -192,7 +212,32 @@ def command(
     from terratool.traversability.report.writing import JudgementFiles
     from terratool.traversability.route.waypoints import read_waypoints
 
-    checks = [parse(text) for text in conditions]
+    settings = project_settings(config_file)
+    for text in conditions:
+        parse(text)
+    wheel = any(values[name] is not None for name in ("wheel_radius", "wheel_width", "load"))
+    own = DriveSettings(
+        vehicles=() if wheel else values["vehicle"] or None, routes=routes or None, start=start,
+        fail_on=conditions or None, resolution=resolution,
+    )  # fmt: skip
+    base = Request(
+        waypoints=tuple(map(read_waypoints, waypoints)), returns=returns, prefer=prefer,
+        bounds=bounds, headings=headings, samples=samples, seed=seed, threads=threads,
+    )  # fmt: skip
+
+    def vehicles_of(paths: tuple[str, ...]) -> list[Vehicle]:
+        return [one.by_model(model) for one in vehicles_from({**values, "vehicle": paths})]
+
+    forms = formats + ("json",) * as_json
+    if len(files) != 1 or is_folder(files[0]) or forms not in ((), ("text",), ("json",)):
+        for option, given in (("--report", reports), ("--map", map_)):
+            if given:
+                raise click.UsageError(f"{option} is of one terrain. Name one FILE, or drop it.")
+        return _judge_many(files, forms, settings, own, base, vehicles_of)
+    (file,) = files
+    asked = asked_of(file, own, settings)
+    routes, start, resolution = asked.routes or (), asked.start, asked.resolution
+    checks = [parse(text) for text in asked.fail_on or ()]
     travels = bool(routes or waypoints)
     lines_only, curves = (
         [path for path in reports if Path(path).suffix.lower() == suffix]
@@ -200,30 +245,38 @@ def command(
     )
     routed = [*lines_only, *["--return"] * returns]
     _refuse_unasked(checks, travels, start is not None, routed, curves, model)
-    paths = values["vehicle"]
+    paths = asked.vehicles or ()
     for path in reports:
         renderer_of(path)  # refuses other suffixes
     _refuse_outputs((file, *paths, *waypoints), reports, _maps(map_, paths), overwrite)
-    vehicles = [vehicle.by_model(model) for vehicle in vehicles_from(values)]
+    vehicles = vehicles_of(paths)
     wants_map = map_ is not None or len(lines_only) + len(curves) < len(reports)
-    request = Request(
+    request = replace(
+        base,
         routes=routes,
-        waypoints=tuple(map(read_waypoints, waypoints)),
-        returns=returns,
         start=start,
-        prefer=prefer,
         resolution=resolution,
-        bounds=bounds,
-        headings=headings,
         mapped=wants_map or any(check.needs == "map" for check in checks),
-        threads=threads,
-        samples=samples,
-        seed=seed,
     )
     planned = prepare(load(file), vehicles, request, map_path=map_, overwrite=overwrite)
-    files = JudgementFiles(reports, map_, overwrite)
-    result = _assess(planned, Path(file).name, files)
-    return _print_result(result, checks, as_json)
+    written = JudgementFiles(reports, map_, overwrite)
+    result = _assess(planned, Path(file).name, written)
+    return _print_result(result, checks, forms == ("json",))
+
+
+def _judge_many(
+    files: tuple[str, ...], formats: tuple[str, ...], settings: Config, own: DriveSettings,
+    base: Request, vehicles: Callable[[tuple[str, ...]], list[Vehicle]],
+) -> int:  # fmt: skip
+    """Judge several files; return the exit code."""
+    from terratool.cli.gate import GatePlan, judge_many
+    from terratool.cli.options import has_roughness, library_roots
+    from terratool.cli.outputs import ReportPlan
+    from terratool.raster.export import thread_count
+
+    reports = ReportPlan.of(formats, settings.traversability.formats, settings)
+    plan = GatePlan(files, reports, settings, own, base, vehicles, library_roots(), has_roughness())
+    return judge_many(plan, thread_count(base.threads))
 
 
 def _assess(planned: PreparedComparison, name: str, files: JudgementFiles) -> Reports:

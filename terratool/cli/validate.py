@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import math
-import os
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from itertools import chain
 from pathlib import Path
 from typing import Any, NoReturn
@@ -17,32 +16,26 @@ from msgspec import Struct, field, structs
 
 from terratool.cli.baseline import KnownFindings, read_baseline, write_baseline
 from terratool.cli.command import Command, option_group
-from terratool.cli.config import Config, find_config, read_config
+from terratool.cli.config import Config, project_settings
 from terratool.cli.options import json_option, library_root_option, library_roots
-from terratool.cli.report import (
-    REPORTERS,
-    Unreadable,
-    ValidationReport,
-    ValidationSummary,
-    is_report,
-)
-from terratool.cli.saying import say, say_block, say_error
+from terratool.cli.outputs import ReportPlan
+from terratool.cli.report import REPORTERS, Unreadable, ValidationReport, ValidationSummary
+from terratool.cli.saying import say, say_error
+from terratool.cli.sources import files_of
 from terratool.cli.terminal import StatusLine, short_name
 from terratool.definition.findings import Finding
 from terratool.definition.reader import Checked, CheckOptions, check, new_shelf
 from terratool.definition.rules import RULES
 from terratool.errors import ReadError, RequestError, WriteError
-from terratool.output import is_same_file, refuse_existing, refuse_missing_folder, whole_file
+from terratool.output import is_same_file
 from terratool.report.wording import count_of
 from terratool.text.display import quote
 from terratool.text.edit import apply_edits
-from terratool.text.meaning import guess
 from terratool.text.source import (
     is_folder,
     leads_out,
     read_source,
     real_path,
-    sources,
     write_source,
 )
 
@@ -85,48 +78,27 @@ class _ValidationPlan(Struct, frozen=True):
     """Request by options, or else by settings.
 
     Attributes:
-        form: format on standard output.
-        outputs: formats with their files.
+        reports: formats of the report.
         strict: whether warnings make a file invalid.
         select: codes, or beginnings, of the rules to check; empty for all.
         ignore: codes, or beginnings, of the rules not to check.
         max_step: tallest vertical step without a warning; None for no limit.
         limit: largest number of findings that are listed.
         baseline: file of known findings; None for none.
-        settings: settings that name the files of `outputs`; None where the user does.
     """
 
-    form: str
-    outputs: list[tuple[str, str]]
+    reports: ReportPlan
     strict: bool
     select: tuple[str, ...]
     ignore: tuple[str, ...]
     max_step: float | None
     limit: int
     baseline: str | None
-    settings: Config | None
-
-    def refuse_outputs(self) -> None:
-        """Refuse outputs that settings, which may be a stranger's, may not name.
-
-        Raises:
-            RequestError: the settings name a file that is no report, or lies elsewhere.
-        """
-        if self.settings is None:
-            return
-        for _, out in self.outputs:
-            self.settings.refuse_output(out)
-            if Path(out).exists() and not is_report(out):
-                raise RequestError(
-                    f"{out}: is there, and is no report of terratool, as {self.settings.file} has "
-                    "it.",
-                    "Remove it, or name it on the command line.",
-                )
 
     def writes(self, name: str) -> bool:
         """Whether a file is the baseline or an output."""
-        own = [self.baseline or "", *(out for _, out in self.outputs)]
-        return any(is_same_file(out, name) for out in own if out)
+        own = self.baseline is not None and is_same_file(self.baseline, name)
+        return own or self.reports.writes(name)
 
 
 def _settings(config_file: str | None) -> Config:
@@ -136,12 +108,7 @@ def _settings(config_file: str | None) -> Config:
         ReadError: the file of settings cannot be read.
         RequestError: the file has an unknown setting or code.
     """
-    if config_file is None:
-        settings: Config | None = find_config(Path.cwd())
-    else:
-        settings = read_config(Path(config_file), named=True)
-    if settings is None:
-        raise RequestError(f"{config_file}: has no [tool.terratool].", "Add that table.")
+    settings = project_settings(config_file)
     for codes in (settings.select, settings.ignore, *settings.per_file_ignores.values()):
         try:
             _known_codes(codes)
@@ -158,45 +125,20 @@ def _plan(formats: tuple[str, ...], settings: Config, given: dict[str, Any]) -> 
         RequestError: the settings name a file that they may not.
         WriteError: a file cannot be written.
     """
-    form = None
-    outputs = []
-    for text in formats or settings.formats:
-        name, separator, out = text.partition("=")
-        if name not in REPORTERS:
-            raise click.UsageError(
-                f"There is no format {quote(name)}. There is {', '.join(REPORTERS)}. "
-                f"{guess(name, REPORTERS)}".rstrip()
-            )
-        if separator:
-            out = out if formats else settings.output_path(out)
-            refuse_existing(Path(out), overwrite=True)
-            refuse_missing_folder(Path(out))
-            outputs.append((name, out))
-        elif form is None:
-            form = name
-        else:
-            raise click.UsageError(
-                f"Standard output takes one format, not {form} and {name}. Give one of them a "
-                f"file: --format {name}=FILE."
-            )
-    written = [os.path.realpath(out) for _, out in outputs]
-    if len(set(written)) < len(written):
-        raise click.UsageError("Two formats go to one file. Give each a file of its own.")
+    reports = ReportPlan.of(formats, settings.formats, settings)
     limit = settings.max_findings if given["max_findings"] is None else given["max_findings"]
     limit = _MOST_FINDINGS if limit is None else limit
     baseline = None if settings.baseline is None else settings.path_here(settings.baseline)
     plan = _ValidationPlan(
-        form or "text",
-        outputs,
+        reports,
         settings.strict if given["strict"] is None else given["strict"],
         given["select"] or _known_codes(settings.select),
         given["ignore"] or _known_codes(settings.ignore),
         settings.max_step if given["max_step"] is None else given["max_step"],
         min(limit or _ALL, _ALL),
         given["baseline"] or baseline,
-        None if formats else settings,
     )
-    plan.refuse_outputs()
+    reports.refuse_outputs()
     if not any(map(CheckOptions(select=plan.select, ignore=plan.ignore).shows, RULES)):
         raise click.UsageError("--select and --ignore leave no rule. Drop one of them.")
     return plan
@@ -282,6 +224,7 @@ class _ValidationTally(Struct):
             unreadable=len(self.unreadable),
             errors=by_severity["error"],
             warnings=by_severity["warning"],
+            notes=by_severity["note"],
             hidden=self.counts.total() - len(listed),
             known=self.known,
         )
@@ -401,7 +344,7 @@ class _ValidationJob(Struct, frozen=True):
             WriteError: a file cannot be written.
         """
         for given in self.names:
-            for name in self._files_of(given, []):
+            for name in files_of(given, self.reached, []):
                 if self.plan.writes(name):
                     continue
                 if name != given and leads_out(name, (given,)):
@@ -419,22 +362,9 @@ class _ValidationJob(Struct, frozen=True):
         return [
             name
             for given in self.names
-            for name in self._files_of(given, [])
+            for name in files_of(given, self.reached, [])
             if not self.plan.writes(name)
         ]
-
-    def _files_of(self, given: str, unreadable: list[Unreadable]) -> Iterator[str]:
-        """File of a name, or files of a folder, without links out of the allowed folders."""
-        try:
-            for name in sources(given):
-                if name != given and leads_out(name, self.reached):
-                    message = f"{name}: is a link out of the folders that may be read."
-                    hint = "Put the file itself there, or name its folder by --library-root."
-                    unreadable.append(Unreadable(name, message, hint))
-                else:
-                    yield name
-        except ReadError as error:
-            unreadable.append(Unreadable(given, error.message, error.hint))
 
     def check_all(
         self, look: Callable[[str, CheckOptions], Checked], status: StatusLine
@@ -454,7 +384,7 @@ class _ValidationJob(Struct, frozen=True):
             KnownFindings(plan.baseline) if plan.baseline is not None and self.compared else None
         )
         for name in chain.from_iterable(
-            self._files_of(one, found.unreadable) for one in self.names
+            files_of(one, self.reached, found.unreadable) for one in self.names
         ):
             status.say(f"checking {short_name(name)}")
             if plan.writes(name):
@@ -492,9 +422,9 @@ class _ValidationJob(Struct, frozen=True):
                     ),
                     status,
                 )
-            if self.plan.form != "sarif":
+            if self.plan.reports.form != "sarif":
                 _say_unreadable(found)
-            _write(found.report(self.plan.limit, statistics), self.plan)
+            self.plan.reports.write(found.report(self.plan.limit, statistics))
             if not watched:
                 files = count_of(len(found.files) + len(found.unreadable), "file")
                 say_error(f"watching {files}; Ctrl-C ends it.")
@@ -515,20 +445,6 @@ def _say_unreadable(found: _ValidationTally) -> None:
     """Print the files that could not be read."""
     for file in found.unreadable:
         say_error(file.message, file.hint)
-
-
-def _write(report: ValidationReport, plan: _ValidationPlan) -> None:
-    """Write a report to files and standard output.
-
-    Raises:
-        WriteError: a file cannot be written.
-    """
-    plan.refuse_outputs()  # links may be new since the first look
-    for form, out in plan.outputs:
-        with whole_file(out, overwrite=True) as part:
-            text = click.unstyle(REPORTERS[form](report))
-            part.write_text(text + "\n", encoding="utf-8", newline="\n")
-    say_block(REPORTERS[plan.form](report), machine=plan.form != "text")
 
 
 @click.command(
@@ -653,7 +569,7 @@ def command(
             return check(source, options, kind=None, shelf=shelf)
 
         found = job.check_all(look, status)
-    if plan.form != "sarif" or update_baseline:
+    if plan.reports.form != "sarif" or update_baseline:
         _say_unreadable(found)
     if update_baseline and found.unreadable:
         raise ReadError(
@@ -666,5 +582,5 @@ def command(
         say(f"{plan.baseline}: {count_of(len(found.lasting), 'finding')} known now.")
         ctx.exit(0)
     report = found.report(plan.limit, statistics)
-    _write(report, plan)
+    plan.reports.write(report)
     ctx.exit(3 if found.unreadable else int(report.summary.invalid > 0))

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 from msgspec import UNSET
 
+from terratool.definition.exact import Sides, sides
 from terratool.definition.model import Pair, pair_of
 from terratool.definition.tree import Tree
 
@@ -90,3 +91,27 @@ def shares_of(kinds: CellKinds, size: Pair) -> list[Pair]:
             width, height = shares[origin.around]
             shares.append((width * w / grid[0], height * h / grid[1]))
     return shares
+
+
+def default_scales(kinds: CellKinds, size: Pair) -> list[float]:
+    """The vScale of elements without one in each kind of cells, to the bit that the field has.
+
+    A part is taken as if it covered the terrain, whose sides are `size`.
+    """
+    whole = sides(size)
+    cells: list[Sides] = []
+    scales = []
+    for origin in kinds.origins:
+        if origin is None:
+            cells.append(whole)
+            lengths = size
+        elif origin.around == FREE:
+            cells.append(sides(origin.span))
+            lengths = origin.span
+        else:
+            around, (columns, rows) = cells[origin.around], map(int, origin.span)
+            cells.append(around.block((columns, rows), origin.grid))
+            pitch = around.block((1, 1), origin.grid).lengths
+            lengths = (pitch[0] * columns, pitch[1] * rows)
+        scales.append(min(lengths[0] / size[0], lengths[1] / size[1]))
+    return scales

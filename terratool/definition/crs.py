@@ -9,6 +9,8 @@ from typing import Any, NamedTuple
 
 import msgspec
 
+from terratool.errors import RequestError
+
 CrsValue = str | int | dict[str, Any]
 
 FORMS = 'Write an authority and code such as "EPSG:32633", WKT, PROJJSON or a PROJ string.'
@@ -35,6 +37,13 @@ _wkt = re.compile(
     r"|GEOGCS|GEOCCS|PROJCS|VERT_CS|LOCAL_CS|COMPD_CS|ENGINEERINGCRS|VERTICALCRS)\s*\[",
     re.IGNORECASE,
 ).match
+_keyword = re.compile(r"[A-Z_]+(?=\s*\[)", re.IGNORECASE).findall
+_quoted = re.compile(r'"[^"]*"')
+_AROUND = ("COMPOUNDCRS", "COMPD_CS", "BOUNDCRS", "SOURCECRS")
+"""Keywords of WKT around the system of x and y."""
+_ANGULAR = ("GEOGCRS", "GEOGRAPHICCRS", "GEOGCS")
+_ELLIPSOIDAL = re.compile(r"\bCS\s*\[\s*ellipsoidal", re.IGNORECASE).search
+_LONGLAT = ("longlat", "latlong", "latlon", "lonlat")
 _extension = re.compile(r'\bEXTENSION\b(?:\s*\[\s*"PROJ4"\s*,\s*"([^"]*)"\s*\])?', re.IGNORECASE)
 _FILES = r"\b(PARAMETERFILE|PROJ-based|PROJ4_GRIDS)\b"
 _reads = re.compile(
@@ -122,6 +131,72 @@ def names_file(text: str) -> bool:
     return _grids(_NO_GRIDS.sub("", text)) is not None
 
 
+def is_geographic(crs: CrsValue) -> bool:
+    """Whether x and y are angles, longitudes and latitudes, as far as that is known.
+
+    Codes are looked up in the database of PROJ; without one only `WELL_KNOWN` systems are known.
+    """
+    if entry := authority_code(crs):
+        path = _database()
+        well_known = f"{entry.authority}:{entry.code}" in WELL_KNOWN.values()
+        return well_known or (path is not None and _is_angular(path, entry))
+    if isinstance(crs, dict):
+        return _object_is_geographic(crs)
+    text = str(crs).strip()
+    if text.startswith("{"):
+        try:
+            return _object_is_geographic(msgspec.json.decode(text, type=dict[str, Any]))
+        except (msgspec.MsgspecError, RecursionError):
+            return False
+    if text.startswith("+"):
+        return re.search(rf"\+(o_)?proj=({'|'.join(_LONGLAT)})(?=\s|$)", text) is not None
+    plain = _quoted.sub("", text)
+    first = next((word for word in map(str.upper, _keyword(plain)) if word not in _AROUND), "")
+    if first in ("GEODCRS", "GEODETICCRS"):
+        return _ELLIPSOIDAL(plain) is not None
+    return first in _ANGULAR
+
+
+def _object_is_geographic(crs: dict[str, Any]) -> bool:
+    if "proj" in crs:
+        return crs["proj"] in _LONGLAT or crs.get("o_proj") in _LONGLAT
+    for _ in range(_DEEPEST):
+        components = crs.get("components")
+        inner = components[0] if isinstance(components, list) and components else None
+        inner = inner or crs.get("source_crs")
+        if not isinstance(inner, dict):
+            break
+        crs = inner
+    system = crs.get("coordinate_system")
+    if crs.get("type") in ("GeodeticCRS", "DerivedGeodeticCRS"):
+        return isinstance(system, dict) and system.get("subtype") == "ellipsoidal"
+    return crs.get("type") in ("GeographicCRS", "DerivedGeographicCRS")
+
+
+def zone_of(x: float, y: float) -> str:
+    """Code of the UTM zone of a longitude and latitude in degrees, as "EPSG:32633"."""
+    zone = min(60, max(1, int((x + 180) // 6) + 1))
+    return f"EPSG:{(32600 if y >= 0 else 32700) + zone}"
+
+
+def refuse_degrees(crs: CrsValue | None, middle: tuple[float, float], doing: str) -> None:
+    """Refuse a terrain in degrees for what needs lengths.
+
+    Args:
+        crs: reference system of the terrain; None for none.
+        middle: x and y of its middle.
+        doing: what needs lengths, as the beginning of a sentence.
+
+    Raises:
+        RequestError: x and y are degrees.
+    """
+    if crs is not None and is_geographic(crs):
+        raise RequestError(
+            f"{doing} needs lengths, and by its crs the terrain has x and y in degrees.",
+            f"Import it again with --crs {zone_of(*middle)}, which has metres.",
+        )
+
+
 def _wkt_problem(text: str) -> CrsProblem | None:
     for extension in _extension.finditer(text):
         if extension[1] is None:
@@ -195,6 +270,26 @@ def _has(path: str, entry: AuthorityCode) -> bool | None:
             )
     except sqlite3.Error:
         return None
+
+
+@lru_cache(maxsize=256)
+def _is_angular(path: str, entry: AuthorityCode) -> bool:
+    """Whether x and y of an entry of the database are angles; of a compound, those of its first."""
+    import sqlite3
+
+    kind = "SELECT type FROM crs_view WHERE auth_name = ? AND CAST(code AS TEXT) = ?"
+    first = (
+        "SELECT horiz_crs_auth_name, CAST(horiz_crs_code AS TEXT) FROM compound_crs "
+        "WHERE auth_name = ? AND CAST(code AS TEXT) = ?"
+    )
+    wanted = (entry.authority, entry.code.partition("+")[0])
+    try:
+        with closing(sqlite3.connect(f"file:{path}?mode=ro&immutable=1", uri=True)) as database:
+            wanted = database.execute(first, wanted).fetchone() or wanted
+            found = database.execute(kind, wanted).fetchone()
+            return found is not None and str(found[0]).startswith("geographic")
+    except sqlite3.Error:
+        return False
 
 
 def _database() -> str | None:

@@ -14,7 +14,8 @@ from terratool.text.display import Excerpt
 if TYPE_CHECKING:
     from terratool.text.edit import Edit
 
-Severity = Literal["error", "warning"]
+Severity = Literal["error", "warning", "note"]
+"""An error makes a text invalid, a warning does so where asked, a note never does."""
 Bounds = tuple[float, float, float, float]
 """World rectangle: west, south, east, north."""
 Owner = int | str
@@ -77,6 +78,11 @@ class RemarkLog(Struct):
     def full(self, code: str) -> bool:
         """Whether no more remarks of a code will be kept."""
         return self.counts[code] >= self.limit
+
+    def drop(self, code: str) -> None:
+        """Forget the remarks of a code."""
+        self.kept = [kept for kept in self.kept if kept[0] != code]
+        del self.counts[code]
 
     def keep(self, code: str, remark: Remark) -> None:
         """Keep a remark that `wants` counted."""

@@ -83,7 +83,7 @@ class IgnoreLists:
     def filter_remarks(
         self, code: str, remarks: Iterable[Remark | RemarkBatch], tree: Tree
     ) -> Iterator[Remark | RemarkBatch]:
-        """Yield the warnings that no list around them silences; note the entries that do."""
+        """Yield the remarks that no list around them silences; note the entries that do."""
         lists: dict[Owner, list[tuple[Owner, int]]] = {}
         for owner, index, listed in self._codes:
             if code.startswith(listed):
@@ -113,7 +113,7 @@ class IgnoreLists:
                 yield remark
 
     def useless_entries(self, idle: tuple[str, ...]) -> Iterator[Remark]:
-        """Yield a remark on each entry that is no code of a warning, or that silenced nothing.
+        """Yield a remark on each entry that is only the code of errors, or that silenced nothing.
 
         Args:
             idle: codes of rules that were not applied this time.
@@ -168,7 +168,7 @@ class CheckOptions(Struct, frozen=True):
     """Options of a check.
 
     Attributes:
-        warnings: whether rules with warnings are applied, too.
+        warnings: whether rules with warnings and notes are applied, too.
         max_step: height from which on a step is remarked on, in units of the terrain; None for no
             limit.
         limit: most findings that are placed; the others are counted.
@@ -397,6 +397,8 @@ def _full_result(document: SourceDocument, options: CheckOptions) -> Checked:
         return own.checked
     broken = {id(library): _own_result(library, options).checked for library in bad}
     found = own.found.copy()
+    for code in [code for code in found.counts if RULES[code].severity == "note"]:
+        found.drop(code)
     found.take("TT706", _broken_libraries(document, broken))
     findings = _locate_findings(document.source, found, document.decoded, options)
     return Checked(findings, found.counts, name=document.source.name)
@@ -546,8 +548,11 @@ def _apply_rules(document: SourceDocument, found: RemarkLog, options: CheckOptio
     decoded = document.decoded
     ignores = IgnoreLists(decoded.ignores)
     subjects = _subjects(document, options)
-    for rule in RULES.values():
+    # notes are of texts without errors
+    for rule in sorted(RULES.values(), key=lambda rule: rule.severity == "note"):
         if rule.check is None or not (options.warnings or rule.severity == "error"):
+            continue
+        if rule.severity == "note" and any(RULES[c].severity == "error" for c in found.counts):
             continue
         for kind, subject in subjects:
             if rule.kind != kind:
@@ -557,7 +562,7 @@ def _apply_rules(document: SourceDocument, found: RemarkLog, options: CheckOptio
                 from terratool.definition.tile_ground import on_ground
 
                 remarks = on_ground(remarks)
-            if ignores and rule.severity == "warning":
+            if ignores and rule.severity != "error":
                 remarks = ignores.filter_remarks(rule.code, remarks, decoded.tree)
             found.take(rule.code, remarks)
     if options.warnings and subjects:

@@ -11,6 +11,7 @@ import numpy as np
 from msgspec import UNSET
 from numpy.typing import ArrayLike, NDArray
 
+from terratool.definition.crs import refuse_degrees
 from terratool.definition.expand import MAX_ELEMENTS, Expansion, expand
 from terratool.definition.findings import Bounds
 from terratool.definition.model import Definition
@@ -225,6 +226,15 @@ class Terrain:
     def is_rough(self) -> bool:
         """Whether any surface has a relief."""
         return len(self.arrays.reliefs) > 0
+
+    def refuse_degrees(self, doing: str) -> None:
+        """Refuse a terrain whose x and y are degrees for what needs lengths, such as "A vehicle".
+
+        Raises:
+            RequestError: the reference system of the terrain is geographic.
+        """
+        west, south, east, north = self.bounds
+        refuse_degrees(self.crs, (0.5 * (west + east), 0.5 * (south + north)), doing)
 
     @property
     def levels(self) -> int:

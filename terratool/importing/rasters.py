@@ -18,7 +18,7 @@ from rasterio.transform import Affine
 from rasterio.vrt import WarpedVRT
 from rasterio.windows import Window
 
-from terratool.definition.crs import crs_problem
+from terratool.definition.crs import crs_problem, zone_of
 from terratool.errors import ReadError, RequestError
 from terratool.importing.types import PixelGrid, SourceOptions, sample_range
 from terratool.io.crs import read_crs
@@ -345,11 +345,9 @@ def _unit(file: Any, band: int, middle: tuple[float, float], about: list[str]) -
     vertical = (file.units[band - 1] or "").strip()
     unit = "m" if vertical.lower() in ("", "m", "metre", "meter", "metres", "meters") else vertical
     if file.crs is not None and file.crs.is_geographic:
-        zone = min(60, int((middle[0] + 180) // 6) + 1)
-        code = (32600 if middle[1] >= 0 else 32700) + zone
         about.append(
             f"x and y are degrees and heights {unit}, so that no slope is right: "
-            f"add --crs EPSG:{code} to reproject."
+            f"add --crs {zone_of(*middle)} to reproject."
         )
     elif file.crs is not None and file.crs.is_projected:
         linear = str(file.crs.linear_units)

@@ -155,10 +155,14 @@ class RasterRequest:
         """Bands of the files that the layers need.
 
         Raises:
-            RequestError: a layer or the data type is unknown, or `nodata` is infinite, no value of
-                the data type, or without a layer of numbers.
+            RequestError: a layer or the data type is unknown, `nodata` is infinite, no value of the
+                data type, or without a layer of numbers, or a layer has slopes of a terrain in
+                degrees.
         """
         layers = layers_named(self.layers)
+        for layer in layers:
+            if layer.slopes:
+                terrain.refuse_degrees(f"The layer {layer.name}")
         if self.dtype not in DTYPES:
             raise RequestError(
                 f"There is no type {self.dtype!r}.", f"The types are {', '.join(DTYPES)}."

@@ -128,9 +128,11 @@ def export_scan(
         progress: called with the number of rays done since its last call.
 
     Raises:
-        RequestError: the format does not hold the scan, or a pose is outside or below the ground.
+        RequestError: the format does not hold the scan, a pose is outside or below the ground, or
+            the terrain is in degrees.
         WriteError: the file exists or cannot be written.
     """
+    terrain.refuse_degrees("A sensor")
     form = output.checked_format(scan)
     scan = scan.check_poses(terrain)
     record = Record(terrain, scan.sensor, scan.frames, output.world, output.misses)

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rasterio.crs import CRS
 
+from terratool.definition.crs import is_geographic
 from terratool.errors import ReadError, RequestError
 from terratool.extras import install_command
 from terratool.io.bands import Bands
@@ -107,8 +108,8 @@ class MapOutput:
         """Check that the files can be written.
 
         Raises:
-            RequestError: a suffix is wrong, the reference system is unknown, or rosbags is not
-                installed.
+            RequestError: a suffix is wrong, the reference system is unknown or in degrees, or
+                rosbags is not installed.
             WriteError: a file exists, or a folder is missing.
         """
         if self.path.suffix.lower() not in (".tif", ".tiff"):
@@ -117,6 +118,11 @@ class MapOutput:
             )
         if self.crs is not None:
             read_crs(self.crs)
+            if is_geographic(self.crs):
+                raise RequestError(
+                    f"A map of a robot has cells in metres, and {self.crs} has degrees.",
+                    "Give --crs a system in metres, such as EPSG:32633.",
+                )
         refuse_existing(self.path, self.overwrite, _COMPANIONS)
         refuse_missing_folder(self.path)
         if self.bag is None:

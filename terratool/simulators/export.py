@@ -74,6 +74,7 @@ class ExportPlan:
         self, terrain: Terrain, progress: Callable[[str], object] = lambda _: None
     ) -> tuple[SimulatorReport, ...]:
         """Write the files of a terrain; arguments and errors are those of `export_simulators`."""
+        terrain.refuse_degrees("A simulator")
         source = self.source
         stem = "terrain" if source is None else source.stem
         [name] = plain_names([stem], _fits_name, "terrain")

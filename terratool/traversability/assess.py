@@ -193,10 +193,12 @@ def prepare_assessment(
         overwrite: whether the map's files may exist already.
 
     Raises:
-        RequestError: a place lies outside the terrain or its part, or an option makes no sense.
+        RequestError: a place lies outside the terrain or its part, an option makes no sense, or the
+            terrain is in degrees.
         WriteError: the map exists already, or does not fit on the disk.
         DefinitionError: the map has a CRS, which is unknown.
     """
+    terrain.refuse_degrees("A vehicle")
     terrain = terrain.written_out
     check_preference(request.prefer)
     thread_count(request.threads)
@@ -242,8 +244,10 @@ def chosen_resolution(terrain: Terrain, vehicle: Vehicle, request: Request, writ
     """The resolution that a request has, or gets, m; `written` says that the map goes into a file.
 
     Raises:
-        RequestError: the bounds lie outside the terrain, or are too large for the pixels.
+        RequestError: the bounds lie outside the terrain, or are too large for the pixels, or the
+            terrain is in degrees.
     """
+    terrain.refuse_degrees("A vehicle")
     return _grids(terrain.written_out, vehicle, request, written).grid.resolution
 
 
@@ -475,7 +479,8 @@ def _judge_map(
     reach = None
     if start is not None:
         note = "" if found.reached.any() else _no_start_note(prepared, start)
-        reach = reach_of(terrain, start, found, builder.ground, note)
+        counted = builder.ground & (classes != GroundClass.EDGE)
+        reach = reach_of(terrain, start, found, counted, note)
     return _MapResult(builder.summary(classes, found, start), reach, builder.preview(classes))
 
 
@@ -545,8 +550,8 @@ def verdict_of(summary: MapSummary | None, routes: Sequence[Route]) -> Verdict:
     """The verdict of the worst route; without routes, of the ground.
 
     Ground that is all go is go. Ground with connected pixels that are go or caution is
-    caution. Other ground is no-go, or unknown if all of it is unknown. Pixels where the vehicle
-    would stand over the edge of the terrain count only where there are no others.
+    caution. Other ground is no-go, or unknown if all of it is unknown. Pixels at the edge of the
+    terrain, which only its end bars, count only where there are no others.
     """
     if routes:
         return max((route.verdict for route in routes), key=RANKS.__getitem__)

@@ -109,13 +109,15 @@ class Judge:
             progress: called with words that say how many percent are done.
 
         Raises:
-            RequestError: the cells are too coarse or too fine for the vehicle.
+            RequestError: the cells are too coarse or too fine for the vehicle, or the terrain is in
+                degrees.
         """
         from terratool.raster.prefetch import processors
         from terratool.traversability.map import MapBuilder, stream_map
         from terratool.traversability.report.wording import lacking_of
         from terratool.traversability.soil import missing_of, turnings
 
+        terrain.refuse_degrees("A vehicle")
         vehicle, surveyor = self.vehicle, self.surveyor(terrain, grid)
         builder = MapBuilder(terrain, surveyor, False, turnings(terrain, vehicle))
         total, done = grid.width * grid.height, 0

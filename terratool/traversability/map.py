@@ -61,13 +61,16 @@ def map_bands(measures: WindowMeasures, inside: NDArray[np.bool_]) -> MapBands:
 
     The best heading has the best verdict, and among equal verdicts the most in reserve; the worst
     heading has the worst verdict, and the least in reserve. Of equals the first from north counts.
+    Headings with which the vehicle stands over the rim count only where there are no others.
     Pixels not `inside` the terrain, (height, width), are NaN, or 0 in bands of integers.
     """
     share = measures.numbers[:, kernels.UTILISATION].astype(np.float64)
     reserve = np.ones_like(share)
     np.divide(share, 1.0 + share, out=reserve, where=np.isfinite(share))
     order = 2.0 * RANKS[measures.verdict] + reserve
-    best, worst = (chosen(order, axis=0)[None] for chosen in (np.argmin, np.argmax))
+    over = measures.reason == Reason.EDGE
+    best = np.argmin(np.where(over, np.inf, order), axis=0)[None]
+    worst = np.argmax(np.where(over, -1.0, order), axis=0)[None]
 
     def at(heading: Any, values: NDArray[Any]) -> NDArray[Any]:
         return np.asarray(np.take_along_axis(values, heading, axis=0)[0])
@@ -138,7 +141,7 @@ def default_resolution(
 class MapBuilder:
     """A map that is built from windows, which several threads may bring in any order.
 
-    Memory is 5 bytes for each pixel, one byte more for over 8 headings; 60 bytes where all bands
+    Memory is 6 bytes for each pixel, two bytes more for over 8 headings; 61 bytes where all bands
     are kept, and 4 more where soils are sampled.
 
     Args:
@@ -153,6 +156,7 @@ class MapBuilder:
     ) -> None:
         grid = surveyor.grid
         flat = (grid.height, grid.width)
+        self._surveyor = surveyor
         self.terrain, self.grid, self.headings = terrain, grid, surveyor.headings
         self.sampled = surveyor.samples is not None
         self.kept = empty_bands(flat, self.sampled) if keep else None
@@ -161,7 +165,7 @@ class MapBuilder:
         self.verdict, self.worst = np.zeros((2, *flat), np.uint8)
         self.ground = np.zeros(flat, np.bool_)
         self.surfaces = np.zeros(flat, id_type(terrain))
-        self.bits = np.zeros(flat, bits_type(self.headings))
+        self.bits, self.onward = np.zeros((2, *flat), bits_type(self.headings))
         self._able = np.array([turn.possible for turn in turns], np.bool_)
         self._stride = -(-max(flat) // PICTURE)
         self._heights = np.full(
@@ -170,10 +174,7 @@ class MapBuilder:
 
     def take(self, window: Window, measures: WindowMeasures) -> MapBands:
         """Add the measures of a window to the map; return its bands for files."""
-        west, south, east, north = self.terrain.bounds
-        x, y = self.grid.columns(window), self.grid.rows(window)
-        inside = ((y >= south) & (y <= north))[:, None] & ((x >= west) & (x <= east))[None]
-        bands, part = map_bands(measures, inside), part_of(window)
+        bands, part = map_bands(measures, self._surveyor.is_inside(window)), part_of(window)
         self.verdict[part], self.reason[part] = bands.verdict[0], bands.classes[1]
         self.worst[part] = bands.classes[0]
         if self.chance is not None:
@@ -182,6 +183,7 @@ class MapBuilder:
         drives = (measures.verdict == Verdict.GO) | (measures.verdict == Verdict.CAUTION)
         drives &= np.isfinite(measures.numbers[:, kernels.ENERGY])
         self.bits[part] = heading_bits(drives & self.ground[part])
+        self.onward[part] = heading_bits((measures.onward != 0) & self.ground[part])
         if self.kept is not None:
             for whole, pixels in zip(self.kept, bands, strict=True):
                 whole[:, *part] = pixels
@@ -217,13 +219,15 @@ class MapBuilder:
     ) -> tuple[NDArray[np.uint8], Connected]:
         """Classes of the pixels, (height, width) uint8 `GroundClass`, and the connected ground.
 
+        Ground that is barred, cut off or one-way only as the terrain ends there is EDGE.
+
         Args:
             begin: states from which the vehicle sets out; the largest part of the ground if None,
                 unless it is smaller than the vehicle.
             area: area of the vehicle seen from above, m².
             progress: called with the further share of the pixels that is done.
         """
-        floods = 3 if begin is None else 2
+        floods = 5 if begin is None else 4
         tell = (lambda more: progress(more / floods)) if progress else None
         turns, first = self._turns(), begin
         if first is None:
@@ -242,20 +246,28 @@ class MapBuilder:
         classes[drives & one_way] = GroundClass.ONE_WAY
         edge = self.ground & (self.verdict == Verdict.NO_GO) & (self.reason == Reason.EDGE)
         classes[edge] = GroundClass.EDGE
+        barred = (self.onward != 0) & (classes > GroundClass.CAUTION) & ~edge
+        if found.returned.any() and (self.onward != self.bits).any() and barred.any():
+            # nothing but the end of the file bars what is reached if the ground goes on there
+            more = connected_cells(self.onward, self.headings, first, tell, turns)
+            classes[barred & more.returned] = GroundClass.EDGE
+        elif tell:
+            tell(2.0)
         return classes, found
 
     def _turns(self) -> Turns:
         """Pixels where the vehicle can turn on the spot, (height, width) bool; None for all."""
         return None if self._able.all() else self._able[self.surfaces]
 
-    def largest(self, found: Connected) -> LargestPart | None:
+    def largest(self, classes: NDArray[np.uint8], found: Connected) -> LargestPart | None:
         """The largest part, from the connected ground that was found; None where there is none."""
         if not found.returned.any():
             return None
         row, column = place_in(self.bits, self.headings, found, self._turns())
         window = Window(row, column, 1, 1)
         x, y = self.grid.columns(window)[0], self.grid.rows(window)[0]
-        share = np.count_nonzero(found.returned) / np.count_nonzero(self.ground)
+        counted = self.ground & (classes != GroundClass.EDGE)
+        share = np.count_nonzero(found.returned) / np.count_nonzero(counted)
         return LargestPart((float(x), float(y)), share)
 
     def summary(
@@ -285,14 +297,15 @@ class MapBuilder:
             {Reason(n): number for n, number in enumerate(reasons) if number},
             {name: _by_ground(row) for name, row in zip(names, count, strict=True) if row.any()},
             start,
-            self.largest(found) if start is None else None,
-            None if self.chance is None else self.chances(),
+            self.largest(classes, found) if start is None else None,
+            None if self.chance is None else self.chances(classes),
         )
 
-    def chances(self) -> dict[float, int]:
-        """Number of pixels with ground by the largest of `CHANCE_BOUNDS` they reach."""
+    def chances(self, classes: NDArray[np.uint8]) -> dict[float, int]:
+        """Number of pixels with ground by the largest of `CHANCE_BOUNDS` they reach, but EDGE."""
         assert self.chance is not None
-        known = self.chance[self.ground & np.isfinite(self.chance)]
+        counted = self.ground & (classes != GroundClass.EDGE)
+        known = self.chance[counted & np.isfinite(self.chance)]
         found, counted = {}, 0
         for bound in CHANCE_BOUNDS:
             above = int(np.count_nonzero(known >= np.float32(bound)))

@@ -459,8 +459,8 @@ class Reach:
 
     Attributes:
         start: place that the vehicle starts from.
-        share: share of all pixels with ground that can be reached.
-        returnable: share of all pixels with ground that can be reached and left again to the start.
+        share: share of the pixels with ground, but those at the edge, that can be reached.
+        returnable: share of them that can be reached and left again to the start.
         cells: (height, width) bool, pixels that can be reached; rows from the north.
         note: a sentence where the vehicle cannot stand at the start; else empty.
     """
@@ -482,7 +482,7 @@ class LargestPart:
 
     Attributes:
         place: x and y of a place in the part, m, from which all of the part can be reached.
-        share: share of all pixels with ground that the part has.
+        share: share of the pixels with ground, but those at the edge, that the part has.
     """
 
     place: tuple[float, float]
@@ -522,14 +522,24 @@ class MapSummary:
         """Number of pixels with ground."""
         return sum(self.counts.values())
 
+    @property
+    def counted(self) -> int:
+        """Number of pixels with ground of which shares are: all but those at the edge."""
+        return self.pixels - self.counts.get(GroundClass.EDGE, 0)
+
     def fraction(self, ground: GroundClass) -> float:
-        """Share of the pixels with ground that are of a class; 0 where no pixel has ground."""
+        """Share of the pixels with ground that are of a class, as `fraction_of` has it."""
         return fraction_of(self.counts, ground)
 
 
 def fraction_of(counts: dict[GroundClass, int], ground: GroundClass) -> float:
-    """Share of counted pixels that are of a class; 0 where none are counted."""
+    """Share of pixels that are of a class; 0 where there are none.
+
+    The share of the edge is one of all pixels, all others are shares of what is not at the edge.
+    """
     total = sum(counts.values())
+    if ground != GroundClass.EDGE:
+        total -= counts.get(GroundClass.EDGE, 0)
     return counts.get(ground, 0) / total if total else 0.0
 
 

@@ -189,7 +189,7 @@ def deform(
     Raises:
         DefinitionError: the terrain has errors.
         RequestError: the path is too short, leaves the terrain or its ground, or lies on a surface
-            without a sinkage.
+            without a sinkage; or the terrain is in degrees.
         MissedError: a wheel would sink by its radius or more.
     """
     path = _drop_repeats(path)
@@ -201,6 +201,7 @@ def deform(
         tolerance = SHARE * min(wheel.width for wheel in wheels)
     bare = msgspec.structs.replace(definition, tracks=UNSET)
     ground = Terrain(msgspec.structs.replace(checked, terrain=bare))
+    ground.refuse_degrees("A vehicle")
     surfaces = ground.surface_types  # those of libraries, too
     known = () if checked.document is None else known_names(checked.document).surfaces
     if surface is not None and surface not in known:

@@ -15,12 +15,15 @@ from terratool.field.terrain import Terrain
 from terratool.field.walls import WallFinders
 from terratool.kernels import field as kernels
 from terratool.raster.grid import Grid, Window
-from terratool.raster.painter import Painter
+from terratool.raster.painter import Painter, Planes
 from terratool.traversability.limits import wheel_layout
 from terratool.traversability.vehicle import Vehicle
 
 Offsets = NDArray[np.int64]
 """Offsets of pixels, (n, 2): rows to the south and columns to the east."""
+
+Axis = NDArray[np.float64]
+"""World coordinates of the centres of pixels along an axis, (n,) float64, m."""
 
 PLACES = 256
 """Approximate number of evenly spread places of a footprint that roughness is taken from."""
@@ -350,7 +353,7 @@ class Ruts(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class StanceGround:
-    """The ground in a window of the fine grid.
+    """The ground in a window of the fine grid; beyond the terrain it goes on as it is at the rim.
 
     Attributes:
         heights: (height, width) float32, minus infinity where there is no ground.
@@ -376,7 +379,8 @@ class StanceGround:
 class GroundPainter:
     """A painter of windows of ground; several threads may use it at a time.
 
-    Windows may reach beyond the grid; no pixel depends on the window.
+    Windows may reach beyond the grid, and beyond the terrain: there each pixel is like the nearest
+    one on the terrain, but for crests. No pixel depends on the window.
 
     Args:
         terrain: the ground.
@@ -400,9 +404,13 @@ class GroundPainter:
         """Paint the ground of a window."""
         planes = self._painter.paint(window)
         assert planes.surfaces is not None and planes.labels is not None
+        x, y = self._grid.columns(window), self._grid.rows(window)
+        crests = self._find_crests(x, y, planes.heights)
+        planes, x, y = self._go_on(planes, x, y)
         heights = planes.heights
+        assert planes.surfaces is not None and planes.labels is not None
         pairs, same = _rises(heights, planes.labels, self._least, self._grid.resolution)
-        walls = self._find_walls(window, pairs[~same])
+        walls = self._find_walls(x, y, pairs[~same])
         steep = _rise(heights, pairs) > STEEP * self._grid.resolution
         kept, met = steep.copy(), []
         for radius in self._radii:
@@ -413,7 +421,6 @@ class GroundPainter:
             kept |= found
             met.append(here)
         pairs = pairs[kept]
-        crests = self._find_crests(window, heights)
         hole = np.isnan(heights)
         if hole.any():
             heights[hole] = -np.inf
@@ -426,38 +433,68 @@ class GroundPainter:
                 MetWalls(here.jumps[kept], Gaps(*(plane[kept] for plane in here.gaps)))
                 for here in met
             ),
-            crests, self._find_ruts(window, planes.surfaces),
+            crests, self._find_ruts(x, y, planes.surfaces),
         )  # fmt: skip
 
-    def _find_ruts(self, window: Window, surfaces: NDArray[Any]) -> Ruts | None:
-        """Find the ruts in a window; None where no pixel has any."""
-        found = Ruts(*np.empty((3, *surfaces.shape), np.float32))
-        y = np.ascontiguousarray(self._grid.rows(window)[::-1])
-        any_there = kernels.find_ruts(
-            self._terrain.field, self._grid.columns(window), y, surfaces, *found
+    def _go_on(self, planes: Planes, x: Axis, y: Axis) -> tuple[Planes, Axis, Axis]:
+        """Let the ground go on beyond the rim, level away from it; with the places it is like."""
+        columns, rows = map(_nearest_inside, inside_of(self._terrain, x, y))
+        if columns is None and rows is None:
+            return planes, x, y
+        columns = np.arange(len(x)) if columns is None else columns
+        rows = np.arange(len(y)) if rows is None else rows
+        like = np.ix_(rows, columns)
+        slope_x, slope_y = planes.slope_x, planes.slope_y
+        if slope_x is not None and slope_y is not None:
+            slope_x, slope_y = slope_x[like], slope_y[like]
+            slope_x[:, columns != np.arange(len(x))] = 0.0
+            slope_y[rows != np.arange(len(y))] = 0.0
+        assert planes.surfaces is not None and planes.labels is not None
+        heights, surfaces, labels = (
+            np.ascontiguousarray(plane[like])
+            for plane in (planes.heights, planes.surfaces, planes.labels)
         )
+        return Planes(heights, surfaces, slope_x, slope_y, labels), x[columns], y[rows]
+
+    def _find_ruts(self, x: Axis, y: Axis, surfaces: NDArray[Any]) -> Ruts | None:
+        """Find the ruts at the centres of pixels; None where no pixel has any."""
+        found = Ruts(*np.empty((3, *surfaces.shape), np.float32))
+        south_up = np.ascontiguousarray(y[::-1])
+        any_there = kernels.find_ruts(self._terrain.field, x, south_up, surfaces, *found)
         return found if any_there else None
 
-    def _find_crests(self, window: Window, heights: NDArray[np.float32]) -> Crests:
-        """Find the crests in a window."""
+    def _find_crests(self, x: Axis, y: Axis, heights: NDArray[np.float32]) -> Crests:
+        """Find the crests in pixels, which need not be beyond the rim."""
         return Crests(
             *kernels.find_crests(
-                self._terrain.field, self._lines, self._weights, self._grid.columns(window),
-                self._grid.rows(window), self._grid.resolution, LOW_CREST * min(self._radii),
-                heights,
+                self._terrain.field, self._lines, self._weights, x, y, self._grid.resolution,
+                LOW_CREST * min(self._radii), heights,
             )
         )  # fmt: skip
 
-    def _find_walls(self, window: Window, pairs: NDArray[np.int64]) -> Walls:
+    def _find_walls(self, x: Axis, y: Axis, pairs: NDArray[np.int64]) -> Walls:
         """Find up to `_WALLS` walls between the pixels of each pair."""
         places, jumps = np.empty((len(pairs), _WALLS)), np.zeros((len(pairs), _WALLS))
         if len(pairs):
             with self._finders.one() as finder:
                 kernels.walls_between(
-                    finder, pairs, self._grid.columns(window), self._grid.rows(window),
-                    self._grid.resolution, 0.5 * self._least, places, jumps,
+                    finder, pairs, x, y, self._grid.resolution, 0.5 * self._least, places, jumps,
                 )  # fmt: skip
-        return walls_in_order(pairs, window.width, places, jumps, self._grid.resolution)
+        return walls_in_order(pairs, len(x), places, jumps, self._grid.resolution)
+
+
+def inside_of(terrain: Terrain, x: Axis, y: Axis) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Whether columns at x, and rows at y, lie on the terrain, (n,) bool each."""
+    west, south, east, north = terrain.bounds
+    return (x >= west) & (x <= east), (y >= south) & (y <= north)
+
+
+def _nearest_inside(inside: NDArray[np.bool_]) -> NDArray[np.int64] | None:
+    """Index of the nearest pixel inside for each along an axis; None where all or none are."""
+    if inside.all() or not inside.any():
+        return None
+    first, last = np.flatnonzero(inside)[[0, -1]]
+    return np.clip(np.arange(len(inside)), first, last)
 
 
 class Walls(NamedTuple):

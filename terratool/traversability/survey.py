@@ -29,6 +29,7 @@ from terratool.traversability.stance import (
     Offsets,
     StanceGround,
     VehicleFootprint,
+    inside_of,
     vehicle_footprint,
 )
 from terratool.traversability.steps import step_of
@@ -156,6 +157,7 @@ class WindowMeasures:
         heights: (height, width) float32 m, NaN where there is no ground.
         surfaces: (height, width) index of the surface and one, 0 for none.
         verdict, reason: uint8 `Verdict` and `Reason`.
+        onward: uint8, 1 where the vehicle drives, or would if the ground went on beyond the rim.
         numbers: (headings, kernels.PLANES, height, width) float32, planes by the kernels' numbers.
         step: float32 height of the highest step ahead of a wheel, m.
         rough: float32 RMS distance of the ground from its plane, m; NaN where it is not known.
@@ -170,6 +172,7 @@ class WindowMeasures:
     surfaces: NDArray[Any]
     verdict: NDArray[np.uint8]
     reason: NDArray[np.uint8]
+    onward: NDArray[np.uint8]
     numbers: NDArray[np.float32]
     step: NDArray[np.float32]
     rough: NDArray[np.float32]
@@ -216,10 +219,16 @@ class Stance(NamedTuple):
 
 
 class Verdicts(NamedTuple):
-    """Output of `kernels.judge_cells`: verdict, reason and numbers of one heading."""
+    """Output of `kernels.judge_cells`: verdict, reason and numbers of one heading.
+
+    Members:
+        onward: (height, width) 1 where the vehicle drives, or would if the ground went on beyond
+            the rim of the terrain as it is at the rim; else 0.
+    """
 
     verdict: NDArray[np.uint8]
     reason: NDArray[np.uint8]
+    onward: NDArray[np.uint8]
     numbers: NDArray[np.float32]
 
 
@@ -319,17 +328,17 @@ class Surveyor:
         flat = (window.height, window.width)
         deep = (self.headings, *flat)
         numbers = np.empty((self.headings, kernels.PLANES, *flat), np.float32)
-        verdict, reason = np.empty((2, *deep), np.uint8)
+        verdict, reason, onward = np.empty((3, *deep), np.uint8)
         step, rough, clearance, overhang = np.empty((4, *deep), np.float32)
         go = self._no_samples(flat) if sampled else None
         for heading, stance in self._stances(sweep, window):
             rough[heading], step[heading] = stance.rough, stance.step
-            out = Verdicts(verdict[heading], reason[heading], numbers[heading])
+            out = Verdicts(verdict[heading], reason[heading], onward[heading], numbers[heading])
             self._judge(heading, stance, out, go)
             left = self._clearances(stance, numbers[heading])
             clearance[heading], overhang[heading] = left
         return WindowMeasures(
-            sweep.heights, sweep.surfaces, verdict, reason, numbers, step, rough, clearance,
+            sweep.heights, sweep.surfaces, verdict, reason, onward, numbers, step, rough, clearance,
             overhang, None if go is None else self._shares(go),
         )  # fmt: skip
 
@@ -346,8 +355,8 @@ class Surveyor:
         if none is None:
             return None
         marked = {heading: none.copy() for heading in headings}
-        verdict, reason = np.empty((2, *flat), np.uint8)
-        out = Verdicts(verdict, reason, np.empty((kernels.PLANES, *flat), np.float32))
+        verdict, reason, onward = np.empty((3, *flat), np.uint8)
+        out = Verdicts(verdict, reason, onward, np.empty((kernels.PLANES, *flat), np.float32))
         for heading, stance in self._stances(self._sweep_of(window), window, headings):
             self._judge(heading, stance, out, marked[heading])
         return np.array(list(marked.values()))
@@ -427,6 +436,11 @@ class Surveyor:
             left.append(np.where(nowhere, np.nan, height - ground).astype(np.float32))
         return left[0], np.minimum(left[1], left[2])
 
+    def is_inside(self, window: Window) -> NDArray[np.bool_]:
+        """Whether the centres of pixels of the grid lie on the terrain, (height, width) bool."""
+        x, y = inside_of(self.terrain, self.grid.columns(window), self.grid.rows(window))
+        return np.asarray(y[:, None] & x)
+
     def _reaches_beyond(self, window: Window, heading: int) -> NDArray[np.bool_]:
         """Whether the vehicle reaches beyond the terrain, (height, width) bool."""
         west, south, east, north = self.terrain.bounds
@@ -491,9 +505,10 @@ class _Sweep:
             first, passes, exponent = map(self._to_phases, ground.ruts)
             self.ruts = (first, passes, exponent)
         middle = np.zeros(2, np.int64)
-        self.surfaces = self._at(self.ids, middle)
+        inside = surveyor.is_inside(window)
+        self.surfaces = self._at(self.ids, middle) * inside
         heights = self._at(self._heights, middle)
-        self.heights = np.where(np.isneginf(heights), np.float32(np.nan), heights)
+        self.heights = np.where(inside & ~np.isneginf(heights), heights, np.float32(np.nan))
 
     def _to_phases(self, plane: NDArray[Any]) -> NDArray[Any]:
         """Lay a plane (rows, columns) out as (rows, phases, columns)."""

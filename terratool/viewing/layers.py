@@ -253,6 +253,8 @@ def _number_layer(terrain: Terrain, grid: Grid, planes: Planes, layer: str) -> L
     """The layer `height`, `slope` or `friction`, with a scale of colours."""
     from matplotlib import colormaps
 
+    if LAYERS[layer].slopes:
+        terrain.refuse_degrees(f"The layer {layer}")
     bands, ground = np.empty((1, *planes.heights.shape)), ~np.isnan(planes.heights)
     layer_painter(LayerBands.of([LAYERS[layer]], np.dtype(np.float64)), terrain)(planes, bands)
     values = bands[0]
@@ -278,6 +280,7 @@ def _verdict_layer(
     terrain: Terrain, grid: Grid, planes: Planes, judge: Judge, progress: Callable[[str], object]
 ) -> LayerPicture:
     """The layer `traversability`: classes of a map of its own, at the pixels of the picture."""
+    terrain.refuse_degrees("A vehicle")
     terrain = terrain.written_out
     bounds = grid.bounds
     part = _clip_to_terrain(terrain, bounds)
@@ -299,8 +302,9 @@ def _verdict_layer(
         Swatch(code.label, COLORS[code], _HATCHES.get(code, "")) for code in order if seen[code]
     ]
     share = seen[GroundClass.GO] + seen[GroundClass.CAUTION]
+    counted = int(seen.sum() - seen[GroundClass.EDGE])
     notes = [
-        f"{verdict.vehicle} can drive on {share / max(1, int(seen.sum())):.0%} of the ground drawn;"
+        f"{verdict.vehicle} can drive on {share / max(1, counted):.0%} of the ground drawn;"
         f" judged at pixels of {resolution:.4g} m ({why})."
     ]
     if verdict.lacking:

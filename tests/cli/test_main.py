@@ -27,7 +27,7 @@ COMMANDS = [
     "validate", "format", "info", "query", "export-dem", "export-mesh", "export-obj",
     "export-vrml", "rules",
 ]  # fmt: skip
-MINIMAL = '{"size": 1, "elemTypes": {"b": {"x": [1]}}, "elemTree": {"type": "b"}}'
+MINIMAL = '{"size": 1, "elemTypes": {"b": {"x": [1]}}, "elemTree": {"type": "b", "vScale": 1}}'
 INVALID = '{\n "size": 0,\n "elemTypes": {"b": {"x": [1]}},\n "elemTree": {"type": "b"}}\n'
 
 
@@ -281,7 +281,7 @@ def test_validate_as_json(invalid: Path) -> None:
     assert (finding["code"], finding["severity"]) == ("TT106", "error")
     assert report["summary"] == {
         "files": 2, "valid": 1, "invalid": 1, "unreadable": 0, "errors": 1, "warnings": 0,
-        "hidden": 0, "known": 0,
+        "hidden": 0, "known": 0, "notes": 0,
     }  # fmt: skip
 
 

@@ -42,7 +42,7 @@ OBLONG = """{
   "size": [40, 20], "origin": [100, -50],
   "elemTypes": { "b": { "x": [1] }, "unused": { "x": [1] } },
   "elemTree": {
-    "type": "b", "cells": [4, 2],
+    "type": "b", "cells": [4, 2], "vScale": 1,
     "children": [
       { "type": "b", "cellX": 1, "cellY": 1, "span": [2, 1], "vScale": 0, "cells": [5, 4],
         "children": [ { "type": "b", "cellX": 4, "cellY": 3, "vScale": 0 } ] }
@@ -221,6 +221,7 @@ def test_findings_are_sorted_by_position() -> None:
             ValidationSummary(3, 0, 1, 2, 2, 2),
             "3 files checked, 1 invalid, 2 unreadable, 2 errors, 2 warnings.",
         ),
+        (ValidationSummary(1, 1, notes=1), "1 file checked, no errors, no warnings, 1 note."),
         (
             ValidationSummary(1234, 1234, 0, 0, 0, 1_000_001, 1_000_000),
             "1,234 files checked, no errors, 1,000,001 warnings; 1,000,000 of them not listed "
@@ -343,7 +344,7 @@ def test_json_of_unreadable_files_and_the_counts() -> None:
         "unreadable": [{"file": "a\n.json", "message": "why é.", "hint": "what."}],
         "summary": {
             "files": 7, "valid": 1, "invalid": 2, "unreadable": 4, "errors": 5, "warnings": 6,
-            "hidden": 3, "known": 0,
+            "hidden": 3, "known": 0, "notes": 0,
         },
     }  # fmt: skip
 
@@ -381,7 +382,7 @@ def test_sarif_says_what_it_is_and_which_rules_there_are() -> None:
     assert (driver["name"], driver["semanticVersion"]) == ("terratool", __version__)
     assert [rule["id"] for rule in driver["rules"]] == list(RULES)
     for rule in driver["rules"]:
-        assert rule["defaultConfiguration"]["level"] in ("error", "warning")
+        assert rule["defaultConfiguration"]["level"] in ("error", "warning", "note")
         assert rule["defaultConfiguration"]["level"] == RULES[rule["id"]].severity
         assert rule["shortDescription"]["text"].endswith(".")
         assert "To mend: " in rule["help"]["text"]

@@ -17,8 +17,8 @@ from tests.budget import examples
 from tests.commands import call
 from tests.strategies import Json, definitions
 
-GOOD = '{"size":10,"elemTypes":{"b":{"x":[1]}},"elemTree":{"type":"b"}}'
-WARNED = GOOD.replace('"type":"b"', '"type":"b","vScale":0')  # TT210
+GOOD = '{"size":10,"elemTypes":{"b":{"x":[1]}},"elemTree":{"type":"b","vScale":1}}'
+WARNED = GOOD.replace('"vScale":1', '"vScale":0')  # TT210
 WRONG = GOOD.replace("10", "0")  # TT106
 
 
@@ -295,10 +295,10 @@ def test_fix_mends_what_has_one_answer(tmp_path: Path, packed: bool) -> None:
     "text",
     [
         # two are as near, a key is there already, or one may have meant a text
-        '{"size":1,"elemTypes":{"box1":{"x":[1]},"box2":{"x":[1]}},"elemTree":{"type":"box"}}',
-        '{"size":1,"siz":2,"elemTypes":{"b":{"x":[1]}},"elemTree":{"type":"b"}}',
-        '{"size":1 "elemTypes":{"b":{"x":[1]}},"elemTree":{"type":"b"}}',
-        '{"size":1,"elemTypes":{"Box":{"x":[1]},"BOX":{"x":[1]}},"elemTree":{"type":"box"}}',
+        '{"size":1,"elemTypes":{"box1":{"x":[1]},"box2":{"x":[1]}},"elemTree":{"type":"box","vScale":1}}',
+        '{"size":1,"siz":2,"elemTypes":{"b":{"x":[1]}},"elemTree":{"type":"b","vScale":1}}',
+        '{"size":1 "elemTypes":{"b":{"x":[1]}},"elemTree":{"type":"b","vScale":1}}',
+        '{"size":1,"elemTypes":{"Box":{"x":[1]},"BOX":{"x":[1]}},"elemTree":{"type":"box","vScale":1}}',
     ],
 )
 def test_fix_leaves_what_has_more(tmp_path: Path, text: str) -> None:
@@ -330,7 +330,7 @@ def test_fix_mends_a_library_whoever_is_named_first(
     monkeypatch.chdir(tmp_path)
     Path("kit.json").write_text('{"elemTypes":{"b":{"x":[1],"combin":"sum"}}}', encoding="utf-8")
     Path("site.json").write_text(
-        '{"size":1,"use":["kit.json"],"elemTree":{"type":"b"}}', encoding="utf-8"
+        '{"size":1,"use":["kit.json"],"elemTree":{"type":"b","vScale":1}}', encoding="utf-8"
     )
     ran = call("validate", *order, "--fix", "--format", "json")
     assert ran.code == 0 and json.loads(ran.out)["findings"] == []
@@ -374,19 +374,22 @@ def test_a_baseline_needs_all_files(project: Path) -> None:
     ("before", "after"),
     [
         # names with other numbers are other names; a key that is there already stays
-        ('{"size":1,"elemTypes":{"rock1":{"x":[1]}},"elemTree":{"type":"rock10"}}', None),
+        (
+            '{"size":1,"elemTypes":{"rock1":{"x":[1]}},"elemTree":{"type":"rock10","vScale":1}}',
+            None,
+        ),
         (
             '{"size":1,"elemTypes":{"b":{"x":[1]}},"elemTree":{"type":"b","vscale":1,"VScale":2}}',
             None,
         ),
         # letters that changed places have one answer; digits have none
-        ('{"size":1,"elemTypes":{"sand":{"x":[1]}},"elemTree":{"type":"SNAD"}}', None),
+        ('{"size":1,"elemTypes":{"sand":{"x":[1]}},"elemTree":{"type":"SNAD","vScale":1}}', None),
         (
-            '{"size":1,"elemTypes":{"from":{"x":[1]},"forms":{"x":[1]}},"elemTree":{"type":"form"}}',
+            '{"size":1,"elemTypes":{"from":{"x":[1]},"forms":{"x":[1]}},"elemTree":{"type":"form","vScale":1}}',
             None,
         ),
-        ('{"size":1,"elemTypes":{"b12":{"x":[1]}},"elemTree":{"type":"b21"}}', None),
-        ('{"Size":1,"elemTypes":{"b":{"x":[1]}},"elemTree":{"type":"b"}}', "Size"),
+        ('{"size":1,"elemTypes":{"b12":{"x":[1]}},"elemTree":{"type":"b21","vScale":1}}', None),
+        ('{"Size":1,"elemTypes":{"b":{"x":[1]}},"elemTree":{"type":"b","vScale":1}}', "Size"),
     ],
 )
 def test_fix_makes_nothing_worse(tmp_path: Path, before: str, after: str | None) -> None:

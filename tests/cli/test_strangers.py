@@ -15,7 +15,7 @@ from tests.commands import call, not_for_ever
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="links are for administrators there")
 
-GOOD = '{"size":10,"elemTypes":{"b":{"x":[1]}},"elemTree":{"type":"b"}}'
+GOOD = '{"size":10,"elemTypes":{"b":{"x":[1]}},"elemTree":{"type":"b","vScale":1}}'
 MISSPELT = GOOD.replace('"size"', '"siz"')
 SECRET = "TOKEN=hunter2\n"
 

@@ -20,8 +20,8 @@ from terratool.cli.report import REPORTERS
 from terratool.definition.rules import RULES
 from tests.commands import COMMAND, ENVIRONMENT, ROOT, Ran, call
 
-GOOD = '{"size":10,"elemTypes":{"b":{"x":[1]}},"elemTree":{"type":"b"}}'
-WARNED = GOOD.replace('"type":"b"', '"type":"b","vScale":0')  # TT210
+GOOD = '{"size":10,"elemTypes":{"b":{"x":[1]}},"elemTree":{"type":"b","vScale":1}}'
+WARNED = GOOD.replace('"vScale":1', '"vScale":0')  # TT210
 WRONG = GOOD.replace("10", "0")  # TT106
 BROKEN = GOOD[:-1]  # TT101
 
@@ -221,7 +221,7 @@ def test_every_file_is_counted_once(tmp_path: Path) -> None:
     arguments = [*paths, tmp_path / "absent.json", tmp_path / "absent2.json"]
     expected = {
         "files": 7, "valid": 3, "invalid": 2, "unreadable": 2, "errors": 2, "warnings": 1,
-        "hidden": 0, "known": 0,
+        "hidden": 0, "known": 0, "notes": 0,
     }  # fmt: skip
     assert report(*arguments)["summary"] == expected
     strict = report(*arguments, "--strict")["summary"]
@@ -310,7 +310,7 @@ def test_a_text_that_is_no_json_always_counts(text: str, options: list[str]) -> 
     assert ran.out.endswith("1 file checked, 1 invalid, 1 error, no warnings.\n")
 
 
-STEPS = """{"size": 10, "elemTypes": {"b": {"x": [1]}}, "elemTree": {"type": "b", "children": [
+STEPS = """{"size": 10, "elemTypes":{"b":{"x":[1]}}, "elemTree":{"type":"b","vScale":1,"children": [
  {"type": "b", "cellX": 0, "cellY": 0, "vScale": 0.15},
  {"type": "b", "cellX": 1, "cellY": 0, "vScale": -0.2},
  {"type": "b", "cellX": 2, "cellY": 0, "vScale": 0.1, "vOffset": 0.3}]}}"""
@@ -365,7 +365,7 @@ def test_max_findings_is_for_all_files_together(tmp_path: Path, limit: str, list
     assert places == everything[:listed]
     assert found["summary"] == {
         "files": 5, "valid": 3, "invalid": 2, "unreadable": 0, "errors": 2, "warnings": 8,
-        "hidden": 10 - listed, "known": 0,
+        "hidden": 10 - listed, "known": 0, "notes": 0,
     }  # fmt: skip
 
 
@@ -535,7 +535,7 @@ def test_x_ignore_does_not_reach_names_that_begin_alike() -> None:
     children[1] = children[1].replace('"vScale"', '"x-ignore":["TT210"],"vScale"')
     text = (
         f'{{"size":1,"surfTypes":{surfaces},"elemTypes":{{"b":{{"x":[1]}}}},"elemTree":'
-        f'{{"type":"b","surface":"s","cells":20,"children":[{",".join(children)}]}}}}'
+        f'{{"type":"b","surface":"s","vScale":1,"cells":20,"children":[{",".join(children)}]}}}}'
     )
     found = [finding["pointer"] for finding in report("-", stdin=text)["findings"]]
     assert found == ["/surfTypes/s2", "/surfTypes/s~1"] + [

@@ -13,7 +13,7 @@ import pytest
 from terratool.definition import reader, watch
 from tests.commands import Ran, call
 
-GOOD = '{"size":10,"elemTypes":{"b":{"x":[1]}},"elemTree":{"type":"b"}}'
+GOOD = '{"size":10,"elemTypes":{"b":{"x":[1]}},"elemTree":{"type":"b","vScale":1}}'
 WRONG = GOOD.replace("10", "0")  # TT106
 BROKEN = GOOD[:-1]  # TT101
 Step = Callable[[], object]
@@ -145,7 +145,8 @@ def test_a_library_is_watched_wherever_it_is_used(
     user, near, far = (tmp_path / f"{name}.json" for name in ("site", "near", "far"))
     other = tmp_path / "other.json"
     user.write_text(
-        '{"use":["near.json"],"size":10,"elemTree":{"type":"b","surface":"s"}}', encoding="utf-8"
+        '{"use":["near.json"],"size":10,"elemTree":{"type":"b","surface":"s","vScale":1}}',
+        encoding="utf-8",
     )
     near.write_text('{"use":["far.json"],"elemTypes":{"b":{"x":[1]}}}', encoding="utf-8")
     other.write_text(GOOD, encoding="utf-8")
@@ -171,7 +172,9 @@ def test_a_link_to_a_library_that_changes_its_target(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     user, link = tmp_path / "site.json", tmp_path / "kit.json"
-    user.write_text('{"use":["kit.json"],"size":10,"elemTree":{"type":"b"}}', encoding="utf-8")
+    user.write_text(
+        '{"use":["kit.json"],"size":10,"elemTree":{"type":"b","vScale":1}}', encoding="utf-8"
+    )
     for name in ("a", "b"):
         primitives = f'{{"elemTypes":{{"{name}":{{"x":[1]}}}}}}'
         (tmp_path / f"{name}-kit.json").write_text(primitives, encoding="utf-8")

@@ -6,17 +6,28 @@ import json
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from rasterio.crs import CRS
 
-from terratool.definition.crs import AuthorityCode, authority_code, crs_problem, is_known
+from terratool.definition.crs import (
+    AuthorityCode,
+    authority_code,
+    crs_problem,
+    is_geographic,
+    is_known,
+    zone_of,
+)
 from terratool.definition.reader import check
 from terratool.errors import RequestError
 from terratool.io.crs import read_crs
+from terratool.sensing.map_files import MapOutput
 from terratool.text.source import Source
-from tests.commands import call
+from terratool.traversability.ruts import deform
+from terratool.traversability.vehicle import load_vehicle
+from tests.commands import ROOT, call
 
-BOX = {"size": 10, "elemTypes": {"box": {"x": [1]}}, "elemTree": {"type": "box"}}
+BOX = {"size": 10, "elemTypes": {"box": {"x": [1]}}, "elemTree": {"type": "box", "vScale": 1}}
 WEB_MERCATOR = (
     "+proj=merc +a=6378137 +b=6378137 +lat_ts=0 +lon_0=0 +x_0=0 +y_0=0 +k=1 +units=m "
     "+nadgrids=@null +wktext +no_defs"
@@ -53,6 +64,69 @@ def test_what_libraries_write_is_taken(code: int, version: str) -> None:
     projjson = whole.to_dict(projjson=True)
     assert crs_problem(projjson) is None and crs_problem(json.dumps(projjson)) is None
     assert read_crs(projjson) == whole
+
+
+COMPOUND = (5554, 7415, 9518)
+CODES = [2056, 3031, 3857, 4258, 4326, 4936, 4937, 4979, *COMPOUND, 27700, 32633]
+"""Codes of EPSG: projected, geographic in two and three dimensions, geocentric, compound."""
+
+
+@pytest.mark.parametrize("code", CODES)
+def test_degrees_are_known_as_proj_knows_them(code: int) -> None:
+    """By code, and in WKT of all dialects, PROJJSON and the parameters of PROJ."""
+    import pyproj
+
+    whole = pyproj.CRS.from_epsg(code)
+    wanted = (whole.sub_crs_list or [whole])[0].is_geographic
+    spelled = [code, f"EPSG:{code}", f"urn:ogc:def:crs:EPSG::{code}", whole.to_json_dict()]
+    spelled += [whole.to_json(), f" {whole.to_wkt()} "]
+    for version in ("WKT1_GDAL", "WKT1_ESRI", "WKT2_2015", "WKT2_2019_SIMPLIFIED"):
+        try:
+            spelled.append(whole.to_wkt(version, pretty=True))
+        except pyproj.exceptions.CRSError:  # no dialect has all systems
+            assert version.startswith("WKT1")
+    spelled.append(CRS.from_epsg(code).to_proj4() if code not in COMPOUND else None)
+    found = {str(one): is_geographic(one) for one in spelled if one}
+    assert found == dict.fromkeys(found, wanted) and len(found) > 5
+
+
+@pytest.mark.parametrize(
+    ("crs", "wanted"),
+    [
+        ("OGC:CRS84", True), ("wgs84", True), ("EPSG:4326+5773", True), ("EPSG:32633+5773", False),
+        ("IAU_2015:30100", True), ("IAU_2015:30135", False), ("EPSG:99999999", False),
+        ("+proj=latlong +datum=WGS84", True), ("+proj=utm +zone=33", False),
+        ("+proj=ob_tran +o_proj=longlat +o_lon_p=0 +o_lat_p=39", True),
+        ({"proj": "longlat"}, True), ({"proj": "utm", "zone": 33}, False),
+        ('PROJCRS["longlat GEOGCRS[", BASEGEOGCRS["WGS 84"]]', False),
+        ('BOUNDCRS[SOURCECRS[GEOGCRS["a"]],TARGETCRS[PROJCRS["b"]]]', True),
+        ({"type": "BoundCRS", "source_crs": {"type": "GeographicCRS"}}, True),
+        ({"type": "CompoundCRS", "components": [{"type": "ProjectedCRS"}]}, False),
+        ('LOCAL_CS["site"]', False),
+    ],
+)  # fmt: skip
+def test_degrees_of_other_texts(crs: Any, wanted: bool) -> None:
+    assert is_geographic(crs) is wanted
+
+
+def test_without_a_database_the_well_known_are_known(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("terratool.definition.crs._database", lambda: None)
+    assert is_geographic(4326) and is_geographic("NAD27") and not is_geographic("EPSG:4258")
+
+
+@pytest.mark.parametrize(
+    ("place", "code"),
+    [((15.1, 45), 32633), ((-180, 1), 32601), ((180, -1), 32760), ((-70.5, -33), 32719)],
+)
+def test_the_zone_that_is_named_holds_the_place(place: tuple[float, float], code: int) -> None:
+    """The area of use that PROJ has for the code holds the place, too."""
+    import pyproj
+
+    assert zone_of(*place) == f"EPSG:{code}"
+    area = pyproj.CRS.from_epsg(code).area_of_use
+    assert area is not None
+    assert area.west <= place[0] % -360 <= area.east or area.west <= place[0] <= area.east
+    assert area.south <= place[1] <= area.north
 
 
 BAD = [
@@ -133,3 +207,59 @@ def test_nobody_is_asked(server: tuple[str, list[str]], tmp_path: Path) -> None:
     assert call("validate", path).code == 1
     assert call("export-dem", path, tmp_path / "out.tif").code == 1
     assert asked == []
+
+
+DEGREES = {
+    "size": [0.02, 0.01], "origin": [15.1, 45.2], "crs": "EPSG:4326",
+    "surfTypes": {"sand": {"preset": "dry-sand"}},
+    "elemTypes": {"hill": {"x": [0, 1, 0]}},
+    "elemTree": {"type": "hill", "surface": "sand", "vScale": 300},
+}  # fmt: skip
+VEHICLE = ("--vehicle", ROOT / "samples" / "vehicles" / "husky-a200.json")
+LIDAR = ROOT / "samples" / "sensors" / "velodyne-vlp-16.json"
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        ("traversability", "t.json", *VEHICLE),
+        ("traversability", "t.json", *VEHICLE, *VEHICLE[:1], VEHICLE[1].with_stem("warthog")),
+        ("export-sim", "t.json", "sim", "--target", "gazebo"),
+        ("export-sim", "t.json", "sim", "--target", "nav2", *VEHICLE),
+        ("scan", "t.json", "o.ply", "--sensor", LIDAR, "--pose", 15.11, 45.205, 2, 0, 0, 0),
+        ("export-dem", "t.json", "o.tif", "--layer", "slope"),
+        ("export-dem", "t.json", "--tiles", "o", "--layer", "height", "--layer", "aspect"),
+        ("export-dem", "t.json", "o.tif", "--layer", "normal"),
+        ("render", "t.json", "o.png", "--layer", "slope"),
+        ("render", "t.json", "o.png", "--layer", "traversability", *VEHICLE),
+    ],
+    ids=lambda line: " ".join(map(str, line[:5:2])),
+)
+def test_what_needs_lengths_refuses_degrees(
+    line: tuple[Any, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With the option of the import that mends it, and nothing is written."""
+    monkeypatch.chdir(tmp_path)
+    Path("t.json").write_text(json.dumps(DEGREES), "utf-8")
+    before = set(Path().iterdir())
+    ran = call(*line)
+    assert ran.code == 2
+    assert "degrees" in ran.err and "--crs EPSG:32633" in ran.err
+    assert set(Path().iterdir()) == before
+
+
+def test_ruts_and_maps_of_robots_refuse_degrees(tmp_path: Path) -> None:
+    checked = check(Source("t.json", json.dumps(DEGREES).encode()))
+    path = np.array([[15.105, 45.205], [15.11, 45.205]])
+    with pytest.raises(RequestError, match="degrees") as refused:
+        deform(checked, load_vehicle(VEHICLE[1]), path)
+    assert "--crs EPSG:32633" in refused.value.hint
+    with pytest.raises(RequestError, match="degrees") as refused:
+        MapOutput(tmp_path / "o.tif", 1, crs="EPSG:4326").check()
+    assert "--crs" in refused.value.hint
+
+
+def test_heights_and_surfaces_need_no_lengths(tmp_path: Path) -> None:
+    (tmp_path / "t.json").write_text(json.dumps(DEGREES), "utf-8")
+    ran = call("export-dem", tmp_path / "t.json", tmp_path / "o.tif", "--layer", "height")
+    assert ran.code == 0, ran.err

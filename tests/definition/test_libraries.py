@@ -23,7 +23,7 @@ MAIN = """{
   "size": 10,
   "use": [%s],
   "elemTypes": {"box": {"x": [1]}},
-  "elemTree": {"type": "box"}
+  "elemTree": {"type": "box", "vScale": 1}
 }
 """
 
@@ -120,7 +120,7 @@ def write(folder: Path, **files: Any) -> None:
 
 def site_of(*libraries: str) -> dict[str, Any]:
     """A terrain that stands on their box."""
-    return {"size": 10, "use": list(libraries), "elemTree": {"type": "box"}}
+    return {"size": 10, "use": list(libraries), "elemTree": {"type": "box", "vScale": 1}}
 
 
 def codes(checked: Checked) -> list[str]:
@@ -219,7 +219,7 @@ def test_a_part_can_silence_what_is_said_of_its_name(tmp_path: Path, code: str) 
 
 def test_a_factor_of_0_on_a_part_is_said_of_the_part() -> None:
     value = {"size": 10, "elemTypes": BOX, "parts": {"p": {"type": "box"}}}
-    value["elemTree"] = tree({**CELL, "part": "p", "vScale": 0})
+    value["elemTree"] = tree({**CELL, "part": "p", "vScale": 0}, vScale=1)
     checked = check(Source("t.json", json.dumps(value).encode()))
     assert [f.message for f in checked.findings] == ['"vScale" is 0, so all of the part is flat.']
 

@@ -32,7 +32,7 @@ def definition(soil: dict[str, Any], **more: Any) -> dict[str, Any]:
         "size": [12, 7],
         "surfTypes": {"sand": soil},
         "elemTypes": {"box": {"x": [1]}},
-        "elemTree": {"type": "box", "surface": "sand"},
+        "elemTree": {"type": "box", "surface": "sand", "vScale": 1},
         **more,
     }
 
@@ -87,7 +87,7 @@ def test_a_void_has_no_ranges() -> None:
     ground = terrain(
         definition(
             {"void": True, "cohesion": [1, 2]},
-            elemTree={"type": "box", "surface": "sand"},
+            elemTree={"type": "box", "surface": "sand", "vScale": 1},
         )
     )
     assert not ground.surface_types["sand"].ranges

@@ -26,7 +26,7 @@ from terratool.field.terrain import Terrain
 from terratool.text.source import Source, read_source
 from tests.strategies import Json, definitions
 
-GOOD = '{"size":1,"elemTypes":{"b":{"x":[1]}},"elemTree":{"type":"b"}}'
+GOOD = '{"size":1,"elemTypes":{"b":{"x":[1]}},"elemTree":{"type":"b","vScale":1}}'
 
 
 def check(text: str | bytes) -> Checked:
@@ -293,9 +293,9 @@ def test_duplicates_are_found_in_the_crs(
 @pytest.mark.parametrize(
     "text",
     [
-        '{"size":1,"size":1,"elemTypes":{"b":{"x":[1]}},"elemTree":{"type":"b"}}',
-        '{"size":1,"elemTypes":{"b":{"x":[1]},"b":{"x":[1]}},"elemTree":{"type":"b"}}',
-        '{"size":1,"elemTypes":{"b":{"x":[1],"x":[1]}},"elemTree":{"type":"b"}}',
+        '{"size":1,"size":1,"elemTypes":{"b":{"x":[1]}},"elemTree":{"type":"b","vScale":1}}',
+        '{"size":1,"elemTypes":{"b":{"x":[1]},"b":{"x":[1]}},"elemTree":{"type":"b","vScale":1}}',
+        '{"size":1,"elemTypes":{"b":{"x":[1],"x":[1]}},"elemTree":{"type":"b","vScale":1}}',
         '{"size":1,"elemTypes":{"b":{"x":[1]}},"elemTree":{"type":"b","type":"b"}}',
         '{"size":1,"elemTypes":{"b":{"x":[1]}},"elemTree":{"type":"b","x-a":{"i":1,"i":1}}}',
     ],
@@ -332,8 +332,8 @@ def test_a_child_that_is_no_object_moves_no_other() -> None:
     """Findings in the children behind it keep their pointers, and it lacks no keys besides."""
     text = GOOD[:-2] + ',"children":[7,{"type":"c","cellX":0,"cellY":0}]}}'
     assert places(check(text)) == [
-        (1, 74, "TT105", "/elemTree/children/0"),
-        (1, 84, "TT201", "/elemTree/children/1/type"),
+        (1, 85, "TT105", "/elemTree/children/0"),
+        (1, 95, "TT201", "/elemTree/children/1/type"),
     ]
 
 
@@ -371,7 +371,7 @@ def test_one_fault_makes_one_finding(member: str, pointer: str) -> None:
         '{"size":1,"elemTypes":{"b":{"x":[1]}},"elemTree":{"type":"b","children":'
         '[{"type":"b","cellX":0,"cellY":0,"span":[N,1]}]}}',
         '{"size":1,"surfTypes":{"s":{"color":[0,0,N]}},"elemTypes":{"b":{"x":[1]}},'
-        '"elemTree":{"type":"b"}}',
+        '"elemTree":{"type":"b","vScale":1}}',
     ],
 )  # fmt: skip
 def test_whole_numbers_of_any_length(text: str, digits: int) -> None:
@@ -417,9 +417,9 @@ def test_deep_values_in_any_place(key: str, opening: str, closing: str) -> None:
     """A value nested thousands of levels deep fits or does not; it never ends in a crash."""
     deep = opening * 3000 + "1" + closing * 3000
     text = {
-        "x": '{"size":1,"elemTypes":{"b":{"x":D}},"elemTree":{"type":"b"}}',
-        "y": '{"size":1,"elemTypes":{"b":{"x":[1],"y":D}},"elemTree":{"type":"b"}}',
-        "size": '{"size":D,"elemTypes":{"b":{"x":[1]}},"elemTree":{"type":"b"}}',
+        "x": '{"size":1,"elemTypes":{"b":{"x":D}},"elemTree":{"type":"b","vScale":1}}',
+        "y": '{"size":1,"elemTypes":{"b":{"x":[1],"y":D}},"elemTree":{"type":"b","vScale":1}}',
+        "size": '{"size":D,"elemTypes":{"b":{"x":[1]}},"elemTree":{"type":"b","vScale":1}}',
     }.get(key, with_members(f'"{key}":D'))
     codes = [f.code for f in check(text.replace("D", deep)).findings]
     if key == "crs" and opening == '{"a":':

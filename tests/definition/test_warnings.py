@@ -799,7 +799,7 @@ def nested(levels: int, inner: str, **keys: Any) -> str:
     """So many elements, each the child of another."""
     own = json.dumps({"type": "box", "cellX": 1, "cellY": 1, **keys})[:-1]
     elements = f'{own}, "children": [' * levels + inner + "]}" * levels
-    root = f'{{"type": "box", "children": [{elements}]}}'
+    root = f'{{"type": "box", "vScale": 1, "children": [{elements}]}}'
     return f'{{"size": 1, "elemTypes": {{"box": {{"x": [1]}}}}, "elemTree": {root}}}'
 
 
@@ -817,8 +817,8 @@ def test_the_bounds_of_what_lies_deep() -> None:
 
 def test_a_sibling_that_lies_deep_is_named_shortly() -> None:
     """A message stays readable however long the pointer of the other sibling is."""
-    pair = '{"type": "box", "cellX": 0, "cellY": 3},' * 2
-    checked = check(Source("t.json", nested(100, pair[:-1]).encode()))
+    pair = '{"type": "box", "vScale": 1, "cellX": 0, "cellY": 3},' * 2
+    checked = check(Source("t.json", nested(100, pair[:-1], vScale=1).encode()))
     (finding,) = checked.findings
     assert finding.message == "the element shares cells with …/children/0."
 
@@ -827,7 +827,7 @@ def test_a_list_in_every_element_silences_its_own() -> None:
     """Each x-ignore is of use for the element that it stands in, and for those in it."""
     child = {"type": "box", "cellX": 0, "cellY": 0, "vScale": 0, "x-ignore": ["TT208", "TT21"]}
     shared = [child] * 2000
-    root = {"type": "box", "children": shared}
+    root = {"type": "box", "vScale": 1, "children": shared}
     definition = {"size": 1, "elemTypes": PLAIN, "elemTree": root}
     counts = check(Source("t.json", text_of(definition).encode())).counts
     assert counts == {"TT113": 1}, "the first shares with no earlier one"

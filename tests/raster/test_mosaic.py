@@ -68,7 +68,7 @@ class TestOneRaster:
         ]
 
     @pytest.mark.slow
-    @pytest.mark.parametrize("crs", ["EPSG:32633", "EPSG:4326", None])
+    @pytest.mark.parametrize("crs", ["EPSG:32633", "EPSG:2056", None])
     def test_it_says_of_itself_what_the_file_does(self, tmp_path: Path, crs: str | None) -> None:
         """Place, names, units, colours, attribute table and statistics."""
         definition = {key: value for key, value in SITE.items() if key != "crs"}

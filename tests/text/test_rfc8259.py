@@ -22,7 +22,7 @@ from terratool.definition.reader import Checked
 from terratool.errors import ReadError
 from terratool.text.source import Source, read_source
 
-HEAD = '{"size":1,"elemTypes":{"b":{"x":[1]}},"elemTree":{"type":"b"},"x-v":'
+HEAD = '{"size":1,"elemTypes":{"b":{"x":[1]}},"elemTree":{"type":"b","vScale":1},"x-v":'
 
 
 def check(text: str | bytes) -> Checked:

@@ -153,25 +153,27 @@ class TestSideBySide:
     def test_shares_of_both_are_those_of_the_maps(
         self, site: tuple[str, str, str], tmp_path: Path
     ) -> None:
-        """Counted in the files, pixel by pixel: all, one alone, none."""
+        """Counted in the files where neither has the edge, by pixels: all, one alone, none."""
         terrain, narrow, wide = site
         vehicles = ("--vehicle", narrow, "--vehicle", wide)
         ran = drive(terrain, *vehicles, "--map", tmp_path / "m.tif", "--json")
         document = json.loads(ran.out)
-        able = []
+        able, edge = [], np.False_
         for name in ("narrow", "wide"):
             with rasterio.open(tmp_path / f"m-{name}.tif") as file:
                 pixels, grid = file.read(1), file.transform
                 able.append(np.isin(pixels, [GroundClass.GO, GroundClass.CAUTION]))
+                edge |= pixels == GroundClass.EDGE
         assert document["map"]["one_grid"]
         assert grid.a == pytest.approx(document["map"]["vehicles"][0]["resolution_m"])
-        ground = document["reports"][0]["map"]["pixels"]
+        ground = document["reports"][0]["map"]["pixels"] - int(edge.sum())
         shares = {tuple(one["vehicles"]): one["share"] for one in document["map"]["together"]}
         for names, where in (
             (("narrow", "wide"), able[0] & able[1]), (("narrow",), able[0] & ~able[1]),
             (("wide",), able[1] & ~able[0]),
         ):  # fmt: skip
-            assert shares.get(names, 0.0) * ground == pytest.approx(where.sum(), abs=1e-6)
+            counted = (where & ~edge).sum()
+            assert shares.get(names, 0.0) * ground == pytest.approx(counted, abs=1e-6)
         assert sum(shares.values()) == pytest.approx(1.0)
         assert shares[("narrow",)] > 0.05 and shares[()] > 0.05
 

@@ -109,7 +109,7 @@ class TestDocument:
         assert sand["sinkage_m"] == 0.00417
         assert document["vehicle"]["weight_N"] == pytest.approx(25 * 3.71)
         assert document["routes"][0]["steepest"]["pitch_deg"] == pytest.approx(math.degrees(-0.21))
-        assert document["map"]["fractions"]["unknown"] == pytest.approx(530 / 2330)
+        assert document["map"]["fractions"]["unknown"] == pytest.approx(530 / (2330 - 20))
 
     def test_axles_with_wheels_of_their_own_have_them(self) -> None:
         """In the document as in the table of figures; the others have none."""
@@ -549,13 +549,13 @@ class TestConclusion:
             (
                 {GroundClass.GO: 8, GroundClass.EDGE: 2},
                 Verdict.GO,
-                "but for the edge of the terrain, 20 %",
+                "is go, with the best heading at each place. The edge of the terrain, 20 %",
             ),
             ({GroundClass.UNKNOWN: 8, GroundClass.EDGE: 2}, Verdict.UNKNOWN, "Nothing is known"),
             (
                 {GroundClass.CAUTION: 8, GroundClass.EDGE: 2},
                 Verdict.CAUTION,
-                "80 % of the ground is caution",
+                "100 % of the ground is caution. The edge",
             ),
             ({GroundClass.EDGE: 2}, Verdict.NO_GO, "100 % of the ground lies at the edge"),
         ],

@@ -151,3 +151,41 @@ def unknown_crs(subject: Subject) -> Iterator[Remark]:
             f'the database of PROJ has no "{entry.authority}:{entry.code}".',
             "Correct the code; a raster cannot be written with it.",
         )
+
+
+@rule("TT116", "degrees", "warning")
+def degrees(subject: Subject) -> Iterator[Remark]:
+    """The coordinate reference system is geographic: x and y are degrees.
+
+    Heights are not, so that slopes, distances and areas mean nothing. Whatever needs lengths, as
+    vehicles, sensors and simulators do, refuses such a terrain. A code is looked up in the database
+    of PROJ.
+
+    Fails:
+
+        {
+          "size": 0.01, "origin": [15, 45], "crs": "EPSG:4326",
+          "elemTypes": {"box": {"x": [1]}}, "elemTree": {"type": "box", "vScale": 300}
+        }
+
+    Passes:
+
+        {
+          "size": 800, "origin": [500000, 4983000], "crs": "EPSG:32633",
+          "elemTypes": {"box": {"x": [1]}}, "elemTree": {"type": "box", "vScale": 300}
+        }
+
+    To mend: import the ground again with --crs and a system in metres, such as the UTM zone.
+    """
+    definition = subject.definition
+    if definition.crs is UNSET or definition.size is UNSET:
+        return
+    from terratool.definition.crs import crs_problem, is_geographic, zone_of
+
+    if not crs_problem(definition.crs) and is_geographic(definition.crs):
+        (x, y), (width, height) = definition.corner, definition.extent
+        yield Remark(
+            "/crs",
+            "the crs has x and y in degrees, so that slopes and distances mean nothing.",
+            f"Import it again with --crs {zone_of(x + width / 2, y + height / 2)}, in metres.",
+        )

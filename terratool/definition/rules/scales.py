@@ -1,18 +1,21 @@
-"""Rules on elements of default height among others that have heights of their own."""
+"""Rules on elements whose height is the default."""
 
 from __future__ import annotations
 
 from bisect import bisect
 from collections.abc import Iterable, Iterator, Sequence
 from functools import cached_property
+from itertools import compress, repeat
+from operator import is_
 
 from msgspec import UNSET
 
-from terratool.definition.cell_kinds import cell_kinds, shares_of
+from terratool.definition.cell_kinds import cell_kinds, default_scales
 from terratool.definition.findings import Remark
 from terratool.definition.rules.base import Subject, rule
 from terratool.definition.summaries import value_range
-from terratool.definition.tree import ROOT
+from terratool.definition.tree import ROOT, Tree
+from terratool.report.wording import count_of
 from terratool.text.display import quote
 
 _SAME = 1e-6
@@ -59,7 +62,7 @@ def default_scale(subject: Subject) -> Iterator[Remark]:
     """
     tree = subject.tree
     scales, lacking = tree.column("v_scale"), tree.count_lacking("v_scale")
-    if subject.is_library or lacking == len(tree):
+    if subject.is_library or lacking == len(tree) or subject.definition.size is UNSET:
         return
     if lacking == scales[: len(tree.roots)].count(UNSET):
         return
@@ -77,6 +80,82 @@ def default_scale(subject: Subject) -> Iterator[Remark]:
         yield from heights.remarks(own, range(*tree.levels[level - 1 : level + 1]))
 
 
+@rule("TT214", "default-height", "note")
+def default_height(subject: Subject) -> Iterator[Remark]:
+    """Elements have no vScale, so that their heights follow from the sizes of their cells.
+
+    The default is the side of the cell by that of the terrain, whatever the unit: a root that is 1
+    everywhere is 1 high, and an element of it in a grid of 10 × 10 is 0.1 high. That is a rule, and
+    no fault. Who moves the element, or changes the grid or the size of the terrain, changes its
+    height, too. So a file with such elements gets one note, at the first of them, which says how
+    many there are. Voids and primitives that are 0 everywhere do not count, nor do elements in
+    parts, those that are scattered, and those in them: their defaults follow from the place.
+
+    Fails:
+
+        {"size": [20, 10], "elemTypes": {"box": {"x": [1]}}, "elemTree": {"type": "box"}}
+
+    Passes:
+
+        {
+          "size": [20, 10], "elemTypes": {"box": {"x": [1]}},
+          "elemTree": {"type": "box", "vScale": 1}
+        }
+
+    To mend: write the heights that are meant; terratool format --explicit writes those of now.
+    """
+    elements = default_elements(subject)
+    first = next(elements, -1)
+    if first < 0:
+        return
+    cell = subject.tree.rectangle(first, subject.definition)
+    if cell is None:
+        return
+    west, south, east, north = cell
+    width, height = subject.definition.extent
+    default = min((east - west) / width, (north - south) / height)
+    low, high = value_range(subject.summaries[subject.tree.column("type")[first]])
+    count = 1 + sum(1 for _ in elements)
+    yield Remark(
+        "",
+        f'"vScale" is missing in {count_of(count, "element")}: by its cell this one is '
+        f"{default * max(low, high, key=abs):.4g} high.",
+        "Write what is meant, or let terratool format --explicit write what holds now.",
+        element=first,
+    )
+
+
+def default_elements(subject: Subject) -> Iterator[int]:
+    """Indices of the elements whose height is the default and not 0, as TT214 has it, in order."""
+    tree = subject.tree
+    if subject.is_library or tree.count_lacking("v_scale") == 0:
+        return iter(())
+    shapes, types = subject.summaries.items(), tree.distinct("type")
+    high = {name for name, shape in shapes if value_range(shape) != (0.0, 0.0)}
+    voids = {name for name, it in subject.surfaces.items() if it.void is True}
+    solid = tree.distinct("surface") - voids
+    told: list[Iterable[bool]] = [map(is_, tree.column("v_scale"), repeat(UNSET))]
+    # a million elements are looked at without a loop of ours
+    if not types <= high:
+        told.append(map(high.__contains__, tree.column("type")))
+    if solid != tree.distinct("surface"):
+        told.append(map(solid.__contains__, tree.column("surface")))
+    if tree.roots != (ROOT,) or tree.distinct("scatter") != {UNSET}:
+        told.append(_fixed(tree))
+    return compress(
+        range(len(tree)), told[0] if len(told) == 1 else map(all, zip(*told, strict=True))
+    )
+
+
+def _fixed(tree: Tree) -> list[bool]:
+    """Whether each element stands in the terrain itself, and neither is scattered nor in one."""
+    scatters = tree.column("scatter")
+    fixed = [pointer == ROOT for pointer in tree.roots]
+    for parent, begin, end in tree.families:
+        fixed += [fixed[parent] and it is UNSET for it in scatters[begin:end]]
+    return fixed
+
+
 class _ElementScales:
     """Values of vScale of the elements of a terrain, and the heights that follow from them."""
 
@@ -90,13 +169,13 @@ class _ElementScales:
         self._subject = subject
 
     @cached_property
-    def _shares(self) -> list[float]:
-        """Shorter side of each kind of cells over the same side of the terrain."""
-        return [min(sides) for sides in shares_of(cell_kinds(self._tree), self._extent)]
+    def _defaults(self) -> list[float]:
+        """Default vScale in each kind of cells."""
+        return default_scales(cell_kinds(self._tree), self._extent)
 
     def _default(self, index: int) -> float:
         """Default vScale of an element."""
-        return self._shares[cell_kinds(self._tree).of[index]]
+        return self._defaults[cell_kinds(self._tree).of[index]]
 
     def matters(self, index: int) -> bool:
         """Whether the vScale of an element makes a difference."""

@@ -132,14 +132,16 @@ def shares(found: VehicleComparison) -> Table:
 def together(found: VehicleComparison) -> list[Together]:
     """Shares of ground that is go or caution for the same vehicles, the largest first.
 
-    The pixels of the pictures are counted; none if there are no pictures, or their grids differ.
+    The pixels of the pictures are counted that are at the edge for none of the vehicles; none if
+    there are no pictures, or their grids differ.
     """
     previews = [one.preview for one in found.reports if one.preview is not None]
     if len(previews) < len(found.reports) or len({one.grid for one in previews}) > 1:
         return []
-    able = np.stack([one.ground for one in previews], axis=-1)
-    able = (able == GroundClass.GO) | (able == GroundClass.CAUTION)
-    kinds, count = np.unique(able[np.isfinite(previews[0].heights)], axis=0, return_counts=True)
+    classes = np.stack([one.ground for one in previews], axis=-1)
+    able = (classes == GroundClass.GO) | (classes == GroundClass.CAUTION)
+    counted = np.isfinite(previews[0].heights) & (classes != GroundClass.EDGE).all(axis=-1)
+    kinds, count = np.unique(able[counted], axis=0, return_counts=True)
     names = [one.vehicle.name for one in found.reports]
     shares = [
         Together(tuple(name for name, can in zip(names, kind, strict=True) if can), float(share))

@@ -382,8 +382,9 @@ class MapKeys(Struct, frozen=True, rename={"start": "from"}):
     """Map in numbers: pixels and shares by class of ground.
 
     The classes are go, caution, no-go, unknown; one-way, which can be driven to from the start, but
-    not back; cut-off, which can be driven on, but not to; and edge, where the vehicle would stand
-    over the edge of the terrain with any heading.
+    not back; cut-off, which can be driven on, but not to; and edge, which only the end of the
+    terrain bars: the vehicle would stand over it, or would have to, to get there and back. The edge
+    counts in no other share, and its own is one of all pixels with ground.
 
     Attributes:
         resolution_m: side of a pixel.
@@ -394,7 +395,8 @@ class MapKeys(Struct, frozen=True, rename={"start": "from"}):
         best_heading: pixels by class, with their best heading.
         worst_heading: pixels by class, with the verdict of the worst heading where they are go,
             caution, no-go or unknown.
-        fractions: shares of the pixels with ground by class, with their best heading.
+        fractions: shares of the pixels with ground, but those at the edge, by class, with their
+            best heading.
         binding: pixels that are caution or no-go at their best heading, by the measure that binds.
         by_surface: pixels of each surface by class, with their best heading; the name is null for
             ground without a surface.
@@ -562,7 +564,7 @@ class TogetherKeys(Struct, frozen=True):
 
     Attributes:
         vehicles: names of the vehicles; none for ground that is neither for any.
-        share: share of all ground.
+        share: share of the ground that is at the edge for none of the vehicles.
     """
 
     vehicles: tuple[str, ...]

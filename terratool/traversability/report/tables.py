@@ -148,17 +148,17 @@ def likelihoods(report: TraversabilityReport) -> Table:
     """Table of the shares of ground by probability of go, by the best heading."""
     columns = (Column("probability of go", False), Column("share of the ground"))
     summary = report.summary
-    if summary is None or summary.chances is None or not summary.pixels:
+    if summary is None or summary.chances is None or not summary.counted:
         return Table(columns, ())
     rows, above = [], 1.0
     for bound in CHANCE_BOUNDS:
         name = f"{numbers.share(bound)} to {numbers.share(above)}"
         if bound == CHANCE_BOUNDS[-1]:
             name = f"below {numbers.share(above)}"
-        rows.append((name, numbers.share(summary.chances[bound] / summary.pixels)))
+        rows.append((name, numbers.share(summary.chances[bound] / summary.counted)))
         above = bound
-    if unknown := summary.pixels - sum(summary.chances.values()):
-        rows.append(("not known", numbers.share(unknown / summary.pixels)))
+    if unknown := summary.counted - sum(summary.chances.values()):
+        rows.append(("not known", numbers.share(unknown / summary.counted)))
     return Table(columns, tuple(rows))
 
 
@@ -190,9 +190,9 @@ def grounds_of(summary: MapSummary) -> list[GroundClass]:
 def reasons(report: TraversabilityReport) -> Table:
     """Table of the reasons for ground that is not go, the most frequent first."""
     columns = (Column("what binds", False), Column("share of the ground"))
-    if report.summary is None or not report.summary.pixels:
+    if report.summary is None or not report.summary.counted:
         return Table(columns, ())
-    pixels = report.summary.pixels
+    pixels = report.summary.counted
     ranked = sorted(report.summary.reasons.items(), key=lambda item: (-item[1], item[0]))
     rows = (
         (wording.because(reason), numbers.share(count / pixels))

@@ -47,7 +47,7 @@ _PHRASES = {
     GroundClass.UNKNOWN: "is unknown",
     GroundClass.ONE_WAY: "can be reached, but not left again",
     GroundClass.CUT_OFF: "is cut off",
-    GroundClass.EDGE: "lies at the edge, where the vehicle would stand over it",
+    GroundClass.EDGE: "lies at the edge, where the ground ends under the vehicle or in its way",
 }
 
 EXAMPLE = {"cohesion": 1.72, "fricAngle": 29, "sinkage": 0.0397}
@@ -264,10 +264,10 @@ def counted_from_line(report: TraversabilityReport) -> str:
 def likely_line(report: TraversabilityReport) -> str:
     """Sentence on the share of ground that is likely go; empty where no soils are ranges."""
     summary = report.summary
-    if summary is None or summary.chances is None or not summary.pixels:
+    if summary is None or summary.chances is None or not summary.counted:
         return ""
     most = CHANCE_BOUNDS[0]
-    part = numbers.share(summary.chances[most] / summary.pixels)
+    part = numbers.share(summary.chances[most] / summary.counted)
     return f"With a probability of {numbers.share(most)} or more {part} of the ground is go."
 
 
@@ -355,17 +355,17 @@ def conclusion(report: TraversabilityReport) -> str:
     edge = ""
     if GroundClass.EDGE in counts and counts - {GroundClass.EDGE}:
         part = numbers.share(summary.fraction(GroundClass.EDGE))
-        edge = f", but for the edge of the terrain, {part}, where the vehicle would stand over it"
+        edge = f"The edge of the terrain, {part} of the ground, does not count."
     inner = counts - {GroundClass.EDGE} or counts
     if inner == {GroundClass.GO}:
-        text = f"All of the ground is go, with the best heading at each place{edge}."
-        return f"{text} {likely_line(report)}".rstrip()
+        text = "All of the ground is go, with the best heading at each place."
+        return " ".join(filter(None, (text, likely_line(report), edge)))
     if inner == {GroundClass.UNKNOWN}:
-        return f"Nothing is known of the ground{edge}. {lacking(report)}".rstrip()
+        return " ".join(filter(None, ("Nothing is known of the ground.", lacking(report), edge)))
     parts = [
         f"{numbers.share(summary.fraction(ground))} {_PHRASES[ground]}"
         for ground in GROUNDS
-        if ground in counts
+        if ground in inner
     ]
     text = join_words([parts[0].replace(" %", " % of the ground", 1), *parts[1:]])
     about, lost = {GroundClass.GO, GroundClass.CAUTION}, {GroundClass.ONE_WAY, GroundClass.CUT_OFF}
@@ -375,9 +375,9 @@ def conclusion(report: TraversabilityReport) -> str:
     if known:
         most = max(known, key=lambda reason: (known[reason], -reason))
         text += (
-            f"; what binds most is {most.label}, on {numbers.share(known[most] / summary.pixels)}"
+            f"; what binds most is {most.label}, on {numbers.share(known[most] / summary.counted)}"
         )
     lacks = lacking(report) if GroundClass.UNKNOWN in counts else ""
     return " ".join(
-        filter(None, (f"{text}.", likely_line(report), counted_from_line(report), lacks))
+        filter(None, (f"{text}.", likely_line(report), counted_from_line(report), lacks, edge))
     )

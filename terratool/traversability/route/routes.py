@@ -327,7 +327,7 @@ def reach(
 def reach_of(
     terrain: Terrain, start: Point, found: Connected, ground: NDArray[np.bool_], note: str = ""
 ) -> Reach:
-    """The connected cells of a start, in shares of the cells with ground.
+    """The connected cells of a start, in shares of the cells that count, (height, width) `ground`.
 
     `note` says why no cell is reached; if empty, the result has a note without reasons.
     """

@@ -19,8 +19,8 @@ from terratool.traversability.vehicle import Vehicle
 from terratool.viewing.diff.results import ComparedGrid, Flip, VerdictChange
 
 _RANKS = {
-    GroundClass.GO: 0, GroundClass.CAUTION: 1, GroundClass.ONE_WAY: 2, GroundClass.UNKNOWN: 3,
-    GroundClass.CUT_OFF: 4, GroundClass.EDGE: 5, GroundClass.NO_GO: 6,
+    GroundClass.GO: 0, GroundClass.CAUTION: 1, GroundClass.ONE_WAY: 2, GroundClass.EDGE: 3,
+    GroundClass.UNKNOWN: 4, GroundClass.CUT_OFF: 5, GroundClass.NO_GO: 6,
 }  # fmt: skip
 """Ranks of classes of ground, the larger, the worse."""
 

@@ -1,0 +1,255 @@
+"""`terratool traversability` on many files: a table, and findings in the formats of `validate`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import click
+from msgspec import Struct, structs
+
+from terratool.cli.config import Config, DriveSettings
+from terratool.cli.outputs import ReportPlan
+from terratool.cli.report import (
+    Unreadable,
+    ValidationReport,
+    ValidationSummary,
+    as_json,
+)
+from terratool.cli.saying import say, say_error
+from terratool.cli.sources import files_of
+from terratool.cli.terminal import StatusLine
+from terratool.report.documents import Document, json_text
+from terratool.report.numbers import NOTHING
+from terratool.report.tables import align
+from terratool.text.display import printable
+from terratool.text.source import is_folder
+
+if TYPE_CHECKING:
+    from terratool.traversability.assess import Request
+    from terratool.traversability.gate import FileJob, FileVerdict, VehicleRow
+    from terratool.traversability.vehicle import Vehicle
+
+_OTHERS = ("vehicle", "sensor", "library", "curriculum")
+"""Kinds of files that are passed over in folders."""
+
+
+class GatePlan(Struct, frozen=True):
+    """Request for many files, by options and settings.
+
+    Attributes:
+        names: files and folders that the user names; empty for those of the settings.
+        reports: formats of the findings.
+        settings: settings of the project.
+        given: settings that options stand in place of.
+        request: what is asked besides.
+        vehicles: function that makes the vehicles of files, or of options where there are none.
+        library_roots: folders under which libraries may lie.
+        roughness: whether rough surfaces have their relief.
+    """
+
+    names: tuple[str, ...]
+    reports: ReportPlan
+    settings: Config
+    given: DriveSettings
+    request: Request
+    vehicles: Callable[[tuple[str, ...]], list[Vehicle]]
+    library_roots: tuple[str, ...] = ()
+    roughness: bool = True
+
+    def files(self, unreadable: list[Unreadable]) -> Iterator[str]:
+        """Yield the terrains that are to be judged.
+
+        Raises:
+            click.UsageError: neither options nor settings name any.
+        """
+        own = self.settings.traversability.paths or self.settings.paths
+        names = self.names or self.settings.files(own)
+        if not names:
+            raise click.UsageError(
+                "There is nothing to judge. Name files or directories, or set paths in "
+                ".terratool.toml."
+            )
+        folders = tuple(name for name in names if is_folder(name))
+        reached = (".", *self.library_roots, *folders)
+        reached += () if self.names else (self.settings.folder,)
+        for given in names:
+            for name in files_of(given, reached, unreadable):
+                if not self.reports.writes(name) and (name == given or _may_be_terrain(name)):
+                    yield name
+
+    def job(self, file: str, known: dict[tuple[str, ...], tuple[Vehicle, ...]]) -> FileJob:
+        """Job of a file, with the vehicles that are known or now read."""
+        from terratool.traversability.conditions import parse
+        from terratool.traversability.gate import FileJob
+
+        own = asked_of(file, self.given, self.settings)
+        paths = own.vehicles or ()
+        if paths not in known:
+            known[paths] = tuple(self.vehicles(paths))
+        conditions = own.fail_on or ()
+        checks = [parse(text) for text in conditions]
+        request = replace(
+            self.request, routes=own.routes or (), start=own.start, resolution=own.resolution,
+            mapped=any(check.needs == "map" for check in checks),
+        )  # fmt: skip
+        return FileJob(
+            file, known[paths], request, conditions, self.library_roots, self.roughness,
+            file in self.names,
+        )  # fmt: skip
+
+
+def asked_of(file: str, given: DriveSettings, settings: Config) -> DriveSettings:
+    """Settings of a file, of options and of the project; options outrank settings.
+
+    Raises:
+        RequestError: the settings name a vehicle that lies outside of their folder.
+    """
+    own = settings.drive_settings(file)
+    if given.vehicles is None and own.vehicles is not None:
+        own = structs.replace(own, vehicles=settings.files(own.vehicles))
+    asked = {
+        name: value
+        for name in DriveSettings.__struct_fields__
+        if (value := getattr(given, name)) is not None
+    }
+    return structs.replace(own, **asked)
+
+
+def _may_be_terrain(name: str) -> bool:
+    """Whether a file of a folder is no vehicle, sensor, library or curriculum."""
+    from terratool.definition.keys import document_kind
+    from terratool.errors import ReadError
+    from terratool.text.source import read_source
+
+    try:
+        return document_kind(read_source(name, named=False).data) not in _OTHERS
+    except ReadError:
+        return True  # which is told of it
+
+
+def judge_many(plan: GatePlan, threads: int) -> int:
+    """Judge all files, and say what came out; return the exit code.
+
+    Raises:
+        RequestError, ReadError, DefinitionError: a vehicle or a setting makes no sense.
+        WriteError: an output cannot be written.
+    """
+    from terratool.traversability.gate import GATES, judge_files
+
+    plan.reports.refuse_outputs()
+    unreadable: list[Unreadable] = []
+    known: dict[tuple[str, ...], tuple[Vehicle, ...]] = {}
+    jobs = [plan.job(file, known) for file in plan.files(unreadable)]
+    with StatusLine("judging", len(jobs), unit="files") as status:
+        found = judge_files(jobs, threads, status)
+    unreadable += [
+        Unreadable(one.file, *one.unreadable) for one in found if one.unreadable is not None
+    ]
+    read = tuple(one.file for one in found if one.unreadable is None)
+    findings = tuple(finding for one in found for finding in one.findings)
+    failed = len({finding.file for finding in findings})
+    summary = ValidationSummary(
+        files=len(read) + len(unreadable), valid=len(read) - failed, invalid=failed,
+        unreadable=len(unreadable), errors=len(findings),
+    )  # fmt: skip
+    report = ValidationReport(
+        findings, tuple(unreadable), summary, read, further=GATES, command="traversability"
+    )
+    if plan.reports.form != "sarif":
+        for file in unreadable:
+            say_error(file.message, file.hint)
+    if plan.reports.form == "text" and found:
+        for line in _table(found):
+            say(line)
+        say("")
+    plan.reports.write(report, {"json": json_text(_document(found, report))})
+    return 3 if unreadable else int(failed > 0)
+
+
+def _table(found: Sequence[FileVerdict]) -> Iterator[str]:
+    """Yield the lines of a table of all files, the names at their ends."""
+    cells: list[list[str]] = [[*_COLUMNS]]
+    names = ["file"]
+    for one in found:
+        for row in one.rows:
+            cells.append(_cells(row))
+            names.append(one.file)
+        if not one.rows:
+            cells.append(["not judged", *[NOTHING] * (len(_COLUMNS) - 1)])
+            names.append(one.file)
+    if len({row[-1] for row in cells[1:]} - {NOTHING}) < 2:
+        cells = [row[:-1] for row in cells]
+    lines = [*align([[*row, ""] for row in cells], words=_WORDS)]
+    wide = max(map(len, lines))
+    for line, name in zip(lines, names, strict=True):
+        yield f"{line:{wide}}  {printable(name)}"
+
+
+_COLUMNS = ("verdict", "go", "caution", "no-go", "unknown", "cut off", "routes", "vehicle")
+_WORDS = ("vehicle",)
+
+
+def _cells(row: VehicleRow) -> list[str]:
+    from terratool.report.numbers import share
+
+    shares = [NOTHING] * 5
+    if (part := row.fractions) is not None:
+        lost = part["cut-off"] + part["one-way"]
+        shares = [
+            *(share(part[name]) for name in ("go", "caution", "no-go", "unknown")),
+            share(lost),
+        ]
+    routes = f"{row.found} of {row.routes}" if row.routes else NOTHING
+    return [row.verdict, *shares, routes, printable(row.vehicle) or NOTHING]
+
+
+class VehicleDocument(Struct, frozen=True):
+    """Result of a vehicle on a terrain, as JSON."""
+
+    vehicle: str
+    verdict: str
+    sentence: str
+    fractions: dict[str, float] | None
+    routes: int
+    routes_found: int
+
+
+class FileRowDocument(Struct, frozen=True):
+    """Results of all vehicles on a terrain, as JSON; none where it could not be judged."""
+
+    file: str
+    vehicles: list[VehicleDocument]
+
+
+class GateDocument(Document, frozen=True, kw_only=True):
+    """Results on many terrains, as JSON, with what they fail on as `validate` has it."""
+
+    findings: Any
+    unreadable: Any
+    summary: Any
+    files: list[FileRowDocument]
+
+
+def _document(found: Sequence[FileVerdict], report: ValidationReport) -> GateDocument:
+    import msgspec
+
+    said = msgspec.json.decode(as_json(report))
+    return GateDocument(
+        files=[
+            FileRowDocument(
+                one.file,
+                [
+                    VehicleDocument(
+                        row.vehicle, row.verdict, row.sentence, row.fractions, row.routes, row.found
+                    )
+                    for row in one.rows
+                ],
+            )
+            for one in found
+        ],
+        findings=said["findings"],
+        unreadable=said["unreadable"],
+        summary=said["summary"],
+    )

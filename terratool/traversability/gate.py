@@ -1,0 +1,298 @@
+"""Many terrains judged by processes side by side: what each file fails on, as findings."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import pickle
+import re
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from inspect import cleandoc
+from queue import Empty, SimpleQueue
+
+from terratool.definition.findings import Finding
+from terratool.definition.reader import Checked, CheckOptions, check, no_terrain
+from terratool.definition.rules.base import Rule
+from terratool.errors import ReadError, TerratoolError
+from terratool.field.terrain import Terrain
+from terratool.processes import python_calling
+from terratool.text.locate import Address, offsets, positions_of
+from terratool.text.source import Source, read_source
+from terratool.traversability.assess import Request, assess
+from terratool.traversability.compare import prepare
+from terratool.traversability.conditions import parse
+from terratool.traversability.report.wording import conclusion, route_line
+from terratool.traversability.results import Route, TraversabilityReport
+from terratool.traversability.vehicle import Vehicle
+
+
+def _rule(code: str, name: str, manual: str) -> Rule:
+    return Rule(code, name, "error", cleandoc(manual))
+
+
+GATES = (
+    _rule("TD101", "no-route", "A route, or a way back that was asked for, cannot be driven."),
+    _rule("TD102", "no-start", "The vehicle cannot stand at the place that it sets out from."),
+    _rule("TD103", "condition", "A condition of --fail-on holds."),
+    _rule("TD104", "refused", "What was asked makes no sense on this terrain."),
+    _rule("TD105", "broken-off", "The judgement ended before it was done, as for want of memory."),
+)
+"""Rules that a terrain fails on in `judge_file`, beside those on its text."""
+
+
+@dataclass(frozen=True, slots=True)
+class FileJob:
+    """A terrain to be judged.
+
+    Attributes:
+        file: name of the file.
+        vehicles: vehicles that are judged, one or more, with different names.
+        request: what is asked of each of them.
+        conditions: conditions on which the file fails; those on routes hold only where there are.
+        library_roots: folders under which libraries may lie.
+        roughness: whether rough surfaces have their relief.
+        named: whether the user named the file, which may then be a pipe.
+    """
+
+    file: str
+    vehicles: tuple[Vehicle, ...]
+    request: Request
+    conditions: tuple[str, ...] = ()
+    library_roots: tuple[str, ...] = ()
+    roughness: bool = True
+    named: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class VehicleRow:
+    """Result of a vehicle on a terrain, in a few numbers.
+
+    Attributes:
+        vehicle: name of the vehicle; empty for a wheel by itself.
+        verdict: label of the verdict.
+        sentence: the verdict in words.
+        fractions: shares of ground by the label of their class; None where there is no map.
+        routes: number of routes, and of waypoints, that were asked for.
+        found: number of these that can be driven, there and back if that was asked for.
+    """
+
+    vehicle: str
+    verdict: str
+    sentence: str
+    fractions: dict[str, float] | None
+    routes: int
+    found: int
+
+
+@dataclass(frozen=True, slots=True)
+class FileVerdict:
+    """Result of all vehicles on a terrain.
+
+    Attributes:
+        file: name of the file.
+        rows: result of each vehicle; empty where the terrain could not be judged.
+        findings: what the file fails on; empty where it passes.
+        unreadable: sentences on why the file cannot be read, and what to do; None if it can.
+    """
+
+    file: str
+    rows: tuple[VehicleRow, ...] = ()
+    findings: tuple[Finding, ...] = ()
+    unreadable: tuple[str, str] | None = None
+
+
+def judge_file(job: FileJob) -> FileVerdict:
+    """Judge the terrain of a file; no file and no error of it makes this raise."""
+    try:
+        source = read_source(job.file, named=job.named)
+    except ReadError as error:
+        return FileVerdict(job.file, unreadable=(error.message, error.hint))
+    options = CheckOptions(warnings=False, library_roots=job.library_roots)
+    checked = check(source, options)
+    if checked.terrain is None:
+        return FileVerdict(job.file, findings=_broken(source, checked))
+    try:
+        terrain = Terrain(checked, roughness=job.roughness)
+        planned, _ = prepare(terrain, job.vehicles, job.request)
+        reports = []
+        while planned:  # each holds much memory
+            reports.append(assess(planned.pop(0), name=os.path.basename(job.file)))  # noqa: PTH119
+    except TerratoolError as error:
+        refused = _finding(source, "TD104", error.message, error.hint)
+        return FileVerdict(job.file, findings=(refused,))
+    several = len(reports) > 1
+    findings = [
+        finding for report in reports for finding in _failures(source, job, report, several)
+    ]
+    findings.sort(key=lambda finding: (finding.line, finding.column))
+    return FileVerdict(job.file, tuple(map(_row, reports)), tuple(findings))
+
+
+def _broken(source: Source, checked: Checked) -> tuple[Finding, ...]:
+    """Findings in a text that is no terrain, or has errors."""
+    error = no_terrain(source, checked)
+    return error.findings or (_finding(source, "TD104", error.message, error.hint),)
+
+
+def _failures(
+    source: Source, job: FileJob, report: TraversabilityReport, several: bool
+) -> Iterator[Finding]:
+    """Yield what a report fails on."""
+    whose = f"{report.vehicle.name}: " * several
+    for route in report.routes:
+        if not route.holds:
+            yield _finding(
+                source, "TD101", whose + route_line(_lost(route)),
+                "Make room there, or ask for another way.", _pointer(route),
+            )  # fmt: skip
+    if report.reach is not None and report.reach.note:
+        hint = "Make room there, or set out from another place."
+        yield _finding(source, "TD102", whose + report.reach.note, hint)
+    for text in job.conditions:
+        condition = parse(text)
+        if condition.name == "no-route" or (condition.needs == "route" and not report.routes):
+            continue  # told by its route, or not asked for here
+        if why := condition.why_met(report):
+            message = f"{whose}{text.strip()}: {why}."
+            yield _finding(source, "TD103", message, "Change the ground, or the limit.")
+
+
+def _lost(route: Route) -> Route:
+    """The way, or the way back, that cannot be driven."""
+    return route if not route.found or route.back is None else route.back
+
+
+def _pointer(route: Route) -> str:
+    """Pointer of the element of the file that bars a route first; empty where none is named."""
+    barriers = _lost(route).barriers
+    named = re.match(r"/elemTree(/children/\d+)*", barriers[0].bars) if barriers else None
+    return named[0] if named else ""
+
+
+def _finding(source: Source, code: str, message: str, hint: str, pointer: str = "") -> Finding:
+    (place,) = positions_of(source.data, offsets(source.data, [Address(pointer)]))
+    return Finding(
+        source.name, code, "error", pointer, place.line, place.column, message, hint,
+        excerpt=place.excerpt,
+    )  # fmt: skip
+
+
+def _row(report: TraversabilityReport) -> VehicleRow:
+    summary = report.summary
+    return VehicleRow(
+        report.vehicle.name,
+        report.verdict.label,
+        conclusion(report),
+        {one.label: summary.fraction(one) for one in summary.counts} if summary else None,
+        len(report.routes),
+        sum(route.holds for route in report.routes),
+    )
+
+
+def judge_files(
+    jobs: Sequence[FileJob], threads: int, progress: Callable[[int], object] = lambda _: None
+) -> list[FileVerdict]:
+    """Judge terrains by as many processes as there are threads; results are in order.
+
+    A process that dies takes only the terrain along that it was at.
+
+    Args:
+        jobs: terrains to be judged; each gets its share of the threads where jobs are few.
+        threads: number of threads in all.
+        progress: called with 1 for each terrain that is done.
+    """
+    workers = max(1, min(threads, len(jobs)))
+    waiting: SimpleQueue[int] = SimpleQueue()
+    for index in range(len(jobs)):
+        waiting.put(index)
+    found: dict[int, FileVerdict] = {}
+    processes = [_JudgeProcess() for _ in range(workers)]
+
+    def serve(process: _JudgeProcess) -> None:
+        with contextlib.suppress(Empty):
+            while True:
+                index = waiting.get_nowait()
+                job = jobs[index]
+                request = replace(job.request, threads=max(1, threads // workers))
+                found[index] = process.judge(replace(job, request=request))
+                progress(1)
+
+    try:
+        with ThreadPoolExecutor(workers) as pool:
+            try:
+                list(pool.map(serve, processes))
+            except BaseException:
+                for process in processes:  # threads wait for what these answer
+                    process.end()
+                while not waiting.empty():
+                    waiting.get()
+                raise
+    finally:
+        for process in processes:
+            process.end()
+    return [found[index] for index in range(len(jobs))]
+
+
+class _JudgeProcess:
+    """A process that judges one terrain after the other, and is started when it is needed."""
+
+    def __init__(self) -> None:
+        self._process: subprocess.Popen[bytes] | None = None
+        self._ended = False
+
+    def judge(self, job: FileJob) -> FileVerdict:
+        """Have a terrain judged."""
+        if self._process is None and not self._ended:
+            self._process = subprocess.Popen(
+                **{**python_calling(__name__, "serve_jobs"), "stdin": subprocess.PIPE},
+                stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
+            )  # fmt: skip
+        process = self._process
+        try:
+            assert process is not None and process.stdin is not None and process.stdout is not None
+            pickle.dump(job, process.stdin)
+            process.stdin.flush()
+            answer: FileVerdict = pickle.load(process.stdout)
+            return answer
+        except (AssertionError, EOFError, OSError, pickle.UnpicklingError):
+            self.end()
+            self._ended = False
+            return FileVerdict(job.file, findings=(_broken_off(job.file),))
+
+    def end(self) -> None:
+        """End the process, whatever it is at."""
+        process, self._process, self._ended = self._process, None, True
+        if process is not None:
+            process.kill()
+            process.communicate()
+
+
+def _broken_off(file: str, why: str = "its process ended") -> Finding:
+    return Finding(
+        file, "TD105", "error", "", 1, 1, f"the judgement broke off: {why}.",
+        "Judge the file by itself, on coarser pixels or fewer threads.",
+    )  # fmt: skip
+
+
+def serve_jobs() -> None:
+    """Judge the jobs that come on standard input, and answer each on standard output."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # who started this ends it
+    answers = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)  # nothing else may get between the answers
+    while True:
+        try:
+            job: FileJob = pickle.load(sys.stdin.buffer)
+        except EOFError:
+            return
+        try:
+            verdict = judge_file(job)
+        except Exception as error:
+            what = f"an error of terratool, {type(error).__name__}"
+            verdict = FileVerdict(job.file, findings=(_broken_off(job.file, what),))
+        pickle.dump(verdict, answers)
+        answers.flush()

@@ -1,0 +1,295 @@
+"""`terratool traversability` on many files: the gate of a repository."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import pytest
+
+from terratool.errors import RequestError
+from terratool.traversability import gate
+from terratool.traversability.assess import Request
+from terratool.traversability.gate import FileJob, judge_file, judge_files
+from terratool.traversability.vehicle import load_vehicle
+from tests.commands import ROOT, call
+from tests.strategies import Json
+
+HUSKY = ROOT / "samples" / "vehicles" / "husky-a200.json"
+WAY = (1.0, 3.0, 8.0, 3.0)
+COARSE = ("--resolution", 0.15)
+
+
+def yard(*walls: Json) -> Json:
+    """Oblong concrete, 9 × 6, with walls."""
+    return {
+        "size": [9, 6],
+        "surfTypes": {"concrete": {"preset": "concrete"}},
+        "elemTypes": {"level": {"x": [0], "x-ignore": ["TT308"]}, "box": {"x": [1]}},
+        "elemTree": {"type": "level", "surface": "concrete", "children": list(walls)},
+    }
+
+
+WALL: Json = {"type": "box", "vScale": 0.4, "at": [5, 3], "extent": [0.3, 6]}
+
+
+@pytest.fixture
+def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder with an open and a walled yard, and a vehicle; nothing above it has settings."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "sites").mkdir()
+    put("sites/open.json", yard())
+    put("sites/walled.json", yard(WALL))
+    Path("husky.json").write_text(HUSKY.read_text("utf-8"), "utf-8")
+    return tmp_path
+
+
+def put(name: str, value: Any) -> None:
+    Path(name).write_text(value if isinstance(value, str) else json.dumps(value), "utf-8")
+
+
+def gated(*arguments: object) -> dict[str, Any]:
+    ran = call("traversability", *arguments, "--vehicle", "husky.json", *COARSE, "--json")
+    found: dict[str, Any] = json.loads(ran.out)
+    return {**found, "code": ran.code}
+
+
+@pytest.mark.slow
+def test_a_table_has_all_files_in_order(project: Path) -> None:
+    ran = call("traversability", "sites", "--vehicle", "husky.json", *COARSE)
+    lines = ran.out.splitlines()
+    assert ran.code == 0 and ran.err == ""
+    assert lines[0].split() == ["verdict", "go", "caution", "no-go", "unknown", "cut", "off",
+                                "routes", "file"]  # fmt: skip
+    assert lines[1].startswith("go ") and lines[1].endswith("  sites/open.json")
+    assert lines[2].startswith("caution ") and lines[2].endswith("  sites/walled.json")
+    assert lines[-1] == "2 files checked, no errors, no warnings."
+
+
+@pytest.mark.slow
+def test_results_are_those_of_each_file_by_itself(project: Path) -> None:
+    found = gated("sites")
+    for one, name in zip(found["files"], ("open", "walled"), strict=True):
+        ran = call("traversability", f"sites/{name}.json", "--vehicle", "husky.json", *COARSE,
+                   "--json")  # fmt: skip
+        alone = json.loads(ran.out)
+        (row,) = one["vehicles"]
+        assert one["file"] == f"sites/{name}.json"
+        assert (row["verdict"], row["sentence"]) == (alone["verdict"], alone["sentence"])
+        assert {name: share for name, share in row["fractions"].items() if share} == pytest.approx(
+            {name: share for name, share in alone["map"]["fractions"].items() if share}
+        )
+
+
+@pytest.mark.slow
+def test_what_fails_is_a_finding_at_the_element_that_bars(project: Path) -> None:
+    found = gated("sites", "--route", *WAY, "--fail-on", "go-fraction<0.9")
+    assert found["code"] == 1
+    assert [(f["file"], f["code"]) for f in found["findings"]] == [
+        ("sites/walled.json", "TD103"), ("sites/walled.json", "TD101"),
+    ]  # fmt: skip
+    held, lost = found["findings"]
+    assert "go-fraction is 0." in held["message"] and held["pointer"] == ""
+    assert lost["pointer"] == "/elemTree/children/0"
+    assert lost["column"] == 1 + Path("sites/walled.json").read_text("utf-8").index(
+        '{"type": "box"'
+    )
+    assert found["summary"]["invalid"] == 1 and found["summary"]["valid"] == 1
+
+
+@pytest.mark.slow
+def test_no_file_takes_the_others_along(project: Path) -> None:
+    """A broken text, one that refuses what is asked, and one that is not there; 3 outranks 1."""
+    put("sites/a-broken.json", '{"size": [9, 6],')
+    put("sites/b-wrong.json", {**yard(), "size": 0})
+    put("sites/c-small.json", {**yard(), "size": [4, 3]})
+    found = gated("sites", "--route", *WAY)
+    assert found["code"] == 1
+    assert [(f["file"].removeprefix("sites/"), f["code"]) for f in found["findings"]] == [
+        ("a-broken.json", "TT101"), ("b-wrong.json", "TT106"), ("c-small.json", "TD104"),
+        ("walled.json", "TD101"),
+    ]  # fmt: skip
+    assert [len(one["vehicles"]) for one in found["files"]] == [0, 0, 0, 1, 1]
+    found = gated("sites", "absent.json")
+    assert found["code"] == 3 and len(found["findings"]) == 2
+    assert [one["file"] for one in found["unreadable"]] == ["absent.json"]
+    assert found["files"][3]["vehicles"][0]["verdict"] == "go"
+
+
+@pytest.mark.slow
+def test_folders_may_hold_other_things(project: Path) -> None:
+    """Vehicles and libraries are passed over there, and refused where they are named."""
+    put("sites/husky.json", Path("husky.json").read_text("utf-8"))
+    put("sites/kit.json", {"parts": {"pad": {"type": "box"}}, "elemTypes": {"box": {"x": [1]}}})
+    assert [Path(one["file"]).name for one in gated("sites")["files"]] == [
+        "open.json", "walled.json",
+    ]  # fmt: skip
+    found = gated("sites/open.json", "sites/husky.json")
+    assert found["code"] == 1
+    (finding,) = found["findings"]
+    assert finding["code"] == "TD104" and "is a vehicle" in finding["message"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("form", ["text", "json", "sarif", "github", "junit", "gitlab"])
+def test_formats_are_those_of_validate(project: Path, form: str) -> None:
+    """On standard output and in files; a file that is such a report may be replaced."""
+    asked = ("sites", "--vehicle", "husky.json", *COARSE, "--route", *WAY)
+    put(".terratool.toml", f'[traversability]\nformats = ["github", "{form}=out.txt"]\n')
+    for _ in range(2):
+        ran = call("traversability", *asked)
+        assert ran.code == 1 and ran.out.startswith("::error file=sites/walled.json,line=1,")
+    text = Path("out.txt").read_text("utf-8")
+    assert "TD101" in text and "There is no way" in text
+    direct = call("traversability", *asked, "--format", form)
+    assert direct.code == 1 and direct.out.endswith(text if form != "text" else text[-20:])
+    if form == "junit":
+        top = ElementTree.fromstring(text)
+        assert [suite.get("failures") for suite in top] == ["0", "1"]
+        assert top.get("name") == "terratool traversability"
+    if form == "sarif":
+        (log,) = json.loads(text)["runs"]
+        rules = [rule["id"] for rule in log["tool"]["driver"]["rules"]]
+        assert rules[log["results"][0]["ruleIndex"]] == "TD101"
+
+
+@pytest.mark.slow
+def test_settings_stand_for_options(project: Path) -> None:
+    """Also of a single file; of patterns the last one counts, and options outrank all."""
+    put(
+        ".terratool.toml",
+        'paths = ["elsewhere"]\n[traversability]\npaths = ["sites"]\nvehicles = ["husky.json"]\n'
+        'resolution = 0.15\nfail-on = ["no-go-fraction>0.5"]\n'
+        '[traversability.per-file."walled.*"]\nroutes = [[1, 3, 8, 3]]\n'
+        '[traversability.per-file."sites/*"]\nfail-on = ["go-fraction<0.9"]\n',
+    )
+    ran = call("traversability", "--json")
+    found = json.loads(ran.out)
+    assert ran.code == 1
+    assert [one["vehicles"][0]["routes"] for one in found["files"]] == [0, 1]
+    assert [finding["code"] for finding in found["findings"]] == ["TD103", "TD101"]
+    alone = call("traversability", "sites/walled.json")
+    assert alone.code == 1 and alone.out.startswith("no-go: There is no way")
+    assert "--fail-on go-fraction<0.9" in alone.err
+    other = call("traversability", "sites/walled.json", "--route", 1, 1, 3, 1, "--fail-on", "no-go")
+    assert other.code == 0 and other.out.startswith("go: There is a way")
+
+
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        ('vehicles = ["../husky.json"]', "outside"), ("speed = 3", "speed"),
+        ('formats = ["json=../out.json"]', "outside"), ('fail-on = ["no-way"]', "no-way"),
+        ("routes = [[1, 2, 3]]", "routes"),
+    ],
+)  # fmt: skip
+def test_settings_that_are_not_taken(project: Path, text: str, why: str) -> None:
+    put(".terratool.toml", f'[traversability]\npaths = ["sites"]\n{text}\n')
+    ran = call("traversability", *(() if "vehicles" in text else ("--vehicle", "husky.json")))
+    assert ran.code == 2 and why in ran.err and ran.out == ""
+
+
+@pytest.mark.parametrize(
+    "more", [("--map", "m.tif"), ("--report", "r.html"), ("--format", "json", "--json")]
+)
+def test_what_is_of_one_terrain_is_refused(project: Path, more: tuple[str, ...]) -> None:
+    ran = call("traversability", "sites", "--vehicle", "husky.json", *more)
+    assert ran.code == 2 and more[0] in ran.err
+    assert sorted(os.listdir()) == ["husky.json", "sites"]  # noqa: PTH208
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("what", ["sites", "sites/walled.json"])
+def test_json_is_short_for_its_format(project: Path, what: str) -> None:
+    """Of many files as of one; a file that is asked for has the same text."""
+    asked = ("traversability", what, "--vehicle", "husky.json", *COARSE)
+    ran = call(*asked, "--json")
+    assert ran == call(*asked, "--format", "json")
+    if what == "sites":
+        assert call(*asked, "--format", "json=out.json").code == ran.code
+        assert Path("out.json").read_text("utf-8") == ran.out
+
+
+def test_nothing_to_judge(project: Path) -> None:
+    ran = call("traversability", "--vehicle", "husky.json")
+    assert ran.code == 2 and "nothing to judge" in ran.err
+
+
+@pytest.mark.slow
+def test_several_vehicles_have_a_row_each(project: Path) -> None:
+    put("far.json", Path("husky.json").read_text("utf-8"))
+    ran = call("traversability", "sites", "--vehicle", "husky.json", "--vehicle", "far.json",
+               *COARSE, "--route", *WAY)  # fmt: skip
+    rows = [line.split() for line in ran.out.splitlines()[1:5]]
+    assert [row[-2:] for row in rows] == [
+        [name, f"sites/{file}.json"] for file in ("open", "walled") for name in ("husky", "far")
+    ]
+    assert "husky: There is no way" in ran.out and "far: There is no way" in ran.out
+
+
+@pytest.mark.slow
+def test_results_do_not_depend_on_the_processes(project: Path) -> None:
+    for number in range(4):
+        put(f"sites/{number}.json", yard({**WALL, "at": [4 + 0.5 * number, 3]}))
+    jobs = jobs_of("sites", Request(routes=(WAY,), resolution=0.15))
+    one, several = (judge_files(jobs, threads) for threads in (1, 3))
+    assert one == several == [judge_file(job) for job in jobs]
+
+
+def jobs_of(folder: str, request: Request) -> list[FileJob]:
+    vehicle = load_vehicle("husky.json")
+    return [FileJob(str(path), (vehicle,), request) for path in sorted(Path(folder).iterdir())]
+
+
+@pytest.mark.slow
+def test_a_process_that_dies_takes_its_file_alone(
+    project: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The next file gets a new process, and what was found before stays."""
+    jobs = jobs_of("sites", Request(resolution=0.15))
+    jobs = [jobs[0], replace(jobs[0], file="sites/killer.json"), jobs[1]]
+    asked = gate._JudgeProcess.judge
+
+    def judge(self: Any, job: FileJob) -> Any:
+        if "killer" in job.file:
+            os.kill(self._process.pid, signal.SIGKILL)
+        return asked(self, job)
+
+    monkeypatch.setattr(gate._JudgeProcess, "judge", judge)
+    first, dead, last = judge_files(jobs, 1)
+    assert [finding.code for finding in dead.findings] == ["TD105"]
+    assert first.rows[0].verdict == "go" and last.rows[0].verdict == "caution"
+
+
+@pytest.mark.slow
+def test_a_fault_of_ours_takes_its_file_alone(project: Path) -> None:
+    jobs = jobs_of("sites", Request(resolution=0.15))
+    jobs[0] = replace(jobs[0], conditions=("nonsense",))  # which a command refuses before
+    wrong, right = judge_files(jobs, 1)
+    assert [finding.code for finding in wrong.findings] == ["TD105"]
+    assert right.rows and not right.findings
+
+
+def test_settings_of_a_file(project: Path) -> None:
+    from terratool.cli.config import project_settings
+
+    put(
+        ".terratool.toml",
+        '[traversability]\nresolution = 1\n[traversability.per-file."a*"]\nresolution = 2\n'
+        '[traversability.per-file."sites/*"]\nfrom = [1, 2]\n',
+    )
+    settings = project_settings(None)
+    found = {
+        name: (one.resolution, one.start)
+        for name in ("a.json", "b.json", "sites/a.json")
+        for one in [settings.drive_settings(name)]
+    }
+    assert found == {"a.json": (2, None), "b.json": (1, None), "sites/a.json": (2, (1, 2))}
+    put(".terratool.toml", "[traversability]\nper-file = 3\n")
+    with pytest.raises(RequestError, match="not taken"):
+        project_settings(None)
