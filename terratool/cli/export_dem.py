@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 # a test checks
 LAYERS = (
     "height", "surface", "slope", "aspect", "normal", "cohesion", "friction", "sinkage", "sonar",
-    "color",
+    "color", "hillshade",
 )  # fmt: skip
 COMPRESSIONS = ("zstd", "deflate", "lzw", "lerc", "none")
 
@@ -113,7 +113,7 @@ def command(
 
     The suffix of OUTPUT names the format: .tif, .asc, .png (16 bits), .npy, or another one that
     GDAL writes. Values are those at the pixel centres, north up, NaN where there is no ground.
-    Layers of numbers are bands of one file; surface and color get a file of their own.
+    Layers of numbers are bands of one file; surface, color and hillshade get a file of their own.
 
     Without --resolution a pixel is the least of a tenth of the smallest cell, the finest detail of
     a curve, a third of the narrowest track and a quarter of the shortest correlation length of a
