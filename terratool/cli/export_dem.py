@@ -15,6 +15,9 @@ from terratool.cli.terminal import StatusLine, load
 from terratool.report.documents import Document
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
+    from terratool.raster.contour_files import ContourReport
     from terratool.raster.export import RasterReport, WrittenFile
 
 # equal to those of terratool.raster.layers and .geotiff, which are not imported for --help;
@@ -23,6 +26,7 @@ LAYERS = (
     "height", "surface", "slope", "aspect", "normal", "cohesion", "friction", "sinkage", "sonar",
     "color", "hillshade",
 )  # fmt: skip
+CONTOURS = "contours"
 COMPRESSIONS = ("zstd", "deflate", "lzw", "lerc", "none")
 
 
@@ -39,10 +43,17 @@ COMPRESSIONS = ("zstd", "deflate", "lzw", "lerc", "none")
     "--layer",
     "layers",
     multiple=True,
-    type=WordChoice(LAYERS),
+    type=WordChoice((*LAYERS, CONTOURS)),
     default=("height",),
     metavar="NAME",
-    help=f"What to write, once or several times: {', '.join(LAYERS)}.  [default: height]",
+    help=f"What to write, once or several times: {', '.join(LAYERS)}; or contours, alone.  "
+    "[default: height]",
+)
+@click.option(
+    "--interval",
+    type=float,
+    metavar="H",
+    help="Height from one contour to the next.  [default: a round one, for about eight]",
 )
 @click.option(
     "--dtype",
@@ -89,12 +100,16 @@ COMPRESSIONS = ("zstd", "deflate", "lzw", "lerc", "none")
 @click.option("--json", "as_json", is_flag=True, help="Say what was written as JSON.")
 @roughness_option
 @library_root_option
+@click.pass_context
 def command(
+    ctx: click.Context,
+    /,
     file: str,
     output: str | None,
     resolution: float | None,
     bounds: tuple[float, float, float, float] | None,
     layers: tuple[str, ...],
+    interval: float | None,
     dtype: str,
     compress: str | None,
     max_z_error: float | None,
@@ -121,12 +136,16 @@ def command(
     they do not divide a side, their number is rounded to the nearest: the last ones end up to half
     a pixel before or beyond the east and north sides.
 
+    With --layer contours OUTPUT is a .geojson or .gpkg of lines, each with its height elev. Between
+    two neighbouring pixels they pass where the ground itself does, so the resolution decides only
+    what is too narrow for them.
+
     With --tiles, OUTPUT is the .vrt that opens the tiles as one raster, DIR/mosaic.vrt if not said.
     Tiles that an interrupted run had finished are kept if they are unchanged.
     """
     from pathlib import Path
 
-    from terratool.errors import WriteError
+    from terratool.errors import RequestError, WriteError
     from terratool.io.geotiff import Compression
     from terratool.output import is_same_file, refuse_existing
     from terratool.raster.export import RasterRequest, export_dem
@@ -134,6 +153,12 @@ def command(
     from terratool.raster.mosaic import TILE_SIZE, export_mosaic
     from terratool.raster.tiles import INDEX
 
+    if CONTOURS in layers:
+        _refuse_idle(ctx, layers)
+        _write_contours(file, Path(str(output)), (resolution, bounds, interval), overwrite, as_json)
+        return
+    if interval is not None:
+        raise RequestError("--interval is about contours.", "Add --layer contours.")
     _refuse_odd(output, tiles, tile_size, dask, cog, overviews)
     compression = None
     if compress is not None or max_z_error is not None:
@@ -167,6 +192,89 @@ def command(
     else:
         for line in as_text(report, choice):
             say(line)
+
+
+_OF_RASTERS = (
+    "dtype", "compress", "max_z_error", "nodata", "cog", "overviews", "tiles", "tile_size", "dask",
+    "threads", "losses",
+)  # fmt: skip
+"""Options that lines have no use for."""
+
+
+def _refuse_idle(ctx: click.Context, layers: tuple[str, ...]) -> None:
+    """Refuse what goes with no contours."""
+    from terratool.errors import RequestError
+
+    if {*layers} != {CONTOURS}:
+        raise RequestError(
+            "Contours are lines, the other layers are pixels: one file cannot hold both.",
+            "Write them one after the other.",
+        )
+    for name in _OF_RASTERS:
+        if ctx.get_parameter_source(name) is click.core.ParameterSource.COMMANDLINE:
+            option = f"--{name.replace('_', '-')}"
+            raise RequestError(f"{option} is about rasters.", f"Leave out {option}.")
+    if ctx.params["output"] is None:
+        raise click.UsageError("Missing argument 'OUTPUT'.")
+
+
+def _write_contours(
+    file: str,
+    output: Path,
+    wanted: tuple[float | None, tuple[float, float, float, float] | None, float | None],
+    overwrite: bool,
+    as_json: bool,
+) -> None:
+    """Write contours; `wanted` are the resolution, the bounds and the interval."""
+    from terratool.errors import WriteError
+    from terratool.output import is_same_file
+    from terratool.raster.contour_files import ContourRequest, check_contours, export_contours
+    from terratool.raster.grid import default_resolution
+
+    resolution, bounds, interval = wanted
+    check_contours(output, interval, overwrite)
+    if is_same_file(output, file):
+        raise WriteError(f"{output}: is the definition itself.", "Choose another name.")
+    terrain = load(file)
+    why = "as asked"
+    if resolution is None:
+        resolution, why = default_resolution(terrain, bounds)
+    request = ContourRequest(resolution, bounds, interval, overwrite)
+    with StatusLine("painting") as status:
+        report = export_contours(terrain, output, request, status.say)
+    if as_json:
+        say_json(
+            ContourDocument(
+                file=str(report.path),
+                interval=report.interval,
+                heights=report.heights,
+                lines=report.lines,
+                points=report.points,
+                width=report.columns,
+                height=report.rows,
+                resolution=report.resolution,
+                resolution_chosen=why,
+            )
+        )
+        return
+    say(
+        f"{report.columns} × {report.rows} nodes, {report.resolution:g} apart ({why}), "
+        "and where the ground passes a height between them"
+    )
+    say(f"{report.path}: {_contours(report)}")
+
+
+def _contours(report: ContourReport) -> str:
+    from terratool.report.wording import count_of
+
+    if not report.interval:
+        return "no contours, as the ground is level"
+    apart = f"{report.interval:g} apart"
+    if report.heights is None:
+        return f"no contours, as none lies between the lowest and the highest ground, {apart}"
+    low, high = report.heights
+    lines, points = count_of(report.lines, "contour"), count_of(report.points, "point")
+    return f"{lines} at heights from {low:.10g} to {high:.10g}, {apart}, {points}"
 
 
 def _refuse_odd(
@@ -242,6 +350,20 @@ class FileDocument(Struct, frozen=True):
     difference: float
     overviews: tuple[int, ...]
     bands: list[BandDocument]
+
+
+class ContourDocument(Document, frozen=True, kw_only=True):
+    """Contours that were written, as JSON; `heights` are those of the lowest and the highest."""
+
+    file: str
+    interval: float
+    heights: tuple[float, float] | None
+    lines: int
+    points: int
+    width: int
+    height: int
+    resolution: float
+    resolution_chosen: str
 
 
 class RasterDocument(Document, frozen=True, kw_only=True):

@@ -212,9 +212,9 @@ def export_dem(
 ) -> RasterReport:
     """Write layers of a terrain at the pixel centres of a grid.
 
-    All layers of numbers are bands of one file; surfaces, colours and hillshade get a file each. The
-    file of the first layer is `path`, further files have the layer's name before the suffix. Memory use is
-    that of a few windows, whatever the size of the raster.
+    All layers of numbers are bands of one file; surfaces, colours and hillshade get a file each.
+    The file of the first layer is `path`, further files have the layer's name before the suffix.
+    Memory use is that of a few windows, whatever the size of the raster.
 
     Args:
         terrain: terrain to be exported.

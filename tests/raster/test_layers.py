@@ -93,7 +93,7 @@ def wanted(layer: str, terrain: Any, x: np.ndarray, y: np.ndarray) -> np.ndarray
 
 
 def shaded(heights: np.ndarray, side: float) -> np.ndarray:
-    """1 + 254 · the cosine between the light and the normal that Horn's weights give; 0 for none."""
+    """1 + 254 · the cosine between light and normal, by Horn's weights; 0 for none."""
     light = math.radians(315), math.radians(45)
     sun = np.array(
         [math.sin(light[0]) * math.cos(light[1]), math.cos(light[0]) * math.cos(light[1]),

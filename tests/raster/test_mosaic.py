@@ -107,7 +107,7 @@ class TestOneRaster:
     def test_another_gdal_agrees(self, tmp_path: Path, grid: Grid) -> None:
         """Also on the pixels, by its own checksums, and on the attribute table."""
         terrain = terrain_of(SITE)
-        layers = ("height", "slope", "surface", "color")
+        layers = ("height", "slope", "surface", "color", "hillshade")
         compression = Compression("deflate")
         export_dem(terrain, grid, tmp_path / "a.tif", layers, compression=compression)
         export_mosaic(
