@@ -169,7 +169,7 @@ def command(
         refuse_existing(Path(output), overwrite)
     if is_same_file(output, file):
         raise WriteError(f"{output}: is the definition itself.", "Choose another name.")
-    terrain = load(file)
+    terrain = load(file, bounds)
     why = "as asked"
     if resolution is None:
         resolution, why = default_resolution(terrain, bounds)
@@ -235,7 +235,7 @@ def _write_contours(
     check_contours(output, interval, overwrite)
     if is_same_file(output, file):
         raise WriteError(f"{output}: is the definition itself.", "Choose another name.")
-    terrain = load(file)
+    terrain = load(file, bounds)
     why = "as asked"
     if resolution is None:
         resolution, why = default_resolution(terrain, bounds)

@@ -249,7 +249,7 @@ def _export_mesh(request: _Request) -> tuple[MeshReport, list[str]]:
     from terratool.report.wording import count_of
 
     _check_output(request)
-    terrain = load(request.file)
+    terrain = load(request.file, request.bounds)
     with StatusLine("meshing") as status:
         report = export_mesh(
             terrain,
@@ -272,7 +272,7 @@ def _export_grid(request: _Request) -> tuple[ElevationGridReport, list[str]]:
     from terratool.mesh.elevation import export_elevation_grid
 
     _check_output(request)
-    terrain = load(request.file)
+    terrain = load(request.file, request.bounds)
     with StatusLine("writing"):
         report = export_elevation_grid(
             terrain,
@@ -301,7 +301,7 @@ def _export_tiles(request: _Request) -> tuple[MeshTilesReport, list[str]]:
         raise WriteError(
             f"{folder}: holds the definition itself.", "Choose another folder for the tiles."
         )
-    terrain = load(request.file)
+    terrain = load(request.file, request.bounds)
     with StatusLine("meshing") as status:
         report = export_tiles(
             terrain,

@@ -24,6 +24,7 @@ from terratool.text.files import open_file
 from terratool.text.numbers import parse_number
 
 if TYPE_CHECKING:
+    from terratool.definition.findings import Bounds
     from terratool.field.terrain import Terrain
     from terratool.field.types import PointSamples
 
@@ -57,7 +58,8 @@ def command(file: str, coordinates: tuple[str, ...], points: str | None, form: s
     """Answer height, surface, element and normal at points.
 
     Points are given as X Y pairs, or as CSV: two columns, or the columns x and y of a header. What
-    a point does not have is an empty cell, null in JSON; the note says why: outside, or void.
+    a point does not have is an empty cell, null in JSON; the note says why: outside, or void. X Y
+    pairs that are all outside are refused.
     Names that a spreadsheet would take for formulas have an apostrophe before them in CSV; what
     cannot be printed is an escape of Python's there, and a backslash is doubled.
     """
@@ -65,7 +67,8 @@ def command(file: str, coordinates: tuple[str, ...], points: str | None, form: s
         raise click.UsageError("Give points either as X Y pairs or with --points.")
     listed = _from_arguments(coordinates) if points is None else None
 
-    terrain = load(file)
+    early = None if listed is None else partial(_refuse_outside, listed)
+    terrain = load(file, early=early)
     source = iter(listed) if listed is not None else _from_csv(str(points))
     write, labels = _write_json, list(terrain.surfaces)
     if form == "csv":
@@ -76,6 +79,18 @@ def command(file: str, coordinates: tuple[str, ...], points: str | None, form: s
     else:
         with StatusLine("answering"):
             write(rows)
+
+
+def _refuse_outside(points: list[Point], extent: Bounds) -> None:
+    """Refuse points none of which is on the terrain, whose long text need not be read then."""
+    from terratool.errors import RequestError
+    from terratool.report.numbers import coordinates
+
+    west, south, east, north = extent
+    if any(west <= x <= east and south <= y <= north for x, y in points):
+        return
+    what = "None of the points is" if points[1:] else f"The point {coordinates(points[0])} is not"
+    raise RequestError(f"{what} on the terrain.", f"It lies in {coordinates(extent)}.")
 
 
 def _from_arguments(coordinates: tuple[str, ...]) -> list[Point]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -179,7 +180,7 @@ def command(
     from pathlib import Path
 
     from terratool.output import whole_file
-    from terratool.traversability.assess import Request
+    from terratool.traversability.assess import Request, check_places
     from terratool.traversability.compare import prepare
     from terratool.traversability.conditions import parse
     from terratool.traversability.report.formats import renderer_of
@@ -213,7 +214,8 @@ def command(
         samples=samples,
         seed=seed,
     )
-    planned, notes = prepare(load(file), vehicles, request, map_path=map_, overwrite=overwrite)
+    terrain = load(file, early=partial(check_places, request))
+    planned, notes = prepare(terrain, vehicles, request, map_path=map_, overwrite=overwrite)
     doing = "judging" if planned[0].pixels else "looking for ways"
     # every file is complete before the first one takes its place
     with StatusLine(doing, planned[0].pixels) as progress, contextlib.ExitStack() as stack:
