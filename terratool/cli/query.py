@@ -24,6 +24,9 @@ from terratool.text.files import open_file
 from terratool.text.numbers import parse_number
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from terratool.definition.findings import Bounds
     from terratool.field.terrain import Terrain
     from terratool.field.types import PointSamples
@@ -52,9 +55,19 @@ Point = tuple[float, float]
     default="csv",
     help="How the answers are written.",
 )
+@click.option(
+    "--digits",
+    type=click.IntRange(0, 17),
+    default=9,
+    show_default=True,
+    metavar="N",
+    help="Decimals of heights and normals; zeros at their end are left out.",
+)
 @roughness_option
 @library_root_option
-def command(file: str, coordinates: tuple[str, ...], points: str | None, form: str) -> None:
+def command(
+    file: str, coordinates: tuple[str, ...], points: str | None, form: str, digits: int
+) -> None:
     """Answer height, surface, element and normal at points.
 
     Points are given as X Y pairs, or as CSV: two columns, or the columns x and y of a header. What
@@ -73,7 +86,7 @@ def command(file: str, coordinates: tuple[str, ...], points: str | None, form: s
     write, labels = _write_json, list(terrain.surfaces)
     if form == "csv":
         write, labels = _write_csv, list(map(inert_cell, terrain.surfaces))
-    rows = _rows(terrain, labels, source)
+    rows = _rows(terrain, labels, source, digits)
     if is_terminal():
         write(rows)
     else:
@@ -173,7 +186,7 @@ def _number(text: str) -> float | None:
 
 
 def _rows(
-    terrain: Terrain, labels: list[str], points: Iterator[Point]
+    terrain: Terrain, labels: list[str], points: Iterator[Point], digits: int
 ) -> Iterator[tuple[Any, ...]]:
     """Yield the cells of `COLUMNS` for each point, None for an empty one.
 
@@ -181,6 +194,7 @@ def _rows(
         terrain: the terrain.
         labels: names of `terrain.surfaces` as they are printed, which may be escaped.
         points: x and y of each point.
+        digits: decimals of heights and normals.
     """
     import numpy as np
 
@@ -195,10 +209,10 @@ def _rows(
         yield from zip(
             x.tolist(),
             y.tolist(),
-            _or_none(found.height.tolist()),
+            _rounded(found.height, digits),
             [surfaces[i] for i in found.surface.tolist()],
             [pointers[i] for i in found.element.tolist()],
-            *(_or_none(found.normal[:, axis].tolist()) for axis in range(3)),
+            *(_rounded(found.normal[:, axis], digits) for axis in range(3)),
             _notes(found),
             strict=True,
         )
@@ -215,9 +229,13 @@ def _notes(found: PointSamples) -> list[str | None]:
     return list(notes)
 
 
-def _or_none(values: list[float]) -> list[float | None]:
-    """Numbers with None in place of NaN."""
-    return [None if value != value else value for value in values]
+def _rounded(values: NDArray[np.float64], digits: int) -> list[float | None]:
+    """Numbers to some decimals, as far as doubles have these; None in place of NaN."""
+    import numpy as np
+
+    whole = np.abs(values) < 2.0**53 / 10.0**digits
+    rounded = np.where(whole, np.round(values, digits), values) + 0.0  # no minus before a zero
+    return [None if value != value else value for value in rounded.tolist()]
 
 
 def _write_csv(rows: Iterator[tuple[Any, ...]]) -> None:
