@@ -11,6 +11,11 @@ from terratool.cli.options import library_root_option, library_roots
 from terratool.cli.saying import say
 
 _ALL = 10**9
+_GO_WITH = (
+    ("span", "cell"), ("extent", "at"), ("step", "repeat"), ("count", "scatter"),
+    ("density", "scatter"), ("distance", "scatter"), ("turned", "scatter"), ("seed", "scatter"),
+)  # fmt: skip
+"""Options, and the one that each goes with."""
 
 
 def _encodable(ctx: click.Context, param: click.Parameter, value: str | None) -> str | None:
@@ -55,6 +60,31 @@ def _finite(ctx: click.Context, param: click.Parameter, value: Any) -> Any:
     help="With --cell: how many cells it takes to the east and north.  [default: 1 1]",
 )  # fmt: skip
 @click.option(
+    "--repeat", nargs=2, type=int, metavar="NX NY",
+    help="Copies of it, so many to the east and so many to the north.",
+)  # fmt: skip
+@click.option(
+    "--step", nargs=2, type=float, metavar="DX DY", callback=_finite,
+    help="With --repeat: from one copy to the next, in cells with --cell, else in units.",
+)  # fmt: skip
+@click.option(
+    "--scatter", nargs=2, type=float, metavar="LEAST MOST", callback=_finite,
+    help="Copies strewn over its cell, with sides from LEAST to MOST.",
+)  # fmt: skip
+@click.option("--count", type=int, metavar="N", help="With --scatter: how many copies.")
+@click.option(
+    "--density", type=float, metavar="D", callback=_finite,
+    help="Or how many in a square unit, with --at.",
+)  # fmt: skip
+@click.option(
+    "--distance", type=float, metavar="D", callback=_finite,
+    help="With --scatter: what is left between two copies at least.  [default: they may overlap]",
+)  # fmt: skip
+@click.option("--turned", is_flag=True, default=None, help="With --scatter: turn each copy.")
+@click.option(
+    "--seed", type=int, metavar="S", help="With --scatter: other numbers give other places."
+)
+@click.option(
     "--turn", type=float, metavar="D", callback=_finite, help="Degrees clockwise.  [default: 0]"
 )
 @click.option(
@@ -67,16 +97,23 @@ def _finite(ctx: click.Context, param: click.Parameter, value: Any) -> Any:
 )  # fmt: skip
 @click.option("--descr", metavar="TEXT", callback=_encodable, help="A description.")
 @click.option(
+    "--use", multiple=True, metavar="LIBRARY",
+    help="A library that it needs; FILE uses it from then on. May be repeated.",
+)  # fmt: skip
+@click.option(
     "--parent", metavar="POINTER", default="/elemTree", show_default=True,
     help="JSON pointer of the element that it is put into.",
 )  # fmt: skip
 @click.option("--output", metavar="OUT", help="Write to this file instead.")
 @click.option("--overwrite", is_flag=True, help="Replace an OUT that exists.")
 @library_root_option
-def command(file: str, parent: str, output: str | None, overwrite: bool, **values: Any) -> None:
+def command(
+    file: str, use: tuple[str, ...], parent: str, output: str | None, overwrite: bool, **values: Any
+) -> None:
     """Add an element to a terrain or a library, FILE.
 
-    The element comes behind the other children of its parent. Everything else in FILE stays as it
+    The element comes behind the other children of its parent; with --repeat or --scatter it stands
+    for many. Everything else in FILE stays as it
     is, byte for byte; the new lines are laid out as their neighbours are. What would make the file
     invalid is not written. On standard error stand the pointer of the new element and what is to
     be said of it.
@@ -87,9 +124,13 @@ def command(file: str, parent: str, output: str | None, overwrite: bool, **value
     element = _element(values)
     target = open_target(file, output, overwrite, library_roots())
     pointer = f"{parent}/children/{len(target.parent(parent).children or ())}"
-    data = target.with_elements(target.source.data, parent, [element])
+    libraries = target.new_libraries(use)
+    data = target.with_libraries(target.source.data, libraries)
+    data = target.with_elements(data, parent, [element])
     checked = target.check_change(data, "the element", CheckOptions(limit=_ALL))
     target.write(data, overwrite)
+    for library in libraries:
+        say(f"{target.output}: uses {library} now.", err=True)
     say(f"{target.output}: has {pointer} now.", err=True)
     for finding in checked.findings:
         if finding.pointer == pointer or finding.pointer.startswith(f"{pointer}/"):
@@ -115,11 +156,12 @@ def _element(values: dict[str, Any]) -> dict[str, Any]:
             raise click.UsageError(f"{what}: give {one} or {other}.")
         if all(given):
             raise click.UsageError(f"{one} and {other} exclude each other. Drop one of them.")
-    for name, of in (("span", "cell"), ("extent", "at")):
+    for name, of in _GO_WITH:
         if values[name] is not None and values[of] is None:
             raise click.UsageError(f"--{name} goes with --{of}. Give --{of}, or drop --{name}.")
     if values["at"] is not None and values["extent"] is None:
         raise click.UsageError("--at needs the sides, too. Add --extent W H.")
+    repeat, scatter = _copies(values)
     column, row = values["cell"] or (None, None)
     members = {
         "cellX": column,
@@ -127,6 +169,8 @@ def _element(values: dict[str, Any]) -> dict[str, Any]:
         "span": values["span"],
         "at": values["at"],
         "extent": values["extent"],
+        "repeat": repeat,
+        "scatter": scatter,
         "descr": values["descr"],
         "type": values["kind"],
         "part": values["part"],
@@ -138,8 +182,32 @@ def _element(values: dict[str, Any]) -> dict[str, Any]:
     return {key: _plain(value) for key, value in members.items() if value is not None}
 
 
+def _copies(values: dict[str, Any]) -> tuple[dict[str, Any] | None, dict[str, Any] | None]:
+    """Values of `repeat` and of `scatter`.
+
+    Raises:
+        click.UsageError: there are both, or one lacks what it needs.
+    """
+    repeat, scatter = values["repeat"], values["scatter"]
+    if repeat is not None and scatter is not None:
+        raise click.UsageError("--repeat and --scatter exclude each other. Drop one of them.")
+    if repeat is not None:
+        if values["step"] is None:
+            raise click.UsageError("--repeat needs the way to the next copy. Add --step DX DY.")
+        return {"count": repeat, "step": values["step"]}, None
+    if scatter is None:
+        return None, None
+    if (values["count"] is None) == (values["density"] is None):
+        raise click.UsageError("--scatter needs a number of copies. Give --count or --density.")
+    keys = ("count", "density", "sizes", "distance", "turned", "seed")
+    given = {**values, "sizes": scatter}
+    return None, {key: given[key] for key in keys if given[key] is not None}
+
+
 def _plain(value: Any) -> Any:
     """Value for JSON: whole numbers without a point, pairs as lists."""
+    if isinstance(value, dict):
+        return {key: _plain(member) for key, member in value.items()}
     if isinstance(value, tuple):
         return [_plain(number) for number in value]
     return int(value) if isinstance(value, float) and value.is_integer() else value
