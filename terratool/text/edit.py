@@ -204,7 +204,7 @@ def _style(data: bytes, inside: Container) -> Style:
     unit = indent.removeprefix(outer) if indent.startswith(outer) and indent != outer else ""
     pad = "" if broken else inside.first_gap.decode()
     if not broken and data[inside.open : inside.open + 1] == b"[":  # as the last object in it
-        pad = _pad(data, inside.last.begin)[1].decode()
+        pad = _pad(data, inside.last.begin).group(1).decode()  # type: ignore[union-attr]
     return Style(broken, indent, unit or _unit(data), line_end, colon, comma, pad)
 
 
