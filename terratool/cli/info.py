@@ -208,7 +208,7 @@ _NUMBERED = re.compile(r"(.*\D)\d+")
 _MANY = 20
 """Least number of names that differ by a number alone and share a line."""
 _STEMS = {"row-": "rows of a DEM", "column-": "columns of a DEM"}
-"""What an import of a DEM numbers."""
+"""Plural names of what an import of a DEM numbers, by the stem of its primitives."""
 
 
 def _folded(counts: Mapping[str, int]) -> dict[str, int]:

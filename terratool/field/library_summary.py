@@ -24,7 +24,7 @@ _GROUND = "level ground below a part"
 """Primitive below the part whose heights are looked at; no library has one of this name."""
 
 
-class SurfaceEntry(Struct, frozen=True):
+class LibrarySurface(Struct, frozen=True):
     """A surface of a library.
 
     Attributes:
@@ -40,7 +40,7 @@ class SurfaceEntry(Struct, frozen=True):
     void: bool
 
 
-class PrimitiveEntry(Struct, frozen=True):
+class LibraryPrimitive(Struct, frozen=True):
     """A primitive of a library.
 
     Attributes:
@@ -56,7 +56,7 @@ class PrimitiveEntry(Struct, frozen=True):
     high: float
 
 
-class PartEntry(Struct, frozen=True):
+class LibraryPart(Struct, frozen=True):
     """A part of a library.
 
     Attributes:
@@ -102,9 +102,9 @@ class LibrarySummary(Document, frozen=True, kw_only=True):
     tool: Tool = Tool()
     descr: str
     libraries: tuple[str, ...]
-    surfaces: tuple[SurfaceEntry, ...]
-    primitives: tuple[PrimitiveEntry, ...]
-    parts: tuple[PartEntry, ...]
+    surfaces: tuple[LibrarySurface, ...]
+    primitives: tuple[LibraryPrimitive, ...]
+    parts: tuple[LibraryPart, ...]
 
 
 def summarise_library(
@@ -147,16 +147,16 @@ def _text(value: Any) -> str:
     return "" if value is UNSET else value
 
 
-def _surface(name: str, surface: Surface) -> SurfaceEntry:
-    return SurfaceEntry(name, _text(surface.descr), _text(surface.preset), surface.void is True)
+def _surface(name: str, surface: Surface) -> LibrarySurface:
+    return LibrarySurface(name, _text(surface.descr), _text(surface.preset), surface.void is True)
 
 
-def _primitive(name: str, primitive: Primitive) -> PrimitiveEntry:
+def _primitive(name: str, primitive: Primitive) -> LibraryPrimitive:
     low, high = value_range(summarise_shape(primitive))
-    return PrimitiveEntry(name, _text(primitive.descr), low, high)
+    return LibraryPrimitive(name, _text(primitive.descr), low, high)
 
 
-def _part(name: str, root: Root, elements: int, room: Pair, stand: _Stand) -> PartEntry:
+def _part(name: str, root: Root, elements: int, room: Pair, stand: _Stand) -> LibraryPart:
     cell = room[0] or room[1] or 1.0, room[1] or room[0] or 1.0
     terrain = stand.under(name, cell)
     low = high = None
@@ -166,7 +166,7 @@ def _part(name: str, root: Root, elements: int, room: Pair, stand: _Stand) -> Pa
         surfaces = tuple(one for one, count in terrain.count_by_surface().items() if count)
     least = None if room == (0.0, 0.0) else room
     descr = _text(root.tree.value("descr", root.element))
-    return PartEntry(name, descr, elements, surfaces, least, cell, low, high)
+    return LibraryPart(name, descr, elements, surfaces, least, cell, low, high)
 
 
 class _Stand:

@@ -12,7 +12,7 @@ import pytest
 
 import terratool
 from terratool.definition.reader import CheckOptions, check
-from terratool.field.library_summary import PartEntry, summarise_library
+from terratool.field.library_summary import LibraryPart, summarise_library
 from terratool.text.source import Source
 from tests.commands import ROOT, call
 
@@ -68,12 +68,12 @@ def test_all_entries_have_their_sizes(library: Path) -> None:
         ("step", 0, 3, ""), ("dip", -2, 0, "A bowl"),
     ]  # fmt: skip
     assert found.parts == (
-        PartEntry("any", "", 1, (), None, (1, 1), 0, 6),
-        PartEntry("pair", "Two boxes", 5, ("mud", "bare"), (7, 3.5), (7, 3.5), -1, 4),
-        PartEntry("turned", "", 2, (), (2.5, 3), (2.5, 3), 0, 1),
+        LibraryPart("any", "", 1, (), None, (1, 1), 0, 6),
+        LibraryPart("pair", "Two boxes", 5, ("mud", "bare"), (7, 3.5), (7, 3.5), -1, 4),
+        LibraryPart("turned", "", 2, (), (2.5, 3), (2.5, 3), 0, 1),
         # pair lies in half of the columns and half of the rows
-        PartEntry("lying", "", 6, ("mud", "bare"), (7, 14), (7, 14), -1, 4),
-        PartEntry("gap", "", 1, ("hole",), None, (1, 1), None, None),
+        LibraryPart("lying", "", 6, ("mud", "bare"), (7, 14), (7, 14), -1, 4),
+        LibraryPart("gap", "", 1, ("hole",), None, (1, 1), None, None),
     )
 
 
