@@ -18,8 +18,9 @@ from terratool.errors import RequestError
 from terratool.io import geotiff
 from terratool.raster.grid import Window, grid_over
 from terratool.raster.layers import LAYERS, NO_COLOR
+from terratool.raster.shading import shade_bytes
 from tests.conftest import terrain_of
-from tests.mosaics import export_dem
+from tests.mosaics import export_dem, export_mosaic
 from tests.programs import needs
 
 SOIL = {
@@ -202,6 +203,25 @@ def test_the_hillshade_is_that_of_gdal(tmp_path: Path) -> None:
     other[corners] = one[corners]
     assert np.abs(one - other).max() <= 1 and one.std() > 20
     assert np.abs(one - other[::-1]).max() > 50 and np.abs(one - other[:, ::-1]).max() > 50
+
+
+@pytest.mark.slow
+def test_the_shade_knows_no_seams(tmp_path: Path) -> None:
+    """On curved ground the pixels beside the edges of tiles and windows are those of one file."""
+    terrain = terrain_of(
+        {"size": [13, 9], "elemTypes": {"hill": {"x": "cosbell", "y": "0.5 + 0.5*sin(9*t)"}},
+         "elemTree": {"type": "hill", "vScale": 6}}
+    )  # fmt: skip
+    grid = grid_over(terrain, 0.01)
+    export_dem(terrain, grid, tmp_path / "a.tif", ["height", "hillshade"])
+    export_mosaic(terrain, grid, tmp_path / "t", layers=["hillshade"], tile_size=512)
+    with (
+        rasterio.open(tmp_path / "a.tif") as heights,
+        rasterio.open(tmp_path / "a-hillshade.tif") as one,
+        rasterio.open(tmp_path / "t" / "mosaic.vrt") as other,
+    ):
+        whole = shade_bytes(heights.read(1), 0.01)
+        assert np.array_equal(one.read(1), whole) and np.array_equal(other.read(1), whole)
 
 
 def test_losses_are_the_same_beside_a_shade(tmp_path: Path) -> None:
