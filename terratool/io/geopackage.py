@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terratool.errors import WriteError
+from terratool.report.inert import xml_text
 
 if TYPE_CHECKING:
     from rasterio.crs import CRS
@@ -91,7 +92,7 @@ def write_contours(
             base.execute(
                 "INSERT INTO gpkg_contents VALUES ('contours', 'features', 'contours', ?, ?, "
                 "?, ?, ?, ?, ?)",
-                (descr, _NO_TIME, *box, number),
+                (xml_text(descr), _NO_TIME, *box, number),
             )
             base.execute(
                 "INSERT INTO gpkg_geometry_columns VALUES "

@@ -177,7 +177,8 @@ class TestFiles:
     def test_a_package_names_its_system(
         self, tmp_path: Path, crs: str | None, number: int, maker: str
     ) -> None:
-        definition = {**PLANE, "origin": [3, 4]} | ({} if crs is None else {"crs": crs})
+        definition = {**PLANE, "origin": [3, 4], "descr": "a \x1b[31m plane"}
+        definition |= {} if crs is None else {"crs": crs}
         path = tmp_path / "c.gpkg"
         export_contours(terrain_of(definition), path, ContourRequest(SIDE, interval=0.5))
         with sqlite3.connect(path) as base:
@@ -185,6 +186,7 @@ class TestFiles:
             assert base.execute("PRAGMA integrity_check").fetchone() == ("ok",)
             assert not base.execute("PRAGMA foreign_key_check").fetchall()
             (row,) = base.execute("SELECT * FROM gpkg_contents").fetchall()
+            assert "\x1b" not in row[3] and row[3].endswith(" plane")
             assert row[-1] == number and row[5:9] == pytest.approx((3, 4, 15, 12))
             (known,) = base.execute(
                 "SELECT organization FROM gpkg_spatial_ref_sys WHERE srs_id = ?", (number,)
