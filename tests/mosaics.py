@@ -43,7 +43,7 @@ SITE: dict[str, Any] = {
 }
 ALL = (
     "height", "surface", "slope", "aspect", "normal", "cohesion", "friction", "sinkage", "sonar",
-    "color",
+    "color", "hillshade",
 )  # fmt: skip
 
 

@@ -265,7 +265,7 @@ _FLAG = re.compile(
 )
 """Option of the command line, and what stands for its values."""
 _WORD = re.compile(r" ([a-z0-9][a-z0-9-]*)")
-_WORDS = ("compress", "dtype", "frame", "model", "origin", "prefer", "target")
+_WORDS = ("compress", "dtype", "frame", "layers", "model", "origin", "prefer", "target")
 """Options after which a message may have a value as a word."""
 _LISTED = "terratool validate lists"
 """Beginning of a hint on the findings that a message leaves out."""
@@ -303,7 +303,8 @@ def spoken(text: str, known: Mapping[str, NamedOption]) -> str:
         elif flag[2]:
             said = f"{name}=…"
         elif name in _WORDS and (word := _WORD.match(text, flag.end())):
-            stop, said = word.end(), f'{name}="{word[1]}"'
+            several = known[name].annotation.startswith("Sequence")
+            stop, said = word.end(), f'{name}=["{word[1]}"]' if several else f'{name}="{word[1]}"'
         else:
             said = name
         parts += [text[end : flag.start()], said]

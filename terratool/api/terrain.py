@@ -21,8 +21,15 @@ from terratool.errors import RequestError
 from terratool.field.terrain import SHARE_ABOVE
 from terratool.mesh.export import MeshOptions
 from terratool.mesh.request import AnyMeshReport, MeshRequest, write_mesh_files
-from terratool.raster.dem import DemArrays, DemOptions, GridChoice, dem_arrays, write_dem
-from terratool.raster.export import RasterReport
+from terratool.raster.dem import (
+    AnyDemReport,
+    DemArrays,
+    DemOptions,
+    GridChoice,
+    dem_arrays,
+    write_dem,
+)
+from terratool.raster.dem import refuse_idle as refuse_idle_contours
 from terratool.sensing.export import ScanOutput, ScanReport, export_scan
 from terratool.sensing.poses import Poses, one_pose, read_poses
 from terratool.sensing.readings import Frame
@@ -141,8 +148,8 @@ class UserTerrain(ShownTerrain):
         return dem_arrays(self, choice, wanted)
 
     @takes(DemOptions)
-    def write_dem(self, path: str | Path | None = None, **options: Any) -> RasterReport:
-        """Write the terrain as a raster, as `terratool export-dem` does.
+    def write_dem(self, path: str | Path | None = None, **options: Any) -> AnyDemReport:
+        """Write the terrain as a raster or as contours, as `terratool export-dem` does.
 
         Args:
             path: file to write, whose suffix names the format; only a mosaic goes without.
@@ -154,6 +161,7 @@ class UserTerrain(ShownTerrain):
             DefinitionError: the CRS of the terrain is unknown.
         """
         wanted = fill(DemOptions, options)
+        refuse_idle_contours(options.keys(), wanted.layers)
         output = wanted.output_of(path)
         choice = GridChoice.of(self, wanted.resolution, wanted.bounds)
         return write_dem(self, choice, output, wanted)

@@ -21,6 +21,11 @@ from terratool.cli.saying import say, say_json
 from terratool.report.documents import Document
 
 _ALL = 10**9
+_GO_WITH = (
+    ("span", "cell"), ("extent", "at"), ("step", "repeat"), ("count", "scatter"),
+    ("density", "scatter"), ("distance", "scatter"), ("turned", "scatter"), ("seed", "scatter"),
+)  # fmt: skip
+"""Options, and the one that each goes with."""
 
 
 def _encodable(ctx: click.Context, param: click.Parameter, value: str | None) -> str | None:
@@ -54,6 +59,7 @@ class AddedDocument(Document, frozen=True, kw_only=True):
 
     file: str
     pointer: str
+    libraries: list[str]
     findings: list[SaidDocument]
 
 
@@ -70,7 +76,11 @@ class AddedDocument(Document, frozen=True, kw_only=True):
     click.option("--part", metavar="P", callback=_encodable, help="Or a part."),
     click.option("--surface", metavar="NAME", callback=_encodable, help="What it wears."),
     click.option("--descr", metavar="TEXT", callback=_encodable, help="A description."),
-)
+    click.option(
+        "--use", multiple=True, metavar="LIBRARY",
+        help="A library that it needs, which FILE uses from then on; may be repeated.",
+    ),
+)  # fmt: skip
 @option_group(
     "Where it stands",
     click.option(
@@ -88,6 +98,32 @@ class AddedDocument(Document, frozen=True, kw_only=True):
     ),
 )  # fmt: skip
 @option_group(
+    "Copies of it",
+    click.option(
+        "--repeat", nargs=2, type=int, metavar="NX NY",
+        help="So many to the east and so many to the north.",
+    ),
+    click.option(
+        "--step", nargs=2, type=float, metavar="DX DY", callback=_finite,
+        help="With --repeat: from one to the next, in cells with --cell, else in units.",
+    ),
+    click.option(
+        "--scatter", nargs=2, type=float, metavar="LEAST MOST", callback=_finite,
+        help="Strewn over its cell, with sides from LEAST to MOST.",
+    ),
+    click.option("--count", type=int, metavar="N", help="With --scatter: so many."),
+    click.option(
+        "--density", type=float, metavar="D", callback=_finite,
+        help="Or so many in a square unit, with --at.",
+    ),
+    click.option(
+        "--distance", type=float, metavar="D", callback=_finite,
+        help="What is left between two at least.  [default: they may overlap]",
+    ),
+    click.option("--turned", is_flag=True, default=None, help="Each is turned by chance."),
+    click.option("--seed", type=int, metavar="N", help="Number that the places follow from."),
+)  # fmt: skip
+@option_group(
     "How high it is",
     click.option(
         "--v-scale", type=float, metavar="F", callback=_finite,
@@ -103,14 +139,15 @@ class AddedDocument(Document, frozen=True, kw_only=True):
 @json_option("Say what was added as JSON.")
 @library_root_option
 def command(
-    file: str, parent: str, output: str | None, overwrite: bool, as_json: bool, **values: Any
-) -> None:
+    file: str, use: tuple[str, ...], parent: str, output: str | None, overwrite: bool,
+    as_json: bool, **values: Any,
+) -> None:  # fmt: skip
     """Add an element to a terrain or a library, FILE.
 
-    The element comes behind the other children of its parent. Everything else in FILE stays as it
-    is, byte for byte; the new lines are laid out as their neighbours are. What would make the file
-    invalid is not written. On standard error stand the pointer of the new element and what is to
-    be said of it.
+    The element comes behind the other children of its parent; with --repeat or --scatter it stands
+    for many. Everything else in FILE stays as it is, byte for byte; the new lines are laid out as
+    their neighbours are. What would make the file invalid is not written. On standard error stand
+    the pointer of the new element and what is to be said of it.
     """
     from terratool.definition.change import open_target
     from terratool.definition.reader import CheckOptions
@@ -118,7 +155,9 @@ def command(
     element = _element(values)
     target = open_target(file, output, overwrite, library_roots())
     pointer = f"{parent}/children/{len(target.parent(parent).children or ())}"
-    data = target.with_elements(target.source.data, parent, [element])
+    libraries = target.new_libraries(use)
+    data = target.with_libraries(target.source.data, libraries)
+    data = target.with_elements(data, parent, [element])
     checked = target.check_change(data, "the element", CheckOptions(limit=_ALL))
     target.write(data, overwrite)
     own = [
@@ -131,8 +170,14 @@ def command(
             SaidDocument(one.line, one.column, one.severity, one.code, one.message, one.hint)
             for one in own
         ]
-        say_json(AddedDocument(file=str(target.output), pointer=pointer, findings=said))
+        say_json(
+            AddedDocument(
+                file=str(target.output), pointer=pointer, libraries=libraries, findings=said
+            )
+        )
         return
+    for library in libraries:
+        say(f"{target.output}: uses {library} now.", err=True)
     say(f"{target.output}: has {pointer} now.", err=True)
     for finding in own:
         where = f"{finding.file}:{finding.line}:{finding.column}"
@@ -157,11 +202,12 @@ def _element(values: dict[str, Any]) -> dict[str, Any]:
             raise click.UsageError(f"{what}: give {one} or {other}.")
         if all(given):
             raise click.UsageError(f"{one} and {other} exclude each other. Drop one of them.")
-    for name, of in (("span", "cell"), ("extent", "at")):
+    for name, of in _GO_WITH:
         if values[name] is not None and values[of] is None:
             raise click.UsageError(f"--{name} goes with --{of}. Give --{of}, or drop --{name}.")
     if values["at"] is not None and values["extent"] is None:
         raise click.UsageError("--at needs the sides, too. Add --extent W H.")
+    repeat, scatter = _copies(values)
     column, row = values["cell"] or (None, None)
     members = {
         "cellX": column,
@@ -169,6 +215,8 @@ def _element(values: dict[str, Any]) -> dict[str, Any]:
         "span": values["span"],
         "at": values["at"],
         "extent": values["extent"],
+        "repeat": repeat,
+        "scatter": scatter,
         "descr": values["descr"],
         "type": values["kind"],
         "part": values["part"],
@@ -180,8 +228,32 @@ def _element(values: dict[str, Any]) -> dict[str, Any]:
     return {key: _plain(value) for key, value in members.items() if value is not None}
 
 
+def _copies(values: dict[str, Any]) -> tuple[dict[str, Any] | None, dict[str, Any] | None]:
+    """Values of `repeat` and of `scatter`.
+
+    Raises:
+        click.UsageError: there are both, or one lacks what it needs.
+    """
+    repeat, scatter = values["repeat"], values["scatter"]
+    if repeat is not None and scatter is not None:
+        raise click.UsageError("--repeat and --scatter exclude each other. Drop one of them.")
+    if repeat is not None:
+        if values["step"] is None:
+            raise click.UsageError("--repeat needs the way to the next copy. Add --step DX DY.")
+        return {"count": repeat, "step": values["step"]}, None
+    if scatter is None:
+        return None, None
+    if (values["count"] is None) == (values["density"] is None):
+        raise click.UsageError("--scatter needs a number of copies. Give --count or --density.")
+    keys = ("count", "density", "sizes", "distance", "turned", "seed")
+    given = {**values, "sizes": scatter}
+    return None, {key: given[key] for key in keys if given[key] is not None}
+
+
 def _plain(value: Any) -> Any:
     """Value for JSON: whole numbers without a point, pairs as lists."""
+    if isinstance(value, dict):
+        return {key: _plain(member) for key, member in value.items()}
     if isinstance(value, tuple):
         return [_plain(number) for number in value]
     return int(value) if isinstance(value, float) and value.is_integer() else value

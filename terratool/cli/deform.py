@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -109,7 +110,7 @@ def command(
     from terratool.errors import RequestError, WriteError
     from terratool.output import is_same_file, refuse_existing, refuse_missing_folder
     from terratool.traversability.route.waypoints import read_waypoints
-    from terratool.traversability.ruts import deform, write_deformed
+    from terratool.traversability.ruts import check_path, deform, write_deformed
 
     if output is None:
         if file == "-":
@@ -124,7 +125,7 @@ def command(
     vehicle = vehicle_from(options)
     path = read_waypoints(path_file)
     with StatusLine(f"reading {short_name(file)}") as status:
-        checked = load_checked(file, library_roots())
+        checked = load_checked(file, library_roots(), partial(check_path, path))
         status.say("driving")
         deformed = deform(
             checked,

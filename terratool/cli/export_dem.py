@@ -22,6 +22,7 @@ from terratool.cli.terminal import StatusLine, load
 from terratool.report.documents import Document
 
 if TYPE_CHECKING:
+    from terratool.raster.contour_files import ContourReport
     from terratool.raster.dem import GridChoice
     from terratool.raster.export import RasterReport, WrittenFile
 
@@ -29,8 +30,9 @@ if TYPE_CHECKING:
 # a test checks
 LAYERS = (
     "height", "surface", "slope", "aspect", "normal", "cohesion", "friction", "sinkage", "sonar",
-    "color",
+    "color", "hillshade",
 )  # fmt: skip
+CONTOURS = "contours"
 COMPRESSIONS = ("zstd", "deflate", "lzw", "lerc", "none")
 
 
@@ -48,16 +50,23 @@ COMPRESSIONS = ("zstd", "deflate", "lzw", "lerc", "none")
         "--layer",
         "layers",
         multiple=True,
-        type=WordChoice(LAYERS),
+        type=WordChoice((*LAYERS, CONTOURS)),
         default=("height",),
         metavar="NAME",
-        help=f"Once or several times: {', '.join(LAYERS)}.  [default: height]",
+        help=f"Once or several times: {', '.join(LAYERS)}; or {CONTOURS}, alone.  "
+        "[default: height]",
     ),
     click.option(
         "--resolution", type=float, metavar="R", help="Side of a pixel.  [default: as above]"
     ),
     click.option(
         "--bounds", nargs=4, type=float, metavar="W S E N", help="Rectangle of the world."
+    ),
+    click.option(
+        "--interval",
+        type=float,
+        metavar="H",
+        help="From one of the contours to the next.  [default: a round one, for about eight]",
     ),
     click.option(
         "--losses/--no-losses", default=True, help="Whether to say what the pixels do not show."
@@ -121,7 +130,10 @@ COMPRESSIONS = ("zstd", "deflate", "lzw", "lerc", "none")
 @json_option()
 @roughness_option
 @library_root_option
+@click.pass_context
 def command(
+    ctx: click.Context,
+    /,
     file: str,
     output: str | None,
     as_json: bool,
@@ -131,30 +143,49 @@ def command(
 
     The suffix of OUT names the format: .tif, .asc, .png (16 bits), .npy, or another one that GDAL
     writes. Values are those at the pixel centres, north up, NaN where there is no ground. Layers of
-    numbers are bands of one file; surface and color get a file of their own. Without --resolution a
-    pixel is as fine as the finest detail wants, but the longer side has at most 4096.
+    numbers are bands of one file; surface, color and hillshade get a file of their own. Without
+    --resolution a pixel is as fine as the finest detail wants, but the longer side has at most
+    4096. Contours are lines: OUT is a .geojson or a .gpkg then.
 
     With --tiles, OUT is the .vrt that opens the tiles as one raster, DIR/mosaic.vrt if not said.
     """
     from terratool.errors import WriteError
     from terratool.output import is_same_file
-    from terratool.raster.dem import DemOptions, GridChoice, write_dem
+    from terratool.raster.dem import DemOptions, GridChoice, refuse_idle, write_dem
 
     if output is None and values["tiles"] is None:
         raise click.UsageError("Missing argument 'OUT'; only --tiles DIR goes without.")
+    source = ctx.get_parameter_source
+    refuse_idle(
+        {name for name in values if source(name) is click.core.ParameterSource.COMMANDLINE},
+        values["layers"],
+    )
     options = DemOptions(**values)
     path = options.output_of(output)
     if is_same_file(path, file):
         raise WriteError(f"{path}: is the definition itself.", "Choose another name.")
-    terrain = load(file)
+    terrain = load(file, options.bounds)
     choice = GridChoice.of(terrain, options.resolution, options.bounds)
-    with StatusLine("painting", choice.pixels) as progress:
-        report = write_dem(terrain, choice, path, options, progress)
+    with StatusLine("painting", None if options.traced else choice.pixels) as status:
+        report = write_dem(terrain, choice, path, options, status, status.say)
     if as_json:
         say_json(_document(report, choice))
     else:
         for line in as_text(report, choice):
             say(line)
+
+
+def _contours(report: ContourReport) -> str:
+    from terratool.report.wording import count_of
+
+    if not report.interval:
+        return "no contours, as the ground is level"
+    apart = f"{report.interval:g} apart"
+    if report.heights is None:
+        return f"no contours, as none lies between the lowest and the highest ground, {apart}"
+    low, high = report.heights
+    lines, points = count_of(report.lines, "contour"), count_of(report.points, "point")
+    return f"{lines} at heights from {low:.10g} to {high:.10g}, {apart}, {points}"
 
 
 class BandDocument(Struct, frozen=True):
@@ -183,6 +214,20 @@ class FileDocument(Struct, frozen=True):
     bands: list[BandDocument]
 
 
+class ContourDocument(Document, frozen=True, kw_only=True):
+    """Contours that were written, as JSON; `heights` are those of the lowest and the highest."""
+
+    file: str
+    interval: float
+    heights: tuple[float, float] | None
+    lines: int
+    points: int
+    width: int
+    height: int
+    resolution: float
+    resolution_chosen: str
+
+
 class RasterDocument(Document, frozen=True, kw_only=True):
     """Rasters that were written, as JSON."""
 
@@ -202,7 +247,23 @@ class RasterDocument(Document, frozen=True, kw_only=True):
     ranged: Any = UNSET
 
 
-def _document(report: RasterReport, choice: GridChoice) -> RasterDocument:
+def _document(
+    report: RasterReport | ContourReport, choice: GridChoice
+) -> RasterDocument | ContourDocument:
+    from terratool.raster.contour_files import ContourReport
+
+    if isinstance(report, ContourReport):
+        return ContourDocument(
+            file=str(report.path),
+            interval=report.interval,
+            heights=report.heights,
+            lines=report.lines,
+            points=report.points,
+            width=report.columns,
+            height=report.rows,
+            resolution=report.resolution,
+            resolution_chosen=choice.why,
+        )
     grid = report.grid
     return RasterDocument(
         format_version=2,
@@ -247,10 +308,18 @@ def _file(written: WrittenFile, pixels: int) -> FileDocument:
     )
 
 
-def as_text(report: RasterReport, choice: GridChoice) -> Iterator[str]:
+def as_text(report: RasterReport | ContourReport, choice: GridChoice) -> Iterator[str]:
     """Report in lines for people."""
+    from terratool.raster.contour_files import ContourReport
     from terratool.report.wording import count_of
 
+    if isinstance(report, ContourReport):
+        yield (
+            f"{report.columns} × {report.rows} nodes, {report.resolution:g} apart ({choice.why}), "
+            "and where the ground passes a height between them"
+        )
+        yield f"{report.path}: {_contours(report)}"
+        return
     grid = report.grid
     yield (
         f"{grid.width} × {grid.height} pixels of {grid.resolution:g} ({choice.why}), "

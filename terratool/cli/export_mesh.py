@@ -196,7 +196,7 @@ def _export(
     )
     request.check_file(output, overwrite)  # before a large definition is read
     _refuse_own(file, Path(output), request.tile_faces is not None)
-    terrain = load(file)
+    terrain = load(file, request.bounds)
     with StatusLine("writing" if request.elevation_grid else "meshing") as status:
         report = write_mesh_files(
             terrain, output, request, overwrite=overwrite, progress=status.say

@@ -3,18 +3,27 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+import re
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
 from terratool.cli.command import Command
-from terratool.cli.options import json_option, library_root_option, roughness_option
+from terratool.cli.options import (
+    has_roughness,
+    json_option,
+    library_root_option,
+    library_roots,
+    roughness_option,
+)
 from terratool.cli.saying import say, say_json, write_json
 from terratool.cli.terminal import StatusLine, load
 from terratool.text.display import printable
 
 if TYPE_CHECKING:
+    from terratool.field.library_summary import LibrarySummary
     from terratool.field.summary import TerrainSummary
     from terratool.field.terrain import Terrain
 
@@ -30,9 +39,16 @@ if TYPE_CHECKING:
 @roughness_option
 @library_root_option
 def command(file: str, geojson: bool, as_json: bool) -> None:
-    """Say what a terrain consists of: size, elements, heights, memory."""
+    """Say what a terrain consists of: size, elements, heights, memory.
+
+    Of a library it says the surfaces, primitives and parts that are written in it, with their
+    heights, and the least cells of parts with free places.
+    """
     if as_json and geojson:
         raise click.UsageError("--json and --geojson are two formats. Choose one.")
+    if _is_library(file):
+        _say_library(file, as_json, geojson)
+        return
     from terratool.field.summary import summarise
 
     terrain = load(file)
@@ -46,6 +62,96 @@ def command(file: str, geojson: bool, as_json: bool) -> None:
         say_json(summary)
     for line in [] if as_json else _lines(summary):
         say(line)
+
+
+def _is_library(file: str) -> bool:
+    """Whether a file is a library; standard input, which is read once, is never asked."""
+    from terratool.definition.keys import document_kind
+    from terratool.text.source import read_source
+
+    return file != "-" and document_kind(read_source(file).data) == "library"
+
+
+def _say_library(file: str, as_json: bool, geojson: bool) -> None:
+    """Print the summary of a library."""
+    from terratool.errors import RequestError
+    from terratool.field.library_summary import summarise_library
+
+    if geojson:
+        raise RequestError(
+            f"{file}: is a library, whose parts stand nowhere yet.",
+            "Leave out --geojson, or name a terrain.",
+        )
+    with StatusLine("looking at parts"):
+        summary = summarise_library(file, library_roots(), roughness=has_roughness())
+    if as_json:
+        say_json(summary)
+    for line in [] if as_json else _library_lines(summary):
+        say(line)
+
+
+def _library_lines(library: LibrarySummary) -> Iterator[str]:
+    """Lines for people: a block for surfaces, primitives and parts, with a line for each."""
+    if library.descr:
+        yield printable(library.descr)
+    yield f"uses           {', '.join(map(printable, library.libraries)) or 'no library'}"
+    yield from _block(
+        "surfaces",
+        [
+            _Row(one.name, (one.preset or "void" * one.void or "–",), one.descr)
+            for one in library.surfaces
+        ],
+    )
+    yield from _block(
+        "primitives",
+        [_Row(one.name, (_span(one.low, one.high),), one.descr) for one in library.primitives],
+    )
+    yield from _block(
+        "parts",
+        [
+            _Row(
+                one.name,
+                (_room(one.least), _span(one.low, one.high), f"{one.elements:,}"),
+                one.descr,
+            )
+            for one in library.parts
+        ],
+        ("in a cell of", "heights", "elements"),
+    )
+
+
+class _Row(NamedTuple):
+    """Name, figures and description of an entry of a library."""
+
+    name: str
+    figures: tuple[str, ...]
+    descr: str
+
+
+def _block(title: str, rows: list[_Row], heads: tuple[str, ...] = ()) -> Iterator[str]:
+    """Lines of one dictionary, in columns."""
+    if not rows:
+        yield f"{title:15}none"
+        return
+    cells = [[printable(row.name), *map(printable, row.figures)] for row in rows]
+    if heads:
+        cells.insert(0, ["", *heads])
+    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
+    texts = [""] * bool(heads) + [printable(row.descr) for row in rows]
+    for number, (row, text) in enumerate(zip(cells, texts, strict=True)):
+        line = "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True))
+        yield f"{'' if number else title:15}{line}  {text}".rstrip()
+
+
+def _room(least: tuple[float, float] | None) -> str:
+    return "any size" if least is None else f"{least[0]:.6g} × {least[1]:.6g}"
+
+
+def _span(low: float | None, high: float | None) -> str:
+    if low is None or high is None:
+        return "–"
+    # what is left of a sum of heights that cancel each other is no height
+    return " to ".join(f"{round(value, 9) + 0.0:.4g}" for value in (low, high))
 
 
 def _write_geojson(terrain: Terrain) -> None:
@@ -100,6 +206,27 @@ def _lines(s: TerrainSummary) -> list[str]:
     return lines
 
 
+_NUMBERED = re.compile(r"(.*\D)\d+")
+_MANY = 20
+"""Least number of names that differ by a number alone and share a line."""
+_STEMS = {"row-": "rows of a DEM", "column-": "columns of a DEM"}
+"""Plural names of what an import of a DEM numbers, by the stem of its primitives."""
+
+
+def _folded(counts: Mapping[str, int]) -> dict[str, int]:
+    """Numbers of elements by printable name, with one name for many that are numbered."""
+    stems = {name: found[1] if (found := _NUMBERED.fullmatch(name)) else "" for name in counts}
+    sizes = Counter(stems.values())
+    folded: Counter[str] = Counter()
+    for name, count in counts.items():
+        stem = stems[name]
+        said = printable(name)
+        if stem and sizes[stem] >= _MANY:
+            said = f"{sizes[stem]:,} {_STEMS.get(stem) or f'named {printable(stem)}…'}"
+        folded[said] += count
+    return dict(folded)
+
+
 def _crs(crs: Any) -> str:
     if crs is None:
         return "none"
@@ -107,7 +234,7 @@ def _crs(crs: Any) -> str:
 
 
 def _counts(title: str, counts: Mapping[str, int]) -> list[str]:
-    counts = {printable(name): count for name, count in counts.items()}
+    counts = _folded(counts)
     width = max(map(len, counts), default=0)
     return [
         f"{'  ' + title if not i else '':15}{name:{width}}  {count:,}"

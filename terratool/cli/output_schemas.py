@@ -18,6 +18,7 @@ from msgspec import UNSET, Struct, structs
 from msgspec.json import schema_components
 
 from terratool.definition import schema_writing
+from terratool.field.library_summary import LibrarySummary
 from terratool.field.summary import TerrainSummary
 from terratool.report.documents import Document
 from terratool.traversability import results, vehicle
@@ -30,6 +31,7 @@ OUTPUTS: dict[str, tuple[type[Document], str]] = {
     "comparison": (document.ComparisonKeys, "traversability report of several vehicles"),
     "difference": (DiffDocument, "difference"),
     "info": (TerrainSummary, "info"),
+    "library-info": (LibrarySummary, "info of a library"),
 }
 """Record and title of each schema."""
 

@@ -25,6 +25,10 @@ from terratool.text.files import open_file
 from terratool.text.numbers import parse_number
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from terratool.definition.findings import Bounds
     from terratool.field.terrain import Terrain
     from terratool.field.types import PointSamples
 
@@ -47,13 +51,24 @@ Point = tuple[float, float]
 @click.argument("coordinates", nargs=-1, metavar="[X Y]...")
 @click.option("--points", metavar="FILE|-", help="Read points from a CSV file or standard input.")
 @json_option("Answer as JSON, not as CSV.")
+@click.option(
+    "--digits",
+    type=click.IntRange(0, 17),
+    default=9,
+    show_default=True,
+    metavar="N",
+    help="Decimals of heights and normals; zeros at their end are left out.",
+)
 @roughness_option
 @library_root_option
-def command(file: str, coordinates: tuple[str, ...], points: str | None, as_json: bool) -> None:
+def command(
+    file: str, coordinates: tuple[str, ...], points: str | None, as_json: bool, digits: int
+) -> None:
     """Answer height, surface, element and normal at points.
 
     Points are given as X Y pairs, or as CSV: two columns, or the columns x and y of a header. What
-    a point does not have is an empty cell, null in JSON; the note says why: outside, or void.
+    a point does not have is an empty cell, null in JSON; the note says why: outside, or void. X Y
+    pairs that are all outside are refused.
     Names that a spreadsheet would take for formulas have an apostrophe before them in CSV; what
     cannot be printed is an escape of Python's there, and a backslash is doubled.
     """
@@ -61,17 +76,30 @@ def command(file: str, coordinates: tuple[str, ...], points: str | None, as_json
         raise click.UsageError("Give points either as X Y pairs or with --points.")
     listed = _from_arguments(coordinates) if points is None else None
 
-    terrain = load(file)
+    early = None if listed is None else partial(_refuse_outside, listed)
+    terrain = load(file, early=early)
     source = iter(listed) if listed is not None else _from_csv(str(points))
     write, labels = _write_csv, list(map(inert_cell, terrain.surfaces))
     if as_json:
         write, labels = _write_json, list(terrain.surfaces)
-    rows = _rows(terrain, labels, source)
+    rows = _rows(terrain, labels, source, digits)
     if is_terminal():
         write(rows)
     else:
         with StatusLine("answering"):
             write(rows)
+
+
+def _refuse_outside(points: list[Point], extent: Bounds) -> None:
+    """Refuse points none of which is on the terrain, whose long text need not be read then."""
+    from terratool.errors import RequestError
+    from terratool.report.numbers import coordinates
+
+    west, south, east, north = extent
+    if any(west <= x <= east and south <= y <= north for x, y in points):
+        return
+    what = "None of the points is" if points[1:] else f"The point {coordinates(points[0])} is not"
+    raise RequestError(f"{what} on the terrain.", f"It lies in {coordinates(extent)}.")
 
 
 def _from_arguments(coordinates: tuple[str, ...]) -> list[Point]:
@@ -155,7 +183,7 @@ def _number(text: str) -> float | None:
 
 
 def _rows(
-    terrain: Terrain, labels: list[str], points: Iterator[Point]
+    terrain: Terrain, labels: list[str], points: Iterator[Point], digits: int
 ) -> Iterator[tuple[Any, ...]]:
     """Yield the cells of `COLUMNS` for each point, None for an empty one.
 
@@ -163,6 +191,7 @@ def _rows(
         terrain: the terrain.
         labels: names of `terrain.surfaces` as they are printed, which may be escaped.
         points: x and y of each point.
+        digits: decimals of heights and normals.
     """
     import numpy as np
 
@@ -177,10 +206,10 @@ def _rows(
         yield from zip(
             x.tolist(),
             y.tolist(),
-            _or_none(found.height.tolist()),
+            _rounded(found.height, digits),
             [surfaces[i] for i in found.surface.tolist()],
             [pointers[i] for i in found.element.tolist()],
-            *(_or_none(found.normal[:, axis].tolist()) for axis in range(3)),
+            *(_rounded(found.normal[:, axis], digits) for axis in range(3)),
             _notes(found),
             strict=True,
         )
@@ -197,9 +226,13 @@ def _notes(found: PointSamples) -> list[str | None]:
     return list(notes)
 
 
-def _or_none(values: list[float]) -> list[float | None]:
-    """Numbers with None in place of NaN."""
-    return [None if value != value else value for value in values]
+def _rounded(values: NDArray[np.float64], digits: int) -> list[float | None]:
+    """Numbers to some decimals, as far as doubles have these; None in place of NaN."""
+    import numpy as np
+
+    whole = np.abs(values) < 2.0**53 / 10.0**digits
+    rounded = np.where(whole, np.round(values, digits), values) + 0.0  # no minus before a zero
+    return [None if value != value else value for value in rounded.tolist()]
 
 
 def _write_csv(rows: Iterator[tuple[Any, ...]]) -> None:

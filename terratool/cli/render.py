@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import itertools
+from functools import partial
 from typing import Any
 
 import click
@@ -182,6 +183,7 @@ def command(
     The same FILE and options give the same bytes.
     """
     from terratool.viewing.options import RenderOptions, refuse_idle
+    from terratool.viewing.profile import check_section
     from terratool.viewing.render import check_request, render
 
     source = ctx.get_parameter_source
@@ -192,7 +194,8 @@ def command(
     wanted = RenderOptions(legend=not no_legend, **options)
     _refuse_own(output, (file, options["vehicle"]))
     check_request(output, wanted, overwrite)
-    terrain = load(file)
+    early = None if wanted.profile is None else partial(check_section, wanted.profile)
+    terrain = load(file, wanted.bounds, early)
     with StatusLine("drawing") as status:
         report = render(terrain, output, wanted, overwrite=overwrite, progress=status.say)
     if as_json:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -119,7 +120,7 @@ def command(
     from terratool.errors import WriteError
     from terratool.output import is_same_file
     from terratool.sensing.export import ScanOutput, export_scan
-    from terratool.sensing.poses import Poses, one_pose, read_poses
+    from terratool.sensing.poses import Poses, one_pose, read_poses, refuse_outside
     from terratool.sensing.scan import Scan, ScanOptions
     from terratool.sensing.sensor import load_sensor
 
@@ -137,7 +138,7 @@ def command(
     scan = Scan(sensor, where, ScanOptions(**options))
     wanted = ScanOutput(Path(output), frame == "world", misses, overwrite)
     wanted.checked_format(scan)
-    terrain = load(file)
+    terrain = load(file, early=partial(refuse_outside, where))
     with StatusLine("scanning", scan.rays, then="writing", unit="rays") as status:
         report = export_scan(terrain, scan, wanted, status)
     if as_json:

@@ -7,6 +7,7 @@ import os
 import sys
 import threading
 import time
+from collections.abc import Callable
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, ClassVar, TextIO
@@ -14,6 +15,7 @@ from typing import TYPE_CHECKING, ClassVar, TextIO
 from terratool.cli.saying import shown_line
 
 if TYPE_CHECKING:
+    from terratool.definition.findings import Bounds
     from terratool.field.terrain import Terrain
 
 
@@ -136,15 +138,29 @@ class StatusLine:
             self._stream.flush()
 
 
-def load(file: str) -> Terrain:
+def load(
+    file: str, bounds: Bounds | None = None, early: Callable[[Bounds], object] | None = None
+) -> Terrain:
     """Read, check and compile a definition with the libraries and roughness of the options.
 
+    Args:
+        file: the file.
+        bounds: rectangle that has to overlap the terrain; it is refused before the long work.
+        early: called with the bounds of the terrain then; what it raises ends the reading.
+
     Raises:
+        RequestError: the rectangle misses the terrain.
         ReadError: the file cannot be read.
         DefinitionError: the file is no valid terrain.
     """
     from terratool.cli.options import has_roughness, library_roots
     from terratool.field import terrain
 
+    def refuse(extent: Bounds) -> None:
+        if bounds is not None:
+            terrain.check_overlap(bounds, extent, "the terrain")
+        if early is not None:
+            early(extent)
+
     with StatusLine(f"reading {short_name(file)}"):
-        return terrain.load(file, library_roots(), roughness=has_roughness())
+        return terrain.load(file, library_roots(), roughness=has_roughness(), early=refuse)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -205,7 +206,7 @@ def command(
     from terratool.cli.config import DriveSettings, project_settings
     from terratool.cli.gate import asked_of
     from terratool.text.source import is_folder
-    from terratool.traversability.assess import Request
+    from terratool.traversability.assess import Request, check_places
     from terratool.traversability.compare import prepare
     from terratool.traversability.conditions import parse
     from terratool.traversability.report.formats import renderer_of
@@ -258,7 +259,8 @@ def command(
         resolution=resolution,
         mapped=wants_map or any(check.needs == "map" for check in checks),
     )
-    planned = prepare(load(file), vehicles, request, map_path=map_, overwrite=overwrite)
+    terrain = load(file, early=partial(check_places, request))
+    planned = prepare(terrain, vehicles, request, map_path=map_, overwrite=overwrite)
     written = JudgementFiles(reports, map_, overwrite)
     result = _assess(planned, Path(file).name, written)
     return _print_result(result, checks, forms == ("json",))

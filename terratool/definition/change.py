@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -22,7 +23,7 @@ from terratool.definition.tree import ROOT
 from terratool.errors import DefinitionError, RequestError
 from terratool.output import is_same_file, refuse_existing, refuse_missing_folder
 from terratool.text.display import quote
-from terratool.text.edit import Edit, append_child, set_member
+from terratool.text.edit import Edit, append_child, append_item, insert_member, set_member
 from terratool.text.locate import Address, offsets, value_at
 from terratool.text.scan import value_end
 from terratool.text.source import Source, read_source, real_path, write_source
@@ -119,6 +120,33 @@ class ChangeTarget:
             has_children = True
         return data
 
+    def new_libraries(self, paths: Iterable[str]) -> list[str]:
+        """Paths of libraries that the text does not use yet, as `use` has to name them.
+
+        Args:
+            paths: paths as seen from the current folder; each counts once.
+        """
+        here, there = (real_path(str(folder)) for folder in (".", self.output.parent))
+        text = value_at(self.source.data, "/use")
+        used = [] if text is None else msgspec.json.decode(text, type=list[str])
+        known = {real_path(str(Path(there, path))) for path in used}
+        found = []
+        for path in paths:
+            real = real_path(path)
+            if real not in known:
+                known.add(real)
+                found.append(_led(here, path, there))
+        return found
+
+    def with_libraries(self, data: bytes, paths: Iterable[str]) -> bytes:
+        """Text that uses libraries, of `new_libraries`, behind those that it uses already."""
+        for path in paths:
+            if value_at(data, "/use") is None:
+                data = insert_member(data, "", "use", [path], TERRAIN).apply(data)
+            else:
+                data = append_item(data, "/use", path, TERRAIN).apply(data)
+        return data
+
     def check_change(self, data: bytes, added: str, options: CheckOptions | None = None) -> Checked:
         """Check a changed text and return the result.
 
@@ -196,6 +224,11 @@ def open_target(
     return ChangeTarget(source, result, checked, library_roots)
 
 
+def _led(here: str, path: str, there: str) -> str:
+    """Path of a library for a text in another folder; both folders are real paths."""
+    return os.path.relpath(plain_path(here, path), there).replace(os.sep, "/")
+
+
 def with_moved_paths(source: Source, output: str | Path) -> bytes:
     """Text with the paths of its libraries rewritten for the folder of the output."""
     here, there = (real_path(str(Path(file).parent)) for file in (source.name, output))
@@ -204,7 +237,7 @@ def with_moved_paths(source: Source, output: str | Path) -> bytes:
     data = source.data
     paths = msgspec.json.decode(value_at(data, "/use") or b"", type=list[str])
     for index, path in enumerate(paths):
-        led = os.path.relpath(plain_path(here, path), there).replace(os.sep, "/")
+        led = _led(here, path, there)
         begin = offsets(data, [Address(f"/use/{index}")])[0]
         end = value_end(data, begin, len(data))
         data = Edit(begin, end, json.dumps(led, ensure_ascii=False).encode()).apply(data)

@@ -16,7 +16,14 @@ from msgspec import Struct, structs
 
 from terratool.definition.curriculum import CurriculumText
 from terratool.definition.decode import Decoded, decode
-from terratool.definition.findings import Finding, Owner, Remark, RemarkBatch, RemarkLog
+from terratool.definition.findings import (
+    Bounds,
+    Finding,
+    Owner,
+    Remark,
+    RemarkBatch,
+    RemarkLog,
+)
 from terratool.definition.key import Key
 from terratool.definition.keys import KEYS, Kind, document_kind
 from terratool.definition.libraries import Shelf, SourceDocument, known_names
@@ -25,11 +32,13 @@ from terratool.definition.model import (
     Definition,
     Element,
     Library,
+    Pair,
     Primitive,
     Roughness,
     Surface,
     Track,
     names_of,
+    pair_of,
 )
 from terratool.definition.rules import RULES
 from terratool.definition.rules.base import (
@@ -271,18 +280,43 @@ _NO_TERRAIN: dict[Kind | None, str] = {
 """Hints for texts of kinds other than terrains, by kind."""
 
 
-def load_checked(path: str | Path, library_roots: tuple[str, ...] = ()) -> Checked:
+class _Extent(Struct, frozen=True):
+    """Place of a terrain, as its text has it; nothing else is looked at."""
+
+    size: float | Pair
+    origin: Pair = (0.0, 0.0)
+
+
+def bounds_in(data: bytes) -> Bounds | None:
+    """West, south, east and north of the terrain in a text; None where the text does not tell."""
+    try:
+        found = msgspec.json.decode(data, type=_Extent)
+    except (msgspec.MsgspecError, RecursionError, UnicodeError):
+        return None
+    (west, south), (width, depth) = found.origin, pair_of(found.size, 0.0)
+    return (west, south, west + width, south + depth) if width > 0 and depth > 0 else None
+
+
+def load_checked(
+    path: str | Path,
+    library_roots: tuple[str, ...] = (),
+    early: Callable[[Bounds], object] | None = None,
+) -> Checked:
     """Read a terrain that has no errors.
 
     Args:
         path: path of the file.
         library_roots: further folders under which the libraries of the terrain may lie.
+        early: called with the bounds of the terrain before its elements are looked at; what it
+            raises ends the reading.
 
     Raises:
         ReadError: the file cannot be read.
         DefinitionError: the terrain has errors; `findings` has the first 1,000 of them.
     """
     source = read_source(path)
+    if early is not None and (bounds := bounds_in(source.data)) is not None:
+        early(bounds)
     checked = check(source, CheckOptions(warnings=False, library_roots=library_roots))
     if checked.terrain is None:
         raise no_terrain(source, checked)

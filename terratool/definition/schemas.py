@@ -9,7 +9,7 @@ from typing import Any
 
 NAMES = (
     "terrain", "library", "vehicle", "curriculum", "sensor", "report", "comparison", "difference",
-    "info",
+    "info", "library-info",
 )  # fmt: skip
 
 

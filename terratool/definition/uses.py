@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 from msgspec import UNSET, Struct
 
 from terratool.definition.libraries import Dictionary, KnownNames, Named, SourceDocument
-from terratool.definition.model import Definition, Element, Library, pair_of
+from terratool.definition.model import Definition, Element, Library, Pair, pair_of
 from terratool.definition.scattering import copy_count
 from terratool.definition.tree import ROOT, Tree, part_pointer
 
@@ -347,6 +347,26 @@ def quarter_turns(turn: Any) -> int:
 def copies(repeat: Any) -> int:
     """Number of elements that a `repeat` stands for."""
     return 1 if repeat is UNSET else repeat.count[0] * repeat.count[1]
+
+
+Box = tuple[Pair, Pair]
+"""South-west and north-east corner of a box."""
+
+
+def box_of_copies(at: Pair, reach: Pair, repeat: Any) -> Box:
+    """Box around the footprints of an element at a free place and of its copies.
+
+    Args:
+        at: middle of the element.
+        reach: half the sides of the box around its own footprint.
+        repeat: `repeat` of the element; `UNSET` for none.
+    """
+    count, step = ((1, 1), (0.0, 0.0)) if repeat is UNSET else (repeat.count, repeat.step)
+    last = at[0] + (count[0] - 1) * step[0], at[1] + (count[1] - 1) * step[1]
+    return (
+        (min(at[0], last[0]) - reach[0], min(at[1], last[1]) - reach[1]),
+        (max(at[0], last[0]) + reach[0], max(at[1], last[1]) + reach[1]),
+    )
 
 
 def uses_below(root: Root) -> list[PartUse]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -595,7 +596,11 @@ class Terrain:
 
 
 def load(
-    path: str | Path, library_roots: tuple[str, ...] = (), *, roughness: bool = True
+    path: str | Path,
+    library_roots: tuple[str, ...] = (),
+    *,
+    roughness: bool = True,
+    early: Callable[[Bounds], object] | None = None,
 ) -> Terrain:
     """Read, check and compile a definition.
 
@@ -603,12 +608,14 @@ def load(
         path: the file.
         library_roots: further folders under which the libraries that it uses may lie.
         roughness: whether rough surfaces have their relief.
+        early: called with the bounds of the terrain before its elements are looked at; what it
+            raises ends the reading.
 
     Raises:
         ReadError: the file cannot be read.
         DefinitionError: the definition is no valid terrain; the findings say why.
     """
-    return Terrain(load_checked(path, library_roots), roughness=roughness)
+    return Terrain(load_checked(path, library_roots, early), roughness=roughness)
 
 
 def _written_out(definition: Definition | Checked, uses: Uses) -> Expansion:

@@ -20,7 +20,7 @@ class Bands:
         names: band names, in file order.
         units: unit of each band; "1" for a share or a ratio, empty for counts and categories.
         dtype: data type of all bands.
-        content: meaning of the pixels: "number", "surface", "color" or "class".
+        content: meaning of the pixels: "number", "surface", "color", "shade" or "class".
         empty: nodata value of bands of numbers; NaN by default.
         means: averaging of each band: "number", "direction" in degrees, "vector" over all bands of
             that kind, or empty for none. Default: "number", but empty for surfaces and classes.
@@ -45,7 +45,7 @@ class Bands:
 
     @property
     def nodata(self) -> float | None:
-        """Nodata value: `empty` for numbers, 0 for surfaces and classes, None for colours."""
+        """Nodata value: `empty` for numbers, None for colours, 0 for all else."""
         return {"number": self.empty, "color": None}.get(self.content, 0.0)
 
     @property

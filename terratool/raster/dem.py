@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,6 +17,12 @@ from terratool.errors import RequestError
 from terratool.extras import install_command
 from terratool.field.terrain import Terrain
 from terratool.output import refuse_existing
+from terratool.raster.contour_files import (
+    ContourReport,
+    ContourRequest,
+    check_contours,
+    export_contours,
+)
 from terratool.raster.export import (
     Progress,
     RasterReport,
@@ -33,6 +39,16 @@ from terratool.raster.tiles import INDEX
 if TYPE_CHECKING:
     import xarray
 
+CONTOURS = "contours"
+"""Layer that is lines, and no pixels."""
+AnyDemReport = RasterReport | ContourReport
+
+_OF_RASTERS = (
+    "dtype", "compress", "max_error", "nodata", "cog", "overviews", "tiles", "tile_size", "dask",
+    "threads", "losses",
+)  # fmt: skip
+"""Options that lines have no use for."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DemOptions(RasterRequest):
@@ -45,6 +61,8 @@ class DemOptions(RasterRequest):
         tiles: folder of the GeoTIFFs of a mosaic; None for a single file.
         tile_size: side of a tile, pixels; 4096 if None.
         dask: address of a Dask scheduler whose workers make the tiles, or "local"; None for none.
+        interval: height from one contour to the next, where the layer is "contours", which are
+            lines; a round one that gives about eight if None.
     """
 
     resolution: float | None = None
@@ -53,6 +71,12 @@ class DemOptions(RasterRequest):
     tiles: str | Path | None = None
     tile_size: int | None = None
     dask: str | None = None
+    interval: float | None = None
+
+    @property
+    def traced(self) -> bool:
+        """Whether lines are wanted, and no pixels."""
+        return CONTOURS in self.layers
 
     def check(self) -> None:
         """Refuse options that do not go together, before a terrain is read.
@@ -61,6 +85,13 @@ class DemOptions(RasterRequest):
             RequestError: an option makes no sense, alone or with another one.
         """
         _ = self.compression  # refuses a name or an error that makes no sense
+        if self.traced and {*self.layers} != {CONTOURS}:
+            raise RequestError(
+                "Contours are lines, the other layers are pixels: one file cannot hold both.",
+                "Write them one after the other.",
+            )
+        if self.interval is not None and not self.traced:
+            raise RequestError("--interval is about contours.", "Add --layer contours.")
         if self.tiles is None:
             for name, value in (("--dask", self.dask), ("--tile-size", self.tile_size)):
                 if value is not None:
@@ -93,9 +124,27 @@ class DemOptions(RasterRequest):
             if self.tiles is None:
                 raise RequestError("No file is named.", "Name one, or a folder by --tiles DIR.")
             output = Path(self.tiles, INDEX)
-        if self.tiles is None:
+        if self.traced:
+            check_contours(Path(output), self.interval, self.overwrite)
+        elif self.tiles is None:
             refuse_existing(Path(output), self.overwrite)
         return Path(output)
+
+
+def refuse_idle(given: Set[str], layers: Sequence[str]) -> None:
+    """Refuse options that would have no effect on contours.
+
+    Args:
+        given: names of the options that the user gave.
+        layers: names of the layers.
+
+    Raises:
+        RequestError: an option is idle.
+    """
+    for name in _OF_RASTERS:
+        if name in given and {*layers} == {CONTOURS}:
+            option = f"--{name.replace('_', '-')}"
+            raise RequestError(f"{option} is about rasters.", f"Leave out {option}.")
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,21 +195,28 @@ def write_dem(
     output: str | Path,
     options: DemOptions,
     progress: Progress | None = None,
-) -> RasterReport:
-    """Write layers of a terrain as one file for each kind of layers, or as a mosaic of tiles.
+    say: Callable[[str], object] = lambda _: None,
+) -> AnyDemReport:
+    """Write layers of a terrain: a file for each kind, a mosaic of tiles, or contours.
 
     Args:
         terrain: terrain to be written.
         choice: its pixels.
         output: file to write, from `DemOptions.output_of`; its suffix names the format.
         options: layers and options.
-        progress: called with the number of pixels done since its last call.
+        progress: called with the number of pixels done since its last call; not for contours.
+        say: called with words on each step of contours.
 
     Raises:
         RequestError: options conflict with each other or with the format.
         WriteError: a file exists, cannot be written or does not fit on the disk.
         DefinitionError: the CRS of the terrain is unknown.
     """
+    if options.traced:
+        request = ContourRequest(
+            choice.grid.resolution, options.bounds, options.interval, options.overwrite
+        )
+        return export_contours(terrain, output, request, say)
     if options.tiles is None:
         return export_dem(terrain, choice.grid, output, options, cog=options.cog, progress=progress)
     size = TILE_SIZE if options.tile_size is None else options.tile_size

@@ -49,7 +49,7 @@ class WrittenFile:
     Attributes:
         path: path of the file.
         bands: bands of the file.
-        statistics: statistics of each band; empty for surfaces and colours.
+        statistics: statistics of each band; empty for what is no number.
         coding: coding of values as pixels.
         difference: largest difference of stored from painted values, in the unit of the band.
         overviews: factors of the overviews; empty where one tile holds all, None without
@@ -161,7 +161,7 @@ class RasterRequest:
         """
         layers = layers_named(self.layers)
         for layer in layers:
-            if layer.slopes:
+            if layer.slopes or layer.content == "shade":
                 terrain.refuse_degrees(f"The layer {layer.name}")
         if self.dtype not in DTYPES:
             raise RequestError(
@@ -181,7 +181,7 @@ class RasterRequest:
         if self.nodata is not None and all(bands.content != "number" for bands in files):
             raise RequestError(
                 "--nodata is about layers of numbers, but there are none.",
-                "Leave it out: 0 stands for no surface, and colours have nothing for none.",
+                "Leave it out: 0 stands for no surface and no shade, and colours have nothing.",
             )
         return files
 
@@ -229,9 +229,9 @@ def export_dem(
 ) -> RasterReport:
     """Write layers of a terrain at the pixel centres of a grid.
 
-    All layers of numbers are bands of one file; surfaces and colours get a file each. The file of
-    the first layer is `path`, further files have the layer's name before the suffix. Memory use is
-    that of a few windows, whatever the size of the raster.
+    All layers of numbers are bands of one file; surfaces, colours and hillshade get a file each.
+    The file of the first layer is `path`, further files have the layer's name before the suffix.
+    Memory use is that of a few windows, whatever the size of the raster.
 
     Args:
         terrain: terrain to be exported.

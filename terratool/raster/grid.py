@@ -55,6 +55,11 @@ class Window:
                     min(width, self.width - column),
                 )
 
+    def within(self, other: Window) -> tuple[slice, slice]:
+        """Rows and columns of the window in the pixels of another one that holds it."""
+        row, column = self.row - other.row, self.column - other.column
+        return slice(row, row + self.height), slice(column, column + self.width)
+
 
 @dataclass(frozen=True, slots=True)
 class Grid:
@@ -86,6 +91,13 @@ class Grid:
             self.west + self.width * self.resolution,
             self.south + self.height * self.resolution,
         )
+
+    def around(self, window: Window) -> Window:
+        """Window with one more row and column to each side, within the grid."""
+        row, column = max(window.row - 1, 0), max(window.column - 1, 0)
+        south = min(window.row + window.height + 1, self.height)
+        east = min(window.column + window.width + 1, self.width)
+        return Window(row, column, south - row, east - column)
 
     def columns(self, window: Window) -> NDArray[np.float64]:
         """World x of the pixel centres of a window, (width,) float64."""

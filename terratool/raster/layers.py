@@ -16,7 +16,9 @@ from terratool.definition.presets import property_of
 from terratool.errors import RequestError
 from terratool.field.terrain import Terrain
 from terratool.io.bands import Bands
+from terratool.raster.grid import Grid
 from terratool.raster.painter import Planes, id_type
+from terratool.raster.shading import shade_bytes
 
 Pixels = NDArray[Any]
 
@@ -32,7 +34,7 @@ class Layer:
         name: name on the command line and in requests.
         bands: names of the bands.
         unit: unit of the values; "1" for a share or a ratio, empty for counts and categories.
-        content: meaning of the pixels: "number", "surface" or "color".
+        content: meaning of the pixels: "number", "surface", "color" or "shade".
         soil: attribute of a surface that the layer shows; empty for computed layers.
         slopes: whether the layer is computed from slopes.
         mean: averaging of values: "number", "direction" in degrees, "vector" over all bands, or
@@ -55,7 +57,7 @@ class Layer:
     @property
     def surfaces(self) -> bool:
         """Whether the layer is computed from surfaces."""
-        return bool(self.soil) or self.content != "number"
+        return bool(self.soil) or self.content == "surface"
 
 
 LAYERS: dict[str, Layer] = {
@@ -73,6 +75,7 @@ LAYERS: dict[str, Layer] = {
         # share of sound reflected
         Layer("sonar", ("sonar reflectance",), "1", soil="sonar_refl"),
         Layer("color", ("red", "green", "blue"), "", "color", soil="color"),
+        Layer("hillshade", ("hillshade",), "", "shade"),
     )
 }
 
@@ -123,12 +126,13 @@ def layers_named(names: Sequence[str]) -> tuple[Layer, ...]:
 def files_of(
     layers: Sequence[Layer], terrain: Terrain, dtype: np.dtype[Any], empty: float = math.nan
 ) -> tuple[LayerBands, ...]:
-    """Group layers into files: one for all numbers, one for surfaces, one for colours.
+    """Group layers into files: one for all numbers, and one each for surfaces, colours and shades.
 
     Surfaces and colours cannot share a file, as its colour interpretation holds for all bands. The
     file of the first layer comes first.
     """
-    dtypes = {"number": dtype, "surface": id_type(terrain), "color": np.dtype(np.uint8)}
+    byte = np.dtype(np.uint8)
+    dtypes = {"number": dtype, "surface": id_type(terrain), "color": byte, "shade": byte}
     return tuple(
         LayerBands.of(
             [layer for layer in layers if layer.content == content],
@@ -184,8 +188,14 @@ class SurfaceValues:
         return np.array([NO_COLOR, *colors], np.uint8)
 
 
-def layer_painter(bands: LayerBands, terrain: Terrain) -> Callable[[Planes, Pixels], None]:
-    """Build a function that fills bands of a file, (bands, height, width), from painted planes."""
+def layer_painter(
+    bands: LayerBands, terrain: Terrain, grid: Grid
+) -> Callable[[Planes, Pixels, tuple[slice, slice]], None]:
+    """Build a function that fills bands of a file, (bands, height, width), from painted planes.
+
+    Its last argument says which rows and columns of the planes the bands have; what is shaded looks
+    at their neighbours, too.
+    """
     soils = SurfaceValues(terrain)
     tables: dict[str, Pixels] = {
         layer.name: soils.colors if layer.content == "color" else soils.values(layer, bands.dtype)
@@ -193,8 +203,8 @@ def layer_painter(bands: LayerBands, terrain: Terrain) -> Callable[[Planes, Pixe
         if layer.soil
     }
 
-    def lay(planes: Planes, out: Pixels) -> None:
-        band = 0
+    def lay(painted: Planes, out: Pixels, place: tuple[slice, slice]) -> None:
+        planes, band = painted.part(*place), 0
         for layer in bands.layers:
             part = out[band : band + len(layer.bands)]
             band += len(layer.bands)
@@ -205,6 +215,8 @@ def layer_painter(bands: LayerBands, terrain: Terrain) -> Callable[[Planes, Pixe
                     np.take(values, planes.surfaces, out=plane)
                     if layer.content == "color":
                         plane[np.isnan(planes.heights)] = 0
+            elif layer.content == "shade":
+                part[0] = shade_bytes(painted.heights, grid.resolution)[place]
             else:
                 _COMPUTED[layer.name](planes, part)
 

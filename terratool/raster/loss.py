@@ -395,6 +395,7 @@ class LossFinder:
         heights, labels = planes.heights, planes.labels
         if labels is None or not labels.shape == heights.shape == (whole.height, whole.width):
             raise ValueError(f"heights and labels of {whole.height} × {whole.width} are wanted")
+        heights, labels = np.ascontiguousarray(heights), np.ascontiguousarray(labels)
         pairs, rises = kernels.find_candidates(labels, heights, window.height, window.width)
         count = len(pairs)
         if not count:

@@ -39,9 +39,9 @@ class Planes(NamedTuple):
     slope_y: NDArray[Any] | None = None
     labels: NDArray[np.uint32] | None = None
 
-    def crop(self, height: int, width: int) -> Planes:
-        """Views of the first `height` rows and `width` columns."""
-        parts: Any = (None if plane is None else plane[:height, :width] for plane in self)
+    def part(self, rows: slice, columns: slice) -> Planes:
+        """Views of some rows and columns."""
+        parts: Any = (None if plane is None else plane[rows, columns] for plane in self)
         return Planes(*parts)
 
 

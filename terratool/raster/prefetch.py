@@ -44,7 +44,7 @@ class WindowBuffer:
     """Reusable memory of a window; allocating it takes as long as painting.
 
     Attributes:
-        planes: planes of the window, with its neighbours where losses are measured.
+        planes: planes of the window, with its neighbours where losses are measured or it is shaded.
         pixels: bands of each file, (bands, height, width).
     """
 
@@ -93,7 +93,8 @@ class WindowMaker:
             slopes=any(layer.slopes for layer in layers),
             labels=labels,
         )
-        self._layer_painters = [layer_painter(bands, terrain) for bands in files]
+        self._shaded = any(bands.content == "shade" for bands in files)
+        self._layer_painters = [layer_painter(bands, terrain, grid) for bands in files]
         self._buffers: deque[WindowBuffer] = deque()
         self._ids = len(terrain.surfaces) + 1
 
@@ -103,13 +104,18 @@ class WindowMaker:
         Raises:
             RequestError: a value exceeds its data type.
         """
-        painted = self.losses.with_neighbours(window) if self.losses else window
+        painted = compared = self.losses.with_neighbours(window) if self.losses else window
+        if self._shaded:
+            painted = self.grid.around(window)
         buffer = self._buffer(window, painted)
         self._painter.paint(painted, buffer.planes)
-        lost = self.losses.of(window, buffer.planes) if self.losses else LossCounts()
-        planes = buffer.planes.crop(window.height, window.width)
+        lost = LossCounts()
+        if self.losses:
+            lost = self.losses.of(window, buffer.planes.part(*compared.within(painted)))
+        place = window.within(painted)
+        planes = buffer.planes.part(*place)
         for paint_layers, bands in zip(self._layer_painters, buffer.pixels, strict=True):
-            paint_layers(planes, bands)
+            paint_layers(buffer.planes, bands, place)
         statistics = tuple(
             tuple(
                 band_statistics(band, mean == "direction")

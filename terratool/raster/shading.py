@@ -51,6 +51,18 @@ def hillshade(heights: Heights, resolution: float, exaggerated: float = 1.0) -> 
     return np.asarray(np.clip(light, 0.0, 1.0))
 
 
+def shade_bytes(heights: Heights, resolution: float) -> NDArray[np.uint8]:
+    """Brightness of the ground as `gdaldem hillshade -compute_edges` has it: 1 to 255, 0 for none.
+
+    Args:
+        heights: (height, width), rows from the north, NaN without ground.
+        resolution: side of a pixel, world units.
+    """
+    shade = np.rint(1.0 + 254.0 * hillshade(heights, resolution)).astype(np.uint8)
+    shade[np.isnan(heights)] = 0
+    return shade
+
+
 def contour_interval(heights: Heights) -> float:
     """Height between contours: 1, 2 or 5 times a power of ten; 0 for level ground."""
     known = heights[np.isfinite(heights)]

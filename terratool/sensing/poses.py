@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from terratool.definition.findings import Bounds
 from terratool.errors import ReadError, RequestError
 from terratool.field.terrain import Terrain
 from terratool.report.wording import join_words
@@ -231,7 +232,7 @@ def place_on_ground(poses: Poses, terrain: Terrain, height: float, follow: bool 
         raise RequestError(
             f"The height above the ground is {height:g}.", "Give 0 or more, in metres."
         )
-    _refuse_outside(poses, terrain)
+    refuse_outside(poses, terrain.bounds)
     x, y = poses.positions[:, 0], poses.positions[:, 1]
     samples = terrain.sample(x, y)
     void = np.flatnonzero(np.isnan(samples.height))
@@ -255,7 +256,7 @@ def check_poses(poses: Poses, terrain: Terrain) -> None:
     Raises:
         RequestError: a pose is.
     """
-    _refuse_outside(poses, terrain)
+    refuse_outside(poses, terrain.bounds)
     x, y, z = poses.positions.T
     ground = terrain.height(x, y)
     slack = _BELOW * np.maximum(np.abs(z), np.abs(ground))
@@ -269,8 +270,13 @@ def check_poses(poses: Poses, terrain: Terrain) -> None:
         )
 
 
-def _refuse_outside(poses: Poses, terrain: Terrain) -> None:
-    west, south, east, north = terrain.bounds
+def refuse_outside(poses: Poses, extent: Bounds) -> None:
+    """Refuse poses outside the extent of a terrain: west, south, east, north.
+
+    Raises:
+        RequestError: a pose is.
+    """
+    west, south, east, north = extent
     x, y = poses.positions[:, 0], poses.positions[:, 1]
     outside = np.flatnonzero(~((west <= x) & (x <= east) & (south <= y) & (y <= north)))
     if len(outside):

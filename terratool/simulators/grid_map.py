@@ -146,7 +146,7 @@ def _sample_layers(scene: Scene, grid: Grid) -> tuple[Layers, RasterLoss]:
         whole = finder.with_neighbours(window)
         planes = painter.paint(whole)
         lost = finder.of(window, planes)
-        planes = planes.crop(window.height, window.width)
+        planes = planes.part(*window.within(whole))
         assert planes.surfaces is not None
         assert planes.slope_x is not None and planes.slope_y is not None
         steep = np.hypot(planes.slope_x, planes.slope_y)

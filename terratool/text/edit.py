@@ -19,6 +19,7 @@ from terratool.text.scan import TEXT, Member, first_value, members, value_end
 _line_end = re.compile(rb"\r\n|\n|\r").search
 _blank = re.compile(rb"[ \t]*").match
 _indented = re.compile(rb"[\r\n]([ \t]+)[^ \t\r\n]").search
+_pad = re.compile(rb"\{?([ \t]*)").match
 _key = rb"%s([ \t]*:[ \t]*)" % TEXT.encode()
 _colons = re.compile(_key).search
 _alone = re.compile(rb"(?:^|[\r\n])[ \t]*(?:%s)?\Z" % _key).search
@@ -110,6 +111,31 @@ def set_member(data: bytes, pointer: str, key: str, value: Any, layout: Layout) 
     return Edit(member.value, member.end, text.encode())
 
 
+def insert_member(data: bytes, pointer: str, key: str, value: Any, layout: Layout) -> Edit:
+    """Return the edit that adds a member to an object where the canonical order has it.
+
+    Args:
+        data: a valid definition in UTF-8, without a byte order mark.
+        pointer: JSON pointer of the object, which lacks the key.
+        key: key of the member, one of the canonical order.
+        value: plain value.
+        layout: canonical layout of the definition.
+    """
+    start, own = offsets(data, [Address(pointer)])[0], layout
+    for token in pointer.split("/")[1:]:
+        own = own.of(unescape(token))
+    for member in members(data, start, lambda _, __, value: value_end(data, value, len(data))):
+        name = json.loads(data[member.begin : member.key_end])
+        if own.order.get(name, own.others) > own.order[key]:
+            break
+    else:
+        return set_member(data, pointer, key, value, layout)
+    style = _style(data, _container(data, start, None))
+    text = _text(style, pointer, json.dumps(key, ensure_ascii=False), value, layout)
+    gap = style.line_end + style.indent if style.broken else style.comma[1:]
+    return Edit(member.begin, member.begin, f"{text},{gap}".encode())
+
+
 def append_child(
     data: bytes, pointer: str, element: dict[str, Any], has_children: bool, layout: Layout
 ) -> Edit:
@@ -124,10 +150,21 @@ def append_child(
     """
     if not has_children:
         return set_member(data, pointer, "children", [element], layout)
-    where = pointer + "/children"
-    inside = _container(data, offsets(data, [Address(where)])[0], None)
+    return append_item(data, pointer + "/children", element, layout)
+
+
+def append_item(data: bytes, pointer: str, item: Any, layout: Layout) -> Edit:
+    """Return the edit that adds an item at the end of a list.
+
+    Args:
+        data: a valid definition in UTF-8, without a byte order mark.
+        pointer: JSON pointer of the list.
+        item: plain value.
+        layout: canonical layout of the definition.
+    """
+    inside = _container(data, offsets(data, [Address(pointer)])[0], None)
     style = _style(data, inside)
-    return _insertion(inside, style, _text(style, where, "", element, layout))
+    return _insertion(inside, style, _text(style, pointer, "", item, layout))
 
 
 def _insertion(inside: Container, style: Style, text: str) -> Edit:
@@ -166,6 +203,8 @@ def _style(data: bytes, inside: Container) -> Style:
         comma = "," + inside.last_gap.decode()
     unit = indent.removeprefix(outer) if indent.startswith(outer) and indent != outer else ""
     pad = "" if broken else inside.first_gap.decode()
+    if not broken and data[inside.open : inside.open + 1] == b"[":  # as the last object in it
+        pad = _pad(data, inside.last.begin).group(1).decode()  # type: ignore[union-attr]
     return Style(broken, indent, unit or _unit(data), line_end, colon, comma, pad)
 
 

@@ -55,6 +55,8 @@ _MEANT = {
     "slope": "gradient steepness inclination",
     "surface": "class classes semantic material label",
     "color": "rgb colour texture",
+    "hillshade": "shade shading shaded relief",
+    "contours": "isolines isohypses lines",
     "traversability": "trav cost verdict traverse drivable navigate plan route",
     # commands
     "validate": "check lint verify test",

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from terratool.definition.findings import Bounds
 from terratool.field.footprints import geojson_head
 from terratool.field.relief import relief_bounds
-from terratool.field.terrain import Terrain, clip_bounds
+from terratool.field.terrain import Terrain, check_overlap
 from terratool.io.geotiff import TILE
 from terratool.raster.export import thread_count
 from terratool.raster.grid import DEFAULT_PIXELS, Grid, Window, grid_over
@@ -175,6 +175,24 @@ class PreparedRequest:
         return self.grid.width * self.grid.height if self.builder else None
 
 
+def check_places(request: Request, extent: Bounds) -> None:
+    """Refuse starts, goals and waypoints that no map of a terrain can have.
+
+    Args:
+        request: the wanted map, routes and reach.
+        extent: west, south, east and north of the terrain, m.
+
+    Raises:
+        RequestError: a place lies outside the terrain, or outside the bounds that are asked for.
+    """
+    parts = {"the terrain": extent}
+    if request.bounds is not None:
+        check_overlap(request.bounds, extent, "the terrain")
+        parts["the bounds that were asked for"] = request.bounds
+    for what, place in _places(request):
+        check_inside(what, place, parts)
+
+
 def prepare_assessment(
     terrain: Terrain,
     vehicle: Vehicle,
@@ -202,9 +220,7 @@ def prepare_assessment(
     terrain = terrain.written_out
     check_preference(request.prefer)
     thread_count(request.threads)
-    part = clip_bounds(terrain, request.bounds)
-    for what, place in _places(request):
-        check_inside(terrain, what, place, part, "the bounds that were asked for")
+    check_places(request, terrain.bounds)
     draws = draw(terrain, request.samples, request.seed)
     grid, routes, headings, notes = _grids(terrain, vehicle, request, map_path is not None)
     if map_path is not None:

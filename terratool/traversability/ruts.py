@@ -14,6 +14,7 @@ from msgspec import UNSET
 from numpy.typing import NDArray
 
 from terratool.definition.change import with_moved_paths
+from terratool.definition.findings import Bounds
 from terratool.definition.layout import TERRAIN
 from terratool.definition.libraries import known_names
 from terratool.definition.model import Surface, Track, middle_of
@@ -27,6 +28,7 @@ from terratool.text.display import quote
 from terratool.text.edit import set_member
 from terratool.text.source import Source, read_source, write_source
 from terratool.traversability.limits import wheel_layout, wheel_loads
+from terratool.traversability.route.paths import check_inside
 from terratool.traversability.soil import bekker_sinkage
 from terratool.traversability.vehicle import Vehicle, Wheel
 
@@ -158,6 +160,20 @@ class Deformed:
     points: int
     ruts: tuple[Rut, ...]
     ranged: tuple[str, ...] = ()
+
+
+def check_path(path: Points, extent: Bounds) -> None:
+    """Refuse a path that leaves a terrain.
+
+    Args:
+        path: (n, 2) x and y of the middle of the vehicle.
+        extent: west, south, east, north of the terrain.
+
+    Raises:
+        RequestError: a point lies outside.
+    """
+    for place in path.tolist():
+        check_inside("A point of the path", tuple(place), {"the terrain": extent})
 
 
 def deform(

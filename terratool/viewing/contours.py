@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from terratool.errors import RequestError
+from terratool.raster.contours import contour_heights, trace_contours
 from terratool.raster.shading import contour_interval
 from terratool.viewing.cells import LABEL
 from terratool.viewing.layers import FINER, LayerPicture
@@ -63,36 +63,39 @@ def draw_contours(axes: Axes, picture: LayerPicture, wanted: Any, dpi: float) ->
     grid, heights = picture.grid, picture.heights
     interval = contour_interval(heights) if wanted == "auto" else float(wanted)
     known = heights[np.isfinite(heights)]
-    low, high = float(known.min()), float(known.max())
     if interval == 0.0:
         return "The ground is level: no contours."
-    first, last = math.floor(low / interval) + 1, math.ceil(high / interval) - 1
-    if last - first >= _MOST_CONTOURS:
-        raise RequestError(
-            f"Contours {interval:g} apart would be {last - first + 1:,} on heights from {low:.4g} "
-            f"to {high:.4g}.",
-            f"Give at least {(high - low) / _MOST_CONTOURS:.2g}, or no number.",
-        )
+    levels = contour_heights(float(known.min()), float(known.max()), interval, _MOST_CONTOURS)
     caption = f"Contours {number(float(f'{interval:.6g}'))} m apart."
-    if last < first:
+    if not levels:
         return f"{caption} None lies between the heights drawn."
+    from matplotlib.contour import ContourSet
+
     step = np.s_[::FINER]
     x, y = grid.columns(grid.whole)[step], grid.rows(grid.whole)[step]
     z = heights[step, step].astype(np.float64)
     if min(z.shape) < 2:
         return caption
-    few = last - first < _INDEX
-    for which, width in ((False, 0.45), (True, 0.9)):
-        levels = [
-            index * interval
-            for index in range(first, last + 1)
-            if (index % _INDEX == 0) == which or (few and which)
+    columns, rows = np.arange(len(x)), np.arange(len(y))
+    lines = {
+        level: [
+            np.column_stack([np.interp(line[:, 0], columns, x), np.interp(line[:, 1], rows, y)])
+            for line in found
         ]
-        if not levels:
+        for level, found in trace_contours(z, levels)
+    }
+    few = len(levels) <= _INDEX
+    for which, width in ((False, 0.45), (True, 0.9)):
+        drawn_levels = [
+            level
+            for level in levels
+            if (round(level / interval) % _INDEX == 0) == which or (few and which)
+        ]
+        if not drawn_levels:
             continue
-        drawn = axes.contour(
-            x, y, np.ma.masked_invalid(z), levels=levels, colors=INK, linewidths=width, alpha=0.7,
-            linestyles="solid",
+        drawn = ContourSet(
+            axes, drawn_levels, [lines[level] for level in drawn_levels], colors=INK,
+            linewidths=width, alpha=0.7, linestyles="solid",
         )  # fmt: skip
         if not which:
             continue
@@ -100,8 +103,8 @@ def draw_contours(axes: Axes, picture: LayerPicture, wanted: Any, dpi: float) ->
         ground = _ContourSpacing(x, y, z, interval * (1 if few else _INDEX), per_point)
         places = [
             place
-            for level, lines in zip(levels, drawn.allsegs, strict=True)
-            for line in lines
+            for level in drawn_levels
+            for line in lines[level]
             for place in ground.place_on(line, number(level))
         ]
         chosen = [(place.x, place.y) for place in _spread_out(places)]

@@ -256,7 +256,8 @@ def _number_layer(terrain: Terrain, grid: Grid, planes: Planes, layer: str) -> L
     if LAYERS[layer].slopes:
         terrain.refuse_degrees(f"The layer {layer}")
     bands, ground = np.empty((1, *planes.heights.shape)), ~np.isnan(planes.heights)
-    layer_painter(LayerBands.of([LAYERS[layer]], np.dtype(np.float64)), terrain)(planes, bands)
+    painter = layer_painter(LayerBands.of([LAYERS[layer]], np.dtype(np.float64)), terrain, grid)
+    painter(planes, bands, np.s_[:, :])
     values = bands[0]
     known = ground & np.isfinite(values)
     low, high = (float(end(values[known])) if known.any() else 0.0 for end in (np.min, np.max))

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from terratool.definition.findings import Bounds
 from terratool.errors import RequestError
 from terratool.field.bounds import finest_details
 from terratool.field.terrain import Terrain
@@ -88,6 +89,26 @@ class Section:
         return math.hypot(x1 - x0, y1 - y0)
 
 
+def check_section(line: Line, extent: Bounds) -> tuple[float, float]:
+    """Shares of a line between which it is on a terrain.
+
+    Args:
+        line: x and y of both ends, which differ, world units.
+        extent: west, south, east, north of the terrain.
+
+    Raises:
+        RequestError: none of the line is.
+    """
+    begin, end = _crossings(line, np.array(extent)[:, None])[:, 0].tolist()
+    if not begin < end:
+        x0, y0, x1, y1 = line
+        raise RequestError(
+            f"The section from {x0:g} {y0:g} to {x1:g} {y1:g} misses the terrain.",
+            f"It lies in {coordinates(extent)}.",
+        )
+    return begin, end
+
+
 def section(terrain: Terrain, line: Line) -> Section:
     """Sample the ground along a line, with every wall that it crosses.
 
@@ -106,15 +127,9 @@ def section(terrain: Terrain, line: Line) -> Section:
     x0, y0, x1, y1 = line
     length = math.hypot(x1 - x0, y1 - y0)
     probe = _LineProbe(terrain, line, length)
-    west, south, east, north = terrain.bounds
-    inside = _crossings(line, np.array([[west], [south], [east], [north]]))
-    if not inside[0, 0] < inside[1, 0]:
-        raise RequestError(
-            f"The section from {x0:g} {y0:g} to {x1:g} {y1:g} misses the terrain.",
-            f"It lies in {coordinates(terrain.bounds)}.",
-        )
+    inside = np.array(check_section(line, terrain.bounds))
     places = _first_distances(terrain, line, length)
-    places = np.unique(np.concatenate([places, inside[:, 0] * length]))
+    places = np.unique(np.concatenate([places, inside * length]))
     heights = probe.heights(places)
     if np.isnan(heights).all():
         raise RequestError(

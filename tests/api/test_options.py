@@ -122,6 +122,15 @@ def test_errors_name_options_as_python_does(said: str, wanted: str) -> None:
          'target="mujoco".'),
         (lambda t, p: t.write_dem(p / "a.tif", tile_size=512),
          "tile_size is about tiles, but a single file is asked for. Add tiles=…."),
+        (lambda t, p: t.write_dem(p / "a.tif", interval=2),
+         'interval is about contours. Add layers=["contours"].'),
+        (lambda t, p: t.write_dem(p / "a.gpkg", layers=["contours"], threads=2),
+         "threads is about rasters. Leave out threads."),
+        (lambda t, p: t.write_mesh(p / "a.wrl", elevation_grid=True, origin=(0, 0, 1)),
+         "origin is about a mesh, but a grid of heights is asked for. Leave out origin or "
+         "elevation_grid=True."),
+        (lambda t, p: t.write_mesh(p / "a.wrl", origin="centre"),
+         "The origin is 'centre'. Give local, center, world, or three numbers."),
         (lambda t, p: t.write_dem(), "No file is named. Name one, or a folder by tiles=…."),
         (lambda t, p: t.scan(p, (0, 0, 0, 0, 0, 0), poses=p),
          "Both pose and poses say where the sensor is. Give pose=(x, y, z, yaw, pitch, roll), or "

@@ -8,6 +8,7 @@ import stat
 import tempfile
 from copy import deepcopy
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -161,6 +162,130 @@ def test_parts_and_libraries(tmp_path: Path) -> None:
     assert ran.code == 2 and "/parts/NAME" in ran.err
 
 
+KIT = {
+    "surfTypes": {"paint": {}},
+    "elemTypes": {"post": {"x": [1]}},
+    "parts": {"bollard": {"type": "post", "vScale": 2, "surface": "paint"}},
+}
+
+
+def with_kit(site: Path) -> Path:
+    """The file of a library in a folder beside a terrain."""
+    kit = site.parent / "kit" / "posts.json"
+    kit.parent.mkdir()
+    kit.write_text(json.dumps(KIT), encoding="utf-8")
+    return kit
+
+
+def without_lines(after: bytes, *parts: bytes) -> bytes:
+    """A text without some parts, each of which it has once."""
+    for part in parts:
+        assert after.count(part) == 1, part
+        after = after.replace(part, b"")
+    return after
+
+
+def test_a_library_is_used_from_then_on(site: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its path is seen from the file; it is named once, and all else stays, byte for byte."""
+    before, kit = site.read_bytes(), with_kit(site)
+    monkeypatch.chdir(kit.parent)
+    asked = ("add", "../site.json", "--part", "bollard", "--extent", 1, 1)
+    ran = call(*asked, "--at", 7, 4, "--use", "posts.json", "--use", kit)
+    assert ran.code == 0, ran.err
+    assert ran.err.splitlines() == [
+        "../site.json: uses kit/posts.json now.", "../site.json: has /elemTree/children/1 now.",
+    ]  # fmt: skip
+    after = site.read_bytes()
+    assert canonical(after.decode()) == after.decode()
+    added = b',\n      { "at": [7, 4], "extent": [1, 1], "part": "bollard" }'
+    assert without_lines(after, b'  "use": ["kit/posts.json"],\n', added) == before
+    assert load(site).height(7, 4) == 2
+    # nothing about it is said or written again
+    ran = call(*asked, "--at", 9, 4, "--use", kit)
+    assert ran.err == "../site.json: has /elemTree/children/2 now.\n"
+    assert json.loads(site.read_bytes())["use"] == ["kit/posts.json"]
+    # a second library stands behind the first, in a file elsewhere by another way
+    other = kit.with_name("other.json")
+    other.write_text('{"parts": {"stand": {"type": "flat"}}, "elemTypes": {"flat": {"x": [1]}}}')
+    out = site.parent / "out" / "new.json"
+    out.parent.mkdir()
+    ran = call("add", site, "--part", "stand", "--cell", 2, 1, "--use", other, "--output", out)
+    assert ran.code == 0, ran.err
+    assert json.loads(out.read_bytes())["use"] == ["../kit/posts.json", "../kit/other.json"]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        '{"size":[20,10],"elemTree":{"type":"p"},"elemTypes":{"p":{"x":[0,0]}}}',
+        '{ "elemTree": { "type": "p" },\t"elemTypes": {"p": {"x": [0, 0]}}, "size": 20 }\n',
+    ],
+)
+def test_use_stands_where_the_order_has_it(site: Path, text: str) -> None:
+    """Before what comes later in the canonical order, spelled as its neighbours are."""
+    kit = with_kit(site)
+    site.write_text(text, encoding="utf-8")
+    ran = call("add", site, "--part", "bollard", "--at", 5, 5, "--extent", 1, 1, "--use", kit)
+    assert ran.code == 0, ran.err
+    after = site.read_text("utf-8")
+    begin = after.index('"use"')
+    assert after[:begin] == text[:begin]
+    value = json.loads(after)
+    del value["elemTree"]["children"], value["use"]
+    assert value == json.loads(text)
+
+
+def test_a_library_that_is_not_there_is_not_written(site: Path) -> None:
+    before = site.read_bytes()
+    ran = call("add", site, *PLATE, "--cell", 2, 1, "--use", site.with_name("none.json"))
+    assert ran.code == 1 and "TT701" in ran.err
+    assert site.read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    ("place", "step"), [(("--at", 5, 4, "--extent", 1, 2), (9, 6.5)), (("--cell", 1, 0), (1, 1))]
+)
+def test_copies_stand_in_rows(site: Path, place: tuple[Any, ...], step: tuple[float, ...]) -> None:
+    """As if each were added alone, so many to the east and so many to the north."""
+    alone = site.with_name("alone.json")
+    alone.write_bytes(site.read_bytes())
+    ran = call("add", site, *PLATE, *place, "--repeat", 2, 2, "--step", *step)
+    assert ran.code == 0, ran.err
+    added = json.loads(site.read_bytes())["elemTree"]["children"][1]
+    assert added["repeat"] == {"count": [2, 2], "step": [*step]}
+    assert list(added)[2] == "repeat"
+    for i in range(2):
+        for j in range(2):
+            x, y = place[1] + i * step[0], place[2] + j * step[1]
+            ran = call("add", alone, *PLATE, place[0], x, y, *place[3:])
+            assert ran.code == 0, ran.err
+    x, y = np.meshgrid(np.arange(0.25, 60, 0.5), np.arange(0.25, 26, 0.5))
+    assert np.array_equal(load(site).height(x, y), load(alone).height(x, y), equal_nan=True)
+    assert load(site).elements == load(alone).elements == 6
+
+
+def test_copies_are_strewn(site: Path) -> None:
+    """All keys of `scatter` are those of the text; what is left out is not written."""
+    ran = call("add", site, *PLATE, "--at", 40, 10, "--extent", 20, 8, "--scatter", 0.5, 1.25,
+               "--count", 12, "--distance", 0.1, "--turned", "--seed", 9)  # fmt: skip
+    assert ran.code == 0, ran.err
+    children = json.loads(site.read_bytes())["elemTree"]["children"]
+    assert children[1]["scatter"] == {
+        "count": 12, "sizes": [0.5, 1.25], "distance": 0.1, "turned": True, "seed": 9,
+    }  # fmt: skip
+    terrain = load(site)
+    assert terrain.elements == 2 + 12
+    west, south, east, north = terrain.footprints()
+    assert (west[2:] >= 30 - 0.3).all() and (east[2:] <= 50 + 0.3).all()
+    assert (south[2:] >= 6 - 0.3).all() and (north[2:] <= 14 + 0.3).all()
+    ran = call("add", site, *PLATE, "--at", 10, 20, "--extent", 4, 4, "--scatter", 1, 1,
+               "--density", 0.25)  # fmt: skip
+    assert ran.code == 0, ran.err
+    children = json.loads(site.read_bytes())["elemTree"]["children"]
+    assert children[2]["scatter"] == {"density": 0.25, "sizes": [1, 1]}
+    assert load(site).elements == 2 + 12 + 4
+
+
 @pytest.mark.parametrize(
     ("options", "code", "words"),
     [
@@ -172,6 +297,36 @@ def test_parts_and_libraries(tmp_path: Path) -> None:
         ([*PLATE, "--cell", 1, 1, "--extent", 1, 1], 2, "--at"),
         ([*PLATE, "--at", 1, 1, "--extent", 1, 1, "--span", 1, 1], 2, "--cell"),
         ([*PLATE, "--at", "nan", 1, "--extent", 1, 1], 2, "nan"),
+        ([*PLATE, "--cell", 0, 0, "--repeat", 2, 1], 2, "--step DX DY"),
+        ([*PLATE, "--cell", 0, 0, "--step", 2, 1], 2, "--repeat"),
+        ([*PLATE, "--cell", 0, 0, "--repeat", 9, 1, "--step", 2, 0], 1, "would be invalid"),
+        ([*PLATE, "--cell", 0, 0, "--repeat", 2, 1, "--step", 0.5, 0], 1, "would be invalid"),
+        ([*PLATE, "--cell", 0, 0, "--scatter", 1, 2], 2, "--count or --density"),
+        ([*PLATE, "--cell", 0, 0, "--count", 5], 2, "--scatter"),
+        ([*PLATE, "--cell", 0, 0, "--turned"], 2, "--scatter"),
+        ([*PLATE, "--cell", 0, 0, "--scatter", 1, 2, "--count", 5, "--density", 1], 2, "--count"),
+        ([*PLATE, "--cell", 0, 0, "--scatter", 2, 1, "--count", 5], 1, "TT720"),
+        (
+            [
+                *PLATE,
+                "--cell",
+                0,
+                0,
+                "--scatter",
+                1,
+                2,
+                "--count",
+                5,
+                "--repeat",
+                1,
+                1,
+                "--step",
+                1,
+                1,
+            ],
+            2,
+            "exclude each other",
+        ),
         ([*PLATE, "--at", 1, 1, "--extent", "inf", 1], 2, "inf"),
         ([*PLATE, "--at", 70, 1, "--extent", 1, 1], 1, "would be invalid"),
         ([*PLATE, "--at", 1, 1, "--extent", 0, 1], 1, "TT106"),

@@ -40,7 +40,7 @@ def test_commands_and_their_options() -> None:
 
 
 def test_words_of_the_tool() -> None:
-    assert completed("export-dem", PAPER, "o.tif", "--layer", "") == [*LAYERS]
+    assert completed("export-dem", PAPER, "o.tif", "--layer", "") == [*LAYERS, "contours"]
     assert {*completed("new", "flat", "o.json", "--soil", "")} == {*PRESETS}
     assert completed("completion", "") == ["bash", "zsh", "fish"]
     assert completed("completion", "f") == ["fish"]

@@ -9,9 +9,14 @@ import signal
 import subprocess
 from math import sqrt
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
+from terratool.cli import query
 from tests.commands import COMMAND, ENVIRONMENT, ROOT, YARD, Ran, call
 
 HEADER = "x,y,z,surface,element,nx,ny,nz,note"
@@ -62,7 +67,7 @@ def test_answers_as_csv(yard: Path) -> None:
         assert row[3:5] == [surface or "", element or ""]
         assert row[8] == note(z, surface)
         for text, value in zip([row[2], *row[5:8]], [z, *normal], strict=True):
-            assert (text == "") if value is None else float(text) == pytest.approx(value, abs=1e-12)
+            assert (text == "") if value is None else float(text) == pytest.approx(value, abs=1e-9)
 
 
 def test_answers_as_json(yard: Path) -> None:
@@ -78,7 +83,7 @@ def test_answers_as_json(yard: Path) -> None:
         assert row["note"] == (note(z, surface) or None)
         expected = [z, *normal]
         for key, value in zip(("z", "nx", "ny", "nz"), expected, strict=True):
-            assert row[key] == (value if value is None else pytest.approx(value, abs=1e-12))
+            assert row[key] == (value if value is None else pytest.approx(value, abs=1e-9))
 
 
 def test_json_carries_a_version(yard: Path) -> None:
@@ -228,6 +233,49 @@ def test_more_points_than_one_chunk(yard: Path) -> None:
         # the row y = 0 belongs to the step, the others to the ramp
         expected = (2 if index % 5 < 2.5 else 12) if index % 3 == 0 else 2 + index % 5
         assert float(z) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize("form", ["csv", "json"])
+@pytest.mark.parametrize(
+    ("height", "options", "text"),
+    [
+        (1.0188999999999999, [], "1.0189"),
+        (0.1 + 0.2, [], "0.3"),
+        (-0.1234567894, [], "-0.123456789"),
+        (-1e-12, [], "0.0"),
+        (1e-12, ["--digits", 13], "1e-12"),
+        (0.1 + 0.2, ["--digits", 17], "0.30000000000000004"),
+        (2.0 / 3.0, ["--digits", 3], "0.667"),
+        (2.0 / 3.0, ["--digits", 0], "1.0"),
+        (4649776.1234567, [], "4649776.1234567"),
+        (98765432109.87654, [], "98765432109.87654"),
+        (1e22, [], "1e+22"),
+    ],
+)
+def test_numbers_have_nine_decimals_at_most(
+    tmp_path: Path, form: str, height: float, options: list[Any], text: str
+) -> None:
+    """Fewer where fewer say it, and of a large number no more than a double has."""
+    path = tmp_path / "level.json"
+    definition = {
+        "size": 3, "elemTypes": {"flat": {"x": [1]}},
+        "elemTree": {"type": "flat", "vScale": 0, "vOffset": height},
+    }  # fmt: skip
+    path.write_text(json.dumps(definition), encoding="utf-8")
+    ran = call("query", path, 1, 2, *["--json"] * (form == "json"), *options)
+    if form == "csv":
+        assert rows(ran)[0][2] == text
+    else:
+        assert f'"z": {text},' in ran.out
+
+
+@given(st.floats(-1e30, 1e30))
+def test_what_is_printed_is_what_was_found(height: float) -> None:
+    """To a billionth, or to the last bit of what is too large for that."""
+    (shown,) = query._rounded(np.array([height]), 9)
+    assert shown is not None
+    assert abs(shown - height) <= 0.5e-9 + np.spacing(abs(height)) * (abs(height) < 1e7)
+    assert len(repr(shown).partition(".")[2]) <= 9 or "e" in repr(shown) or abs(height) > 9e6
 
 
 def started(yard: Path) -> subprocess.Popen[bytes]:

@@ -458,6 +458,8 @@ def test_examples_are_not_broken_within_words() -> None:
         (("export-sim", SAMPLE, "o", "--target", "mjcf"), "mujoco"),
         (("export-dem", "a", "b.tif", "--layer", "elevation"), "height"),
         (("export-dem", "a", "b.tif", "--layer", "gradient"), "slope"),
+        (("export-dem", "a", "b.tif", "--layer", "relief"), "hillshade"),
+        (("export-dem", "a", "b.gpkg", "--layer", "isolines"), "contours"),
         (("check", "a"), "validate"),
         (("lidar", "a"), "scan"),
         (("plot", "a"), "render"),
@@ -488,6 +490,6 @@ def test_the_table_of_meanings_has_names_that_there_are() -> None:
 
 
 LAYERS_AND_TARGETS = {
-    "height", "slope", "surface", "color", "traversability", "usd", "gazebo", "nav2", "mujoco",
-    "pybullet", "chrono", "grid-map",
+    "height", "slope", "surface", "color", "hillshade", "contours", "traversability",
+    "usd", "gazebo", "nav2", "mujoco", "pybullet", "chrono", "grid-map",
 }  # fmt: skip

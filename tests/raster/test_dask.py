@@ -61,7 +61,7 @@ def test_whole_windows_threads_and_dask_are_one(tmp_path: Path) -> None:
     for one, other in zip(reports[0].files, reports[2].files, strict=True):
         assert one.statistics == other.statistics
     assert reports[0].nodata == reports[2].nodata and reports[0].surfaces == reports[2].surfaces
-    for end in ("", "-surface", "-color"):
+    for end in ("", "-surface", "-color", "-hillshade"):
         with (
             rasterio.open(tmp_path / f"whole{end}.tif") as whole,
             rasterio.open(tmp_path / "dask" / f"mosaic{end}.vrt") as index,

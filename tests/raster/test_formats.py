@@ -67,7 +67,9 @@ class TestGeoTiff:
         assert np.array_equal(np.isnan(pixels), np.isnan(plain))
         assert 0.002 < np.nanmax(abs(pixels - plain)) <= 0.01 == report.files[0].difference
 
-    @pytest.mark.parametrize("layers", [["height", "slope"], ["surface"], ["color"], ["aspect"]])
+    @pytest.mark.parametrize(
+        "layers", [["height", "slope"], ["surface"], ["color"], ["aspect"], ["hillshade"]]
+    )
     def test_cogs_are_valid(self, tmp_path: Path, layers: list[str]) -> None:
         """As rio-cogeo sees them, with overviews, and the same pixels."""
         terrain = terrain_of(SITE)
@@ -189,7 +191,7 @@ class TestOthers:
             assert np.all(file.read(1) * written.coding.scale + written.coding.offset == 3)
         assert written.difference == 0
 
-    @pytest.mark.parametrize("layer", ["surface", "color"])
+    @pytest.mark.parametrize("layer", ["surface", "color", "hillshade"])
     def test_png_of_bytes_is_exact(self, tmp_path: Path, layer: str) -> None:
         terrain, grid, _ = heights(tmp_path)
         for suffix in ("tif", "png"):

@@ -18,8 +18,9 @@ from terratool.errors import RequestError
 from terratool.io import geotiff
 from terratool.raster.grid import Window, grid_over
 from terratool.raster.layers import LAYERS, NO_COLOR
+from terratool.raster.shading import shade_bytes
 from tests.conftest import terrain_of
-from tests.mosaics import export_dem
+from tests.mosaics import export_dem, export_mosaic
 from tests.programs import needs
 
 SOIL = {
@@ -77,6 +78,8 @@ def wanted(layer: str, terrain: Any, x: np.ndarray, y: np.ndarray) -> np.ndarray
         return np.where((nx == 0) & (ny == 0), np.nan, aspect)[None]
     if layer == "normal":
         return np.stack([nx, ny, nz])
+    if layer == "hillshade":
+        return shaded(found.height, x[0, 1] - x[0, 0])[None]
     if layer == "color":
         colors = [
             surfaces.get(name, {}).get("color", NO_COLOR) if here else (0, 0, 0)
@@ -88,6 +91,33 @@ def wanted(layer: str, terrain: Any, x: np.ndarray, y: np.ndarray) -> np.ndarray
         for name, here in zip(names.ravel(), ground.ravel(), strict=True)
     ]
     return np.array(values).reshape(1, *x.shape)
+
+
+def shaded(heights: np.ndarray, side: float) -> np.ndarray:
+    """1 + 254 · the cosine between light and normal, by Horn's weights; 0 for none."""
+    light = math.radians(315), math.radians(45)
+    sun = np.array(
+        [math.sin(light[0]) * math.cos(light[1]), math.cos(light[0]) * math.cos(light[1]),
+         math.sin(light[1])]
+    )  # fmt: skip
+    rows, columns = heights.shape
+    out = np.zeros(heights.shape)
+
+    def at(row: int, column: int, middle: float) -> float:
+        inside = min(max(row, 0), rows - 1), min(max(column, 0), columns - 1)
+        value = heights[inside]
+        if inside != (row, column):  # the ground goes on as it came to the rim
+            value = 2 * value - heights[2 * inside[0] - row, 2 * inside[1] - column]
+        return middle if math.isnan(value) else value
+
+    for row, column in np.argwhere(~np.isnan(heights)).tolist():
+        own = heights[row, column]
+        near = [[at(row + j, column + i, own) for i in (-1, 0, 1)] for j in (-1, 0, 1)]
+        east = np.dot([1, 2, 1], [line[2] - line[0] for line in near]) / (8 * side)
+        north = np.dot([1, 2, 1], np.subtract(near[0], near[2])) / (8 * side)
+        normal = np.array([-east, -north, 1]) / math.sqrt(east**2 + north**2 + 1)
+        out[row, column] = round(1 + 254 * max(0.0, float(normal @ sun)))
+    return out
 
 
 @pytest.mark.parametrize("layer", LAYERS)
@@ -104,7 +134,11 @@ def test_a_layer_is_what_queries_say(tmp_path: Path, layer: str) -> None:
         assert file.descriptions == LAYERS[layer].bands
         assert {unit or "" for unit in file.units} == {LAYERS[layer].unit}
     assert pixels.shape == values.shape
-    if layer == "slope":  # arccos knows little of a level place
+    if layer == "hillshade":  # heights are rounded to single precision
+        assert pixels.dtype == np.uint8 and len(np.unique(pixels)) > 50
+        assert np.abs(pixels - values).max() <= 1
+        assert np.array_equal(pixels == 0, values == 0)
+    elif layer == "slope":  # arccos knows little of a level place
         assert np.allclose(pixels, values, rtol=0, atol=1e-4, equal_nan=True)
     else:
         assert np.allclose(pixels, values, rtol=2e-6, atol=2e-6, equal_nan=True)
@@ -147,6 +181,58 @@ def test_slope_and_aspect_mean_what_gdal_means(tmp_path: Path) -> None:
     # it rises to the east more than to the north, so it falls to the west-south-west
     assert 180 + 45 < aspect[3, 3] < 270
     assert aspect[3, 3] == pytest.approx(math.degrees(math.atan2(-0.25, -0.125)) % 360)
+
+
+@needs("gdaldem")
+def test_the_hillshade_is_that_of_gdal(tmp_path: Path) -> None:
+    """Within one count, at walls, beside the void and along the rim; corners go on otherwise."""
+    terrain = terrain_of(SITE)
+    export_dem(terrain, grid_over(terrain, 0.11), tmp_path / "a.tif", ["height", "hillshade"])
+    subprocess.run(
+        ["gdaldem", "hillshade", "-q", "-compute_edges", tmp_path / "a.tif", tmp_path / "b.tif"],
+        check=True, capture_output=True,
+    )  # fmt: skip
+    with (
+        rasterio.open(tmp_path / "a-hillshade.tif") as mine,
+        rasterio.open(tmp_path / "b.tif") as theirs,
+    ):
+        assert mine.nodata == theirs.nodata == 0
+        assert mine.colorinterp == (ColorInterp.gray,)
+        one, other = mine.read(1).astype(int), theirs.read(1).astype(int)
+    corners = np.ix_([0, -1], [0, -1])
+    other[corners] = one[corners]
+    assert np.abs(one - other).max() <= 1 and one.std() > 20
+    assert np.abs(one - other[::-1]).max() > 50 and np.abs(one - other[:, ::-1]).max() > 50
+
+
+@pytest.mark.slow
+def test_the_shade_knows_no_seams(tmp_path: Path) -> None:
+    """On curved ground the pixels beside the edges of tiles and windows are those of one file."""
+    terrain = terrain_of(
+        {"size": [13, 9], "elemTypes": {"hill": {"x": "cosbell", "y": "0.5 + 0.5*sin(9*t)"}},
+         "elemTree": {"type": "hill", "vScale": 6}}
+    )  # fmt: skip
+    grid = grid_over(terrain, 0.01)
+    export_dem(terrain, grid, tmp_path / "a.tif", ["height", "hillshade"])
+    export_mosaic(terrain, grid, tmp_path / "t", layers=["hillshade"], tile_size=512)
+    with (
+        rasterio.open(tmp_path / "a.tif") as heights,
+        rasterio.open(tmp_path / "a-hillshade.tif") as one,
+        rasterio.open(tmp_path / "t" / "mosaic.vrt") as other,
+    ):
+        whole = shade_bytes(heights.read(1), 0.01)
+        assert np.array_equal(one.read(1), whole) and np.array_equal(other.read(1), whole)
+
+
+def test_losses_are_the_same_beside_a_shade(tmp_path: Path) -> None:
+    """A window that is shaded is painted with other neighbours."""
+    terrain = terrain_of(SITE)
+    grid = grid_over(terrain, 0.009, (-2.9, 20.1, 8.3, 27.7))
+    found = [
+        export_dem(terrain, grid, tmp_path / "a.tif", layers, losses=True, overwrite=True).losses
+        for layers in (["height"], ["hillshade"])
+    ]
+    assert found[0] == found[1] and found[0].walls.pairs > 0
 
 
 class TestFiles:

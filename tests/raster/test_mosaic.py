@@ -60,11 +60,11 @@ class TestOneRaster:
         written = export_mosaic(
             terrain, grid, tmp_path / "a", layers=ALL, dtype=dtype, tile_size=size
         )
-        for end in ("", "-surface", "-color"):
+        for end in ("", "-surface", "-color", "-hillshade"):
             whole, index = tmp_path / f"a{end}.tif", tmp_path / "a" / f"mosaic{end}.vrt"
             assert pixels_of(index) == pixels_of(whole)
         assert [file.path for file in written.files] == [
-            tmp_path / "a" / f"mosaic{end}.vrt" for end in ("", "-surface", "-color")
+            tmp_path / "a" / f"mosaic{end}.vrt" for end in ("", "-surface", "-color", "-hillshade")
         ]
 
     @pytest.mark.slow
@@ -76,7 +76,7 @@ class TestOneRaster:
         grid = grid_over(terrain, 0.01)
         one = export_dem(terrain, grid, tmp_path / "a.tif", ALL)
         other = export_mosaic(terrain, grid, tmp_path / "a", layers=ALL, tile_size=512)
-        for end in ("", "-surface", "-color"):
+        for end in ("", "-surface", "-color", "-hillshade"):
             with (
                 rasterio.open(tmp_path / f"a{end}.tif") as a,
                 rasterio.open(tmp_path / "a" / f"mosaic{end}.vrt") as b,
@@ -106,12 +106,12 @@ class TestOneRaster:
     def test_another_gdal_agrees(self, tmp_path: Path, grid: Grid) -> None:
         """Also on the pixels, by its own checksums, and on the attribute table."""
         terrain = terrain_of(SITE)
-        layers = ("height", "slope", "surface", "color")
+        layers = ("height", "slope", "surface", "color", "hillshade")
         export_dem(terrain, grid, tmp_path / "a.tif", layers, compress="deflate")
         export_mosaic(
             terrain, grid, tmp_path / "a", layers=layers, tile_size=512, compress="deflate"
         )
-        for end in ("", "-surface", "-color"):
+        for end in ("", "-surface", "-color", "-hillshade"):
             told = [
                 json.loads(subprocess.check_output(["gdalinfo", "-json", "-checksum", str(path)]))
                 for path in (tmp_path / f"a{end}.tif", tmp_path / "a" / f"mosaic{end}.vrt")

@@ -315,7 +315,7 @@ class TestText:
     def test_nothing_is_written(self, tmp_path: Path) -> None:
         out = tmp_path / "out.json"
         result = call(*command(tmp_path, out, "4,10\n12,80\n"))
-        assert result.code == 2 and "outside of the terrain" in result.err
+        assert result.code == 2 and "outside the terrain" in result.err
         assert not out.exists()
 
     @pytest.mark.parametrize("which", ["path.csv", "rover.json"])

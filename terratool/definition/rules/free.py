@@ -14,7 +14,7 @@ from terratool.definition.part_sizes import Alike, PartSize
 from terratool.definition.rules.base import Subject, rule
 from terratool.definition.tree import Tree
 from terratool.definition.turning import CLOSE, turned_shape
-from terratool.definition.uses import Root, copies
+from terratool.definition.uses import Box, Root, box_of_copies, copies
 from terratool.text.display import quote
 
 _CELL_KEYS = {"cellX": "cell_x", "cellY": "cell_y", "span": "span"}
@@ -223,18 +223,14 @@ class _Crowd:
         return found
 
 
-_Box = tuple[Pair, Pair]
-"""South-west and north-east corner of a box."""
-
-
-def _out(box: _Box, parent: Pair) -> float:
+def _out(box: Box, parent: Pair) -> float:
     """Longest excess of a box beyond a cell that begins at 0; 0 for a box within the cell."""
     (west, south), (east, north) = box
     x, y = max(-west, east - parent[0]), max(-south, north - parent[1])
     return max(x if x > CLOSE * parent[0] else 0.0, y if y > CLOSE * parent[1] else 0.0)
 
 
-def _box(subject: Subject, tree: Tree, index: int) -> _Box | None:
+def _box(subject: Subject, tree: Tree, index: int) -> Box | None:
     """Box around the footprints of an element and its copies; None if they are not known."""
     at, extent, repeat = (tree.value(key, index) for key in ("at", "extent", "repeat"))
     if extent is UNSET or (tree is subject.tree and subject.left_out(index, "repeat", "turnDeg")):
@@ -246,12 +242,7 @@ def _box(subject: Subject, tree: Tree, index: int) -> _Box | None:
     scattered = tree.value("scatter", index) is not UNSET  # copies stay in the element's cell
     round_ = primitive is not None and primitive.combine == "radial"
     reach = turned_shape(pair_of(extent, math.nan), 0.0 if scattered else end.turn, round_).reach
-    count, step = ((1, 1), (0.0, 0.0)) if repeat is UNSET else (repeat.count, repeat.step)
-    last = at[0] + (count[0] - 1) * step[0], at[1] + (count[1] - 1) * step[1]
-    return (
-        (min(at[0], last[0]) - reach[0], min(at[1], last[1]) - reach[1]),
-        (max(at[0], last[0]) + reach[0], max(at[1], last[1]) + reach[1]),
-    )
+    return box_of_copies(at, reach, repeat)
 
 
 @rule("TT714", "copies-outside")

@@ -7,7 +7,7 @@ the next.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -269,23 +269,20 @@ def location_at(terrain: Terrain, x: float, y: float) -> Location:
     )
 
 
-def check_inside(
-    terrain: Terrain, what: str, place: tuple[float, float], part: Bounds, part_name: str
-) -> None:
+def check_inside(what: str, place: tuple[float, float], parts: Mapping[str, Bounds]) -> None:
     """Refuse a place outside the terrain, or outside a part of it.
 
     Args:
-        terrain: the ground.
         what: name of the place, for people.
         place: x and y, m.
-        part: west, south, east and north of the part, m.
-        part_name: name of the part, for people.
+        parts: west, south, east and north of the terrain and of the part, m, by their names for
+            people.
 
     Raises:
-        RequestError: the place lies outside the terrain or the part, or is no number.
+        RequestError: the place lies outside one of them, or is no number.
     """
     x, y = place
-    for name, (west, south, east, north) in (("the terrain", terrain.bounds), (part_name, part)):
+    for name, (west, south, east, north) in parts.items():
         if not (west <= x <= east and south <= y <= north):
             sides = coordinates((west, south, east, north))
             raise RequestError(

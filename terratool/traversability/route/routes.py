@@ -515,5 +515,5 @@ def _cell_inside(terrain: Terrain, survey: Survey, place: Point, what: str) -> C
         RequestError: the place lies outside the terrain or the survey.
     """
     part = "the part of the terrain that is looked at"
-    check_inside(terrain, what, place, survey.grid.bounds, part)
+    check_inside(what, place, {"the terrain": terrain.bounds, part: survey.grid.bounds})
     return cell_of(survey.grid, *place)
