@@ -118,10 +118,10 @@ class AddedDocument(Document, frozen=True, kw_only=True):
     ),
     click.option(
         "--distance", type=float, metavar="D", callback=_finite,
-        help="What is left between two at least.  [default: they may overlap]",
+        help="With --scatter: what is left between two.  [default: they may overlap]",
     ),
-    click.option("--turned", is_flag=True, default=None, help="Each is turned by chance."),
-    click.option("--seed", type=int, metavar="N", help="Number that the places follow from."),
+    click.option("--turned", is_flag=True, default=None, help="With --scatter: each is turned."),
+    click.option("--seed", type=int, metavar="N", help="With --scatter: where they lie."),
 )  # fmt: skip
 @option_group(
     "How high it is",

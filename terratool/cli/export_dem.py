@@ -66,7 +66,7 @@ COMPRESSIONS = ("zstd", "deflate", "lzw", "lerc", "none")
         "--interval",
         type=float,
         metavar="H",
-        help="From one of the contours to the next.  [default: a round one, for about eight]",
+        help="From one contour to the next.  [default: for about eight]",
     ),
     click.option(
         "--losses/--no-losses", default=True, help="Whether to say what the pixels do not show."

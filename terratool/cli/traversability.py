@@ -120,7 +120,7 @@ SAMPLES = (256, 16, 1024)  # default, least, most
         "formats",
         multiple=True,
         metavar="FORM",
-        help="As validate has them; FORM=OUT goes into a file; may be repeated.  [default: text]",
+        help="Of findings, as for validate; FORM=OUT goes into a file.  [default: text]",
     ),
     json_option("The same as --format json."),
 )
@@ -191,11 +191,9 @@ def command(
 ) -> int:
     """Say whether a vehicle can drive on a terrain, FILE, where not, and why.
 
-    For each surface: how deep the wheels sink, what they pull, what they climb. For each place and
-    heading: go, caution or no-go, and what binds; with a route alone only of the ground that
-    matters to it. Ends with 1 where there is no way for a route. Of several FILEs, or those of a
-    DIR, a table says what becomes of each, and all that fails is a finding. Vehicles, routes and
-    conditions may stand in .terratool.toml.
+    For surfaces: how deep wheels sink, what they pull, what they climb. For places and headings:
+    go, caution or no-go, and what binds. Ends with 1 where a route has no way. Of several FILEs, or
+    a DIR: a table, and findings where one fails. Settings may stand in .terratool.toml.
 
     --fail-on takes >, >=, < or <= and go-, caution-, no-go-, unknown-, one-way-, cut-off-, edge-,
     reachable-fraction; route-length, route-time, route-energy; least-margin, steepest, sinkage.
