@@ -31,8 +31,7 @@ from terratool.importing.terrain.build import ImportReport
 from terratool.importing.terrain.methods import Method
 from terratool.mesh.origin import Origin
 from terratool.mesh.request import AnyMeshReport
-from terratool.raster.dem import DemArrays
-from terratool.raster.export import RasterReport
+from terratool.raster.dem import AnyDemReport, DemArrays
 from terratool.sensing.export import ScanReport
 from terratool.sensing.readings import Frame
 from terratool.sensing.sensor import Sensor as Sensor
@@ -133,8 +132,9 @@ class Terrain(ShownTerrain):
         tiles: str | Path | None = None,
         tile_size: int | None = None,
         dask: str | None = None,
-    ) -> RasterReport:
-        """Write the terrain as a raster, as `terratool export-dem` does."""
+        interval: float | None = None,
+    ) -> AnyDemReport:
+        """Write the terrain as a raster or as contours, as `terratool export-dem` does."""
 
     def to_mesh(
         self,

@@ -460,7 +460,8 @@ class Reach:
     Attributes:
         start: place that the vehicle starts from.
         share: share of the pixels with ground, but those at the edge, that can be reached.
-        returnable: share of them that can be reached and left again to the start.
+        returnable: share of the pixels with ground, but those at the edge, that can be reached and
+            left again to the start.
         cells: (height, width) bool, pixels that can be reached; rows from the north.
         note: a sentence where the vehicle cannot stand at the start; else empty.
     """

@@ -18,7 +18,7 @@ from tests.commands import SAMPLE
 VERBS: dict[str, tuple[str, dict[str, str]]] = {
     "write_dem": ("export-dem", {"output": "path"}),
     "write_mesh": ("export-mesh", {"output": "path", "no_normals": "normals"}),
-    "export_sim": ("export-sim", {"targets": "target"}),
+    "export_sim": ("export-sim", {"targets": "target", "output": "folder"}),
     "render": ("render", {"output": "path", "no_legend": "legend"}),
     "traversability": ("traversability", {"reports": "report", "map_": "map"}),
     "write_scan": ("scan", {"sensor_file": "sensor", "poses": "pose", "path_file": "poses"}),

@@ -216,7 +216,7 @@ def with_output_first() -> click.Command:
         (with_option("--turn", is_flag=True), wrong_meanings),
         (with_option("--levels", metavar="N", type=int), wrong_meanings),  # shared, in no table
     ],
-    ids=str,
+    ids=lambda value: getattr(value, "__name__", None),
 )
 def test_a_command_that_is_not_is_told_of(
     command: click.Command, check: Callable[[Commands], Iterator[str]] | None
