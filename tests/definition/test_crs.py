@@ -230,6 +230,7 @@ LIDAR = ROOT / "samples" / "sensors" / "velodyne-vlp-16.json"
         ("export-dem", "t.json", "o.tif", "--layer", "slope"),
         ("export-dem", "t.json", "--tiles", "o", "--layer", "height", "--layer", "aspect"),
         ("export-dem", "t.json", "o.tif", "--layer", "normal"),
+        ("export-dem", "t.json", "o.tif", "--layer", "hillshade"),
         ("render", "t.json", "o.png", "--layer", "slope"),
         ("render", "t.json", "o.png", "--layer", "traversability", *VEHICLE),
     ],
