@@ -289,7 +289,8 @@ _FIGURES = {
     "max_slip": "max_slip",
 }  # fmt: skip
 """Keys of a wheel in a vehicle file, by the names of the options."""
-_WHEEL = ("load", *_FIGURES)
+WHEEL = ("load", *_FIGURES)
+"""Parameters of the options about a wheel by itself."""
 _LEAST, _MOST = 1e-6, 1e9
 """Least and largest value of an option about a wheel, between which nothing overflows."""
 
@@ -358,7 +359,7 @@ def vehicle_from(values: dict[str, Any]) -> Vehicle:
         DefinitionError: the vehicle's file has errors, or is a terrain.
     """
     path = values.pop("vehicle")
-    wheel = {name: value for name in _WHEEL if (value := values.pop(name)) is not None}
+    wheel = {name: value for name in WHEEL if (value := values.pop(name)) is not None}
     if path is not None:
         if wheel:
             raise click.UsageError(
@@ -405,7 +406,7 @@ def vehicles_from(values: dict[str, Any]) -> list[Vehicle]:
         click.UsageError, ReadError, DefinitionError: `vehicle_from` raises them.
     """
     paths = values.pop("vehicle")
-    wheel = {name: values.pop(name) for name in _WHEEL}
+    wheel = {name: values.pop(name) for name in WHEEL}
     if len(paths) < 2:
         return [vehicle_from({"vehicle": paths[0] if paths else None, **wheel})]
     from dataclasses import replace

@@ -9,6 +9,7 @@ import click
 
 from terratool.cli.command import Command, option_group
 from terratool.cli.options import (
+    WHEEL,
     WordChoice,
     json_option,
     library_root_option,
@@ -214,9 +215,9 @@ def command(
     settings = project_settings(config_file)
     for text in conditions:
         parse(text)
-    wheel = any(values[name] is not None for name in ("wheel_radius", "wheel_width", "load"))
+    wheel = any(values[name] is not None for name in WHEEL)
     own = DriveSettings(
-        vehicles=() if wheel else values["vehicle"] or None, routes=routes or None, start=start,
+        vehicles=values["vehicle"] or (() if wheel else None), routes=routes or None, start=start,
         fail_on=conditions or None, resolution=resolution,
     )  # fmt: skip
     base = Request(

@@ -267,7 +267,7 @@ class MapBuilder:
         window = Window(row, column, 1, 1)
         x, y = self.grid.columns(window)[0], self.grid.rows(window)[0]
         counted = self.ground & (classes != GroundClass.EDGE)
-        share = np.count_nonzero(found.returned) / np.count_nonzero(counted)
+        share = np.count_nonzero(found.returned & counted) / np.count_nonzero(counted)
         return LargestPart((float(x), float(y)), share)
 
     def summary(

@@ -29,7 +29,12 @@ from terratool.traversability.assess import Request, assess, prepare_assessment
 from terratool.traversability.ranges import Draws, draw, level_chances, share_error, soil_samples
 from terratool.traversability.report import document, tables
 from terratool.traversability.report.routes import as_geojson
-from terratool.traversability.results import CHANCE_BOUNDS, TraversabilityReport, Verdict
+from terratool.traversability.results import (
+    CHANCE_BOUNDS,
+    GroundClass,
+    TraversabilityReport,
+    Verdict,
+)
 from terratool.traversability.soil import surface_figures
 from terratool.traversability.survey import Surveyor
 from terratool.traversability.tiles import part_of
@@ -322,7 +327,7 @@ class TestCommand:
             ("sand", "cohesion"), ("sand", "fricAngle"), ("sand", "sinkage"),
             ("sand", "shearModulus"), ("loam", "fricAngle"),
         ]  # fmt: skip
-        ground = np.isfinite(found["chance"])
+        ground = np.isfinite(found["chance"]) & (found["verdict"] != GroundClass.EDGE)
         edges = [1.01, *CHANCE_BOUNDS]
         counts = [
             int(np.sum((low <= found["chance"][ground]) & (found["chance"][ground] < high)))

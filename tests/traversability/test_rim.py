@@ -14,6 +14,8 @@ from terratool.traversability.assess import Request, assess, prepare_assessment
 from terratool.traversability.map import MapBuilder, begin_of, stream_map
 from terratool.traversability.report.wording import conclusion
 from terratool.traversability.results import GroundClass, Reason, TraversabilityReport, Verdict
+from terratool.traversability.route.reach import Connected
+from terratool.traversability.route.routes import reach_of
 from terratool.traversability.soil import turnings
 from terratool.traversability.survey import Surveyor
 from terratool.traversability.tiles import survey
@@ -197,3 +199,12 @@ def test_shares_leave_the_edge_out_and_have_its_own() -> None:
     assert fraction_of(counts, GroundClass.EDGE) == 0.5
     assert fraction_of({GroundClass.EDGE: 3}, GroundClass.GO) == 0.0
     assert fraction_of({GroundClass.EDGE: 3}, GroundClass.EDGE) == 1.0
+
+
+def test_no_more_is_reached_than_counts() -> None:
+    """Ground that is at the edge is in neither number, also where the vehicle gets to it."""
+    place, nothing = (1.0, 1.0), np.array([[False, True], [False, False]])
+    reached = np.array([[True, True], [True, False]])
+    counted = np.array([[True, False], [True, True]])
+    found = reach_of(yard(), place, Connected(reached, ~nothing & reached), counted)
+    assert found.share == 2 / 3 and found.returnable == 2 / 3

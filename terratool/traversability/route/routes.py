@@ -339,8 +339,8 @@ def reach_of(
         )
     return Reach(
         location_at(terrain, *start),
-        np.count_nonzero(found.reached) / whole,
-        np.count_nonzero(found.returned) / whole,
+        np.count_nonzero(found.reached & ground) / whole,
+        np.count_nonzero(found.returned & ground) / whole,
         found.reached,
         note,
     )
