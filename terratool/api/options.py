@@ -302,7 +302,11 @@ def spoken(text: str, known: Mapping[str, NamedOption]) -> str:
             stop, said = flag.end(1), f"{name}={value}"
         elif flag[2]:
             said = f"{name}=…"
-        elif name in _WORDS and (word := _WORD.match(text, flag.end())):
+        elif (
+            name in _WORDS
+            and flag[1].replace("-", "_") not in _OTHERWISE
+            and (word := _WORD.match(text, flag.end()))
+        ):
             several = known[name].annotation.startswith("Sequence")
             stop, said = word.end(), f'{name}=["{word[1]}"]' if several else f'{name}="{word[1]}"'
         else:

@@ -108,8 +108,8 @@ class AddedDocument(Document, frozen=True, kw_only=True):
         help="With --repeat: from one to the next, in cells with --cell, else in units.",
     ),
     click.option(
-        "--scatter", nargs=2, type=float, metavar="LEAST MOST", callback=_finite,
-        help="Strewn over its cell, with sides from LEAST to MOST.",
+        "--scatter", nargs=2, type=float, metavar="LOW HIGH", callback=_finite,
+        help="Strewn over its cell, with sides from LOW to HIGH.",
     ),
     click.option("--count", type=int, metavar="N", help="With --scatter: so many."),
     click.option(

@@ -33,7 +33,7 @@ SHELL = {
     "wheel_radius", "wheel_width", "load", "grouser_height", "tyre_pressure", "contact_length",
     "torque", "max_slip",  # a Vehicle in Python
     "conditions", "exit_code",  # exit codes
-    "formats", "max_changes", "called", "git", "difftool",  # texts and git
+    "config_file", "formats", "max_changes", "called", "git", "difftool",  # texts and git
 }  # fmt: skip
 """Parameters of commands that are about files, shells and exit codes, or stand in a record."""
 

@@ -28,7 +28,7 @@ IN_PLACE = {"add", "deform", "view", "import-primitive"}
 """Commands that do without an output, but take one."""
 PLACES = {
     "X Y", "X Y Z", "X0 Y0 X1 Y1", "W S E N", "W H", "COL ROW W H", "X Y Z YAW PITCH ROLL",
-    "LOW HIGH",
+    "LOW HIGH", "NX NY", "DX DY",
 }  # fmt: skip
 MOST_LINES, WIDE = 45, 100
 
