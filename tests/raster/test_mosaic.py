@@ -532,7 +532,7 @@ class TestWrong:
         [
             (["a.tif", "--dask", "local"], 2, "Add --tiles DIR"),
             (["a.tif", "--tile-size", "512"], 2, "Add --tiles DIR"),
-            (["--dask", "local"], 2, "OUTPUT"),
+            (["--dask", "local"], 2, "'OUT'"),
             (["a.vrt"], 2, "--tiles"),
             (["a.tif", "--tiles", "t"], 2, "is a .vrt"),
             (["--tiles", "t", "--cog"], 2, "--cog"),
