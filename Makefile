@@ -112,7 +112,7 @@ stubs: $(VENV)/.installed-dev-$(VARIANTS)  ## Write the type stubs of the kernel
 	$(BIN)/python kernels/python/stubs.py
 	$(BIN)/python -m tests.stubs
 
-schemas: $(VENV)/.installed-$(EXTRAS)  ## Write the schemas, of the table of keys and of the records of results
+schemas: $(VENV)/.installed-$(EXTRAS)-$(VARIANTS)  ## Write the schemas, of the table of keys and of the records of results
 	$(BIN)/python -m terratool.cli.output_schemas schemas
 
 docs: pages site  ## Write the pages that are generated, and build the site of all pages into out/site
