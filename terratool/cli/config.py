@@ -9,20 +9,25 @@ from __future__ import annotations
 import contextlib
 import os
 import re
-from fnmatch import fnmatch
+from collections.abc import Iterable
+from itertools import islice
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
 import msgspec
 from msgspec import Meta, Struct, field
 
+from terratool.cli.patterns import hint_on, idle_patterns, is_match
 from terratool.errors import ReadError, RequestError
+from terratool.report.wording import count_of
 from terratool.text.display import quote
 
 _T = TypeVar("_T")
 _OWN_FIELDS = ("file", "folder", "named")
 OWN, SHARED = ".terratool.toml", "pyproject.toml"
 _MOST_BYTES = 1 << 20
+_MOST_IDLE = 10
+"""Most patterns without a match that are told."""
 _PART = r"""(?:[\w-]+|"(?:[^"\\\n]|\\.)*"|'[^'\n]*')"""
 _long_key = re.compile(rf"(?<![\w-]){_PART}(?:[ \t]*\.[ \t]*{_PART}){{30}}").search
 """Search for a key of more than 30 parts (a.a.a…), whose parsing takes quadratic time."""
@@ -171,16 +176,34 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab", kw
             found |= {name: value for name, value in given.items() if value is not None}
         return DriveSettings(**found)
 
+    def idle(self, table: str, patterns: Iterable[str], files: Iterable[str]) -> list[RequestError]:
+        """Errors on the patterns of a table that match none of the files.
+
+        Args:
+            table: name of the table of settings.
+            patterns: its patterns.
+            files: names of all files that were looked at.
+        """
+        paths = {self._path_below(file) for file in files}
+        counted = f"none of the {count_of(len(paths), 'file')}" if paths else "no file"
+        return [
+            RequestError(
+                f"{self.file}: the pattern {quote(pattern)} of [{table}] matches {counted}.",
+                hint_on(pattern, paths),
+            )
+            for pattern in islice(idle_patterns(patterns, paths), _MOST_IDLE)
+        ]
+
     def _of_file(self, table: dict[str, _T], file: str) -> list[_T]:
-        """Values of the patterns that match a file; one without a slash looks at its name alone."""
+        """Values of the patterns that match a file."""
         if not table:
             return []
-        path = Path(os.path.relpath(file or ".", self.folder)).as_posix()
-        return [
-            value
-            for pattern, value in table.items()
-            if fnmatch(path if "/" in pattern else path.rpartition("/")[2], pattern)
-        ]
+        path = self._path_below(file)
+        return [value for pattern, value in table.items() if is_match(pattern, path)]
+
+    def _path_below(self, file: str) -> str:
+        """Path of a file, with slashes, from the folder of the settings."""
+        return Path(os.path.relpath(file or ".", self.folder)).as_posix()
 
 
 def _is_hidden(part: str) -> bool:

@@ -79,6 +79,19 @@ class GatePlan(Struct, frozen=True):
                 if not self.reports.writes(name) and (name == given or _may_be_terrain(name)):
                     yield name
 
+    def refuse_idle(self, files: Sequence[str]) -> None:
+        """Refuse settings for files of which there are none, where the settings name all files.
+
+        Raises:
+            RequestError: a pattern matches no file.
+        """
+        patterns = () if self.names else self.settings.traversability.per_file
+        *others, last = [None, *self.settings.idle("traversability.per-file", patterns, files)]
+        for error in filter(None, others):
+            say_error(error.message, error.hint)
+        if last is not None:
+            raise last
+
     def job(self, file: str, known: dict[tuple[str, ...], tuple[Vehicle, ...]]) -> FileJob:
         """Job of a file, with the vehicles that are known or now read."""
         from terratool.traversability.conditions import parse
@@ -141,7 +154,10 @@ def judge_many(plan: GatePlan, threads: int) -> int:
     plan.reports.refuse_outputs()
     unreadable: list[Unreadable] = []
     known: dict[tuple[str, ...], tuple[Vehicle, ...]] = {}
-    jobs = [plan.job(file, known) for file in plan.files(unreadable)]
+    files = [*plan.files(unreadable)]
+    if not unreadable:
+        plan.refuse_idle(files)
+    jobs = [plan.job(file, known) for file in files]
     with StatusLine("judging", len(jobs), unit="files") as status:
         found = judge_files(jobs, threads, status)
     unreadable += [

@@ -431,3 +431,30 @@ def test_names_that_are_none(project: Path) -> None:
     Path(".terratool.toml").write_text('paths = ["a\\u0000b"]', encoding="utf-8")
     ran = call("validate")
     assert ran.code == 3 and "is no name of a file" in ran.err
+
+
+def test_a_pattern_without_a_file_is_told(project: Path) -> None:
+    """Also below another folder; an error where settings are strict, and not for named files."""
+    ignores = '[per-file-ignores]\n"old/*" = ["TT1"]\n"b.json" = ["TT210"]\n"zz*" = ["TT1"]\n'
+    settings = project / ".terratool.toml"
+    settings.write_text(f'paths = ["sites"]\nignore = ["TT106"]\n{ignores}', "utf-8")
+    ran = call("validate")
+    assert ran.code == 0 and "3 files checked" in ran.out
+    first, _, second = ran.err.splitlines()[0:3]
+    assert '"old/*" of [per-file-ignores] matches none of the 3 files' in first
+    assert 'Did you mean "sites/old/*"?' in ran.err
+    assert '"zz*"' in ran.err and 'a file is "sites/a.json"' in ran.err and second
+    assert '"b.json"' not in ran.err
+    assert call("validate", "--strict").code == 2
+    assert call("validate", "sites", "--strict").err == ""
+    settings.write_text('paths = ["sites", "absent"]\n' + ignores, "utf-8")
+    ran = call("validate", "--strict")
+    assert ran.code == 3 and "pattern" not in ran.err
+
+
+@pytest.mark.parametrize("pattern", ["*a" * 5000, "[[a]--&&[!]", "/" * 9000, "x/" * 300])
+def test_a_pattern_without_a_file_may_be_hard(project: Path, pattern: str) -> None:
+    text = f'paths = ["sites"]\n[per-file-ignores]\n"{pattern}" = ["TT1"]\n'
+    (project / ".terratool.toml").write_text(text, "utf-8")
+    ran = call("validate")
+    assert ran.code == 1 and "matches none" in ran.err and len(ran.err) < 600

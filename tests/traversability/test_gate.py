@@ -293,3 +293,26 @@ def test_settings_of_a_file(project: Path) -> None:
     put(".terratool.toml", "[traversability]\nper-file = 3\n")
     with pytest.raises(RequestError, match="not taken"):
         project_settings(None)
+
+
+@pytest.mark.parametrize(
+    ("pattern", "meant"),
+    [
+        ("site/*", "sites/*"), ("walls.json", "walled.json"), ("sites", "sites/*"),
+        ("sites/", "sites/*"), ("sites/waled.json", "sites/walled.json"),
+    ],
+)  # fmt: skip
+def test_a_pattern_without_a_file_does_not_open_the_gate(
+    project: Path, pattern: str, meant: str
+) -> None:
+    """Refused where the settings name all files; said of no file that is looked at by itself."""
+    rest = f'[traversability.per-file."{pattern}"]\nroutes = [[1, 3, 8, 3]]\n'
+    put(".terratool.toml", f'[traversability]\npaths = ["sites"]\nresolution = 0.3\n{rest}')
+    ran = call("traversability", "--vehicle", "husky.json")
+    assert ran.code == 2 and ran.out == ""
+    assert (
+        f'pattern "{pattern}" of [traversability.per-file] matches none of the 2 files' in ran.err
+    )
+    assert ran.err.endswith(f'Did you mean "{meant}"?\n')
+    ran = call("traversability", "sites", "--vehicle", "husky.json")
+    assert ran.code == 0 and ran.err == ""
