@@ -17,7 +17,7 @@ _MOST = 100
 
 
 def is_match(pattern: str, path: str) -> bool:
-    """Whether a pattern matches a path with slashes; one without a slash looks at its name alone."""
+    """Whether a pattern matches a path with slashes, or its name where the pattern has none."""
     return fnmatch(path if "/" in pattern else path.rpartition("/")[2], pattern)
 
 

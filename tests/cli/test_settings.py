@@ -458,3 +458,24 @@ def test_a_pattern_without_a_file_may_be_hard(project: Path, pattern: str) -> No
     (project / ".terratool.toml").write_text(text, "utf-8")
     ran = call("validate")
     assert ran.code == 1 and "matches none" in ran.err and len(ran.err) < 600
+
+
+def test_folders_of_outputs_of_settings_are_made(project: Path) -> None:
+    """Below the settings alone; those of the command line have to exist."""
+    settings = project / ".terratool.toml"
+    settings.write_text('formats = ["text", "junit=out/ci/found.xml"]\n', "utf-8")
+    ran = call("validate", "sites/a.json")
+    assert ran.code == 0 and ran.err == ""
+    assert ElementTree.parse("out/ci/found.xml").getroot().tag == "testsuites"
+    ran = call("validate", "sites/a.json", "--format", "junit=new/found.xml")
+    assert ran.code != 0 and "the folder new does not exist" in ran.err
+    outside = project.parent / f"{project.name}-outside"
+    outside.mkdir()
+    Path("way").symlink_to(outside)
+    Path("gone").symlink_to("nowhere")
+    for place in ("way/new", f"../{outside.name}/new", "sites/a.json", "gone", ".git/new"):
+        settings.write_text(f'formats = ["junit={place}/found.xml"]\n', "utf-8")
+        ran = call("validate", "sites/a.json")
+        assert ran.code in (2, 3) and ran.out == "" and place.partition("/")[0] in ran.err
+    assert not list(outside.iterdir()) and not Path("nowhere").exists()
+    assert not Path(".git").exists() and not Path("new").exists()

@@ -316,3 +316,22 @@ def test_a_pattern_without_a_file_does_not_open_the_gate(
     assert ran.err.endswith(f'Did you mean "{meant}"?\n')
     ran = call("traversability", "sites", "--vehicle", "husky.json")
     assert ran.code == 0 and ran.err == ""
+
+
+@pytest.mark.slow
+def test_conditions_of_settings_on_routes_are_for_files_with_routes(project: Path) -> None:
+    """Those of the command line need a route, and a wrong path is told before."""
+    put(
+        ".terratool.toml",
+        '[traversability]\nvehicles = ["husky.json"]\nresolution = 0.3\n'
+        'fail-on = ["no-route", "least-margin<2"]\n'
+        '[traversability.per-file."walled.json"]\nroutes = [[1, 1, 3, 1]]\n',
+    )
+    ran = call("traversability", "sites/open.json")
+    assert ran.code == 0 and ran.out.startswith("go: ")
+    ran = call("traversability", "sites/walled.json")
+    assert ran.code == 1 and "--fail-on least-margin<2: least-margin is " in ran.err
+    ran = call("traversability", "sites/open.json", "--fail-on", "no-route")
+    assert ran.code == 2 and "needs a route" in ran.err
+    ran = call("traversability", "absent.json", "--fail-on", "no-route")
+    assert ran.code == 3 and ran.err.startswith("terratool: absent.json: ")
