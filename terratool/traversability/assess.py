@@ -321,14 +321,32 @@ def _fewest_headings(terrain: Terrain, vehicle: Vehicle, request: Request, grid:
     return HEADINGS
 
 
-def first_look(prepared: PreparedRequest) -> Iterator[str]:
-    """Sentences on routes and reach that fail as the vehicle cannot stand at a start or goal."""
-    start = prepared.request.start
-    for x0, y0, x1, y1 in prepared.request.routes:
+class BlockedEnd(NamedTuple):
+    """The start or goal of a route at which the vehicle cannot stand.
+
+    Attributes:
+        route: number of the route in the request, from 0.
+        note: sentences on why, and on where it can.
+    """
+
+    route: int
+    note: str
+
+
+def blocked_ends(prepared: PreparedRequest) -> Iterator[BlockedEnd]:
+    """Yield the starts and goals of routes at which the vehicle cannot stand."""
+    for number, (x0, y0, x1, y1) in enumerate(prepared.request.routes):
         for what, place in (("start", (x0, y0)), ("goal", (x1, y1))):
             why = _cannot_stand_note(prepared, f"the route's {what}", place, prepared.tiles)
             if why and not (prepared.ways and prepared.ways.stands(place)):
-                yield f"There is no such route. {why}"
+                yield BlockedEnd(number, why)
+
+
+def first_look(prepared: PreparedRequest) -> Iterator[str]:
+    """Sentences on routes and reach that fail as the vehicle cannot stand at a start or goal."""
+    start = prepared.request.start
+    for end in blocked_ends(prepared):
+        yield f"There is no such route. {end.note}"
     if start is not None and (why := _no_start_note(prepared, start)):
         yield f"Nothing can be reached. {why}"
 

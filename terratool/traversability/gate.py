@@ -23,7 +23,7 @@ from terratool.field.terrain import Terrain
 from terratool.processes import python_calling
 from terratool.text.locate import Address, offsets, positions_of
 from terratool.text.source import Source, read_source
-from terratool.traversability.assess import Request, assess
+from terratool.traversability.assess import BlockedEnd, Request, assess, blocked_ends
 from terratool.traversability.compare import prepare
 from terratool.traversability.conditions import parse
 from terratool.traversability.report.wording import conclusion, route_line
@@ -37,7 +37,11 @@ def _rule(code: str, name: str, manual: str) -> Rule:
 
 GATES = (
     _rule("TD101", "no-route", "A route, or a way back that was asked for, cannot be driven."),
-    _rule("TD102", "no-start", "The vehicle cannot stand at the place that it sets out from."),
+    _rule(
+        "TD102",
+        "no-start",
+        "The vehicle cannot stand at the start or goal of a route, or at --from.",
+    ),
     _rule("TD103", "condition", "A condition of --fail-on holds."),
     _rule("TD104", "refused", "What was asked makes no sense on this terrain."),
     _rule("TD105", "broken-off", "The judgement ended before it was done, as for want of memory."),
@@ -119,15 +123,19 @@ def judge_file(job: FileJob) -> FileVerdict:
     try:
         terrain = Terrain(checked, roughness=job.roughness)
         planned, _ = prepare(terrain, job.vehicles, job.request)
-        reports = []
+        reports, blocked = [], []
         while planned:  # each holds much memory
-            reports.append(assess(planned.pop(0), name=os.path.basename(job.file)))  # noqa: PTH119
+            one = planned.pop(0)
+            blocked.append([*blocked_ends(one)])
+            reports.append(assess(one, name=os.path.basename(job.file)))  # noqa: PTH119
     except TerratoolError as error:
         refused = _finding(source, "TD104", error.message, error.hint)
         return FileVerdict(job.file, findings=(refused,))
     several = len(reports) > 1
     findings = [
-        finding for report in reports for finding in _failures(source, job, report, several)
+        finding
+        for report, ends in zip(reports, blocked, strict=True)
+        for finding in _failures(source, job, report, ends, several)
     ]
     findings.sort(key=lambda finding: (finding.line, finding.column))
     return FileVerdict(job.file, tuple(map(_row, reports)), tuple(findings))
@@ -140,19 +148,25 @@ def _broken(source: Source, checked: Checked) -> tuple[Finding, ...]:
 
 
 def _failures(
-    source: Source, job: FileJob, report: TraversabilityReport, several: bool
-) -> Iterator[Finding]:
-    """Yield what a report fails on."""
+    source: Source, job: FileJob, report: TraversabilityReport, blocked: list[BlockedEnd],
+    several: bool,
+) -> Iterator[Finding]:  # fmt: skip
+    """Yield what a report fails on; routes whose ends are blocked fail as such."""
     whose = f"{report.vehicle.name}: " * several
-    for route in report.routes:
-        if not route.holds:
+    for end in blocked:
+        hint = "Make room there, or move the route's end."
+        yield _finding(source, "TD102", whose + end.note, hint, _element(end.note))
+    barred = {end.route for end in blocked}
+    for number, route in enumerate(report.routes):  # waypoints come last
+        if not route.holds and number not in barred:
             yield _finding(
                 source, "TD101", whose + route_line(_lost(route)),
                 "Make room there, or ask for another way.", _pointer(route),
             )  # fmt: skip
     if report.reach is not None and report.reach.note:
         hint = "Make room there, or set out from another place."
-        yield _finding(source, "TD102", whose + report.reach.note, hint)
+        note = report.reach.note
+        yield _finding(source, "TD102", whose + note, hint, _element(note))
     for text in job.conditions:
         condition = parse(text)
         if condition.name == "no-route" or (condition.needs == "route" and not report.routes):
@@ -170,7 +184,12 @@ def _lost(route: Route) -> Route:
 def _pointer(route: Route) -> str:
     """Pointer of the element of the file that bars a route first; empty where none is named."""
     barriers = _lost(route).barriers
-    named = re.match(r"/elemTree(/children/\d+)*", barriers[0].bars) if barriers else None
+    return _element(barriers[0].bars) if barriers else ""
+
+
+def _element(text: str) -> str:
+    """Pointer of the element of the file that a text names first; empty where it names none."""
+    named = re.search(r"(?<!\S)/elemTree(/children/\d+)*", text)
     return named[0] if named else ""
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 from dataclasses import replace
 from pathlib import Path
@@ -335,3 +336,30 @@ def test_conditions_of_settings_on_routes_are_for_files_with_routes(project: Pat
     assert ran.code == 2 and "needs a route" in ran.err
     ran = call("traversability", "absent.json", "--fail-on", "no-route")
     assert ran.code == 3 and ran.err.startswith("terratool: absent.json: ")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("way", "end"), [((5, 3, 8, 3), "start"), ((1, 2, 5, 3), "goal")])
+def test_an_end_where_the_vehicle_cannot_stand_is_told_as_alone(
+    project: Path, way: tuple[float, ...], end: str
+) -> None:
+    """In the words of the run over one file, with a place that will do, at the element."""
+    alone = call("traversability", "sites/walled.json", "--vehicle", "husky.json", *COARSE,
+                 "--route", *way)  # fmt: skip
+    told = next(line for line in alone.err.splitlines() if "cannot stand" in line)
+    found = gated("sites", "--route", *way)
+    (finding,) = found["findings"]
+    assert (finding["file"], finding["code"]) == ("sites/walled.json", "TD102")
+    assert told == f"terratool: There is no such route. {finding['message']}"
+    near = re.search(rf"route's {end}, 5 3, .*It can stand and move at (\S+) (\S+),", told)
+    assert near and abs(float(near[1]) - 5) > 0.15 + 0.3
+    assert finding["pointer"] == "/elemTree/children/0"
+    better = (*map(float, near.groups()), 1, 2)
+    found = gated("sites/open.json", "sites/walled.json", "--route", *better)
+    assert not any(finding["code"] == "TD102" for finding in found["findings"])
+
+
+@pytest.mark.slow
+def test_an_end_that_is_blocked_leaves_other_routes_as_they_are(project: Path) -> None:
+    found = gated("sites", "--route", 1, 3, 5, 3, "--route", *WAY)
+    assert [finding["code"] for finding in found["findings"]] == ["TD102", "TD101"]
