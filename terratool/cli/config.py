@@ -176,6 +176,16 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab", kw
             found |= {name: value for name, value in given.items() if value is not None}
         return DriveSettings(**found)
 
+    def drive_source(self, name: str, file: str) -> str:
+        """Pattern, or table, and file that set an attribute of `DriveSettings` for a file."""
+        path, found = self._path_below(file), ""
+        if getattr(self.traversability, name) is not None:
+            found = "[traversability]"
+        for pattern, settings in self.traversability.per_file.items():
+            if getattr(settings, name) is not None and is_match(pattern, path):
+                found = quote(pattern)
+        return found and f"{found} in {os.path.relpath(self.file)}"
+
     def idle(self, table: str, patterns: Iterable[str], files: Iterable[str]) -> list[RequestError]:
         """Errors on the patterns of a table that match none of the files.
 

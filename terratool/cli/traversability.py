@@ -203,7 +203,7 @@ def command(
     from pathlib import Path
 
     from terratool.cli.config import DriveSettings, project_settings
-    from terratool.cli.gate import asked_of
+    from terratool.cli.gate import asked_of, places_of
     from terratool.text.source import is_folder, refuse_absent
     from terratool.traversability.assess import Request, check_places
     from terratool.traversability.compare import prepare
@@ -256,9 +256,8 @@ def command(
     wants_map = map_ is not None or len(lines_only) + len(curves) < len(reports)
     request = replace(
         base,
-        routes=routes,
-        start=start,
         resolution=resolution,
+        **places_of(file, own, settings),
         mapped=wants_map or any(check.needs == "map" for check in checks),
     )
     terrain = load(file, early=partial(check_places, request))

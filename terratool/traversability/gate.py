@@ -12,12 +12,10 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from inspect import cleandoc
 from queue import Empty, SimpleQueue
 
 from terratool.definition.findings import Finding
 from terratool.definition.reader import Checked, CheckOptions, check, no_terrain
-from terratool.definition.rules.base import Rule
 from terratool.errors import ReadError, TerratoolError
 from terratool.field.terrain import Terrain
 from terratool.processes import python_calling
@@ -29,24 +27,6 @@ from terratool.traversability.conditions import parse
 from terratool.traversability.report.wording import conclusion, route_line
 from terratool.traversability.results import Route, TraversabilityReport
 from terratool.traversability.vehicle import Vehicle
-
-
-def _rule(code: str, name: str, manual: str) -> Rule:
-    return Rule(code, name, "error", cleandoc(manual))
-
-
-GATES = (
-    _rule("TD101", "no-route", "A route, or a way back that was asked for, cannot be driven."),
-    _rule(
-        "TD102",
-        "no-start",
-        "The vehicle cannot stand at the start or goal of a route, or at --from.",
-    ),
-    _rule("TD103", "condition", "A condition of --fail-on holds."),
-    _rule("TD104", "refused", "What was asked makes no sense on this terrain."),
-    _rule("TD105", "broken-off", "The judgement ended before it was done, as for want of memory."),
-)
-"""Rules that a terrain fails on in `judge_file`, beside those on its text."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -363,3 +363,33 @@ def test_an_end_where_the_vehicle_cannot_stand_is_told_as_alone(
 def test_an_end_that_is_blocked_leaves_other_routes_as_they_are(project: Path) -> None:
     found = gated("sites", "--route", 1, 3, 5, 3, "--route", *WAY)
     assert [finding["code"] for finding in found["findings"]] == ["TD102", "TD101"]
+
+
+@pytest.mark.slow
+def test_places_of_settings_outside_say_where_they_stand(project: Path) -> None:
+    put(
+        ".terratool.toml",
+        '[traversability]\npaths = ["sites"]\nvehicles = ["husky.json"]\nresolution = 0.3\n'
+        'from = [10, 3]\n[traversability.per-file."walled.*"]\nroutes = [[1, 3, 8, 30]]\n',
+    )
+    first = "The place to start from of [traversability] in .terratool.toml, 10 3, lies outside"
+    second = 'The route\'s goal of "walled.*" in .terratool.toml, 8 30, lies outside'
+    found = json.loads(call("traversability", "--json").out)["findings"]
+    assert [finding["code"] for finding in found] == ["TD104", "TD104"]
+    assert found[0]["message"].startswith(first) and found[1]["message"].startswith(second)
+    alone = call("traversability", "sites/walled.json")
+    assert alone.code == 2 and second in alone.err
+    given = call("traversability", "sites/walled.json", "--route", 1, 3, 8, 40)
+    assert "The route's goal, 8 40, lies outside" in given.err
+
+
+def test_codes_can_be_looked_up() -> None:
+    """Each of the table of the docs is listed, and explained in more than its name."""
+    page = (ROOT / "docs" / "ci.md").read_text("utf-8")
+    codes = re.findall(r"^\| (TD\d+) \|", page, re.MULTILINE)
+    listed = call("rules", "TD").out.splitlines()
+    assert [line.split()[0] for line in listed] == codes == sorted(codes) and len(codes) == 5
+    assert call("rules").out.endswith("\n".join([*listed, ""]))
+    for code in codes:
+        ran = call("rules", code.lower())
+        assert ran.code == 0 and ran.out.startswith(f"{code} ") and "\n\nTo mend: " in ran.out
