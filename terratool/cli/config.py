@@ -9,7 +9,7 @@ from __future__ import annotations
 import contextlib
 import os
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from itertools import islice
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
@@ -21,11 +21,13 @@ from terratool.cli.patterns import hint_on, idle_patterns, is_match
 from terratool.errors import ReadError, RequestError
 from terratool.report.wording import count_of
 from terratool.text.display import quote
+from terratool.text.meaning import guess
 
 _T = TypeVar("_T")
 _OWN_FIELDS = ("file", "folder", "named")
 OWN, SHARED = ".terratool.toml", "pyproject.toml"
 _MOST_BYTES = 1 << 20
+_MOST_PATTERNS = 1000
 _MOST_IDLE = 10
 """Most patterns without a match that are told."""
 _PART = r"""(?:[\w-]+|"(?:[^"\\\n]|\\.)*"|'[^'\n]*')"""
@@ -64,7 +66,7 @@ class DriveConfig(DriveSettings, frozen=True, forbid_unknown_fields=True, rename
 
     paths: tuple[str, ...] = ()
     formats: tuple[str, ...] = ()
-    per_file: Annotated[dict[str, DriveSettings], Meta(max_length=1000)] = {}
+    per_file: Annotated[dict[str, DriveSettings], Meta(max_length=_MOST_PATTERNS)] = {}
 
 
 class Config(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab", kw_only=True):
@@ -87,7 +89,7 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab", kw
     strict: bool = False
     select: tuple[str, ...] = ()
     ignore: tuple[str, ...] = ()
-    per_file_ignores: Annotated[dict[str, tuple[str, ...]], Meta(max_length=1000)] = {}
+    per_file_ignores: Annotated[dict[str, tuple[str, ...]], Meta(max_length=_MOST_PATTERNS)] = {}
     max_step: Annotated[float, Meta(ge=0)] | None = None
     max_findings: Annotated[int, Meta(ge=0)] | None = None
     formats: tuple[str, ...] = ()
@@ -259,6 +261,19 @@ def find_config(start: Path) -> Config:
     return Config()
 
 
+def _tables(table: Any) -> Iterator[tuple[str, Any, Any]]:
+    """Yield tables of settings, the whole last, each with words on it and its type."""
+    drive = table.get("traversability") if isinstance(table, dict) else None
+    files = drive.get("per-file") if isinstance(drive, dict) else None
+    if isinstance(files, dict) and len(files) <= _MOST_PATTERNS:
+        for pattern, settings in files.items():
+            of = f"[traversability.per-file.{quote(pattern)}]"
+            yield f"{of} has a setting that is", settings, DriveSettings
+    if drive is not None:
+        yield "[traversability] has a setting that is", drive, DriveConfig
+    yield "has a setting that is", table, Config
+
+
 def read_config(path: Path, named: bool = False) -> Config | None:
     """Settings in a file; None if the file is a pyproject.toml without any.
 
@@ -296,14 +311,16 @@ def read_config(path: Path, named: bool = False) -> Config | None:
         table = tool.get("terratool") if isinstance(tool, dict) else None
         if table is None:
             return None
-    try:
-        for own in _OWN_FIELDS:
-            if isinstance(table, dict) and own in table:
-                raise msgspec.ValidationError(f"Object contains unknown field `{own}`")
-        config = msgspec.convert(table, Config)
-    except msgspec.ValidationError as error:
-        settings = ", ".join(sorted(Config.__struct_encode_fields__[len(_OWN_FIELDS) :]))
-        raise RequestError(
-            f"{path}: has a setting that is not taken ({error}).", f"There are {settings}."
-        ) from error
+    for where, part, kind in _tables(table):
+        names = sorted({*kind.__struct_encode_fields__} - {*_OWN_FIELDS})
+        for key in part if isinstance(part, dict) else ():
+            if key not in names:
+                hint = f"{guess(key, names)} There are {', '.join(names)}.".lstrip()
+                raise RequestError(f"{path}: {where} not taken ({quote(key)} is no key).", hint)
+        try:
+            config: Config = msgspec.convert(part, kind)  # the last one is
+        except msgspec.ValidationError as error:
+            raise RequestError(
+                f"{path}: {where} not taken ({error}).", f"There are {', '.join(names)}."
+            ) from error
     return msgspec.structs.replace(config, file=str(path), folder=str(path.parent), named=named)

@@ -393,3 +393,19 @@ def test_codes_can_be_looked_up() -> None:
     for code in codes:
         ran = call("rules", code.lower())
         assert ran.code == 0 and ran.out.startswith(f"{code} ") and "\n\nTo mend: " in ran.out
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("route = [[1, 3, 8, 3]]", '"route" is no key).\n  Did you mean routes? There are fail-on, '
+         "from, resolution, routes, vehicles."),
+        ("paths = []", '"paths" is no key).\n  There are fail-on, from, '),
+        ("routes = [[1, 3, 8]]", "(Expected `array` of length 4, got 3 - at `$.routes[0]`)"),
+    ],
+)  # fmt: skip
+def test_a_wrong_key_is_told_with_its_table(project: Path, text: str, says: str) -> None:
+    head = '[traversability.per-file."sites/*"]'
+    put(".terratool.toml", f'[traversability.per-file."a*"]\nfrom = [1, 2]\n{head}\n{text}\n')
+    ran = call("traversability", "sites", "--vehicle", "husky.json")
+    assert ran.code == 2 and f".terratool.toml: {head} has a setting" in ran.err and says in ran.err
