@@ -12,6 +12,7 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from functools import partial
 from queue import Empty, SimpleQueue
 
 from terratool.definition.findings import Finding
@@ -19,14 +20,18 @@ from terratool.definition.reader import Checked, CheckOptions, check, no_terrain
 from terratool.errors import ReadError, TerratoolError
 from terratool.field.terrain import Terrain
 from terratool.processes import python_calling
+from terratool.report.numbers import coordinates
 from terratool.text.locate import Address, offsets, positions_of
 from terratool.text.source import Source, read_source
 from terratool.traversability.assess import BlockedEnd, Request, assess, blocked_ends
 from terratool.traversability.compare import prepare
 from terratool.traversability.conditions import parse
+from terratool.traversability.gate_rules import GATES
 from terratool.traversability.report.wording import conclusion, route_line
 from terratool.traversability.results import Route, TraversabilityReport
 from terratool.traversability.vehicle import Vehicle
+
+_NAMES = {rule.code: rule.name for rule in GATES}
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,27 +138,31 @@ def _failures(
 ) -> Iterator[Finding]:  # fmt: skip
     """Yield what a report fails on; routes whose ends are blocked fail as such."""
     whose = f"{report.vehicle.name}: " * several
+    told = partial(_finding, source, whose=whose)
+    names = [
+        *(f"route {coordinates(route)}" for route in job.request.routes),
+        *(f"waypoints {number}" for number in range(1, len(job.request.waypoints) + 1)),
+    ]
     for end in blocked:
         hint = "Make room there, or move the route's end."
-        yield _finding(source, "TD102", whose + end.note, hint, _element(end.note))
+        yield told("TD102", end.note, hint, _element(end.note), names[end.route])
     barred = {end.route for end in blocked}
     for number, route in enumerate(report.routes):  # waypoints come last
         if not route.holds and number not in barred:
-            yield _finding(
-                source, "TD101", whose + route_line(_lost(route)),
-                "Make room there, or ask for another way.", _pointer(route),
-            )  # fmt: skip
+            hint = "Make room there, or ask for another way."
+            yield told("TD101", route_line(_lost(route)), hint, _pointer(route), names[number])
     if report.reach is not None and report.reach.note:
         hint = "Make room there, or set out from another place."
-        note = report.reach.note
-        yield _finding(source, "TD102", whose + note, hint, _element(note))
+        note, place = report.reach.note, f"from {coordinates(job.request.start or ())}"
+        yield told("TD102", note, hint, _element(note), place)
     for text in job.conditions:
         condition = parse(text)
         if condition.name == "no-route" or (condition.needs == "route" and not report.routes):
             continue  # told by its route, or not asked for here
         if why := condition.why_met(report):
-            message = f"{whose}{text.strip()}: {why}."
-            yield _finding(source, "TD103", message, "Change the ground, or the limit.")
+            name = text.strip()
+            hint = "Change the ground, or the limit."
+            yield told("TD103", f"{name}: {why}.", hint, subject=name)
 
 
 def _lost(route: Route) -> Route:
@@ -173,11 +182,15 @@ def _element(text: str) -> str:
     return named[0] if named else ""
 
 
-def _finding(source: Source, code: str, message: str, hint: str, pointer: str = "") -> Finding:
+def _finding(
+    source: Source, code: str, message: str, hint: str, pointer: str = "", subject: str = "",
+    whose: str = "",
+) -> Finding:  # fmt: skip
+    """Finding at an element, on a subject; `whose` is put before both of its texts."""
     (place,) = positions_of(source.data, offsets(source.data, [Address(pointer)]))
     return Finding(
-        source.name, code, "error", pointer, place.line, place.column, message, hint,
-        excerpt=place.excerpt,
+        source.name, code, "error", pointer, place.line, place.column, whose + message, hint,
+        excerpt=place.excerpt, subject=whose + (subject or _NAMES[code]),
     )  # fmt: skip
 
 
@@ -274,7 +287,7 @@ class _JudgeProcess:
 def _broken_off(file: str, why: str = "its process ended") -> Finding:
     return Finding(
         file, "TD105", "error", "", 1, 1, f"the judgement broke off: {why}.",
-        "Judge the file by itself, on coarser pixels or fewer threads.",
+        "Judge the file by itself, on coarser pixels or fewer threads.", subject=_NAMES["TD105"],
     )  # fmt: skip
 
 

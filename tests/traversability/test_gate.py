@@ -409,3 +409,22 @@ def test_a_wrong_key_is_told_with_its_table(project: Path, text: str, says: str)
     put(".terratool.toml", f'[traversability.per-file."a*"]\nfrom = [1, 2]\n{head}\n{text}\n')
     ran = call("traversability", "sites", "--vehicle", "husky.json")
     assert ran.code == 2 and f".terratool.toml: {head} has a setting" in ran.err and says in ran.err
+
+
+@pytest.mark.slow
+def test_tests_of_junit_keep_their_names(project: Path) -> None:
+    """By route and condition; a place in the text, which moves, is not in them."""
+    asked = ("sites", "--vehicle", "husky.json", *COARSE, "--route", *WAY, "--route", 5, 3, 1, 3,
+             "--fail-on", "go-fraction<0.9", "--format", "junit=out.xml")  # fmt: skip
+    found = []
+    for _ in range(2):
+        ran = call("traversability", *asked)
+        assert ran.code == 1
+        assert ran.out.endswith("2 files checked, 1 failed, 3 errors, no warnings.\n")
+        top = ElementTree.parse("out.xml").getroot()
+        found.append([case.get("name") for case in top.iter("testcase")])
+        put("sites/walled.json", json.dumps(yard(WALL), indent=2))
+    assert found[0][0] == "passed" and sorted(found[0]) == sorted(found[1])
+    assert set(found[0][1:]) == {
+        "TD101 route 1 3 8 3", "TD102 route 5 3 1 3", "TD103 go-fraction<0.9",
+    }  # fmt: skip
