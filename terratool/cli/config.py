@@ -19,6 +19,7 @@ from msgspec import Meta, Struct, field
 
 from terratool.cli.patterns import hint_on, idle_patterns, is_match
 from terratool.errors import ReadError, RequestError
+from terratool.output import is_same_file
 from terratool.report.wording import count_of
 from terratool.text.display import quote
 from terratool.text.meaning import guess
@@ -135,6 +136,12 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab", kw
         real = Path(os.path.realpath(name))
         roots = map(os.path.realpath, (self.folder, ".") if self.named else (self.folder,))
         return [real.relative_to(root) for root in roots if real.is_relative_to(root)]
+
+    def writes(self, name: str) -> bool:
+        """Whether a file is the baseline of the settings, or one of their outputs."""
+        forms = (*self.formats, *self.traversability.formats)
+        paths = [text.partition("=")[2] for text in forms] + [self.baseline or ""]
+        return any(path and is_same_file(Path(self.folder, path), name) for path in paths)
 
     def output_path(self, path: str) -> str:
         """Path of an output, relative to the working directory.

@@ -479,3 +479,22 @@ def test_folders_of_outputs_of_settings_are_made(project: Path) -> None:
         assert ran.code in (2, 3) and ran.out == "" and place.partition("/")[0] in ran.err
     assert not list(outside.iterdir()) and not Path("nowhere").exists()
     assert not Path(".git").exists() and not Path("new").exists()
+
+
+def test_paths_of_settings_are_laid_out(project: Path) -> None:
+    """Those, and not what the settings have written; a named file is looked at alone."""
+    assert "nothing to lay out" in call("format", "--check").err
+    settings = project / ".terratool.toml"
+    settings.write_text('paths = ["sites"]\nformats = ["json=sites/out.json"]\n', "utf-8")
+    Path("sites/out.json").write_text('{"size":[1,2]}', "utf-8")
+    Path("other.json").write_text(GOOD, "utf-8")
+    ran = call("format", "--check", "--json")
+    assert ran.code == 1
+    changed = [str(Path("sites", name)) for name in ("a.json", "b.json", "old/c.json")]
+    assert json.loads(ran.out)["changed"] == changed
+    assert json.loads(call("format", "--check", "--json", "other.json").out)["files"] == 1
+    assert call("format").code == 0 and call("format", "--check").code == 0
+    assert Path("other.json").read_text("utf-8") == GOOD
+    settings.write_text('paths = ["../elsewhere"]\n', "utf-8")
+    ran = call("format", "--check")
+    assert ran.code == 2 and "lies outside" in ran.err
