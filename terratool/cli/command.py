@@ -95,10 +95,11 @@ class Command(click.Command):
                     None,
                 )
                 if out is not None:
-                    error.message = (
+                    raise click.UsageError(
                         f"{quote(out)} is one argument too many: the result goes to standard "
-                        f"output. Write > {quote_word(out)} in place of it."
-                    )
+                        f"output. Write > {quote_word(out)} in place of it.",
+                        error.ctx or ctx,
+                    ) from error
             raise
 
     def _only_says(self) -> bool:
