@@ -320,6 +320,27 @@ def refuse_missing_folder(path: Path) -> None:
         )
 
 
+def refuse_unmade_folder(path: Path) -> None:
+    """Refuse a path whose folder neither exists nor can be made by `make_folder`.
+
+    Raises:
+        WriteError: what is to be the folder, or to hold it, is something else.
+    """
+    found = next(one for one in path.absolute().parents if os.path.lexists(one))
+    if not found.is_dir():
+        raise WriteError(f"{path}: {found} is no folder.", "Choose another name, or move it.")
+
+
+def make_folder(path: Path) -> None:
+    """Make the folder of a file, and those that hold it, where they do not exist.
+
+    Raises:
+        WriteError: a folder cannot be made.
+    """
+    with os_errors(path.parent):
+        path.parent.mkdir(parents=True, exist_ok=True)
+
+
 def free_bytes(path: Path) -> int:
     """Return the free bytes on the disk of a folder, or of a file that is to be written."""
     path = Path(os.path.realpath(path))

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from shlex import quote as quote_word
 from typing import Any, NamedTuple, TypeVar
 
 import click
 
+from terratool.text.display import quote
 from terratool.text.meaning import guess
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
@@ -73,11 +75,36 @@ class Command(click.Command):
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """Parse words; an unknown option is an error that guesses the option that was meant."""
+        words = list(args)  # click takes them away
         try:
             return super().parse_args(ctx, args)
         except click.NoSuchOption as error:
-            message = f"There is no option {error.option_name}. {_guess(self, error.option_name)}"
+            name = error.option_name
+            # what click takes for several short options, as -tr
+            name = next((word for word in words if word[:2] == name != word), name)
+            message = f"There is no option {name}. {_guess(self, name)}"
             raise click.UsageError(message.rstrip(), error.ctx or ctx) from error
+        except click.UsageError as error:
+            if error.message.startswith("Got unexpected extra argument") and self._only_says():
+                out = next(
+                    (
+                        word
+                        for word in reversed(words)
+                        if word in error.message and _is_new_file(word)
+                    ),
+                    None,
+                )
+                if out is not None:
+                    raise click.UsageError(
+                        f"{quote(out)} is one argument too many: the result goes to standard "
+                        f"output. Write > {quote_word(out)} in place of it.",
+                        error.ctx or ctx,
+                    ) from error
+            raise
+
+    def _only_says(self) -> bool:
+        """Whether the command takes no output."""
+        return not any(one.name == "output" for one in self.params)
 
     def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write the options, group by group."""
@@ -109,6 +136,14 @@ class Command(click.Command):
             return
         formatter.write_paragraph()
         _write_plain(formatter, self.epilog)
+
+
+def _is_new_file(word: str) -> bool:
+    """Whether a word may be the name of a file that is to be written."""
+    from pathlib import Path
+
+    path = Path(word)
+    return word[:1] != "-" and "\0" not in word and path.suffix[1:2].isalpha() and not path.exists()
 
 
 def _write_plain(formatter: click.HelpFormatter, text: str) -> None:

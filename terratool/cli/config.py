@@ -9,20 +9,28 @@ from __future__ import annotations
 import contextlib
 import os
 import re
-from fnmatch import fnmatch
+from collections.abc import Iterable, Iterator
+from itertools import islice
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
 import msgspec
 from msgspec import Meta, Struct, field
 
+from terratool.cli.patterns import hint_on, idle_patterns, is_match
 from terratool.errors import ReadError, RequestError
+from terratool.output import is_same_file
+from terratool.report.wording import count_of
 from terratool.text.display import quote
+from terratool.text.meaning import guess
 
 _T = TypeVar("_T")
 _OWN_FIELDS = ("file", "folder", "named")
 OWN, SHARED = ".terratool.toml", "pyproject.toml"
 _MOST_BYTES = 1 << 20
+_MOST_PATTERNS = 1000
+_MOST_IDLE = 10
+"""Most patterns without a match that are told."""
 _PART = r"""(?:[\w-]+|"(?:[^"\\\n]|\\.)*"|'[^'\n]*')"""
 _long_key = re.compile(rf"(?<![\w-]){_PART}(?:[ \t]*\.[ \t]*{_PART}){{30}}").search
 """Search for a key of more than 30 parts (a.a.a…), whose parsing takes quadratic time."""
@@ -59,7 +67,7 @@ class DriveConfig(DriveSettings, frozen=True, forbid_unknown_fields=True, rename
 
     paths: tuple[str, ...] = ()
     formats: tuple[str, ...] = ()
-    per_file: Annotated[dict[str, DriveSettings], Meta(max_length=1000)] = {}
+    per_file: Annotated[dict[str, DriveSettings], Meta(max_length=_MOST_PATTERNS)] = {}
 
 
 class Config(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab", kw_only=True):
@@ -82,7 +90,7 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab", kw
     strict: bool = False
     select: tuple[str, ...] = ()
     ignore: tuple[str, ...] = ()
-    per_file_ignores: Annotated[dict[str, tuple[str, ...]], Meta(max_length=1000)] = {}
+    per_file_ignores: Annotated[dict[str, tuple[str, ...]], Meta(max_length=_MOST_PATTERNS)] = {}
     max_step: Annotated[float, Meta(ge=0)] | None = None
     max_findings: Annotated[int, Meta(ge=0)] | None = None
     formats: tuple[str, ...] = ()
@@ -129,6 +137,12 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab", kw
         roots = map(os.path.realpath, (self.folder, ".") if self.named else (self.folder,))
         return [real.relative_to(root) for root in roots if real.is_relative_to(root)]
 
+    def writes(self, name: str) -> bool:
+        """Whether a file is the baseline of the settings, or one of their outputs."""
+        forms = (*self.formats, *self.traversability.formats)
+        paths = [text.partition("=")[2] for text in forms] + [self.baseline or ""]
+        return any(path and is_same_file(Path(self.folder, path), name) for path in paths)
+
     def output_path(self, path: str) -> str:
         """Path of an output, relative to the working directory.
 
@@ -171,16 +185,44 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab", kw
             found |= {name: value for name, value in given.items() if value is not None}
         return DriveSettings(**found)
 
+    def drive_source(self, name: str, file: str) -> str:
+        """Pattern, or table, and file that set an attribute of `DriveSettings` for a file."""
+        path, found = self._path_below(file), ""
+        if getattr(self.traversability, name) is not None:
+            found = "[traversability]"
+        for pattern, settings in self.traversability.per_file.items():
+            if getattr(settings, name) is not None and is_match(pattern, path):
+                found = quote(pattern)
+        return found and f"{found} in {os.path.relpath(self.file)}"
+
+    def idle(self, table: str, patterns: Iterable[str], files: Iterable[str]) -> list[RequestError]:
+        """Errors on the patterns of a table that match none of the files.
+
+        Args:
+            table: name of the table of settings.
+            patterns: its patterns.
+            files: names of all files that were looked at.
+        """
+        paths = {self._path_below(file) for file in files}
+        counted = f"none of the {count_of(len(paths), 'file')}" if paths else "no file"
+        return [
+            RequestError(
+                f"{self.file}: the pattern {quote(pattern)} of [{table}] matches {counted}.",
+                hint_on(pattern, paths),
+            )
+            for pattern in islice(idle_patterns(patterns, paths), _MOST_IDLE)
+        ]
+
     def _of_file(self, table: dict[str, _T], file: str) -> list[_T]:
-        """Values of the patterns that match a file; one without a slash looks at its name alone."""
+        """Values of the patterns that match a file."""
         if not table:
             return []
-        path = Path(os.path.relpath(file or ".", self.folder)).as_posix()
-        return [
-            value
-            for pattern, value in table.items()
-            if fnmatch(path if "/" in pattern else path.rpartition("/")[2], pattern)
-        ]
+        path = self._path_below(file)
+        return [value for pattern, value in table.items() if is_match(pattern, path)]
+
+    def _path_below(self, file: str) -> str:
+        """Path of a file, with slashes, from the folder of the settings."""
+        return Path(os.path.relpath(file or ".", self.folder)).as_posix()
 
 
 def _is_hidden(part: str) -> bool:
@@ -226,6 +268,19 @@ def find_config(start: Path) -> Config:
     return Config()
 
 
+def _tables(table: Any) -> Iterator[tuple[str, Any, Any]]:
+    """Yield tables of settings, the whole last, each with words on it and its type."""
+    drive = table.get("traversability") if isinstance(table, dict) else None
+    files = drive.get("per-file") if isinstance(drive, dict) else None
+    if isinstance(files, dict) and len(files) <= _MOST_PATTERNS:
+        for pattern, settings in files.items():
+            of = f"[traversability.per-file.{quote(pattern)}]"
+            yield f"{of} has a setting that is", settings, DriveSettings
+    if drive is not None:
+        yield "[traversability] has a setting that is", drive, DriveConfig
+    yield "has a setting that is", table, Config
+
+
 def read_config(path: Path, named: bool = False) -> Config | None:
     """Settings in a file; None if the file is a pyproject.toml without any.
 
@@ -263,14 +318,16 @@ def read_config(path: Path, named: bool = False) -> Config | None:
         table = tool.get("terratool") if isinstance(tool, dict) else None
         if table is None:
             return None
-    try:
-        for own in _OWN_FIELDS:
-            if isinstance(table, dict) and own in table:
-                raise msgspec.ValidationError(f"Object contains unknown field `{own}`")
-        config = msgspec.convert(table, Config)
-    except msgspec.ValidationError as error:
-        settings = ", ".join(sorted(Config.__struct_encode_fields__[len(_OWN_FIELDS) :]))
-        raise RequestError(
-            f"{path}: has a setting that is not taken ({error}).", f"There are {settings}."
-        ) from error
+    for where, part, kind in _tables(table):
+        names = sorted({*kind.__struct_encode_fields__} - {*_OWN_FIELDS})
+        for key in part if isinstance(part, dict) else ():
+            if key not in names:
+                hint = f"{guess(key, names)} There are {', '.join(names)}.".lstrip()
+                raise RequestError(f"{path}: {where} not taken ({quote(key)} is no key).", hint)
+        try:
+            config: Config = msgspec.convert(part, kind)  # the last one is
+        except msgspec.ValidationError as error:
+            raise RequestError(
+                f"{path}: {where} not taken ({error}).", f"There are {', '.join(names)}."
+            ) from error
     return msgspec.structs.replace(config, file=str(path), folder=str(path.parent), named=named)

@@ -9,6 +9,7 @@ from itertools import chain
 import click
 
 from terratool.cli.command import Command
+from terratool.cli.config import Config, project_settings
 from terratool.cli.options import json_option, library_root_option, library_roots
 from terratool.cli.report import ValidationReport, ValidationSummary, as_text
 from terratool.cli.saying import say, say_block, say_error, say_json, write_definition
@@ -40,7 +41,7 @@ class FormatDocument(Document, frozen=True, kw_only=True):
     cls=Command,
     epilog="Example: terratool format samples/paper-example.json --check",
 )
-@click.argument("files", nargs=-1, required=True, metavar="FILE|DIR...")
+@click.argument("files", nargs=-1, metavar="[FILE|DIR]...")
 @click.option(
     "--check", "only_check", is_flag=True, help="Write nothing; exit 1 if a file differs."
 )
@@ -60,17 +61,26 @@ def command(
     Keys stand in the format's order, short vectors and members share a line, lines have up to 120
     characters. Numbers and texts stay as they are spelled, keys of your own are kept. - reads
     standard input and writes to standard output. Of a DIR all *.json are laid out; compressed files
-    are not. --explicit adds what TT214 remarks on to terrains without errors. Exits 1 if a text is
-    no JSON object, or with --check if one is not laid out so, and 3 if one cannot be read or
-    written.
+    are not. Without FILE those of paths in .terratool.toml are. --explicit adds what TT214 remarks
+    on to terrains without errors. Exits 1 if a text is no JSON object, or with --check if one is
+    not laid out so, and 3 if one cannot be read or written.
     """
     if as_json and "-" in files and not only_check:
         raise click.UsageError("Standard output takes the definition or --json. Drop one of them.")
+    settings = Config() if files else project_settings(None)
+    given = files or settings.files()
+    if not given:
+        raise click.UsageError(
+            "There is nothing to lay out. Name files or directories, or set paths in "
+            ".terratool.toml."
+        )
     broken = count = 0
     changed: list[str] = []
     failed: list[ReadError | WriteError] = []
     with StatusLine("reading") as status:
-        for name in chain.from_iterable(_names(given, failed, status) for given in files):
+        for name in chain.from_iterable(_names(one, failed, status) for one in given):
+            if settings.writes(name):
+                continue
             count += 1
             status.say(f"laying out {short_name(name)}")
             try:

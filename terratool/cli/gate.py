@@ -79,6 +79,19 @@ class GatePlan(Struct, frozen=True):
                 if not self.reports.writes(name) and (name == given or _may_be_terrain(name)):
                     yield name
 
+    def refuse_idle(self, files: Sequence[str]) -> None:
+        """Refuse settings for files of which there are none, where the settings name all files.
+
+        Raises:
+            RequestError: a pattern matches no file.
+        """
+        patterns = () if self.names else self.settings.traversability.per_file
+        idle = self.settings.idle("traversability.per-file", patterns, files)
+        for error in idle[:-1]:
+            say_error(error.message, error.hint)
+        if idle:
+            raise idle[-1]
+
     def job(self, file: str, known: dict[tuple[str, ...], tuple[Vehicle, ...]]) -> FileJob:
         """Job of a file, with the vehicles that are known or now read."""
         from terratool.traversability.conditions import parse
@@ -91,13 +104,25 @@ class GatePlan(Struct, frozen=True):
         conditions = own.fail_on or ()
         checks = [parse(text) for text in conditions]
         request = replace(
-            self.request, routes=own.routes or (), start=own.start, resolution=own.resolution,
+            self.request, resolution=own.resolution,
             mapped=any(check.needs == "map" for check in checks),
+            **places_of(file, self.given, self.settings),
         )  # fmt: skip
         return FileJob(
             file, known[paths], request, conditions, self.library_roots, self.roughness,
             file in self.names,
         )  # fmt: skip
+
+
+def places_of(file: str, given: DriveSettings, settings: Config) -> dict[str, Any]:
+    """Attributes of a request that are places of a file, and where settings ask for them."""
+    own = asked_of(file, given, settings)
+    return {
+        "routes": own.routes or (),
+        "start": own.start,
+        "routes_of": "" if given.routes else settings.drive_source("routes", file),
+        "start_of": "" if given.start else settings.drive_source("start", file),
+    }
 
 
 def asked_of(file: str, given: DriveSettings, settings: Config) -> DriveSettings:
@@ -136,12 +161,16 @@ def judge_many(plan: GatePlan, threads: int) -> int:
         RequestError, ReadError, DefinitionError: a vehicle or a setting makes no sense.
         WriteError: an output cannot be written.
     """
-    from terratool.traversability.gate import GATES, judge_files
+    from terratool.traversability.gate import judge_files
+    from terratool.traversability.gate_rules import GATES
 
     plan.reports.refuse_outputs()
     unreadable: list[Unreadable] = []
     known: dict[tuple[str, ...], tuple[Vehicle, ...]] = {}
-    jobs = [plan.job(file, known) for file in plan.files(unreadable)]
+    files = [*plan.files(unreadable)]
+    if not unreadable:
+        plan.refuse_idle(files)
+    jobs = [plan.job(file, known) for file in files]
     with StatusLine("judging", len(jobs), unit="files") as status:
         found = judge_files(jobs, threads, status)
     unreadable += [

@@ -52,6 +52,10 @@ class _Output(click.Argument):
         if isinstance(value, str):
             several = next((str(one.name) for one in ctx.command.params if one.nargs == -1), None)
             if several is None or not isinstance(opts, dict):
+                if named == "f":
+                    raise click.UsageError(
+                        "There is no option -of. The suffix of the output says the format.", ctx
+                    )
                 raise click.UsageError(
                     f"The output is named twice, as {quote(value)} and by -o as {quote(named)}. "
                     "Leave out one of them.",
@@ -366,9 +370,15 @@ def vehicle_from(values: dict[str, Any]) -> Vehicle:
                 f"{_flags(wheel)} {'says' if len(wheel) == 1 else 'say'} what --vehicle says in "
                 "its file. Give a vehicle or a wheel, not both."
             )
+        from terratool.errors import ReadError
         from terratool.traversability.vehicle import load_vehicle
 
-        return load_vehicle(path)
+        try:
+            return load_vehicle(path)
+        except ReadError as error:
+            if near := _vehicle_near(path):
+                raise ReadError(error.message, f"Did you mean {near}?") from error
+            raise
     if not wheel:
         raise click.UsageError(
             "There is no vehicle. Give --vehicle V.json, or a wheel by --wheel-radius, "
@@ -396,6 +406,17 @@ def vehicle_from(values: dict[str, Any]) -> Vehicle:
 
     figures = {key: wheel[name] for name, key in _FIGURES.items() if name in wheel}
     return Vehicle.single(wheel_of(WheelsText(**figures)), wheel["load"])
+
+
+def _vehicle_near(name: str) -> str:
+    """File of the vehicle that a name without a file may mean; empty if there is none."""
+    from pathlib import Path
+
+    if "\0" in name or len(name) > 200 or Path(name).exists():
+        return ""
+    file = f"{Path(name).name.removesuffix('.json')}.json"
+    folders = (Path(name).parent, Path("vehicles"), Path("samples/vehicles"))
+    return next((str(folder / file) for folder in folders if (folder / file).is_file()), "")
 
 
 def vehicles_from(values: dict[str, Any]) -> list[Vehicle]:

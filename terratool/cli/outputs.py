@@ -13,7 +13,14 @@ from terratool.cli.config import Config
 from terratool.cli.report import REPORTERS, ValidationReport, is_report
 from terratool.cli.saying import say_block
 from terratool.errors import RequestError
-from terratool.output import is_same_file, refuse_existing, refuse_missing_folder, whole_file
+from terratool.output import (
+    is_same_file,
+    make_folder,
+    refuse_existing,
+    refuse_missing_folder,
+    refuse_unmade_folder,
+    whole_file,
+)
 from terratool.text.display import quote
 from terratool.text.meaning import guess
 
@@ -52,7 +59,7 @@ class ReportPlan(Struct, frozen=True):
             if separator:
                 out = out if given else settings.output_path(out)
                 refuse_existing(Path(out), overwrite=True)
-                refuse_missing_folder(Path(out))
+                (refuse_missing_folder if given else refuse_unmade_folder)(Path(out))
                 outputs.append((name, out))
             elif form is None:
                 form = name
@@ -99,6 +106,8 @@ class ReportPlan(Struct, frozen=True):
         """
         self.refuse_outputs()  # links may be new since the first look
         for form, out in self.outputs:
+            if self.settings is not None:
+                make_folder(Path(out))  # none is there in a fresh clone
             with whole_file(out, overwrite=True) as part:
                 text = click.unstyle(texts[form] if form in texts else REPORTERS[form](report))
                 part.write_text(text + "\n", encoding="utf-8", newline="\n")

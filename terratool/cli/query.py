@@ -139,6 +139,11 @@ def _parse(name: str, file: TextIO) -> Iterator[Point]:
                 if header is not None:
                     columns = header
                     continue
+                if not any(_number(cell) is not None for cell in split(line)):
+                    raise ReadError(
+                        f"{name}:{number}: {quote(line.strip())} has no columns x and y.",
+                        "Call two columns x and y, in the coordinates of the terrain.",
+                    )
             cells = split(line)
             x, y = (_number(cells[i]) if i < len(cells) else None for i in columns)
             if x is None or y is None:

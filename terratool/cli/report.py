@@ -108,6 +108,11 @@ class ValidationReport(Struct, frozen=True):
         """Rules that findings may be of, by code."""
         return RULES | {rule.code: rule for rule in self.further}
 
+    @property
+    def verdicts(self) -> tuple[str, str]:
+        """Words for a file that passes, and for one that fails."""
+        return ("valid", "invalid") if self.command == "validate" else ("passed", "failed")
+
     def groups(self) -> list[FindingGroup]:
         """Findings in groups of equal messages, in the order of the first of each."""
         groups: dict[tuple[str, str, str, str], FindingGroup] = {}
@@ -177,7 +182,7 @@ def as_text(report: ValidationReport) -> str:
         lines.append(f"{count:>8,}  {code}  {rule.severity:7}  {rule.name}")
     if statistics:
         lines.append("")
-    return "\n".join([*lines, _summary_line(report.summary)])
+    return "\n".join([*lines, _summary_line(report)])
 
 
 def _excerpt_lines(line: int, excerpt: Excerpt, color: str) -> Iterable[str]:
@@ -188,10 +193,11 @@ def _excerpt_lines(line: int, excerpt: Excerpt, color: str) -> Iterable[str]:
     yield f"  {' ' * len(number)} {bar} {' ' * before}{click.style('^', fg=color, bold=True)}"
 
 
-def _summary_line(summary: ValidationSummary) -> str:
+def _summary_line(report: ValidationReport) -> str:
+    summary = report.summary
     parts = [f"{_count(summary.files, 'file')} checked"]
     if summary.invalid:
-        parts.append(f"{summary.invalid:,} invalid")
+        parts.append(f"{summary.invalid:,} {report.verdicts[1]}")
     if summary.unreadable:
         parts.append(f"{summary.unreadable:,} unreadable")
     parts += [_count(summary.errors, "error"), _count(summary.warnings, "warning")]
@@ -242,7 +248,7 @@ def as_github(report: ValidationReport) -> str:
     for file in report.unreadable:
         what = f"{file.message}\n{file.hint}"
         lines.append(annotation("error", {"file": file.file, "title": "unreadable"}, what))
-    return "\n".join([*lines, _summary_line(report.summary)])
+    return "\n".join([*lines, _summary_line(report)])
 
 
 def as_sarif(report: ValidationReport) -> str:
@@ -354,16 +360,15 @@ def as_junit(report: ValidationReport) -> str:
         )  # fmt: skip
         for group in groups:
             f = group.first
-            case = Xml.SubElement(
-                suite, "testcase", classname=xml_text(file), name=f"{f.code} at {f.line}:{f.column}"
-            )
+            name = f"{f.code} {f.subject or f'at {f.line}:{f.column}'}"
+            case = Xml.SubElement(suite, "testcase", classname=xml_text(file), name=xml_text(name))
             said = Xml.SubElement(case, "system-out" if f.severity == "note" else "failure")
             if f.severity != "note":
                 said.attrib.update(type=f.severity, message=xml_text(f.message))
             lines = (f"{file}:{f.line}:{f.column}: {f.message}", f.hint, group.rest())
             said.text = xml_text("\n".join(filter(None, lines)))
         if not groups:
-            Xml.SubElement(suite, "testcase", classname=xml_text(file), name="valid")
+            Xml.SubElement(suite, "testcase", classname=xml_text(file), name=report.verdicts[0])
     for unread in report.unreadable:
         name = xml_text(unread.file)
         suite = Xml.SubElement(top, "testsuite", name=name, tests="1", failures="0", errors="1")
@@ -433,7 +438,7 @@ _LINE = (
     rb"|::(?:error|warning|notice) [^\n]*|  [^\n]*)?"
 )
 _LAST = (
-    rb"(?:no files|[\d,]+ files?) checked, (?:[\d,]+ (?:invalid|unreadable), )*"
+    rb"(?:no files|[\d,]+ files?) checked, (?:[\d,]+ (?:invalid|failed|unreadable), )*"
     rb"(?:no|[\d,]+) errors?, (?:no|[\d,]+) warnings?[^\n]*\."
 )
 """Pattern of the last line of a text, and of annotations, whose other lines are `_LINE`."""

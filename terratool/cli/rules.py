@@ -55,8 +55,14 @@ class RulesDocument(Document, frozen=True, kw_only=True):
 )
 @json_option("The same as --format json.")
 def command(code: str | None, form: str | None, as_json: bool) -> None:
-    """List the validator's rules, those that begin with CODE, or explain the one with CODE."""
-    wanted = [rule for rule in RULES.values() if rule.code.startswith((code or "").upper())]
+    """List the rules, those that begin with CODE, or explain the one with CODE.
+
+    TT are those of validate, TD those of traversability on many files.
+    """
+    from terratool.traversability.gate_rules import GATES
+
+    known = [*RULES.values(), *GATES]
+    wanted = [rule for rule in known if rule.code.startswith((code or "").upper())]
     if not wanted:
         raise click.UsageError(f"No rule has the code {code}. Run terratool rules for the list.")
     if form is not None and as_json:
@@ -68,8 +74,10 @@ def command(code: str | None, form: str | None, as_json: bool) -> None:
         ]
         say_json(RulesDocument(rules=listed))
     elif form == "markdown":
-        head = [] if code else [_HEAD, _table()]
-        say_block("\n".join([*head, *map(_section, wanted)]))
+        if not code:  # the page is on texts
+            say_block("\n".join([_HEAD, _table(), *map(_section, RULES.values())]))
+        else:
+            say_block("\n".join(map(_section, wanted)))
     elif len(wanted) == 1:
         rule = wanted[0]
         say_block(f"{rule.code} {rule.name} ({rule.severity})\n\n{rule.manual}")

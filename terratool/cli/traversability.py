@@ -203,8 +203,8 @@ def command(
     from pathlib import Path
 
     from terratool.cli.config import DriveSettings, project_settings
-    from terratool.cli.gate import asked_of
-    from terratool.text.source import is_folder
+    from terratool.cli.gate import asked_of, places_of
+    from terratool.text.source import is_folder, refuse_absent
     from terratool.traversability.assess import Request, check_places
     from terratool.traversability.compare import prepare
     from terratool.traversability.conditions import parse
@@ -235,10 +235,13 @@ def command(
                 raise click.UsageError(f"{option} is of one terrain. Name one FILE, or drop it.")
         return _judge_many(files, forms, settings, own, base, vehicles_of)
     (file,) = files
+    refuse_absent(file)
     asked = asked_of(file, own, settings)
     routes, start, resolution = asked.routes or (), asked.start, asked.resolution
     checks = [parse(text) for text in asked.fail_on or ()]
     travels = bool(routes or waypoints)
+    if not conditions and not travels:  # settings are of many terrains
+        checks = [check for check in checks if check.needs != "route"]
     lines_only, curves = (
         [path for path in reports if Path(path).suffix.lower() == suffix]
         for suffix in (".geojson", ".svg")
@@ -253,9 +256,8 @@ def command(
     wants_map = map_ is not None or len(lines_only) + len(curves) < len(reports)
     request = replace(
         base,
-        routes=routes,
-        start=start,
         resolution=resolution,
+        **places_of(file, own, settings),
         mapped=wants_map or any(check.needs == "map" for check in checks),
     )
     terrain = load(file, early=partial(check_places, request))

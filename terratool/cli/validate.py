@@ -447,6 +447,11 @@ def _say_unreadable(found: _ValidationTally) -> None:
         say_error(file.message, file.hint)
 
 
+def _idle(settings: Config, found: _ValidationTally) -> list[RequestError]:
+    """Errors on patterns of the settings that match no file that was checked."""
+    return settings.idle("per-file-ignores", settings.per_file_ignores, found.files)
+
+
 @click.command(
     "validate",
     cls=Command,
@@ -583,4 +588,8 @@ def command(
         ctx.exit(0)
     report = found.report(plan.limit, statistics)
     plan.reports.write(report)
-    ctx.exit(3 if found.unreadable else int(report.summary.invalid > 0))
+    idle = () if files or found.unreadable else _idle(settings, found)
+    for error in idle:
+        say_error(error.message, error.hint)
+    wrong = 2 if idle and plan.strict else int(report.summary.invalid > 0)
+    ctx.exit(3 if found.unreadable else wrong)

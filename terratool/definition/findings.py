@@ -119,7 +119,8 @@ class Finding(Struct, frozen=True):
 
     Lines and columns count from 1, columns in characters; 0 where a file has no text. `bounds` is
     the world rectangle (west, south, east, north) of the element concerned. `fix` is the edit that
-    removes the fault, where there is only one.
+    removes the fault, where there is only one. `subject` names what failed where that is no place
+    in the text, such as a route.
     """
 
     file: str
@@ -133,3 +134,4 @@ class Finding(Struct, frozen=True):
     bounds: Bounds | None = None
     excerpt: Excerpt | None = None
     fix: Edit | None = None
+    subject: str = ""

@@ -80,8 +80,8 @@ def check_contours(path: Path, interval: float | None, overwrite: bool) -> None:
     """
     if path.suffix.lower() not in SUFFIXES:
         raise RequestError(
-            f"{path.name}: contours are lines, which a raster does not hold.",
-            f"Give a name that ends with {SUFFIXES[0]} or {SUFFIXES[-1]}.",
+            f"{path.name}: contours, which are lines, go into no such file.",
+            f"Give a name that ends with {', '.join(SUFFIXES[:-1])} or {SUFFIXES[-1]}.",
         )
     if interval is not None and not (math.isfinite(interval) and interval > 0):
         raise RequestError(f"Contours are to be {interval:g} apart.", "Give an --interval above 0.")

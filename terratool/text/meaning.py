@@ -9,7 +9,7 @@ _ALIKE = 0.7
 """Least similarity, 0 to 1, of a misspelling: castle is less similar to craters."""
 _MEANT = {
     # options
-    "resolution": "cell cell-size cellsize pixel-size pixelsize px-size gsd grid-size spacing",
+    "resolution": "tr cell cell-size cellsize pixel-size pixelsize px-size gsd grid-size spacing",
     "max-error": "tolerance tol error eps epsilon accuracy precision max-z-error simplify",
     "min-change": "tolerance tol threshold",
     "output": "out outfile out-file output-file destination dest save write to",

@@ -107,6 +107,21 @@ def is_folder(name: str) -> bool:
     return name != "-" and os.path.isdir(name)  # noqa: PTH112, that of Path raises
 
 
+def refuse_absent(name: str) -> None:
+    """Refuse the name of a file that does not exist.
+
+    Raises:
+        ReadError: there is no such file, or it is out of reach.
+    """
+    try:
+        if name != "-":
+            os.stat(name)  # noqa: PTH116, names with NUL raise as in `read_source`
+    except OSError as error:
+        raise ReadError.of(name, error) from error
+    except ValueError as error:
+        raise ReadError(f"{name!r}: is no name of a file.", "Check the path.") from error
+
+
 def real_path(name: str) -> str:
     """Return the path of a file with links resolved, or the name itself if it can be no path."""
     return name if "\0" in name else os.path.realpath(name)

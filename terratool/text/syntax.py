@@ -14,7 +14,10 @@ from terratool.text.scan import TEXT
 A_KEY = "a key in double quotes"
 A_VALUE = "a value"
 NO_TEXT = "Save the file as UTF-8; it may be UTF-16, or no text at all."
-_OTHER_FILE = "Check the name of the file; a definition is a JSON text in UTF-8."
+_OTHER_FILE = (
+    "Check the name of the file; a definition is a JSON text in UTF-8. Of a DEM or a mesh "
+    "terratool import-terrain makes one."
+)
 
 _word = re.compile(r"[\w.+-]*").match
 """Match the characters that form one number or word, valid or not."""

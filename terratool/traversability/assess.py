@@ -103,6 +103,7 @@ class Request:
         threads: number of threads; as many as there are processors if None.
         samples: number of samples of the soils, where their figures are ranges.
         seed: seed of the generator that draws the samples.
+        routes_of, start_of: where routes and start were asked for, in words; empty for the user.
     """
 
     routes: tuple[tuple[float, float, float, float], ...] = ()
@@ -118,6 +119,8 @@ class Request:
     threads: int | None = None
     samples: int = SAMPLES
     seed: int = 0
+    routes_of: str = ""
+    start_of: str = ""
 
     @property
     def travels(self) -> bool:
@@ -321,14 +324,32 @@ def _fewest_headings(terrain: Terrain, vehicle: Vehicle, request: Request, grid:
     return HEADINGS
 
 
-def first_look(prepared: PreparedRequest) -> Iterator[str]:
-    """Sentences on routes and reach that fail as the vehicle cannot stand at a start or goal."""
-    start = prepared.request.start
-    for x0, y0, x1, y1 in prepared.request.routes:
+class BlockedEnd(NamedTuple):
+    """The start or goal of a route at which the vehicle cannot stand.
+
+    Attributes:
+        route: number of the route in the request, from 0.
+        note: sentences on why, and on where it can.
+    """
+
+    route: int
+    note: str
+
+
+def blocked_ends(prepared: PreparedRequest) -> Iterator[BlockedEnd]:
+    """Yield the starts and goals of routes at which the vehicle cannot stand."""
+    for number, (x0, y0, x1, y1) in enumerate(prepared.request.routes):
         for what, place in (("start", (x0, y0)), ("goal", (x1, y1))):
             why = _cannot_stand_note(prepared, f"the route's {what}", place, prepared.tiles)
             if why and not (prepared.ways and prepared.ways.stands(place)):
-                yield f"There is no such route. {why}"
+                yield BlockedEnd(number, why)
+
+
+def first_look(prepared: PreparedRequest) -> Iterator[str]:
+    """Sentences on routes and reach that fail as the vehicle cannot stand at a start or goal."""
+    start = prepared.request.start
+    for end in blocked_ends(prepared):
+        yield f"There is no such route. {end.note}"
     if start is not None and (why := _no_start_note(prepared, start)):
         yield f"Nothing can be reached. {why}"
 
@@ -603,11 +624,13 @@ def _map_grid(
 
 def _places(request: Request) -> Iterator[tuple[str, Point]]:
     """All places of a request, x and y in m, each with its name for messages."""
+    of = f" of {request.routes_of}" if request.routes_of else ""
     for x0, y0, x1, y1 in request.routes:
-        yield "The route's start", (x0, y0)
-        yield "The route's goal", (x1, y1)
+        yield f"The route's start{of}", (x0, y0)
+        yield f"The route's goal{of}", (x1, y1)
     for points in request.waypoints:
         for number, (x, y) in enumerate(points.tolist(), 1):
             yield f"Waypoint {number}", (x, y)
     if request.start is not None:
-        yield "The place to start from", request.start
+        of = f" of {request.start_of}" if request.start_of else ""
+        yield f"The place to start from{of}", request.start

@@ -12,37 +12,26 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from inspect import cleandoc
+from functools import partial
 from queue import Empty, SimpleQueue
 
 from terratool.definition.findings import Finding
 from terratool.definition.reader import Checked, CheckOptions, check, no_terrain
-from terratool.definition.rules.base import Rule
 from terratool.errors import ReadError, TerratoolError
 from terratool.field.terrain import Terrain
 from terratool.processes import python_calling
+from terratool.report.numbers import coordinates
 from terratool.text.locate import Address, offsets, positions_of
 from terratool.text.source import Source, read_source
-from terratool.traversability.assess import Request, assess
+from terratool.traversability.assess import BlockedEnd, Request, assess, blocked_ends
 from terratool.traversability.compare import prepare
 from terratool.traversability.conditions import parse
+from terratool.traversability.gate_rules import GATES
 from terratool.traversability.report.wording import conclusion, route_line
 from terratool.traversability.results import Route, TraversabilityReport
 from terratool.traversability.vehicle import Vehicle
 
-
-def _rule(code: str, name: str, manual: str) -> Rule:
-    return Rule(code, name, "error", cleandoc(manual))
-
-
-GATES = (
-    _rule("TD101", "no-route", "A route, or a way back that was asked for, cannot be driven."),
-    _rule("TD102", "no-start", "The vehicle cannot stand at the place that it sets out from."),
-    _rule("TD103", "condition", "A condition of --fail-on holds."),
-    _rule("TD104", "refused", "What was asked makes no sense on this terrain."),
-    _rule("TD105", "broken-off", "The judgement ended before it was done, as for want of memory."),
-)
-"""Rules that a terrain fails on in `judge_file`, beside those on its text."""
+_NAMES = {rule.code: rule.name for rule in GATES}
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,15 +108,19 @@ def judge_file(job: FileJob) -> FileVerdict:
     try:
         terrain = Terrain(checked, roughness=job.roughness)
         planned, _ = prepare(terrain, job.vehicles, job.request)
-        reports = []
+        reports, blocked = [], []
         while planned:  # each holds much memory
-            reports.append(assess(planned.pop(0), name=os.path.basename(job.file)))  # noqa: PTH119
+            one = planned.pop(0)
+            blocked.append([*blocked_ends(one)])
+            reports.append(assess(one, name=os.path.basename(job.file)))  # noqa: PTH119
     except TerratoolError as error:
         refused = _finding(source, "TD104", error.message, error.hint)
         return FileVerdict(job.file, findings=(refused,))
     several = len(reports) > 1
     findings = [
-        finding for report in reports for finding in _failures(source, job, report, several)
+        finding
+        for report, ends in zip(reports, blocked, strict=True)
+        for finding in _failures(source, job, report, ends, several)
     ]
     findings.sort(key=lambda finding: (finding.line, finding.column))
     return FileVerdict(job.file, tuple(map(_row, reports)), tuple(findings))
@@ -140,26 +133,36 @@ def _broken(source: Source, checked: Checked) -> tuple[Finding, ...]:
 
 
 def _failures(
-    source: Source, job: FileJob, report: TraversabilityReport, several: bool
-) -> Iterator[Finding]:
-    """Yield what a report fails on."""
+    source: Source, job: FileJob, report: TraversabilityReport, blocked: list[BlockedEnd],
+    several: bool,
+) -> Iterator[Finding]:  # fmt: skip
+    """Yield what a report fails on; routes whose ends are blocked fail as such."""
     whose = f"{report.vehicle.name}: " * several
-    for route in report.routes:
-        if not route.holds:
-            yield _finding(
-                source, "TD101", whose + route_line(_lost(route)),
-                "Make room there, or ask for another way.", _pointer(route),
-            )  # fmt: skip
+    told = partial(_finding, source, whose=whose)
+    names = [
+        *(f"route {coordinates(route)}" for route in job.request.routes),
+        *(f"waypoints {number}" for number in range(1, len(job.request.waypoints) + 1)),
+    ]
+    for end in blocked:
+        hint = "Make room there, or move the route's end."
+        yield told("TD102", end.note, hint, _element(end.note), names[end.route])
+    barred = {end.route for end in blocked}
+    for number, route in enumerate(report.routes):  # waypoints come last
+        if not route.holds and number not in barred:
+            hint = "Make room there, or ask for another way."
+            yield told("TD101", route_line(_lost(route)), hint, _pointer(route), names[number])
     if report.reach is not None and report.reach.note:
         hint = "Make room there, or set out from another place."
-        yield _finding(source, "TD102", whose + report.reach.note, hint)
+        note, place = report.reach.note, f"from {coordinates(job.request.start or ())}"
+        yield told("TD102", note, hint, _element(note), place)
     for text in job.conditions:
         condition = parse(text)
         if condition.name == "no-route" or (condition.needs == "route" and not report.routes):
             continue  # told by its route, or not asked for here
         if why := condition.why_met(report):
-            message = f"{whose}{text.strip()}: {why}."
-            yield _finding(source, "TD103", message, "Change the ground, or the limit.")
+            name = text.strip()
+            hint = "Change the ground, or the limit."
+            yield told("TD103", f"{name}: {why}.", hint, subject=name)
 
 
 def _lost(route: Route) -> Route:
@@ -170,15 +173,24 @@ def _lost(route: Route) -> Route:
 def _pointer(route: Route) -> str:
     """Pointer of the element of the file that bars a route first; empty where none is named."""
     barriers = _lost(route).barriers
-    named = re.match(r"/elemTree(/children/\d+)*", barriers[0].bars) if barriers else None
+    return _element(barriers[0].bars) if barriers else ""
+
+
+def _element(text: str) -> str:
+    """Pointer of the element of the file that a text names first; empty where it names none."""
+    named = re.search(r"(?<!\S)/elemTree(/children/\d+)*", text)
     return named[0] if named else ""
 
 
-def _finding(source: Source, code: str, message: str, hint: str, pointer: str = "") -> Finding:
+def _finding(
+    source: Source, code: str, message: str, hint: str, pointer: str = "", subject: str = "",
+    whose: str = "",
+) -> Finding:  # fmt: skip
+    """Finding at an element, on a subject; `whose` is put before both of its texts."""
     (place,) = positions_of(source.data, offsets(source.data, [Address(pointer)]))
     return Finding(
-        source.name, code, "error", pointer, place.line, place.column, message, hint,
-        excerpt=place.excerpt,
+        source.name, code, "error", pointer, place.line, place.column, whose + message, hint,
+        excerpt=place.excerpt, subject=whose + (subject or _NAMES[code]),
     )  # fmt: skip
 
 
@@ -275,7 +287,7 @@ class _JudgeProcess:
 def _broken_off(file: str, why: str = "its process ended") -> Finding:
     return Finding(
         file, "TD105", "error", "", 1, 1, f"the judgement broke off: {why}.",
-        "Judge the file by itself, on coarser pixels or fewer threads.",
+        "Judge the file by itself, on coarser pixels or fewer threads.", subject=_NAMES["TD105"],
     )  # fmt: skip
 
 

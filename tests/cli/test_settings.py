@@ -431,3 +431,70 @@ def test_names_that_are_none(project: Path) -> None:
     Path(".terratool.toml").write_text('paths = ["a\\u0000b"]', encoding="utf-8")
     ran = call("validate")
     assert ran.code == 3 and "is no name of a file" in ran.err
+
+
+def test_a_pattern_without_a_file_is_told(project: Path) -> None:
+    """Also below another folder; an error where settings are strict, and not for named files."""
+    ignores = '[per-file-ignores]\n"old/*" = ["TT1"]\n"b.json" = ["TT210"]\n"zz*" = ["TT1"]\n'
+    settings = project / ".terratool.toml"
+    settings.write_text(f'paths = ["sites"]\nignore = ["TT106"]\n{ignores}', "utf-8")
+    ran = call("validate")
+    assert ran.code == 0 and "3 files checked" in ran.out
+    first, _, second = ran.err.splitlines()[0:3]
+    assert '"old/*" of [per-file-ignores] matches none of the 3 files' in first
+    assert 'Did you mean "sites/old/*"?' in ran.err
+    assert '"zz*"' in ran.err and 'a file is "sites/a.json"' in ran.err and second
+    assert '"b.json"' not in ran.err
+    assert call("validate", "--strict").code == 2
+    assert call("validate", "sites", "--strict").err == ""
+    settings.write_text('paths = ["sites", "absent"]\n' + ignores, "utf-8")
+    ran = call("validate", "--strict")
+    assert ran.code == 3 and "pattern" not in ran.err
+
+
+@pytest.mark.parametrize("pattern", ["*a" * 5000, "[[a]--&&[!]", "/" * 9000, "x/" * 300])
+def test_a_pattern_without_a_file_may_be_hard(project: Path, pattern: str) -> None:
+    text = f'paths = ["sites"]\n[per-file-ignores]\n"{pattern}" = ["TT1"]\n'
+    (project / ".terratool.toml").write_text(text, "utf-8")
+    ran = call("validate")
+    assert ran.code == 1 and "matches none" in ran.err and len(ran.err) < 600
+
+
+def test_folders_of_outputs_of_settings_are_made(project: Path) -> None:
+    """Below the settings alone; those of the command line have to exist."""
+    settings = project / ".terratool.toml"
+    settings.write_text('formats = ["text", "junit=out/ci/found.xml"]\n', "utf-8")
+    ran = call("validate", "sites/a.json")
+    assert ran.code == 0 and ran.err == ""
+    assert ElementTree.parse("out/ci/found.xml").getroot().tag == "testsuites"
+    ran = call("validate", "sites/a.json", "--format", "junit=new/found.xml")
+    assert ran.code != 0 and "the folder new does not exist" in ran.err
+    outside = project.parent / f"{project.name}-outside"
+    outside.mkdir()
+    Path("way").symlink_to(outside)
+    Path("gone").symlink_to("nowhere")
+    for place in ("way/new", f"../{outside.name}/new", "sites/a.json", "gone", ".git/new"):
+        settings.write_text(f'formats = ["junit={place}/found.xml"]\n', "utf-8")
+        ran = call("validate", "sites/a.json")
+        assert ran.code in (2, 3) and ran.out == "" and place.partition("/")[0] in ran.err
+    assert not list(outside.iterdir()) and not Path("nowhere").exists()
+    assert not Path(".git").exists() and not Path("new").exists()
+
+
+def test_paths_of_settings_are_laid_out(project: Path) -> None:
+    """Those, and not what the settings have written; a named file is looked at alone."""
+    assert "nothing to lay out" in call("format", "--check").err
+    settings = project / ".terratool.toml"
+    settings.write_text('paths = ["sites"]\nformats = ["json=sites/out.json"]\n', "utf-8")
+    Path("sites/out.json").write_text('{"size":[1,2]}', "utf-8")
+    Path("other.json").write_text(GOOD, "utf-8")
+    ran = call("format", "--check", "--json")
+    assert ran.code == 1
+    changed = [str(Path("sites", name)) for name in ("a.json", "b.json", "old/c.json")]
+    assert json.loads(ran.out)["changed"] == changed
+    assert json.loads(call("format", "--check", "--json", "other.json").out)["files"] == 1
+    assert call("format").code == 0 and call("format", "--check").code == 0
+    assert Path("other.json").read_text("utf-8") == GOOD
+    settings.write_text('paths = ["../elsewhere"]\n', "utf-8")
+    ran = call("format", "--check")
+    assert ran.code == 2 and "lies outside" in ran.err

@@ -9,6 +9,7 @@ import json
 import re
 from collections import defaultdict
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import click  # noqa: TID251, the tree of commands is what is tested
@@ -493,3 +494,36 @@ LAYERS_AND_TARGETS = {
     "height", "slope", "surface", "color", "hillshade", "contours", "traversability",
     "usd", "gazebo", "nav2", "mujoco", "pybullet", "chrono", "grid-map",
 }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (("info", SAMPLE, "--geojson", "el.geojson"), "standard output. Write > el.geojson"),
+        (("info", SAMPLE, "--geojson", "e l.geojson"), "Write > 'e l.geojson' in place of it."),
+        (("rules", "TT201", "x"), "unexpected extra argument (x)"),
+        (("export-dem", SAMPLE, "o.tif", "-tr", 1, 1), "no option -tr. Did you mean --resolution?"),
+        (("export-dem", SAMPLE, "o.tif", "--tr", 1), "no option --tr. Did you mean --resolution?"),
+        (("export-dem", SAMPLE, "o.tif", "-te", 1), "no option -te. Did you mean --bounds?"),
+        (("export-dem", SAMPLE, "o.tif", "-of", "GTiff"), "no option -of. The suffix of the"),
+        (("export-dem", SAMPLE, "o.shp", "--layer", "contours"), ".geojson, .json or .gpkg"),
+        (("query", SAMPLE, "--points", "p.csv"), 'p.csv:2: "lon,lat" has no columns x and y.'),
+        (("traversability", SAMPLE, "--vehicle", "rover"), "mean vehicles/rover.json?"),
+        (("traversability", SAMPLE, "--vehicle", "a/rover.json"), "mean vehicles/rover.json?"),
+        (("traversability", SAMPLE, "--vehicle", "lorry"), "Check the path"),
+        (("info", "a.tif"), "Of a DEM or a mesh terratool import-terrain makes one."),
+    ],
+    ids=str,
+)  # fmt: skip
+def test_habits_from_elsewhere_are_answered(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: tuple[Any, ...], says: str
+) -> None:
+    """Those of GIS above all; nothing is written."""
+    monkeypatch.chdir(tmp_path)
+    Path("p.csv").write_text("# of a survey\nlon,lat\n1,2\n", "utf-8")
+    Path("a.tif").write_bytes(b"II*\0" + bytes(200))
+    Path("vehicles").mkdir()
+    Path("vehicles/rover.json").write_text("{}", "utf-8")
+    ran = call(*words)
+    assert ran.code in (1, 2, 3) and ran.out == "" and says in ran.err, ran.err
+    assert {path.name for path in tmp_path.iterdir()} == {"p.csv", "a.tif", "vehicles"}

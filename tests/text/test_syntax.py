@@ -11,7 +11,10 @@ COMMENT = 'JSON has no comments: put the words in "descr" or in a key that begin
 ARITHMETIC = "JSON does no arithmetic: write the result, or an expression in double quotes."
 SPACE = "Remove it; only spaces, tabs and line ends may stand between values."
 NO_TEXT = "Save the file as UTF-8; it may be UTF-16, or no text at all."
-OTHER_FILE = "Check the name of the file; a definition is a JSON text in UTF-8."
+OTHER_FILE = (
+    "Check the name of the file; a definition is a JSON text in UTF-8. Of a DEM or a mesh "
+    "terratool import-terrain makes one."
+)
 LIKE = "Write it like 12, -0.5 or 1e-3."
 COMMA = "there is no comma between two items."
 CLOSE_OBJECT = 'Complete it and close it with "}"; the file may have been cut off.'

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 from dataclasses import replace
 from pathlib import Path
@@ -293,3 +294,137 @@ def test_settings_of_a_file(project: Path) -> None:
     put(".terratool.toml", "[traversability]\nper-file = 3\n")
     with pytest.raises(RequestError, match="not taken"):
         project_settings(None)
+
+
+@pytest.mark.parametrize(
+    ("pattern", "meant"),
+    [
+        ("site/*", "sites/*"), ("walls.json", "walled.json"), ("sites", "sites/*"),
+        ("sites/", "sites/*"), ("sites/waled.json", "sites/walled.json"),
+    ],
+)  # fmt: skip
+def test_a_pattern_without_a_file_does_not_open_the_gate(
+    project: Path, pattern: str, meant: str
+) -> None:
+    """Refused where the settings name all files; said of no file that is looked at by itself."""
+    rest = f'[traversability.per-file."{pattern}"]\nroutes = [[1, 3, 8, 3]]\n'
+    put(".terratool.toml", f'[traversability]\npaths = ["sites"]\nresolution = 0.3\n{rest}')
+    ran = call("traversability", "--vehicle", "husky.json")
+    assert ran.code == 2 and ran.out == ""
+    assert (
+        f'pattern "{pattern}" of [traversability.per-file] matches none of the 2 files' in ran.err
+    )
+    assert ran.err.endswith(f'Did you mean "{meant}"?\n')
+    ran = call("traversability", "sites", "--vehicle", "husky.json")
+    assert ran.code == 0 and ran.err == ""
+
+
+@pytest.mark.slow
+def test_conditions_of_settings_on_routes_are_for_files_with_routes(project: Path) -> None:
+    """Those of the command line need a route, and a wrong path is told before."""
+    put(
+        ".terratool.toml",
+        '[traversability]\nvehicles = ["husky.json"]\nresolution = 0.3\n'
+        'fail-on = ["no-route", "least-margin<2"]\n'
+        '[traversability.per-file."walled.json"]\nroutes = [[1, 1, 3, 1]]\n',
+    )
+    ran = call("traversability", "sites/open.json")
+    assert ran.code == 0 and ran.out.startswith("go: ")
+    ran = call("traversability", "sites/walled.json")
+    assert ran.code == 1 and "--fail-on least-margin<2: least-margin is " in ran.err
+    ran = call("traversability", "sites/open.json", "--fail-on", "no-route")
+    assert ran.code == 2 and "needs a route" in ran.err
+    ran = call("traversability", "absent.json", "--fail-on", "no-route")
+    assert ran.code == 3 and ran.err.startswith("terratool: absent.json: ")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("way", "end"), [((5, 3, 8, 3), "start"), ((1, 2, 5, 3), "goal")])
+def test_an_end_where_the_vehicle_cannot_stand_is_told_as_alone(
+    project: Path, way: tuple[float, ...], end: str
+) -> None:
+    """In the words of the run over one file, with a place that will do, at the element."""
+    alone = call("traversability", "sites/walled.json", "--vehicle", "husky.json", *COARSE,
+                 "--route", *way)  # fmt: skip
+    told = next(line for line in alone.err.splitlines() if "cannot stand" in line)
+    found = gated("sites", "--route", *way)
+    (finding,) = found["findings"]
+    assert (finding["file"], finding["code"]) == ("sites/walled.json", "TD102")
+    assert told == f"terratool: There is no such route. {finding['message']}"
+    near = re.search(rf"route's {end}, 5 3, .*It can stand and move at (\S+) (\S+),", told)
+    assert near and abs(float(near[1]) - 5) > 0.15 + 0.3
+    assert finding["pointer"] == "/elemTree/children/0"
+    better = (*map(float, near.groups()), 1, 2)
+    found = gated("sites/open.json", "sites/walled.json", "--route", *better)
+    assert not any(finding["code"] == "TD102" for finding in found["findings"])
+
+
+@pytest.mark.slow
+def test_an_end_that_is_blocked_leaves_other_routes_as_they_are(project: Path) -> None:
+    found = gated("sites", "--route", 1, 3, 5, 3, "--route", *WAY)
+    assert [finding["code"] for finding in found["findings"]] == ["TD102", "TD101"]
+
+
+@pytest.mark.slow
+def test_places_of_settings_outside_say_where_they_stand(project: Path) -> None:
+    put(
+        ".terratool.toml",
+        '[traversability]\npaths = ["sites"]\nvehicles = ["husky.json"]\nresolution = 0.3\n'
+        'from = [10, 3]\n[traversability.per-file."walled.*"]\nroutes = [[1, 3, 8, 30]]\n',
+    )
+    first = "The place to start from of [traversability] in .terratool.toml, 10 3, lies outside"
+    second = 'The route\'s goal of "walled.*" in .terratool.toml, 8 30, lies outside'
+    found = json.loads(call("traversability", "--json").out)["findings"]
+    assert [finding["code"] for finding in found] == ["TD104", "TD104"]
+    assert found[0]["message"].startswith(first) and found[1]["message"].startswith(second)
+    alone = call("traversability", "sites/walled.json")
+    assert alone.code == 2 and second in alone.err
+    given = call("traversability", "sites/walled.json", "--route", 1, 3, 8, 40)
+    assert "The route's goal, 8 40, lies outside" in given.err
+
+
+def test_codes_can_be_looked_up() -> None:
+    """Each of the table of the docs is listed, and explained in more than its name."""
+    page = (ROOT / "docs" / "ci.md").read_text("utf-8")
+    codes = re.findall(r"^\| (TD\d+) \|", page, re.MULTILINE)
+    listed = call("rules", "TD").out.splitlines()
+    assert [line.split()[0] for line in listed] == codes == sorted(codes) and len(codes) == 5
+    assert call("rules").out.endswith("\n".join([*listed, ""]))
+    for code in codes:
+        ran = call("rules", code.lower())
+        assert ran.code == 0 and ran.out.startswith(f"{code} ") and "\n\nTo mend: " in ran.out
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("route = [[1, 3, 8, 3]]", '"route" is no key).\n  Did you mean routes? There are fail-on, '
+         "from, resolution, routes, vehicles."),
+        ("paths = []", '"paths" is no key).\n  There are fail-on, from, '),
+        ("routes = [[1, 3, 8]]", "(Expected `array` of length 4, got 3 - at `$.routes[0]`)"),
+    ],
+)  # fmt: skip
+def test_a_wrong_key_is_told_with_its_table(project: Path, text: str, says: str) -> None:
+    head = '[traversability.per-file."sites/*"]'
+    put(".terratool.toml", f'[traversability.per-file."a*"]\nfrom = [1, 2]\n{head}\n{text}\n')
+    ran = call("traversability", "sites", "--vehicle", "husky.json")
+    assert ran.code == 2 and f".terratool.toml: {head} has a setting" in ran.err and says in ran.err
+
+
+@pytest.mark.slow
+def test_tests_of_junit_keep_their_names(project: Path) -> None:
+    """By route and condition; a place in the text, which moves, is not in them."""
+    asked = ("sites", "--vehicle", "husky.json", *COARSE, "--route", *WAY, "--route", 5, 3, 1, 3,
+             "--fail-on", "go-fraction<0.9", "--format", "junit=out.xml")  # fmt: skip
+    found = []
+    for _ in range(2):
+        ran = call("traversability", *asked)
+        assert ran.code == 1
+        assert ran.out.endswith("2 files checked, 1 failed, 3 errors, no warnings.\n")
+        top = ElementTree.parse("out.xml").getroot()
+        found.append([case.get("name") for case in top.iter("testcase")])
+        put("sites/walled.json", json.dumps(yard(WALL), indent=2))
+    assert found[0][0] == "passed" and sorted(found[0]) == sorted(found[1])
+    assert set(found[0][1:]) == {
+        "TD101 route 1 3 8 3", "TD102 route 5 3 1 3", "TD103 go-fraction<0.9",
+    }  # fmt: skip

@@ -49,7 +49,7 @@ def test_waypoints_are_read(tmp_path: Path, text: str) -> None:
         ("x,y\n", "holds no waypoints"),
         ("1,2\n", "holds one waypoint"),
         ("1,2\n3\n", ':2: "3" holds no two numbers'),
-        ("lon,lat\n1,2\n3,4\n", ':1: "lon,lat" holds no two numbers'),
+        ("lon,lat\n1,2\n3,4\n", ':1: "lon,lat" has no columns x and y'),
         ("1,2\n\n# c\nx,y\n", ":4: "),
         ("1,2\n3,nan\n", ':2: "3,nan" holds no two numbers'),
         ("1,2\n3,1_0\n", ":2: "),

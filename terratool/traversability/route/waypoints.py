@@ -63,6 +63,11 @@ def _csv(name: str, text: str) -> list[tuple[float, float]]:
         if columns is None and "x" in names and "y" in names:
             columns = names.index("x"), names.index("y")
             continue
+        if columns is None and not any(_number(cell) is not None for cell in cells):
+            raise ReadError(
+                f"{name}:{number}: {quote(line.strip())} has no columns x and y.",
+                "Call two columns x and y, in the coordinates of the terrain.",
+            )
         columns = columns or (0, 1)
         x, y = (_number(cells[i]) if i < len(cells) else None for i in columns)
         if x is None or y is None:
