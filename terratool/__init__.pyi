@@ -71,7 +71,7 @@ __all__ = [
 
 def load(
     definition: AnyDefinition,
-    library_roots: Sequence[str] = (),
+    library_roots: str | Path | Sequence[str | Path] = (),
     *,
     roughness: bool = True,
 ) -> Terrain:
@@ -535,10 +535,10 @@ class Definition:
         size: Any = None,
         *,
         descr: str | None = None,
-        use: Sequence[str] | None = None,
+        use: str | Sequence[str] | None = None,
         origin: Sequence[float] | None = None,
         crs: Any | None = None,
-        x_ignore: Sequence[str] | None = None,
+        x_ignore: str | Sequence[str] | None = None,
         x_why: str | None = None,
     ) -> None:
         """Begin a definition of a terrain."""
@@ -565,7 +565,7 @@ class Definition:
         shear_modulus: float | Sequence[float] | None = None,
         void: bool | None = None,
         roughness: Mapping[str, Any] | None = None,
-        x_ignore: Sequence[str] | None = None,
+        x_ignore: str | Sequence[str] | None = None,
         x_why: str | None = None,
     ) -> str:
         """Add a surface, and return its name."""
@@ -578,7 +578,7 @@ class Definition:
         x: str | Sequence[Any] | None = None,
         y: str | Sequence[Any] | None = None,
         combine: str | None = None,
-        x_ignore: Sequence[str] | None = None,
+        x_ignore: str | Sequence[str] | None = None,
         x_why: str | None = None,
     ) -> str:
         """Add a primitive, and return its name."""
@@ -603,7 +603,7 @@ class Definition:
         v_offset: float | None = None,
         turn_deg: float | None = None,
         cells: int | Sequence[int] | None = None,
-        x_ignore: Sequence[str] | None = None,
+        x_ignore: str | Sequence[str] | None = None,
         x_why: str | None = None,
     ) -> Element:
         """Add a part, an element with all that is added to it, for elements to stand for."""
@@ -619,7 +619,7 @@ class Definition:
         passes: int | None = None,
         multipass: float | None = None,
         surface: str | None = None,
-        x_ignore: Sequence[str] | None = None,
+        x_ignore: str | Sequence[str] | None = None,
         x_why: str | None = None,
     ) -> None:
         """Add the rut of a wheel."""
@@ -637,7 +637,7 @@ class Definition:
         v_offset: float | None = None,
         turn_deg: float | None = None,
         cells: int | Sequence[int] | None = None,
-        x_ignore: Sequence[str] | None = None,
+        x_ignore: str | Sequence[str] | None = None,
         x_why: str | None = None,
     ) -> Element:
         """Say what covers the whole terrain, and return it; `add` puts elements onto it."""
@@ -661,7 +661,7 @@ class Definition:
         v_offset: float | None = None,
         turn_deg: float | None = None,
         cells: int | Sequence[int] | None = None,
-        x_ignore: Sequence[str] | None = None,
+        x_ignore: str | Sequence[str] | None = None,
         x_why: str | None = None,
     ) -> Element:
         """Add an element to the root, and return it, so that others can be added to it."""
@@ -713,7 +713,7 @@ class Element:
         v_offset: float | None = None,
         turn_deg: float | None = None,
         cells: int | Sequence[int] | None = None,
-        x_ignore: Sequence[str] | None = None,
+        x_ignore: str | Sequence[str] | None = None,
         x_why: str | None = None,
     ) -> Element:
         """Add an element to the cell of this one, and return it."""

@@ -38,7 +38,8 @@ _BUILT = ("$schema", "surfTypes", "elemTypes", "parts", "elemTree", "tracks", "c
 """Keys that methods build, or that say nothing of a terrain."""
 _TYPES = {
     "text": "str", "flag": "bool", "object": "Mapping[str, Any]", "members": "Mapping[str, Any]",
-    "curve": "str | Sequence[Any]", "path": "Sequence[Sequence[float]]", "paths": "Sequence[str]",
+    "curve": "str | Sequence[Any]", "path": "Sequence[Sequence[float]]",
+    "paths": "str | Sequence[str]",
     "depth": "float | Mapping[str, float]", "numbers": "Sequence[float]", "any": "Any",
     "list": "Sequence[Any]",
 }  # fmt: skip
@@ -50,7 +51,7 @@ _FREE = "x_"
 """Beginning of the names of keys that the format leaves to users: x_why is x-why."""
 _NOTES = {
     "x_ignore": NamedOption(
-        "x_ignore", "Sequence[str] | None", None,
+        "x_ignore", "str | Sequence[str] | None", None,
         "Codes of warnings that are not given here: x-ignore.", __name__,
     ),
     "x_why": NamedOption("x_why", "str | None", None, "Reason for that: x-why.", __name__),
@@ -111,8 +112,15 @@ def members_of(kind: type, what: str, given: Mapping[str, Any]) -> dict[str, Any
         key = keys.get(name) or name.replace("_", "-")
         if key in _INNER and isinstance(value, Mapping):
             value = members_of(_INNER[key], f"{what}'s {key}", value)
+        if isinstance(value, str | Path) and (key == "x-ignore" or _is_paths(kind, key)):
+            value = [value]
         found[key] = copy.deepcopy(value)
     return found
+
+
+def _is_paths(kind: type, key: str) -> bool:
+    """Whether the value of a key of a class of the model is a list of paths."""
+    return key in KEYS[kind] and KEYS[kind][key].kind == "paths"
 
 
 def _element(what: str, given: dict[str, Any]) -> dict[str, Any]:

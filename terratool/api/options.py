@@ -13,6 +13,7 @@ import inspect
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import MISSING, fields, is_dataclass
+from pathlib import Path
 from typing import Any, NamedTuple, ParamSpec, TypeVar
 
 import msgspec
@@ -129,7 +130,14 @@ def _fitting(value: Any, option: NamedOption) -> Any:
         return float(value) if kind == "float" else value
     if kind in _TUPLES and value is not None and not isinstance(value, str):
         return floats(option.name, value, _TUPLES[kind])
+    if kind in _WORD_LISTS and value is not None:
+        return listed(value)
     return tuple(value) if isinstance(value, list) else value
+
+
+def listed(value: Any) -> tuple[Any, ...]:
+    """Words or paths as a tuple, where one by itself counts as a list of one."""
+    return (value,) if isinstance(value, str | Path) else tuple(value)
 
 
 def floats(name: str, value: Any, wanted: str) -> tuple[float, ...]:
@@ -152,6 +160,8 @@ def floats(name: str, value: Any, wanted: str) -> tuple[float, ...]:
     return found
 
 
+_WORD_LISTS = ("Sequence[str]", "tuple[str, ...]")
+"""Types of lists of words."""
 _NUMBERS: dict[str, Any] = {"float": (int, float), "int": int}
 _WANTED = {"float": "a number", "int": "a whole number"}
 _TUPLES = {

@@ -12,7 +12,7 @@ import msgspec
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from terratool.api.options import fill, floats, public, takes
+from terratool.api.options import fill, floats, listed, public, takes
 from terratool.api.showing import ShownTerrain
 from terratool.api.sources import UNNAMED, AnyDefinition, checked_source, source_of
 from terratool.definition.model import Definition
@@ -39,6 +39,7 @@ from terratool.simulators.export import SimulatorReport, plan_export
 from terratool.simulators.options import SceneOptions
 from terratool.simulators.options import refuse_idle as refuse_idle_targets
 from terratool.simulators.targets import choose_targets
+from terratool.text.meaning import guess
 from terratool.text.source import Source
 from terratool.traversability.assess import Request
 from terratool.traversability.compare import names_of, prepare
@@ -219,7 +220,7 @@ class UserTerrain(ShownTerrain):
             ReadError, DefinitionError: the vehicle's file cannot be read, or has errors.
             WriteError: a folder is there already, holds something else, or cannot be written.
         """
-        targets = (target,) if isinstance(target, str) else tuple(target)
+        targets = listed(target)
         wanted = fill(SceneOptions, options)
         source = self._text.name if Path(self._text.name).is_file() else None
         refuse_idle_targets(options.keys(), list(choose_targets(targets)))
@@ -333,11 +334,13 @@ class UserTerrain(ShownTerrain):
         from terratool.traversability.report.writing import JudgementFiles, assess_all
 
         if model not in MODELS:
-            raise RequestError(f"There is no model {model!r}.", f"Choose {' or '.join(MODELS)}.")
+            raise RequestError(
+                f"There is no model {model!r}.",
+                guess(model, MODELS) or f"Choose {' or '.join(MODELS)}.",
+            )
         vehicles = [each.by_model(model) for each in _vehicles(vehicle)]
-        reports = (report,) if isinstance(report, str | Path) else tuple(report)
-        files = JudgementFiles(reports, map, overwrite)
-        ways = tuple(_points(way) for way in waypoints)
+        files = JudgementFiles(listed(report), map, overwrite)
+        ways = tuple(_points(way) for way in listed(waypoints))
         request = fill(Request, options, routes=_lines(routes), waypoints=ways)
         planned = prepare(self, vehicles, request, map_path=map, overwrite=overwrite)
         return assess_all(planned, self.name, files)
@@ -447,7 +450,7 @@ class UserTerrain(ShownTerrain):
 @takes()
 def load(
     definition: AnyDefinition,
-    library_roots: Sequence[str] = (),
+    library_roots: str | Path | Sequence[str | Path] = (),
     *,
     roughness: bool = True,
 ) -> UserTerrain:
@@ -463,7 +466,7 @@ def load(
         ReadError: the file cannot be read.
         DefinitionError: the definition is no valid terrain; the findings say why.
     """
-    roots = tuple(map(str, library_roots))
+    roots = tuple(map(str, listed(library_roots)))
     checked = checked_source(source_of(definition), roots)
     return UserTerrain(checked, roughness=roughness, library_roots=roots)
 
