@@ -152,7 +152,7 @@ def floats(name: str, value: Any, wanted: str) -> tuple[float, ...]:
         RequestError: there are too few or many, or one is no number.
     """
     try:
-        found = tuple(float(one) for one in value)
+        found = () if isinstance(value, str) else tuple(float(one) for one in value)
     except (TypeError, ValueError):
         found = ()
     if len(found) != wanted.count(",") + 1:

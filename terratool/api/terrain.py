@@ -265,7 +265,7 @@ class UserTerrain(ShownTerrain):
         path: str | Path | None = None,
         *,
         vehicle: AnyVehicle | None = None,
-        routes: Sequence[Line] = (),
+        routes: Line | Sequence[Line] = (),
         height: int = HEIGHT,
         overwrite: bool = False,
         **options: Any,
@@ -277,7 +277,8 @@ class UserTerrain(ShownTerrain):
         Args:
             path: file to write the page into, a .html; None for no file.
             vehicle: vehicle whose verdicts the page has; None for none.
-            routes: x and y of the start and of the goal of each way of the vehicle.
+            routes: x and y of the start and of the goal of each way of the vehicle, or of a single
+                one.
             height: height of the page within a notebook, pixels.
             overwrite: whether the file may exist already.
             **options: options of `PageOptions`, by name.
@@ -306,8 +307,8 @@ class UserTerrain(ShownTerrain):
         self,
         vehicle: AnyVehicle | Sequence[AnyVehicle],
         *,
-        routes: Sequence[Line] = (),
-        waypoints: Sequence[ArrayLike | str | Path] = (),
+        routes: Line | Sequence[Line] = (),
+        waypoints: ArrayLike | str | Path | Sequence[ArrayLike | str | Path] = (),
         model: Literal["slip", "paper"] = "slip",
         report: str | Path | Sequence[str | Path] = (),
         map: str | Path | None = None,  # noqa: A002 -- the option's name
@@ -318,8 +319,10 @@ class UserTerrain(ShownTerrain):
 
         Args:
             vehicle: vehicle, or path of its file; several are compared.
-            routes: x and y of the start and of the goal of each way that is looked for.
-            waypoints: for each way that is checked, its points, (n, 2), or the path of their file.
+            routes: x and y of the start and of the goal of each way that is looked for, or of
+                a single one.
+            waypoints: for each way that is checked, or for a single one, its points, (n, 2), or the
+                path of their file.
             model: how wheel and soil are computed: with slip, or what the paper says.
             report: paths of reports to write: .json, .md, .html, .geojson or .svg.
             map: path of a .tif for the map; None for no map.
@@ -340,8 +343,8 @@ class UserTerrain(ShownTerrain):
             )
         vehicles = [each.by_model(model) for each in _vehicles(vehicle)]
         files = JudgementFiles(listed(report), map, overwrite)
-        ways = tuple(_points(way) for way in listed(waypoints))
-        request = fill(Request, options, routes=_lines(routes), waypoints=ways)
+        places = {"routes": _lines(routes), "waypoints": _ways(waypoints)}
+        request = fill(Request, options, **places)
         planned = prepare(self, vehicles, request, map_path=map, overwrite=overwrite)
         return assess_all(planned, self.name, files)
 
@@ -493,14 +496,23 @@ def _vehicles(vehicle: AnyVehicle | Sequence[AnyVehicle]) -> list[Vehicle]:
     ]
 
 
-def _lines(routes: Sequence[Any]) -> tuple[Line, ...]:
-    """Starts and goals of ways.
+def _lines(routes: Any) -> tuple[Line, ...]:
+    """Starts and goals of ways; four numbers are one way.
 
     Raises:
         RequestError: one is not four numbers.
     """
-    lines = [floats("a route", way, "x0, y0, x1, y1") for way in routes]
+    given = _numbers(routes)
+    several = [routes] if given.size and given.ndim < 2 else listed(routes)
+    lines = [floats("a route", way, "x0, y0, x1, y1") for way in several]
     return tuple((x0, y0, x1, y1) for x0, y0, x1, y1 in lines)
+
+
+def _ways(waypoints: Any) -> tuple[Any, ...]:
+    """Points of each way, where rows of x and y are one way."""
+    points = _numbers(waypoints)
+    several = listed([waypoints] if points.ndim == 2 and points.shape[1] == 2 else waypoints)
+    return tuple(map(_points, several))
 
 
 def _points(way: Any) -> Any:

@@ -346,17 +346,47 @@ def test_vehicles_are_files_or_vehicles(terrain: terratool.Terrain) -> None:
         terrain.traversability(HUSKY, model="fast", **asked)
 
 
-def test_points_of_a_way_are_an_array_or_a_file(terrain: terratool.Terrain, tmp_path: Path) -> None:
-    gentle = json.loads(json.dumps(SITE))
-    gentle["elemTree"]["vScale"] = 0.3
-    gentle["surfTypes"]["sand"] = {"preset": "dry-sand"}
-    terrain = terratool.load(gentle)
+def gentle() -> terratool.Terrain:
+    """The site with a tenth of its slope, of a soil that is known."""
+    document = json.loads(json.dumps(SITE))
+    document["elemTree"]["vScale"] = 0.3
+    document["surfTypes"]["sand"] = {"preset": "dry-sand"}
+    return terratool.load(document)
+
+
+def test_points_of_a_way_are_an_array_or_a_file(tmp_path: Path) -> None:
+    terrain = gentle()
     way = np.array([[500002.0, 4649777.5], [500003, 4649780], [500002, 4649782]])
     path = tmp_path / "way.csv"
     path.write_text("\n".join(f"{x},{y}" for x, y in way))
     [drawn] = terrain.traversability(HUSKY, waypoints=[way], mapped=False).routes  # type: ignore[union-attr]
     [read] = terrain.traversability(HUSKY, waypoints=[path], mapped=False).routes  # type: ignore[union-attr]
     assert drawn.holds == read.holds and drawn.length == read.length > 4
+    for alone in (way, way.tolist(), path, str(path)):
+        [one] = terrain.traversability(HUSKY, waypoints=alone, mapped=False).routes  # type: ignore[union-attr]
+        assert one.length == drawn.length
+
+
+def test_four_numbers_are_one_way() -> None:
+    terrain = gentle()
+    line = (500002.0, 4649779.0, 500006.0, 4649782.0)
+    other = (500006.0, 4649782.0, 500003.0, 4649779.5)
+
+    def ends(routes: Any) -> list[tuple[float, ...]]:
+        coarse = {"resolution": 0.5, "headings": 4}
+        report = terrain.traversability(HUSKY, routes=routes, mapped=False, **coarse)  # type: ignore[arg-type]
+        return [
+            (one.start.x, one.start.y, one.goal.x, one.goal.y)
+            for one in report.routes  # type: ignore[union-attr]
+        ]
+
+    for routes in (line, list(line), np.array(line), [line], np.array([line])):
+        assert ends(routes) == [line]
+    assert ends([line, other]) == ends(np.array([line, other])) == [line, other]
+    assert ends(()) == ends([]) == []
+    for wrong in ((1, 2, 3), 5, "1829", "here", [(1, 2, 3)], [line, (1, 2, 3)], [1, 2, 3, "x"]):
+        with pytest.raises(terratool.RequestError, match="Give x0, y0, x1, y1, all of them num"):
+            ends(wrong)
 
 
 def test_readings_lie_on_the_ground(terrain: terratool.Terrain) -> None:
