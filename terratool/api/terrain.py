@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from terratool.api.options import fill, floats, listed, public, takes
 from terratool.api.showing import ShownTerrain
 from terratool.api.sources import UNNAMED, AnyDefinition, checked_source, source_of
+from terratool.api.verbs import INTERNAL, missing
 from terratool.definition.model import Definition
 from terratool.definition.reader import Checked
 from terratool.errors import RequestError
@@ -107,6 +108,14 @@ class UserTerrain(ShownTerrain):
             self._text = definition.document.source
         else:
             self._text = Source(UNNAMED, msgspec.json.encode(definition))
+
+    def __dir__(self) -> list[str]:
+        return [name for name in super().__dir__() if name not in INTERNAL]
+
+    if not TYPE_CHECKING:  # or a type checker would find every name
+
+        def __getattr__(self, name: str) -> None:
+            raise missing(name, self)
 
     @property
     def name(self) -> str:
