@@ -11,6 +11,7 @@ from rasterio.transform import Affine
 
 from terratool._version import __version__ as __version__
 from terratool.api.importing import AnyHeights
+from terratool.api.reports import ShownComparison, ShownReport
 from terratool.api.showing import ShownTerrain
 from terratool.api.sources import AnyDefinition
 from terratool.api.terrain import AnyPose, AnyVehicle
@@ -38,7 +39,6 @@ from terratool.sensing.sensor import Sensor as Sensor
 from terratool.sensing.sensor import load_sensor as load_sensor
 from terratool.simulators.export import SimulatorReport
 from terratool.traversability.assess import Point
-from terratool.traversability.results import Reports
 from terratool.traversability.route.graph import Preference
 from terratool.traversability.vehicle import Vehicle as Vehicle
 from terratool.traversability.vehicle import load_vehicle as load_vehicle
@@ -266,7 +266,7 @@ class Terrain(ShownTerrain):
         threads: int | None = None,
         samples: int = 256,
         seed: int = 0,
-    ) -> Reports:
+    ) -> ShownReport | ShownComparison:
         """Say where a vehicle can drive, where not, and why, as `terratool traversability` does."""
 
     def scan(

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from terratool.api.options import fill, floats, listed, public, takes
+from terratool.api.reports import ShownComparison, ShownReport, shown
 from terratool.api.showing import ShownTerrain
 from terratool.api.sources import UNNAMED, AnyDefinition, checked_source, source_of
 from terratool.api.verbs import INTERNAL, missing
@@ -44,7 +45,6 @@ from terratool.text.meaning import guess
 from terratool.text.source import Source
 from terratool.traversability.assess import Request
 from terratool.traversability.compare import names_of, prepare
-from terratool.traversability.results import Reports
 from terratool.traversability.route.waypoints import read_waypoints
 from terratool.traversability.vehicle import MODELS, Vehicle, load_vehicle
 from terratool.viewing.diff.compare import DiffOptions, diff
@@ -323,7 +323,7 @@ class UserTerrain(ShownTerrain):
         map: str | Path | None = None,  # noqa: A002 -- the option's name
         overwrite: bool = False,
         **options: Any,
-    ) -> Reports:
+    ) -> ShownReport | ShownComparison:
         """Say where a vehicle can drive, where not, and why, as `terratool traversability` does.
 
         Args:
@@ -355,7 +355,7 @@ class UserTerrain(ShownTerrain):
         places = {"routes": _lines(routes), "waypoints": _ways(waypoints)}
         request = fill(Request, options, **places)
         planned = prepare(self, vehicles, request, map_path=map, overwrite=overwrite)
-        return assess_all(planned, self.name, files)
+        return shown(assess_all(planned, self.name, files))
 
     @takes(ScanOptions)
     def scan(

@@ -25,7 +25,7 @@ VERBS = {
     "rules": "the command, terratool rules",
     "completion": "the command, terratool completion",
 }
-"""What to use from Python for a command that has no verb of its name."""
+"""Words of Python that do the work of a command, by its name, where no verb has that name."""
 INTERNAL = frozenset((
     "all_cells", "arrays", "cells", "descr_of", "field", "footprints", "is_shared", "numbers_of",
     "parents", "place_of", "primitive_of", "ray_index", "refuse_degrees", "surface_of",

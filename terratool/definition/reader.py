@@ -53,7 +53,7 @@ from terratool.definition.uses import Uses
 from terratool.definition.vehicle import VehicleText
 from terratool.errors import DefinitionError
 from terratool.report.wording import count_of
-from terratool.text.display import quote, unescape
+from terratool.text.display import printable, quote, unescape
 from terratool.text.edit import Edit
 from terratool.text.scan import value_end
 from terratool.text.source import Source, read_source, real_path
@@ -237,6 +237,11 @@ class Checked(Struct, frozen=True, dict=True):
     document: SourceDocument | None = None
     libraries: tuple[Checked, ...] = ()
     name: str = ""
+
+    def __repr__(self) -> str:
+        counts = Counter(finding.severity for finding in self.findings)
+        said = ", ".join(count_of(number, severity) for severity, number in sorted(counts.items()))
+        return f"<Checked {printable(self.name) or 'text'}: {said or 'nothing found'}>"
 
     @cached_property
     def expansion(self) -> Expansion | None:
