@@ -211,7 +211,7 @@ def takes_options(
     """
 
     def decorate(function: Callable[P, R]) -> Callable[P, R]:
-        own, name = inspect.signature(function), called or function.__name__
+        own, name = _spoken_signature(function), called or function.__name__
         named = [one for one in own.parameters.values() if one.kind is not one.VAR_KEYWORD]
         known = {**{one.name: NamedOption(one.name, str(one.annotation), one.default, "", "")
                     for one in named}, **options}  # fmt: skip
@@ -228,10 +228,25 @@ def takes_options(
         call.__doc__ = _with_options(function.__doc__ or "", options)
         call.__options__ = options  # type: ignore[attr-defined]
         if called and function.__name__ != "__init__":
-            call.__name__ = call.__qualname__ = called
+            call.__name__ = call.__qualname__ = function.__qualname__ = called
         return call
 
     return decorate
+
+
+_INNER = re.compile(r"\bUser(?=Terrain\b)|(?<=\bDefinition)Builder\b|(?<=\bElement)Builder\b")
+"""Parts of names of classes that users know without."""
+
+
+def _spoken_signature(function: Callable[..., Any]) -> inspect.Signature:
+    """Signature in which classes have the names that users know."""
+
+    def known(annotation: Any) -> Any:
+        return _INNER.sub("", annotation) if isinstance(annotation, str) else annotation
+
+    own = inspect.signature(function)
+    parameters = [one.replace(annotation=known(one.annotation)) for one in own.parameters.values()]
+    return own.replace(parameters=parameters, return_annotation=known(own.return_annotation))
 
 
 def refuse_unknown(what: str, given: Iterable[str], known: Iterable[str]) -> None:
@@ -262,6 +277,10 @@ def public(name: str) -> Callable[[C], C]:
     def decorate(kind: C) -> C:
         kind.__name__ = kind.__qualname__ = name
         kind.__module__ = "terratool"
+        for own, member in vars(kind).items():
+            while inspect.isfunction(member):
+                member.__qualname__ = f"{name}.{own}"  # Python's own errors say it
+                member = getattr(member, "__wrapped__", None)
         return kind
 
     return decorate

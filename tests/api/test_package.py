@@ -10,6 +10,7 @@ import re
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -60,8 +61,37 @@ def test_help_shows_what_there_is() -> None:
     for name in terratool.__all__:
         kind = "class " if inspect.isclass(getattr(terratool, name)) else ""
         assert re.search(rf"^    {kind}{name}\(", shown, re.MULTILINE), name
+    assert not re.search(r"UserTerrain|Builder|_from\b|doctest|`make |\.pyi", shown)
     assert "exaggeration: factor on heights of a section" in shown  # an option of render
     assert "stairs: " in shown and "steps" in shown  # a kind of new terrain
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        (lambda: terratool.Terrain(), "Terrain.__init__() missing"),
+        (lambda: terratool.load(SAMPLE).height(1), "Terrain.height() missing"),
+        (lambda: terratool.load(SAMPLE).write_mesh(), "Terrain.write_mesh() missing"),
+        (lambda: terratool.Definition(1, 2), "Definition.__init__() takes"),
+        (lambda: terratool.Definition(1).add(1, 2), "Definition.add() takes"),
+        (lambda: terratool.Definition(1).add("b").add(1, 2), "Element.add() takes"),
+        (lambda: terratool.import_terrain(max_error=1), "import_terrain() missing"),
+        (lambda: terratool.check(), "check() missing"),
+    ],
+)  # fmt: skip
+def test_errors_of_python_name_what_users_know(wrong: Any, said: str) -> None:
+    with pytest.raises(TypeError) as error:
+        wrong()
+    assert str(error.value).startswith(said)
+
+
+def test_signatures_name_what_users_know() -> None:
+    def returned(function: Any) -> str:
+        return str(inspect.signature(function).return_annotation)
+
+    assert returned(terratool.load) == returned(terratool.Definition.compile) == "Terrain"
+    assert returned(terratool.Element.add) == "Element"
+    assert returned(terratool.import_terrain) == "ImportReport | Terrain"
 
 
 def test_everything_public_is_explained() -> None:

@@ -50,6 +50,17 @@ def file(tmp_path: Path) -> Path:
     return path
 
 
+def test_noise_of_rounding_is_no_relief() -> None:
+    """cos(π t) is 0 half way down from its middle only up to 6e-17."""
+    definition = terratool.Definition(size=(10, 7))
+    definition.primitive("flat", x=[0])
+    definition.primitive("dent", x="cos(pi*t)", combine="radial")
+    definition.root("flat", cells=(5, 4)).add("dent", cell=(1, 1), span=(3, 2), v_scale=0.55)
+    terrain = definition.compile()
+    assert terrain.relief is not None and abs(terrain.relief[1]) < 1e-15
+    assert terrain.facts["relief"] == "−0.55 to 0 m" and "relief    −0.55 to 0 m\n" in str(terrain)
+
+
 # --- reading --------------------------------------------------------------------------------------
 
 
