@@ -686,11 +686,13 @@ class Definition:
         """Write the text into a file in the canonical layout, and return its path."""
 
 class Element:
-    """An element of a definition; `add` puts another one into its cell."""
+    """An element of a definition; `add` puts another one into its cell, `remove` takes it out."""
 
     def __init__(
         self,
         members: dict[str, Any],
+        holder: dict[str, Any],
+        key: str,
     ) -> None:
         """Wrap the members of an element, which stay those of the definition."""
 
@@ -717,6 +719,11 @@ class Element:
         x_why: str | None = None,
     ) -> Element:
         """Add an element to the cell of this one, and return it."""
+
+    def remove(
+        self,
+    ) -> None:
+        """Take the element out of the definition, with all that stands in its cells."""
 
 def check(
     definition: AnyDefinition,

@@ -44,7 +44,7 @@ def source_of(definition: AnyDefinition) -> Source:
     if isinstance(definition, HasDocument):
         definition = definition.document
     if isinstance(definition, Mapping):
-        return Source(UNNAMED, json_of(definition).encode())
+        return Source(UNNAMED, json_of(definition).encode(), seen=False)
     if isinstance(definition, bytes | bytearray | memoryview):
         data = bytes(definition)
         try:

@@ -335,7 +335,7 @@ def no_terrain(source: Source, checked: Checked) -> DefinitionError:
         return DefinitionError(
             f"{source.name}: is a {kind}, where a terrain is wanted.", _NO_TERRAIN[kind]
         )
-    return refusal(checked)
+    return refusal(checked, source.seen)
 
 
 def load_definition(path: str | Path) -> Definition:
@@ -352,13 +352,21 @@ def uses_of(definition: Definition) -> Uses:
     return Uses(document, known_names(document))
 
 
-def refusal(checked: Checked) -> DefinitionError:
-    """Error with the first finding of a text, and the number of the others."""
+def refusal(checked: Checked, seen: bool = True) -> DefinitionError:
+    """Error with the first finding of a text, and the number of the others.
+
+    Args:
+        checked: result of the check.
+        seen: whether users see the text; otherwise a JSON pointer says where the finding is.
+    """
     first = checked.findings[0]
+    place = f":{first.line}:{first.column}"
+    if not seen and first.file == checked.name:
+        place = f": {printable(first.pointer)}" if first.pointer else ""
     count = checked.counts.total()
     more = f" terratool validate lists {count - 1} more." if count > 1 else ""
     return DefinitionError(
-        f"{first.file}:{first.line}:{first.column}: {first.code}: {first.message}",
+        f"{first.file}{place}: {first.code}: {first.message}",
         first.hint + more,
         checked.findings,
     )
