@@ -95,6 +95,9 @@ def test_a_definition_comes_in_any_form(file: Path) -> None:
         ({"size": {1, 2}}, "RequestError", "it holds a set"),
         ("nowhere.json", "ReadError", "nowhere.json: cannot be read"),
         ({"mass": 3, "wheels": {}}, "DefinitionError", "is a vehicle, where a terrain is wanted"),
+        (5, "RequestError", "of type int is given. Give the path of a file, JSON as text"),
+        (None, "RequestError", "of type NoneType is given"),
+        ([SITE], "RequestError", "of type list is given"),
     ],
 )
 def test_what_is_no_terrain_is_refused(form: Any, kind: str, says: str) -> None:
@@ -102,6 +105,24 @@ def test_what_is_no_terrain_is_refused(form: Any, kind: str, says: str) -> None:
         terratool.load(form)
     assert says in str(error.value)
     assert "terratool validate" not in str(error.value)
+
+
+@pytest.mark.parametrize("verb", ["height", "surface", "element", "normal", "sample", "locate"])
+def test_points_that_are_none_are_refused(verb: str, terrain: terratool.Terrain) -> None:
+    ask = getattr(terrain, verb)
+    for x, y in (("a", 1), (1, {}), ([[1, 2], [3]], 4), (500001.0, object())):
+        with pytest.raises(terratool.RequestError, match=r"^A coordinate is no number\. Give num"):
+            ask(x, y)
+    with pytest.raises(terratool.RequestError, match=r"x has the shape \(2,\), but y \(3,\)\."):
+        ask([1, 2], [1, 2, 3])
+    with pytest.raises(terratool.RequestError, match="direction or range is no number"):
+        terrain.cast([1, 2, 3], ["a", 2, 3])
+
+
+def test_contours_are_a_height_or_auto(terrain: terratool.Terrain) -> None:
+    for wrong in ("slop", -1, 0.0, "0.5"):
+        with pytest.raises(terratool.RequestError, match=r"^Contours are to be .*Give a "):
+            terrain.render(contours=wrong)
 
 
 def test_libraries_lie_where_roots_say(tmp_path: Path) -> None:
