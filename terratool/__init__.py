@@ -1,12 +1,16 @@
 """Robot terrains from a small JSON text: heights, soils, rasters, meshes, simulators and more.
 
->>> import terratool
->>> terrain = terratool.load("samples/paper-example.json")  # doctest: +SKIP
->>> terrain.height(15.0, 15.0)  # doctest: +SKIP
+    import terratool
 
-Types stand in __init__.pyi, which `make stubs` writes.
+    terrain = terratool.load("site.json")
+    print(terrain)
+    terrain.height(15.0, 15.0)
+    terrain.write_mesh("site.glb", max_error=0.01)
+
+`help(terratool.Terrain)` lists what a terrain does, `help(terratool.Definition)` how to write one.
 """
 
+# types stand in __init__.pyi, which `make stubs` writes
 from importlib import import_module
 
 from terratool._version import __version__ as __version__

@@ -11,6 +11,7 @@ from rasterio.transform import Affine
 
 from terratool._version import __version__ as __version__
 from terratool.api.importing import AnyHeights
+from terratool.api.reports import ShownComparison, ShownReport
 from terratool.api.showing import ShownTerrain
 from terratool.api.sources import AnyDefinition
 from terratool.api.terrain import AnyPose, AnyVehicle
@@ -38,7 +39,6 @@ from terratool.sensing.sensor import Sensor as Sensor
 from terratool.sensing.sensor import load_sensor as load_sensor
 from terratool.simulators.export import SimulatorReport
 from terratool.traversability.assess import Point
-from terratool.traversability.results import Reports
 from terratool.traversability.route.graph import Preference
 from terratool.traversability.vehicle import Vehicle as Vehicle
 from terratool.traversability.vehicle import load_vehicle as load_vehicle
@@ -71,7 +71,7 @@ __all__ = [
 
 def load(
     definition: AnyDefinition,
-    library_roots: Sequence[str] = (),
+    library_roots: str | Path | Sequence[str | Path] = (),
     *,
     roughness: bool = True,
 ) -> Terrain:
@@ -238,7 +238,7 @@ class Terrain(ShownTerrain):
         path: str | Path | None = None,
         *,
         vehicle: AnyVehicle | None = None,
-        routes: Sequence[Line] = (),
+        routes: Line | Sequence[Line] = (),
         height: int = 600,
         overwrite: bool = False,
         max_error: float | None = None,
@@ -250,8 +250,8 @@ class Terrain(ShownTerrain):
         self,
         vehicle: AnyVehicle | Sequence[AnyVehicle],
         *,
-        routes: Sequence[Line] = (),
-        waypoints: Sequence[ArrayLike | str | Path] = (),
+        routes: Line | Sequence[Line] = (),
+        waypoints: ArrayLike | str | Path | Sequence[ArrayLike | str | Path] = (),
         model: Literal["slip", "paper"] = "slip",
         report: str | Path | Sequence[str | Path] = (),
         map: str | Path | None = None,
@@ -266,7 +266,7 @@ class Terrain(ShownTerrain):
         threads: int | None = None,
         samples: int = 256,
         seed: int = 0,
-    ) -> Reports:
+    ) -> ShownReport | ShownComparison:
         """Say where a vehicle can drive, where not, and why, as `terratool traversability` does."""
 
     def scan(
@@ -535,10 +535,10 @@ class Definition:
         size: Any = None,
         *,
         descr: str | None = None,
-        use: Sequence[str] | None = None,
+        use: str | Sequence[str] | None = None,
         origin: Sequence[float] | None = None,
         crs: Any | None = None,
-        x_ignore: Sequence[str] | None = None,
+        x_ignore: str | Sequence[str] | None = None,
         x_why: str | None = None,
     ) -> None:
         """Begin a definition of a terrain."""
@@ -565,7 +565,7 @@ class Definition:
         shear_modulus: float | Sequence[float] | None = None,
         void: bool | None = None,
         roughness: Mapping[str, Any] | None = None,
-        x_ignore: Sequence[str] | None = None,
+        x_ignore: str | Sequence[str] | None = None,
         x_why: str | None = None,
     ) -> str:
         """Add a surface, and return its name."""
@@ -578,7 +578,7 @@ class Definition:
         x: str | Sequence[Any] | None = None,
         y: str | Sequence[Any] | None = None,
         combine: str | None = None,
-        x_ignore: Sequence[str] | None = None,
+        x_ignore: str | Sequence[str] | None = None,
         x_why: str | None = None,
     ) -> str:
         """Add a primitive, and return its name."""
@@ -603,7 +603,7 @@ class Definition:
         v_offset: float | None = None,
         turn_deg: float | None = None,
         cells: int | Sequence[int] | None = None,
-        x_ignore: Sequence[str] | None = None,
+        x_ignore: str | Sequence[str] | None = None,
         x_why: str | None = None,
     ) -> Element:
         """Add a part, an element with all that is added to it, for elements to stand for."""
@@ -619,7 +619,7 @@ class Definition:
         passes: int | None = None,
         multipass: float | None = None,
         surface: str | None = None,
-        x_ignore: Sequence[str] | None = None,
+        x_ignore: str | Sequence[str] | None = None,
         x_why: str | None = None,
     ) -> None:
         """Add the rut of a wheel."""
@@ -637,7 +637,7 @@ class Definition:
         v_offset: float | None = None,
         turn_deg: float | None = None,
         cells: int | Sequence[int] | None = None,
-        x_ignore: Sequence[str] | None = None,
+        x_ignore: str | Sequence[str] | None = None,
         x_why: str | None = None,
     ) -> Element:
         """Say what covers the whole terrain, and return it; `add` puts elements onto it."""
@@ -661,7 +661,7 @@ class Definition:
         v_offset: float | None = None,
         turn_deg: float | None = None,
         cells: int | Sequence[int] | None = None,
-        x_ignore: Sequence[str] | None = None,
+        x_ignore: str | Sequence[str] | None = None,
         x_why: str | None = None,
     ) -> Element:
         """Add an element to the root, and return it, so that others can be added to it."""
@@ -686,11 +686,13 @@ class Definition:
         """Write the text into a file in the canonical layout, and return its path."""
 
 class Element:
-    """An element of a definition; `add` puts another one into its cell."""
+    """An element of a definition; `add` puts another one into its cell, `remove` takes it out."""
 
     def __init__(
         self,
         members: dict[str, Any],
+        holder: dict[str, Any],
+        key: str,
     ) -> None:
         """Wrap the members of an element, which stay those of the definition."""
 
@@ -713,10 +715,15 @@ class Element:
         v_offset: float | None = None,
         turn_deg: float | None = None,
         cells: int | Sequence[int] | None = None,
-        x_ignore: Sequence[str] | None = None,
+        x_ignore: str | Sequence[str] | None = None,
         x_why: str | None = None,
     ) -> Element:
         """Add an element to the cell of this one, and return it."""
+
+    def remove(
+        self,
+    ) -> None:
+        """Take the element out of the definition, with all that stands in its cells."""
 
 def check(
     definition: AnyDefinition,

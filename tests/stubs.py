@@ -12,7 +12,7 @@ import inspect
 import re
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from functools import cache
 from importlib import import_module
 from pathlib import Path
@@ -116,7 +116,7 @@ class StubWriter:
         """Lines of a function, or of its overloads."""
         plain = inspect.unwrap(function)
         whole = inspect.signature(function)
-        forms = get_overloads(plain)
+        forms = overloads_of(plain)
         for form in forms or [plain]:
             own = inspect.signature(form)
             parameters = {one.name: one for one in own.parameters.values()
@@ -168,6 +168,16 @@ class StubWriter:
             return name
 
         return NAME.sub(known, text)
+
+
+def overloads_of(function: Callable[..., Any]) -> Sequence[Callable[..., Any]]:
+    """Overloads of a function, which are known by the name that it was written with."""
+    assert inspect.isfunction(function)
+    said, function.__qualname__ = function.__qualname__, function.__code__.co_qualname
+    try:
+        return get_overloads(function)
+    finally:
+        function.__qualname__ = said
 
 
 def first_line(documented: Any) -> str:

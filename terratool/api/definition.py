@@ -38,7 +38,8 @@ _BUILT = ("$schema", "surfTypes", "elemTypes", "parts", "elemTree", "tracks", "c
 """Keys that methods build, or that say nothing of a terrain."""
 _TYPES = {
     "text": "str", "flag": "bool", "object": "Mapping[str, Any]", "members": "Mapping[str, Any]",
-    "curve": "str | Sequence[Any]", "path": "Sequence[Sequence[float]]", "paths": "Sequence[str]",
+    "curve": "str | Sequence[Any]", "path": "Sequence[Sequence[float]]",
+    "paths": "str | Sequence[str]",
     "depth": "float | Mapping[str, float]", "numbers": "Sequence[float]", "any": "Any",
     "list": "Sequence[Any]",
 }  # fmt: skip
@@ -50,7 +51,7 @@ _FREE = "x_"
 """Beginning of the names of keys that the format leaves to users: x_why is x-why."""
 _NOTES = {
     "x_ignore": NamedOption(
-        "x_ignore", "Sequence[str] | None", None,
+        "x_ignore", "str | Sequence[str] | None", None,
         "Codes of warnings that are not given here: x-ignore.", __name__,
     ),
     "x_why": NamedOption("x_why", "str | None", None, "Reason for that: x-why.", __name__),
@@ -111,8 +112,15 @@ def members_of(kind: type, what: str, given: Mapping[str, Any]) -> dict[str, Any
         key = keys.get(name) or name.replace("_", "-")
         if key in _INNER and isinstance(value, Mapping):
             value = members_of(_INNER[key], f"{what}'s {key}", value)
+        if isinstance(value, str | Path) and (key == "x-ignore" or _is_paths(kind, key)):
+            value = [value]
         found[key] = copy.deepcopy(value)
     return found
+
+
+def _is_paths(kind: type, key: str) -> bool:
+    """Whether the value of a key of a class of the model is a list of paths."""
+    return key in KEYS[kind] and KEYS[kind][key].kind == "paths"
 
 
 def _element(what: str, given: dict[str, Any]) -> dict[str, Any]:
@@ -136,11 +144,17 @@ def _element(what: str, given: dict[str, Any]) -> dict[str, Any]:
 
 @public("Element")
 class ElementBuilder:
-    """An element of a definition; `add` puts another one into its cell."""
+    """An element of a definition; `add` puts another one into its cell, `remove` takes it out."""
 
-    def __init__(self, members: dict[str, Any]) -> None:
-        """Wrap the members of an element, which stay those of the definition."""
-        self._members = members
+    def __init__(self, members: dict[str, Any], holder: dict[str, Any], key: str) -> None:
+        """Wrap the members of an element, which stay those of the definition.
+
+        Args:
+            members: members of the element.
+            holder: object of the text that has the element, or the list with it.
+            key: key of the element, or of that list.
+        """
+        self._members, self._holder, self._key = members, holder, key
 
     def __repr__(self) -> str:
         what = self._members.get("type") or self._members.get("part") or "nothing yet"
@@ -160,9 +174,28 @@ class ElementBuilder:
         Raises:
             RequestError: a name is no key, or the cell is given twice or is no pair.
         """
-        child = ElementBuilder(_element("add", {"type": type, **keys}))
-        self._members.setdefault("children", []).append(child._members)
-        return child
+        members = _element("add", {"type": type, **keys})
+        self._members.setdefault("children", []).append(members)
+        return ElementBuilder(members, self._members, "children")
+
+    @takes()
+    def remove(self) -> None:
+        """Take the element out of the definition, with all that stands in its cells.
+
+        Raises:
+            RequestError: the element has been taken out already.
+        """
+        found = self._holder.get(self._key)
+        if found is self._members:
+            del self._holder[self._key]
+            return
+        left = [one for one in found or () if one is not self._members]
+        if found is None or len(left) == len(found):
+            raise RequestError("The element has been taken out already.", "Add it again.")
+        if left:
+            found[:] = left
+        else:
+            del self._holder[self._key]
 
 
 _TERRAIN = key_options(Definition)
@@ -263,9 +296,9 @@ class DefinitionBuilder:
         Raises:
             RequestError: a name is no key, or there is such a part already.
         """
-        root = ElementBuilder(_element("part", {"type": type, **keys}))
-        self._enter("parts", "part", name, root._members)
-        return root
+        members = _element("part", {"type": type, **keys})
+        self._enter("parts", "part", name, members)
+        return ElementBuilder(members, self._document["parts"], name)
 
     @_takes_keys(key_options(Track))
     def track(self, **keys: Any) -> None:
@@ -302,7 +335,7 @@ class DefinitionBuilder:
         """
         root = self._root()
         root.update(_element("root", {"type": type, **keys}))
-        return ElementBuilder(root)
+        return ElementBuilder(root, self._document, "elemTree")
 
     def _root(self) -> dict[str, Any]:
         """Members of the root, which begins empty."""
@@ -323,7 +356,7 @@ class DefinitionBuilder:
         Raises:
             RequestError: a name is no key, or the cell is given twice or is no pair.
         """
-        return ElementBuilder(self._root()).add(type, **keys)
+        return ElementBuilder(self._root(), self._document, "elemTree").add(type, **keys)
 
     # --- results ----------------------------------------------------------------------------------
 
@@ -375,4 +408,4 @@ class DefinitionBuilder:
 
     def _source(self, name: str) -> Source:
         """Text by the name of its file."""
-        return Source(name, self.text.encode("utf-8", "surrogatepass"))
+        return Source(name, self.text.encode("utf-8", "surrogatepass"), seen=False)

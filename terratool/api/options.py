@@ -13,6 +13,7 @@ import inspect
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import MISSING, fields, is_dataclass
+from pathlib import Path
 from typing import Any, NamedTuple, ParamSpec, TypeVar
 
 import msgspec
@@ -129,7 +130,14 @@ def _fitting(value: Any, option: NamedOption) -> Any:
         return float(value) if kind == "float" else value
     if kind in _TUPLES and value is not None and not isinstance(value, str):
         return floats(option.name, value, _TUPLES[kind])
+    if kind in _WORD_LISTS and value is not None:
+        return listed(value)
     return tuple(value) if isinstance(value, list) else value
+
+
+def listed(value: Any) -> tuple[Any, ...]:
+    """Words or paths as a tuple, where one by itself counts as a list of one."""
+    return (value,) if isinstance(value, str | Path) else tuple(value)
 
 
 def floats(name: str, value: Any, wanted: str) -> tuple[float, ...]:
@@ -144,7 +152,7 @@ def floats(name: str, value: Any, wanted: str) -> tuple[float, ...]:
         RequestError: there are too few or many, or one is no number.
     """
     try:
-        found = tuple(float(one) for one in value)
+        found = () if isinstance(value, str) else tuple(float(one) for one in value)
     except (TypeError, ValueError):
         found = ()
     if len(found) != wanted.count(",") + 1:
@@ -152,6 +160,8 @@ def floats(name: str, value: Any, wanted: str) -> tuple[float, ...]:
     return found
 
 
+_WORD_LISTS = ("Sequence[str]", "tuple[str, ...]")
+"""Types of lists of words."""
 _NUMBERS: dict[str, Any] = {"float": (int, float), "int": int}
 _WANTED = {"float": "a number", "int": "a whole number"}
 _TUPLES = {
@@ -201,7 +211,7 @@ def takes_options(
     """
 
     def decorate(function: Callable[P, R]) -> Callable[P, R]:
-        own, name = inspect.signature(function), called or function.__name__
+        own, name = _spoken_signature(function), called or function.__name__
         named = [one for one in own.parameters.values() if one.kind is not one.VAR_KEYWORD]
         known = {**{one.name: NamedOption(one.name, str(one.annotation), one.default, "", "")
                     for one in named}, **options}  # fmt: skip
@@ -218,10 +228,25 @@ def takes_options(
         call.__doc__ = _with_options(function.__doc__ or "", options)
         call.__options__ = options  # type: ignore[attr-defined]
         if called and function.__name__ != "__init__":
-            call.__name__ = call.__qualname__ = called
+            call.__name__ = call.__qualname__ = function.__qualname__ = called
         return call
 
     return decorate
+
+
+_INNER = re.compile(r"\bUser(?=Terrain\b)|(?<=\bDefinition)Builder\b|(?<=\bElement)Builder\b")
+"""Parts of names of classes that users know without."""
+
+
+def _spoken_signature(function: Callable[..., Any]) -> inspect.Signature:
+    """Signature in which classes have the names that users know."""
+
+    def known(annotation: Any) -> Any:
+        return _INNER.sub("", annotation) if isinstance(annotation, str) else annotation
+
+    own = inspect.signature(function)
+    parameters = [one.replace(annotation=known(one.annotation)) for one in own.parameters.values()]
+    return own.replace(parameters=parameters, return_annotation=known(own.return_annotation))
 
 
 def refuse_unknown(what: str, given: Iterable[str], known: Iterable[str]) -> None:
@@ -252,6 +277,10 @@ def public(name: str) -> Callable[[C], C]:
     def decorate(kind: C) -> C:
         kind.__name__ = kind.__qualname__ = name
         kind.__module__ = "terratool"
+        for own, member in vars(kind).items():
+            while inspect.isfunction(member):
+                member.__qualname__ = f"{name}.{own}"  # Python's own errors say it
+                member = getattr(member, "__wrapped__", None)
         return kind
 
     return decorate

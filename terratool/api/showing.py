@@ -11,6 +11,7 @@ from terratool.errors import RequestError
 from terratool.field.summary import height_range
 from terratool.field.terrain import Terrain
 from terratool.io.crs import shown_crs
+from terratool.report.numbers import without_noise
 from terratool.report.wording import count_of, join_words
 from terratool.text.display import printable
 
@@ -105,5 +106,5 @@ def _sides(terrain: Terrain) -> str:
 
 def _range(relief: tuple[float, float], unit: str) -> str:
     """Lowest and highest height in words."""
-    low, high = (f"{height + 0.0:.4g}".replace("-", "−") for height in relief)
+    low, high = (f"{height:.4g}".replace("-", "−") for height in without_noise(*relief))
     return f"{low} to {high} {unit if unit != '°' else ''}".rstrip()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from os import PathLike
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
@@ -37,14 +38,14 @@ def source_of(definition: AnyDefinition) -> Source:
 
     Raises:
         ReadError: the file cannot be read, or the bytes are no gzip although they begin as one.
-        RequestError: a dictionary holds what JSON cannot hold.
+        RequestError: a dictionary holds what JSON cannot hold, or it is nothing of that kind.
     """
     if isinstance(definition, Source):
         return definition
     if isinstance(definition, HasDocument):
         definition = definition.document
     if isinstance(definition, Mapping):
-        return Source(UNNAMED, json_of(definition).encode())
+        return Source(UNNAMED, json_of(definition).encode(), seen=False)
     if isinstance(definition, bytes | bytearray | memoryview):
         data = bytes(definition)
         try:
@@ -54,6 +55,12 @@ def source_of(definition: AnyDefinition) -> Source:
         return Source(UNNAMED, data.removeprefix(b"\xef\xbb\xbf"))
     if isinstance(definition, str) and definition.lstrip("\ufeff \t\r\n").startswith("{"):
         return Source(UNNAMED, definition.lstrip("\ufeff").encode("utf-8", "surrogatepass"))
+    if not isinstance(definition, str | PathLike):
+        kind = type(definition).__name__
+        raise RequestError(
+            f"A definition is wanted, but a value of type {kind} is given.",
+            "Give the path of a file, JSON as text or bytes, a dictionary, or a Definition.",
+        )
     return read_source(definition)
 
 

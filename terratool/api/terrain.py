@@ -12,9 +12,11 @@ import msgspec
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from terratool.api.options import fill, floats, public, takes
+from terratool.api.options import fill, floats, listed, public, takes
+from terratool.api.reports import ShownComparison, ShownReport, shown
 from terratool.api.showing import ShownTerrain
 from terratool.api.sources import UNNAMED, AnyDefinition, checked_source, source_of
+from terratool.api.verbs import INTERNAL, missing
 from terratool.definition.model import Definition
 from terratool.definition.reader import Checked
 from terratool.errors import RequestError
@@ -39,10 +41,10 @@ from terratool.simulators.export import SimulatorReport, plan_export
 from terratool.simulators.options import SceneOptions
 from terratool.simulators.options import refuse_idle as refuse_idle_targets
 from terratool.simulators.targets import choose_targets
+from terratool.text.meaning import guess
 from terratool.text.source import Source
 from terratool.traversability.assess import Request
 from terratool.traversability.compare import names_of, prepare
-from terratool.traversability.results import Reports
 from terratool.traversability.route.waypoints import read_waypoints
 from terratool.traversability.vehicle import MODELS, Vehicle, load_vehicle
 from terratool.viewing.diff.compare import DiffOptions, diff
@@ -106,6 +108,14 @@ class UserTerrain(ShownTerrain):
             self._text = definition.document.source
         else:
             self._text = Source(UNNAMED, msgspec.json.encode(definition))
+
+    def __dir__(self) -> list[str]:
+        return [name for name in super().__dir__() if name not in INTERNAL]
+
+    if not TYPE_CHECKING:  # or a type checker would find every name
+
+        def __getattr__(self, name: str) -> None:
+            raise missing(name, self)
 
     @property
     def name(self) -> str:
@@ -219,7 +229,7 @@ class UserTerrain(ShownTerrain):
             ReadError, DefinitionError: the vehicle's file cannot be read, or has errors.
             WriteError: a folder is there already, holds something else, or cannot be written.
         """
-        targets = (target,) if isinstance(target, str) else tuple(target)
+        targets = listed(target)
         wanted = fill(SceneOptions, options)
         source = self._text.name if Path(self._text.name).is_file() else None
         refuse_idle_targets(options.keys(), list(choose_targets(targets)))
@@ -264,7 +274,7 @@ class UserTerrain(ShownTerrain):
         path: str | Path | None = None,
         *,
         vehicle: AnyVehicle | None = None,
-        routes: Sequence[Line] = (),
+        routes: Line | Sequence[Line] = (),
         height: int = HEIGHT,
         overwrite: bool = False,
         **options: Any,
@@ -276,7 +286,8 @@ class UserTerrain(ShownTerrain):
         Args:
             path: file to write the page into, a .html; None for no file.
             vehicle: vehicle whose verdicts the page has; None for none.
-            routes: x and y of the start and of the goal of each way of the vehicle.
+            routes: x and y of the start and of the goal of each way of the vehicle, or of a single
+                one.
             height: height of the page within a notebook, pixels.
             overwrite: whether the file may exist already.
             **options: options of `PageOptions`, by name.
@@ -305,20 +316,22 @@ class UserTerrain(ShownTerrain):
         self,
         vehicle: AnyVehicle | Sequence[AnyVehicle],
         *,
-        routes: Sequence[Line] = (),
-        waypoints: Sequence[ArrayLike | str | Path] = (),
+        routes: Line | Sequence[Line] = (),
+        waypoints: ArrayLike | str | Path | Sequence[ArrayLike | str | Path] = (),
         model: Literal["slip", "paper"] = "slip",
         report: str | Path | Sequence[str | Path] = (),
         map: str | Path | None = None,  # noqa: A002 -- the option's name
         overwrite: bool = False,
         **options: Any,
-    ) -> Reports:
+    ) -> ShownReport | ShownComparison:
         """Say where a vehicle can drive, where not, and why, as `terratool traversability` does.
 
         Args:
             vehicle: vehicle, or path of its file; several are compared.
-            routes: x and y of the start and of the goal of each way that is looked for.
-            waypoints: for each way that is checked, its points, (n, 2), or the path of their file.
+            routes: x and y of the start and of the goal of each way that is looked for, or of
+                a single one.
+            waypoints: for each way that is checked, or for a single one, its points, (n, 2), or the
+                path of their file.
             model: how wheel and soil are computed: with slip, or what the paper says.
             report: paths of reports to write: .json, .md, .html, .geojson or .svg.
             map: path of a .tif for the map; None for no map.
@@ -333,14 +346,16 @@ class UserTerrain(ShownTerrain):
         from terratool.traversability.report.writing import JudgementFiles, assess_all
 
         if model not in MODELS:
-            raise RequestError(f"There is no model {model!r}.", f"Choose {' or '.join(MODELS)}.")
+            raise RequestError(
+                f"There is no model {model!r}.",
+                guess(model, MODELS) or f"Choose {' or '.join(MODELS)}.",
+            )
         vehicles = [each.by_model(model) for each in _vehicles(vehicle)]
-        reports = (report,) if isinstance(report, str | Path) else tuple(report)
-        files = JudgementFiles(reports, map, overwrite)
-        ways = tuple(_points(way) for way in waypoints)
-        request = fill(Request, options, routes=_lines(routes), waypoints=ways)
+        files = JudgementFiles(listed(report), map, overwrite)
+        places = {"routes": _lines(routes), "waypoints": _ways(waypoints)}
+        request = fill(Request, options, **places)
         planned = prepare(self, vehicles, request, map_path=map, overwrite=overwrite)
-        return assess_all(planned, self.name, files)
+        return shown(assess_all(planned, self.name, files))
 
     @takes(ScanOptions)
     def scan(
@@ -447,7 +462,7 @@ class UserTerrain(ShownTerrain):
 @takes()
 def load(
     definition: AnyDefinition,
-    library_roots: Sequence[str] = (),
+    library_roots: str | Path | Sequence[str | Path] = (),
     *,
     roughness: bool = True,
 ) -> UserTerrain:
@@ -463,7 +478,7 @@ def load(
         ReadError: the file cannot be read.
         DefinitionError: the definition is no valid terrain; the findings say why.
     """
-    roots = tuple(map(str, library_roots))
+    roots = tuple(map(str, listed(library_roots)))
     checked = checked_source(source_of(definition), roots)
     return UserTerrain(checked, roughness=roughness, library_roots=roots)
 
@@ -490,14 +505,23 @@ def _vehicles(vehicle: AnyVehicle | Sequence[AnyVehicle]) -> list[Vehicle]:
     ]
 
 
-def _lines(routes: Sequence[Any]) -> tuple[Line, ...]:
-    """Starts and goals of ways.
+def _lines(routes: Any) -> tuple[Line, ...]:
+    """Starts and goals of ways; four numbers are one way.
 
     Raises:
         RequestError: one is not four numbers.
     """
-    lines = [floats("a route", way, "x0, y0, x1, y1") for way in routes]
+    given = _numbers(routes)
+    several = [routes] if given.size and given.ndim < 2 else listed(routes)
+    lines = [floats("a route", way, "x0, y0, x1, y1") for way in several]
     return tuple((x0, y0, x1, y1) for x0, y0, x1, y1 in lines)
+
+
+def _ways(waypoints: Any) -> tuple[Any, ...]:
+    """Points of each way, where rows of x and y are one way."""
+    points = _numbers(waypoints)
+    several = listed([waypoints] if points.ndim == 2 and points.shape[1] == 2 else waypoints)
+    return tuple(map(_points, several))
 
 
 def _points(way: Any) -> Any:

@@ -20,6 +20,7 @@ from terratool.cli.options import (
 )
 from terratool.cli.saying import say, say_json, write_json
 from terratool.cli.terminal import StatusLine, load
+from terratool.report.numbers import without_noise
 from terratool.text.display import printable
 
 if TYPE_CHECKING:
@@ -187,9 +188,8 @@ def _lines(s: TerrainSummary) -> list[str]:
     if height.low is None:
         lines.append("height         none, all is void")
     else:
-        lines.append(
-            f"height         {height.low:.6g} to {height.high:.6g}, at {height.points:,} points"
-        )
+        low, high = without_noise(height.low, height.high or 0.0)
+        lines.append(f"height         {low:.6g} to {high:.6g}, at {height.points:,} points")
     for number, rough in enumerate(s.roughness):
         lines.append(
             f"{'' if number else 'roughness':15}{printable(rough.surface)}: rms {rough.rms:.6g}, "

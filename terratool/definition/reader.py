@@ -53,7 +53,7 @@ from terratool.definition.uses import Uses
 from terratool.definition.vehicle import VehicleText
 from terratool.errors import DefinitionError
 from terratool.report.wording import count_of
-from terratool.text.display import quote, unescape
+from terratool.text.display import printable, quote, unescape
 from terratool.text.edit import Edit
 from terratool.text.scan import value_end
 from terratool.text.source import Source, read_source, real_path
@@ -238,6 +238,11 @@ class Checked(Struct, frozen=True, dict=True):
     libraries: tuple[Checked, ...] = ()
     name: str = ""
 
+    def __repr__(self) -> str:
+        counts = Counter(finding.severity for finding in self.findings)
+        said = ", ".join(count_of(number, severity) for severity, number in sorted(counts.items()))
+        return f"<Checked {printable(self.name) or 'text'}: {said or 'nothing found'}>"
+
     @cached_property
     def expansion(self) -> Expansion | None:
         """Terrain with parts and copies written out; None if there is no terrain.
@@ -330,7 +335,7 @@ def no_terrain(source: Source, checked: Checked) -> DefinitionError:
         return DefinitionError(
             f"{source.name}: is a {kind}, where a terrain is wanted.", _NO_TERRAIN[kind]
         )
-    return refusal(checked)
+    return refusal(checked, source.seen)
 
 
 def load_definition(path: str | Path) -> Definition:
@@ -347,13 +352,21 @@ def uses_of(definition: Definition) -> Uses:
     return Uses(document, known_names(document))
 
 
-def refusal(checked: Checked) -> DefinitionError:
-    """Error with the first finding of a text, and the number of the others."""
+def refusal(checked: Checked, seen: bool = True) -> DefinitionError:
+    """Error with the first finding of a text, and the number of the others.
+
+    Args:
+        checked: result of the check.
+        seen: whether users see the text; otherwise a JSON pointer says where the finding is.
+    """
     first = checked.findings[0]
+    place = f":{first.line}:{first.column}"
+    if not seen and first.file == checked.name:
+        place = f": {printable(first.pointer)}" if first.pointer else ""
     count = checked.counts.total()
     more = f" terratool validate lists {count - 1} more." if count > 1 else ""
     return DefinitionError(
-        f"{first.file}:{first.line}:{first.column}: {first.code}: {first.message}",
+        f"{first.file}{place}: {first.code}: {first.message}",
         first.hint + more,
         checked.findings,
     )

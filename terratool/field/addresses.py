@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from terratool.field.records import IN_CELLS, FieldArrays
 from terratool.field.tracks import without_tracks
+from terratool.field.types import points_of
 from terratool.kernels import field as kernels
 
 if TYPE_CHECKING:
@@ -58,7 +59,7 @@ def addresses(terrain: TerrainField, x: ArrayLike, y: ArrayLike) -> CellAddress:
         RequestError: the parts of the terrain come to too many elements.
     """
     whole = terrain.written_out
-    x, y = np.broadcast_arrays(np.asarray(x, np.float64), np.asarray(y, np.float64))
+    x, y = points_of(x, y)
     shape, levels = x.shape, max(whole.levels - 1, 0)
     x, y = x.ravel(), y.ravel()
     arrays = whole.arrays

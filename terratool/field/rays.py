@@ -103,8 +103,13 @@ def cast(
     """
     if threads is not None and threads < 1:
         raise RequestError(f"The number of threads is {threads}.", "Give 1 or more.")
-    origins, directions = np.asarray(origins, np.float64), np.asarray(directions, np.float64)
-    most = np.asarray(max_range, np.float64)
+    try:
+        origins, directions = np.asarray(origins, np.float64), np.asarray(directions, np.float64)
+        most = np.asarray(max_range, np.float64)
+    except (TypeError, ValueError):
+        raise RequestError(
+            "An origin, direction or range is no number.", "Give numbers, or arrays of them."
+        ) from None
     for name, vectors in (("origins", origins), ("directions", directions)):
         if vectors.ndim < 1 or vectors.shape[-1] != 3:
             raise RequestError(

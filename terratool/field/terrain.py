@@ -23,7 +23,7 @@ from terratool.errors import RequestError
 from terratool.field.compile import Compiled, compile_definition
 from terratool.field.records import FieldArrays, align_arrays
 from terratool.field.sharing import Tally, compile_shared, refuse_piled
-from terratool.field.types import PointSamples
+from terratool.field.types import PointSamples, points_of
 from terratool.kernels import field as kernels
 from terratool.report.numbers import coordinates
 
@@ -627,10 +627,7 @@ def _written_out(definition: Definition | Checked, uses: Uses) -> Expansion:
 def _points(
     x: ArrayLike, y: ArrayLike
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], tuple[int, ...]]:
-    x, y = np.asarray(x, np.float64), np.asarray(y, np.float64)
-    shape = np.broadcast_shapes(x.shape, y.shape)
-    first, second = (
-        np.ascontiguousarray(one if one.shape == shape else np.broadcast_to(one, shape)).ravel()
-        for one in (x, y)
-    )
-    return first, second, shape
+    """Points in a row, (n,) each, and the shape that they broadcast to."""
+    x, y = points_of(x, y)
+    first, second = (np.ascontiguousarray(one).ravel() for one in (x, y))
+    return first, second, x.shape

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from terratool.errors import RequestError
+
 if TYPE_CHECKING:
     from terratool.definition.findings import Bounds
     from terratool.definition.model import Surface
@@ -104,3 +106,27 @@ class TerrainField(Protocol):
     def numbers_of(self, elements: NDArray[np.int64]) -> NDArray[np.int64]:
         """Numbers in this terrain of elements and tracks of `written_out`."""
         ...
+
+
+def points_of(x: ArrayLike, y: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Coordinates of points as float64 arrays of one shape, which broadcast views may be.
+
+    Raises:
+        RequestError: a coordinate is no number, or the shapes do not fit together.
+    """
+    try:
+        x, y = np.asarray(x, np.float64), np.asarray(y, np.float64)
+    except (TypeError, ValueError):
+        raise RequestError(
+            "A coordinate is no number.", "Give numbers, or arrays of them."
+        ) from None
+    if x.shape == y.shape:
+        return x, y
+    try:
+        shape = np.broadcast_shapes(x.shape, y.shape)
+    except ValueError:
+        raise RequestError(
+            f"x has the shape {x.shape}, but y {y.shape}.",
+            "Give arrays of one shape, or that broadcast together.",
+        ) from None
+    return np.broadcast_to(x, shape), np.broadcast_to(y, shape)

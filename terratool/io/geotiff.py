@@ -24,6 +24,7 @@ from terratool._version import __version__
 from terratool.errors import RequestError, WriteError, interruption
 from terratool.io.bands import Bands, BandStatistics
 from terratool.report.inert import xml_text
+from terratool.text.meaning import guess
 
 TILE = 512
 """Side of a tile of a GeoTIFF, pixels."""
@@ -54,7 +55,8 @@ class Compression:
         if self.name not in COMPRESSIONS:
             raise RequestError(
                 f"There is no compression {self.name!r}.",
-                f"The compressions are {', '.join(COMPRESSIONS)}.",
+                guess(self.name, COMPRESSIONS)
+                or f"The compressions are {', '.join(COMPRESSIONS)}.",
             )
         if not (math.isfinite(self.max_z_error) and self.max_z_error >= 0):
             raise RequestError(

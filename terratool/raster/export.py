@@ -34,6 +34,7 @@ from terratool.raster.overviews import OVERVIEWS_FROM, factors, is_averaged_by_g
 from terratool.raster.prefetch import WindowMaker, prefetch, processors, windows_of
 from terratool.raster.statistics import RasterStatistics, StatisticsSum
 from terratool.raster.writers import Storage, open_writer
+from terratool.text.meaning import guess
 
 DTYPES = ("float32", "float64")
 """Data types of layers of numbers."""
@@ -165,7 +166,8 @@ class RasterRequest:
                 terrain.refuse_degrees(f"The layer {layer.name}")
         if self.dtype not in DTYPES:
             raise RequestError(
-                f"There is no type {self.dtype!r}.", f"The types are {', '.join(DTYPES)}."
+                f"There is no type {self.dtype!r}.",
+                guess(self.dtype, DTYPES) or f"The types are {', '.join(DTYPES)}.",
             )
         empty = math.nan if self.nodata is None else self.nodata
         if math.isinf(empty):

@@ -19,6 +19,7 @@ from terratool.io.bands import Bands
 from terratool.raster.grid import Grid
 from terratool.raster.painter import Planes, id_type
 from terratool.raster.shading import shade_bytes
+from terratool.text.meaning import guess
 
 Pixels = NDArray[Any]
 
@@ -118,7 +119,8 @@ def layers_named(names: Sequence[str]) -> tuple[Layer, ...]:
     for name in names:
         if name not in LAYERS:
             raise RequestError(
-                f"There is no layer {name!r}.", f"The layers are {', '.join(LAYERS)}."
+                f"There is no layer {name!r}.",
+                guess(name, LAYERS) or f"The layers are {', '.join(LAYERS)}.",
             )
     return tuple(LAYERS[name] for name in dict.fromkeys(names))
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
+_NOISE = 1e-12
+"""Largest share of another number that counts as left over from rounding."""
 NOTHING = "–"
 """Text for an unknown or meaningless value."""
 
@@ -122,6 +124,12 @@ def never_quite(share: float) -> str:
     if 0.0 < share < 1.0 and text in ("0.0", "100.0"):
         return "less than 0.1 %" if share < 0.5 else "more than 99.9 %"
     return f"{text} %"
+
+
+def without_noise(*values: float) -> tuple[float, ...]:
+    """Numbers of which those that only rounding has made, against the largest, are 0."""
+    least = _NOISE * max(map(abs, values), default=0.0)
+    return tuple(value if abs(value) > least else 0.0 for value in values)
 
 
 def exact(value: float | None) -> float | None:

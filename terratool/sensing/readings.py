@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from terratool.field.rays import RayHits
 from terratool.field.terrain import Terrain
+from terratool.report.wording import count_of
 from terratool.sensing.poses import Poses
 from terratool.sensing.sensor import Sensor
 
@@ -77,6 +78,10 @@ class Frame:
     wall: NDArray[np.bool_]
     status: NDArray[np.uint8]
     lacking: frozenset[int] = frozenset()
+
+    def __repr__(self) -> str:
+        found, rays = int(self.returns.sum()), count_of(len(self.range), "ray")
+        return f"<Frame {self.number}: {count_of(found, 'reading')} of {rays}>"
 
     @property
     def time(self) -> float:

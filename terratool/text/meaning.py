@@ -78,7 +78,7 @@ _MEANT = {
 """Words of others for a name, by the name."""
 
 
-def near_names(word: str, known: Iterable[str]) -> list[str]:
+def near_names(word: object, known: Iterable[str]) -> list[str]:
     """Names that a word may stand for, at most three, the likeliest first; none if nothing is near.
 
     Args:
@@ -86,7 +86,7 @@ def near_names(word: str, known: Iterable[str]) -> list[str]:
         known: names that there are, with or without the hyphens of options.
     """
     names = {name.lstrip("-"): name for name in known}
-    plain = word.lstrip("-").lower().replace("_", "-")
+    plain = str(word).lstrip("-").lower().replace("_", "-")
     if plain in names:
         return [names[plain]]
     found = [name for name in names if plain in _meant(name)]
@@ -99,7 +99,7 @@ def near_names(word: str, known: Iterable[str]) -> list[str]:
     return [names[name] for name in found[:_MOST]]
 
 
-def guess(word: str, known: Iterable[str]) -> str:
+def guess(word: object, known: Iterable[str]) -> str:
     """Question whether one of the `near_names` was meant; empty if there is none."""
     near = near_names(word, known)
     return f"Did you mean {' or '.join(near)}?" if near else ""

@@ -29,12 +29,14 @@ class Source(Struct, frozen=True):
         data: text in UTF-8.
         packed: whether the file was a gzip.
         marked: whether a byte order mark stood before the text.
+        seen: whether users see the text, so that lines say where in it something stands.
     """
 
     name: str
     data: bytes
     packed: bool = False
     marked: bool = False
+    seen: bool = True
 
     @property
     def size(self) -> int:

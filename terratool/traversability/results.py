@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 from terratool.definition.model import Range
 from terratool.kernels import traversability as kernels
 from terratool.raster.grid import Grid
+from terratool.report.wording import count_of
+from terratool.text.display import printable
 from terratool.traversability.vehicle import Vehicle
 
 HEADINGS = 8
@@ -28,7 +30,22 @@ _GROUNDS = ("unknown", "go", "caution", "no-go", "cut-off", "edge", "one-way")
 _SIGNS = "?✔!✘⊘▫→"
 
 
-class Verdict(IntEnum):
+class NamedNumber(IntEnum):
+    """A number with a name for people, which is its text."""
+
+    @property
+    def label(self) -> str:
+        """Name for people and in files."""
+        raise NotImplementedError
+
+    def __str__(self) -> str:
+        return self.label
+
+    def __format__(self, spec: str) -> str:
+        return format(self.label, spec)
+
+
+class Verdict(NamedNumber):
     """Verdict on driving the vehicle at a place; see `RANKS` for which is worse."""
 
     UNKNOWN = 0
@@ -51,7 +68,7 @@ RANKS = np.array([2, 0, 1, 3], np.uint8)
 """Rank of each `Verdict`, the larger, the worse: go, caution, unknown, no-go."""
 
 
-class GroundClass(IntEnum):
+class GroundClass(NamedNumber):
     """Class of a place on a map: the verdict of its best heading, and whether it is connected.
 
     The first four have the names and numbers of `Verdict`.
@@ -97,7 +114,7 @@ _LABELS = (
 """Names of the measures, by `Reason`."""
 
 
-class Reason(IntEnum):
+class Reason(NamedNumber):
     """The measure that binds: the one nearest to its limit, or farthest beyond it."""
 
     NONE = 0
@@ -616,6 +633,11 @@ class TraversabilityReport:
     geojson: dict[str, Any] = field(default_factory=lambda: {"type": "FeatureCollection"})
     sampling: Sampling | None = None
 
+    def __repr__(self) -> str:
+        about = " on ".join(printable(name) for name in (self.vehicle.name, self.terrain) if name)
+        ways = f", {count_of(len(self.routes), 'way')}" if self.routes else ""
+        return f"<TraversabilityReport{' of ' if about else ''}{about}: {self.verdict}{ways}>"
+
     @property
     def drives(self) -> bool:
         """Whether the vehicle can drive: the verdict is go or caution."""
@@ -638,6 +660,10 @@ class VehicleComparison:
 
     reports: tuple[TraversabilityReport, ...]
     notes: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        each = (f"{printable(one.vehicle.name)} {one.verdict}" for one in self.reports)
+        return f"<VehicleComparison: {', '.join(each)}>"
 
     @property
     def verdict(self) -> Verdict:

@@ -13,6 +13,8 @@ from terratool.definition.keys import default_of, document_kind
 from terratool.definition.reader import CheckOptions, check, refusal
 from terratool.definition.vehicle import STEERINGS, AxleText, ClassesText, VehicleText, WheelsText
 from terratool.errors import DefinitionError
+from terratool.report.wording import count_of
+from terratool.text.display import printable
 from terratool.text.source import read_source
 
 _PLAIN = ("mass", "clearance", "body_width", "steering", "speed", "power")
@@ -206,6 +208,11 @@ class Vehicle:
     margins: Margins = field(default_factory=Margins)
     thresholds: Thresholds = field(default_factory=Thresholds)
     name: str = ""
+
+    def __repr__(self) -> str:
+        name = f" {printable(self.name)}" if self.name else ""
+        wheels = count_of(sum(axle.wheels for axle in self.axles), "wheel")
+        return f"<Vehicle{name}: {wheels}, {self.mass:.6g} kg>"
 
     @classmethod
     def single(cls, wheel: Wheel, load: float) -> Vehicle:

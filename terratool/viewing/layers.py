@@ -25,6 +25,7 @@ from terratool.raster.painter import Painter, Planes
 from terratool.raster.prefetch import prefetch, processors
 from terratool.report.wording import join_words
 from terratool.text.display import quote
+from terratool.text.meaning import guess
 from terratool.traversability.judge import Judge
 from terratool.traversability.map import default_resolution
 from terratool.traversability.report.drawing import SHADING, hatch
@@ -382,7 +383,10 @@ def check_layer(layer: str, vehicle: object) -> None:
         RequestError: there is no such layer, or the vehicle is missing or not needed.
     """
     if layer not in NAMES:
-        raise RequestError(f"There is no layer {layer!r}.", f"The layers are {', '.join(NAMES)}.")
+        raise RequestError(
+            f"There is no layer {layer!r}.",
+            guess(layer, NAMES) or f"The layers are {', '.join(NAMES)}.",
+        )
     if layer == "traversability" and vehicle is None:
         raise RequestError("The layer traversability needs a vehicle.", "Add --vehicle V.json.")
     if layer != "traversability" and vehicle is not None:

@@ -110,9 +110,11 @@ class RenderOptions:
         return descr if self.title is None else self.title
 
     def _check_contours(self) -> None:
-        """Refuse an interval of contours that is not finite and above 0."""
+        """Refuse an interval of contours that is a wrong word, or not finite and above 0."""
         interval = self.contours
-        if isinstance(interval, float) and not (math.isfinite(interval) and interval > 0.0):
+        if isinstance(interval, str) and interval != "auto":
+            raise RequestError(f"Contours are to be {interval!r}.", 'Give a height, or "auto".')
+        if isinstance(interval, int | float) and not (math.isfinite(interval) and interval > 0.0):
             raise RequestError(
                 f"Contours are to be {interval:g} apart.", "Give a finite height above 0."
             )

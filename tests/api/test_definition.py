@@ -226,3 +226,63 @@ def test_values_that_are_given_later_change_nothing() -> None:
     made.add("ramp", surface=object())  # type: ignore[arg-type]
     with pytest.raises(terratool.RequestError, match="cannot be written as JSON"):
         made.validate()
+
+
+def faulty(second: str = "box") -> terratool.Definition:
+    """A box in a hill, whose primitive does not exist if it is not called box."""
+    yard = terratool.Definition(size=(20, 12))
+    yard.primitive("box", x=[1])
+    yard.root("box", cells=(10, 6))
+    yard.add("box", cell=(0, 0))
+    yard.add("box", cell=(4, 3), cells=2).add(second, cell=(1, 0), v_scale=2)
+    return yard
+
+
+def test_errors_say_where_by_the_pointer_and_not_by_lines_that_nobody_sees(tmp_path: Path) -> None:
+    yard = faulty("bax")
+    pointer = "/elemTree/children/1/children/0/type"
+    calls = [yard.compile, lambda: terratool.load(yard), lambda: terratool.load(yard.document)]
+    for call in calls:
+        with pytest.raises(terratool.DefinitionError) as error:
+            call()
+        assert error.value.message.startswith(f"the definition: {pointer}: TT201: no primitive")
+        assert error.value.findings[0].pointer == pointer
+    path = tmp_path / "yard.json"
+    with pytest.raises(terratool.DefinitionError) as error:
+        yard.save(path)
+    assert error.value.message.startswith(f"{path}: {pointer}: TT201")
+    with pytest.raises(terratool.DefinitionError, match=r"^the definition: TT104: "):
+        terratool.load({"size": 3})
+    # a text that was given, and one in a file, have lines
+    line = yard.text[: yard.text.index("bax")].count("\n") + 1
+    path.write_text(yard.text)
+    for form in (yard.text, yard.text.encode(), path):
+        with pytest.raises(terratool.DefinitionError, match=rf":{line}:\d+: TT201"):
+            terratool.load(form)
+
+
+def test_an_element_is_taken_out_with_all_that_is_in_it() -> None:
+    without = faulty()
+    ends = [without.add("box", cell=(n, 5)) for n in (7, 8, 9)]
+    whole = without.document
+    inner = ends[1].add("box", cell=(0, 0))
+    inner.remove()
+    assert without.document == whole  # no empty list is left
+    ends[1].add("box", cell=(0, 0))
+    ends[1].remove()
+    del whole["elemTree"]["children"][3]
+    assert without.document == whole and repr(without).endswith("6 elements>")
+    for gone in (ends[1], inner):
+        with pytest.raises(terratool.RequestError, match="taken out already"):
+            gone.remove()
+    twin = without.add("box", cell=(9, 5))  # equal to another one, which stays
+    twin.remove()
+    assert without.document == whole
+    part = without.part("pile", "box")
+    part.add("box", cell=(0, 0)).remove()
+    assert without.document["parts"] == {"pile": {"type": "box"}}
+    part.remove()
+    assert not without.document.get("parts")
+    root = without.root()
+    root.remove()
+    assert "elemTree" not in without.document

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import inspect
+from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 import terratool
@@ -13,7 +15,9 @@ from terratool.cli.main import _COMMANDS, cli
 from terratool.errors import RequestError
 from terratool.importing.types import SourceOptions
 from terratool.raster.dem import DemOptions
-from tests.commands import SAMPLE
+from tests.commands import ROOT, SAMPLE
+
+HUSKY = ROOT / "samples/vehicles/husky-a200.json"
 
 VERBS: dict[str, tuple[str, dict[str, str]]] = {
     "write_dem": ("export-dem", {"output": "path"}),
@@ -147,6 +151,55 @@ def test_what_makes_no_sense_is_said_in_words_of_python(
         call(terratool.load(SAMPLE), tmp_path)
     assert wanted in str(error.value)
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("call", "wanted"),
+    [
+        (lambda t: t.to_dem(layers="slop", resolution=4), "no layer 'slop'. Did you mean slope?"),
+        (lambda t: t.to_dem(layers=["hight"], resolution=4), "'hight'. Did you mean height?"),
+        (lambda t: t.to_dem(layers="xyz", resolution=4), "The layers are height, surface, slope"),
+        (lambda t: t.to_dem(dtype="float3", resolution=4), "Did you mean float32?"),
+        (lambda t: t.render(layer="slop"), "no layer 'slop'. Did you mean slope?"),
+        (lambda t: t.export_sim("none", "mujoko"), "Did you mean mujoco?"),
+        (lambda t: t.traversability(HUSKY, prefer="engery"), "Did you mean energy?"),
+        (lambda t: t.traversability(HUSKY, model="slipp"), "Did you mean slip?"),
+        (lambda t: t.traversability(HUSKY, waypoints="none.csv"), "none.csv: cannot be read"),
+        (lambda t: t.traversability(HUSKY, report="no.pdf"), "no.pdf"),
+    ],
+)  # fmt: skip
+def test_a_wrong_word_is_refused_with_the_nearest(call: Any, wanted: str) -> None:
+    with pytest.raises(terratool.TerratoolError) as error:
+        call(terratool.load(SAMPLE))
+    assert wanted in str(error.value)
+
+
+def test_a_word_by_itself_is_a_list_of_one(tmp_path: Path) -> None:
+    """Where a list of words or paths is wanted: it is never taken letter by letter."""
+    for name, text in {
+        "own/kit.json": '{"elemTypes": {"ramp": {"x": [0, 1]}}}',
+        "site/site.json": '{"size": 2, "use": ["../own/kit.json"], '
+        '"elemTree": {"type": "ramp", "vScale": 3}}',
+    }.items():
+        (tmp_path / name).parent.mkdir()
+        (tmp_path / name).write_text(text)
+    terrain = terratool.load(tmp_path / "site/site.json", str(tmp_path / "own"))
+    assert terrain.height(1.0, 1.0) == pytest.approx(1.5, abs=1e-12)
+    # a slope of 3 in 2
+    slope = np.degrees(np.arctan(1.5))
+    for layers in ("slope", ["slope"], ("slope",), np.array(["slope"])):
+        dem = terrain.to_dem(layers=layers, resolution=0.5)
+        assert list(dem.bands) == ["slope"]
+        assert dem["slope"][1, 2] == pytest.approx(slope, abs=1e-3)
+    flat = {"size": 3, "elemTypes": {"b": {"x": [0]}}, "elemTree": {"type": "b"}}
+    codes = [one.code for one in terratool.check(flat).findings]
+    assert codes == ["TT308"]
+    assert terratool.check(flat, ignore="TT3").findings == ()
+    assert [one.code for one in terratool.check(flat, select="TT3").findings] == codes
+    definition = terratool.Definition(size=2, use="kit.json")
+    definition.root("ramp", x_ignore="TT308")
+    document = definition.document
+    assert document["use"] == ["kit.json"] and document["elemTree"]["x-ignore"] == ["TT308"]
 
 
 def test_a_file_that_is_there_is_kept(tmp_path: Any) -> None:

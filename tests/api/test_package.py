@@ -2,20 +2,29 @@
 
 from __future__ import annotations
 
+import copy
 import inspect
+import pickle
 import pydoc
 import re
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 import terratool
+from terratool.cli.main import _COMMANDS
 from tests import stubs
-from tests.commands import ENVIRONMENT, ROOT
+from tests.commands import ENVIRONMENT, ROOT, SAMPLE
 
 NAMES = ["Definition", "Terrain", "check", "import_primitive", "import_terrain", "load", "new"]
+
+
+@pytest.fixture(scope="module")
+def terrain() -> terratool.Terrain:
+    return terratool.load(SAMPLE)
 
 
 def test_it_is_there_at_once_and_without_numpy() -> None:
@@ -48,12 +57,41 @@ def test_completion_and_stars_find_the_public_names() -> None:
 def test_help_shows_what_there_is() -> None:
     """Classes and functions with their names and options, and nothing of how they are found."""
     shown = pydoc.plain(pydoc.render_doc(terratool))
-    assert "__getattr__" not in shown and "_HOMES" not in shown
+    assert "__getattr__(name" not in shown and "_HOMES" not in shown
     for name in terratool.__all__:
         kind = "class " if inspect.isclass(getattr(terratool, name)) else ""
         assert re.search(rf"^    {kind}{name}\(", shown, re.MULTILINE), name
+    assert not re.search(r"UserTerrain|Builder|_from\b|doctest|`make |\.pyi", shown)
     assert "exaggeration: factor on heights of a section" in shown  # an option of render
     assert "stairs: " in shown and "steps" in shown  # a kind of new terrain
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        (lambda: terratool.Terrain(), "Terrain.__init__() missing"),
+        (lambda: terratool.load(SAMPLE).height(1), "Terrain.height() missing"),
+        (lambda: terratool.load(SAMPLE).write_mesh(), "Terrain.write_mesh() missing"),
+        (lambda: terratool.Definition(1, 2), "Definition.__init__() takes"),
+        (lambda: terratool.Definition(1).add(1, 2), "Definition.add() takes"),
+        (lambda: terratool.Definition(1).add("b").add(1, 2), "Element.add() takes"),
+        (lambda: terratool.import_terrain(max_error=1), "import_terrain() missing"),
+        (lambda: terratool.check(), "check() missing"),
+    ],
+)  # fmt: skip
+def test_errors_of_python_name_what_users_know(wrong: Any, said: str) -> None:
+    with pytest.raises(TypeError) as error:
+        wrong()
+    assert str(error.value).startswith(said)
+
+
+def test_signatures_name_what_users_know() -> None:
+    def returned(function: Any) -> str:
+        return str(inspect.signature(function).return_annotation)
+
+    assert returned(terratool.load) == returned(terratool.Definition.compile) == "Terrain"
+    assert returned(terratool.Element.add) == "Element"
+    assert returned(terratool.import_terrain) == "ImportReport | Terrain"
 
 
 def test_everything_public_is_explained() -> None:
@@ -96,6 +134,47 @@ terrain.to_dem(resolutoin=0.5)
 terrain.render("a.png").savefig("b.png")
 terratool.Definition(size=(20, 12)).add("box", vscale=3)
 """
+
+
+def members_of_the_page() -> set[str]:
+    """Names that docs/api.md lists below `Terrain`."""
+    page = (ROOT / "docs/api.md").read_text("utf-8")
+    [listed] = re.findall(r"autoclass:: Terrain\n +:members: ((?:.|\n)+?)\n```", page)
+    return set(re.split(r",\s+", listed))
+
+
+def test_completion_of_a_terrain_has_what_the_page_has(terrain: terratool.Terrain) -> None:
+    assert {name for name in dir(terrain) if not name.startswith("_")} == members_of_the_page()
+    for name in (*members_of_the_page(), "ray_index", "__class__"):
+        assert hasattr(terrain, name), name
+    assert {"__class__", "__str__", "_repr_html_"} <= set(dir(terrain))
+
+
+@pytest.mark.parametrize("command", [*_COMMANDS, "load", "check"])
+def test_a_command_that_is_no_verb_is_answered_with_what_is(
+    command: str, terrain: terratool.Terrain
+) -> None:
+    """By names that there are; the page has the same ones beside the command."""
+    name = command.replace("-", "_")
+    if name in members_of_the_page():
+        return
+    assert not hasattr(terrain, name) and getattr(terrain, name, 7) == 7
+    with pytest.raises(AttributeError, match=rf"^A Terrain has no '{name}'\. Use .+\.$") as error:
+        getattr(terrain, name)
+    said = str(error.value).partition("Use ")[2]
+    for path in re.findall(r"terratool\.([\w.]*\w)", said):
+        assert pydoc.locate(f"terratool.{path}") is not None, path
+    assert name in terratool.__all__ or not re.search(rf"\bterratool\.{name}\b", said)
+    for word in re.findall(r"(?<![\w.])(?:to|write)_\w+|height|surface|sample|facts", said):
+        assert word in members_of_the_page(), word
+
+
+def test_a_wrong_name_is_told_as_such(terrain: terratool.Terrain) -> None:
+    with pytest.raises(AttributeError, match=r"^A Terrain has no 'heigth'\.$") as error:
+        terrain.heigth  # type: ignore[attr-defined]  # noqa: B018
+    assert (error.value.name, error.value.obj) == ("heigth", terrain)  # Python adds the nearest
+    assert pickle.loads(pickle.dumps(terrain)).height(1.0, 1.0) == terrain.height(1.0, 1.0)
+    assert copy.copy(terrain).elements == terrain.elements
 
 
 @pytest.mark.slow

@@ -50,6 +50,17 @@ def file(tmp_path: Path) -> Path:
     return path
 
 
+def test_noise_of_rounding_is_no_relief() -> None:
+    """cos(π t) is 0 half way down from its middle only up to 6e-17."""
+    definition = terratool.Definition(size=(10, 7))
+    definition.primitive("flat", x=[0])
+    definition.primitive("dent", x="cos(pi*t)", combine="radial")
+    definition.root("flat", cells=(5, 4)).add("dent", cell=(1, 1), span=(3, 2), v_scale=0.55)
+    terrain = definition.compile()
+    assert terrain.relief is not None and abs(terrain.relief[1]) < 1e-15
+    assert terrain.facts["relief"] == "−0.55 to 0 m" and "relief    −0.55 to 0 m\n" in str(terrain)
+
+
 # --- reading --------------------------------------------------------------------------------------
 
 
@@ -84,6 +95,9 @@ def test_a_definition_comes_in_any_form(file: Path) -> None:
         ({"size": {1, 2}}, "RequestError", "it holds a set"),
         ("nowhere.json", "ReadError", "nowhere.json: cannot be read"),
         ({"mass": 3, "wheels": {}}, "DefinitionError", "is a vehicle, where a terrain is wanted"),
+        (5, "RequestError", "of type int is given. Give the path of a file, JSON as text"),
+        (None, "RequestError", "of type NoneType is given"),
+        ([SITE], "RequestError", "of type list is given"),
     ],
 )
 def test_what_is_no_terrain_is_refused(form: Any, kind: str, says: str) -> None:
@@ -91,6 +105,24 @@ def test_what_is_no_terrain_is_refused(form: Any, kind: str, says: str) -> None:
         terratool.load(form)
     assert says in str(error.value)
     assert "terratool validate" not in str(error.value)
+
+
+@pytest.mark.parametrize("verb", ["height", "surface", "element", "normal", "sample", "locate"])
+def test_points_that_are_none_are_refused(verb: str, terrain: terratool.Terrain) -> None:
+    ask = getattr(terrain, verb)
+    for x, y in (("a", 1), (1, {}), ([[1, 2], [3]], 4), (500001.0, object())):
+        with pytest.raises(terratool.RequestError, match=r"^A coordinate is no number\. Give num"):
+            ask(x, y)
+    with pytest.raises(terratool.RequestError, match=r"x has the shape \(2,\), but y \(3,\)\."):
+        ask([1, 2], [1, 2, 3])
+    with pytest.raises(terratool.RequestError, match="direction or range is no number"):
+        terrain.cast([1, 2, 3], ["a", 2, 3])
+
+
+def test_contours_are_a_height_or_auto(terrain: terratool.Terrain) -> None:
+    for wrong in ("slop", -1, 0.0, "0.5"):
+        with pytest.raises(terratool.RequestError, match=r"^Contours are to be .*Give a "):
+            terrain.render(contours=wrong)
 
 
 def test_libraries_lie_where_roots_say(tmp_path: Path) -> None:
@@ -346,17 +378,47 @@ def test_vehicles_are_files_or_vehicles(terrain: terratool.Terrain) -> None:
         terrain.traversability(HUSKY, model="fast", **asked)
 
 
-def test_points_of_a_way_are_an_array_or_a_file(terrain: terratool.Terrain, tmp_path: Path) -> None:
-    gentle = json.loads(json.dumps(SITE))
-    gentle["elemTree"]["vScale"] = 0.3
-    gentle["surfTypes"]["sand"] = {"preset": "dry-sand"}
-    terrain = terratool.load(gentle)
+def gentle() -> terratool.Terrain:
+    """The site with a tenth of its slope, of a soil that is known."""
+    document = json.loads(json.dumps(SITE))
+    document["elemTree"]["vScale"] = 0.3
+    document["surfTypes"]["sand"] = {"preset": "dry-sand"}
+    return terratool.load(document)
+
+
+def test_points_of_a_way_are_an_array_or_a_file(tmp_path: Path) -> None:
+    terrain = gentle()
     way = np.array([[500002.0, 4649777.5], [500003, 4649780], [500002, 4649782]])
     path = tmp_path / "way.csv"
     path.write_text("\n".join(f"{x},{y}" for x, y in way))
     [drawn] = terrain.traversability(HUSKY, waypoints=[way], mapped=False).routes  # type: ignore[union-attr]
     [read] = terrain.traversability(HUSKY, waypoints=[path], mapped=False).routes  # type: ignore[union-attr]
     assert drawn.holds == read.holds and drawn.length == read.length > 4
+    for alone in (way, way.tolist(), path, str(path)):
+        [one] = terrain.traversability(HUSKY, waypoints=alone, mapped=False).routes  # type: ignore[union-attr]
+        assert one.length == drawn.length
+
+
+def test_four_numbers_are_one_way() -> None:
+    terrain = gentle()
+    line = (500002.0, 4649779.0, 500006.0, 4649782.0)
+    other = (500006.0, 4649782.0, 500003.0, 4649779.5)
+
+    def ends(routes: Any) -> list[tuple[float, ...]]:
+        coarse = {"resolution": 0.5, "headings": 4}
+        report = terrain.traversability(HUSKY, routes=routes, mapped=False, **coarse)  # type: ignore[arg-type]
+        return [
+            (one.start.x, one.start.y, one.goal.x, one.goal.y)
+            for one in report.routes  # type: ignore[union-attr]
+        ]
+
+    for routes in (line, list(line), np.array(line), [line], np.array([line])):
+        assert ends(routes) == [line]
+    assert ends([line, other]) == ends(np.array([line, other])) == [line, other]
+    assert ends(()) == ends([]) == []
+    for wrong in ((1, 2, 3), 5, "1829", "here", [(1, 2, 3)], [line, (1, 2, 3)], [1, 2, 3, "x"]):
+        with pytest.raises(terratool.RequestError, match="Give x0, y0, x1, y1, all of them num"):
+            ends(wrong)
 
 
 def test_readings_lie_on_the_ground(terrain: terratool.Terrain) -> None:

@@ -85,3 +85,12 @@ def test_a_number_for_programs_has_twelve_digits(value: float) -> None:
         assert len(Decimal(repr(found)).normalize().as_tuple().digits) <= 12
     else:
         assert found is None
+
+
+def test_what_rounding_leaves_is_nothing_against_the_rest() -> None:
+    assert numbers.without_noise(-1.626e-20, 0.55) == (0.0, 0.55)
+    assert numbers.without_noise(-0.55, 3.4e-17) == (-0.55, 0.0)
+    assert numbers.without_noise(1e-20, 3e-20) == (1e-20, 3e-20)
+    assert numbers.without_noise(1e-9, 55.0) == (1e-9, 55.0)
+    assert numbers.without_noise(0.0, -0.0) == (0.0, 0.0)
+    assert numbers.without_noise() == ()

@@ -41,6 +41,7 @@ from terratool.importing.terrain.writing import (
 )
 from terratool.kernels import importing as kernels
 from terratool.report.wording import join_words
+from terratool.text.meaning import guess
 
 BLOCK = 64
 """Rows that are processed at a time."""
@@ -107,7 +108,8 @@ def methods_named(name: str) -> tuple[Method, ...]:
     """
     if name not in METHOD_NAMES:
         raise RequestError(
-            f"There is no method {name!r}.", f"The methods are {join_words(METHOD_NAMES)}."
+            f"There is no method {name!r}.",
+            guess(name, METHOD_NAMES) or f"The methods are {join_words(METHOD_NAMES)}.",
         )
     kind = name.removeprefix("nodal-")
     return tuple(

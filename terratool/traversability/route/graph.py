@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from terratool.errors import RequestError
 from terratool.kernels import traversability as kernels
+from terratool.text.meaning import guess
 from terratool.traversability.results import Survey, Verdict
 from terratool.traversability.turning import Turning
 from terratool.traversability.vehicle import Vehicle
@@ -56,7 +57,8 @@ def check_preference(prefer: str) -> None:
     """
     if prefer not in PREFERENCES:
         raise RequestError(
-            f'There is no route by "{prefer}".', f"Prefer one of: {', '.join(PREFERENCES)}."
+            f'There is no route by "{prefer}".',
+            guess(prefer, PREFERENCES) or f"Prefer one of: {', '.join(PREFERENCES)}.",
         )
 
 
