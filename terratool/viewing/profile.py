@@ -101,9 +101,8 @@ def check_section(line: Line, extent: Bounds) -> tuple[float, float]:
     """
     begin, end = _crossings(line, np.array(extent)[:, None])[:, 0].tolist()
     if not begin < end:
-        x0, y0, x1, y1 = line
         raise RequestError(
-            f"The section from {x0:g} {y0:g} to {x1:g} {y1:g} misses the terrain.",
+            f"The section from {coordinates(line[:2])} to {coordinates(line[2:])} misses the terrain.",
             f"It lies in {coordinates(extent)}.",
         )
     return begin, end
@@ -133,7 +132,8 @@ def section(terrain: Terrain, line: Line) -> Section:
     heights = probe.heights(places)
     if np.isnan(heights).all():
         raise RequestError(
-            f"There is no ground on the section from {x0:g} {y0:g} to {x1:g} {y1:g}: it is void.",
+            f"There is no ground on the section from {coordinates(line[:2])} to "
+            f"{coordinates(line[2:])}: it is void.",
             "Give other ends.",
         )
     span = float(np.nanmax(heights) - np.nanmin(heights))

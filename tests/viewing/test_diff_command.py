@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shlex
 import subprocess
 import warnings
@@ -42,6 +43,38 @@ def test_the_text_says_what_moved_and_how_much_ground(pair: tuple[Path, Path]) -
     assert ran.code == 0
     assert 'box "crate" moved by (1.5, 0): /elemTree/children/1' in ran.out
     assert "cut 3 m³, fill 3 m³" in ran.out
+
+
+@pytest.mark.parametrize("form", ["text", "markdown"])
+def test_places_far_from_zero_have_digits_by_the_pixel(form: str, tmp_path: Path) -> None:
+    """A box of 2 × 1.5 comes to an oblong yard in UTM: what is said of places is in the box."""
+    west, south = 575054.0, 4429710.0
+    yard: Any = {
+        "size": [12, 8],
+        "origin": [west, south],
+        "surfTypes": {"hard": {"cohesion": 1, "fricAngle": 25, "sinkage": 0}},
+        "elemTypes": {"level": {"x": [0]}, "box": {"x": [1]}},
+        "elemTree": {"type": "level", "surface": "hard", "children": []},
+    }
+    old = save(tmp_path / "old.json", yard)
+    box = {"at": [6, 5], "extent": [2, 1.5], "type": "box", "vScale": 2}
+    yard["elemTree"]["children"].append(box)
+    new = save(tmp_path / "new.json", yard)
+    vehicle = "samples/vehicles/husky-a200.json"
+    said = call(
+        "diff", old, new, "--vehicle", vehicle, "--resolution", 0.25, "--format", form
+    ).out  # fmt: skip
+    sides = west + 5.0, south + 4.25, west + 7.0, south + 5.75
+    found = re.search(r"within (\S+) (\S+) (\S+) (\S+)", said)
+    assert found is not None and tuple(map(float, found.groups())) == sides
+    assert "2 × 1.5 m at 575060 4429715" in said
+    places = re.findall(r"(?:largest change .*|as) at (\S+) (\d+\.\d+)", said)
+    assert len(places) > 1
+    for x, y in places:
+        # the centre of a pixel; a vehicle beside the box touches it
+        assert (float(x) - west) % 0.25 == (float(y) - south) % 0.25 == 0.125
+        assert sides[0] - 1 < float(x) < sides[2] + 1 and sides[1] - 1 < float(y) < sides[3] + 1
+    assert "e+" not in said
 
 
 def test_exit_codes_are_those_of_git(pair: tuple[Path, Path], tmp_path: Path) -> None:

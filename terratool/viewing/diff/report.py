@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
+from terratool.definition.findings import Bounds
 from terratool.report.documents import json_text
 from terratool.report.markup import escape_markdown, markdown_row
-from terratool.report.numbers import metres, per_cent, pixels
+from terratool.report.numbers import located, metres, per_cent, pixels
 from terratool.report.wording import count_of
 from terratool.report.workflow import annotation
 from terratool.text.display import printable, quote
@@ -141,8 +142,7 @@ def _group(group: list[ElementChange]) -> str:
     descr = f" {quote(first.descr)}" if first.descr else ""
     if first.kind in ("added", "removed") and place.bounds is not None:
         west, south, east, north = place.bounds
-        where += f": {_side(west, east)} × {_side(south, north)} m at "
-        where += f"{_middle(west, east)} {_middle(south, north)}"
+        where += f": {_side(west, east)} × {_side(south, north)} m at {_middle(place.bounds)}"
     if first.elements > 1:
         where += f", {count_of(first.elements, 'element')}"
     return f"{sign} {what}{descr}{_change(first)}: {where}"
@@ -152,8 +152,10 @@ def _side(low: float, high: float) -> str:
     return f"{high - low:.6g}"
 
 
-def _middle(low: float, high: float) -> str:
-    return f"{(low + high) / 2:.6g}"
+def _middle(bounds: Bounds) -> str:
+    west, south, east, north = bounds
+    shorter = min(east - west, north - south)
+    return located(((west + east) / 2, (south + north) / 2), shorter / 10.0 or 1.0)
 
 
 def _change(change: ElementChange) -> str:
@@ -181,7 +183,7 @@ def _ground(ground: GroundChange) -> Iterator[str]:
     yield f"ground: cut {ground.cut:.6g} m³, fill {ground.fill:.6g} m³{about}"
     if ground.changed:
         assert ground.around is not None
-        box = " ".join(f"{side:.6g}" for side in ground.around)
+        box = located(ground.around, ground.grid.resolution)
         yield (
             f"  higher or lower by more than {metres(ground.tolerance)}: "
             f"{_area(ground.changed, ground.common)}, within {box}"
@@ -190,8 +192,9 @@ def _ground(ground: GroundChange) -> Iterator[str]:
         elements = largest.old_element or "no element"
         if largest.new_element != largest.old_element:
             elements += f", now {largest.new_element or 'no element'}"
+        place = located((largest.x, largest.y), ground.grid.resolution)
         yield (
-            f"  largest change {largest.change:+.6g} m at {largest.x:.6g} {largest.y:.6g}: "
+            f"  largest change {largest.change:+.6g} m at {place}: "
             f"{largest.old:.6g} → {largest.new:.6g} m, {elements}"
         )
     for name, area in (
@@ -221,7 +224,7 @@ def _verdict(verdict: VerdictChange, most: int) -> Iterator[str]:
         min(most, _FLIPS),
         lambda flip: (
             f"  {flip.old} → {flip.new}: {per_cent(flip.share)}, {flip.area:.4g} m², as at "
-            f"{flip.x:.6g} {flip.y:.6g}"
+            f"{located((flip.x, flip.y), verdict.grid.resolution)}"
         ),
     )
     if any(_UNKNOWN in (flip.old, flip.new) for flip in verdict.flips):
