@@ -102,7 +102,8 @@ def check_section(line: Line, extent: Bounds) -> tuple[float, float]:
     begin, end = _crossings(line, np.array(extent)[:, None])[:, 0].tolist()
     if not begin < end:
         raise RequestError(
-            f"The section from {coordinates(line[:2])} to {coordinates(line[2:])} misses the terrain.",
+            f"The section from {coordinates(line[:2])} to {coordinates(line[2:])} misses the "
+            "terrain.",
             f"It lies in {coordinates(extent)}.",
         )
     return begin, end

@@ -180,15 +180,14 @@ def outside_cell(subject: Subject) -> Iterator[Remark]:
                 )
             continue
         for place, beyond in islice(crowd.beyond(parent), 1):
-            pointer = (
-                f"{alike.root.tree.pointer(place)}{beyond.copy} of the part {quote(size.part)}"
-            )
+            pointer = f"{alike.root.tree.pointer(place)}{beyond.copy}"
             for element in subject.place_sizes.elements_leading_to(size, seen):
                 if element not in told:
                     told.add(element)
                     yield Remark(
                         "/part",
-                        f"{pointer} reaches {beyond.over(parent)} of {cell}.",
+                        f"{pointer} of the part {quote(size.part)} reaches "
+                        f"{beyond.over(parent)} of {cell}.",
                         "Give the part more room, or use a smaller one.",
                         element=element,
                     )
