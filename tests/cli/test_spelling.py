@@ -460,7 +460,7 @@ def test_examples_are_not_broken_within_words() -> None:
         (("export-dem", "a", "b.tif", "--layer", "gradient"), "slope"),
         (("export-dem", "a", "b.tif", "--layer", "relief"), "hillshade"),
         (("export-dem", "a", "b.gpkg", "--layer", "isolines"), "contours"),
-        (("traversability", "a", "--preset", "sand"), "dry-sand"),
+        (("import-terrain", "a.tif", "b.json", "--preset", "sand"), "dry-sand"),
         (("add", "a", "--size", "1"), "--extent"),
         (("render", "a", "b.png", "--3d"), "--perspective"),
         (("check", "a"), "validate"),

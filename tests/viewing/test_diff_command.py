@@ -77,6 +77,60 @@ def test_places_far_from_zero_have_digits_by_the_pixel(form: str, tmp_path: Path
     assert "e+" not in said
 
 
+def test_equal_parts_that_came_are_named_with_their_places(tmp_path: Path) -> None:
+    """The first three of four, of which one has no description."""
+    yard = json.loads(json.dumps(BEFORE))
+    descrs = ("Rock A", "", "Rock C", "Rock D")
+    for n, descr in enumerate(descrs):
+        rack = {
+            "cellX": 20 + 2 * n,
+            "cellY": 25,
+            "part": "rack",
+            **({"descr": descr} if descr else {}),
+        }
+        yard["elemTree"]["children"].append(rack)
+    old, new = save(tmp_path / "old.json", BEFORE), save(tmp_path / "new.json", yard)
+    (line,) = (one for one in call("diff", old, new).out.splitlines() if " × part rack" in one)
+    assert line.startswith('  + 4 × part rack ("Rock A", "Rock C", "Rock D") added: ')
+    # cells of 1 × 1 on a yard whose corner is (100, -50)
+    found = re.findall(r"(/elemTree/children/\d+) \(line (\d+)\) at (\S+) (\S+?),", line + ",")
+    lines = new.read_text("utf-8").splitlines()
+    begin = [n for n, one in enumerate(lines, 1) if '"cellY": 25' in one][-4:]
+    assert found == [
+        (f"/elemTree/children/{8 + n}", str(begin[n] - 2), f"{120.5 + 2 * n:g}", "-24.5")
+        for n in range(3)
+    ]
+    assert line.endswith(", …")
+
+
+@pytest.mark.slow
+def test_the_title_of_an_axis_lies_beside_its_labels(tmp_path: Path) -> None:
+    """Tick labels of seven digits leave room for the title: a column between them is white."""
+    pytest.importorskip("matplotlib")
+    import rasterio
+
+    yard = {**BEFORE, "origin": [575054, 4429710]}
+    old = save(tmp_path / "old.json", yard)
+    yard = json.loads(json.dumps(yard))
+    give(CRATE, at=[21.5, 10])(yard)
+    new = save(tmp_path / "new.json", yard)
+    out = tmp_path / "change.png"
+    assert call("diff", old, new, "--picture", out).code == 0
+    with warnings.catch_warnings(action="ignore"), rasterio.open(out) as file:
+        gray = file.read([1, 2, 3]).min(axis=0)
+    # the title is in the middle of the height, and labels end a little left of the ground
+    inked = (gray < 200).any(axis=0)
+    first = int(np.argmax(inked))
+    gaps = np.flatnonzero(~inked[first:])
+    title = first + int(gaps[0])
+    labels = inked[title:]
+    assert first < title < first + 40
+    width = int(np.argmax(labels))  # white columns behind the title
+    assert width >= 3
+    # and behind them seven digits, which are wider than a title is
+    assert (gray[:, title + width : title + width + 60] < 200).any(axis=0).sum() > 20
+
+
 def test_exit_codes_are_those_of_git(pair: tuple[Path, Path], tmp_path: Path) -> None:
     old, new = pair
     assert call("diff", "--exit-code", old, new).code == 1

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
-from terratool.definition.findings import Bounds
 from terratool.report.documents import json_text
 from terratool.report.markup import escape_markdown, markdown_row
 from terratool.report.numbers import located, metres, per_cent, pixels
@@ -17,6 +16,7 @@ from terratool.viewing.diff.results import (
     DiffDocument,
     Difference,
     ElementChange,
+    ElementPlace,
     EntryChange,
     FileDifference,
     FileStatus,
@@ -135,14 +135,15 @@ def _group(group: list[ElementChange]) -> str:
     place = first.place
     sign, what = _SIGNS[first.kind], first.what
     if len(group) > 1:
-        names = ", ".join(one.place.pointer for one in group[:_NAMED])
-        more = ", …" if len(group) > _NAMED else ""
-        return f"{sign} {len(group):,} × {what}{_change(first)}: {names}{more}"
-    where = place.pointer + (f" (line {place.line})" if place.line else "")
+        descrs = list(dict.fromkeys(quote(one.descr) for one in group if one.descr))
+        called = f" ({_first(descrs)})" if descrs else ""
+        places = _first([_line(one.place) + _at(one) for one in group])
+        return f"{sign} {len(group):,} × {what}{called}{_change(first)}: {places}"
+    where = _line(place)
     descr = f" {quote(first.descr)}" if first.descr else ""
     if first.kind in ("added", "removed") and place.bounds is not None:
         west, south, east, north = place.bounds
-        where += f": {_side(west, east)} × {_side(south, north)} m at {_middle(place.bounds)}"
+        where += f": {_side(west, east)} × {_side(south, north)} m{_at(first)}"
     if first.elements > 1:
         where += f", {count_of(first.elements, 'element')}"
     return f"{sign} {what}{descr}{_change(first)}: {where}"
@@ -152,10 +153,22 @@ def _side(low: float, high: float) -> str:
     return f"{high - low:.6g}"
 
 
-def _middle(bounds: Bounds) -> str:
-    west, south, east, north = bounds
+def _first(texts: Sequence[str]) -> str:
+    return ", ".join([*texts[:_NAMED], *["…"] * (len(texts) > _NAMED)])
+
+
+def _line(place: ElementPlace) -> str:
+    return place.pointer + (f" (line {place.line})" if place.line else "")
+
+
+def _at(change: ElementChange) -> str:
+    """Middle of an element that came or went, as " at 12 4.5"; empty for others."""
+    if change.kind not in ("added", "removed") or change.place.bounds is None:
+        return ""
+    west, south, east, north = change.place.bounds
     shorter = min(east - west, north - south)
-    return located(((west + east) / 2, (south + north) / 2), shorter / 10.0 or 1.0)
+    middle = (west + east) / 2, (south + north) / 2
+    return f" at {located(middle, shorter / 10.0 or 1.0)}"
 
 
 def _change(change: ElementChange) -> str:
