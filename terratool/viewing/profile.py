@@ -457,7 +457,7 @@ def _draw_texts(
     """Draw the titles of the axes, the ends of the line and the exaggeration."""
     left, bottom, width, height = places.ground
     unit, top = unit_of(terrain), bottom + height + sheet.pixels(4.0)
-    x0, y0, x1, y1 = (number(float(f"{value:.9g}")) for value in found.line)
+    x0, y0, x1, y1 = map(number, found.line)
     sheet.text(left, top, f"A ({x0}, {y0})", va="bottom", ha="left", fontweight="bold")
     sheet.text(left + width, top, f"B ({x1}, {y1})", va="bottom", ha="right", fontweight="bold")
     row = bottom - sheet.pixels(17.0)
