@@ -151,6 +151,8 @@ def command(
     """
     from terratool.definition.change import open_target
     from terratool.definition.reader import CheckOptions
+    from terratool.errors import DefinitionError
+    from terratool.report.numbers import coordinates
 
     element = _element(values)
     target = open_target(file, output, overwrite, library_roots())
@@ -158,7 +160,21 @@ def command(
     libraries = target.new_libraries(use)
     data = target.with_libraries(target.source.data, libraries)
     data = target.with_elements(data, parent, [element])
-    checked = target.check_change(data, "the element", CheckOptions(limit=_ALL))
+    try:
+        checked = target.check_change(data, "the element", CheckOptions(limit=_ALL))
+    except DefinitionError as error:
+        at = values["at"]
+        own_at = None if at is None else target.place_in(parent, at)
+        beyond = any(
+            (one.code, one.pointer) == ("TT713", f"{pointer}/at") for one in error.findings
+        )
+        if own_at is None or own_at == at or not beyond:
+            raise
+        hint = (
+            "--at counts from the south-west corner of the parent's cell, in which this place is "
+            f"{coordinates(round(value, 9) for value in own_at)}."
+        )
+        raise DefinitionError(error.message, hint, error.findings) from error
     target.write(data, overwrite)
     own = [
         finding

@@ -21,7 +21,7 @@ from terratool.cli.options import (
 from terratool.cli.saying import say, say_json
 from terratool.cli.terminal import StatusLine, load
 from terratool.report.documents import Document
-from terratool.report.numbers import tenths
+from terratool.report.numbers import coordinates, located, tenths
 from terratool.report.tables import align
 from terratool.report.wording import count_of
 from terratool.text.display import quote
@@ -213,9 +213,11 @@ def as_text(comparison: MapComparison) -> Iterator[str]:
         return
     yield f"  RMSE {_metres(errors.rmse)}, bias {_signed_metres(errors.bias)}."
     surface = "" if worst.surface is None else f", on {quote(worst.surface)}"
+    # to a tenth of the error, so that the heights show it
+    step = 10.0 * abs(worst.mapped - worst.true) or 1.0
+    mapped, true = (located([height], step, 4) for height in (worst.mapped, worst.true))
     yield (
-        f"  Worst at {worst.x:.10g} {worst.y:.10g}: {worst.mapped:.4g} m in place of "
-        f"{worst.true:.4g} m{surface}."
+        f"  Worst at {coordinates((worst.x, worst.y))}: {mapped} m in place of {true} m{surface}."
     )
     if math.isfinite(comparison.within):
         yield f"  Within two standard deviations: {tenths(comparison.within)}."

@@ -264,7 +264,7 @@ def command(
     planned = prepare(terrain, vehicles, request, map_path=map_, overwrite=overwrite)
     written = JudgementFiles(reports, map_, overwrite)
     result = _assess(planned, Path(file).name, written)
-    return _print_result(result, checks, forms == ("json",))
+    return _print_result(result, checks, written, forms == ("json",))
 
 
 def _judge_many(
@@ -305,8 +305,10 @@ def _assess(planned: PreparedComparison, name: str, files: JudgementFiles) -> Re
         return assess_all(planned, name, files, progress, begin)
 
 
-def _print_result(result: Reports, checks: list[Condition], wants_json: bool) -> int:
-    """Print the result and the conditions that do not hold; return the exit code."""
+def _print_result(
+    result: Reports, checks: list[Condition], written: JudgementFiles, wants_json: bool
+) -> int:
+    """Print the result, what was written, and conditions that do not hold; return the exit code."""
     from terratool.traversability.report.document import as_json
     from terratool.traversability.report.lines import as_lines
 
@@ -327,6 +329,8 @@ def _print_result(result: Reports, checks: list[Condition], wants_json: bool) ->
         else:
             for line in as_lines(result):
                 say(line)
+            for path in written.paths([report.vehicle.name for report in reports]):
+                say(f"{path}: written.")
     except BrokenPipeError:
         if not code:  # with a "no" the exit code stays 1 even if the reader has gone
             raise

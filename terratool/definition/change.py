@@ -30,6 +30,9 @@ from terratool.text.source import Source, read_source, real_path, write_source
 
 _pointer = re.compile(rf"(?:{ROOT}|/parts/[^/]*)(?:/children/(?:0|[1-9][0-9]*))*").fullmatch
 
+_is_own = re.compile(rf"{ROOT}(?:/children/[0-9]+)*").fullmatch
+"""Match of a pointer to an element of the terrain itself, not of a part."""
+
 _copy = re.compile(r"\[[0-9,]+\]").sub
 
 
@@ -146,6 +149,32 @@ class ChangeTarget:
             else:
                 data = append_item(data, "/use", path, TERRAIN).apply(data)
         return data
+
+    def place_in(self, pointer: str, place: tuple[float, float]) -> tuple[float, float] | None:
+        """Place in the cell of an element of the terrain, from the cell's south-west corner.
+
+        Args:
+            pointer: JSON pointer of the element.
+            place: world x and y.
+
+        Returns:
+            the place; None where it is not in the cell, or the cell is turned or unknown.
+        """
+        tree, terrain = self.checked.tree, self.checked.terrain
+        if tree is None or terrain is None or ROOT not in tree.roots or not _is_own(pointer):
+            return None
+        element = tree.roots.index(ROOT)
+        above = [element]
+        for step in pointer.split("/children/")[1:]:
+            element = tree.first_child[element] + int(step)
+            above.append(element)
+        if any(tree.value("turn_deg", one) not in (UNSET, 0.0) for one in above):
+            return None
+        cell = tree.rectangle(element, terrain)
+        if cell is None:
+            return None
+        (x, y), (west, south, east, north) = place, cell
+        return (x - west, y - south) if west <= x <= east and south <= y <= north else None
 
     def check_change(self, data: bytes, added: str, options: CheckOptions | None = None) -> Checked:
         """Check a changed text and return the result.

@@ -103,6 +103,22 @@ def coordinates(values: Iterable[float]) -> str:
     return " ".join(f"{value:.12g}" for value in values)
 
 
+def located(values: Iterable[float], step: float, least: int = 6) -> str:
+    """Format coordinates to a hundredth of a step, or to some digits where these say more.
+
+    Args:
+        values: coordinates, in the unit of the step.
+        step: length above 0 that tells places apart, such as the side of a pixel.
+        least: fewest significant digits.
+    """
+    places = max(0, 2 - math.floor(math.log10(step)))
+    texts = []
+    for value in values:
+        whole = len(f"{abs(value):.0f}") if abs(value) >= 1.0 else 0
+        texts.append(f"{value + 0.0:.{min(max(least, whole + places), 15)}g}")
+    return " ".join(texts)
+
+
 def pixels(width: int, height: int, side: float) -> str:
     """Format the number of pixels along x and y and the side of a pixel, m."""
     return f"{width} × {height} pixels of {side:.4g} m"

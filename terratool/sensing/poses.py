@@ -282,15 +282,15 @@ def refuse_outside(poses: Poses, extent: Bounds) -> None:
     if len(outside):
         raise RequestError(
             f"The sensor is outside of the terrain {_place(poses, int(outside[0]))}.",
-            f"It reaches from {west:.9g} to {east:.9g} in x and from {south:.9g} to {north:.9g} "
-            "in y.",
+            f"It reaches from {west:.12g} to {east:.12g} in x and from {south:.12g} to "
+            f"{north:.12g} in y.",
         )
 
 
 def _place(poses: Poses, index: int) -> str:
     x, y, _ = poses.positions[index]
     when = f" at {poses.times[index]:.6g} s" if poses.timed else ""
-    return f"at x {x:.9g}, y {y:.9g}{when}"
+    return f"at x {x:.12g}, y {y:.12g}{when}"
 
 
 def _slerp(first: Floats, last: Floats, share: Floats) -> Floats:

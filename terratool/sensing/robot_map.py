@@ -27,6 +27,7 @@ from terratool.errors import RequestError
 from terratool.field.terrain import refuse_empty
 from terratool.io.points import MOST_NAMES
 from terratool.raster.grid import Grid
+from terratool.report.numbers import coordinates
 from terratool.sensing.clouds import Cloud, read_clouds, reader_of
 from terratool.sensing.sensor import Noise
 from terratool.text.files import is_pipe
@@ -167,8 +168,7 @@ def map_grid(bounds: Bounds, options: MapOptions, *, anchored: bool = True) -> G
     cells = counts[0] * counts[1] * parts * parts
     if cells > MOST_CELLS:
         raise RequestError(
-            f"Cells of {options.cell:g} m over {' '.join(f'{b:.9g}' for b in bounds)} are "
-            f"{cells:,}.",
+            f"Cells of {options.cell:g} m over {coordinates(bounds)} are {cells:,}.",
             f"Give larger cells, or part of it by bounds; a map has up to {MOST_CELLS:,}.",
         )
     return Grid(starts[0], starts[1], options.cell, counts[1] * parts, counts[0] * parts)
@@ -501,7 +501,7 @@ def map_scans(
             )
     if origin is not None and not all(abs(value) < _FAR for value in origin):
         raise RequestError(
-            f"The origin {' '.join(f'{value:g}' for value in origin)} is nowhere.",
+            f"The origin {coordinates(origin)} is nowhere.",
             f"Give x, y and z below {_FAR:g} m.",
         )
     if bounds is None:
@@ -553,7 +553,7 @@ def _refuse_empty_cells(grid: Grid, readings: int, bounds: Bounds) -> None:
     """
     cells = grid.width * grid.height
     if cells > max(FREE_CELLS, CELLS_EACH * readings):
-        around = " ".join(f"{side:.9g}" for side in bounds)
+        around = coordinates(bounds)
         raise RequestError(
             f"{readings:,} readings are too few for {cells:,} cells of {grid.resolution:g} m.",
             f"Give larger cells, or say what the map holds by bounds: {around} is all of it.",

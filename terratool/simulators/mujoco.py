@@ -260,7 +260,10 @@ def _loss_sentence(
         if found.raggedness:
             parts.append(f"lines between surfaces on them up to {metres(found.raggedness)}, a cell")
     if geoms > most:
-        parts.append(f"{count_of(most, 'geom')} would be too far off, so there are {geoms:,}")
+        parts.append(
+            f"{count_of(most, 'geom')} would be too far off, so there are {geoms:,}: "
+            "--max-geoms N allows more, and --flex is exact"
+        )
     return f"What collides: {'; '.join(parts)}."
 
 

@@ -115,7 +115,8 @@ def _hint_on(name: str) -> str:
     near = [near_names(part, known)[:1] for part in parts]
     if len(near) > 1 and all(near):
         return f"Name each by itself: {_as_options([name for (name,) in near])}."
-    return guess(name, known) or f"Choose from {', '.join(TARGETS)}, or all."
+    # a name among several is no guess for all of them
+    return guess(name, known) * (len(parts) == 1) or f"Choose from {', '.join(TARGETS)}, or all."
 
 
 def refuse_uninstalled(targets: Mapping[str, Target]) -> None:

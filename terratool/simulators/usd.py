@@ -25,9 +25,12 @@ def write(scene: Scene, folder: Path) -> WrittenFiles:
     mesh = _with_materials(scene)
     write_usd(mesh, folder / _FILE, scene.terrain.descr, scene.offset)
     prims = [f"/Terrain/Surface_{part.word}" for part in scene.parts]
+    several = len(prims) > 1
+    meshes = (
+        f"a Mesh for each of {len(prims):,} surfaces collides" if several else "1 Mesh collides"
+    )
     return WrittenFiles(
-        summary=f"a Mesh for each of {count_of(len(prims), 'surface')} collides, of"
-        f" {count_of(len(mesh.faces), 'face')} together",
+        summary=f"{meshes}, of {count_of(len(mesh.faces), 'face')}{' together' * several}",
         language="python",
         load=(
             "import newton",

@@ -1,12 +1,17 @@
-"""Names that a wrong word may stand for: by what it means, how it begins, or its letters."""
+"""Names that a wrong word may stand for: by what it means, a word they share, or its letters."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 
 _MOST = 3
 _ALIKE = 0.7
 """Least similarity, 0 to 1, of a misspelling: castle is less similar to craters."""
+_SHORTEST = 3
+"""Fewest letters of a word that is looked for within others: "to" is in too many."""
+_words = re.compile(r"[A-Z]?[^\W\d_A-Z]+|[A-Z]+(?![a-z])|[0-9]+").findall
+"""Words of a name: those of "pyramidStairs", "dry-sand" and "rock_10"."""
 _MEANT = {
     # options
     "resolution": "tr cell cell-size cellsize pixel-size pixelsize px-size gsd grid-size spacing",
@@ -14,6 +19,8 @@ _MEANT = {
     "min-change": "tolerance tol threshold",
     "output": "out outfile out-file output-file destination dest save write to",
     "overwrite": "force replace clobber yes",
+    "extent": "size sides dimensions",
+    "perspective": "3d 3-d three-d isometric oblique",
     "bounds": "bbox extent region area roi crop clip projwin te rectangle",
     "crs": "epsg srs projection proj t-srs",
     "max-faces": "faces triangles max-triangles budget decimate target-faces",
@@ -90,12 +97,11 @@ def near_names(word: object, known: Iterable[str]) -> list[str]:
     if plain in names:
         return [names[plain]]
     found = [name for name in names if plain in _meant(name)]
+    found += [name for name in _with_word(plain, names) if name not in found]
     if len(plain) > 1:
         found += [name for name in names if name.startswith(plain) and name not in found]
     if not found:
-        from difflib import get_close_matches
-
-        found = get_close_matches(plain, names, 1, _ALIKE)
+        found = spelled_like(plain, names, 1, _ALIKE)[:1]
     return [names[name] for name in found[:_MOST]]
 
 
@@ -103,6 +109,45 @@ def guess(word: object, known: Iterable[str]) -> str:
     """Question whether one of the `near_names` was meant; empty if there is none."""
     near = near_names(word, known)
     return f"Did you mean {' or '.join(near)}?" if near else ""
+
+
+def spelled_like(word: str, known: Iterable[str], most: int = 2, least: float = 0.6) -> list[str]:
+    """Names whose letters are like those of a word, the likeliest first.
+
+    First come names that have the word as one of theirs, then those that contain it or are
+    contained in it, in the order of `known`, then the most similar ones.
+
+    Args:
+        word: wrong word, such as "stairs" for "pyramidStairs".
+        known: names that there are.
+        most: most names that are only similar.
+        least: least similarity of these, from 0 to 1.
+    """
+    from difflib import get_close_matches
+
+    names = list(known)
+    found = _with_word(word, names)
+    plain = _letters(word)
+    if len(plain) >= _SHORTEST:
+        for name in names:
+            other = _letters(name)
+            inside = len(other) >= _SHORTEST and other in plain
+            if name not in found and (plain in other or inside):
+                found.append(name)
+    found += [name for name in get_close_matches(word, names, most, least) if name not in found]
+    return found
+
+
+def _with_word(word: str, names: Iterable[str]) -> list[str]:
+    """Names that have a word as one of theirs, whatever the case."""
+    plain = _letters(word)
+    if len(plain) < _SHORTEST:
+        return []
+    return [name for name in names if plain in map(str.lower, _words(name))]
+
+
+def _letters(name: str) -> str:
+    return "".join(_words(name)).lower()
 
 
 def _meant(name: str) -> list[str]:

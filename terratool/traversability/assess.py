@@ -566,7 +566,8 @@ def _headings_note(prepared: PreparedRequest, routes: Sequence[Route]) -> Iterat
     if prepared.builder is not None and most > prepared.builder.headings:
         yield (
             f"A route takes {most} headings, the map has {prepared.builder.headings}: it may show "
-            f"as cut off what that route reaches. With --headings {most} both have the same."
+            "as cut-off or one-way what that route passes. "
+            f"With --headings {most} both have the same."
         )
 
 

@@ -11,6 +11,7 @@ from functools import partial
 
 from terratool.errors import RequestError
 from terratool.text.display import quote
+from terratool.text.meaning import spelled_like
 from terratool.traversability.results import Extreme, GroundClass, TraversabilityReport, Verdict
 
 _Value = float | None
@@ -185,7 +186,5 @@ def _error(text: str, what: str, hint: str) -> RequestError:
 
 def _hint(word: str, known: list[str]) -> str:
     """A sentence that names the known word nearest to a word, or all known words."""
-    from difflib import get_close_matches
-
-    close = get_close_matches(word, known, 1)
+    close = spelled_like(word, known, 1)
     return f"Did you mean {close[0]}?" if close else f"There is {', '.join(known)}."

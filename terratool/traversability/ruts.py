@@ -24,6 +24,7 @@ from terratool.errors import DefinitionError, MissedError, RequestError
 from terratool.field.terrain import Terrain
 from terratool.field.types import OUTSIDE
 from terratool.output import is_same_file
+from terratool.report.numbers import coordinates
 from terratool.text.display import quote
 from terratool.text.edit import set_member
 from terratool.text.source import Source, read_source, write_source
@@ -299,7 +300,7 @@ def _surfaces_along(ground: Terrain, line: NDArray[np.float64], spacing: float) 
         outside = samples.element[void[0]] == OUTSIDE
         raise RequestError(
             f"A wheel would run {'outside of the terrain' if outside else 'over no ground'} at "
-            f"{at[0]:.6g} {at[1]:.6g}.",
+            f"{coordinates(at.round(3))}.",
             "Give a path that stays on the terrain by half the vehicle's width."
             if outside
             else "Lead the path around it.",
@@ -308,7 +309,7 @@ def _surfaces_along(ground: Terrain, line: NDArray[np.float64], spacing: float) 
     if len(unnamed):
         at = places[unnamed[0]]
         raise RequestError(
-            f"The ground at {at[0]:.6g} {at[1]:.6g} has no surface, so nothing says how deep a "
+            f"The ground at {coordinates(at.round(3))} has no surface, so nothing says how deep a "
             "wheel sinks.",
             'Give the root element a "surface".',
         )

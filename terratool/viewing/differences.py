@@ -15,6 +15,7 @@ from terratool.viewing.options import RenderOptions
 from terratool.viewing.plan import (
     PlanLayout,
     SheetMargins,
+    axis_room,
     draw_frame,
     draw_margins,
     layout,
@@ -66,7 +67,7 @@ def sheet_layout(bounds: Bounds) -> PlanLayout:
         RequestError: the ground would be too narrow to be seen.
     """
     west, south, east, north = bounds
-    margins = SheetMargins(left=48.0, bottom=76.0, right=122.0, top=26.0)
+    margins = SheetMargins(left=axis_room(south, north), bottom=76.0, right=122.0, top=26.0)
     return layout((east - west, north - south), _OPTIONS, margins)
 
 

@@ -165,7 +165,7 @@ def draw_plan(
         NO_MARGINS
         if options.bare
         else SheetMargins(
-            left=width_of(_axis_labels(part[1], part[3])) + 26.0,
+            left=axis_room(part[1], part[3]),
             bottom=76.0,
             right=room + 20.0 if options.has_legend else 14.0,
             top=26.0 if title else 10.0,
@@ -215,11 +215,11 @@ def draw_plan(
     return Drawn(sheet, what, tuple(notes))
 
 
-def _axis_labels(low: float, high: float) -> list[str]:
-    """Labels of an axis from one number to another."""
+def axis_room(low: float, high: float) -> float:
+    """Room beside a vertical axis from one number to another, for labels and a title, points."""
     from terratool.raster.shading import ticks
 
-    return [number(place) for place in ticks(low, high, 6)]
+    return width_of([number(place) for place in ticks(low, high, 6)]) + 26.0
 
 
 def _paint_layer(

@@ -101,9 +101,9 @@ def check_section(line: Line, extent: Bounds) -> tuple[float, float]:
     """
     begin, end = _crossings(line, np.array(extent)[:, None])[:, 0].tolist()
     if not begin < end:
-        x0, y0, x1, y1 = line
         raise RequestError(
-            f"The section from {x0:g} {y0:g} to {x1:g} {y1:g} misses the terrain.",
+            f"The section from {coordinates(line[:2])} to {coordinates(line[2:])} misses the "
+            "terrain.",
             f"It lies in {coordinates(extent)}.",
         )
     return begin, end
@@ -133,7 +133,8 @@ def section(terrain: Terrain, line: Line) -> Section:
     heights = probe.heights(places)
     if np.isnan(heights).all():
         raise RequestError(
-            f"There is no ground on the section from {x0:g} {y0:g} to {x1:g} {y1:g}: it is void.",
+            f"There is no ground on the section from {coordinates(line[:2])} to "
+            f"{coordinates(line[2:])}: it is void.",
             "Give other ends.",
         )
     span = float(np.nanmax(heights) - np.nanmin(heights))
@@ -456,7 +457,7 @@ def _draw_texts(
     """Draw the titles of the axes, the ends of the line and the exaggeration."""
     left, bottom, width, height = places.ground
     unit, top = unit_of(terrain), bottom + height + sheet.pixels(4.0)
-    x0, y0, x1, y1 = (number(float(f"{value:.9g}")) for value in found.line)
+    x0, y0, x1, y1 = map(number, found.line)
     sheet.text(left, top, f"A ({x0}, {y0})", va="bottom", ha="left", fontweight="bold")
     sheet.text(left + width, top, f"B ({x1}, {y1})", va="bottom", ha="right", fontweight="bold")
     row = bottom - sheet.pixels(17.0)

@@ -38,6 +38,33 @@ def inserted(before: bytes, after: bytes) -> bytes:
     return after[begin : begin + size]
 
 
+@pytest.mark.parametrize(
+    ("parent", "at", "own"),
+    [
+        ("/elemTree", (575084, 4429734.133), "30 24.133"),
+        # the second row of three columns and two: 20 × 13, from 13 on
+        ("/elemTree/children/0", (575056.5, 4429725), "2.5 2"),
+        ("/elemTree/children/0", (575084, 4429734.133), None),  # beside this parent
+        ("/elemTree", (30, 27), None),  # no place of the world
+    ],
+)
+def test_a_place_of_the_world_is_told_as_one_of_the_parent(
+    site: Path, parent: str, at: tuple[float, float], own: str | None
+) -> None:
+    moved = {**PLATED, "origin": [575054, 4429710]}
+    site.write_text(canonical(json.dumps(moved)), encoding="utf-8")
+    before = site.read_bytes()
+    words = ("--parent", parent, *PLATE, "--extent", 1, 1)
+    ran = call("add", site, *words, "--at", *at)
+    assert (ran.code, site.read_bytes()) == (1, before)
+    assert "TT713" in ran.err
+    hint = "counts from the south-west corner of the parent's cell"
+    assert (hint in ran.err) == (own is not None)
+    if own is not None:
+        assert f"in which this place is {own}.\n" in ran.err
+        assert call("add", site, *words, "--at", *own.split()).code == 0
+
+
 @given(spelled(), st.data())
 def test_an_element_is_added_and_nothing_else_changes(
     drawn: tuple[bytes, Json], data: st.DataObject

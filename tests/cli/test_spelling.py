@@ -19,7 +19,7 @@ from terratool.cli import main
 from terratool.cli.command import Command
 from terratool.cli.options import json_option, output_argument, output_option
 from terratool.definition.layout import canonical
-from terratool.text.meaning import _MEANT, near_names
+from terratool.text.meaning import _MEANT, near_names, spelled_like
 from tests.commands import PLATED, ROOT, SAMPLE, call, plated_site, run
 
 PAGE = (ROOT / "docs" / "commands.md").read_text("utf-8")
@@ -461,6 +461,9 @@ def test_examples_are_not_broken_within_words() -> None:
         (("export-dem", "a", "b.tif", "--layer", "gradient"), "slope"),
         (("export-dem", "a", "b.tif", "--layer", "relief"), "hillshade"),
         (("export-dem", "a", "b.gpkg", "--layer", "isolines"), "contours"),
+        (("import-terrain", "a.tif", "b.json", "--preset", "sand"), "dry-sand"),
+        (("add", "a", "--size", "1"), "--extent"),
+        (("render", "a", "b.png", "--3d"), "--perspective"),
         (("check", "a"), "validate"),
         (("lidar", "a"), "scan"),
         (("plot", "a"), "render"),
@@ -472,6 +475,26 @@ def test_what_was_meant_is_guessed(words: tuple[str, ...], meant: str) -> None:
     ran = call(*words)
     assert (ran.code, ran.out) == (2, "")
     assert f"Did you mean {meant}" in ran.err, ran.err
+
+
+@pytest.mark.parametrize(
+    ("word", "known", "wanted"),
+    [
+        ("stairs", ("star", "pyramidStairs", "flat"), "pyramidStairs"),
+        ("Stairs", ("star", "pyramid_stairs"), "pyramid_stairs"),
+        ("sand", ("sandy-loam", "dry-sand", "san"), "dry-sand"),  # a word of it before a part
+        ("stai", ("star", "pyramidStairs"), "pyramidStairs"),
+        ("rocks", ("racks", "rock"), "rock"),
+        ("ice", ("slice", "nice-ice"), "nice-ice"),
+        ("rmap", ("map", "ramp"), "map"),
+        ("to", ("toe", "station"), "toe"),  # too short to be looked for within others
+    ],
+)
+def test_a_name_with_the_word_comes_before_one_of_its_letters(
+    word: str, known: tuple[str, ...], wanted: str
+) -> None:
+    assert spelled_like(word, known)[0] == wanted
+    assert spelled_like(word, known[::-1])[0] == wanted
 
 
 def test_what_has_no_meaning_is_not_guessed() -> None:

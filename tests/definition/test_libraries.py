@@ -360,6 +360,31 @@ def test_places_and_copies_that_are_none(
     assert found({"elemTree": tree({"type": "box", **element})}) == pointers
 
 
+@pytest.mark.parametrize(
+    ("at", "repeat", "words"),
+    [
+        ((9.5, 4), None, "the element reaches 0.5 beyond the east side of"),
+        ((0.25, 4), None, "the element reaches 0.75 beyond the west side of"),
+        ((5, 6), None, "the element reaches 1 beyond the north side of"),
+        ((5, 0), None, "the element reaches 1 beyond the south side of"),
+        ((4, 3), ([3, 2], [3, 1]), "the element's copy [2,0] reaches 1 beyond the east side of"),
+        ((4, 3), ([3, 2], [-2, 1]), "the element's copy [2,0] reaches 1 beyond the west side of"),
+        ((4, 2), ([2, 5], [1, -1]), "the element's copy [0,4] reaches 3 beyond the south side of"),
+        ((4, 2), ([2, 5], [1, 1.5]), "the element's copy [0,4] reaches 3 beyond the north side of"),
+        ((0, 3), ([2, 2], [1, 1]), "the element's copy [0,0] reaches 1 beyond the west side of"),
+        ((4429258.1337, 3), None, "the element reaches 4429249.1337 beyond the east side of"),
+    ],
+)
+def test_what_reaches_out_of_its_cell_and_where(at: Any, repeat: Any, words: str) -> None:
+    """In a parent of 10 × 6, by an element of 2 × 2."""
+    element: dict[str, Any] = {"at": at, "extent": 2, "type": "box"}
+    if repeat is not None:
+        element["repeat"] = dict(zip(("count", "step"), repeat, strict=True))
+    value = {"size": [10, 6], "elemTypes": BOX, "elemTree": tree(element)}
+    (told,) = check(Source("t.json", json.dumps(value).encode())).findings[:1]
+    assert (told.code, told.message) == ("TT713", f"{words} the parent's cell of 10 × 6.")
+
+
 @pytest.mark.parametrize("kind", ["box", "disc"])
 @pytest.mark.parametrize(("step", "overlap"), [(1.9, True), (2, False)])
 def test_copies_that_overlap(kind: str, step: float, overlap: bool) -> None:

@@ -119,6 +119,7 @@ PATHS = {
         (("--pose", 110, 207, 0.25, 0, 0, 0), 2, "is 0.25 m below the ground at x 110, y 207."),
         (("--pose", 130, 207, 1.7, 0, 0, 0), 2, "is 1.8 m below the ground at x 130, y 207."),
         (("--pose", 99, 207, 1.7, 0, 0, 0), 2, "is outside of the terrain at x 99, y 207."),
+        (("--pose", 575054.25, 4429710.125, 1.7, 0, 0, 0), 2, "at x 575054.25, y 4429710.125."),
         (("--pose", 134, 220, 1, 0, 0, 0, "--on-ground", 1), 2, "There is no ground at x 134"),
         ((*POSE, "--on-ground", -1), 2, "The height above the ground is -1."),
         ((*POSE, "--on-ground", "nan"), 2, "The height above the ground is nan."),

@@ -277,6 +277,38 @@ def test_any_raster_of_heights_can_be_compared(ramp: Terrain, tmp_path: Path) ->
         compare(read_map(tmp_path / "far.tif"), ramp)
 
 
+@pytest.mark.parametrize(
+    ("ground", "error", "words"),
+    [
+        (1730.0, 0.0625, "1730.062 m in place of 1730 m"),
+        (1730.0, -4.0, "1726 m in place of 1730 m"),
+        (2.0, 0.25, "2.25 m in place of 2 m"),
+        (1730.0, 0.0, "1730 m in place of 1730 m"),
+    ],
+)
+def test_the_worst_place_shows_its_error(
+    ground: float, error: float, words: str, tmp_path: Path
+) -> None:
+    """On level ground of 4 × 3 far from zero, one pixel is off; its place has all digits."""
+    value = {
+        "size": [4, 3], "origin": [575054, 4429710], "elemTypes": {"level": {"x": [1]}},
+        "elemTree": {"type": "level", "vScale": ground},
+    }  # fmt: skip
+    terrain = tmp_path / "site.json"
+    terrain.write_text(json.dumps(value), encoding="utf-8")
+    heights = np.full((3, 4), ground, np.float32)
+    heights[0, 2] += error
+    with rasterio.open(
+        tmp_path / "dem.tif", "w", driver="GTiff", dtype="float32", count=1, height=3, width=4,
+        transform=Affine(1.0, 0.0, 575054.0, 0.0, -1.0, 4429713.0),
+    ) as file:  # fmt: skip
+        file.write(heights, 1)
+    said = call("compare", tmp_path / "dem.tif", terrain).out
+    assert f": {words}." in said
+    if error:
+        assert f"Worst at 575056.5 4429712.5: {words}." in said
+
+
 @pytest.mark.slow
 def test_walls_do_not_take_all_colours(saved: Save, tmp_path: Path) -> None:
     """A column of 6 cells of 70 is off by 2 m, and the others, 2 cm too high, are red all the same;

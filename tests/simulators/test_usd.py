@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 from typing import Any
 
@@ -51,6 +52,16 @@ def shapes_of(path: Path) -> dict[str, dict[str, Any]]:
             ),
         }
     return found
+
+
+def test_one_surface_is_one_mesh(tmp_path: Path) -> None:
+    value = {"size": [3, 2], "elemTypes": {"box": {"x": [1]}}, "elemTree": {"type": "box"}}
+    *_, manifest = written(terrain_of(value), tmp_path / "one", "usd")
+    assert manifest["summary"] == "1 Mesh collides, of 2 faces"
+    *_, manifest = written(slopes(0.0), tmp_path / "more", "usd")
+    count = len(FRICTION_ANGLES)
+    words = rf"a Mesh for each of {count} surfaces collides, of \d+ faces together"
+    assert re.fullmatch(words, manifest["summary"])
 
 
 def test_each_surface_collides_with_its_friction(tmp_path: Path) -> None:

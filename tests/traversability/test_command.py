@@ -100,6 +100,8 @@ def test_says_and_writes_all(site: tuple[str, ...], tmp_path: Path) -> None:
     ran = drive(*arguments)
     assert (ran.code, ran.err) == (0, "")
     assert "There is a way from (102, 51) to (110, 52)" in ran.out
+    made = ["a.tif", "a-classes.tif", "a-numbers.tif", "a.json", "a.md", "a.html"]
+    assert ran.out.splitlines()[-6:] == [f"{tmp_path / name}: written." for name in made]
     assert re.search(r"^floor +0 m +35\.0°", ran.out, re.MULTILINE)
     document = json.loads(names[0].read_text("utf-8"))
     assert not list(SCHEMA.iter_errors(document))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import gzip
 import json
 import math
+import re
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -233,6 +234,18 @@ class TestRefused:
     def test_paths(self, tmp_path: Path, route: Any, error: type[Exception], says: str) -> None:
         with pytest.raises(error, match=says):
             driven(flat(tmp_path), route)
+
+    def test_place_far_from_zero(self, tmp_path: Path) -> None:
+        """Half a wheel's track beside the end of the path, to the millimetre."""
+        site = flat(tmp_path)
+        value = json.loads(site.read_text("utf-8")) | {"origin": [575054, 4429710]}
+        site.write_text(json.dumps(value), "utf-8")
+        with pytest.raises(RequestError) as raised:
+            driven(site, [(575058, 4429720), (575093.8, 4429720)])
+        found = re.search(r"terrain at (\S+) (\S+)\. ", str(raised.value))
+        assert found is not None
+        x, y = map(float, found.groups())
+        assert x > 575094 and 0.01 < abs(y - 4429720) < 2.0
 
     def test_unknown_surface(self, tmp_path: Path) -> None:
         with pytest.raises(RequestError, match="mars"):

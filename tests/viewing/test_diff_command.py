@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shlex
 import subprocess
 import warnings
@@ -42,6 +43,92 @@ def test_the_text_says_what_moved_and_how_much_ground(pair: tuple[Path, Path]) -
     assert ran.code == 0
     assert 'box "crate" moved by (1.5, 0): /elemTree/children/1' in ran.out
     assert "cut 3 m³, fill 3 m³" in ran.out
+
+
+@pytest.mark.parametrize("form", ["text", "markdown"])
+def test_places_far_from_zero_have_digits_by_the_pixel(form: str, tmp_path: Path) -> None:
+    """A box of 2 × 1.5 comes to an oblong yard in UTM: what is said of places is in the box."""
+    west, south = 575054.0, 4429710.0
+    yard: Any = {
+        "size": [12, 8],
+        "origin": [west, south],
+        "surfTypes": {"hard": {"cohesion": 1, "fricAngle": 25, "sinkage": 0}},
+        "elemTypes": {"level": {"x": [0]}, "box": {"x": [1]}},
+        "elemTree": {"type": "level", "surface": "hard", "children": []},
+    }
+    old = save(tmp_path / "old.json", yard)
+    box = {"at": [6, 5], "extent": [2, 1.5], "type": "box", "vScale": 2}
+    yard["elemTree"]["children"].append(box)
+    new = save(tmp_path / "new.json", yard)
+    vehicle = "samples/vehicles/husky-a200.json"
+    said = call(
+        "diff", old, new, "--vehicle", vehicle, "--resolution", 0.25, "--format", form
+    ).out  # fmt: skip
+    sides = west + 5.0, south + 4.25, west + 7.0, south + 5.75
+    found = re.search(r"within (\S+) (\S+) (\S+) (\S+)", said)
+    assert found is not None and tuple(map(float, found.groups())) == sides
+    assert "2 × 1.5 m at 575060 4429715" in said
+    places = re.findall(r"(?:largest change .*|as) at (\S+) (\d+\.\d+)", said)
+    assert len(places) > 1
+    for x, y in places:
+        # the centre of a pixel; a vehicle beside the box touches it
+        assert (float(x) - west) % 0.25 == (float(y) - south) % 0.25 == 0.125
+        assert sides[0] - 1 < float(x) < sides[2] + 1 and sides[1] - 1 < float(y) < sides[3] + 1
+    assert "e+" not in said
+
+
+def test_equal_parts_that_came_are_named_with_their_places(tmp_path: Path) -> None:
+    """The first three of four, of which one has no description."""
+    yard = json.loads(json.dumps(BEFORE))
+    descrs = ("Rock A", "", "Rock C", "Rock D")
+    for n, descr in enumerate(descrs):
+        rack = {
+            "cellX": 20 + 2 * n,
+            "cellY": 25,
+            "part": "rack",
+            **({"descr": descr} if descr else {}),
+        }
+        yard["elemTree"]["children"].append(rack)
+    old, new = save(tmp_path / "old.json", BEFORE), save(tmp_path / "new.json", yard)
+    (line,) = (one for one in call("diff", old, new).out.splitlines() if " × part rack" in one)
+    assert line.startswith('  + 4 × part rack ("Rock A", "Rock C", "Rock D") added: ')
+    # cells of 1 × 1 on a yard whose corner is (100, -50)
+    found = re.findall(r"(/elemTree/children/\d+) \(line (\d+)\) at (\S+) (\S+?),", line + ",")
+    lines = new.read_text("utf-8").splitlines()
+    begin = [n for n, one in enumerate(lines, 1) if '"cellY": 25' in one][-4:]
+    assert found == [
+        (f"/elemTree/children/{8 + n}", str(begin[n] - 2), f"{120.5 + 2 * n:g}", "-24.5")
+        for n in range(3)
+    ]
+    assert line.endswith(", …")
+
+
+@pytest.mark.slow
+def test_the_title_of_an_axis_lies_beside_its_labels(tmp_path: Path) -> None:
+    """Tick labels of seven digits leave room for the title: a column between them is white."""
+    pytest.importorskip("matplotlib")
+    import rasterio
+
+    yard = {**BEFORE, "origin": [575054, 4429710]}
+    old = save(tmp_path / "old.json", yard)
+    yard = json.loads(json.dumps(yard))
+    give(CRATE, at=[21.5, 10])(yard)
+    new = save(tmp_path / "new.json", yard)
+    out = tmp_path / "change.png"
+    assert call("diff", old, new, "--picture", out).code == 0
+    with warnings.catch_warnings(action="ignore"), rasterio.open(out) as file:
+        gray = file.read([1, 2, 3]).min(axis=0)
+    # the title is in the middle of the height, and labels end a little left of the ground
+    inked = (gray < 200).any(axis=0)
+    first = int(np.argmax(inked))
+    gaps = np.flatnonzero(~inked[first:])
+    title = first + int(gaps[0])
+    labels = inked[title:]
+    assert first < title < first + 40
+    width = int(np.argmax(labels))  # white columns behind the title
+    assert width >= 3
+    # and behind them seven digits, which are wider than a title is
+    assert (gray[:, title + width : title + width + 60] < 200).any(axis=0).sum() > 20
 
 
 def test_exit_codes_are_those_of_git(pair: tuple[Path, Path], tmp_path: Path) -> None:

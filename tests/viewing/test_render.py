@@ -416,6 +416,10 @@ REFUSED = [
     (["out.png", "--contours", "1e-9"], "Give at least"),
     (["out.png", "--profile", "101", "201", "101", "201"], "one point"),
     (["out.png", "--profile", "0", "0", "9", "9"], "misses the terrain"),
+    (
+        ["out.png", "--profile", "575054.25", "4429710.5", "575060", "4429711"],
+        "from 575054.25 4429710.5 to 575060 4429711 misses the terrain",
+    ),
     (["out.png", "--profile", "101", "201", "nan", "201"], "finite numbers"),
     (["out.png", "--profile", "101", "201", "103", "203"], "it is void"),
     (["out.png", "--profile", "101", "201", "130", "203", "--grid"], "Leave out --grid"),

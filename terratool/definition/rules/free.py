@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from itertools import islice
+from typing import Any, NamedTuple
 
 from msgspec import UNSET
 
@@ -15,6 +16,7 @@ from terratool.definition.rules.base import Subject, rule
 from terratool.definition.tree import Tree
 from terratool.definition.turning import CLOSE, turned_shape
 from terratool.definition.uses import Box, Root, box_of_copies, copies
+from terratool.report.numbers import located
 from terratool.text.display import quote
 
 _CELL_KEYS = {"cellX": "cell_x", "cellY": "cell_y", "span": "span"}
@@ -165,34 +167,55 @@ def outside_cell(subject: Subject) -> Iterator[Remark]:
         if crowd is None:
             crowd = crowds[id(alike.elements)] = _Crowd(subject, alike)
         size, parent = alike.size, alike.sides.lengths
-        message = f"beyond the parent's cell of {parent[0]:.9g} × {parent[1]:.9g}."
+        cell = f"the parent's cell of {parent[0]:.9g} × {parent[1]:.9g}"
         if alike.root.tree is subject.tree:
             inside = f", where the part {quote(size.part)} stands." if size.part else "."
             for element, beyond in crowd.taken_beyond(parent):
+                what = f"the element's copy {beyond.copy}" if beyond.copy else "the element"
                 yield Remark(
                     "/at",
-                    f"the element reaches {beyond:.6g} {message[:-1]}{inside}",
+                    f"{what} reaches {beyond.over(parent)} of {cell}{inside}",
                     "Move it inside, or make it smaller.",
                     element=element,
                 )
             continue
         for place, beyond in islice(crowd.beyond(parent), 1):
-            pointer = f"{alike.root.tree.pointer(place)} of the part {quote(size.part)}"
+            pointer = f"{alike.root.tree.pointer(place)}{beyond.copy}"
             for element in subject.place_sizes.elements_leading_to(size, seen):
                 if element not in told:
                     told.add(element)
                     yield Remark(
                         "/part",
-                        f"{pointer} reaches {beyond:.6g} {message}",
+                        f"{pointer} of the part {quote(size.part)} reaches "
+                        f"{beyond.over(parent)} of {cell}.",
                         "Give the part more room, or use a smaller one.",
                         element=element,
                     )
+
+
+class _Excess(NamedTuple):
+    """Longest excess of an element, or of one of its copies, beyond a cell.
+
+    Attributes:
+        length: how far it reaches, in units of the terrain.
+        side: side of the cell, such as "east".
+        copy: column and row of the copy that reaches so far, such as "[2,0]"; empty for no copies.
+    """
+
+    length: float
+    side: str
+    copy: str = ""
+
+    def over(self, parent: Pair) -> str:
+        """Words for the excess beyond a cell with these sides: "1.5 beyond the east side"."""
+        return f"{located([self.length], min(parent) / 1e3)} beyond the {self.side} side"
 
 
 class _Crowd:
     """Footprints of elements at free places in cells of one size, their copies included."""
 
     def __init__(self, subject: Subject, alike: Alike) -> None:
+        self._tree = alike.root.tree
         self._boxes = {}
         for element in alike.elements:
             box = _box(subject, alike.root.tree, element)
@@ -206,14 +229,15 @@ class _Crowd:
         lows, highs = zip(*boxes, strict=True) if boxes else (((0.0, 0.0),), ((0.0, 0.0),))
         self._whole = tuple(map(min, *lows, lows[0])), tuple(map(max, *highs, highs[0]))
 
-    def beyond(self, parent: Pair) -> Iterator[tuple[int, float]]:
+    def beyond(self, parent: Pair) -> Iterator[tuple[int, _Excess]]:
         """Elements that reach out of a parent's cell with these sides, each with its excess."""
         if _out(self._whole, parent):
             for element, box in self._boxes.items():
                 if out := _out(box, parent):
-                    yield element, out
+                    copy = _copy_at(out.side, self._tree.value("repeat", element))
+                    yield element, out._replace(copy=copy)
 
-    def taken_beyond(self, parent: Pair) -> list[tuple[int, float]]:
+    def taken_beyond(self, parent: Pair) -> list[tuple[int, _Excess]]:
         """Elements that reach out of the cell, as `beyond`; they are removed from the crowd."""
         found = list(self.beyond(parent))
         for element, _ in found:
@@ -223,11 +247,31 @@ class _Crowd:
         return found
 
 
-def _out(box: Box, parent: Pair) -> float:
-    """Longest excess of a box beyond a cell that begins at 0; 0 for a box within the cell."""
+def _out(box: Box, parent: Pair) -> _Excess | None:
+    """Longest excess of a box beyond a cell that begins at 0; None for a box within the cell."""
     (west, south), (east, north) = box
-    x, y = max(-west, east - parent[0]), max(-south, north - parent[1])
-    return max(x if x > CLOSE * parent[0] else 0.0, y if y > CLOSE * parent[1] else 0.0)
+    sides = (
+        (-west, "west", parent[0]), (east - parent[0], "east", parent[0]),
+        (-south, "south", parent[1]), (north - parent[1], "north", parent[1]),
+    )  # fmt: skip
+    out = [_Excess(excess, side) for excess, side, length in sides if excess > CLOSE * length]
+    return max(out, default=None)
+
+
+def _copy_at(side: str, repeat: Any) -> str:
+    """Column and row of the copy that reaches furthest to a side; empty where there are no copies.
+
+    Args:
+        side: side of the parent's cell, such as "east".
+        repeat: `repeat` of the element; `UNSET` for none.
+    """
+    if copies(repeat) == 1:
+        return ""
+    axis = 0 if side in ("west", "east") else 1
+    forward = repeat.step[axis] > 0.0 if side in ("east", "north") else repeat.step[axis] < 0.0
+    place = [0, 0]
+    place[axis] = repeat.count[axis] - 1 if forward else 0
+    return f"[{place[0]},{place[1]}]"
 
 
 def _box(subject: Subject, tree: Tree, index: int) -> Box | None:

@@ -10,6 +10,7 @@ from msgspec import UNSET
 from terratool.definition.findings import Remark, RemarkBatch
 from terratool.definition.rules.base import Subject, rule
 from terratool.text.display import escape, only_answer, quote
+from terratool.text.meaning import spelled_like
 
 _MANY = 500
 _LONG = 60
@@ -154,9 +155,7 @@ class NameHints(dict[str, tuple[str, str]]):
         close = self._alike.get(name.lower(), [])
         # comparing more, or with more, takes longer than it helps
         if not close and len(self) < _MANY and len(name) <= _LONG:
-            from difflib import get_close_matches
-
-            close = get_close_matches(name, self._close, 2)
+            close = spelled_like(name, self._close)
         hint = (
             f'Add {quote(name)} to "{self._dictionary}", or its library to "use", '
             "or write a name that is there."

@@ -12,6 +12,7 @@ from terratool.definition.model import SOIL_FIGURES, Pair, Surface, ends_of, nam
 from terratool.definition.presets import PRESETS
 from terratool.definition.rules.base import Subject, rule
 from terratool.text.display import escape, quote
+from terratool.text.meaning import spelled_like
 
 _SOIL = (("cohesion", "cohesion"), ("fricAngle", "fric_angle"), ("sinkage", "sinkage"))
 _LONG = 60  # characters of a name that may be a typo
@@ -384,10 +385,6 @@ def single_value_range(subject: Subject) -> Iterator[Remark]:
 
 
 def _preset_hint(name: str) -> str:
-    from difflib import get_close_matches
-
-    # names mostly differ by a whole word: "sand" for "dry-sand"
     plain = "-".join(name.lower().replace("_", " ").replace("-", " ").split())
-    close = get_close_matches(plain[:_LONG], PRESETS, 1, 0.6)
-    close = close or [known for known in PRESETS if plain and plain in known]
+    close = spelled_like(plain[:_LONG], PRESETS, 1)
     return f"Did you mean {quote(close[0])}?" if close else f"Known are {', '.join(PRESETS)}."

@@ -15,6 +15,7 @@ from terratool.definition.tile_kinds import KINDS
 from terratool.definition.tile_spec import KindSpec
 from terratool.report.wording import join_words
 from terratool.text.display import escape, quote
+from terratool.text.meaning import spelled_like
 
 RESERVED = ("ground", "level", "pyramid", "column", "floor", "hole")
 """Names of primitives and surfaces that definitions of tiles have themselves."""
@@ -127,9 +128,7 @@ def _kinds(subject: CurriculumSubject, sides: Pair | None) -> Iterator[Remark]:
 
 def _unknown_kind(kind: str) -> tuple[str, str]:
     """Message and hint for an unknown kind of tile."""
-    from difflib import get_close_matches
-
-    close = get_close_matches(kind, KINDS, 1)
+    close = spelled_like(kind, KINDS, 1)
     hint = f'Did you mean "{close[0]}"?' if close else f"Known are {join_words(list(KINDS))}."
     return f"there is no kind {quote(kind)}.", hint
 

@@ -242,4 +242,4 @@ def overview(points: NDArray[np.float32]) -> tuple[str, str]:
     tilt = math.pi / 3
     x, y, z = ((low + high) / 2).tolist()
     place = (x, y - distance * math.sin(tilt), z + distance * math.cos(tilt))
-    return " ".join(f"{number:.6g}" for number in place), f"{tilt:.6g}"
+    return " ".join(f"{number:.9g}" for number in place), f"{tilt:.6g}"

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from terratool.output import whole_file
 from terratool.traversability.assess import PreparedRequest, assess
 from terratool.traversability.compare import PreparedComparison, map_path_of
+from terratool.traversability.map_files import map_paths
 from terratool.traversability.report.formats import renderer_of
 from terratool.traversability.results import Reports, TraversabilityReport, VehicleComparison
 from terratool.traversability.route.headings import Progress
@@ -34,6 +35,12 @@ class JudgementFiles:
         if self.map_path is None:
             return None
         return map_path_of(self.map_path, vehicle) if several else Path(self.map_path)
+
+    def paths(self, vehicles: Sequence[str]) -> list[Path]:
+        """Paths of all files for vehicles with these names: those of the maps, then the reports."""
+        several = len(vehicles) > 1
+        maps = [path for name in vehicles if (path := self.map_of(name, several)) is not None]
+        return [*(file for path in maps for file in map_paths(path)), *map(Path, self.reports)]
 
 
 NO_FILES = JudgementFiles()

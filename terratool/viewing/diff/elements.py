@@ -454,14 +454,14 @@ def _repeat_text(repeat: Any) -> str:
     if repeat is UNSET:
         return "no copies"
     (nx, ny), (dx, dy) = repeat.count, repeat.step
-    return f"{nx} × {ny} by ({dx:.6g}, {dy:.6g})"
+    return f"{nx} × {ny} by ({dx:.12g}, {dy:.12g})"
 
 
 def _place_text(tree: Tree, index: int) -> str:
     at = tree.value("at", index)
     if at is not UNSET:
         w, h = pair_of(tree.value("extent", index), 0.0)
-        return f"at ({at[0]:.6g}, {at[1]:.6g}), {w:.6g} × {h:.6g}"
+        return f"at ({at[0]:.12g}, {at[1]:.12g}), {w:.12g} × {h:.12g}"
     x, y, w, h = tree.block(index)
     nx, ny = tree.grid(tree.parents[index])
     return f"cell {x} {y}, {w} × {h} of {nx} × {ny}"

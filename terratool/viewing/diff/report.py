@@ -7,7 +7,7 @@ from typing import Any
 
 from terratool.report.documents import json_text
 from terratool.report.markup import escape_markdown, markdown_row
-from terratool.report.numbers import metres, per_cent, pixels
+from terratool.report.numbers import located, metres, per_cent, pixels
 from terratool.report.wording import count_of
 from terratool.report.workflow import annotation
 from terratool.text.display import printable, quote
@@ -16,6 +16,7 @@ from terratool.viewing.diff.results import (
     DiffDocument,
     Difference,
     ElementChange,
+    ElementPlace,
     EntryChange,
     FileDifference,
     FileStatus,
@@ -134,15 +135,15 @@ def _group(group: list[ElementChange]) -> str:
     place = first.place
     sign, what = _SIGNS[first.kind], first.what
     if len(group) > 1:
-        names = ", ".join(one.place.pointer for one in group[:_NAMED])
-        more = ", …" if len(group) > _NAMED else ""
-        return f"{sign} {len(group):,} × {what}{_change(first)}: {names}{more}"
-    where = place.pointer + (f" (line {place.line})" if place.line else "")
+        descrs = list(dict.fromkeys(quote(one.descr) for one in group if one.descr))
+        called = f" ({_first(descrs)})" if descrs else ""
+        places = _first([_line(one.place) + _at(one) for one in group])
+        return f"{sign} {len(group):,} × {what}{called}{_change(first)}: {places}"
+    where = _line(place)
     descr = f" {quote(first.descr)}" if first.descr else ""
     if first.kind in ("added", "removed") and place.bounds is not None:
         west, south, east, north = place.bounds
-        where += f": {_side(west, east)} × {_side(south, north)} m at "
-        where += f"{_middle(west, east)} {_middle(south, north)}"
+        where += f": {_side(west, east)} × {_side(south, north)} m{_at(first)}"
     if first.elements > 1:
         where += f", {count_of(first.elements, 'element')}"
     return f"{sign} {what}{descr}{_change(first)}: {where}"
@@ -152,8 +153,22 @@ def _side(low: float, high: float) -> str:
     return f"{high - low:.6g}"
 
 
-def _middle(low: float, high: float) -> str:
-    return f"{(low + high) / 2:.6g}"
+def _first(texts: Sequence[str]) -> str:
+    return ", ".join([*texts[:_NAMED], *["…"] * (len(texts) > _NAMED)])
+
+
+def _line(place: ElementPlace) -> str:
+    return place.pointer + (f" (line {place.line})" if place.line else "")
+
+
+def _at(change: ElementChange) -> str:
+    """Middle of an element that came or went, as " at 12 4.5"; empty for others."""
+    if change.kind not in ("added", "removed") or change.place.bounds is None:
+        return ""
+    west, south, east, north = change.place.bounds
+    shorter = min(east - west, north - south)
+    middle = (west + east) / 2, (south + north) / 2
+    return f" at {located(middle, shorter / 10.0 or 1.0)}"
 
 
 def _change(change: ElementChange) -> str:
@@ -181,7 +196,7 @@ def _ground(ground: GroundChange) -> Iterator[str]:
     yield f"ground: cut {ground.cut:.6g} m³, fill {ground.fill:.6g} m³{about}"
     if ground.changed:
         assert ground.around is not None
-        box = " ".join(f"{side:.6g}" for side in ground.around)
+        box = located(ground.around, ground.grid.resolution)
         yield (
             f"  higher or lower by more than {metres(ground.tolerance)}: "
             f"{_area(ground.changed, ground.common)}, within {box}"
@@ -190,8 +205,9 @@ def _ground(ground: GroundChange) -> Iterator[str]:
         elements = largest.old_element or "no element"
         if largest.new_element != largest.old_element:
             elements += f", now {largest.new_element or 'no element'}"
+        place = located((largest.x, largest.y), ground.grid.resolution)
         yield (
-            f"  largest change {largest.change:+.6g} m at {largest.x:.6g} {largest.y:.6g}: "
+            f"  largest change {largest.change:+.6g} m at {place}: "
             f"{largest.old:.6g} → {largest.new:.6g} m, {elements}"
         )
     for name, area in (
@@ -221,7 +237,7 @@ def _verdict(verdict: VerdictChange, most: int) -> Iterator[str]:
         min(most, _FLIPS),
         lambda flip: (
             f"  {flip.old} → {flip.new}: {per_cent(flip.share)}, {flip.area:.4g} m², as at "
-            f"{flip.x:.6g} {flip.y:.6g}"
+            f"{located((flip.x, flip.y), verdict.grid.resolution)}"
         ),
     )
     if any(_UNKNOWN in (flip.old, flip.new) for flip in verdict.flips):
