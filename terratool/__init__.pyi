@@ -266,6 +266,8 @@ class Terrain(ShownTerrain):
         threads: int | None = None,
         samples: int = 256,
         seed: int = 0,
+        routes_of: str = "",
+        start_of: str = "",
     ) -> ShownReport | ShownComparison:
         """Say where a vehicle can drive, where not, and why, as `terratool traversability` does."""
 
