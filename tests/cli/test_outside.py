@@ -8,7 +8,6 @@ from typing import Any
 
 import pytest
 
-from terratool.definition import reader
 from terratool.definition.reader import bounds_in
 from tests.commands import ROOT, YARD, call
 
@@ -40,16 +39,9 @@ def test_it_is_refused_early(
 ) -> None:
     """In a sentence that says where the terrain lies, and without a look at its elements."""
     file = tmp_path / "yard.json"
-    file.write_text(json.dumps(PLACED), encoding="utf-8")
-
-    check = reader.check
-
-    def never(source: Any, options: Any, kind: str = "terrain") -> Any:
-        assert kind != "terrain", "the elements are looked at"
-        return check(source, options, kind)
-
+    wrong = {**PLACED["elemTree"], "type": "no such"}  # who looks at it ends with 1
+    file.write_text(json.dumps({**PLACED, "elemTree": wrong}), encoding="utf-8")
     (tmp_path / "path.csv").write_text("1001,-290\n1041,-290\n", encoding="utf-8")
-    monkeypatch.setattr(reader, "check", never)
     monkeypatch.chdir(tmp_path)
     ran = call(*(file if word == "FILE" else word for word in words))
     assert (ran.code, ran.out) == (2, ""), ran.err
