@@ -232,7 +232,7 @@ def test_a_line_ends_where_nothing_is_known() -> None:
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["c.tif", "--layer", "contours"], ".geojson or .gpkg"),
+        (["c.tif", "--layer", "contours"], ".geojson, .json or .gpkg"),
         (["c.gpkg", "--layer", "contours", "--layer", "height"], "one file cannot hold both"),
         (["c.gpkg", "--layer", "contours", "--cog"], "--cog is about rasters"),
         (["c.gpkg", "--layer", "contours", "--nodata", "-1"], "--nodata is about rasters"),

@@ -23,6 +23,7 @@ from terratool.sensing.comparison import compare
 from terratool.sensing.map_files import BANDS, MapOutput, read_map, write_map
 from terratool.sensing.robot_map import MapOptions, RobotMap
 from terratool.sensing.sensor import Noise
+from terratool.viewing.plan import axis_room
 from tests.commands import call
 from tests.conftest import terrain_of
 
@@ -341,7 +342,8 @@ def test_errors_stand_where_they_are(saved: Save, tmp_path: Path) -> None:
 
     pixels = np.asarray(Image.open(picture).convert("RGB")).astype(int)
     tall, wide = pixels.shape[:2]
-    west, east, north, south = 100, wide - 255, 55, tall - 159  # the margins, at 150 to an inch
+    left = round(axis_room(10, 16) * 150 / 72)
+    west, east, north, south = left, wide - 255, 55, tall - 159  # the margins, at 150 to an inch
     x = west + (column + 0.5) / 12 * (east - west)
     y = north + (row + 0.5) / 6 * (south - north)
     red = np.argwhere(pixels[north:south, west:east] @ [1, 0, -1] > 60) + np.array([north, west])
