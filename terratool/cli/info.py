@@ -66,11 +66,13 @@ def command(file: str, geojson: bool, as_json: bool) -> None:
 
 
 def _is_library(file: str) -> bool:
-    """Whether a file is a library; standard input, which is read once, is never asked."""
+    """Whether a file is a library; pipes and standard input, which are read once, are not asked."""
+    from pathlib import Path
+
     from terratool.definition.keys import document_kind
     from terratool.text.source import read_source
 
-    return file != "-" and document_kind(read_source(file).data) == "library"
+    return Path(file).is_file() and document_kind(read_source(file).data) == "library"
 
 
 def _say_library(file: str, as_json: bool, geojson: bool) -> None:
