@@ -387,15 +387,20 @@ void judge_points(
         under.begin(i);
         for (i64 j = 0; j < out.verdict.columns(); ++j) {
             auto number = [&](Plane plane) -> float& { return out.numbers(plane, i, j); };
-            auto bar = [&](Reason why) {
+            auto clear = [&] {
                 for (int p = 0; p < PLANES; ++p) number(Plane(p)) = float(NaN);
+            };
+            auto bar = [&](Reason why) {
+                clear();
                 number(UTILISATION) = number(ENERGY) = float(INF);
                 out.verdict(i, j) = u8(Verdict::NO_GO), out.reason(i, j) = u8(why);
             };
+            clear();
             out.onward(i, j) = 0;
-            bar(stance.beyond(i, j) ? Reason::EDGE : Reason::NO_GROUND);
-            if (isnan(stance.plane(0, i, j))) continue;
-            number(ENERGY) = float(NaN);  // of soil that is not known
+            if (isnan(stance.plane(0, i, j))) {
+                bar(stance.beyond(i, j) ? Reason::EDGE : Reason::NO_GROUND);
+                continue;
+            }
             double dx = stance.plane(1, i, j), dy = stance.plane(2, i, j);
             double along = dx * east + dy * north, across = dy * east - dx * north;
             Gravity g = gravity(along, across);
