@@ -137,13 +137,15 @@ def _run(words: list[str]) -> None:
     )
     raw = FileIO(2, "w", closefd=False)
     sys.stderr = TextIOWrapper(BufferedWriter(raw), errors="backslashreplace", line_buffering=True)
-    code = 1
+    code = 0
     try:
         runpy.run_module("terratool", run_name="__main__", alter_sys=True)
-    except SystemExit as end:
-        assert isinstance(end.code, int)
-        code = end.code
+    except SystemExit as end:  # as Python takes its code
+        code = end.code if isinstance(end.code, int) else int(end.code is not None)
+        if isinstance(end.code, str):
+            sys.stderr.write(f"{end.code}\n")
     except BaseException:
+        code = 1
         traceback.print_exc()
     finally:
         # most of Python's own ending is giving back memory, which takes long in a fork

@@ -76,7 +76,9 @@ class GatePlan(Struct, frozen=True):
         reached += () if self.names else (self.settings.folder,)
         for given in names:
             for name in files_of(given, reached, unreadable):
-                if not self.reports.writes(name) and (name == given or _may_be_terrain(name)):
+                if self.reports.writes(name) or self.settings.writes(name):
+                    continue
+                if name == given or _may_be_terrain(name):
                     yield name
 
     def refuse_idle(self, files: Sequence[str]) -> None:
@@ -94,14 +96,15 @@ class GatePlan(Struct, frozen=True):
 
     def job(self, file: str, known: dict[tuple[str, ...], tuple[Vehicle, ...]]) -> FileJob:
         """Job of a file, with the vehicles that are known or now read."""
-        from terratool.traversability.conditions import parse
+        from terratool.traversability.conditions import answerable, parse
         from terratool.traversability.gate import FileJob
 
         own = asked_of(file, self.given, self.settings)
         paths = own.vehicles or ()
         if paths not in known:
             known[paths] = tuple(self.vehicles(paths))
-        conditions = own.fail_on or ()
+        routed = bool(own.routes or self.request.waypoints)
+        conditions = answerable(own.fail_on or (), routed, own.start is not None)
         checks = [parse(text) for text in conditions]
         request = replace(
             self.request, resolution=own.resolution,
@@ -167,10 +170,16 @@ def judge_many(plan: GatePlan, threads: int) -> int:
     plan.reports.refuse_outputs()
     unreadable: list[Unreadable] = []
     known: dict[tuple[str, ...], tuple[Vehicle, ...]] = {}
-    files = [*plan.files(unreadable)]
+    files = list(dict.fromkeys(plan.files(unreadable)))
     if not unreadable:
         plan.refuse_idle(files)
     jobs = [plan.job(file, known) for file in files]
+    for text in plan.given.fail_on or ():
+        if jobs and not any(text in job.conditions for job in jobs):
+            raise click.UsageError(
+                f"--fail-on {text} needs a route or a start, and no file has one. Add --route "
+                "X0 Y0 X1 Y1 or --from X Y, or name them in the settings."
+            )
     with StatusLine("judging", len(jobs), unit="files") as status:
         found = judge_files(jobs, threads, status)
     unreadable += [

@@ -207,7 +207,7 @@ def command(
     from terratool.text.source import is_folder, refuse_absent
     from terratool.traversability.assess import Request, check_places
     from terratool.traversability.compare import prepare
-    from terratool.traversability.conditions import parse
+    from terratool.traversability.conditions import answerable, parse
     from terratool.traversability.report.formats import renderer_of
     from terratool.traversability.report.writing import JudgementFiles
     from terratool.traversability.route.waypoints import read_waypoints
@@ -238,10 +238,10 @@ def command(
     refuse_absent(file)
     asked = asked_of(file, own, settings)
     routes, start, resolution = asked.routes or (), asked.start, asked.resolution
-    checks = [parse(text) for text in asked.fail_on or ()]
     travels = bool(routes or waypoints)
-    if not conditions and not travels:  # settings are of many terrains
-        checks = [check for check in checks if check.needs != "route"]
+    # settings are of many terrains
+    wanted = conditions or answerable(asked.fail_on or (), travels, start is not None)
+    checks = [parse(text) for text in wanted]
     lines_only, curves = (
         [path for path in reports if Path(path).suffix.lower() == suffix]
         for suffix in (".geojson", ".svg")

@@ -363,7 +363,7 @@ class _ValidationJob(Struct, frozen=True):
             name
             for given in self.names
             for name in files_of(given, self.reached, [])
-            if not self.plan.writes(name)
+            if not (self.plan.writes(name) or self.settings.writes(name))
         ]
 
     def check_all(
@@ -391,6 +391,8 @@ class _ValidationJob(Struct, frozen=True):
                 if name in self.names or _is_definition(name):
                     raise WriteError(f"{name}: is to be checked.", "Write elsewhere.")
                 continue  # an output met in a folder
+            if name not in self.names and self.settings.writes(name):
+                continue  # one of another command
             options = self.options(max(0, self.limit - len(found.findings)))
             if found.is_library(name):
                 continue

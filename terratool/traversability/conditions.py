@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import operator
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -188,3 +188,15 @@ def _hint(word: str, known: list[str]) -> str:
     """A sentence that names the known word nearest to a word, or all known words."""
     close = spelled_like(word, known, 1)
     return f"Did you mean {close[0]}?" if close else f"There is {', '.join(known)}."
+
+
+def answerable(texts: Sequence[str], routed: bool, reaching: bool) -> tuple[str, ...]:
+    """Conditions on what is asked for: those on routes and on reach need some.
+
+    Args:
+        texts: conditions as the user wrote them.
+        routed: whether a route or waypoints are asked for.
+        reaching: whether a start is given, from which the ground is reached.
+    """
+    known = {"route": routed, "reach": reaching}
+    return tuple(text for text in texts if known.get(parse(text).needs, True))

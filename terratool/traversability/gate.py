@@ -157,8 +157,8 @@ def _failures(
         yield told("TD102", note, hint, _element(note), place)
     for text in job.conditions:
         condition = parse(text)
-        if condition.name == "no-route" or (condition.needs == "route" and not report.routes):
-            continue  # told by its route, or not asked for here
+        if condition.name == "no-route":
+            continue  # told by its route
         if why := condition.why_met(report):
             name = text.strip()
             hint = "Change the ground, or the limit."

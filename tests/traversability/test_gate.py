@@ -428,3 +428,43 @@ def test_tests_of_junit_keep_their_names(project: Path) -> None:
     assert set(found[0][1:]) == {
         "TD101 route 1 3 8 3", "TD102 route 5 3 1 3", "TD103 go-fraction<0.9",
     }  # fmt: skip
+
+
+@pytest.mark.slow
+def test_conditions_that_no_file_can_meet_are_refused(project: Path) -> None:
+    """On the command line; the same condition is judged where any file has a route."""
+    words = ("traversability", "sites", "--vehicle", "husky.json", *COARSE)
+    for text in ("route-length>1", "no-route", "reachable-fraction<0.5"):
+        ran = call(*words, "--fail-on", text)
+        assert (ran.code, ran.out) == (2, "") and f"--fail-on {text} needs a route" in ran.err
+    ran = call(*words, "--fail-on", "route-length>1", "--route", *WAY)
+    assert ran.code == 1 and ran.out.count("TD103") == 2
+
+
+@pytest.mark.slow
+def test_conditions_of_settings_on_reach_are_for_files_with_a_start(project: Path) -> None:
+    put(".terratool.toml", '[traversability]\nfail-on = ["reachable-fraction<0.5"]\n'
+        '[traversability.per-file."sites/w*"]\nfrom = [1, 3]\n')  # fmt: skip
+    found = gated("sites")
+    assert {one["file"] for one in found["findings"]} == {"sites/walled.json"}
+    alone = call("traversability", "sites/open.json", "--vehicle", "husky.json", *COARSE)
+    assert alone.code == 0, alone.err
+
+
+@pytest.mark.slow
+def test_a_file_is_judged_once(project: Path) -> None:
+    summary = gated("sites", "sites/walled.json", "sites/walled.json", "--route", *WAY)["summary"]
+    assert (summary["files"], summary["valid"], summary["invalid"]) == (2, 1, 1)
+
+
+@pytest.mark.slow
+def test_reports_of_one_command_are_no_terrains_of_the_other(project: Path) -> None:
+    put(".terratool.toml", 'paths = ["sites"]\nformats = ["json=sites/check.json"]\n'
+        '[traversability]\nvehicles = ["husky.json"]\nresolution = 0.15\n'
+        'formats = ["json=sites/gate.json"]\n')  # fmt: skip
+    for command in ("traversability", "validate", "traversability", "validate"):
+        ran = call(command)
+        assert ran.code == 0, (command, ran.out, ran.err)
+    assert {path.name for path in Path("sites").iterdir()} == {
+        "check.json", "gate.json", "open.json", "walled.json",
+    }  # fmt: skip
