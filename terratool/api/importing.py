@@ -80,7 +80,7 @@ def import_terrain_from(
         RequestError: an option makes no sense, alone or for the source.
         WriteError: the file cannot be written.
     """
-    if "max_error" not in options:
+    if options.get("max_error") is None:
         raise RequestError("Nothing says how far heights may be off.", "Give max_error.")
     wanted = fill(ImportOptions, options, title=_title(source))
     wanted.check()
@@ -104,7 +104,7 @@ def import_primitive_from(
     into: str | Path | None = None,
     output: str | Path | None = None,
     cell: tuple[int, int] | None = None,
-    span: tuple[int, int] = (1, 1),
+    span: tuple[int, int] | None = None,
     parent: str = ROOT,
     overwrite: bool = False,
     **options: Any,
@@ -120,7 +120,7 @@ def import_primitive_from(
         into: terrain or library that it is added to; None for none.
         output: file to write: `into` with the primitive, or the primitive alone.
         cell: column and row of the cell where an element is added to `into`; None for no element.
-        span: columns and rows of cells that this element takes.
+        span: columns and rows of cells that this element takes; one cell if None.
         parent: JSON pointer of the element whose grid has the cell.
         overwrite: whether to replace a primitive of that name, and an output that exists.
         **options: options of `PrimitiveRequest` and `SourceOptions`, by name.
@@ -136,7 +136,11 @@ def import_primitive_from(
     names = names_of(name, wanted)
     if cell is not None and into is None:
         raise RequestError("A cell is about a definition.", "Name that by into=….")
-    place = None if cell is None else CellPath(pair("cell", cell, 0), parent, pair("span", span, 1))
+    if span is not None and cell is None:
+        raise RequestError("A span goes with a cell.", "Say where by cell=….")
+    place = None
+    if cell is not None:
+        place = CellPath(pair("cell", cell, 0), parent, pair("span", span or (1, 1), 1))
     target = None
     if into is not None:
         target = target_of(
@@ -145,7 +149,10 @@ def import_primitive_from(
     elif output is not None:
         refuse_existing(Path(output), overwrite)
         refuse_missing_folder(Path(output))
+    if output is not None:
+        _refuse_same(output, source)
     if isinstance(source, str | Path):
+        _refuse_transform(transform)
         patch, wanted = read_patch(str(source), fill(SourceOptions, options), wanted)
     else:
         patch = _array(source, transform, options)
@@ -184,9 +191,20 @@ def _refuse_name(source: AnyHeights, output: str | Path, surfaces: str | None) -
         raise RequestError(
             f"{output}: is no name of a definition.", "Let it end in .json or .json.gz."
         )
-    for one in (source, surfaces):
+    _refuse_same(output, source, surfaces)
+
+
+def _refuse_same(output: str | Path, *sources: object) -> None:
+    """Refuse an output that is one of the inputs."""
+    for one in sources:
         if isinstance(one, str | Path) and is_same_file(str(one), output):
             raise WriteError(f"{output}: is the same file as {one}.", "Choose another name.")
+
+
+def _refuse_transform(transform: object) -> None:
+    """Refuse a transform beside a file, which has its own."""
+    if transform is not None:
+        raise RequestError("A transform is about arrays, but a file is named.", "Leave it out.")
 
 
 @contextlib.contextmanager
@@ -197,8 +215,7 @@ def _opened(
     if not isinstance(source, str | Path):
         yield _array(source, transform, options)
         return
-    if transform is not None:
-        raise RequestError("A transform is about arrays, but a file is named.", "Leave it out.")
+    _refuse_transform(transform)
     with open_source(str(source), fill(SourceOptions, options)) as heights:
         yield heights
 

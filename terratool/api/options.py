@@ -121,7 +121,7 @@ def _fitting(value: Any, option: NamedOption) -> Any:
     Raises:
         RequestError: the value is no number, or too few or many numbers.
     """
-    if hasattr(value, "tolist"):
+    if hasattr(value, "tolist") and not isinstance(value, type):
         value = value.tolist()
     kind = option.annotation.removesuffix(" | None")
     if kind in _NUMBERS and value is not None:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from terratool.definition.crs import AuthorityCode
 from terratool.errors import WriteError
 from terratool.report.inert import xml_text
 
@@ -64,14 +65,16 @@ _SYSTEMS = (
 
 
 def write_contours(
-    path: Path, contours: Iterable[tuple[float, NDArray[np.float64]]], crs: CRS | None, descr: str
-) -> None:
+    path: Path, contours: Iterable[tuple[float, NDArray[np.float64]]], crs: CRS | None,
+    named: AuthorityCode | None, descr: str,
+) -> None:  # fmt: skip
     """Write lines as the table `contours` with the column `elev`.
 
     Args:
         path: file to write, which does not exist.
         contours: height of each line, and its (n, 2) x and y.
         crs: reference system of x and y; None without one.
+        named: entry that the system is stated by; None for other forms.
         descr: description of the table.
 
     Raises:
@@ -83,7 +86,7 @@ def write_contours(
                 f"PRAGMA application_id = {_APPLICATION}; PRAGMA user_version = {_VERSION};"
                 "PRAGMA journal_mode = OFF; PRAGMA synchronous = OFF; BEGIN;" + _TABLES
             )
-            number = _add_system(base, crs)
+            number = _add_system(base, crs, named)
             whole = np.array([np.inf, np.inf, -np.inf, -np.inf])
             base.executemany(
                 "INSERT INTO contours (geom, elev) VALUES (?, ?)", _rows(contours, number, whole)
@@ -106,17 +109,18 @@ def write_contours(
         ) from error
 
 
-def _add_system(base: sqlite3.Connection, crs: CRS | None) -> int:
+def _add_system(base: sqlite3.Connection, crs: CRS | None, named: AuthorityCode | None) -> int:
     """Add the reference systems, and return the number of the given one."""
     systems, number = list(_SYSTEMS), _PLANE
     if crs is not None:
-        code = crs.to_epsg()
-        number = _OWN if code is None else code
         text = crs.to_wkt()
         name = text.split('"')[1] if '"' in text else "own"
-        maker = "NONE" if code is None else "EPSG"
+        maker, code = "NONE", _OWN
+        if named is not None and named.code.isdecimal():
+            maker, code = named.authority, int(named.code)
+        number = code if maker == "EPSG" else _OWN
         if number not in (system[1] for system in systems):
-            systems.append((name, number, maker, number, text, ""))
+            systems.append((name, number, maker, code, text, ""))
     base.executemany("INSERT INTO gpkg_spatial_ref_sys VALUES (?, ?, ?, ?, ?, ?)", systems)
     return number
 

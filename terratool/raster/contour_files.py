@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from terratool.definition.crs import authority_code
 from terratool.definition.findings import Bounds
 from terratool.errors import RequestError
 from terratool.field.footprints import geojson_head
@@ -130,7 +131,8 @@ def export_contours(
         if path.suffix.lower() == ".gpkg":
             from terratool.io.geopackage import write_contours
 
-            write_contours(written, lines, crs, terrain.descr)
+            named = None if terrain.crs is None else authority_code(terrain.crs)
+            write_contours(written, lines, crs, named, terrain.descr)
         else:
             _write_geojson(written, lines, terrain, request.resolution)
     rows, columns = nodes.z.shape

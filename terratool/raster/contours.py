@@ -139,6 +139,10 @@ class ContourNodes:
         Between two nodes they pass where the ground itself does, at walls upon the wall.
         """
         for height, lines in trace_contours(self.z, heights):
+            if (self.z == height).any():
+                # a line would run through such nodes, perhaps a pixel off a wall
+                above = np.where(np.isnan(self.z), np.nan, self.z > height)
+                ((_, lines),) = trace_contours(above, [0.5])
             if not lines:
                 continue
             ends = np.cumsum([len(line) for line in lines])[:-1]

@@ -96,6 +96,27 @@ def test_a_wall_is_where_it_stands(tmp_path: Path) -> None:
         assert (west, south, east, north) == pytest.approx(box.bounds, abs=1e-7)
 
 
+def test_level_ground_at_the_height_leaves_walls_where_they_are(tmp_path: Path) -> None:
+    """Of a box and a pit on ground at 0, the contour of 0 is that of the box, which rises above."""
+    box = {"type": "box", "extent": [2.03, 1.3]}
+    definition = {
+        "size": [9, 6], "origin": [1000, 2000],
+        "elemTypes": {"flat": {"x": [0]}, "box": {"x": [1]}},
+        "elemTree": {"type": "flat", "children": [
+            {**box, "at": [3.13, 2.231], "vScale": 1}, {**box, "at": [6.9, 4.4], "vScale": -1}]},
+    }  # fmt: skip
+    _, found = exported(terrain_of(definition), tmp_path / "c.geojson", 0.5)
+    assert [*found] == [-0.5, 0, 0.5]
+    for height, at in (
+        (-0.5, (1006.9, 2004.4)),
+        (0, (1003.13, 2002.231)),
+        (0.5, (1003.13, 2002.231)),
+    ):
+        (line,) = found[height]
+        sides = (at[0] - 1.015, at[1] - 0.65, at[0] + 1.015, at[1] + 0.65)
+        assert shapely.Polygon(line).bounds == pytest.approx(sides, abs=1e-7)
+
+
 @pytest.mark.slow
 @needs("gdal_contour")
 def test_gdal_finds_the_same(tmp_path: Path) -> None:
@@ -172,6 +193,8 @@ class TestFiles:
             ("EPSG:4326", 4326, "EPSG"),
             ("EPSG:32633", 32633, "EPSG"),
             ("+proj=tmerc +lat_0=3 +lon_0=7 +k=1 +ellps=GRS80 +units=m", 100000, "NONE"),
+            ("+proj=utm +zone=33 +ellps=GRS80 +units=m", 100000, "NONE"),  # not that of ETRS89
+            ("ESRI:102003", 100000, "ESRI"),
         ],
     )
     def test_a_package_names_its_system(
