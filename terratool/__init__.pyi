@@ -803,7 +803,7 @@ def import_primitive(
     into: str | Path | None = None,
     output: str | Path | None = None,
     cell: tuple[int, int] | None = None,
-    span: tuple[int, int] = (1, 1),
+    span: tuple[int, int] | None = None,
     parent: str = "/elemTree",
     overwrite: bool = False,
     values: int | None = None,

@@ -121,7 +121,9 @@ def _fitting(value: Any, option: NamedOption) -> Any:
     Raises:
         RequestError: the value is no number, or too few or many numbers.
     """
-    if hasattr(value, "tolist") and not isinstance(value, type):
+    if isinstance(value, type):  # as np.float64 for "float64"
+        value = value.__name__
+    elif hasattr(value, "tolist"):
         value = value.tolist()
     kind = option.annotation.removesuffix(" | None")
     if kind in _NUMBERS and value is not None:

@@ -12,6 +12,8 @@ from rasterio.transform import Affine
 import terratool
 from tests.commands import call
 
+FLAT = {"size": [3, 2], "elemTypes": {"b": {"x": [1]}}, "elemTree": {"type": "b"}}
+
 DX, DY, WEST, NORTH = 2.0, 0.5, 500000.0, 4649784.0
 PLACE = Affine(DX, 0.0, WEST, 0.0, -DY, NORTH)
 
@@ -97,21 +99,44 @@ def test_a_primitive_fits_its_patch(heights: np.ndarray, tmp_path: Path) -> None
 def test_a_primitive_is_put_into_a_definition(heights: np.ndarray, tmp_path: Path) -> None:
     site = terratool.Definition(size=(22, 8))
     site.primitive("flat", x=[0], x_ignore=["TT308"])
-    site.root("flat", cells=(2, 2)).add("flat", cell=(0, 0))
+    site.root("flat", cells=(11, 4)).add("flat", cell=(0, 0))
     path = site.save(tmp_path / "site.json")
-    terratool.import_primitive(heights, "hill", transform=PLACE, into=path, cell=(1, 1))
+    terratool.import_primitive(
+        heights, "hill", transform=PLACE, into=path, cell=(6, 1), span=(4, 2)
+    )
     terrain = terratool.load(path)
     assert terrain.count_by_primitive()["hill"] == 1
+    hill = terrain.document["elemTree"]["children"][1]
+    assert (hill["cellX"], hill["cellY"], hill["span"]) == (6, 1, [4, 2])
     # the hill's north-eastern quarter is its highest
-    assert terrain.height(19, 7) > terrain.height(13, 5)
+    assert terrain.height(18.5, 5.5) > terrain.height(13.5, 2.5)
     with pytest.raises(terratool.RequestError, match="overwrite=True"):
         terratool.import_primitive(heights, "hill", transform=PLACE, into=path, cell=(1, 0))
+    with pytest.raises(terratool.RequestError, match="goes with a cell"):
+        terratool.import_primitive(heights, "b", transform=PLACE, into=path, span=(2, 1))
     before = path.read_bytes()
     with pytest.raises(terratool.MissedError, match="is allowed"):
         terratool.import_primitive(
             heights, "other", transform=PLACE, into=path, values=2, max_error=0.001
         )
     assert path.read_bytes() == before
+
+
+def test_a_source_is_never_replaced(heights: np.ndarray, tmp_path: Path) -> None:
+    path = tmp_path / "dem.tif"
+    terratool.import_terrain(heights, transform=PLACE, max_error=0.5).write_dem(path, resolution=1)
+    before = path.read_bytes()
+    with pytest.raises(terratool.WriteError, match="is the same file"):
+        terratool.import_primitive(path, "hill", output=path, overwrite=True)
+    with pytest.raises(terratool.RequestError, match="about arrays"):
+        terratool.import_primitive(path, "hill", transform=PLACE)
+    assert path.read_bytes() == before
+
+
+def test_types_of_numpy_are_names_of_types() -> None:
+    terrain = terratool.load(FLAT)
+    dem = terrain.to_dem(resolution=1, dtype=np.float64)
+    assert np.asarray(dem).dtype == np.float64
 
 
 @pytest.mark.parametrize(
