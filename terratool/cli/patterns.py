@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable
-from difflib import get_close_matches
 from fnmatch import fnmatch
 
 from terratool.text.display import quote
@@ -32,6 +31,8 @@ def hint_on(pattern: str, paths: Collection[str]) -> str:
         return "Correct the pattern, or remove it."
     near = [one for one in _elsewhere(pattern, paths) if not idle_patterns([one], paths)]
     if not near and len(pattern) <= _LONGEST:
+        from difflib import get_close_matches
+
         last = pattern.rpartition("/")[2]
         known = [f"{folder}/{last}" for folder in _folders(paths)] if "/" in pattern else []
         known = [one for one in known if not idle_patterns([one], paths)]

@@ -30,7 +30,6 @@ from terratool.errors import ReadError, RequestError, WriteError
 from terratool.output import is_same_file
 from terratool.report.wording import count_of
 from terratool.text.display import quote
-from terratool.text.edit import apply_edits
 from terratool.text.source import (
     is_folder,
     leads_out,
@@ -246,6 +245,8 @@ def _mend(name: str, options: CheckOptions, status: StatusLine) -> None:
         raise RequestError(
             "--fix writes files, and standard input is none.", "Give the name of a file."
         )
+
+    from terratool.text.edit import apply_edits
 
     source, shelf = read_source(name, named=False), new_shelf(options)
     data, count = source.data, 0

@@ -54,7 +54,6 @@ from terratool.definition.vehicle import VehicleText
 from terratool.errors import DefinitionError
 from terratool.report.wording import count_of
 from terratool.text.display import printable, quote, unescape
-from terratool.text.edit import Edit
 from terratool.text.scan import value_end
 from terratool.text.source import Source, read_source, real_path
 from terratool.text.values import (
