@@ -72,9 +72,10 @@ slow: $(VENV)/.installed-test-$(VARIANTS)  ## Run the tests that "make test" lea
 
 nightly: $(VENV)/.installed-test-all  ## Run all tests, each property with its full number of examples
 	TERRATOOL_EXAMPLES=1 $(BIN)/python -m pytest -n auto --dist loadfile tests
+	TERRATOOL_CPU=baseline $(BIN)/python -m pytest -n auto --dist loadfile $(KERNEL_TESTS)
 
-baseline: $(VENV)/.installed-test-all  ## Run the tests of the kernels as built for any processor
-	TERRATOOL_CPU=baseline $(BIN)/python -m pytest -n auto --dist loadfile -m "not nightly" $(KERNEL_TESTS)
+baseline: $(VENV)/.installed-test-all  ## Run the quick tests of the kernels as built for any processor
+	TERRATOOL_CPU=baseline $(BIN)/python -m pytest -n auto --dist loadfile -m "not (slow or nightly)" $(KERNEL_TESTS)
 
 lint: $(VENV)/.installed-dev-$(VARIANTS)  ## Check style, types, sentences and the direction of imports
 	$(BIN)/ruff check .
