@@ -67,7 +67,7 @@ demo: $(VENV)/.installed-$(EXTRAS)-$(VARIANTS)  ## Validate the paper's example,
 test: $(VENV)/.installed-test-$(VARIANTS)  ## Run the tests that are quick, on all processors; TESTS=tests/raster for all of some
 	$(BIN)/python -m pytest -n auto --dist loadfile $(if $(filter tests,$(TESTS)),-m "not (slow or nightly)") $(TESTS)
 
-slow: $(VENV)/.installed-test-$(VARIANTS)  ## Run the tests that "make test" leaves out, but not those of a second and a half or more
+slow: $(VENV)/.installed-test-$(VARIANTS)  ## Run the tests that "make test" leaves out, but not those of a second or more
 	$(BIN)/python -m pytest -n auto --dist load -m "slow and not nightly" tests
 
 nightly: $(VENV)/.installed-test-all  ## Run all tests, each property with its full number of examples

@@ -42,7 +42,7 @@ def rows(text: str) -> list[dict[str, str]]:
     ]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_page_has_what_is_measured(courses: Any) -> None:
     """All but times. A PNG is packed by a library, another version of which may do it better."""
     begin, end = courses.MARKS

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-pytestmark = pytest.mark.slow  # the wheel is compiled
+pytestmark = pytest.mark.nightly  # the wheel is compiled; CI uses one by `make outside`
 
 ROOT = Path(__file__).parent.parent
 
@@ -42,7 +42,6 @@ def run(unpacked: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
     )  # fmt: skip
 
 
-@pytest.mark.nightly
 def test_the_wheel_has_the_schemas_and_nothing_stray(unpacked: Path) -> None:
     tops = {path.name for path in unpacked.iterdir() if not path.name.endswith(".dist-info")}
     assert tops == {"terratool"}

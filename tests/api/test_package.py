@@ -177,7 +177,7 @@ def test_a_wrong_name_is_told_as_such(terrain: terratool.Terrain) -> None:
     assert copy.copy(terrain).elements == terrain.elements
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_type_checker_knows_the_options(tmp_path: Path) -> None:
     """What is right passes, and each line but the first and the fourth of what is wrong fails."""
     pytest.importorskip("mypy")

@@ -456,7 +456,7 @@ def test_a_difference_goes_from_the_old_to_the_new(
     assert terrain.diff(terratool.load(SITE)).same
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_page_in_a_notebook_runs_its_script_and_nothing_else(tmp_path: Path) -> None:
     """In the frame that a notebook shows, in Chromium."""
     import time

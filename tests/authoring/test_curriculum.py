@@ -851,7 +851,7 @@ def test_what_is_wrong_is_said_once(name: str) -> None:
     assert len(caught.value.findings) == 1, [f.message for f in caught.value.findings]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     "key", ["rows", "seed", "border", "jitter", "tile", "origin", "difficulty"]
 )

@@ -348,7 +348,7 @@ def slopes(heights: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.hypot(*np.gradient(heights, 0.1)).ravel()
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("noise", "step", "spacing"),
     [((0.02, 0.1), 0.02, 0.1), ((-0.05, 0.05), 0.005, 0.2)],

@@ -52,7 +52,7 @@ def prints(path: Path) -> Iterator[str]:
             yield "print"
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_nothing_else_prints() -> None:
     """Every word goes through one module, which escapes it."""
     found = {
@@ -236,7 +236,7 @@ def test_no_command_prints_what_a_terminal_obeys(name: str) -> None:
         assert outs >= {f"{name}{end}" for end in made}
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_what_machines_read_is_still_theirs(name: str) -> None:
     """It has escapes of JSON and XML, which mean the same."""
     n = name

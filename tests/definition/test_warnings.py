@@ -621,7 +621,7 @@ def test_curves_that_leave_0_to_1(x: Any, y: Any) -> None:
             assert key not in found
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @settings(max_examples=3 * EXAMPLES)
 @given(all_curves())
 def test_radial_curves_that_are_not_symmetric(curve: Any) -> None:

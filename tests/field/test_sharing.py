@@ -143,7 +143,7 @@ TYPES: Json = {
 SURFACES: Json = {"soil": {}, "rock": {"roughness": {"rms": 0.1, "correlation": 0.3}}}
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_copies_on_each_other_keep_their_order() -> None:
     """Many copies that overlap, in cells and at free places, with parts in them, turned and not."""
     for step, turn in itertools.product((1, 2, -1, 0), (0, 90, 180, 270)):

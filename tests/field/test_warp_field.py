@@ -197,7 +197,7 @@ class TestEquality:
         x, y = np.random.default_rng(3).uniform((0, 0), (40, 10), (500, 2)).T
         assert_same(terrain, x, y)
 
-    @pytest.mark.slow
+    @pytest.mark.nightly
     def test_many_grids_over_a_point(self, monkeypatch: pytest.MonkeyPatch) -> None:
         """So many wait in a descent that a kernel with more room is compiled, or it is refused."""
         child = {"cellX": 0, "cellY": 0, "type": "ramp", "vScale": 0.1}
@@ -313,7 +313,7 @@ class TestKnown:
 class TestKernels:
     """The function for kernels of others, and what a GPU would run."""
 
-    @pytest.mark.slow
+    @pytest.mark.nightly
     def test_a_kernel_of_ones_own(self) -> None:
         """It asks for the ground at world coordinates, and gets slopes in float64."""
         field = terrain_of({**OBLONG, "origin": [300, -20]}).to_warp("cpu", origin=(1, 2, 3))

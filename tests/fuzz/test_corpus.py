@@ -81,7 +81,7 @@ def test_a_fault_of_a_long_case_is_told_whole() -> None:
     assert fault is not None and (fault.kind, fault.case) == ("traceback", case)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_run_goes_on_behind_a_fault() -> None:
     """Crashes included; each kind is told once and counted as often as there is one."""
 
@@ -99,7 +99,7 @@ def test_a_run_goes_on_behind_a_fault() -> None:
     assert sorted(kind for kind, _ in tally.faults) == ["crash", "traceback"]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_cases_are_made_smaller() -> None:
     def attempt(case: Case, folder: Path) -> str:
         if b"7" in case.data:

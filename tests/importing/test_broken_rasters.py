@@ -313,7 +313,7 @@ class TestClaims:
         said, memory = memory_for(place)
         assert "claims" in said and memory < 500
 
-    @pytest.mark.slow
+    @pytest.mark.nightly
     def test_what_is_packed_well_is_read_from_its_archive(self, tmp_path: Path) -> None:
         """Twenty pixels a byte and more, which a raw file could not have."""
         columns = 2500

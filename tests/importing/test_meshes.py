@@ -498,7 +498,7 @@ def test_blocks_that_multiply_are_refused(tmp_path: Path, monkeypatch: pytest.Mo
     assert f"more than {1000 + path.stat().st_size:,} entities" in refused(path).message
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_block_in_a_huge_grid_is_refused(tmp_path: Path) -> None:
     """A few bytes that claim 2^31 columns; what is asked for in reason is read."""
     ezdxf = pytest.importorskip("ezdxf", reason="ezdxf is not installed")

@@ -89,7 +89,7 @@ def profiles(draw: st.DrawFn) -> list[float]:
     return values
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @settings(max_examples=examples(12))
 @given(profiles(), profiles(), st.integers(1, 50).map(lambda n: n / 4), thousandths, st.booleans())
 @example([0.1, 0.2, 0.4, 1, 0.3], [1, 0.25, 0], 3.0, 0.5, True)
@@ -187,7 +187,7 @@ def turned(turn: float, rows: int, columns: int, dx: float, dy: float) -> Floats
     return 4 * curve([0, 0.2, 1, 0.3, 0.1], u) * curve([0.1, 0.5, 1, 0.8, 0.2], v) + 7
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize(("turn", "noise"), [(25.0, 0.02), (-37.5, 0.0)])
 def test_a_turn_is_found(turn: float, noise: float) -> None:
     z = turned(turn, 220, 220, 1.5, 1.5)
@@ -369,7 +369,7 @@ CURVES = {
 }
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("name", CURVES)
 def test_each_named_curve_is_recognised(name: str) -> None:
     assert set(CURVES) == set(NAMED)
@@ -407,7 +407,7 @@ def test_mirrored_and_trimmed_curves_are_recognised(x: Any, y: Any) -> None:
     np.testing.assert_allclose(heights(imported, samples), z, atol=2e-3)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_one_curve_may_be_recognised_alone() -> None:
     z = 1 + 2 * np.outer(curve([0, 0.9, 0.1, 0.8, 0.3], V), CURVES["cos"](U))
     imported = import_primitive(
@@ -522,7 +522,7 @@ def test_a_term_more_is_told_only_if_it_helps() -> None:
         assert ("--terms" in text) == helps
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_wall_may_stand_beside_a_curve_with_a_name() -> None:
     low = np.where(U < 0.4321, 0.15 + 0.8 * U, 1.4 - U)
     z = 5 * np.outer(CURVES["cosbell"](V), low)
@@ -562,7 +562,7 @@ def test_terms_that_nothing_needs_are_left_out() -> None:
     np.testing.assert_allclose(heights(imported, samples_of(z)), z, atol=1e-5)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_same_patch_gives_the_same_text() -> None:
     z = roughness(50, 9)[:33, :]
     first, second = (

@@ -66,7 +66,7 @@ def test_the_entry_goes_to_standard_output_and_the_error_to_the_other(dem: Path)
     assert element["type"] == "knoll" and element["vScale"] < 0
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_what_is_placed_answers_the_patch_within_the_error(dem: Path, site: Path) -> None:
     before = site.read_bytes()
     ran = run("import-primitive", dem, "--name", "knoll", *WINDOW, "--into", site, "--terms", 2,
@@ -144,7 +144,7 @@ def test_a_name_that_is_there_is_refused_unless_it_may_be_replaced(dem: Path, si
     assert after == {**PLATED, "elemTypes": {"ground": PLATED["elemTypes"]["ground"]}}
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_tolerance_that_is_missed_writes_nothing(dem: Path, site: Path) -> None:
     before = site.read_bytes()
     asked = ("import-primitive", dem, "--name", "knoll", *WINDOW, "--max-error", "0.01")

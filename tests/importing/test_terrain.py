@@ -538,7 +538,7 @@ CURVES = {
 }
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_boxes_ramps_and_hills_come_back_by_name_and_number(tmp_path):
     """With upright walls: the same curves, cells and factors, and the same surface."""
     same = count = 0

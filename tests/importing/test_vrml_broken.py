@@ -232,7 +232,7 @@ def test_repeated_without_end(name: str, tmp_path: Path, monkeypatch: pytest.Mon
     assert "USE repeats more than can be read" in said
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     "node",
     [

@@ -385,7 +385,7 @@ def test_no_file_is_opened_but_the_one_that_is_named(
     assert {Path(name).name for name in opened} <= {"t.x3d"}
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_nodes_a_hundred_thousand_deep(tmp_path: Path) -> None:
     deep = 100_000
     found = read(tmp_path, scene("<Group>" * deep + SHAPE + "</Group>" * deep))

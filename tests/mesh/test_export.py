@@ -212,7 +212,7 @@ def test_a_base_is_chosen(tmp_path: Path) -> None:
     assert report.base is not None and -5 < report.base < -2
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_solid_with_few_faces(tmp_path: Path) -> None:
     trimesh = pytest.importorskip("trimesh")
     report = exported(crowd(), tmp_path / "a.ply", 0.01, 1000, solid=True)

@@ -152,7 +152,7 @@ def test_a_signal(tmp_path: Path, saved: Callable[..., Path], number: signal.Sig
     assert finished(folder) >= 2 and not list(folder.glob(".*"))
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_what_is_killed_leaves_no_word_of_its_processes() -> None:
     """As where a command takes too long to end after a signal."""
     code = """
@@ -340,7 +340,7 @@ class _Deadly:
         os.kill(os.getpid(), signal.SIGKILL)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_jobs_are_taken_when_there_is_room(tmp_path: Path) -> None:
     """A planet's millions of tiles do not wait at the scheduler all at once."""
     taken: list[int] = []

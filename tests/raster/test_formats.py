@@ -264,7 +264,7 @@ class TestOthers:
             export_dem(terrain, grid_over(terrain, 1), tmp_path / name, layers)
         assert list(tmp_path.iterdir()) == []
 
-    @pytest.mark.slow
+    @pytest.mark.nightly
     def test_what_a_driver_refuses_is_a_sentence(self, tmp_path: Path) -> None:
         """And leaves nothing behind, nor of the files that go with it."""
         terrain = terrain_of(SITE)

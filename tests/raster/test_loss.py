@@ -542,7 +542,7 @@ class TestStatement:
             msgspec.json.encode(stated)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_of_many_elements_some_are_named() -> None:
     """All are counted."""
     children = [{"type": "hill", "cellX": k % 600, "cellY": k // 600} for k in range(300_000)]

@@ -50,7 +50,7 @@ def pixels_of(path: Path) -> bytes:
 class TestOneRaster:
     """The index opens as what a single file would be."""
 
-    @pytest.mark.slow
+    @pytest.mark.nightly
     @pytest.mark.parametrize("dtype", ["float32", "float64"])
     @pytest.mark.parametrize("size", [512, 1024, 4096])
     def test_bit_for_bit(self, tmp_path: Path, grid: Grid, dtype: str, size: int) -> None:
@@ -67,7 +67,7 @@ class TestOneRaster:
             tmp_path / "a" / f"mosaic{end}.vrt" for end in ("", "-surface", "-color", "-hillshade")
         ]
 
-    @pytest.mark.slow
+    @pytest.mark.nightly
     @pytest.mark.parametrize("crs", ["EPSG:32633", "EPSG:2056", None])
     def test_it_says_of_itself_what_the_file_does(self, tmp_path: Path, crs: str | None) -> None:
         """Place, names, units, colours, attribute table and statistics."""
@@ -101,7 +101,7 @@ class TestOneRaster:
             other.nodata, other.surfaces, other.lacking,
         )  # fmt: skip
 
-    @pytest.mark.slow
+    @pytest.mark.nightly
     @needs("gdalinfo")
     def test_another_gdal_agrees(self, tmp_path: Path, grid: Grid) -> None:
         """Also on the pixels, by its own checksums, and on the attribute table."""
@@ -226,7 +226,7 @@ class TestResumed:
             assert process.wait(60) == 143
         assert [path.name for path in folder.iterdir()] == [NAME]
 
-    @pytest.mark.slow
+    @pytest.mark.nightly
     @pytest.mark.parametrize(
         "damage",
         [
@@ -501,7 +501,7 @@ class TestWrong:
         report = mosaic(folder)
         assert report.tiles and report.tiles.kept == noted
 
-    @pytest.mark.slow
+    @pytest.mark.nightly
     @pytest.mark.parametrize("short", [1, 5000, 150_000])
     def test_a_disk_that_fills_up(
         self, tmp_path: Path, saved: Callable[..., Path], short: int

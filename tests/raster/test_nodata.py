@@ -118,7 +118,7 @@ def test_the_command_says_it(tmp_path: Path, saved: Any) -> None:
         assert file.tags()["TIFFTAG_SOFTWARE"] == f"terratool {__version__}"
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_each_file_says_who_wrote_it_but_not_when_or_where(tmp_path: Path) -> None:
     terrain = terrain_of(SITE)
     grid = grid_over(terrain, 0.5)

@@ -119,7 +119,7 @@ def test_each_is_the_mean_of_the_one_before(
         fine = coarse
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_north_is_between_its_neighbours(numbers: dict[str, Path]) -> None:
     """An arithmetic mean of aspects around north would be south."""
     fine, coarse = level(numbers["plain"])[1], level(numbers["plain"], 0)[1]

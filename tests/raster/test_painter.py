@@ -314,7 +314,7 @@ def test_kinks_on_pixel_centres() -> None:
                 assert_queried(terrain, grid, Window(0, 0, grid.height, grid.width), np.float64)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_labels_of_what_has_no_walls() -> None:
     """Nothing that ends at 0 all around divides the pixels; what does not end so, does."""
     types: dict[str, Any] = {
@@ -482,7 +482,7 @@ def test_a_dense_site_over_several_tiles() -> None:
     assert_queried(terrain, grid, Window(0, 0, 2900, 2900))
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize(("name", "pixels"), [("s1", 2048), ("s2", 2048), ("s3", 700), ("s3", 90)])
 def test_the_terrains_of_the_benchmarks(
     name: str, pixels: int, monkeypatch: pytest.MonkeyPatch

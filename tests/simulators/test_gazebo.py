@@ -100,7 +100,7 @@ def test_spheres_rest_on_the_ground(name: str, origin: Any, drop: Drop, tmp_path
     assert worst_rest(drop, folder, ground) < 0.005
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("spoil", ["mirrored", "transposed", "pose"])
 def test_a_wrong_model_is_found(spoil: str, drop: Drop, tmp_path: Path) -> None:
     folder, ground, _ = written(sample("warehouse"), tmp_path / "out", "gazebo", origin="center")

@@ -260,7 +260,7 @@ def test_narrow_things_are_there(tmp_path: Path) -> None:
             assert found is not None and abs(found - float(ground.height(x, at))) < ERROR
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("origin", "flex"), [((500003.5, 4649777.25, 1.5), False), ("local", True)]
 )
@@ -389,7 +389,7 @@ def test_the_same_bytes(tmp_path: Path) -> None:
     assert bytes_of(tmp_path / "first") == bytes_of(two)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_fewer_geoms_cost_error(tmp_path: Path) -> None:
     """The error grows where there are to be few of them, and that is said."""
     terrain = sample("sandy-cove")

@@ -298,7 +298,7 @@ def test_the_readme_says_what_decided(tmp_path: Path) -> None:
     assert "--max-s" not in text
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_vehicle_decides(tmp_path: Path) -> None:
     """Free is what the map of traversability has as go or caution."""
     text, out = text_of(*YARD, at(5.2, 2.0, 0.8, 0.8, 0.6)), tmp_path / "map.tif"

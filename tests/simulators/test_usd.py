@@ -118,7 +118,7 @@ def test_points_are_where_the_terrain_is(origin: Any, zero: Any, tmp_path: Path)
     assert np.abs(ground.height(x, y) - z).max() < 0.0021
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_newton_takes_all_shapes(tmp_path: Path) -> None:
     """With their friction and place, where Newton is installed."""
     newton = pytest.importorskip("newton", reason="newton is not installed")

@@ -180,7 +180,7 @@ layouts = st.sampled_from(
 )
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @given(definitions(rutted=True), st.data(), layouts)
 def test_every_definition_keeps_its_meaning(
     definition: Json, data: st.DataObject, layout: dict[str, Any]

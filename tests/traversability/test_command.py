@@ -88,7 +88,7 @@ def site(saved: Saved) -> tuple[str, ...]:
     return str(saved(WALLED)), "--vehicle", str(vehicle), "--resolution", "0.1"
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_says_and_writes_all(site: tuple[str, ...], tmp_path: Path) -> None:
     """The table, three reports and a map from one run; the same bytes from the next."""
     names = [tmp_path / name for name in ("a.json", "a.md", "a.html", "a.tif")]
@@ -147,7 +147,7 @@ def test_a_wall_in_the_way_fails(saved: Saved, tmp_path: Path) -> None:
     assert ran.out.startswith("no-go: There is no way from (102, 51) to (110, 52): step at (10")
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("condition", [(), ("--fail-on", "no-route")])
 def test_who_reads_no_further_is_told(saved: Saved, condition: tuple[str, ...]) -> None:
     """A pipe that is closed early, as by `| head`, takes nothing from the exit code."""

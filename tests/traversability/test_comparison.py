@@ -98,7 +98,7 @@ def bytes_in(folder: Path) -> dict[str, bytes]:
 
 
 class TestSideBySide:
-    @pytest.mark.slow
+    @pytest.mark.nightly
     @pytest.mark.parametrize("turned", [False, True])
     def test_equals_the_single_runs(
         self, site: tuple[str, str, str], tmp_path: Path, turned: bool

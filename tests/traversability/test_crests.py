@@ -395,7 +395,7 @@ class TestIsolated:
 class TestTrench:
     """A trench with upright sides, a metre deep."""
 
-    @pytest.mark.slow
+    @pytest.mark.nightly
     @settings(max_examples=examples(25))
     @given(heading=turns, share=shares, resolution=resolutions)
     def test_report_and_map_have_one_limit(

@@ -103,7 +103,7 @@ def test_what_fails_is_a_finding_at_the_element_that_bars(project: Path) -> None
     assert found["summary"]["invalid"] == 1 and found["summary"]["valid"] == 1
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_no_file_takes_the_others_along(project: Path) -> None:
     """A broken text, one that refuses what is asked, and one that is not there; 3 outranks 1."""
     put("sites/a-broken.json", '{"size": [9, 6],')
@@ -136,7 +136,7 @@ def test_folders_may_hold_other_things(project: Path) -> None:
     assert finding["code"] == "TD104" and "is a vehicle" in finding["message"]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("form", ["text", "json", "sarif", "github", "junit", "gitlab"])
 def test_formats_are_those_of_validate(project: Path, form: str) -> None:
     """On standard output and in files; a file that is such a report may be replaced."""
@@ -204,7 +204,7 @@ def test_what_is_of_one_terrain_is_refused(project: Path, more: tuple[str, ...])
     assert sorted(os.listdir()) == ["husky.json", "sites"]  # noqa: PTH208
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("what", ["sites", "sites/walled.json"])
 def test_json_is_short_for_its_format(project: Path, what: str) -> None:
     """Of many files as of one; a file that is asked for has the same text."""
@@ -233,7 +233,7 @@ def test_several_vehicles_have_a_row_each(project: Path) -> None:
     assert "husky: There is no way" in ran.out and "far: There is no way" in ran.out
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_results_do_not_depend_on_the_processes(project: Path) -> None:
     for number in range(4):
         put(f"sites/{number}.json", yard({**WALL, "at": [4 + 0.5 * number, 3]}))

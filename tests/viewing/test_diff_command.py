@@ -314,7 +314,7 @@ def test_the_map_is_new_less_old(pair: tuple[Path, Path], tmp_path: Path) -> Non
     assert call("diff", *pair, "--map", tmp_path / "x.png").code == 2
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_picture_is_red_where_it_was_cut(pair: tuple[Path, Path], tmp_path: Path) -> None:
     """The crate left the west of its place, and came to the east; all else is grey."""
     pytest.importorskip("matplotlib")

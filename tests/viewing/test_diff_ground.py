@@ -97,7 +97,7 @@ def resolution_of(definition: dict[str, Any]) -> float:
     return shorter / max(1, round(PIXELS * shorter / longer))
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @settings(max_examples=EXAMPLES)
 @given(st.data())
 def test_edits_change_what_the_format_says(data: st.DataObject) -> None:

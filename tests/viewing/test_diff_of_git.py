@@ -191,7 +191,7 @@ def test_any_name_is_a_name(key: str, tool: tuple[str, ...], repository: Reposit
     repository.untouched()
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("order", [1, -1])
 def test_names_on_both_sides_of_renames(order: int, repository: Repository) -> None:
     """Each to the next one, so that each stands at every place of the words."""

@@ -88,7 +88,7 @@ def test_an_error_that_is_too_much_work_is_refused_with_one_that_is_not(
     assert 0.02 < scene_of(found).facts["error"] <= 1.05 * better
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_far_too_many_elements_are_not_meshed(
     saved: Saved, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:

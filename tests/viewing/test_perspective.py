@@ -114,7 +114,7 @@ def red(pixels: NDArray[np.int64]) -> NDArray[np.bool_]:
     return (pixels[..., 0] > 2.5 * pixels[..., 1]) & (pixels[..., 0] > 60)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("azimuth", "right", "far"),
     [(180, True, True), (0, False, False), (90, True, False), (270, False, True)],
@@ -196,7 +196,7 @@ def test_the_picture_says_how_it_is_seen(tmp_path: Path) -> None:
     assert "heights exaggerated 3 times" in report.what
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("perspective", [False, True])
 @pytest.mark.parametrize("size", [450, 900])
 def test_no_line_is_cut_off(perspective: bool, size: int, tmp_path: Path) -> None:
@@ -222,7 +222,7 @@ def test_layers_lie_on_the_ground(tmp_path: Path) -> None:
     assert columns.mean() > pixels.shape[1] / 2
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_too_many_elements_are_drawn_from_a_grid(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -208,7 +208,7 @@ def test_labels_of_contours_stand_where_they_can_be_read() -> None:
     assert {*few} == {"45"}
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_letters_of_surfaces_stand_on_no_label() -> None:
     """On a bar whose middle its label covers, the letter stands beside that."""
     definition = copy.deepcopy(HILLS)
