@@ -91,7 +91,7 @@ def names(out: Path) -> list[str]:
     return sorted(path.relative_to(out).as_posix() for path in out.rglob("*"))
 
 
-@pytest.mark.nightly
+@pytest.mark.slow
 @pytest.mark.parametrize("key", COMMANDS)
 def test_no_link_is_written_through(key: str, here: Path) -> None:
     """In place of each file and folder: it is replaced itself, or refused; the rest is whole."""

@@ -153,7 +153,7 @@ def test_nothing_elsewhere_is_opened(
     assert found == {}
 
 
-@pytest.mark.nightly
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["laz", "nc", "img"])
 def test_no_module_of_a_strange_folder_is_run(kind: str, tmp_path: Path) -> None:
     """By the process of its own that reads, or writes, what may crash a library."""
@@ -343,7 +343,7 @@ def opened_in(folder: Path) -> Iterator[set[str]]:
     os.close(number)
 
 
-@pytest.mark.nightly
+@pytest.mark.slow
 @pytest.mark.parametrize("key", COMMANDS)
 def test_nothing_of_the_current_folder_is_obeyed(key: str, stranger: Path, tmp_path: Path) -> None:
     """Neither opened, nor run, in the command and in processes that it starts."""

@@ -117,7 +117,7 @@ def test_settings_have_no_other_file_written(target: str, name: str, here: Path)
     assert after == before
 
 
-@pytest.mark.nightly
+@pytest.mark.slow
 def test_settings_have_reports_written_again(here: Path) -> None:
     """What terratool wrote it replaces: each format, of much and of nothing."""
     wrong = MISSPELT.replace("}", ', "::e\\n": 1}', 1)
