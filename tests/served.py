@@ -99,7 +99,9 @@ def _server() -> tuple[subprocess.Popen[bytes], socket.socket]:
         command = [sys.executable, "-m", __name__, str(theirs.fileno())]
         return subprocess.Popen(
             command, pass_fds=[theirs.fileno()], start_new_session=True,
-            cwd=Path(__file__).parents[1], env={**os.environ, "PYTHONUTF8": "1"},
+            cwd=Path(__file__).parents[1],
+            # PROJ reads its variable when it is imported, which commands do later
+            env={**os.environ, "PYTHONUTF8": "1", "PROJ_DEBUG": "0"},
         ), ours  # fmt: skip
 
 
