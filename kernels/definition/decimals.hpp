@@ -24,6 +24,26 @@ INLINE DoubleSum decimal_number(u64 mantissa, i64 exponent, Powers powers) {
     return {number, rest - (number - product)};
 }
 
+constexpr u64 WHOLE = u64(1) << 53;  // up to it doubles hold all whole numbers
+constexpr double DOUBT = 0x1p-100;
+
+struct Scaled {
+    double number;
+    bool certain;  // whether its rounding is
+};
+
+// A number m × 10ᵉ of |e| ≤ MAX_EXPONENT.
+INLINE Scaled scale(u64 mantissa, i64 exponent, Powers powers) {
+    double high = double(mantissa);
+    if (mantissa <= WHOLE && -22 <= exponent && exponent <= 22) {
+        double power = powers.high(abs(exponent));
+        return {exponent < 0 ? high / power : high * power, true};
+    }
+    auto [number, rest] = decimal_number(mantissa, exponent, powers);
+    double doubt = number * DOUBT;
+    return {number, number + (rest - doubt) == number && number + (rest + doubt) == number};
+}
+
 namespace definition {
 
 // What doubles lack to their shortest decimals, which stand in a JSON array of numbers alone.

@@ -13,8 +13,6 @@
 namespace terratool::importing {
 
 constexpr u64 MANY = 1'000'000'000'000'000'000;  // a mantissa from here on takes no further digit
-constexpr u64 WHOLE = u64(1) << 53;
-constexpr double DOUBT = 0x1p-100;
 
 enum ByteClass : u8 { GAP = 1, DIGIT = 2, END = 4, HASH = 8 };  // END: ends a number, too
 
@@ -26,23 +24,6 @@ constexpr std::array<u8, 256> BYTE_CLASSES = [] {
     classes['#'] = HASH;
     return classes;
 }();
-
-struct Scaled {
-    double number;
-    bool certain;  // whether its rounding is
-};
-
-// A number m × 10ᵉ of |e| ≤ MAX_EXPONENT.
-INLINE Scaled scale(u64 mantissa, i64 exponent, Powers powers) {
-    double high = double(mantissa);
-    if (mantissa <= WHOLE && -22 <= exponent && exponent <= 22) {
-        double power = powers.high(abs(exponent));
-        return {exponent < 0 ? high / power : high * power, true};
-    }
-    auto [number, rest] = decimal_number(mantissa, exponent, powers);
-    double doubt = number * DOUBT;
-    return {number, number + (rest - doubt) == number && number + (rest + doubt) == number};
-}
 
 // What is left of a text.
 class Reader {

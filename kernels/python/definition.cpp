@@ -3,6 +3,7 @@
 #include "../definition/decimals.hpp"
 #include "../definition/keys.hpp"
 #include "../definition/scattering.hpp"
+#include "../definition/vectors.hpp"
 
 #include "bind.hpp"
 #include "modules.hpp"
@@ -20,6 +21,16 @@ void bind_definition(nb::module_ m) {
         m, "survey_keys",
         "Whether a key of a JSON text may stand twice in an object; marks lines that may be keys.",
         {"text[_]", "names[_]", "present[n]"}
+    );
+    def<&definition::find_vectors>(
+        m, "find_vectors",
+        "Begin, end and count of each list behind a key x or y that may be numbers alone.",
+        {"text[_]", "least"}
+    );
+    def<&definition::read_vector>(
+        m, "read_vector",
+        "Read a vector's numbers; whether all are numbers of JSON, not too large, surely rounded.",
+        {"text[_]", "powers[121,2]", "most", "numbers[n]"}
     );
     m.attr("TRIES") = definition::TRIES;
     def<&definition::scatter>(

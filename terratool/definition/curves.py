@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import lru_cache
 from itertools import pairwise
 
@@ -18,7 +18,7 @@ from terratool.text.display import quote
 class SampledCurve(Struct, frozen=True):
     """Values at evenly spaced t from 0 to 1, linear in between; one value is a constant."""
 
-    values: tuple[float, ...]
+    values: Sequence[float]
 
 
 class KnotCurve(Struct, frozen=True):
@@ -131,7 +131,7 @@ def problems(primitive: Primitive) -> tuple[CurveError, ...]:
                 read_curve(value, key)
             except CurveError as error:
                 found.append(error)
-        elif value is not UNSET and tuple in set(map(type, value)):
+        elif value is not UNSET and has_knots(value):
             found.extend(_knot_problems(value, key))
     if primitive.combine == "radial":
         found.extend(_radial_problems(primitive))
@@ -148,6 +148,11 @@ def problems(primitive: Primitive) -> tuple[CurveError, ...]:
             )
         )
     return tuple(found)
+
+
+def has_knots(value: CurveValue) -> bool:
+    """Whether a curve has [t, z] knots."""
+    return type(value) is tuple and tuple in set(map(type, value))
 
 
 def _has_values(value: CurveValue | UnsetType) -> bool:

@@ -40,7 +40,10 @@ DEFAULT_MULTIPASS = 3.0
 
 Pair = tuple[float, float]
 CurveValue = tuple[float | Pair, ...] | str
-"""Value of a curve: a vector, a list of knots (a rule refuses a mixture), or a string."""
+"""Value of a curve: a vector, a list of knots (a rule refuses a mixture), or a string.
+
+A long vector is a `terratool.definition.vectors.Vector`.
+"""
 SoilFigure = float | Pair
 """Figure of a soil: a number, or a range [low, high] in which every value is equally likely."""
 SOIL_FIGURES = ("cohesion", "fric_angle", "sinkage", "shear_modulus")

@@ -15,6 +15,7 @@ import msgspec
 from msgspec import Struct, structs
 
 from terratool.definition.curriculum import CurriculumText
+from terratool.definition.curves import has_knots
 from terratool.definition.decode import Decoded, decode
 from terratool.definition.findings import (
     Bounds,
@@ -29,6 +30,7 @@ from terratool.definition.keys import KEYS, Kind, document_kind
 from terratool.definition.libraries import Shelf, SourceDocument, known_names
 from terratool.definition.model import (
     COMBINES,
+    LARGEST,
     Definition,
     Element,
     Library,
@@ -50,6 +52,7 @@ from terratool.definition.rules.base import (
 from terratool.definition.sensor import SensorText
 from terratool.definition.tree import ROOT, Tree, complete, flatten
 from terratool.definition.uses import Uses
+from terratool.definition.vectors import LEAST, LiftedText, lift_vectors, vector_of
 from terratool.definition.vehicle import VehicleText
 from terratool.errors import DefinitionError
 from terratool.report.wording import count_of
@@ -411,21 +414,54 @@ def new_shelf(options: CheckOptions | None = None) -> Shelf:
 
 def read_document(source: Source, kind: Kind, limit: int = 1000) -> SourceDocument:
     """Read a text into the model, as far as its values fit."""
+    if kind in ("terrain", "library"):
+        lifted = lift_vectors(source.data, LARGEST)
+        document = _document_of(source, lifted, kind, limit) if lifted.vectors else None
+        if document is not None:
+            return document
+    document = _document_of(source, LiftedText(source.data), kind, limit)
+    assert document is not None
+    return document
+
+
+def _document_of(source: Source, text: LiftedText, kind: Kind, limit: int) -> SourceDocument | None:
+    """Text in the model; None where a vector that was lifted is no curve of a primitive."""
     found = RemarkLog(limit)
-    quick = _decode_quickly(source.data, kind) if kind in ("terrain", "library") else None
+    quick = _decode_quickly(text, kind) if kind in ("terrain", "library") else None
     keys = None
     if quick is not None:
         decoded, keys = quick
     else:
         try:
-            value = read_values(source.data)
+            value = read_values(text.data)
         except _syntax_error() as error:
-            return SourceDocument(source, Decoded(), found, broken=error, kind=kind)
+            broken = SourceDocument(source, Decoded(), found, broken=error, kind=kind)
+            return None if text.vectors else broken
         decoded = decode(value, kind, found)
         del value
-    repeated, count = repeated_keys(source.data, found.limit, keys)
+        library = decoded.library or decoded.definition
+        if library is not None and not _put_vectors(library, text):
+            return None
+    repeated, count = repeated_keys(text.data, found.limit, keys)
     found.take("TT102", map(_duplicate, repeated), count)
     return SourceDocument(source, decoded, found, kind=kind)
+
+
+def _put_vectors(library: Library, text: LiftedText) -> bool:
+    """Put the long vectors of a text into its primitives; whether all have their place there."""
+    left = len(text.vectors)
+    for name, primitive in library.primitives.items():
+        for key in ("x", "y"):
+            value = getattr(primitive, key)
+            vector = text.vector_of(value)
+            left -= vector is not None
+            if type(value) is tuple and len(value) >= LEAST and not has_knots(value):
+                vector = vector_of(value)
+            if vector is not None:
+                library.primitives[name] = structs.replace(
+                    library.primitives[name], **{key: vector}
+                )
+    return not left
 
 
 def _syntax_error() -> type[JsonSyntaxError]:
@@ -527,14 +563,16 @@ _ELEMENT_NAMES = {key: name for name, key in names_of(Element) if name != "child
 """Attributes of elements by their keys."""
 
 
-def _decode_quickly(data: bytes, kind: Kind) -> tuple[Decoded, KeySurvey] | None:
+def _decode_quickly(text: LiftedText, kind: Kind) -> tuple[Decoded, KeySurvey] | None:
     """Model and survey of the keys of a text in which all values fit; None for other texts."""
     model: type[Library] = Definition if kind == "terrain" else Library
     try:
-        definition: Library = msgspec.json.decode(data, type=model)
+        definition: Library = msgspec.json.decode(text.data, type=model)
     except (msgspec.MsgspecError, RecursionError, UnicodeError):
         return None
-    keys = survey_keys(data, tuple(_ELEMENT_NAMES))
+    if not _put_vectors(definition, text):
+        return None
+    keys = survey_keys(text.data, tuple(_ELEMENT_NAMES))
     tree = flatten(definition, (_ELEMENT_NAMES[key] for key in keys.absent))
     terrain = definition if isinstance(definition, Definition) else None
     crs = terrain.crs if terrain else msgspec.UNSET

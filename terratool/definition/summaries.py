@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Sequence
+from functools import lru_cache
 from itertools import pairwise
 
 from msgspec import Struct
@@ -11,6 +12,7 @@ from msgspec import Struct
 from terratool.definition import expression
 from terratool.definition.curves import Curve, FormulaCurve, KnotCurve, SampledCurve, shape_of
 from terratool.definition.model import Pair, Primitive
+from terratool.definition.vectors import is_mirrored, range_of
 
 Range = tuple[float, float]
 """Least and largest value."""
@@ -46,21 +48,26 @@ def summarise_curve(curve: Curve) -> CurveSummary:
     if isinstance(curve, SampledCurve):
         return _of_values(curve.values)
     if isinstance(curve, FormulaCurve):
-        return _of_values(expression.sample_values(curve.expression))
+        return _of_formula(curve)
     return _of_knots(curve.points)
+
+
+@lru_cache(maxsize=256)
+def _of_formula(curve: FormulaCurve) -> CurveSummary:
+    return _of_values(expression.sample_values(curve.expression))
 
 
 def _of_values(values: Sequence[float]) -> CurveSummary:
     count = len(values)
     middle = (values[(count - 1) // 2] + values[count // 2]) / 2
     slack = _slack(values)
-    whole = _range(values)
+    low, high = range_of(values[count // 2 :])
     return CurveSummary(
-        whole=whole,
-        inner=whole,
-        right=_range([middle, *values[count // 2 :]]),
+        whole=range_of(values),
+        inner=range_of(values),
+        right=(min(low, middle), max(high, middle)),
         ends=(values[0], values[-1]),
-        mirrored=all(abs(a - b) <= slack for a, b in zip(values, reversed(values), strict=True)),
+        mirrored=is_mirrored(values, slack),
     )
 
 
@@ -75,9 +82,9 @@ def _of_knots(points: Sequence[Pair]) -> CurveSummary:
     inner = counting[:-1] if counting[-2][0] == 1.0 else counting
     heights = [z for _, z in inner]
     return CurveSummary(
-        whole=_range([z for _, z in counting]),
-        inner=_range(heights),
-        right=_range([_sides(counting, 0.5)[1], *(z for t, z in counting if t > 0.5)]),
+        whole=range_of([z for _, z in counting]),
+        inner=range_of(heights),
+        right=range_of([_sides(counting, 0.5)[1], *(z for t, z in counting if t > 0.5)]),
         ends=(heights[0], heights[-1]),
         steps=tuple(
             (t, before, after)
@@ -88,12 +95,8 @@ def _of_knots(points: Sequence[Pair]) -> CurveSummary:
     )
 
 
-def _range(values: Sequence[float]) -> Range:
-    return min(values), max(values)
-
-
 def _slack(values: Sequence[float]) -> float:
-    return _CLOSE * max(1.0, abs(min(values)), abs(max(values)))
+    return _CLOSE * max(1.0, *map(abs, range_of(values)))
 
 
 def _is_mirrored(points: Sequence[Pair]) -> bool:
@@ -191,7 +194,7 @@ def tallest_step(summary: ShapeSummary) -> float:
 
 def _combined_range(how: str, x: Range, y: Range) -> Range:
     """Least and largest combined value of curves with these ranges."""
-    return _range([combine_values(how, a, b) for a in x for b in y])
+    return range_of([combine_values(how, a, b) for a in x for b in y])
 
 
 def combine_values(how: str, a: float, b: float) -> float:

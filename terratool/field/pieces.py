@@ -14,6 +14,7 @@ from terratool.definition.accuracy import MAX_PIECES, survey
 from terratool.definition.curves import Curve, KnotCurve, SampledCurve
 from terratool.definition.exact import rests_of
 from terratool.definition.expression import CHECK_POINTS, MAX_VALUE, Expression, evaluate
+from terratool.definition.vectors import Vector
 from terratool.field.records import STEPPED, CurveArrays
 
 Floats = NDArray[np.float64]
@@ -66,7 +67,8 @@ class CurvePieces:
 def pieces_of(curve: Curve) -> CurvePieces:
     """Cut a curve into pieces."""
     if isinstance(curve, SampledCurve):
-        return _samples(np.array(curve.values, np.float64))
+        values = curve.values
+        return _samples(values.array if isinstance(values, Vector) else np.array(values, float))
     if isinstance(curve, KnotCurve):
         return _knots(np.array(curve.points, np.float64))
     return _formula(curve.expression)

@@ -30,6 +30,22 @@ def survey_keys(
     Shapes: text[_], names[_], present[n].
     """
 
+def find_vectors(text: NDArray[np.uint8], least: int) -> NDArray[np.int64]:
+    """
+    Begin, end and count of each list behind a key x or y that may be numbers alone.
+
+    Shapes: text[_].
+    """
+
+def read_vector(
+    text: NDArray[np.uint8], powers: NDArray[np.float64], most: float, numbers: NDArray[np.float64]
+) -> bool:
+    """
+    Read a vector's numbers; whether all are numbers of JSON, not too large, surely rounded.
+
+    Shapes: text[_], powers[121,2], numbers[n].
+    """
+
 TRIES: int = 50
 
 def scatter(

@@ -21,6 +21,7 @@ from terratool.definition import reader
 from terratool.definition.keys import KEYS
 from terratool.definition.model import Element
 from terratool.definition.reader import Checked, CheckOptions, load_definition
+from terratool.definition.vectors import LiftedText
 from terratool.errors import DefinitionError, ReadError
 from terratool.field.terrain import Terrain
 from terratool.text.source import Source, read_source
@@ -43,7 +44,7 @@ def explain(text: str | bytes) -> Checked:
 
 def is_quick(text: str) -> bool:
     """Whether the fast way takes a text."""
-    return reader._decode_quickly(text.encode(), "terrain") is not None
+    return reader._decode_quickly(LiftedText(text.encode()), "terrain") is not None
 
 
 def same(one: Checked, other: Checked) -> bool:

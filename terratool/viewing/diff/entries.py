@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from msgspec import UNSET, Struct
@@ -10,6 +10,7 @@ from msgspec import UNSET, Struct
 from terratool.definition.curves import shape_of
 from terratool.definition.model import Primitive, Roughness, Surface, names_of
 from terratool.definition.uses import elements_of
+from terratool.definition.vectors import Vector
 from terratool.viewing.diff.results import EntryChange, KeyChange
 from terratool.viewing.diff.sides import DiffSide, find_renames, shape_key, surface_key
 from terratool.viewing.diff.signed import NewNames
@@ -197,7 +198,7 @@ def _primitive_keys(old: Primitive, new: Primitive) -> Iterator[KeyChange]:
     if first.combine != second.combine:
         yield KeyChange("combine", first.combine, second.combine)
     for key in ("x", "y"):
-        if repr(getattr(first, key)) == repr(getattr(second, key)):
+        if getattr(first, key) == getattr(second, key):
             continue
         was, now = getattr(old, key), getattr(new, key)
         yield KeyChange(key, *_curves(was, now))
@@ -206,7 +207,8 @@ def _primitive_keys(old: Primitive, new: Primitive) -> Iterator[KeyChange]:
 def _curves(was: Any, now: Any) -> tuple[str, str]:
     """Two curves as text; long ones as numbers of values, and of values that differ."""
     texts = value_text(was), value_text(now)
-    if isinstance(was, tuple) and isinstance(now, tuple) and max(map(len, texts)) >= _LONG:
+    lists = isinstance(was, tuple | Vector) and isinstance(now, tuple | Vector)
+    if lists and max(map(len, texts)) >= _LONG:
         counts = [f"{len(one):,} {_points(one)}" for one in (was, now)]
         if len(was) == len(now):
             differ = sum(a != b for a, b in zip(was, now, strict=True))
@@ -215,7 +217,7 @@ def _curves(was: Any, now: Any) -> tuple[str, str]:
     return texts
 
 
-def _points(curve: tuple[Any, ...]) -> str:
+def _points(curve: Sequence[Any]) -> str:
     return "knots" if curve and isinstance(curve[0], tuple) else "values"
 
 
@@ -232,6 +234,8 @@ def _plain(value: Any) -> str:
         return str(value).lower()
     if isinstance(value, float):
         return f"{value:.12g}"
+    if isinstance(value, Vector):
+        value = tuple(value[:_LONG])
     if isinstance(value, tuple):
         return f"[{', '.join(map(_plain, value))}]"
     return str(value)
