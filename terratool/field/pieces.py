@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terratool.definition.accuracy import MAX_PIECES, survey
-from terratool.definition.curves import Curve, KnotCurve, SampledCurve
+from terratool.definition.curves import Curve, FormulaCurve, KnotCurve, SampledCurve
 from terratool.definition.exact import rests_of
 from terratool.definition.expression import CHECK_POINTS, MAX_VALUE, Expression, evaluate
 from terratool.definition.vectors import Vector
@@ -63,25 +63,29 @@ class CurvePieces:
     even: bool
     stepped: bool = False
 
+    def __len__(self) -> int:
+        """Return the number of rows of the kernels: of the pieces, and of the end."""
+        return len(self.coefficients) + 1
 
-def pieces_of(curve: Curve) -> CurvePieces:
+    @property
+    def last_slope(self) -> float:
+        """Slope at the end of the last piece, per length of the piece where they are even."""
+        _, c1, c2, c3 = self.coefficients[-1].tolist()
+        return float(c1 + 2.0 * c2 + 3.0 * c3)
+
+
+def pieces_of(curve: KnotCurve | FormulaCurve) -> CurvePieces:
     """Cut a curve into pieces."""
-    if isinstance(curve, SampledCurve):
-        values = curve.values
-        return _samples(values.array if isinstance(values, Vector) else np.array(values, float))
     if isinstance(curve, KnotCurve):
         return _knots(np.array(curve.points, np.float64))
     return _formula(curve.expression)
 
 
-def _samples(values: Floats) -> CurvePieces:
-    if len(values) == 1:
-        values = np.repeat(values, 2)
-    count = len(values) - 1
-    coefficients = np.zeros((count, 4))
-    coefficients[:, 0] = values[:-1]
-    coefficients[:, 1] = np.diff(values)
-    return CurvePieces(np.arange(count) / count, np.zeros(count), coefficients, values[-1], True)
+def _samples(curve: SampledCurve) -> Floats:
+    """Values of a curve at the ends of its pieces, two or more."""
+    values = curve.values
+    array = values.array if isinstance(values, Vector) else np.array(values, np.float64)
+    return array if len(array) > 1 else np.repeat(array, 2)
 
 
 def _knots(points: Floats) -> CurvePieces:
@@ -234,7 +238,7 @@ class CurveStore:
 
     def __init__(self) -> None:
         self._known: dict[Curve, dict[str, Any]] = {}
-        self._pieces: list[NDArray[np.float64]] = []
+        self._pieces: list[CurvePieces | Floats] = []
         self._knots: list[NDArray[np.float64]] = [np.zeros(1)]
         self._rests: list[NDArray[np.float64]] = [np.zeros(1)]
         self._bins: list[NDArray[np.uint32]] = [np.zeros(1, np.uint32)]
@@ -244,16 +248,25 @@ class CurveStore:
         """Write the position of a curve's pieces into one axis of a KIND, storing new curves."""
         place = self._known.get(curve)  # hashing long vectors is slow: look up once
         if place is None:
-            place = self._known[curve] = self._add(pieces_of(curve))
+            add = self._add_samples if isinstance(curve, SampledCurve) else self._add_pieces
+            place = self._known[curve] = add(curve)  # type: ignore[arg-type]
         for name, value in place.items():
             kind[name][axis] = value
 
-    def _add(self, curve: CurvePieces) -> dict[str, Any]:
+    def _add_samples(self, curve: SampledCurve) -> dict[str, Any]:
         first, knot, bin_ = self._counts
+        values = _samples(curve)
+        self._pieces.append(values)
+        self._counts[0] += len(values)
+        count = len(values) - 1
+        pieces = first, count - 1
+        return {"count": count, "pieces": pieces, "knots": (knot, bin_), "knotted": 0}
+
+    def _add_pieces(self, formula: KnotCurve | FormulaCurve) -> dict[str, Any]:
+        first, knot, bin_ = self._counts
+        curve = pieces_of(formula)
         count = len(curve.coefficients)
-        _, c1, c2, c3 = curve.coefficients[-1].tolist()
-        slope = c1 + 2.0 * c2 + 3.0 * c3
-        self._pieces += [curve.coefficients.ravel(), np.array([curve.end, slope, 0.0, 0.0])]
+        self._pieces.append(curve)
         self._counts[0] += count + 1
         if not curve.even:
             bins = bins_of(curve.starts)
@@ -272,8 +285,18 @@ class CurveStore:
 
     def curves(self) -> CurveArrays:
         """Return all pieces, knots and bins that were stored."""
+        rows, end = np.zeros((self._counts[0], 4)), 0
+        for curve in self._pieces:  # into one array, as long vectors fill the memory
+            begin, end = end, end + len(curve)
+            if isinstance(curve, CurvePieces):
+                rows[begin : end - 1] = curve.coefficients
+                rows[end - 1, :2] = curve.end, curve.last_slope
+            else:
+                rows[begin:end, 0] = curve
+                np.subtract(curve[1:], curve[:-1], out=rows[begin : end - 1, 1])
+                rows[end - 1, 1] = rows[end - 2, 1] + 0.0
         return CurveArrays(
-            np.concatenate(self._pieces),
+            rows.reshape(-1),
             np.concatenate(self._knots),
             np.concatenate(self._rests),
             np.concatenate(self._bins),
