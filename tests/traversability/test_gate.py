@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import re
 import signal
+import subprocess
+import threading
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -101,6 +104,24 @@ def test_what_fails_is_a_finding_at_the_element_that_bars(project: Path) -> None
         '{"type": "box"'
     )
     assert found["summary"]["invalid"] == 1 and found["summary"]["valid"] == 1
+
+
+@pytest.mark.slow
+def test_the_place_of_a_part_or_a_track_that_bars_is_that_in_the_file(project: Path) -> None:
+    """A wall that a part holds is where the part stands; soft ground may be that of a track."""
+    across = {"type": "level", "surface": "concrete", "children": [{**WALL, "at": [1, 3]}]}
+    put("sites/walled.json", {
+        **yard({"at": [5, 3], "extent": [2, 6], "part": "across"}), "parts": {"across": across},
+    })  # fmt: skip
+    soft = {"concrete": {"preset": "concrete"}, "bog": {"cohesion": 0, "fricAngle": 1}}
+    track = {"path": [[5, 0], [5, 6]], "width": 2, "depth": 0.01, "surface": "bog"}
+    put("sites/open.json", {**yard(), "surfTypes": soft, "tracks": [track]})
+    found = gated("sites", "--route", *WAY)["findings"]
+    assert [(finding["file"], finding["pointer"]) for finding in found] == [
+        ("sites/open.json", "/tracks/0"), ("sites/walled.json", "/elemTree/children/0"),
+    ]  # fmt: skip
+    text = Path("sites/open.json").read_text("utf-8")
+    assert found[0]["column"] == 1 + text.index('{"path"')
 
 
 @pytest.mark.slow
@@ -245,6 +266,74 @@ def test_results_do_not_depend_on_the_processes(project: Path) -> None:
 def jobs_of(folder: str, request: Request) -> list[FileJob]:
     vehicle = load_vehicle("husky.json")
     return [FileJob(str(path), (vehicle,), request) for path in sorted(Path(folder).iterdir())]
+
+
+@pytest.fixture
+def begun(monkeypatch: pytest.MonkeyPatch) -> list[subprocess.Popen[bytes]]:
+    """All processes that judge, in the order in which they begin."""
+    found: list[subprocess.Popen[bytes]] = []
+    begin = subprocess.Popen
+
+    def watched(*args: Any, **more: Any) -> subprocess.Popen[bytes]:
+        found.append(begin(*args, **more))
+        return found[-1]
+
+    monkeypatch.setattr(gate.subprocess, "Popen", watched)
+    return found
+
+
+@pytest.mark.slow
+def test_no_process_is_left_behind_by_a_stop(
+    project: Path, begun: list[subprocess.Popen[bytes]]
+) -> None:
+    jobs = jobs_of("sites", Request(resolution=0.15)) * 3
+
+    def stop(_: int) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        judge_files(jobs, 2, stop)
+    assert len(begun) == 2 and None not in [process.poll() for process in begun]
+
+
+def test_no_process_begins_after_a_stop(
+    project: Path, begun: list[subprocess.Popen[bytes]]
+) -> None:
+    """However often a thread asks that has not heard of it yet."""
+    process, job = gate._JudgeProcess(), jobs_of("sites", Request(resolution=0.15))[0]
+    process.stop()
+    assert [process.judge(job) for _ in range(3)] == [None] * 3 and not begun
+
+
+@pytest.mark.slow
+def test_a_process_that_is_stopped_while_it_begins_ends(
+    project: Path, monkeypatch: pytest.MonkeyPatch, begun: list[subprocess.Popen[bytes]]
+) -> None:
+    process, job = gate._JudgeProcess(), jobs_of("sites", Request(resolution=0.15))[0]
+    begin, stopping = gate.subprocess.Popen, threading.Thread(target=process.stop)
+
+    def stopped(*args: Any, **more: Any) -> subprocess.Popen[bytes]:
+        stopping.start()
+        return begin(*args, **more)
+
+    monkeypatch.setattr(gate.subprocess, "Popen", stopped)
+    process.judge(job)
+    stopping.join()
+    assert [one.poll() for one in begun] == [-signal.SIGKILL]
+
+
+def test_a_process_that_cannot_begin_takes_its_file_alone(
+    project: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_: Any, **__: Any) -> None:
+        raise OSError(errno.EAGAIN, "too many processes")
+
+    monkeypatch.setattr(gate.subprocess, "Popen", refuse)
+    found = judge_files(jobs_of("sites", Request(resolution=0.15)), 1)
+    for one in found:
+        (finding,) = one.findings
+        assert finding.code == "TD105"
+        assert "no process could be started (too many processes)" in finding.message
 
 
 @pytest.mark.slow
