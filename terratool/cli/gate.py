@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import click
-from msgspec import Struct, structs
+from msgspec import Struct
 
 from terratool.cli.config import Config, DriveSettings
 from terratool.cli.outputs import ReportPlan
@@ -99,7 +99,8 @@ class GatePlan(Struct, frozen=True):
         from terratool.traversability.conditions import answerable, parse
         from terratool.traversability.gate import FileJob
 
-        own = asked_of(file, self.given, self.settings)
+        drive = self.settings.drive_settings(file, self.given)
+        own = drive.settings
         paths = own.vehicles or ()
         if paths not in known:
             known[paths] = tuple(self.vehicles(paths))
@@ -109,40 +110,12 @@ class GatePlan(Struct, frozen=True):
         request = replace(
             self.request, resolution=own.resolution,
             mapped=any(check.needs == "map" for check in checks),
-            **places_of(file, self.given, self.settings),
+            **drive.places,
         )  # fmt: skip
         return FileJob(
             file, known[paths], request, conditions, self.library_roots, self.roughness,
             file in self.names,
         )  # fmt: skip
-
-
-def places_of(file: str, given: DriveSettings, settings: Config) -> dict[str, Any]:
-    """Attributes of a request that are places of a file, and where settings ask for them."""
-    own = asked_of(file, given, settings)
-    return {
-        "routes": own.routes or (),
-        "start": own.start,
-        "routes_of": "" if given.routes else settings.drive_source("routes", file),
-        "start_of": "" if given.start else settings.drive_source("start", file),
-    }
-
-
-def asked_of(file: str, given: DriveSettings, settings: Config) -> DriveSettings:
-    """Settings of a file, of options and of the project; options outrank settings.
-
-    Raises:
-        RequestError: the settings name a vehicle that lies outside of their folder.
-    """
-    own = settings.drive_settings(file)
-    if given.vehicles is None and own.vehicles is not None:
-        own = structs.replace(own, vehicles=settings.files(own.vehicles))
-    asked = {
-        name: value
-        for name in DriveSettings.__struct_fields__
-        if (value := getattr(given, name)) is not None
-    }
-    return structs.replace(own, **asked)
 
 
 def _may_be_terrain(name: str) -> bool:

@@ -366,7 +366,7 @@ def test_a_fault_of_ours_takes_its_file_alone(project: Path) -> None:
 
 
 def test_settings_of_a_file(project: Path) -> None:
-    from terratool.cli.config import project_settings
+    from terratool.cli.config import DriveSettings, project_settings
 
     put(
         ".terratool.toml",
@@ -377,9 +377,11 @@ def test_settings_of_a_file(project: Path) -> None:
     found = {
         name: (one.resolution, one.start)
         for name in ("a.json", "b.json", "sites/a.json")
-        for one in [settings.drive_settings(name)]
+        for one in [settings.drive_settings(name, DriveSettings()).settings]
     }
     assert found == {"a.json": (2, None), "b.json": (1, None), "sites/a.json": (2, (1, 2))}
+    sources = settings.drive_settings("sites/a.json", DriveSettings(start=(3, 4))).sources
+    assert sources == {"resolution": '"a*" in .terratool.toml', "start": ""}
     put(".terratool.toml", "[traversability]\nper-file = 3\n")
     with pytest.raises(RequestError, match="not taken"):
         project_settings(None)
