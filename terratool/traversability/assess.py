@@ -515,8 +515,7 @@ def _judge_map(
     reach = None
     if start is not None:
         blocked = None if found.reached.any() else _blocked_start(prepared, start)
-        counted = builder.ground & (classes != GroundClass.EDGE)
-        reach = reach_of(terrain, start, found, counted, blocked)
+        reach = reach_of(terrain, start, found, builder.counted(classes), blocked)
     return _MapResult(builder.summary(classes, found, start), reach, builder.preview(classes))
 
 
