@@ -14,8 +14,10 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
+import jsonschema
 import pytest
 
+import terratool
 from terratool.errors import RequestError
 from terratool.traversability import gate
 from terratool.traversability.assess import Request
@@ -27,6 +29,7 @@ from tests.strategies import Json
 HUSKY = ROOT / "samples" / "vehicles" / "husky-a200.json"
 WAY = (1.0, 3.0, 8.0, 3.0)
 COARSE = ("--resolution", 0.15)
+SCHEMA = jsonschema.Draft202012Validator(terratool.schema("gate"))
 
 
 def yard(*walls: Json) -> Json:
@@ -58,8 +61,10 @@ def put(name: str, value: Any) -> None:
 
 
 def gated(*arguments: object) -> dict[str, Any]:
+    """What is said as JSON, which is always as its schema has it."""
     ran = call("traversability", *arguments, "--vehicle", "husky.json", *COARSE, "--json")
     found: dict[str, Any] = json.loads(ran.out)
+    SCHEMA.validate(found)
     return {**found, "code": ran.code}
 
 
@@ -540,6 +545,21 @@ def test_conditions_of_settings_on_reach_are_for_files_with_a_start(project: Pat
     assert {one["file"] for one in found["findings"]} == {"sites/walled.json"}
     alone = call("traversability", "sites/open.json", "--vehicle", "husky.json", *COARSE)
     assert alone.code == 0, alone.err
+
+
+@pytest.mark.slow
+def test_the_schema_refuses_what_is_never_said(project: Path) -> None:
+    """Another key, another class of ground, a verdict that there is not, and what is left out."""
+    found = gated("sites", "absent.json", "--route", *WAY)
+    del found["code"]
+    assert found["findings"] and found["unreadable"] and SCHEMA.is_valid(found)
+    row = found["files"][0]["vehicles"][0]
+    for changed in (
+        row | {"speed": 1}, row | {"verdict": "maybe"}, row | {"fractions": {"go": 1}},
+        row | {"routes": -1}, {"vehicle": "husky"},
+    ):  # fmt: skip
+        found["files"][0]["vehicles"][0] = changed
+        assert not SCHEMA.is_valid(found), changed
 
 
 @pytest.mark.slow
