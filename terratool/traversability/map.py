@@ -261,7 +261,8 @@ class MapBuilder:
 
     def counted(self, classes: NDArray[np.uint8]) -> NDArray[np.bool_]:
         """Pixels that count in shares of the ground: those with ground, but EDGE."""
-        return self.ground & (classes != GroundClass.EDGE)
+        counted: NDArray[np.bool_] = self.ground & (classes != GroundClass.EDGE)
+        return counted
 
     def _largest(self, counted: NDArray[np.bool_], found: Connected) -> LargestPart | None:
         """The largest part, from the connected ground that was found; None where there is none."""
