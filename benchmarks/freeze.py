@@ -109,7 +109,7 @@ def commands(
         ]  # fmt: skip
     wheel = ["--wheel-radius", "0.2", "--wheel-width", "0.1", "--load", "150"]
     yield "wheel", ["traversability", file, *wheel, "--resolution", "0.5"]
-    yield "deform", ["deform", file, *wheel, "--path", "path.csv", "--output", "deformed.json"]
+    yield "deform", ["deform", file, *wheel, "--waypoints", "path.csv", "--output", "deformed.json"]
     yield "dem-deformed", ["export-dem", "deformed.json", "deformed.tif", "--resolution", coarse]
     yield "mesh-deformed", ["export-mesh", "deformed.json", "deformed.ply", *close]
 

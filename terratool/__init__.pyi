@@ -318,7 +318,7 @@ def new(
     kind: Literal["flat"],
     *,
     size: tuple[float, float] | None = ...,
-    soil: Literal[
+    preset: Literal[
         "dry-sand",
         "lete-sand",
         "sandy-loam-11",
@@ -354,7 +354,7 @@ def new(
     rise: float | None = ...,
     width: float | None = ...,
     platform: float | None = ...,
-    soil: Literal[
+    preset: Literal[
         "dry-sand",
         "lete-sand",
         "sandy-loam-11",
@@ -391,7 +391,7 @@ def new(
     steps: int | None = ...,
     width: float | None = ...,
     landing: float | None = ...,
-    soil: Literal[
+    preset: Literal[
         "dry-sand",
         "lete-sand",
         "sandy-loam-11",
@@ -429,7 +429,7 @@ def new(
     spacing: float | None = ...,
     rms: float | None = ...,
     correlation: float | None = ...,
-    soil: Literal[
+    preset: Literal[
         "dry-sand",
         "lete-sand",
         "sandy-loam-11",
@@ -467,7 +467,7 @@ def new(
     smallest: float | None = ...,
     fresh: float | None = ...,
     rocks: int | None = ...,
-    soil: Literal[
+    preset: Literal[
         "dry-sand",
         "lete-sand",
         "sandy-loam-11",

@@ -107,7 +107,7 @@ def jobs() -> list[Job]:
     found.append(Job("baseline", known, wrong))
     reports = [f"--format={form}=@out.{form}" for form in ("json", "sarif", "junit", "gitlab")]
     found.append(Job("findings", ("validate", "@a.json", *reports), wrong))
-    wheels = ("--vehicle", HUSKY, "--path", "@path.csv", "--output", "@a.json", "--overwrite")
+    wheels = ("--vehicle", HUSKY, "--waypoints", "@path.csv", "--output", "@a.json", "--overwrite")
     found.append(Job("deform", ("deform", TRACKS, *wheels), (*definition, ("path.csv", "path"))))
     outputs = ("--report", "@r.html", "--report", "@r.md", "--report", "@r.json", "--map", "@m.tif")
     drive = ("--vehicle", HUSKY, "--resolution", "2", "--headings", "4", "--overwrite")

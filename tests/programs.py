@@ -32,6 +32,7 @@ DEBIAN = {
     "npm": "npm",
     "objdump": "binutils",
     "ogr2ogr": "gdal-bin",
+    "ogrinfo": "gdal-bin",
     "pivy": "python3-pivy",
     "pkg-config": "pkg-config",
     "strace": "strace",

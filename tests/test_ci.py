@@ -241,6 +241,56 @@ def test_the_action_validates(
     assert not (workspace / "hit").exists()
 
 
+GATE = """[traversability]
+paths = ["yards"]
+vehicles = ["husky.json"]
+resolution = 0.3
+fail-on = ["no-go-fraction>0.%d"]
+"""
+
+
+@pytest.mark.slow
+@needs("bash")
+@pytest.mark.parametrize(
+    ("inputs", "limit", "code", "titles"),
+    [
+        ({}, 0, 0, []),  # only if it is asked for
+        ({"traversability": "true"}, 9, 0, []),
+        ({"traversability": "true"}, 0, 1, ["TD103"]),
+        ({"traversability": "true", "paths": "bad, one.json"}, 9, 1, ["TT103"]),
+        ({"traversability": "true", "paths": "bad, one.json"}, 0, 1, ["TT103", "TD103"]),
+        ({"traversability": "true", "paths": "absent.json"}, 0, 3, ["unreadable", "TD103"]),
+        ({"traversability": "true", "format": "text"}, 0, 1, []),
+        ({"traversability": "$(touch hit)"}, 0, 2, ["terratool"]),
+        ({"traversability": "true", "library_root": "absent"}, 9, 2, []),
+    ],
+    ids=str,
+)
+def test_the_action_judges_what_the_settings_name(
+    workspace: Path, inputs: dict[str, str], limit: int, code: int, titles: list[str]
+) -> None:
+    """Behind what it validates; the exit code is the worse of both."""
+    wall = {"type": "box", "vScale": 0.4, "at": [2, 4], "extent": [0.5, 3]}
+    yard = {
+        "size": [4, 6], "surfTypes": {"hard": {"preset": "concrete"}},
+        "elemTypes": {"box": {"x": [1]}},
+        "elemTree": {"type": "box", "surface": "hard", "children": [wall]},
+    }  # fmt: skip
+    (workspace / "yards").mkdir()
+    (workspace / "yards" / "::error::x.json").write_text(json.dumps(yard))
+    shutil.copy(ROOT / "samples" / "vehicles" / "husky-a200.json", workspace / "husky.json")
+    (workspace / ".terratool.toml").write_text(GATE % limit)
+    done = step("Validate", workspace, **{"paths": "terrains", **inputs})
+    assert done.returncode == code, done.stdout + done.stderr
+    told = re.findall(r"^::error (?:file=.*)?title=(\w+)", done.stdout, re.M)
+    assert [*dict.fromkeys(told)] == titles
+    if "format" in inputs:
+        first, *lines, last = done.stdout.splitlines()
+        assert last == f"::{first.rpartition(':')[2]}::" and not re.search(r"^::", "\n".join(lines))
+        assert "error TD103" in done.stdout
+    assert not (workspace / "hit").exists()
+
+
 @needs("bash")
 @pytest.mark.skipif(sys.platform == "darwin", reason="the bash of macOS has no **")
 def test_the_action_knows_double_stars(workspace: Path) -> None:

@@ -372,7 +372,7 @@ def as_canonical(folder: Path) -> Any:
 
 def as_driven(folder: Path) -> Any:
     (folder / "path.csv").write_text("1,1\n5,3\n")
-    words = ("--path", folder / "path.csv", "--output", folder / "driven.json")
+    words = ("--waypoints", folder / "path.csv", "--output", folder / "driven.json")
     told = ran("deform", folder / "site.json", "--vehicle", folder / VEHICLE, *words)
     printable(told)
     return of_json(json.loads((folder / "driven.json").read_text()))
@@ -479,7 +479,7 @@ def test_files_that_are_written(named: tuple[Path, str]) -> None:
             words: tuple[object, ...] = ("export-dem", f"./{name}.json", out, "--resolution", 1)
         elif ending == "json":
             words = ("deform", f"./{name}.json", "--vehicle", f"./{name}-vehicle.json",
-                     "--path", "path.csv", "--output", out)  # fmt: skip
+                     "--waypoints", "path.csv", "--output", out)  # fmt: skip
             (folder / "path.csv").write_text("1,1\n5,3\n")
         else:
             words = ("export-mesh", f"./{name}.json", out, "--max-error", 1)

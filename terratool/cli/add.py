@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import click
@@ -11,6 +10,7 @@ from msgspec import Struct
 from terratool.cli.command import Command, option_group
 from terratool.cli.options import (
     cell_options,
+    finite,
     json_option,
     library_root_option,
     library_roots,
@@ -33,13 +33,6 @@ def _encodable(ctx: click.Context, param: click.Parameter, value: str | None) ->
         (value or "").encode()
     except UnicodeEncodeError as error:
         raise click.BadParameter(f"{value!r} is no text in UTF-8.") from error
-    return value
-
-
-def _finite(ctx: click.Context, param: click.Parameter, value: Any) -> Any:
-    for number in value if isinstance(value, tuple) else (value,):
-        if number is not None and not math.isfinite(number):
-            raise click.BadParameter(f"{number:g} is no number that JSON has.")
     return value
 
 
@@ -84,16 +77,16 @@ class AddedDocument(Document, frozen=True, kw_only=True):
 @option_group(
     "Where it stands",
     click.option(
-        "--at", nargs=2, type=float, metavar="X Y", callback=_finite,
+        "--at", nargs=2, type=float, metavar="X Y", callback=finite,
         help="Its middle, from the south-west corner of the parent's cell.",
     ),
     click.option(
-        "--extent", nargs=2, type=float, metavar="W H", callback=_finite,
+        "--extent", nargs=2, type=float, metavar="W H", callback=finite,
         help="With --at: its sides.",
     ),
     *cell_options,
     click.option(
-        "--turn", type=float, metavar="DEG", callback=_finite,
+        "--turn", type=float, metavar="DEG", callback=finite,
         help="Degrees clockwise.  [default: 0]",
     ),
 )  # fmt: skip
@@ -104,20 +97,20 @@ class AddedDocument(Document, frozen=True, kw_only=True):
         help="So many to the east and so many to the north.",
     ),
     click.option(
-        "--step", nargs=2, type=float, metavar="DX DY", callback=_finite,
+        "--step", nargs=2, type=float, metavar="DX DY", callback=finite,
         help="With --repeat: from one to the next, in cells with --cell, else in units.",
     ),
     click.option(
-        "--scatter", nargs=2, type=float, metavar="LOW HIGH", callback=_finite,
+        "--scatter", nargs=2, type=float, metavar="LOW HIGH", callback=finite,
         help="Strewn over its cell, with sides from LOW to HIGH.",
     ),
     click.option("--count", type=int, metavar="N", help="With --scatter: so many."),
     click.option(
-        "--density", type=float, metavar="D", callback=_finite,
+        "--density", type=float, metavar="D", callback=finite,
         help="Or so many in a square unit, with --at.",
     ),
     click.option(
-        "--distance", type=float, metavar="D", callback=_finite,
+        "--distance", type=float, metavar="D", callback=finite,
         help="With --scatter: what is left between two.  [default: they may overlap]",
     ),
     click.option("--turned", is_flag=True, default=None, help="With --scatter: each is turned."),
@@ -126,11 +119,11 @@ class AddedDocument(Document, frozen=True, kw_only=True):
 @option_group(
     "How high it is",
     click.option(
-        "--v-scale", type=float, metavar="F", callback=_finite,
+        "--v-scale", type=float, metavar="F", callback=finite,
         help="Factor on its heights.  [default: by the size of its cell]",
     ),
     click.option(
-        "--v-offset", type=float, metavar="Z", callback=_finite,
+        "--v-offset", type=float, metavar="Z", callback=finite,
         help="Added to its heights.  [default: 0]",
     ),
 )  # fmt: skip
@@ -259,7 +252,9 @@ def _copies(values: dict[str, Any]) -> tuple[dict[str, Any] | None, dict[str, An
         return {"count": repeat, "step": values["step"]}, None
     if scatter is None:
         return None, None
-    if (values["count"] is None) == (values["density"] is None):
+    if values["count"] is not None and values["density"] is not None:
+        raise click.UsageError("--count and --density exclude each other. Drop one of them.")
+    if values["count"] is None and values["density"] is None:
         raise click.UsageError("--scatter needs a number of copies. Give --count or --density.")
     keys = ("count", "density", "sizes", "distance", "turned", "seed")
     given = {**values, "sizes": scatter}

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple, TypeVar
 import click
 
 from terratool.text.display import quote
-from terratool.text.meaning import guess
+from terratool.text.meaning import guess, near_names
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 _GROUPS = "__option_groups__"
@@ -60,14 +60,17 @@ def _parameters(function: Callable[..., Any]) -> list[click.Parameter]:
 
 
 def guess_option(word: str) -> str:
-    """Question whether one of the options of the running command was meant; empty if none is."""
+    """Sentence on the option of the running command that a word may mean; empty if none is."""
     return _guess(click.get_current_context().command, word)
 
 
 def _guess(command: click.Command, word: str) -> str:
     options = [one for one in command.params if isinstance(one, click.Option)]
     names = [name for one in options for name in (*one.opts, *one.secondary_opts)]
-    return guess(word, [name for name in names if name.startswith("--")])
+    found = guess(word, [name for name in names if name.startswith("--")])
+    if not found and near_names(word, ["--output"]):
+        return "What the command says goes to standard output. Write > FILE in place of it."
+    return found
 
 
 class Command(click.Command):

@@ -12,7 +12,7 @@ import re
 from collections.abc import Iterable, Iterator
 from itertools import islice
 from pathlib import Path
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any, NamedTuple, TypeVar
 
 import msgspec
 from msgspec import Meta, Struct, field
@@ -54,6 +54,28 @@ class DriveSettings(Struct, frozen=True, forbid_unknown_fields=True, rename="keb
     start: tuple[float, float] | None = field(default=None, name="from")
     fail_on: tuple[str, ...] | None = None
     resolution: float | None = None
+
+
+class FileDrive(NamedTuple):
+    """Settings of `traversability` for one file, of options and of the project.
+
+    Attributes:
+        settings: the settings.
+        sources: where each attribute is set, in words; empty for an option.
+    """
+
+    settings: DriveSettings
+    sources: dict[str, str]
+
+    @property
+    def places(self) -> dict[str, Any]:
+        """Attributes of a request that are places, and where settings ask for them."""
+        return {
+            "routes": self.settings.routes or (),
+            "start": self.settings.start,
+            "routes_of": self.sources.get("routes", ""),
+            "start_of": self.sources.get("start", ""),
+        }
 
 
 class DriveConfig(DriveSettings, frozen=True, forbid_unknown_fields=True, rename="kebab"):
@@ -175,25 +197,32 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab", kw
 
     def ignored_codes(self, file: str) -> tuple[str, ...]:
         """Codes to ignore in a file."""
-        return tuple(code for codes in self._of_file(self.per_file_ignores, file) for code in codes)
+        found = self._of_file(self.per_file_ignores, file)
+        return tuple(code for _, codes in found for code in codes)
 
-    def drive_settings(self, file: str) -> DriveSettings:
-        """Settings of `traversability` for a file; of patterns that match, the last one counts."""
+    def drive_settings(self, file: str, given: DriveSettings) -> FileDrive:
+        """Settings of `traversability` for a file.
+
+        Of patterns that match, the last one counts, and options, `given`, outrank all.
+
+        Raises:
+            RequestError: a vehicle of the settings lies outside.
+        """
+        where = f" in {os.path.relpath(self.file or '.')}"
         found: dict[str, Any] = {}
-        for settings in (self.traversability, *self._of_file(self.traversability.per_file, file)):
-            given = {name: getattr(settings, name) for name in DriveSettings.__struct_fields__}
-            found |= {name: value for name, value in given.items() if value is not None}
-        return DriveSettings(**found)
-
-    def drive_source(self, name: str, file: str) -> str:
-        """Pattern, or table, and file that set an attribute of `DriveSettings` for a file."""
-        path, found = self._path_below(file), ""
-        if getattr(self.traversability, name) is not None:
-            found = "[traversability]"
-        for pattern, settings in self.traversability.per_file.items():
-            if getattr(settings, name) is not None and is_match(pattern, path):
-                found = quote(pattern)
-        return found and f"{found} in {os.path.relpath(self.file)}"
+        sources: dict[str, str] = {}
+        per_file = self._of_file(self.traversability.per_file, file)
+        for source, settings in (
+            ("[traversability]" + where, self.traversability),
+            *((quote(pattern) + where, settings) for pattern, settings in per_file),
+            ("", given),
+        ):
+            for name in DriveSettings.__struct_fields__:
+                if (value := getattr(settings, name)) is not None:
+                    found[name], sources[name] = value, source
+        if sources.get("vehicles"):
+            found["vehicles"] = self.files(found["vehicles"])
+        return FileDrive(DriveSettings(**found), sources)
 
     def idle(self, table: str, patterns: Iterable[str], files: Iterable[str]) -> list[RequestError]:
         """Errors on the patterns of a table that match none of the files.
@@ -213,12 +242,12 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab", kw
             for pattern in islice(idle_patterns(patterns, paths), _MOST_IDLE)
         ]
 
-    def _of_file(self, table: dict[str, _T], file: str) -> list[_T]:
-        """Values of the patterns that match a file."""
+    def _of_file(self, table: dict[str, _T], file: str) -> list[tuple[str, _T]]:
+        """Patterns that match a file, with their values."""
         if not table:
             return []
         path = self._path_below(file)
-        return [value for pattern, value in table.items() if is_match(pattern, path)]
+        return [each for each in table.items() if is_match(each[0], path)]
 
     def _path_below(self, file: str) -> str:
         """Path of a file, with slashes, from the folder of the settings."""

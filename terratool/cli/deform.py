@@ -36,17 +36,16 @@ if TYPE_CHECKING:
     "deform",
     cls=Command,
     epilog="Example: terratool deform samples/planetary-site.json --vehicle rover.json "
-    "--path drive.csv -o driven.json",
+    "--waypoints drive.csv -o driven.json",
 )
 @click.argument("file")
 @option_group(
     "Drive",
     vehicle_option,
     click.option(
-        "--path",
-        "path_file",
+        "--waypoints",
         required=True,
-        metavar="PATH.csv",
+        metavar="FILE",
         help="Where its middle drives: a line x,y for each point, or a GeoJSON line.",
     ),
     click.option(
@@ -88,7 +87,7 @@ if TYPE_CHECKING:
 @library_root_option
 def command(
     file: str,
-    path_file: str,
+    waypoints: str,
     output: str | None,
     passes: int,
     surface: str | None,
@@ -116,14 +115,14 @@ def command(
         if file == "-":
             raise RequestError("Standard input cannot be changed.", "Name a file by -o OUT.")
         output = file
-    for source in (options["vehicle"], path_file):
+    for source in (options["vehicle"], waypoints):
         if source and is_same_file(output, source):
             raise WriteError(f"{output}: is read, too, as {source}.", "Choose another name.")
     overwrite = overwrite or is_same_file(output, file)
     refuse_existing(Path(output), overwrite)
     refuse_missing_folder(Path(output))
     vehicle = vehicle_from(options)
-    path = read_waypoints(path_file)
+    path = read_waypoints(waypoints)
     with StatusLine(f"reading {short_name(file)}") as status:
         checked = load_checked(file, library_roots(), partial(check_path, path))
         status.say("driving")

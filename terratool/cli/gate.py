@@ -4,27 +4,30 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
-from msgspec import Struct, structs
+from msgspec import Struct
 
 from terratool.cli.config import Config, DriveSettings
 from terratool.cli.outputs import ReportPlan
 from terratool.cli.report import (
+    FindingDocument,
     Unreadable,
     ValidationReport,
     ValidationSummary,
-    as_json,
+    finding_documents,
 )
 from terratool.cli.saying import say, say_error
 from terratool.cli.sources import files_of
 from terratool.cli.terminal import StatusLine
-from terratool.report.documents import Document, json_text
+from terratool.report.documents import Count, Document, json_text
 from terratool.report.numbers import NOTHING
 from terratool.report.tables import align
 from terratool.text.display import printable
 from terratool.text.source import is_folder
+from terratool.traversability.report.document import Fractions
+from terratool.traversability.report.keys import VerdictText
 
 if TYPE_CHECKING:
     from terratool.traversability.assess import Request
@@ -99,7 +102,8 @@ class GatePlan(Struct, frozen=True):
         from terratool.traversability.conditions import answerable, parse
         from terratool.traversability.gate import FileJob
 
-        own = asked_of(file, self.given, self.settings)
+        drive = self.settings.drive_settings(file, self.given)
+        own = drive.settings
         paths = own.vehicles or ()
         if paths not in known:
             known[paths] = tuple(self.vehicles(paths))
@@ -109,40 +113,12 @@ class GatePlan(Struct, frozen=True):
         request = replace(
             self.request, resolution=own.resolution,
             mapped=any(check.needs == "map" for check in checks),
-            **places_of(file, self.given, self.settings),
+            **drive.places,
         )  # fmt: skip
         return FileJob(
             file, known[paths], request, conditions, self.library_roots, self.roughness,
             file in self.names,
         )  # fmt: skip
-
-
-def places_of(file: str, given: DriveSettings, settings: Config) -> dict[str, Any]:
-    """Attributes of a request that are places of a file, and where settings ask for them."""
-    own = asked_of(file, given, settings)
-    return {
-        "routes": own.routes or (),
-        "start": own.start,
-        "routes_of": "" if given.routes else settings.drive_source("routes", file),
-        "start_of": "" if given.start else settings.drive_source("start", file),
-    }
-
-
-def asked_of(file: str, given: DriveSettings, settings: Config) -> DriveSettings:
-    """Settings of a file, of options and of the project; options outrank settings.
-
-    Raises:
-        RequestError: the settings name a vehicle that lies outside of their folder.
-    """
-    own = settings.drive_settings(file)
-    if given.vehicles is None and own.vehicles is not None:
-        own = structs.replace(own, vehicles=settings.files(own.vehicles))
-    asked = {
-        name: value
-        for name in DriveSettings.__struct_fields__
-        if (value := getattr(given, name)) is not None
-    }
-    return structs.replace(own, **asked)
 
 
 def _may_be_terrain(name: str) -> bool:
@@ -244,36 +220,55 @@ def _cells(row: VehicleRow) -> list[str]:
 
 
 class VehicleDocument(Struct, frozen=True):
-    """Result of a vehicle on a terrain, as JSON."""
+    """Result of a vehicle on a terrain, as JSON.
+
+    Attributes:
+        vehicle: name of the vehicle; empty for a wheel by itself.
+        verdict: verdict of its report.
+        sentence: the verdict in words.
+        fractions: shares of the pixels with ground, but those at the edge, by class, with their
+            best heading; None where there is no map.
+        routes: number of routes, and of waypoints, that were asked for.
+        routes_found: number of these that can be driven, there and back if that was asked for.
+    """
 
     vehicle: str
-    verdict: str
+    verdict: VerdictText
     sentence: str
-    fractions: dict[str, float] | None
-    routes: int
-    routes_found: int
+    fractions: Fractions | None
+    routes: Count
+    routes_found: Count
 
 
 class FileRowDocument(Struct, frozen=True):
-    """Results of all vehicles on a terrain, as JSON; none where it could not be judged."""
+    """Results of all vehicles on a terrain, as JSON.
+
+    Attributes:
+        file: name of the file.
+        vehicles: results of the vehicles; none where the terrain could not be judged.
+    """
 
     file: str
     vehicles: list[VehicleDocument]
 
 
 class GateDocument(Document, frozen=True, kw_only=True):
-    """Results on many terrains, as JSON, with what they fail on as `validate` has it."""
+    """Results on many terrains, as JSON, with what they fail on as `validate` has it.
 
-    findings: Any
-    unreadable: Any
-    summary: Any
+    Attributes:
+        findings: what files fail on, and errors of their texts.
+        unreadable: files that could not be read.
+        summary: numbers of files and findings.
+        files: results on each terrain.
+    """
+
+    findings: list[FindingDocument]
+    unreadable: tuple[Unreadable, ...]
+    summary: ValidationSummary
     files: list[FileRowDocument]
 
 
 def _document(found: Sequence[FileVerdict], report: ValidationReport) -> GateDocument:
-    import msgspec
-
-    said = msgspec.json.decode(as_json(report))
     return GateDocument(
         files=[
             FileRowDocument(
@@ -287,7 +282,7 @@ def _document(found: Sequence[FileVerdict], report: ValidationReport) -> GateDoc
             )
             for one in found
         ],
-        findings=said["findings"],
-        unreadable=said["unreadable"],
-        summary=said["summary"],
+        findings=finding_documents(report),
+        unreadable=report.unreadable,
+        summary=report.summary,
     )

@@ -80,7 +80,7 @@ _METHODS = ("rows", "columns", "nodal-rows", "nodal-columns", "hats")
 @option_group(
     "What it wears",
     click.option(
-        "--preset", type=WordChoice(PRESETS), metavar="SOIL", help="Its soil, as dry-sand."
+        "--preset", type=WordChoice(PRESETS), metavar="PRESET", help="Its soil, as dry-sand."
     ),
     click.option(
         "--surface",

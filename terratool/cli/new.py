@@ -18,7 +18,7 @@ from terratool.report.documents import Document
 from terratool.report.wording import join_words
 
 _EXAMPLES = {
-    "flat": "flat yard.json --size 30 20 --soil grass-wet",
+    "flat": "flat yard.json --size 30 20 --preset grass-wet",
     "ramp": "ramp ramp.json --slope 0.15 --rise 1.2",
     "stairs": "stairs stairs.json --steps 8 --rise 0.15",
     "rough": "rough rough.json --seed 7 --spacing 0.5",

@@ -17,6 +17,7 @@ from typing import Any, get_args, get_type_hints
 from msgspec import UNSET, Struct, structs
 from msgspec.json import schema_components
 
+from terratool.cli.gate import GateDocument
 from terratool.definition import schema_writing
 from terratool.field.library_summary import LibrarySummary
 from terratool.field.summary import TerrainSummary
@@ -29,6 +30,7 @@ from terratool.viewing.diff.results import DiffDocument
 OUTPUTS: dict[str, tuple[type[Document], str]] = {
     "report": (document.ReportKeys, "traversability report"),
     "comparison": (document.ComparisonKeys, "traversability report of several vehicles"),
+    "gate": (GateDocument, "traversability of many files"),
     "difference": (DiffDocument, "difference"),
     "info": (TerrainSummary, "info"),
     "library-info": (LibrarySummary, "info of a library"),

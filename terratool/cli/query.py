@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import math
+import re
 import sys
 from collections.abc import Callable, Iterator
 from functools import partial
@@ -36,6 +37,8 @@ COLUMNS = ("x", "y", "z", "surface", "element", "nx", "ny", "nz", "note")
 FORMAT_VERSION = 1
 _CHUNK = 65536
 
+_option_like = re.compile(r"--|-[A-Za-z]+$").match
+"""Match of a word that is an option rather than a number: `-o`, but not `-1,5`."""
 Point = tuple[float, float]
 
 
@@ -99,13 +102,16 @@ def _refuse_outside(points: list[Point], extent: Bounds) -> None:
     if any(west <= x <= east and south <= y <= north for x, y in points):
         return
     what = "None of the points is" if points[1:] else f"The point {coordinates(points[0])} is not"
-    raise RequestError(f"{what} on the terrain.", f"It lies in {coordinates(extent)}.")
+    raise RequestError(
+        f"{what} on the terrain.",
+        f"Give x and y within west south east north {coordinates(extent)}.",
+    )
 
 
 def _from_arguments(coordinates: tuple[str, ...]) -> list[Point]:
     for text in coordinates:
         if _number(text) is None:
-            if text.startswith("--"):
+            if _option_like(text):
                 raise click.UsageError(f'"{text}" is no option. {guess_option(text)}'.rstrip())
             raise click.UsageError(f'"{text}" is no coordinate.')
     if len(coordinates) % 2:

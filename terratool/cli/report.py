@@ -13,7 +13,7 @@ from msgspec import UNSET, Struct, UnsetType
 
 from terratool._version import __version__
 from terratool.cli.baseline import digest, fingerprint
-from terratool.definition.findings import Bounds, Finding
+from terratool.definition.findings import Bounds, Finding, Severity
 from terratool.definition.rules import RULES
 from terratool.definition.rules.base import Rule
 from terratool.report.documents import Document, json_text
@@ -34,7 +34,13 @@ _LISTED = 12
 
 
 class Unreadable(Struct, frozen=True):
-    """File that could not be read, with one sentence on the cause and one of advice."""
+    """File that could not be read.
+
+    Attributes:
+        file: name of the file.
+        message: one sentence on the cause.
+        hint: one sentence of advice.
+    """
 
     file: str
     message: str
@@ -126,7 +132,14 @@ class ValidationReport(Struct, frozen=True):
 
 
 class FindingPlace(Struct, frozen=True):
-    """Other place of a finding, as JSON."""
+    """Other place of a finding, as JSON.
+
+    Attributes:
+        pointer: JSON pointer of the value in the text.
+        line, column: place in the text, from 1; columns count characters.
+        bounds: west, south, east, north of the element concerned, in world units; None where there
+            is none.
+    """
 
     pointer: str
     line: int
@@ -135,11 +148,24 @@ class FindingPlace(Struct, frozen=True):
 
 
 class FindingDocument(Struct, frozen=True):
-    """Findings in one file with equal messages, as JSON: the first, and the other places."""
+    """Findings in one file with equal messages, as JSON: the first, and the other places.
+
+    Attributes:
+        file: name of the file.
+        code: code of the rule.
+        severity: severity of the rule.
+        pointer: JSON pointer of the value in the text.
+        line, column: place in the text, from 1; columns count characters.
+        message: one sentence on what is wrong.
+        hint: one sentence of advice.
+        bounds: west, south, east, north of the element concerned, in world units; None where there
+            is none.
+        more: other places of the same.
+    """
 
     file: str
     code: str
-    severity: str
+    severity: Severity
     pointer: str
     line: int
     column: int
@@ -215,9 +241,9 @@ def _count(number: int, noun: str) -> str:
     return count_of(number, noun) if number else f"no {noun}s"
 
 
-def as_json(report: ValidationReport) -> str:
-    """JSON for scripts: versioned, with all keys of a finding."""
-    findings = [
+def finding_documents(report: ValidationReport) -> list[FindingDocument]:
+    """Findings for JSON, grouped."""
+    return [
         FindingDocument(
             **{name: getattr(group.first, name) for name in _FIELDS},
             more=[
@@ -227,9 +253,13 @@ def as_json(report: ValidationReport) -> str:
         )
         for group in report.groups()
     ]
+
+
+def as_json(report: ValidationReport) -> str:
+    """JSON for scripts: versioned, with all keys of a finding."""
     return json_text(
         ValidationDocument(
-            findings=findings,
+            findings=finding_documents(report),
             unreadable=report.unreadable,
             summary=report.summary,
             statistics=UNSET if report.statistics is None else report.statistics,

@@ -203,7 +203,6 @@ def command(
     from pathlib import Path
 
     from terratool.cli.config import DriveSettings, project_settings
-    from terratool.cli.gate import asked_of, places_of
     from terratool.text.source import is_folder, refuse_absent
     from terratool.traversability.assess import Request, check_places
     from terratool.traversability.compare import prepare
@@ -236,7 +235,8 @@ def command(
         return _judge_many(files, forms, settings, own, base, vehicles_of)
     (file,) = files
     refuse_absent(file)
-    asked = asked_of(file, own, settings)
+    drive = settings.drive_settings(file, own)
+    asked = drive.settings
     routes, start, resolution = asked.routes or (), asked.start, asked.resolution
     travels = bool(routes or waypoints)
     # settings are of many terrains
@@ -257,7 +257,7 @@ def command(
     request = replace(
         base,
         resolution=resolution,
-        **places_of(file, own, settings),
+        **drive.places,
         mapped=wants_map or any(check.needs == "map" for check in checks),
     )
     terrain = load(file, early=partial(check_places, request))

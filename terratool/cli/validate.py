@@ -312,6 +312,7 @@ class _ValidationJob(Struct, frozen=True):
         roots: folders under which libraries may lie.
         reached: folders to which links in folders may lead.
         compared: whether findings of the baseline are left out.
+        named: whether the user named the files, and not the settings.
     """
 
     names: tuple[str, ...]
@@ -320,6 +321,7 @@ class _ValidationJob(Struct, frozen=True):
     roots: tuple[str, ...] = ()
     reached: tuple[str, ...] = ()
     compared: bool = True
+    named: bool = True
 
     @property
     def limit(self) -> int:
@@ -364,8 +366,22 @@ class _ValidationJob(Struct, frozen=True):
             name
             for given in self.names
             for name in files_of(given, self.reached, [])
-            if not (self.plan.writes(name) or self.settings.writes(name))
+            if not (self.plan.writes(name) or self.passes_over(name))
         ]
+
+    def passes_over(self, name: str) -> bool:
+        """Whether a file, met in a folder, is an output of another command."""
+        return name not in self.names and self.settings.writes(name)
+
+    def say_idle(self, found: _ValidationTally) -> bool:
+        """Print the patterns of the settings that match none of their files, if there are any."""
+        if self.named or found.unreadable:
+            return False
+        patterns = self.settings.per_file_ignores
+        idle = self.settings.idle("per-file-ignores", patterns, found.files)
+        for error in idle:
+            say_error(error.message, error.hint)
+        return bool(idle)
 
     def check_all(
         self, look: Callable[[str, CheckOptions], Checked], status: StatusLine
@@ -392,8 +408,8 @@ class _ValidationJob(Struct, frozen=True):
                 if name in self.names or _is_definition(name):
                     raise WriteError(f"{name}: is to be checked.", "Write elsewhere.")
                 continue  # an output met in a folder
-            if name not in self.names and self.settings.writes(name):
-                continue  # one of another command
+            if self.passes_over(name):
+                continue
             options = self.options(max(0, self.limit - len(found.findings)))
             if found.is_library(name):
                 continue
@@ -428,6 +444,7 @@ class _ValidationJob(Struct, frozen=True):
             if self.plan.reports.form != "sarif":
                 _say_unreadable(found)
             self.plan.reports.write(found.report(self.plan.limit, statistics))
+            self.say_idle(found)
             if not watched:
                 files = count_of(len(found.files) + len(found.unreadable), "file")
                 say_error(f"watching {files}; Ctrl-C ends it.")
@@ -448,11 +465,6 @@ def _say_unreadable(found: _ValidationTally) -> None:
     """Print the files that could not be read."""
     for file in found.unreadable:
         say_error(file.message, file.hint)
-
-
-def _idle(settings: Config, found: _ValidationTally) -> list[RequestError]:
-    """Errors on patterns of the settings that match no file that was checked."""
-    return settings.idle("per-file-ignores", settings.per_file_ignores, found.files)
 
 
 @click.command(
@@ -562,7 +574,9 @@ def command(
     folders = (name if is_folder(name) else str(Path(name).parent) for name in names)
     roots = library_roots() + tuple(folders)
     reached = (".", *roots, *(() if files else (settings.folder,)))
-    job = _ValidationJob(names, plan, settings, roots, reached, compared=not update_baseline)
+    job = _ValidationJob(
+        names, plan, settings, roots, reached, compared=not update_baseline, named=bool(files)
+    )
     if watch:
         _refuse_watching(names, fix, update_baseline)
         job.watch(statistics)
@@ -591,8 +605,6 @@ def command(
         ctx.exit(0)
     report = found.report(plan.limit, statistics)
     plan.reports.write(report)
-    idle = () if files or found.unreadable else _idle(settings, found)
-    for error in idle:
-        say_error(error.message, error.hint)
+    idle = job.say_idle(found)
     wrong = 2 if idle and plan.strict else int(report.summary.invalid > 0)
     ctx.exit(3 if found.unreadable else wrong)

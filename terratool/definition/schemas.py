@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 NAMES = (
-    "terrain", "library", "vehicle", "curriculum", "sensor", "report", "comparison", "difference",
-    "info", "library-info",
+    "terrain", "library", "vehicle", "curriculum", "sensor", "report", "comparison", "gate",
+    "difference", "info", "library-info",
 )  # fmt: skip
 
 

@@ -72,7 +72,7 @@ def check_overlap(bounds: Bounds, extent: Bounds, name: str) -> None:
     if west >= extent[2] or east <= extent[0] or south >= extent[3] or north <= extent[1]:
         raise RequestError(
             f"The bounds {coordinates(bounds)} miss {name}.",
-            f"It lies in {coordinates(extent)}.",
+            f"Give bounds that overlap {coordinates(extent)}, where {name} lies.",
         )
 
 

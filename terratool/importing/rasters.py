@@ -298,7 +298,8 @@ def _heights(
         if columns[0] >= columns[1] or rows[0] >= rows[1]:
             raise RequestError(
                 f"{name}: no pixel has its centre in the bounds {coordinates(options.bounds)}.",
-                f"It lies in {coordinates((west, south, east, north))}.",
+                f"Give bounds that overlap {coordinates((west, south, east, north))}, where the "
+                "raster lies.",
             )
     count_x, count_y = columns[1] - columns[0], rows[1] - rows[0]
     unit = _unit(file, band, ((west + east) / 2, (south + north) / 2), about)

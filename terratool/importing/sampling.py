@@ -109,7 +109,7 @@ def sample(
     if holes + beyond == heights.size:
         raise RequestError(
             f"At a resolution of {grid.dx:g} no pixel has its centre on the mesh.",
-            f"It lies in {coordinates(extent)}; give a finer resolution or other bounds.",
+            f"The mesh lies in {coordinates(extent)}. Give a finer resolution or other bounds.",
         )
     losses = _SamplingLosses(grid, vertical_area, flat, outside, len(faces), hidden, holes, beyond)
     return SampledHeights(grid, heights, (*triangles.notes, *why, *losses.sentences()))

@@ -17,6 +17,7 @@ from terratool.field.terrain import Terrain
 from terratool.raster.grid import Window, grid_over
 from terratool.raster.painter import Painter
 from terratool.raster.prefetch import prefetch, processors
+from terratool.report.numbers import coordinates
 
 _HALVINGS = 32
 """Halvings of the way between two nodes; the place of a contour is off by 2⁻³² of it."""
@@ -106,7 +107,8 @@ class ContourNodes:
             resolution: distance of neighbouring nodes, world units.
 
         Raises:
-            RequestError: the resolution is not above 0, or the nodes are too many.
+            RequestError: the resolution is not above 0, or too coarse for the rectangle, or the
+                nodes are too many.
         """
         grid = grid_over(terrain, resolution, part)
         if grid.width * grid.height > _MOST_NODES:
@@ -116,6 +118,13 @@ class ContourNodes:
                 "--bounds.",
             )
         west, south, east, north = part
+        side = min(east - west, north - south)
+        if 2 * side < resolution:
+            raise RequestError(
+                f"At a resolution of {resolution:g} no pixel has its centre in "
+                f"{coordinates(part)}.",
+                f"Give a --resolution of at most {2 * side:g}, or wider --bounds.",
+            )
         x = np.concatenate([[west], grid.columns(grid.whole), [east]])
         y = np.concatenate([[north], grid.rows(grid.whole), [south]])
         z = np.empty((len(y), len(x)))

@@ -282,7 +282,7 @@ def refuse_outside(poses: Poses, extent: Bounds) -> None:
     if len(outside):
         raise RequestError(
             f"The sensor is outside of the terrain {_place(poses, int(outside[0]))}.",
-            f"It reaches from {west:.12g} to {east:.12g} in x and from {south:.12g} to "
+            f"The terrain reaches from {west:.12g} to {east:.12g} in x and from {south:.12g} to "
             f"{north:.12g} in y.",
         )
 

@@ -37,7 +37,7 @@ from terratool.traversability.results import (
     TraversabilityReport,
     Verdict,
 )
-from terratool.traversability.route.barriers import RouteSite, cannot_stand_note
+from terratool.traversability.route.barriers import BlockedPlace, RouteSite, blocked_place
 from terratool.traversability.route.graph import Preference, check_preference, drivable, turnable
 from terratool.traversability.route.headings import Progress, WayFinder, finer_headings
 from terratool.traversability.route.paths import cell_of, check_inside
@@ -329,18 +329,18 @@ class BlockedEnd(NamedTuple):
 
     Attributes:
         route: number of the route in the request, from 0.
-        note: sentences on why, and on where it can.
+        place: the place, with sentences on why, and on where it can.
     """
 
     route: int
-    note: str
+    place: BlockedPlace
 
 
 def blocked_ends(prepared: PreparedRequest) -> Iterator[BlockedEnd]:
     """Yield the starts and goals of routes at which the vehicle cannot stand."""
     for number, (x0, y0, x1, y1) in enumerate(prepared.request.routes):
         for what, place in (("start", (x0, y0)), ("goal", (x1, y1))):
-            why = _cannot_stand_note(prepared, f"the route's {what}", place, prepared.tiles)
+            why = _blocked_place(prepared, f"the route's {what}", place, prepared.tiles)
             if why and not (prepared.ways and prepared.ways.stands(place)):
                 yield BlockedEnd(number, why)
 
@@ -349,21 +349,21 @@ def first_look(prepared: PreparedRequest) -> Iterator[str]:
     """Sentences on routes and reach that fail as the vehicle cannot stand at a start or goal."""
     start = prepared.request.start
     for end in blocked_ends(prepared):
-        yield f"There is no such route. {end.note}"
-    if start is not None and (why := _no_start_note(prepared, start)):
-        yield f"Nothing can be reached. {why}"
+        yield f"There is no such route. {end.place.note}"
+    if start is not None and (why := _blocked_start(prepared, start)):
+        yield f"Nothing can be reached. {why.note}"
 
 
-def _no_start_note(prepared: PreparedRequest, start: Point) -> str:
-    """Sentences on why the vehicle cannot stand at the request's start; empty where it can."""
+def _blocked_start(prepared: PreparedRequest, start: Point) -> BlockedPlace | None:
+    """The request's start, if the vehicle cannot stand there; None if it can."""
     tiles = prepared.tiles if prepared.shares_survey else None
-    return _cannot_stand_note(prepared, "the place to start from", start, tiles)
+    return _blocked_place(prepared, "the place to start from", start, tiles)
 
 
-def _cannot_stand_note(
+def _blocked_place(
     prepared: PreparedRequest, what: str, place: Point, tiles: SurveyTiles | None
-) -> str:
-    """Sentences on why the vehicle cannot stand at a place, and where it can; empty where it can.
+) -> BlockedPlace | None:
+    """A place, with one nearby, if the vehicle cannot stand there; None if it can.
 
     The place nearby is searched in the tile that holds the place, or without tiles around it on
     the map's pixels. It lies in the largest connected part there, not on top of the wall that
@@ -385,10 +385,8 @@ def _cannot_stand_note(
         row, column = row - top, column - left
         window = tiles.survey.grid.whole
     if can_stand(terrain, tiles.survey, place, (row, column)):
-        return ""
-    why = cannot_stand_note(
-        RouteSite.of(terrain, prepared.vehicle, tiles), what, place, (row, column)
-    )
+        return None
+    why = blocked_place(RouteSite.of(terrain, prepared.vehicle, tiles), what, place, (row, column))
     bits = heading_bits(drivable(tiles.survey, part_of(window)))
     headings, at = tiles.survey.headings, part_of(window)
     turns = turnable(tiles.survey, turnings(terrain, prepared.vehicle), at)
@@ -401,7 +399,8 @@ def _cannot_stand_note(
     nearest = int(np.argmin(far))
     x = float(tiles.survey.grid.columns(window)[columns[nearest]])
     y = float(tiles.survey.grid.rows(window)[rows[nearest]])
-    return f"{why} It can stand and move at {coordinates((round(x, 3), round(y, 3)))}, near there."
+    near = coordinates((round(x, 3), round(y, 3)))
+    return why._replace(note=f"{why.note} It can stand and move at {near}, near there.")
 
 
 def assess(
@@ -515,9 +514,8 @@ def _judge_map(
         files.finish(classes)
     reach = None
     if start is not None:
-        note = "" if found.reached.any() else _no_start_note(prepared, start)
-        counted = builder.ground & (classes != GroundClass.EDGE)
-        reach = reach_of(terrain, start, found, counted, note)
+        blocked = None if found.reached.any() else _blocked_start(prepared, start)
+        reach = reach_of(terrain, start, found, builder.counted(classes), blocked)
     return _MapResult(builder.summary(classes, found, start), reach, builder.preview(classes))
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import os
 import pickle
-import re
 import signal
 import subprocess
 import sys
@@ -14,6 +13,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
 from queue import Empty, SimpleQueue
+from threading import Lock
 
 from terratool.definition.findings import Finding
 from terratool.definition.reader import Checked, CheckOptions, check, no_terrain
@@ -145,7 +145,7 @@ def _failures(
     ]
     for end in blocked:
         hint = "Make room there, or move the route's end."
-        yield told("TD102", end.note, hint, _element(end.note), names[end.route])
+        yield told("TD102", end.place.note, hint, end.place.pointer, names[end.route])
     barred = {end.route for end in blocked}
     for number, route in enumerate(report.routes):  # waypoints come last
         if not route.holds and number not in barred:
@@ -153,8 +153,8 @@ def _failures(
             yield told("TD101", route_line(_lost(route)), hint, _pointer(route), names[number])
     if report.reach is not None and report.reach.note:
         hint = "Make room there, or set out from another place."
-        note, place = report.reach.note, f"from {coordinates(job.request.start or ())}"
-        yield told("TD102", note, hint, _element(note), place)
+        place = f"from {coordinates(job.request.start or ())}"
+        yield told("TD102", report.reach.note, hint, report.reach.pointer, place)
     for text in job.conditions:
         condition = parse(text)
         if condition.name == "no-route":
@@ -173,13 +173,7 @@ def _lost(route: Route) -> Route:
 def _pointer(route: Route) -> str:
     """Pointer of the element of the file that bars a route first; empty where none is named."""
     barriers = _lost(route).barriers
-    return _element(barriers[0].bars) if barriers else ""
-
-
-def _element(text: str) -> str:
-    """Pointer of the element of the file that a text names first; empty where it names none."""
-    named = re.search(r"(?<!\S)/elemTree(/children/\d+)*", text)
-    return named[0] if named else ""
+    return barriers[0].pointer if barriers else ""
 
 
 def _finding(
@@ -211,7 +205,8 @@ def judge_files(
 ) -> list[FileVerdict]:
     """Judge terrains by as many processes as there are threads; results are in order.
 
-    A process that dies takes only the terrain along that it was at.
+    A process that dies takes only the terrain along that it was at. Whatever stops this ends all
+    processes, and none is begun after that.
 
     Args:
         jobs: terrains to be judged; each gets its share of the threads where jobs are few.
@@ -231,22 +226,18 @@ def judge_files(
                 index = waiting.get_nowait()
                 job = jobs[index]
                 request = replace(job.request, threads=max(1, threads // workers))
-                found[index] = process.judge(replace(job, request=request))
+                verdict = process.judge(replace(job, request=request))
+                if verdict is None:
+                    return
+                found[index] = verdict
                 progress(1)
 
-    try:
-        with ThreadPoolExecutor(workers) as pool:
-            try:
-                list(pool.map(serve, processes))
-            except BaseException:
-                for process in processes:  # threads wait for what these answer
-                    process.end()
-                while not waiting.empty():
-                    waiting.get()
-                raise
-    finally:
-        for process in processes:
-            process.end()
+    with ThreadPoolExecutor(workers) as pool:
+        try:
+            list(pool.map(serve, processes))
+        finally:
+            for process in processes:  # threads wait for what these answer
+                process.stop()
     return [found[index] for index in range(len(jobs))]
 
 
@@ -255,36 +246,54 @@ class _JudgeProcess:
 
     def __init__(self) -> None:
         self._process: subprocess.Popen[bytes] | None = None
-        self._ended = False
+        self._stopped = False
+        self._changes = Lock()  # held while the process begins or ends
 
-    def judge(self, job: FileJob) -> FileVerdict:
-        """Have a terrain judged."""
-        if self._process is None and not self._ended:
-            self._process = subprocess.Popen(
-                **{**python_calling(__name__, "serve_jobs"), "stdin": subprocess.PIPE},
-                stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
-            )  # fmt: skip
-        process = self._process
+    def judge(self, job: FileJob) -> FileVerdict | None:
+        """Have a terrain judged; None once this is stopped."""
+        why = "its process ended"
         try:
-            assert process is not None and process.stdin is not None and process.stdout is not None
-            pickle.dump(job, process.stdin)
-            process.stdin.flush()
-            answer: FileVerdict = pickle.load(process.stdout)
-            return answer
-        except (AssertionError, EOFError, OSError, pickle.UnpicklingError):
-            self.end()
-            self._ended = False
-            return FileVerdict(job.file, findings=(_broken_off(job.file),))
+            process = self._begun()
+        except OSError as error:
+            why, process = f"no process could be started ({error.strerror})", None
+        if process is not None:
+            try:
+                assert process.stdin is not None and process.stdout is not None
+                pickle.dump(job, process.stdin)
+                process.stdin.flush()
+                answer: FileVerdict = pickle.load(process.stdout)
+                return answer
+            except (EOFError, OSError, ValueError, pickle.UnpicklingError):
+                with self._changes:
+                    self._end()
+        return (
+            None if self._stopped else FileVerdict(job.file, findings=(_broken_off(job.file, why),))
+        )
 
-    def end(self) -> None:
-        """End the process, whatever it is at."""
-        process, self._process, self._ended = self._process, None, True
+    def stop(self) -> None:
+        """End the process, whatever it is at, and begin none any more."""
+        with self._changes:
+            self._stopped = True
+            self._end()
+
+    def _begun(self) -> subprocess.Popen[bytes] | None:
+        """The process, begun if need be; None once this is stopped."""
+        with self._changes:
+            if self._process is None and not self._stopped:
+                self._process = subprocess.Popen(
+                    **{**python_calling(__name__, "serve_jobs"), "stdin": subprocess.PIPE},
+                    stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
+                )  # fmt: skip
+            return self._process
+
+    def _end(self) -> None:
+        process, self._process = self._process, None
         if process is not None:
             process.kill()
             process.communicate()
 
 
-def _broken_off(file: str, why: str = "its process ended") -> Finding:
+def _broken_off(file: str, why: str) -> Finding:
     return Finding(
         file, "TD105", "error", "", 1, 1, f"the judgement broke off: {why}.",
         "Judge the file by itself, on coarser pixels or fewer threads.", subject=_NAMES["TD105"],

@@ -259,14 +259,18 @@ class MapBuilder:
         """Pixels where the vehicle can turn on the spot, (height, width) bool; None for all."""
         return None if self._able.all() else self._able[self.surfaces]
 
-    def largest(self, classes: NDArray[np.uint8], found: Connected) -> LargestPart | None:
+    def counted(self, classes: NDArray[np.uint8]) -> NDArray[np.bool_]:
+        """Pixels that count in shares of the ground: those with ground, but EDGE."""
+        counted: NDArray[np.bool_] = self.ground & (classes != GroundClass.EDGE)
+        return counted
+
+    def _largest(self, counted: NDArray[np.bool_], found: Connected) -> LargestPart | None:
         """The largest part, from the connected ground that was found; None where there is none."""
         if not found.returned.any():
             return None
         row, column = place_in(self.bits, self.headings, found, self._turns())
         window = Window(row, column, 1, 1)
         x, y = self.grid.columns(window)[0], self.grid.rows(window)[0]
-        counted = self.ground & (classes != GroundClass.EDGE)
         share = np.count_nonzero(found.returned & counted) / np.count_nonzero(counted)
         return LargestPart((float(x), float(y)), share)
 
@@ -282,6 +286,7 @@ class MapBuilder:
             start: x and y from which ground counts as reached, m; None for the largest part.
         """
         ground, names = self.ground, ("", *self.terrain.surfaces)
+        counted = self.counted(classes)
         here, judged = classes[ground], classes <= GroundClass.NO_GO
         worst = np.where(judged, self.worst, classes)[ground]
         shape = (len(names), len(GroundClass))
@@ -297,20 +302,19 @@ class MapBuilder:
             {Reason(n): number for n, number in enumerate(reasons) if number},
             {name: _by_ground(row) for name, row in zip(names, count, strict=True) if row.any()},
             start,
-            self.largest(classes, found) if start is None else None,
-            None if self.chance is None else self.chances(classes),
+            self._largest(counted, found) if start is None else None,
+            None if self.chance is None else self._chances(counted),
         )
 
-    def chances(self, classes: NDArray[np.uint8]) -> dict[float, int]:
-        """Number of pixels with ground by the largest of `CHANCE_BOUNDS` they reach, but EDGE."""
+    def _chances(self, counted: NDArray[np.bool_]) -> dict[float, int]:
+        """Number of pixels that count by the largest of `CHANCE_BOUNDS` they reach."""
         assert self.chance is not None
-        counted = self.ground & (classes != GroundClass.EDGE)
         known = self.chance[counted & np.isfinite(self.chance)]
-        found, counted = {}, 0
+        found, before = {}, 0
         for bound in CHANCE_BOUNDS:
             above = int(np.count_nonzero(known >= np.float32(bound)))
-            found[bound] = above - counted
-            counted = above
+            found[bound] = above - before
+            before = above
         return found
 
 

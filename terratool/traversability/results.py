@@ -395,12 +395,14 @@ class Barrier:
         bars: element and surface that decide the ground there, for people, with the slope where
             that matters.
         width: length of the stretch, m.
+        pointer: JSON pointer of the element that bars, in the terrain's own file; empty for none.
     """
 
     place: Location
     reason: Reason
     bars: str
     width: float
+    pointer: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -481,6 +483,8 @@ class Reach:
             left again to the start.
         cells: (height, width) bool, pixels that can be reached; rows from the north.
         note: a sentence where the vehicle cannot stand at the start; else empty.
+        pointer: JSON pointer of the element that bars the vehicle there, in the terrain's own file;
+            empty for none.
     """
 
     start: Location
@@ -488,6 +492,7 @@ class Reach:
     returnable: float
     cells: NDArray[np.bool_]
     note: str = ""
+    pointer: str = ""
 
 
 CHANCE_BOUNDS = (0.95, 0.5, 0.05, 0.0)

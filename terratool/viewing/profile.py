@@ -104,7 +104,7 @@ def check_section(line: Line, extent: Bounds) -> tuple[float, float]:
         raise RequestError(
             f"The section from {coordinates(line[:2])} to {coordinates(line[2:])} misses the "
             "terrain.",
-            f"It lies in {coordinates(extent)}.",
+            f"Give a line that crosses {coordinates(extent)}, where the terrain lies.",
         )
     return begin, end
 

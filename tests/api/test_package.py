@@ -127,7 +127,7 @@ terratool.import_terrain("dem.tif", "site.json", max_error=0.1).bound
 WRONG = """
 import terratool
 terratool.new("stairs", rize=0.15)
-terratool.new("flat", soil="mud")
+terratool.new("flat", preset="mud")
 terrain = terratool.load("a.json")
 terrain.write_mesh("a.obj", origin="centre")
 terrain.to_dem(resolutoin=0.5)

@@ -235,7 +235,7 @@ def test_every_preset_has_a_surface() -> None:
 
 
 def test_flat_ground_is_level_and_of_its_soil() -> None:
-    terrain = made("flat", size=(7.5, 3.25), soil="ice")
+    terrain = made("flat", size=(7.5, 3.25), preset="ice")
     assert terrain.size == (7.5, 3.25)
     x, y = np.meshgrid(np.linspace(0, 7.5, 31), np.linspace(0, 3.25, 17))
     assert (terrain.height(x, y) == 0).all()
@@ -686,7 +686,7 @@ def test_numbers_out_of_their_limits_are_refused(kind: str, key: str) -> None:
         ("dunes", {"height": 11}, "A dune of 11 m is 154 × 110 m large"),
         ("flat", {"rise": 1}, "flat takes no 'rise'"),
         ("flats", {}, "There is no kind 'flats'"),
-        ("flat", {"soil": "mud"}, "--soil is 'mud'"),
+        ("flat", {"preset": "mud"}, "--preset is 'mud'"),
         ("stairs", {"rise": "a"}, "--rise is 'a'."),
         ("stairs", {"steps": True}, "--steps is True."),
         ("stairs", {"steps": 10**400}, "--steps is inf."),
@@ -734,8 +734,8 @@ def test_what_is_refused_names_what_to_change(
 
 def test_the_command_writes_what_python_gives(tmp_path: Path) -> None:
     path = tmp_path / "stairs.json"
-    ran = call("new", "stairs", path, "--steps", 7, "--size", 12, 6, "--soil", "ice")
-    text = new("stairs", steps=7, size=(12, 6), soil="ice")
+    ran = call("new", "stairs", path, "--steps", 7, "--size", 12, 6, "--preset", "ice")
+    text = new("stairs", steps=7, size=(12, 6), preset="ice")
     assert (ran.code, ran.err) == (0, "")
     assert path.read_text("utf-8") == text
     assert ran.out == f"{path}: {json.loads(text)['descr']}; {len(text.encode()):,} bytes\n"
@@ -815,7 +815,7 @@ def test_the_help_and_the_page_have_the_options_of_the_table(kind: str) -> None:
     for option in KINDS[kind].options:
         assert f"--{option.name} {option.metavar}" in text
         assert f"default: {option.shown_default}]" in text
-        limits = "a preset" if option.name == "soil" else option.range
+        limits = "a preset" if option.name == "preset" else option.range
         row = [f"`--{option.name} {option.metavar}`", option.descr.removesuffix("."), limits]
         assert f"| {' | '.join([*row, option.shown_default])} |" in section
     assert section.count("\n| `--") == len(KINDS[kind].options)

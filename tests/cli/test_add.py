@@ -331,7 +331,11 @@ def test_copies_are_strewn(site: Path) -> None:
         ([*PLATE, "--cell", 0, 0, "--scatter", 1, 2], 2, "--count or --density"),
         ([*PLATE, "--cell", 0, 0, "--count", 5], 2, "--scatter"),
         ([*PLATE, "--cell", 0, 0, "--turned"], 2, "--scatter"),
-        ([*PLATE, "--cell", 0, 0, "--scatter", 1, 2, "--count", 5, "--density", 1], 2, "--count"),
+        (
+            [*PLATE, "--cell", 0, 0, "--scatter", 1, 2, "--count", 5, "--density", 1],
+            2,
+            "--count and --density exclude each other. Drop one",
+        ),
         ([*PLATE, "--cell", 0, 0, "--scatter", 2, 1, "--count", 5], 1, "TT720"),
         (
             [

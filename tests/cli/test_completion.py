@@ -41,7 +41,7 @@ def test_commands_and_their_options() -> None:
 
 def test_words_of_the_tool() -> None:
     assert completed("export-dem", PAPER, "o.tif", "--layer", "") == [*LAYERS, "contours"]
-    assert {*completed("new", "flat", "o.json", "--soil", "")} == {*PRESETS}
+    assert {*completed("new", "flat", "o.json", "--preset", "")} == {*PRESETS}
     assert completed("completion", "") == ["bash", "zsh", "fish"]
     assert completed("completion", "f") == ["fish"]
 
@@ -53,7 +53,7 @@ def test_words_of_the_tool() -> None:
         (("validate", "a.json", "sam"), "<file>"),
         (("traversability", PAPER, "--vehicle", ""), "<file>"),
         (("export-dem", PAPER, "o"), "<file>"),
-        (("deform", PAPER, "--path", ""), "<file>"),
+        (("deform", PAPER, "--waypoints", ""), "<file>"),
         (("import-terrain", ""), "<file>"),
     ],
     ids=str,

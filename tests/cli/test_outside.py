@@ -30,7 +30,7 @@ PLACED: dict[str, Any] = {**YARD, "size": [40, 20], "origin": [1000, -300]}
         ["traversability", "FILE", "--vehicle", HUSKY, "--bounds", 0, 0, 5, 5],
         ["traversability", "FILE", "--vehicle", HUSKY, "--route", 1001, -290, 1041, -290],
         ["traversability", "FILE", "--vehicle", HUSKY, "--from", 1001, -310],
-        ["deform", "FILE", "--output", "out.json", "--vehicle", HUSKY, "--path", "path.csv"],
+        ["deform", "FILE", "--output", "out.json", "--vehicle", HUSKY, "--waypoints", "path.csv"],
         ["scan", "FILE", "out.ply", "--sensor", SENSOR, "--pose", 0, 0, 1, 0, 0, 0],
     ],
 )

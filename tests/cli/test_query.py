@@ -319,3 +319,11 @@ def test_ctrl_c(yard: Path) -> None:
     assert process.returncode == 130
     assert b"Traceback" not in errors
     assert errors.decode().strip() == "terratool: stopped."
+
+
+@pytest.mark.parametrize("points", [(-6, 2), (-6, 2, 500, 1)])
+def test_points_none_of_which_is_on_the_terrain(yard: Path, points: tuple[int, ...]) -> None:
+    """What to do has the sides of the terrain, and says of what they are."""
+    ran = call("query", yard, *points)
+    assert (ran.code, ran.out) == (2, "")
+    assert "\n  Give x and y within west south east north -5 -5 5 5.\n" in ran.err

@@ -163,8 +163,8 @@ def commands(n: str) -> dict[str, list[list[Any]]]:
         "map": [[f"./{n}.npz", "--resolution", 1, "--output", f"./{n}-map.tif"],
                 [d, "--resolution", 1, "--output", f"./{n}-map2.tif"]],
         "compare": [[f"./{n}-map.tif", d, "--max-rmse", 0], [d, d], [f"./{n}-no.tif", d]],
-        "deform": [[d, "--vehicle", v, "--path", table, "--output", f"./{n}-d.json"],
-                   [d, "--vehicle", d, "--path", table, "--output", f"./{n}-d2.json"]],
+        "deform": [[d, "--vehicle", v, "--waypoints", table, "--output", f"./{n}-d.json"],
+                   [d, "--vehicle", d, "--waypoints", table, "--output", f"./{n}-d2.json"]],
         "traversability": [
             [d, "--vehicle", v, "--resolution", 1, "--headings", 4, "--fail-on", "go-fraction<2"],
             [d, "--vehicle", d], [d, "--vehicle", v, "--fail-on", n],

@@ -444,12 +444,16 @@ def test_examples_are_not_broken_within_words() -> None:
         (("map", "a", "b.tif", "--cell", "1"), "--resolution"),
         (("map", "a", "b.tif", "--origin", "1"), "--sensor-at"),
         (("scan", "a", "b.ply", "--path", "c"), "--poses"),
+        (("deform", "a", "--path", "c"), "--waypoints"),
         (("render", "a", "b.png", "--size", "1"), "--pixels"),
         (("traversability", "a", "--reachable", "1"), "--from"),
         (("traversability", "a", "--robot", "1"), "--vehicle"),
         (("compare", "a", "b", "--format", "json"), "--json"),
         (("query", SAMPLE, "1", "2", "--format", "json"), "--json"),
+        (("query", SAMPLE, "1", "2", "--decimals", "3"), "--digits"),
         (("new", "flat", "a.json", "--force"), "--overwrite"),
+        (("new", "flat", "a.json", "--soil", "ice"), "--preset"),
+        (("import-terrain", "a.tif", "b.json", "--soil", "sand"), "--preset"),
         (("export-sim", SAMPLE, "o", "--target", "isaac"), "usd"),
         (("export-sim", SAMPLE, "o", "--target", "Isaac_Lab"), "usd"),
         (("export-sim", SAMPLE, "o", "--target", "sdf"), "gazebo"),
@@ -495,6 +499,20 @@ def test_a_name_with_the_word_comes_before_one_of_its_letters(
 ) -> None:
     assert spelled_like(word, known)[0] == wanted
     assert spelled_like(word, known[::-1])[0] == wanted
+
+
+@pytest.mark.parametrize("option", ["-o", "--output", "--out"])
+@pytest.mark.parametrize("words", [("query", SAMPLE, "1", "2"), ("info", SAMPLE)])
+def test_a_command_without_an_output_says_where_its_answer_goes(
+    words: tuple[str, ...], option: str
+) -> None:
+    ran = call(*words, option, "out.csv")
+    assert (ran.code, ran.out) == (2, "")
+    assert option in ran.err and "standard output. Write > FILE in place of it." in ran.err
+
+
+def test_a_number_with_a_comma_is_no_option() -> None:
+    assert '"-1,5" is no coordinate' in call("query", SAMPLE, "-1,5", "2").err
 
 
 def test_what_has_no_meaning_is_not_guessed() -> None:

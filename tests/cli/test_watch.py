@@ -200,3 +200,34 @@ def test_watching_writes_nothing(tmp_path: Path, options: list[str]) -> None:
 def test_standard_input_is_not_watched() -> None:
     ran = call("validate", "--watch", "-", stdin=GOOD)
     assert ran.code == 2 and "needs files" in ran.err
+
+
+def test_patterns_of_settings_without_a_file_are_told(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """With each report, for as long as they match nothing; of named files nothing is said."""
+    monkeypatch.chdir(tmp_path)
+    Path("sites").mkdir()
+    Path("sites/a.json").write_text(GOOD, encoding="utf-8")
+    Path(".terratool.toml").write_text(
+        'paths = ["sites"]\n[per-file-ignores]\n"b.json" = ["TT106"]\n', encoding="utf-8"
+    )
+    steps = [writing(Path("sites/c.json"), GOOD), nothing, writing(Path("sites/b.json"), WRONG)]
+    ran = watched(monkeypatch, [*steps, nothing, nothing], "--format", "json")
+    assert reports(ran) == [[], [], []]
+    told = [line.partition(" matches ")[2] for line in ran.err.splitlines() if "pattern" in line]
+    assert told == ["none of the 1 file.", "none of the 2 files."]
+    assert "pattern" not in watched(monkeypatch, [nothing], "sites/a.json").err
+
+
+def test_a_report_of_another_command_that_is_named_is_watched(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("gate.json").write_text(GOOD, encoding="utf-8")
+    Path(".terratool.toml").write_text(
+        '[traversability]\nformats = ["json=gate.json"]\n', encoding="utf-8"
+    )
+    steps = [nothing, nothing, nothing, writing(Path("gate.json"), WRONG), nothing, nothing]
+    ran = watched(monkeypatch, steps, "gate.json", "--format", "json")
+    assert reports(ran) == [[], ["TT106"]] and "is gone" not in ran.err

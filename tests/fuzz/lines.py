@@ -59,7 +59,16 @@ def try_lines(case: Case, folder: Path) -> str:
         if draw % 32 == 0:
             ask("query", _YARD, "--points", name)
         if draw % 128 == 1:
-            ask("deform", _YARD, "--vehicle", _HUSKY, "--path", name, "--output", folder / "a.json")
+            ask(
+                "deform",
+                _YARD,
+                "--vehicle",
+                _HUSKY,
+                "--waypoints",
+                name,
+                "--output",
+                folder / "a.json",
+            )
         if draw % 128 == 2:
             ask("scan", _YARD, folder / "a.npz", "--sensor", _HOKUYO, "--poses", name)
         if draw % 2:

@@ -324,6 +324,14 @@ def test_heights_that_only_happen_to_be_such_numbers_are_not(tmp_path):
     assert read(geotiff(tmp_path / "deep.tif", deep))[2] == ()
 
 
+def test_bounds_beside_a_raster_are_told_with_its_own(dem):
+    """The hint says whose the sides are: a cell of 2 × 3 m, 7 columns and 5 rows of them."""
+    with pytest.raises(RequestError) as caught:
+        read(dem, bounds=(0, 0, 1, 1))
+    sides = "500000 4999985 500014 5000000"
+    assert caught.value.hint == f"Give bounds that overlap {sides}, where the raster lies."
+
+
 def test_window_and_bounds_exclude_each_other(dem):
     with pytest.raises(RequestError, match="both"):
         read(dem, window=(0, 0, 2, 2), bounds=(0, 0, 1e9, 1e9))

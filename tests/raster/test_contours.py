@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import sqlite3
 import struct
 import subprocess
@@ -208,6 +209,9 @@ class TestFiles:
             assert base.execute("PRAGMA application_id").fetchone() == (0x47504B47,)
             assert base.execute("PRAGMA integrity_check").fetchone() == ("ok",)
             assert not base.execute("PRAGMA foreign_key_check").fetchall()
+            columns = base.execute("PRAGMA table_info(gpkg_contents)").fetchall()
+            default = {column[1]: column[4] for column in columns}["last_change"]
+            assert default == "strftime('%Y-%m-%dT%H:%M:%fZ','now')"  # OGC 12-128r17, table 4
             (row,) = base.execute("SELECT * FROM gpkg_contents").fetchall()
             assert "\x1b" not in row[3] and row[3].endswith(" plane")
             assert row[-1] == number and row[5:9] == pytest.approx((3, 4, 15, 12))
@@ -223,6 +227,49 @@ class TestFiles:
         assert struct.unpack_from("<4d", geometry, 8) == pytest.approx((9, 13, 4, 12))
         line = shapely.from_wkb(geometry[40:])
         assert line.bounds == pytest.approx((9, 4, 13, 12))
+
+    @needs("ogrinfo")
+    def test_a_package_has_an_index_that_gdal_takes_and_keeps(self, tmp_path: Path) -> None:
+        """It finds the lines of a place by it, and what it takes away goes from the index, too."""
+        path = tmp_path / "c.gpkg"
+        export_contours(terrain_of(PLANE), path, ContourRequest(SIDE, interval=0.5))
+        clean = {name: value for name, value in os.environ.items() if "GDAL" not in name}
+
+        def asked(*words: object) -> str:
+            done = subprocess.run(["ogrinfo", *map(str, words)], capture_output=True, text=True,
+                                  check=True, env=clean)  # fmt: skip
+            assert "ERROR" not in done.stderr + done.stdout
+            return done.stdout
+
+        assert " = 1\n" in asked(path, "-sql", "SELECT HasSpatialIndex('contours', 'geom')")
+        # z = (x - 4500) / 4 + (y + 320) / 8; 0.25 m around where it is 1
+        near = asked("-ro", "-al", path, "-spat", 4503.75, -320, 4504.25, -319.75)
+        assert re.findall(r"elev \(Real\) = (.*)", near) == ["1"]
+        asked(path, "-sql", "DELETE FROM contours WHERE elev = 1")
+        with sqlite3.connect(path) as base:
+            held = base.execute("SELECT id FROM rtree_contours_geom ORDER BY id").fetchall()
+            assert held == base.execute("SELECT fid FROM contours ORDER BY fid").fetchall()
+        assert len(held) == 6
+
+    def test_a_package_without_an_index_is_written_where_sqlite_has_none(
+        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        class Plain(sqlite3.Connection):
+            def execute(self, text: str, *more: Any) -> sqlite3.Cursor:
+                return super().execute(text.replace("'rtree'", "'absent'"), *more)
+
+        connect = sqlite3.connect
+        monkeypatch.setattr(
+            "terratool.io.geopackage.sqlite3.connect",
+            lambda *a, **k: connect(*a, factory=Plain, **k),
+        )
+        path = tmp_path / "c.gpkg"
+        export_contours(terrain_of(PLANE), path, ContourRequest(SIDE, interval=0.5))
+        monkeypatch.undo()
+        with sqlite3.connect(path) as base:
+            assert base.execute("SELECT count(*) FROM contours").fetchone() == (7,)
+            names = {name for (name,) in base.execute("SELECT name FROM sqlite_master")}
+        assert not [name for name in names if "rtree" in name or "extensions" in name]
 
     @pytest.mark.parametrize("name", ["c.gpkg", "c.geojson"])
     def test_the_same_terrain_gives_the_same_bytes(self, tmp_path: Path, name: str) -> None:
@@ -263,6 +310,14 @@ def test_a_line_ends_where_nothing_is_known() -> None:
         (["c.gpkg", "--layer", "contours", "--interval", "1e-9"], "Give at least"),
         (["c.gpkg", "--layer", "contours", "--resolution", "1e-6"], "coarser --resolution"),
         (["c.gpkg", "--layer", "contours", "--bounds", 50, 50, 60, 60], "miss the terrain"),
+        (
+            ["c.gpkg", "--layer", "contours", "--resolution", 1, "--bounds", 1, 1, 1.4, 5],
+            "Give a --resolution of at most 0.8",
+        ),
+        (
+            ["c.gpkg", "--layer", "contours", "--resolution", 1, "--bounds", 1, 1, 5, 1.4],
+            "no pixel has its centre in 1 1 5 1.4.",
+        ),
         (["c.tif", "--interval", "1"], "Add --layer contours"),
         (["--layer", "contours"], "'OUT'"),
     ],

@@ -162,7 +162,7 @@ def test_a_path_that_is_none_is_told_in_a_sentence(text: str, words: str, tmp_pa
 
 def test_no_ground_under_it_is_told() -> None:
     """In the void, or outside."""
-    with pytest.raises(RequestError, match=r"outside of the terrain at x 21, y 3"):
+    with pytest.raises(RequestError, match=r"at x 21, y 3\. The terrain reaches from "):
         place_on_ground(one_pose((21, 3, 0, 0, 0, 0)), RAMP, 1.0)
     for number in (np.nan, np.inf, 1e300):
         with pytest.raises(RequestError, match="for pitch"):

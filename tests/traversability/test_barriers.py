@@ -12,7 +12,7 @@ from terratool.errors import RequestError
 from terratool.field.terrain import Terrain
 from terratool.raster.grid import grid_over
 from terratool.traversability.results import Reason, Survey, Verdict
-from terratool.traversability.route.barriers import Pose, barrier_name
+from terratool.traversability.route.barriers import Pose, barring_ground
 from terratool.traversability.route.graph import drivable
 from terratool.traversability.route.paths import cell_of
 from terratool.traversability.route.routes import check_route, plan_route, reach
@@ -362,16 +362,18 @@ def test_what_bars_is_looked_for_ahead(heading: float) -> None:
     x, y = 6 + 0.5 * np.sin(heading), 3 + 0.5 * np.cos(heading)
     column, row = int(2 * x), int(2 * y)
     terrain = yard({"cellX": column, "cellY": row, "surface": "brick", "vOffset": 0.4})
-    found = barrier_name(terrain, ROVER, Reason.STEP, Pose(6, 3, heading), 0.2)
-    assert found == f'/elemTree/children/0 (surface "brick"), {0.4 + 1 / 24:.2g} m high'
+    found = barring_ground(terrain, ROVER, Reason.STEP, Pose(6, 3, heading), 0.2)
+    assert found.pointer == "/elemTree/children/0"
+    assert found.name == f'/elemTree/children/0 (surface "brick"), {0.4 + 1 / 24:.2g} m high'
 
 
 @pytest.mark.parametrize(("x", "nearest"), [(6.2, 0), (6.3, 1)])
 def test_nearest_void_is_named(x: float, nearest: int) -> None:
     behind, before = block(5.5, 3, 0.5, 0.5), block(6.5, 3, 0.5, 0.5)
     terrain = yard(behind | {"surface": "hole"}, before | {"surface": "hole"})
-    found = barrier_name(terrain, ROVER, Reason.NO_GROUND, Pose(x, 3.25, np.pi / 2), 0.2)
-    assert found == f'/elemTree/children/{nearest} (surface "hole")'
+    found = barring_ground(terrain, ROVER, Reason.NO_GROUND, Pose(x, 3.25, np.pi / 2), 0.2)
+    assert found.name == f'/elemTree/children/{nearest} (surface "hole")'
+    assert found.pointer == f"/elemTree/children/{nearest}"
 
 
 def test_presets_are_soils_like_others() -> None:
@@ -395,22 +397,20 @@ def test_presets_are_soils_like_others() -> None:
         }
     )  # fmt: skip
     for heading in (0.0, np.pi):
-        found = barrier_name(terrain, ROVER, Reason.SINKAGE, Pose(2, 2, heading), 0.2)
-        assert found == '/elemTree/children/0 (surface "lunar-nominal")'
+        found = barring_ground(terrain, ROVER, Reason.SINKAGE, Pose(2, 2, heading), 0.2)
+        assert found.name == '/elemTree/children/0 (surface "lunar-nominal")'
 
 
 def test_level_ground_bars_by_itself() -> None:
-    assert (
-        barrier_name(yard(), ROVER, Reason.STEP, Pose(6, 3, 0), 0.2)
-        == '/elemTree (surface "floor")'
-    )
+    assert barring_ground(yard(), ROVER, Reason.STEP, Pose(6, 3, 0), 0.2) == (
+        '/elemTree (surface "floor")', "/elemTree",
+    )  # fmt: skip
     nothing = terrain_of(
         {"size": 9, "elemTypes": {"slab": {"x": "flat"}}, "elemTree": {"type": "slab"}}
     )
-    assert (
-        barrier_name(nothing, ROVER, Reason.TRACTION, Pose(6, 3, 0), 0.2)
-        == "/elemTree (no surface)"
-    )
+    assert barring_ground(nothing, ROVER, Reason.TRACTION, Pose(6, 3, 0), 0.2) == (
+        "/elemTree (no surface)", "/elemTree",
+    )  # fmt: skip
     disc = terrain_of(
         {
             "size": 9,
@@ -418,7 +418,6 @@ def test_level_ground_bars_by_itself() -> None:
             "elemTree": {"type": "disc", "vScale": 0},
         }
     )
-    assert (
-        barrier_name(disc, ROVER, Reason.SLIP, Pose(0.2, 0.2, 0), 0.2)
-        == "ground without an element"
-    )
+    assert barring_ground(disc, ROVER, Reason.SLIP, Pose(0.2, 0.2, 0), 0.2) == (
+        "ground without an element", "",
+    )  # fmt: skip

@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import re
 import signal
+import subprocess
+import threading
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
+import jsonschema
 import pytest
 
+import terratool
 from terratool.errors import RequestError
 from terratool.traversability import gate
 from terratool.traversability.assess import Request
@@ -24,6 +29,7 @@ from tests.strategies import Json
 HUSKY = ROOT / "samples" / "vehicles" / "husky-a200.json"
 WAY = (1.0, 3.0, 8.0, 3.0)
 COARSE = ("--resolution", 0.15)
+SCHEMA = jsonschema.Draft202012Validator(terratool.schema("gate"))
 
 
 def yard(*walls: Json) -> Json:
@@ -55,8 +61,10 @@ def put(name: str, value: Any) -> None:
 
 
 def gated(*arguments: object) -> dict[str, Any]:
+    """What is said as JSON, which is always as its schema has it."""
     ran = call("traversability", *arguments, "--vehicle", "husky.json", *COARSE, "--json")
     found: dict[str, Any] = json.loads(ran.out)
+    SCHEMA.validate(found)
     return {**found, "code": ran.code}
 
 
@@ -101,6 +109,24 @@ def test_what_fails_is_a_finding_at_the_element_that_bars(project: Path) -> None
         '{"type": "box"'
     )
     assert found["summary"]["invalid"] == 1 and found["summary"]["valid"] == 1
+
+
+@pytest.mark.slow
+def test_the_place_of_a_part_or_a_track_that_bars_is_that_in_the_file(project: Path) -> None:
+    """A wall that a part holds is where the part stands; soft ground may be that of a track."""
+    across = {"type": "level", "surface": "concrete", "children": [{**WALL, "at": [1, 3]}]}
+    put("sites/walled.json", {
+        **yard({"at": [5, 3], "extent": [2, 6], "part": "across"}), "parts": {"across": across},
+    })  # fmt: skip
+    soft = {"concrete": {"preset": "concrete"}, "bog": {"cohesion": 0, "fricAngle": 1}}
+    track = {"path": [[5, 0], [5, 6]], "width": 2, "depth": 0.01, "surface": "bog"}
+    put("sites/open.json", {**yard(), "surfTypes": soft, "tracks": [track]})
+    found = gated("sites", "--route", *WAY)["findings"]
+    assert [(finding["file"], finding["pointer"]) for finding in found] == [
+        ("sites/open.json", "/tracks/0"), ("sites/walled.json", "/elemTree/children/0"),
+    ]  # fmt: skip
+    text = Path("sites/open.json").read_text("utf-8")
+    assert found[0]["column"] == 1 + text.index('{"path"')
 
 
 @pytest.mark.nightly
@@ -247,6 +273,74 @@ def jobs_of(folder: str, request: Request) -> list[FileJob]:
     return [FileJob(str(path), (vehicle,), request) for path in sorted(Path(folder).iterdir())]
 
 
+@pytest.fixture
+def begun(monkeypatch: pytest.MonkeyPatch) -> list[subprocess.Popen[bytes]]:
+    """All processes that judge, in the order in which they begin."""
+    found: list[subprocess.Popen[bytes]] = []
+    begin = subprocess.Popen
+
+    def watched(*args: Any, **more: Any) -> subprocess.Popen[bytes]:
+        found.append(begin(*args, **more))
+        return found[-1]
+
+    monkeypatch.setattr(gate.subprocess, "Popen", watched)
+    return found
+
+
+@pytest.mark.slow
+def test_no_process_is_left_behind_by_a_stop(
+    project: Path, begun: list[subprocess.Popen[bytes]]
+) -> None:
+    jobs = jobs_of("sites", Request(resolution=0.15)) * 3
+
+    def stop(_: int) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        judge_files(jobs, 2, stop)
+    assert len(begun) == 2 and None not in [process.poll() for process in begun]
+
+
+def test_no_process_begins_after_a_stop(
+    project: Path, begun: list[subprocess.Popen[bytes]]
+) -> None:
+    """However often a thread asks that has not heard of it yet."""
+    process, job = gate._JudgeProcess(), jobs_of("sites", Request(resolution=0.15))[0]
+    process.stop()
+    assert [process.judge(job) for _ in range(3)] == [None] * 3 and not begun
+
+
+@pytest.mark.slow
+def test_a_process_that_is_stopped_while_it_begins_ends(
+    project: Path, monkeypatch: pytest.MonkeyPatch, begun: list[subprocess.Popen[bytes]]
+) -> None:
+    process, job = gate._JudgeProcess(), jobs_of("sites", Request(resolution=0.15))[0]
+    begin, stopping = gate.subprocess.Popen, threading.Thread(target=process.stop)
+
+    def stopped(*args: Any, **more: Any) -> subprocess.Popen[bytes]:
+        stopping.start()
+        return begin(*args, **more)
+
+    monkeypatch.setattr(gate.subprocess, "Popen", stopped)
+    process.judge(job)
+    stopping.join()
+    assert [one.poll() for one in begun] == [-signal.SIGKILL]
+
+
+def test_a_process_that_cannot_begin_takes_its_file_alone(
+    project: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_: Any, **__: Any) -> None:
+        raise OSError(errno.EAGAIN, "too many processes")
+
+    monkeypatch.setattr(gate.subprocess, "Popen", refuse)
+    found = judge_files(jobs_of("sites", Request(resolution=0.15)), 1)
+    for one in found:
+        (finding,) = one.findings
+        assert finding.code == "TD105"
+        assert "no process could be started (too many processes)" in finding.message
+
+
 @pytest.mark.slow
 def test_a_process_that_dies_takes_its_file_alone(
     project: Path, monkeypatch: pytest.MonkeyPatch
@@ -277,7 +371,7 @@ def test_a_fault_of_ours_takes_its_file_alone(project: Path) -> None:
 
 
 def test_settings_of_a_file(project: Path) -> None:
-    from terratool.cli.config import project_settings
+    from terratool.cli.config import DriveSettings, project_settings
 
     put(
         ".terratool.toml",
@@ -288,9 +382,11 @@ def test_settings_of_a_file(project: Path) -> None:
     found = {
         name: (one.resolution, one.start)
         for name in ("a.json", "b.json", "sites/a.json")
-        for one in [settings.drive_settings(name)]
+        for one in [settings.drive_settings(name, DriveSettings()).settings]
     }
     assert found == {"a.json": (2, None), "b.json": (1, None), "sites/a.json": (2, (1, 2))}
+    sources = settings.drive_settings("sites/a.json", DriveSettings(start=(3, 4))).sources
+    assert sources == {"resolution": '"a*" in .terratool.toml', "start": ""}
     put(".terratool.toml", "[traversability]\nper-file = 3\n")
     with pytest.raises(RequestError, match="not taken"):
         project_settings(None)
@@ -449,6 +545,21 @@ def test_conditions_of_settings_on_reach_are_for_files_with_a_start(project: Pat
     assert {one["file"] for one in found["findings"]} == {"sites/walled.json"}
     alone = call("traversability", "sites/open.json", "--vehicle", "husky.json", *COARSE)
     assert alone.code == 0, alone.err
+
+
+@pytest.mark.slow
+def test_the_schema_refuses_what_is_never_said(project: Path) -> None:
+    """Another key, another class of ground, a verdict that there is not, and what is left out."""
+    found = gated("sites", "absent.json", "--route", *WAY)
+    del found["code"]
+    assert found["findings"] and found["unreadable"] and SCHEMA.is_valid(found)
+    row = found["files"][0]["vehicles"][0]
+    for changed in (
+        row | {"speed": 1}, row | {"verdict": "maybe"}, row | {"fractions": {"go": 1}},
+        row | {"routes": -1}, {"vehicle": "husky"},
+    ):  # fmt: skip
+        found["files"][0]["vehicles"][0] = changed
+        assert not SCHEMA.is_valid(found), changed
 
 
 @pytest.mark.slow

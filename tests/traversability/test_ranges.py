@@ -503,7 +503,7 @@ class TestOtherCommands:
         assert "The sinkage of 'sand' is a range: its middle is written." in dem.out
         ruts = call(
             "deform", path, "--vehicle", ROOT / "samples/vehicles/husky-a200.json",
-            "--path", way, "--output", tmp_path / "o.json",
+            "--waypoints", way, "--output", tmp_path / "o.json",
         )  # fmt: skip
         assert 'The sinkage of "sand" is a range: its middle counts.' in ruts.out
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -34,16 +35,35 @@ def husky() -> Vehicle:
     return load_vehicle(ROOT / "samples" / "vehicles" / "husky-a200.json")
 
 
-def yard(*walls: Json, size: tuple[float, float] = (9.0, 6.0), around: float = 0.0) -> Terrain:
-    """Level concrete with walls and holes, or the same with level ground around it."""
+def yard(
+    *walls: Json, size: tuple[float, float] = (9.0, 6.0), around: float = 0.0,
+    rise: tuple[float, float] = (0.0, 0.0),
+) -> Terrain:  # fmt: skip
+    """Concrete with walls and holes, or the same with ground around it, level away from it.
+
+    Where it rises, from the western rim to the eastern and from the southern to the northern, it is
+    sand, on which a vehicle drives down and across, and not up.
+    """
     moved = [{**one, "at": [one["at"][0] + around, one["at"][1] + around]} for one in walls]
+    x, y = (
+        [[0, 0], [around / (side + 2 * around), 0], [1 - around / (side + 2 * around), up], [1, up]]
+        for side, up in zip(size, rise, strict=True)
+    )
     return terrain_of(
         {
             "size": [side + 2 * around for side in size],
             "origin": [-around, -around],
-            "surfTypes": {"concrete": {"preset": "concrete"}, "hole": {"void": True}},
-            "elemTypes": {"level": {"x": [0]}, "box": {"x": [1]}},
-            "elemTree": {"type": "level", "surface": "concrete", "children": moved},
+            "surfTypes": {
+                "floor": {"preset": "dry-sand" if any(rise) else "concrete"},
+                "hole": {"void": True},
+            },
+            "elemTypes": {"floor": {"x": x, "y": y, "combine": "sum"}, "box": {"x": [1]}},
+            "elemTree": {
+                "type": "floor",
+                "vScale": 1,
+                "surface": "floor",
+                "children": moved,
+            },
         }
     )
 
@@ -137,17 +157,29 @@ def test_a_gap_at_the_rim_may_be_passed_beyond_it(husky: Vehicle) -> None:
     assert report.reach.share == report.summary.fraction(GroundClass.GO) > 0.7
 
 
+STUB_AND_PLATEAU = (wall(2.0, 2.5, 0.3, 3.5), wall(6.5, 0, 2.5, 3.0))
+SLOPING = (2.2, -0.5)
+"""Rise of a yard to the east and to the north, m: in both directions, and not by as much."""
+
+
 @pytest.mark.parametrize(
-    "walls",
+    ("walls", "rise"),
     [
-        (),
-        (wall(5.5, 0, 0.3, 6),),
-        (wall(2.0, 2.5, 0.3, 3.5), wall(6.5, 0, 2.5, 3.0)),
-        (wall(0, 3.0, 6.0, 0.3), wall(7.0, 1.0, 0.6, 0.6, turnDeg=30)),
+        ((), (0, 0)),
+        ((wall(5.5, 0, 0.3, 6),), (0, 0)),
+        (STUB_AND_PLATEAU, (0, 0)),
+        ((wall(0, 3.0, 6.0, 0.3), wall(7.0, 1.0, 0.6, 0.6, turnDeg=30)), (0, 0)),
+        (STUB_AND_PLATEAU, SLOPING),
+        ((wall(0, 3.0, 6.0, 0.3),), SLOPING),
     ],
-    ids=["nothing", "a wall across", "a stub and a plateau", "an oblong and a post"],
-)
-def test_it_is_as_if_the_ground_went_on(walls: tuple[Json, ...], husky: Vehicle) -> None:
+    ids=[
+        "nothing", "a wall across", "a stub and a plateau", "an oblong and a post",
+        "a stub and a plateau, sloping", "an oblong, sloping",
+    ],
+)  # fmt: skip
+def test_it_is_as_if_the_ground_went_on(
+    walls: tuple[Json, ...], rise: tuple[float, float], husky: Vehicle
+) -> None:
     """The map of the same ground with more around it is the same where it counts.
 
     What stands at the rim goes on there, as far as the other terrain reaches. So each pixel that
@@ -164,7 +196,8 @@ def test_it_is_as_if_the_ground_went_on(walls: tuple[Json, ...], husky: Vehicle)
         return {**one, "at": [(west + east) / 2, (south + north) / 2],
                 "extent": [east - west, north - south]}  # fmt: skip
 
-    small, large = yard(*walls), yard(*map(longer, walls), around=BEYOND)
+    small = yard(*walls, rise=rise)
+    large = yard(*map(longer, walls), around=BEYOND, rise=rise)
     grid = grid_over(small, RESOLUTION)
     start = (1.05, 1.05)
     ours = classes_of(small, husky, grid, start)
@@ -183,12 +216,40 @@ def test_it_is_as_if_the_ground_went_on(walls: tuple[Json, ...], husky: Vehicle)
     assert (ours[barred][lost] == GroundClass.NO_GO).all() and lost.sum() < 0.005 * ours.size
 
 
-def test_a_mirrored_terrain_has_a_mirrored_rim(husky: Vehicle) -> None:
-    walls = (wall(5.5, 0.5, 0.3, 5.5), wall(0, 3.0, 2.0, 0.3))
-    turned = tuple({**one, "at": [9.0 - one["at"][0], 6.0 - one["at"][1]]} for one in walls)
-    ours, theirs = (classes_of(yard(*some), husky, start=at) for some, at in (
-        (walls, (4.0, 1.5)), (turned, (5.0, 4.5))))  # fmt: skip
-    np.testing.assert_array_equal(ours, theirs[::-1, ::-1])
+@pytest.mark.parametrize(
+    ("turn", "classes"),
+    [
+        (lambda x, y: (-x, y), np.fliplr),
+        (lambda x, y: (x, -y), np.flipud),
+        (lambda x, y: (y, x), lambda found: np.rot90(found, 2).T),
+    ],
+    ids=["east and west", "north and south", "about the diagonal"],
+)
+def test_a_mirrored_terrain_has_a_mirrored_rim(
+    turn: Callable[[float, float], tuple[float, float]],
+    classes: Callable[[NDArray[np.uint8]], NDArray[np.uint8]],
+    husky: Vehicle,
+) -> None:
+    """About one axis at a time: a mistake that is a mirror itself survives only its own."""
+    size, walls = (9.0, 6.0), (wall(5.5, 0.5, 0.3, 5.5), wall(0, 3.0, 2.0, 0.3))
+
+    def sides(of: tuple[float, float]) -> tuple[float, float]:
+        w, h = turn(*of)
+        return abs(w), abs(h)
+
+    def place(at: tuple[float, float]) -> tuple[float, float]:
+        x, y = turn(at[0] - size[0] / 2, at[1] - size[1] / 2)
+        w, h = sides(size)
+        return x + w / 2, y + h / 2
+
+    mirrored = [{**one, "at": place(one["at"]), "extent": sides(one["extent"])} for one in walls]
+    start = (4.05, 1.55)
+    ours = classes_of(yard(*walls, rise=SLOPING), husky, start=start)
+    theirs = classes_of(
+        yard(*mirrored, size=sides(size), rise=turn(*SLOPING)), husky, start=place(start)
+    )
+    assert {*np.unique(ours)} >= {GroundClass.GO, GroundClass.NO_GO, GroundClass.EDGE}
+    np.testing.assert_array_equal(theirs, classes(ours))
 
 
 def test_shares_leave_the_edge_out_and_have_its_own() -> None:

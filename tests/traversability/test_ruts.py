@@ -262,7 +262,7 @@ def command(folder: Path, out: Path, points: str = "x,y\n4,10\n12,10\n") -> tupl
     path = folder / "path.csv"
     path.write_text(points, encoding="utf-8")
     wheel = ("--wheel-radius", "0.2", "--wheel-width", "0.1", "--load", "100")
-    return "deform", flat(folder), *wheel, "--path", path, "--output", out
+    return "deform", flat(folder), *wheel, "--waypoints", path, "--output", out
 
 
 class TestText:
@@ -337,7 +337,7 @@ class TestText:
         rover.write_bytes((ROOT / "samples" / "vehicles" / "husky-a200.json").read_bytes())
         deform, file, *_, path, option, _ = command(tmp_path, out)
         before = out.read_bytes()
-        arguments = ("--vehicle", rover, "--path", path, option, out, "--overwrite")
+        arguments = ("--vehicle", rover, "--waypoints", path, option, out, "--overwrite")
         result = call(deform, file, *arguments)
         assert result.code == 3 and "is read, too" in result.err
         assert out.read_bytes() == before

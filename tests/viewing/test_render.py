@@ -415,7 +415,7 @@ REFUSED = [
     (["out.png", "--pixels", "449"], "at least 450, a smaller --dpi, or --bare"),
     (["out.png", "--contours", "1e-9"], "Give at least"),
     (["out.png", "--profile", "101", "201", "101", "201"], "one point"),
-    (["out.png", "--profile", "0", "0", "9", "9"], "misses the terrain"),
+    (["out.png", "--profile", "0", "0", "9", "9"], ", where the terrain lies."),
     (
         ["out.png", "--profile", "575054.25", "4429710.5", "575060", "4429711"],
         "from 575054.25 4429710.5 to 575060 4429711 misses the terrain",

@@ -42,7 +42,7 @@ def either(*ways: str) -> str:
 
 
 def _flat(wanted: Wanted) -> Members:
-    size, soil = wanted.size(), wanted.word("soil")
+    size, soil = wanted.size(), wanted.word("preset")
     return {
         "descr": f"{sides_text(size)} of level ground",
         "size": [m(side) for side in size],
@@ -105,7 +105,7 @@ class _Crossing:
                     f"Ask for {either(*less)}.",
                 )
         west, y = (size[0] - length) / 2, size[1] / 2
-        soil, (up, down) = wanted.word("soil"), self.names
+        soil, (up, down) = wanted.word("preset"), self.names
         built = SOILS[_BUILT].name
         scale = 1 if up != "ramp" else self.height
         return {

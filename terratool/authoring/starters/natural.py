@@ -41,7 +41,7 @@ BARE = "concrete"
 
 
 def _craters(wanted: Wanted) -> Members:
-    size, draw, soil = wanted.size(), wanted.draw, wanted.word("soil")
+    size, draw, soil = wanted.size(), wanted.draw, wanted.word("preset")
     largest, smallest = wanted.mm("largest"), wanted.mm("smallest")
     if 2 * largest > min(size):
         raise RequestError(

@@ -28,7 +28,7 @@ MOST_NODES = 250_000
 
 
 def _rough(wanted: Wanted) -> Members:
-    size, soil = wanted.size(), wanted.word("soil")
+    size, soil = wanted.size(), wanted.word("preset")
     low, high = wanted.pair("height_range")
     step, spacing = wanted.number("height_step"), wanted.mm("spacing")
     if high < low:

@@ -81,7 +81,7 @@ SOILS: dict[str, NamedSoil] = {
 def soil_option(default: str) -> Option:
     """Option for the preset of the ground."""
     return choice_option(
-        "soil", default, "The ground, by the name of a preset.", tuple(SOILS), "PRESET"
+        "preset", default, "The ground, by the name of a preset.", tuple(SOILS), "PRESET"
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -78,7 +79,7 @@ def barriers(on: RouteSite, path: Path) -> tuple[Barrier, ...]:
 
     A leg with one end that cannot be driven counts by half. A turn counts by its arc, as a whole
     where the vehicle cannot turn. Where it is too steep for the soil, the motors or the vehicle's
-    balance, `barrier_name` says how steep, too.
+    balance, the barrier says how steep, too.
     """
     terrain, vehicle, survey = on.terrain, on.vehicle, on.survey
     no_ground = np.isnan(path.height)
@@ -100,11 +101,11 @@ def barriers(on: RouteSite, path: Path) -> tuple[Barrier, ...]:
         x, y = float(path.x[first]), float(path.y[first])
         heading = 2.0 * math.pi * int(path.judged[first]) / survey.headings
         if reason == Reason.TURNING:
-            name = _turning_name(
+            ground = _turning_ground(
                 on, int(survey.surfaces[path.row[first], path.column[first]]), (x, y)
             )
         else:
-            name = barrier_name(
+            ground = barring_ground(
                 terrain, vehicle, reason, Pose(x, y, heading), survey.grid.resolution
             )
         at = int(path.judged[first]), int(path.row[first]), int(path.column[first])
@@ -112,18 +113,37 @@ def barriers(on: RouteSite, path: Path) -> tuple[Barrier, ...]:
             Barrier(
                 location_at(terrain, x, y),
                 reason,
-                name + _slope_text(survey, reason, at),
+                ground.name + _slope_text(survey, reason, at),
                 float(width[first:end].sum()),
+                ground.pointer,
             )
         )
     return tuple(found)
 
 
-def _turning_name(on: RouteSite, surface: int, place: Point) -> str:
-    """The element and surface on which the vehicle cannot turn, and the measure that binds."""
+class BarringGround(NamedTuple):
+    """Ground that bars a vehicle.
+
+    Attributes:
+        name: element and surface, for people, with the height of a step.
+        pointer: JSON pointer of the element in the terrain's own file; empty for none.
+    """
+
+    name: str
+    pointer: str = ""
+
+
+def _turning_ground(on: RouteSite, surface: int, place: Point) -> BarringGround:
+    """The ground on which the vehicle cannot turn; its name has the measure that binds, too."""
     element = int(on.terrain.sample(*place).element)
-    name = f"surface {quote(on.terrain.surfaces[surface - 1])}"
-    return f"{on.terrain.pointer(element)} ({name}), by {on.turns[surface].reason.label}"
+    found = _ground_of(on.terrain, element, f"surface {quote(on.terrain.surfaces[surface - 1])}")
+    return found._replace(name=f"{found.name}, by {on.turns[surface].reason.label}")
+
+
+def _ground_of(terrain: Terrain, element: int, surface: str) -> BarringGround:
+    """The ground of an element; one in a part has the place of the part in the file."""
+    pointer = terrain.pointer(element) or ""
+    return BarringGround(f"{pointer} ({surface})", re.split(r"[>[]", pointer, maxsplit=1)[0])
 
 
 class Pose(NamedTuple):
@@ -134,10 +154,10 @@ class Pose(NamedTuple):
     heading: float
 
 
-def barrier_name(
+def barring_ground(
     terrain: Terrain, vehicle: Vehicle, reason: Reason, pose: Pose, cell: float
-) -> str:
-    """The element and surface that bar a vehicle, for people, with the height of a step.
+) -> BarringGround:
+    """The ground that bars a vehicle by a measure.
 
     For measures of shape, such as a step, the element is that of the higher side where heights
     differ most under the vehicle's rectangle, half a cell around and a wheel radius (a cell, if
@@ -147,7 +167,7 @@ def barrier_name(
     `cell` is the side of the survey's cells, m.
     """
     if reason == Reason.EDGE:
-        return "the edge of the terrain"
+        return BarringGround("the edge of the terrain")
     rise = 0.0
     if reason in _SHAPES:
         element, rise = _wall_element(terrain, vehicle, pose, cell)
@@ -156,11 +176,13 @@ def barrier_name(
     else:
         element = _weakest_element(terrain, vehicle, reason, pose)
     if element < 0:
-        return "ground without an element" if reason != Reason.NO_GROUND else "no element"
+        bare = reason != Reason.NO_GROUND
+        return BarringGround("ground without an element" if bare else "no element")
     surface = int(terrain.surface_of(np.array([element]))[0])
     name = f"surface {quote(terrain.surfaces[surface])}" if surface >= 0 else "no surface"
     size = f", {abs(rise):.2g} m {'high' if rise > 0.0 else 'deep'}" if rise else ""
-    return f"{terrain.pointer(element)} ({name})" + size * (reason == Reason.STEP)
+    found = _ground_of(terrain, element, name)
+    return found._replace(name=found.name + size * (reason == Reason.STEP))
 
 
 def _slope_text(survey: Survey, reason: Reason, at: tuple[int, int, int]) -> str:
@@ -261,21 +283,56 @@ def _weakest_element(terrain: Terrain, vehicle: Vehicle, reason: Reason, pose: P
     return int(found.element[weakest])
 
 
-def blocking_reason(on: RouteSite, place: Point, cell: Cell) -> tuple[Reason, str]:
-    """The measure that binds at a cell at its best heading, also in words with the element."""
+class Blockage(NamedTuple):
+    """A measure that binds where a vehicle cannot stand, and the ground there.
+
+    Attributes:
+        reason: measure that binds.
+        ground: ground that decides it, with the slope where that matters; without a name at the
+            edge of the terrain.
+    """
+
+    reason: Reason
+    ground: BarringGround
+
+    @property
+    def words(self) -> str:
+        """The measure and the ground, for people."""
+        name = self.ground.name
+        return f"{self.reason.label}, by {name}" if name else self.reason.label
+
+
+def blockage_at(on: RouteSite, place: Point, cell: Cell) -> Blockage:
+    """The blockage at a cell, at the best heading there."""
     survey = on.survey
     used = np.nan_to_num(survey.utilisation[:, *cell], nan=np.inf, posinf=np.inf)
     heading = int(np.argmin(used))
     void = math.isnan(on.terrain.height(*place))
     reason = Reason.NO_GROUND if void else Reason(int(survey.reason[heading, *cell]))
-    angle = 2.0 * math.pi * heading / survey.headings
-    by = barrier_name(on.terrain, on.vehicle, reason, Pose(*place, angle), survey.grid.resolution)
     if reason == Reason.EDGE:
-        return reason, reason.label
-    return reason, f"{reason.label}, by {by}{_slope_text(survey, reason, (heading, *cell))}"
+        return Blockage(reason, BarringGround(""))
+    pose = Pose(*place, 2.0 * math.pi * heading / survey.headings)
+    by = barring_ground(on.terrain, on.vehicle, reason, pose, survey.grid.resolution)
+    name = by.name + _slope_text(survey, reason, (heading, *cell))
+    return Blockage(reason, by._replace(name=name))
 
 
-def cannot_stand_note(on: RouteSite, what: str, place: Point, cell: Cell) -> str:
-    """A sentence that a vehicle cannot stand at a place, and why; `what` names the place."""
-    why = blocking_reason(on, place, cell)[1]
-    return f"The vehicle cannot stand at {what}, {coordinates(place)}, whatever its heading: {why}."
+class BlockedPlace(NamedTuple):
+    """A place where a vehicle cannot stand.
+
+    Attributes:
+        note: sentences on why, and on where it can.
+        pointer: JSON pointer of the element that bars it, in the terrain's file; empty for none.
+    """
+
+    note: str
+    pointer: str
+
+
+def blocked_place(on: RouteSite, what: str, place: Point, cell: Cell) -> BlockedPlace:
+    """A place where a vehicle cannot stand, with a sentence on why; `what` names the place."""
+    found = blockage_at(on, place, cell)
+    where = f"{what}, {coordinates(place)}, whatever its heading"
+    return BlockedPlace(
+        f"The vehicle cannot stand at {where}: {found.words}.", found.ground.pointer
+    )

@@ -30,11 +30,12 @@ from terratool.traversability.results import (
     Verdict,
 )
 from terratool.traversability.route.barriers import (
+    BlockedPlace,
     Cell,
     Point,
     RouteSite,
     barriers,
-    blocking_reason,
+    blockage_at,
 )
 from terratool.traversability.route.graph import (
     ALLOWED,
@@ -227,7 +228,7 @@ class RouteSearch:
         route = Route(start, goal, False, True, Verdict.NO_GO, headings=on.survey.headings)
         note = " ".join(
             f"The vehicle cannot stand at the {what}, whatever its heading: "
-            f"{blocking_reason(on, place, end)[1]}."
+            f"{blockage_at(on, place, end).words}."
             for what, place, end, can in zip(
                 ("start", "goal"), self.places, ends, self.stands, strict=True
             )
@@ -251,8 +252,8 @@ def can_stand(terrain: Terrain, survey: Survey, place: Point, cell: Cell) -> boo
 
 def _barrier_at(on: RouteSite, at: Location, cell: Cell) -> Barrier:
     """The barrier at a place where the vehicle cannot stand; its width is 0."""
-    reason, why = blocking_reason(on, (at.x, at.y), cell)
-    return Barrier(at, reason, why.partition(", by ")[2], 0.0)
+    reason, ground = blockage_at(on, (at.x, at.y), cell)
+    return Barrier(at, reason, ground.name, 0.0, ground.pointer)
 
 
 def check_route(
@@ -325,24 +326,23 @@ def reach(
 
 
 def reach_of(
-    terrain: Terrain, start: Point, found: Connected, ground: NDArray[np.bool_], note: str = ""
-) -> Reach:
+    terrain: Terrain, start: Point, found: Connected, ground: NDArray[np.bool_],
+    blocked: BlockedPlace | None = None,
+) -> Reach:  # fmt: skip
     """The connected cells of a start, in shares of the cells that count, (height, width) `ground`.
 
-    `note` says why no cell is reached; if empty, the result has a note without reasons.
+    `blocked` says why no cell is reached; if None, the result has a note without reasons then.
     """
     whole = max(int(np.count_nonzero(ground)), 1)
-    if not found.reached.any() and not note:
-        place = coordinates(start)
-        note = (
-            f"The vehicle cannot stand at the place to start from, {place}, whatever its heading."
-        )
+    if not found.reached.any() and blocked is None:
+        place = f"the place to start from, {coordinates(start)}"
+        blocked = BlockedPlace(f"The vehicle cannot stand at {place}, whatever its heading.", "")
     return Reach(
         location_at(terrain, *start),
         np.count_nonzero(found.reached & ground) / whole,
         np.count_nonzero(found.returned & ground) / whole,
         found.reached,
-        note,
+        *(blocked or ()),
     )
 
 
