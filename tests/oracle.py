@@ -153,6 +153,56 @@ def steps(curve: Any) -> list[float]:
     return [s0 for (s0, _), (s1, _) in pairwise(knots) if s0 == s1]
 
 
+def cells_of(primitive: Any) -> tuple[int, int]:
+    """Cells along x and y of a grid of heights: what is void is void by cells; one without."""
+    rows = primitive.get("grid")
+    if rows is None:
+        return 1, 1
+    less = primitive.get("registration", "gridline") == "gridline"
+    return max(len(rows[0]) - less, 1), max(len(rows) - less, 1)
+
+
+def grid_value(primitive: Any, t: tuple[float, float], cell: tuple[int, int]) -> float:
+    """The grid at (u, v), in a cell counted from the south-west; nan where it is void."""
+    rows = primitive["grid"][::-1]  # from the south
+    pixel = primitive.get("registration", "gridline") == "pixel"
+    counts = len(rows[0]), len(rows)
+    if pixel:
+        if rows[cell[1]][cell[0]] is None:
+            return math.nan
+    else:
+        corners = [
+            rows[min(cell[1] + j, counts[1] - 1)][min(cell[0] + i, counts[0] - 1)]
+            for i in (0, 1) for j in (0, 1)
+        ]  # fmt: skip
+        if None in corners:
+            return math.nan
+
+    def number(i: int, j: int) -> float:
+        i, j = min(i, counts[0] - 1), min(j, counts[1] - 1)
+        if rows[j][i] is not None:
+            return float(rows[j][i])
+        around = [
+            rows[b][a] for b in (j + 1, j, j - 1) for a in (i - 1, i, i + 1)
+            if 0 <= a < counts[0] and 0 <= b < counts[1] and rows[b][a] is not None
+        ]  # fmt: skip
+        total = 0.0
+        for one in around:
+            total += one
+        return total / len(around)
+
+    lows, parts = [], []
+    for axis, count in enumerate(counts):
+        s = t[axis] * count - 0.5 if pixel else t[axis] * (count - 1)
+        s = min(max(s, 0.0), count - 1)
+        lows.append(min(int(s), max(count - 2, 0)))
+        parts.append(s - lows[axis])
+    (i, j), (a, b) = lows, parts
+    south = (1 - a) * number(i, j) + a * number(i + 1, j)
+    north = (1 - a) * number(i, j + 1) + a * number(i + 1, j + 1)
+    return (1 - b) * south + b * north
+
+
 def cos_sin(degrees: float) -> tuple[Fraction, Fraction]:
     """Cosine and sine, exact at the multiples of 90 degrees."""
     within = math.fmod(degrees, 360)
@@ -207,6 +257,8 @@ class Element:
         self.surface: str | None = node.get("surface", parent.surface if parent else None)
         cells, primitive = node.get("cells", 10), types[node["type"]]
         self.grid: list[int] = cells if isinstance(cells, list) else [cells, cells]
+        self.primitive = primitive
+        self.cells = cells_of(primitive)
         x, y = primitive.get("x"), primitive.get("y")
         self.curves = (y if x == [] else x, x if y == [] else y)
         self.combine: str = primitive.get("combine", "product")
@@ -266,7 +318,26 @@ class Element:
 
         return curve_value(self.curves[axis], clamp(t + nudge), passed)
 
+    def cell_at(self, axis: int, x: float, y: float) -> int:
+        """The cell of the grid of heights along an axis that holds a point."""
+        t, p, side, n = self.along(axis, x, y), (x, y)[axis], self.cell[axis], self.cells[axis]
+
+        def passed(k: int) -> bool:
+            if self.turned:
+                return t >= k / n - STEP_TOLERANCE
+            return p >= float(side.low + Fraction(k, n) * side.length)
+
+        return max(k for k in range(n) if k == 0 or passed(k))
+
+    def cuts(self, axis: int) -> list[float]:
+        """Where something may change at once along an axis: steps, and edges of what is void."""
+        edges = [k / self.cells[axis] for k in range(1, self.cells[axis])]
+        return [*steps(self.curves[axis]), *edges]
+
     def shape(self, x: float, y: float, nudge_x: float = 0.0, nudge_y: float = 0.0) -> float:
+        if "grid" in self.primitive:
+            u, v = (clamp(self.along(k, x, y) + n) for k, n in enumerate((nudge_x, nudge_y)))
+            return grid_value(self.primitive, (u, v), (self.cell_at(0, x, y), self.cell_at(1, x, y)))
         first = self.value(0, x, y, nudge_x)
         return first if self.radial else COMBINES[self.combine](first, self.value(1, x, y, nudge_y))
 
@@ -426,7 +497,7 @@ class Oracle:
                 if cells and element.node.get("children"):
                     k = math.floor((Fraction(p) - side.low) / side.length * n)
                     note_edges(side.part(min(max(k, 0), n - 1), 1, n), p)
-                for s in steps(element.curves[axis]) if element.covers(x, y) else []:
+                for s in element.cuts(axis) if element.covers(x, y) else []:
                     if soft:
                         note(abs(element.along(axis, x, y) - s), *element.cell)
                     elif cells:

@@ -87,7 +87,22 @@ def curves() -> st.SearchStrategy[Any]:
 
 
 @st.composite
-def primitives(draw: Draw) -> Json:
+def grids_of_heights(draw: Draw) -> Json:
+    """Grids of one to five rows and columns, with void places and without."""
+    columns, rows = draw(st.integers(1, 5)), draw(st.integers(1, 5))
+    heights = numbers(-2, 2)
+    if draw(st.booleans()):
+        heights = st.one_of(heights, heights, heights, st.none())
+    row = st.lists(heights, min_size=columns, max_size=columns)
+    found: Json = {"grid": draw(st.lists(row, min_size=rows, max_size=rows))}
+    optionally(draw, found, "registration", st.sampled_from(["gridline", "pixel", "pixel"]))
+    return found
+
+
+@st.composite
+def primitives(draw: Draw, *, gridded: bool = False) -> Json:
+    if gridded and draw(st.booleans()):
+        return draw(grids_of_heights())
     combine = draw(st.sampled_from([None, "product", "sum", "min", "max", "radial"]))
     found: Json = {} if combine is None else {"combine": combine}
     form = "x" if combine == "radial" else draw(st.sampled_from(["xy", "xx", "yy", "x", "y"]))
@@ -257,12 +272,15 @@ def tracks(draw: Draw, definition: Json) -> Json:
 
 
 @st.composite
-def definitions(draw: Draw, *, rutted: bool = False, free: bool = False) -> Json:
+def definitions(
+    draw: Draw, *, rutted: bool = False, free: bool = False, gridded: bool = False
+) -> Json:
     """Valid definitions, of at most four levels and 31 elements.
 
-    With tracks if `rutted`, with elements at free places if `free`.
+    With tracks if `rutted`, with elements at free places if `free`, with grids of heights if
+    `gridded`.
     """
-    types = {f"p{k}": draw(primitives()) for k in range(draw(st.integers(1, 4)))}
+    types = {f"p{k}": draw(primitives(gridded=gridded)) for k in range(draw(st.integers(1, 4)))}
     surfaces = draw(st.lists(st.sampled_from(sorted(SURFACES)), max_size=4, unique=True))
     found: Json = {"size": draw(sizes())}
     optionally(draw, found, "descr", st.just("an example"))
@@ -327,6 +345,8 @@ def marks(definition: Json, limit: int = 40) -> list[Marks]:
         for axis, (low, length) in enumerate(sides):
             n = grid[axis]
             lines = [Fraction(k, n) for k in sorted({1, n // 2, n - 1} - {0, n})]
+            held = cells_of(primitive)[axis]
+            lines += [Fraction(k, held) for k in range(1, held)]
             for part in [Fraction(0), Fraction(1), *lines, *steps[axis]]:
                 coordinates[axis].extend(near(low + part * length))
             coordinates[axis].extend(float(low + Fraction(k, 2) * length / n) for k in (1, n))

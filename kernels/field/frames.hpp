@@ -4,7 +4,7 @@
 // of one cell in that. Its record says where only relative to the corner of its parent's cell.
 #pragma once
 
-#include "primitives.hpp"
+#include "shapes.hpp"
 
 namespace terratool {
 

@@ -46,11 +46,38 @@ inline Run inside_bounds(In x, double low, double high) {
     return {begin, end};
 }
 
+// Add a grid of heights that fills its block of cells.
+template <class Id>
+void paint_raster(
+    const Field& field, Canvas<Id>& canvas, const Painted& p, const BlockPixels& pixels
+) {
+    const auto& [u, v, x, y, part] = pixels;
+    const auto& [index, element, kind, pose, grid] = p;
+    Rates rates(p);
+    for (i64 r = part.south; r < part.north; ++r) {
+        i64 j = r - part.south;
+        Out row = canvas.heights.row(r, part.west, part.east);
+        fill(canvas.surfaces.row(r, part.west, part.east), Id(kind.surface + 1));
+        for (i64 n = 0; n < count_of(u); ++n) {
+            ShapePoint f = placed_raster(
+                field.curves, kind, element, pose, grid, {u[n], v[j]}, x[n], y[j]
+            );
+            row[n] += element.scale * f.value + element.offset;
+            if (canvas.slope_x.exists()) {
+                canvas.slope_x(r, part.west + n) += rates.x * f.du;
+                canvas.slope_y(r, part.west + n) += rates.y * f.dv;
+            }
+        }
+    }
+    if (canvas.labels.exists()) label_block(field, canvas, p, pixels);
+}
+
 // Add an unturned element that fills its block of cells.
 template <class Id>
 void paint_block(
     const Field& field, Canvas<Id>& canvas, const Painted& p, const BlockPixels& pixels
 ) {
+    if (p.kind.combine == GRID) return paint_raster(field, canvas, p, pixels);
     const Rectangle& part = pixels.part;
     Out fx = part_of(canvas.fx, part.west, part.east),
         fy = part_of(canvas.fy, part.south, part.north);
@@ -82,6 +109,10 @@ void add_special(
         radii(p.pose, u, v, s);
         curve_values(field.curves, curve_of(p.kind, X), s, fx);
         add_products(row, fx, scale, offset);
+    } else if (p.kind.combine == GRID) {
+        RasterAt raster(field.curves, p.kind);
+        for (i64 n = 0; n < count; ++n)
+            row[n] += scale * raster.at(turned(p.pose, u[n], v)).value + offset;
     } else {
         turn_row(p.pose, u, v, s, t);
         curve_values(field.curves, curve_of(p.kind, Y), t, fy);

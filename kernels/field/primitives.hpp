@@ -220,6 +220,11 @@ inline CurvePoint placed_curve(
     return knotted_piece(curves, at, i, clamp(t, curves.knots[here], curves.knots[here + 1]));
 }
 
+// Whether an edge in the world may decide within the footprint of a kind.
+INLINE bool has_edges(const Kind& kind) {
+    return kind.knotted[X] == STEPPED || kind.knotted[Y] == STEPPED || kind.combine == GRID;
+}
+
 // Value of two curves combined, and its slopes in u and v.
 INLINE ShapePoint combine(u8 how, CurvePoint x, CurvePoint y) {
     if (how == PRODUCT) return {x.value * y.value, x.slope * y.value, x.value * y.slope};
@@ -242,16 +247,6 @@ INLINE CurvePoint placed_curve_of(
     if (kind.knotted[axis] != STEPPED) return any_curve(curves, curve_of(kind, axis), t);
     Block block = block_of(element, pose, axis);
     return placed_curve(curves, curve_of(kind, axis), t, x, axis_of(grid, axis), block);
-}
-
-// Value of an unturned element's primitive, and its slopes in u and v, at (x, y) in the world.
-INLINE ShapePoint placed_shape(
-    const Curves& curves, const Kind& kind, const Element& element, const Pose& pose,
-    const Grid& grid, UV at, double x, double y
-) {
-    CurvePoint fx = placed_curve_of(curves, kind, element, pose, grid, X, at.u, x);
-    CurvePoint fy = placed_curve_of(curves, kind, element, pose, grid, Y, at.v, y);
-    return combine(kind.combine, fx, fy);
 }
 
 // Distance of (u, v) from the middle of the disc, in radii.
@@ -279,18 +274,5 @@ INLINE UV turned_slopes(const Pose& pose, double du, double dv) {
 
 // Whether a point lies outside of the rectangle, which is closed.
 INLINE bool is_beyond(UV at) { return max(abs(at.u - 0.5), abs(at.v - 0.5)) > 0.5 + EDGE; }
-
-// Whether a footprint holds (u, v), and value and slopes there, for any kind of primitive.
-INLINE Footprint special_shape(
-    const Curves& curves, const Kind& kind, const Element& element, const Pose& pose,
-    const Grid& grid, UV at, double x, double y
-) {
-    if (kind.combine == RADIAL) return radial(curves, kind, at);
-    if (pose.turned && is_beyond(at)) return {false, {0.0, 0.0, 0.0}};
-    if (!pose.turned) return {true, placed_shape(curves, kind, element, pose, grid, at, x, y)};
-    CurvePoint fx = any_curve(curves, curve_of(kind, X), clamp(at.u, 0.0, 1.0));
-    CurvePoint fy = any_curve(curves, curve_of(kind, Y), clamp(at.v, 0.0, 1.0));
-    return {true, combine(kind.combine, fx, fy)};
-}
 
 }  // namespace terratool

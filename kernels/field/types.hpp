@@ -5,7 +5,7 @@
 
 namespace terratool {
 
-enum Combine : u8 { PRODUCT, SUM, MIN, MAX, RADIAL };
+enum Combine : u8 { PRODUCT, SUM, MIN, MAX, RADIAL, GRID };
 
 // How the elements of a grid stand: in its cells, or each at a place of its own; plain ones are
 // leaves without a turn.
@@ -49,7 +49,14 @@ struct Kind {
     double count[2];
     u32 pieces[2][2], knots[2][2];
     i32 surface;
+    u32 raster;
     u8 combine, knotted[2], is_void, special;
+};
+
+// Heights of a grid, row by row from the north.
+struct Raster {
+    i64 first, count[2];
+    u8 pixel, voids;
 };
 
 struct Grid {
@@ -105,8 +112,14 @@ template <class Visit> void visit_members(FreeBins& b, Visit visit) {
 
 template <class Visit> void visit_members(Kind& k, Visit visit) {
     visit("count", k.count), visit("pieces", k.pieces), visit("knots", k.knots);
-    visit("surface", k.surface), visit("combine", k.combine), visit("knotted", k.knotted);
+    visit("surface", k.surface), visit("raster", k.raster);
+    visit("combine", k.combine), visit("knotted", k.knotted);
     visit("is_void", k.is_void), visit("special", k.special);
+}
+
+template <class Visit> void visit_members(Raster& r, Visit visit) {
+    visit("first", r.first), visit("count", r.count), visit("pixel", r.pixel);
+    visit("voids", r.voids);
 }
 
 template <class Visit> void visit_members(Grid& g, Visit visit) {
@@ -138,14 +151,17 @@ template <class Visit> void visit_members(Relief& r, Visit visit) {
     visit("per", r.per), visit("scale", r.scale), visit("key", r.key);
 }
 
+// Curves, and what stands in their place: heights of grids.
 struct Curves {
     In pieces, knots, rests;
     Span<const u32> bins;
+    Span<const Raster> rasters;
+    In heights;
 };
 
 template <class Visit> void visit_arguments(Curves& c, Visit visit) {
     visit("pieces", c.pieces), visit("knots[k]", c.knots), visit("rests[k]", c.rests);
-    visit("bins", c.bins);
+    visit("bins", c.bins), visit("rasters", c.rasters), visit("heights", c.heights);
 }
 
 struct Tracks {

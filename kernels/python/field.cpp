@@ -48,6 +48,14 @@ void KeptField::check() {
                 );
         }
     }
+    for (const Kind& k : f.kinds)
+        check_index(k.combine != GRID || k.raster < f.curves.rasters.size(), "a grid of heights");
+    for (const Raster& r : f.curves.rasters) {
+        i64 most = count_of(f.curves.heights);
+        bool is_some = r.count[X] > 0 && r.count[Y] > 0 && r.count[X] <= most;
+        check_index(is_some && r.count[Y] <= most / r.count[X], "the heights of a grid");
+        check_index(r.first >= 0 && r.first <= most - r.count[X] * r.count[Y], "a height");
+    }
     for (const Element& e : f.elements) {
         check_index(
             e.pose < f.poses.size() && e.kind < f.kinds.size() && e.grid < f.grids.size(),
@@ -110,26 +118,27 @@ void bind_field(nb::module_ m) {
     m.def(
         "check_records",
         [](nb::handle element, nb::handle grid, nb::handle pose, nb::handle place,
-           nb::handle free_bins, nb::handle kind, nb::handle segment, nb::handle member,
-           nb::handle copies, nb::handle relief) {
+           nb::handle free_bins, nb::handle kind, nb::handle raster, nb::handle segment,
+           nb::handle member, nb::handle copies, nb::handle relief) {
             check_record<Element>(element);
             check_record<Grid>(grid);
             check_record<Pose>(pose);
             check_record<Place>(place);
             check_record<FreeBins>(free_bins);
             check_record<Kind>(kind);
+            check_record<Raster>(raster);
             check_record<Segment>(segment);
             check_record<Member>(member);
             check_record<Copies>(copies);
             check_record<Relief>(relief);
         },
-        "element"_a, "grid"_a, "pose"_a, "place"_a, "free_bins"_a, "kind"_a, "segment"_a,
-        "member"_a, "copies"_a, "relief"_a,
+        "element"_a, "grid"_a, "pose"_a, "place"_a, "free_bins"_a, "kind"_a, "raster"_a,
+        "segment"_a, "member"_a, "copies"_a, "relief"_a,
         nb::sig(
             "def check_records(element: np.dtype[Any], grid: np.dtype[Any], "
             "pose: np.dtype[Any], place: np.dtype[Any], free_bins: np.dtype[Any], "
-            "kind: np.dtype[Any], segment: np.dtype[Any], member: np.dtype[Any], "
-            "copies: np.dtype[Any], relief: np.dtype[Any]) -> None"
+            "kind: np.dtype[Any], raster: np.dtype[Any], segment: np.dtype[Any], "
+            "member: np.dtype[Any], copies: np.dtype[Any], relief: np.dtype[Any]) -> None"
         ),
         "Refuse dtypes that are not the structs of the kernels."
     );

@@ -11,7 +11,8 @@ from msgspec import UNSET, Struct, UnsetType
 from terratool.definition import expression
 from terratool.definition.expression import Expression, ExpressionError
 from terratool.definition.findings import Remark
-from terratool.definition.model import CurveValue, Pair, Primitive
+from terratool.definition.model import REGISTRATIONS, CurveValue, GridRows, Pair, Primitive
+from terratool.report.wording import count_of
 from terratool.text.display import quote
 
 
@@ -36,12 +37,36 @@ class FormulaCurve(Struct, frozen=True):
 Curve = SampledCurve | KnotCurve | FormulaCurve
 
 
+class HeightGrid(Struct, frozen=True):
+    """Heights over the unit square, bilinear in between.
+
+    Attributes:
+        rows: heights, rows from north to south, each from west to east; None is void.
+        registration: where the heights stand, "gridline" or "pixel".
+    """
+
+    rows: GridRows
+    registration: str
+
+    def heights(self) -> Iterator[float]:
+        """Yield all heights but the void ones."""
+        return (height for row in self.rows for height in row if height is not None)
+
+
 class Shape(Struct, frozen=True):
-    """Both curves of a primitive; `y` is None where `x` is turned about the middle (radial)."""
+    """Shape of a primitive.
+
+    Attributes:
+        x: curve along x; 1 for a grid.
+        y: curve along y; None where `x` is turned about the middle (radial).
+        combine: way in which the curves combine, or "grid".
+        grid: heights in place of curves; None for curves.
+    """
 
     x: Curve
     y: Curve | None
     combine: str
+    grid: HeightGrid | None = None
 
 
 class CurveError(ValueError):
@@ -124,7 +149,18 @@ def _knot_problems(value: tuple[float | Pair, ...], key: str) -> Iterator[CurveE
 
 def problems(primitive: Primitive) -> tuple[CurveError, ...]:
     """Errors in the curves of a primitive, all of them; each rule reports its part."""
+    if primitive.grid is not UNSET:
+        return tuple(_grid_problems(primitive, primitive.grid))
     found = []
+    if primitive.registration is not UNSET:
+        found.append(
+            CurveError(
+                "TT311",
+                "/registration",
+                'there is a "registration", but no "grid".',
+                'Remove "registration", or give "grid".',
+            )
+        )
     for key, value in (("x", primitive.x), ("y", primitive.y)):
         if isinstance(value, str):
             try:
@@ -148,6 +184,33 @@ def problems(primitive: Primitive) -> tuple[CurveError, ...]:
             )
         )
     return tuple(found)
+
+
+def _grid_problems(primitive: Primitive, rows: GridRows) -> Iterator[CurveError]:
+    for key in ("x", "y", "combine"):
+        if getattr(primitive, key) is not UNSET:
+            yield CurveError(
+                "TT311",
+                f"/{key}",
+                f'there is "{key}" beside "grid".',
+                f'Remove "{key}", or "grid": a primitive is curves or a grid.',
+            )
+    if not rows or not rows[0]:
+        what = "has no rows" if not rows else "has no numbers in its first row"
+        yield CurveError(
+            "TT310", "/grid" if not rows else "/grid/0", f"the grid {what}.", "Give it numbers."
+        )
+        return
+    for index, row in enumerate(rows):
+        if len(row) != len(rows[0]):
+            yield CurveError(
+                "TT310",
+                f"/grid/{index}",
+                f"row {index} of the grid has {count_of(len(row), 'number')}, "
+                f"the first row {len(rows[0]):,}.",
+                "Give all rows equally many numbers; null stands for none.",
+            )
+            return
 
 
 def has_knots(value: CurveValue) -> bool:
@@ -184,6 +247,11 @@ def _radial_problems(primitive: Primitive) -> list[CurveError]:
 
 def shape_of(primitive: Primitive) -> Shape:
     """Curves of a valid primitive, with copies and omissions resolved."""
+    if primitive.grid is not UNSET:
+        given = primitive.registration
+        registration = REGISTRATIONS[0] if given is UNSET else str(given)
+        one = SampledCurve((1.0,))
+        return Shape(one, one, "grid", HeightGrid(primitive.grid, registration))
     combine = "product" if primitive.combine is UNSET else str(primitive.combine)
     if combine == "radial":
         return Shape(read_curve(primitive.x, "x"), None, combine)  # type: ignore[arg-type]

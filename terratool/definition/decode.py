@@ -304,6 +304,8 @@ class _Decoder:
         rest, subject = f"/{key}", f'"{key}"'
         if wanted.kind == "curve":
             return self._curve(wanted, key, item, owner)
+        if wanted.kind == "grid":
+            return self._grid(wanted, key, item, owner)
         if wanted.kind == "path":
             return self._path(wanted, key, item, owner)
         if wanted.kind == "depth":
@@ -382,6 +384,27 @@ class _Decoder:
             else:
                 points.append(self._single(_NUMBER, part, owner, rest, subject, key))
         return tuple(points)
+
+    def _grid(self, wanted: Key, key: str, item: Any, owner: Owner) -> Any:
+        if not isinstance(item, list):
+            return self._wrong_type(owner, f"/{key}", f'"{key}"', wanted.words, item)
+        rows = []
+        for index, row in enumerate(item):
+            rest = f"/{key}/{index}"
+            if isinstance(row, list):
+                rows.append(
+                    tuple(
+                        None
+                        if number is None
+                        else self._single(
+                            _NUMBER, number, owner, f"{rest}/{i}", f"item {i} of row {index}", key
+                        )
+                        for i, number in enumerate(row)
+                    )
+                )
+            else:
+                self._wrong_type(owner, rest, f'row {index} of "{key}"', "a list of numbers", row)
+        return tuple(rows)
 
     def _pair(self, pair: list[Any], owner: Owner, rest: str, subject: str, key: str) -> Any:
         """Knot or point as a tuple of two numbers."""

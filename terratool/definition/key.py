@@ -41,6 +41,7 @@ class Key(Struct, frozen=True):
         "object",
         "list",
         "curve",
+        "grid",
         "path",
         "depth",
         "members",

@@ -27,6 +27,9 @@ MAX_PASSES = 10**9
 """Most passes of a track; sums of passes stay whole in doubles."""
 COMBINES = ("product", "sum", "min", "max", "radial")
 """Ways in which the two curves of a primitive combine."""
+REGISTRATIONS = ("gridline", "pixel")
+"""Ways in which the numbers of a grid stand in the unit square, in the words of GMT: the outer ones
+on its edges, or each in the middle of a pixel."""
 
 LARGEST = 1e30
 """Largest size of lengths, heights and factors; their sums and squares stay finite."""
@@ -44,6 +47,8 @@ CurveValue = tuple[float | Pair, ...] | str
 
 A long vector is a `terratool.definition.vectors.Vector`.
 """
+GridRows = tuple[tuple[float | None, ...], ...]
+"""Heights of a grid: rows from north to south, each from west to east; None is void."""
 SoilFigure = float | Pair
 """Figure of a soil: a number, or a range [low, high] in which every value is equally likely."""
 SOIL_FIGURES = ("cohesion", "fric_angle", "sinkage", "shear_modulus")
@@ -152,12 +157,14 @@ def ranges_of(surfaces: Mapping[str, Surface]) -> tuple[Range, ...]:
 
 
 class Primitive(Struct, frozen=True, forbid_unknown_fields=True, rename="camel", kw_only=True):
-    """Primitive: two cross-section curves and the way in which they combine."""
+    """Primitive: two cross-section curves and the way in which they combine, or a grid."""
 
     descr: str | UnsetType = UNSET
     x: CurveValue | UnsetType = UNSET
     y: CurveValue | UnsetType = UNSET
     combine: str | UnsetType = UNSET
+    registration: str | UnsetType = UNSET
+    grid: GridRows | UnsetType = UNSET
 
 
 class Repeat(Struct, frozen=True, forbid_unknown_fields=True, rename="camel", gc=False):
@@ -451,6 +458,18 @@ TERRAIN_KEYS: dict[Shape, dict[str, Key]] = {
         "combine": choice("way to combine two curves", COMBINES).describe(
             "How the curves combine: product x(u)*y(v), sum, min, max, or radial: x turned about "
             "the middle of the cell.", "radial", default="product",
+        ),
+        "registration": choice("registration of a grid", REGISTRATIONS).describe(
+            "Where the numbers of the grid stand: the outer ones on the edges (gridline), or each "
+            "in the middle of a pixel (pixel).", "pixel", default="gridline",
+        ),
+        "grid": Key(
+            "a list of rows of numbers up to 1e30 in size and null, all equally long", "grid",
+            -LARGEST, LARGEST,
+        ).describe(
+            "Heights over the unit square, bilinear in between, in place of x, y and combine: rows "
+            "from north to south, each from west to east; null is void.",
+            [[0, 1, 0], [1, 3, 1], [0, None, 0]],
         ),
     },
     Element: {

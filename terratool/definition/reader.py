@@ -31,6 +31,7 @@ from terratool.definition.libraries import Shelf, SourceDocument, known_names
 from terratool.definition.model import (
     COMBINES,
     LARGEST,
+    REGISTRATIONS,
     Definition,
     Element,
     Library,
@@ -611,6 +612,11 @@ def _in_range(definition: Library, tree: Tree) -> bool:
             return False
         curves = (primitive.x, primitive.y)
         ranged += [(set(curve), KEYS[Primitive]["x"]) for curve in curves if type(curve) is tuple]
+        if primitive.registration not in (msgspec.UNSET, *REGISTRATIONS):
+            return False
+        if primitive.grid is not msgspec.UNSET:
+            numbers = set(chain.from_iterable(primitive.grid)) - {None}
+            ranged.append((numbers, KEYS[Primitive]["grid"]))
     for track in tracks:
         ranged.append((set(chain.from_iterable(track.points)), KEYS[Track]["path"]))
         if track.depth is not msgspec.UNSET:

@@ -103,7 +103,13 @@ _AT_A_PLACE = _needs("at", "extent", cellX=False, cellY=False, span=False)
 _BEYOND_KEYS: dict[Shape, Json] = {
     Definition: {"required": ["size", "elemTree"], **_one_of("elemTypes", "use")},
     Primitive: {
-        "anyOf": [_RADIAL, _needs("x", x=_GIVEN), _needs("y", y=_GIVEN)],
+        "anyOf": [
+            _RADIAL,
+            _needs("x", x=_GIVEN),
+            _needs("y", y=_GIVEN),
+            _needs("grid", x=False, y=False, combine=False),
+        ],
+        "dependentRequired": {"registration": ["grid"]},
         "if": _RADIAL,
         "then": _needs("x", x=_GIVEN, y=False),
     },
@@ -241,6 +247,10 @@ def _value(key: Key) -> Json:
     """Schema of the values of a key that is no object and holds none."""
     if key.kind == "path":
         return _list(_list(_number(key), 2, 2), 2)
+    if key.kind == "grid":
+        return _list(
+            _list({"type": ["number", "null"], "minimum": key.low, "maximum": key.high}, 1), 1
+        )
     if key.kind == "depth":
         by_name = {"type": "object", "additionalProperties": _number(key)}
         return {"anyOf": [_number(key), by_name]}

@@ -10,7 +10,14 @@ from itertools import pairwise
 from msgspec import Struct
 
 from terratool.definition import expression
-from terratool.definition.curves import Curve, FormulaCurve, KnotCurve, SampledCurve, shape_of
+from terratool.definition.curves import (
+    Curve,
+    FormulaCurve,
+    HeightGrid,
+    KnotCurve,
+    SampledCurve,
+    shape_of,
+)
 from terratool.definition.model import Pair, Primitive
 from terratool.definition.vectors import is_mirrored, range_of
 
@@ -143,23 +150,42 @@ def curve_values(curve: Curve) -> Callable[[float], float]:
     return between
 
 
+class GridSummary(Struct, frozen=True):
+    """Summary of a grid: ranges of all its heights, and of those on its rim."""
+
+    whole: Range
+    rim: Range
+
+
+def _of_grid(grid: HeightGrid) -> GridSummary:
+    rim = [*grid.rows[0], *grid.rows[-1], *(row[end] for row in grid.rows for end in (0, -1))]
+    around = [height for height in rim if height is not None]
+    return GridSummary(range_of([*grid.heights()] or [0.0]), range_of(around or [0.0]))
+
+
 class ShapeSummary(Struct, frozen=True):
     """Summaries of both curves of a shape; `y` is None where `x` is turned (radial)."""
 
     x: CurveSummary
     y: CurveSummary | None
     combine: str
+    grid: GridSummary | None = None
 
 
 def summarise_shape(primitive: Primitive) -> ShapeSummary:
     """Summarise the curves of a primitive, which must have no errors."""
     shape = shape_of(primitive)
+    if shape.grid is not None:
+        one = summarise_curve(shape.x)
+        return ShapeSummary(one, one, shape.combine, _of_grid(shape.grid))
     y = None if shape.y is None else summarise_curve(shape.y)
     return ShapeSummary(summarise_curve(shape.x), y, shape.combine)
 
 
 def value_range(summary: ShapeSummary) -> Range:
     """Least and largest value of a shape."""
+    if summary.grid is not None:
+        return summary.grid.whole
     if summary.y is None:
         return summary.x.right
     return _combined_range(summary.combine, summary.x.whole, summary.y.whole)
@@ -167,6 +193,8 @@ def value_range(summary: ShapeSummary) -> Range:
 
 def edge_range(summary: ShapeSummary) -> Range:
     """Least and largest value along the edges of the footprint."""
+    if summary.grid is not None:
+        return summary.grid.rim
     x, y = summary.x, summary.y
     if y is None:
         return x.ends[1], x.ends[1]

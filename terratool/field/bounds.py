@@ -36,6 +36,14 @@ def curve_pieces(arrays: FieldArrays, kind: Any, axis: str) -> tuple[Floats, Flo
     return starts, pieces * lengths[:, None] ** np.arange(4)
 
 
+def grid_heights(arrays: FieldArrays, kind: Any) -> Floats:
+    """Heights of the grid of a kind, (rows, columns), from the north; NaN for void ones."""
+    raster = arrays.curves.rasters[kind["raster"]]
+    columns, rows = map(int, raster["count"])
+    first = int(raster["first"])
+    return arrays.curves.heights[first : first + rows * columns].reshape(rows, columns)
+
+
 def curve_hulls(pieces: Floats) -> Floats:
     """Bernstein coefficients of cubics, (4, n), whose extremes bound each cubic on [0, 1].
 
@@ -51,6 +59,8 @@ def largest_heights(arrays: FieldArrays) -> Floats:
     combine = arrays.kinds["combine"]
     sizes = np.where(combine == COMBINE["sum"], x + y, np.maximum(x, y))
     sizes = np.where(combine == COMBINE["product"], x * y, sizes)
+    for kind in np.flatnonzero(combine == COMBINE["grid"]).tolist():
+        sizes[kind] = np.nanmax(np.abs(grid_heights(arrays, arrays.kinds[kind])), initial=0.0)
     elements = arrays.elements
     largest: Floats = np.abs(elements["scale"]) * sizes[elements["kind"]]
     largest += np.abs(elements["offset"])
@@ -112,6 +122,10 @@ def nonzero_edges(arrays: FieldArrays) -> NDArray[np.uint8]:
         level = x.start == x.end == y.start == y.end == 0.0
         if kind["combine"] == COMBINE["radial"]:  # a disc uses the right half of its curve
             out[k] = x.end != 0.0
+        elif kind["combine"] == COMBINE["grid"]:
+            heights = grid_heights(arrays, kind)
+            rim = heights[0], heights[-1], heights[:, 0], heights[:, -1]
+            out[k] = any((side != 0.0).any() for side in rim)
         elif kind["combine"] == COMBINE["product"]:
             out[k] = not (level or x.least == x.most == 0.0 or y.least == y.most == 0.0)
         elif kind["combine"] == COMBINE["min"]:
@@ -161,6 +175,10 @@ def _stretches(arrays: FieldArrays) -> NDArray[np.float64]:
     """Shortest straight stretches of each kind's curves x and y in t, (kinds, 2); inf for none."""
     out = np.full((len(arrays.kinds), 2), np.inf)
     for k, kind in enumerate(arrays.kinds):
+        if kind["combine"] == COMBINE["grid"]:
+            raster = arrays.curves.rasters[kind["raster"]]
+            out[k] = 1.0 / np.maximum(raster["count"] - (raster["pixel"] == 0), 1)
+            continue
         radial = kind["combine"] == COMBINE["radial"]
         out[k, 0] = _shortest(arrays, kind, "x", radial)
         # a disc has its one curve in every direction

@@ -15,6 +15,7 @@ from terratool.definition.curves import Curve, FormulaCurve, KnotCurve, SampledC
 from terratool.definition.exact import rests_of
 from terratool.definition.expression import CHECK_POINTS, MAX_VALUE, Expression, evaluate
 from terratool.definition.vectors import Vector
+from terratool.field.rasters import RasterStore
 from terratool.field.records import STEPPED, CurveArrays
 
 Floats = NDArray[np.float64]
@@ -283,8 +284,8 @@ class CurveStore:
             "knotted": 0 if curve.even else STEPPED if curve.stepped else 1,
         }
 
-    def curves(self) -> CurveArrays:
-        """Return all pieces, knots and bins that were stored."""
+    def curves(self, rasters: RasterStore) -> CurveArrays:
+        """Return all pieces, knots and bins that were stored, and the heights of grids."""
         rows, end = np.zeros((self._counts[0], 4)), 0
         for curve in self._pieces:  # into one array, as long vectors fill the memory
             begin, end = end, end + len(curve)
@@ -300,4 +301,6 @@ class CurveStore:
             np.concatenate(self._knots),
             np.concatenate(self._rests),
             np.concatenate(self._bins),
+            rasters.rasters(),
+            rasters.heights(),
         )

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from terratool.kernels import field as kernels
 
-COMBINE = {"product": 0, "sum": 1, "min": 2, "max": 3, "radial": 4}
+COMBINE = {"product": 0, "sum": 1, "min": 2, "max": 3, "radial": 4, "grid": 5}
 
 IN_CELLS, FREE, FREE_PLAIN = 0, 1, 2
 """Placement of a grid's elements: in its cells, at places of their own, or as leaves without turns
@@ -74,6 +74,7 @@ KIND = np.dtype(
         ("pieces", np.uint32, (2, 2)),  # the first piece, and the number of pieces minus 1
         ("knots", np.uint32, (2, 2)),  # the first knot and the first bin of a knotted curve
         ("surface", np.int32),  # index into the surfaces of the terrain; -1 for none
+        ("raster", np.uint32),  # index into rasters, of a grid
         ("combine", np.uint8),
         ("knotted", np.uint8, 2),  # 1 if pieces begin at knots; STEPPED if with vertical steps
         ("is_void", np.uint8),  # the surface is void
@@ -82,6 +83,17 @@ KIND = np.dtype(
     align=True,
 )
 """A primitive with a surface: a kind of element."""
+
+RASTER = np.dtype(
+    [
+        ("first", np.int64),  # index of its first height
+        ("count", np.int64, 2),  # columns and rows
+        ("pixel", np.uint8),  # 1 where heights stand in the middle of pixels
+        ("voids", np.uint8),  # 1 where some are void
+    ],
+    align=True,
+)
+"""The heights of a grid primitive, row by row from the north, NaN for void ones."""
 
 GRID = np.dtype(
     [
@@ -165,7 +177,9 @@ RELIEF = np.dtype(
 
 _ALIGNMENT = 8
 
-kernels.check_records(ELEMENT, GRID, POSE, PLACE, FREE_BINS, KIND, SEGMENT, MEMBER, COPIES, RELIEF)
+kernels.check_records(
+    ELEMENT, GRID, POSE, PLACE, FREE_BINS, KIND, RASTER, SEGMENT, MEMBER, COPIES, RELIEF
+)
 
 
 def align_arrays(value: Any) -> Any:
@@ -193,7 +207,7 @@ def scalar_columns(values: NDArray[Any]) -> list[NDArray[Any]]:
 
 
 class CurveArrays(NamedTuple):
-    """Pieces of all curves.
+    """Pieces of all curves, and the heights of all grids.
 
     Attributes:
         pieces: (4n,) float64, four coefficients per cubic piece; after the pieces of each evenly
@@ -202,12 +216,16 @@ class CurveArrays(NamedTuple):
         rests: (n,) float64, differences of the intended decimals from the doubles in `knots`.
         bins: (n,) uint32, for evenly spaced t the piece of a knotted curve at which a search
             begins.
+        rasters: RASTER.
+        heights: (n,) float64, heights of all rasters.
     """
 
     pieces: NDArray[np.float64]
     knots: NDArray[np.float64]
     rests: NDArray[np.float64]
     bins: NDArray[np.uint32]
+    rasters: NDArray[Any]
+    heights: NDArray[np.float64]
 
 
 class TrackArrays(NamedTuple):

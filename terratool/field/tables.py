@@ -13,6 +13,7 @@ from terratool.definition.curves import shape_of
 from terratool.definition.exact import Exact, decimal_sum, side
 from terratool.definition.model import Definition
 from terratool.field.pieces import CurveStore, Floats
+from terratool.field.rasters import RasterStore
 from terratool.field.records import (
     COMBINE,
     FREE,
@@ -362,7 +363,7 @@ def kinds_of(definition: Definition, types: Ints, surface: Ints) -> Kinds:
     pairs = np.column_stack([types[first], surface[first]])
     primitives = list(definition.primitives.values())
     void = [surface.void is True for surface in definition.surfaces.values()] + [False]
-    store = CurveStore()
+    store, rasters = CurveStore(), RasterStore()
     kinds = np.zeros(len(pairs), KIND)
     for kind, (type_, surface_) in zip(kinds, pairs, strict=True):
         shape = shape_of(primitives[type_])
@@ -372,7 +373,9 @@ def kinds_of(definition: Definition, types: Ints, surface: Ints) -> Kinds:
         for axis, curve in enumerate((shape.x, shape.y or shape.x)):
             store.put(kind, axis, curve)
         kind["special"] = kind["combine"] != COMBINE["product"] or kind["knotted"].any()
-    return Kinds(index, kinds, pairs[:, 0], store.curves())
+        if shape.grid is not None:
+            kind["raster"] = rasters.put(shape.grid)
+    return Kinds(index, kinds, pairs[:, 0], store.curves(rasters))
 
 
 _CANCELLED = 2.0**-80

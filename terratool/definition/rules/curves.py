@@ -113,6 +113,52 @@ def knots(subject: Subject) -> Iterator[Remark]:
     yield from _remarks(subject, "TT304")
 
 
+@rule("TT310", "grid-rows")
+def grid_rows(subject: Subject) -> Iterator[Remark]:
+    """A grid has no numbers, or rows of different lengths.
+
+    Rows run from north to south, each from west to east, as one reads a map.
+
+    Fails:
+
+        {"size": 10, "elemTypes": {"dem": {"grid": [[0, 1, 2], [0, 1]]}}, "elemTree": {"type": "dem"}}
+
+    Passes:
+
+        {
+          "size": 10,
+          "elemTypes": {"dem": {"grid": [[0, 1, 2], [0, 1, null]]}},
+          "elemTree": {"type": "dem"}
+        }
+
+    To mend: give each row as many numbers as the first; null is a place without ground.
+    """
+    yield from _remarks(subject, "TT310")
+
+
+@rule("TT311", "grid-and-curves")
+def grid_and_curves(subject: Subject) -> Iterator[Remark]:
+    """A primitive has a grid and curves, or the registration of a grid without a grid.
+
+    A grid says all heights by itself.
+
+    Fails:
+
+        {
+          "size": 10,
+          "elemTypes": {"dem": {"grid": [[0, 1], [2, 3]], "x": "ramp"}},
+          "elemTree": {"type": "dem"}
+        }
+
+    Passes:
+
+        {"size": 10, "elemTypes": {"dem": {"grid": [[0, 1], [2, 3]]}}, "elemTree": {"type": "dem"}}
+
+    To mend: remove the one or the other; a grid on a ramp is two elements.
+    """
+    yield from _remarks(subject, "TT311")
+
+
 @rule("TT305", "radial-y")
 def radial_y(subject: Subject) -> Iterator[Remark]:
     """A radial primitive has a curve y, though x alone is turned about the middle.

@@ -1,0 +1,43 @@
+"""Heights of grid primitives, as the kernels read them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terratool.definition.curves import HeightGrid
+from terratool.field.records import RASTER
+
+
+class RasterStore:
+    """Store of the heights of grids, each grid once."""
+
+    def __init__(self) -> None:
+        self._known: dict[HeightGrid, int] = {}
+        self._heights: list[NDArray[np.float64]] = []
+        self._records: list[tuple[int, tuple[int, int], bool, bool]] = []
+        self._count = 0
+
+    def put(self, grid: HeightGrid) -> int:
+        """Index of a grid among the rasters, storing a new one."""
+        if grid not in self._known:
+            heights = np.array(grid.rows, np.float64)  # None becomes NaN
+            rows, columns = heights.shape
+            voids = bool(np.isnan(heights).any())
+            self._known[grid] = len(self._records)
+            self._records.append(
+                (self._count, (columns, rows), grid.registration == "pixel", voids)
+            )
+            self._heights.append(heights.ravel())
+            self._count += heights.size
+        return self._known[grid]
+
+    def rasters(self) -> NDArray[Any]:
+        """All grids, RASTER."""
+        return np.array(self._records, RASTER)
+
+    def heights(self) -> NDArray[np.float64]:
+        """Heights of all grids, (n,), NaN for void ones."""
+        return np.concatenate([np.zeros(0), *self._heights])
