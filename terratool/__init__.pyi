@@ -729,6 +729,7 @@ class Element:
 
 def check(
     definition: AnyDefinition,
+    library_roots: str | Path | Sequence[str | Path] = (),
     *,
     kind: Kind | None = "terrain",
     warnings: bool = True,
@@ -736,7 +737,6 @@ def check(
     limit: int = 1000,
     select: tuple[str, ...] = (),
     ignore: tuple[str, ...] = (),
-    library_roots: tuple[str, ...] = (),
 ) -> Checked:
     """Check a definition, as `terratool validate` does; `findings` of the result say what is wrong."""
 

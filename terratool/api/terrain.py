@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from terratool.api.options import fill, floats, listed, public, takes
 from terratool.api.reports import ShownComparison, ShownReport, shown
 from terratool.api.showing import ShownTerrain
-from terratool.api.sources import UNNAMED, AnyDefinition, checked_source, source_of
+from terratool.api.sources import UNNAMED, AnyDefinition, checked_source, roots_of, source_of
 from terratool.api.verbs import INTERNAL, missing
 from terratool.definition.model import Definition
 from terratool.definition.reader import Checked
@@ -103,11 +103,11 @@ class UserTerrain(ShownTerrain):
             RequestError: the definition comes to too many elements.
         """
         super().__init__(definition, roughness=roughness, share_above=share_above)
-        self._roots = library_roots
+        self.library_roots = library_roots
         if isinstance(definition, Checked) and definition.document is not None:
-            self._text = definition.document.source
+            self.source = definition.document.source
         else:
-            self._text = Source(UNNAMED, msgspec.json.encode(definition))
+            self.source = Source(UNNAMED, msgspec.json.encode(definition))
 
     def __dir__(self) -> list[str]:
         return [name for name in super().__dir__() if name not in INTERNAL]
@@ -120,22 +120,22 @@ class UserTerrain(ShownTerrain):
     @property
     def name(self) -> str:
         """Name of the definition's file without its folder; empty where it came from no file."""
-        return "" if self._text.name == UNNAMED else Path(self._text.name).name
+        return "" if self.source.name == UNNAMED else Path(self.source.name).name
 
     @property
     def text(self) -> str:
         """Text of the definition, JSON."""
-        return self._text.data.decode("utf-8")
+        return self.source.data.decode("utf-8")
 
     @property
     def document(self) -> dict[str, Any]:
         """Members of the definition, as its text has them."""
-        found: dict[str, Any] = msgspec.json.decode(self._text.data)
+        found: dict[str, Any] = msgspec.json.decode(self.source.data)
         return found
 
     def _checked(self) -> Checked:
         """The definition, read and checked once more: it takes much memory."""
-        return checked_source(self._text, self._roots)
+        return checked_source(self.source, self.library_roots)
 
     # --- rasters and meshes -----------------------------------------------------------------------
 
@@ -231,7 +231,7 @@ class UserTerrain(ShownTerrain):
         """
         targets = listed(target)
         wanted = fill(SceneOptions, options)
-        source = self._text.name if Path(self._text.name).is_file() else None
+        source = self.source.name if Path(self.source.name).is_file() else None
         refuse_idle_targets(options.keys(), list(choose_targets(targets)))
         plan = plan_export(folder, targets, wanted, source=source, overwrite=overwrite)
         return plan.write(self)
@@ -469,8 +469,8 @@ def load(
     """Read, check and compile a definition.
 
     Args:
-        definition: path of a file, JSON as text or bytes, a dictionary, or a `Definition`. A text
-            that begins with a brace is JSON.
+        definition: path of a file, JSON as text or bytes, a dictionary, a `Definition`, or a
+            terrain, whose text is read once more. A text that begins with a brace is JSON.
         library_roots: further folders under which the libraries that it uses may lie.
         roughness: whether rough surfaces have their relief.
 
@@ -478,7 +478,7 @@ def load(
         ReadError: the file cannot be read.
         DefinitionError: the definition is no valid terrain; the findings say why.
     """
-    roots = tuple(map(str, listed(library_roots)))
+    roots = roots_of(definition, listed(library_roots))
     checked = checked_source(source_of(definition), roots)
     return UserTerrain(checked, roughness=roughness, library_roots=roots)
 

@@ -27,9 +27,9 @@ VERBS = {
 }
 """Words of Python that do the work of a command, by its name, where no verb has that name."""
 INTERNAL = frozenset((
-    "all_cells", "arrays", "cells", "descr_of", "field", "footprints", "is_shared", "numbers_of",
-    "parents", "place_of", "primitive_of", "ray_index", "refuse_degrees", "surface_of",
-    "written_out", "written_out_or_none",
+    "all_cells", "arrays", "cells", "descr_of", "field", "footprints", "is_shared",
+    "library_roots", "numbers_of", "parents", "place_of", "primitive_of", "ray_index",
+    "refuse_degrees", "source", "surface_of", "written_out", "written_out_or_none",
 ))  # fmt: skip
 """Names of a terrain that the package itself uses, and completion leaves out."""
 

@@ -135,9 +135,16 @@ def test_libraries_lie_where_roots_say(tmp_path: Path) -> None:
     site.write_text(json.dumps(text), "utf-8")
     with pytest.raises(terratool.DefinitionError):
         terratool.load(site)
-    terrain = terratool.load(site, [tmp_path])  # type: ignore[list-item]
-    assert terrain.height(1, 1) == 3
+    for root in (tmp_path, str(tmp_path), [tmp_path], (str(tmp_path),)):
+        terrain = terratool.load(site, root)
+        assert terrain.height(1, 1) == 3
+        assert terratool.check(site, library_roots=root).terrain is not None
     assert terrain.diff(terrain).same  # reads its text once more
+    # a terrain knows its folder and its roots
+    again = terratool.load(terrain)
+    assert (again.name, again.height(1, 1)) == ("a.json", 3)
+    assert terratool.load(again, tmp_path / "kit").height(1, 1) == 3
+    assert terratool.check(terrain).findings == terratool.check(site, tmp_path).findings
 
 
 def test_a_check_takes_the_options_of_the_command() -> None:
