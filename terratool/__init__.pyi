@@ -695,6 +695,7 @@ class Element:
         members: dict[str, Any],
         holder: dict[str, Any],
         key: str,
+        around: Any = None,
     ) -> None:
         """Wrap the members of an element, which stay those of the definition."""
 

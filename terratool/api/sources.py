@@ -82,7 +82,8 @@ def source_of(definition: AnyDefinition) -> Source:
         kind = type(definition).__name__
         raise RequestError(
             f"A definition is wanted, but a value of type {kind} is given.",
-            "Give the path of a file, JSON as text or bytes, a dictionary, a Definition or a Terrain.",
+            "Give the path of a file, JSON as text or bytes, a dictionary, a Definition, or a "
+            "Terrain.",
         )
     return read_source(definition)
 

@@ -143,8 +143,8 @@ class UserTerrain(ShownTerrain):
     def to_dem(self, **options: Any) -> DemArrays:
         """Heights and other layers at the centres of pixels, as arrays with their place.
 
-        NumPy takes the result for the array of its first layer. It has the `transform` and the
-        `crs`; `to_xarray()` gives a `xarray.DataArray`.
+        NumPy takes the result for the array of its heights, or of its only layer. It has the
+        `transform` and the `crs`; `to_xarray()` gives a `xarray.DataArray`.
 
         Args:
             **options: options of `DemOptions`, by name.

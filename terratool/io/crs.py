@@ -33,6 +33,23 @@ def read_crs(crs: CrsValue) -> CRS:
         raise RequestError(f"{shown_crs(crs)} names no reference system.", FORMS) from error
 
 
+def spell_crs(crs: CRS | None, about: list[str]) -> str | None:
+    """Spell a reference system as a definition does: by its code, else as WKT.
+
+    Args:
+        crs: the system; None for none.
+        about: list that gets a sentence if the system is left out, as it reads a file.
+    """
+    wkt = "" if crs is None else str(crs.to_wkt())
+    if crs is None or not wkt:
+        return None
+    if crs_problem(wkt):
+        about.append("The reference system reads a file, and was left out.")
+        return None
+    number = crs.to_epsg()
+    return f"EPSG:{number}" if number else wkt
+
+
 def shown_crs(crs: CrsValue) -> str:
     """Text of a reference system for messages."""
     return quote(crs) if isinstance(crs, str | int) else "an object"

@@ -32,13 +32,17 @@ from terratool.raster.export import (
 )
 from terratool.raster.geotiff import crs_of, transform_of
 from terratool.raster.grid import Grid, default_resolution, grid_over, overhang
+from terratool.raster.layers import layers_named
 from terratool.raster.mosaic import TILE_SIZE, export_mosaic
 from terratool.raster.prefetch import WindowMaker, prefetch, windows_of
 from terratool.raster.tiles import INDEX
+from terratool.report.wording import join_words
 
 if TYPE_CHECKING:
     import xarray
 
+HEIGHT = "height"
+"""Layer and band of heights."""
 CONTOURS = "contours"
 """Layer that is lines, and no pixels."""
 AnyDemReport = RasterReport | ContourReport
@@ -230,11 +234,12 @@ def write_dem(
 class DemArrays:
     """DEM in memory: an array for each band, its place and its reference system.
 
-    NumPy takes it for the array of its first band.
+    NumPy takes it for the array of its heights, or of its only band.
 
     Attributes:
-        bands: (rows, columns) array of each band by its name, row 0 in the north: float32 or
-            float64 with NaN for none; for "surface" numbers of surfaces, 0 for none.
+        bands: (rows, columns) array of each band by its name, in the order of the layers that were
+            asked for, row 0 in the north: float32 or float64 with NaN for none; for "surface"
+            numbers of surfaces, 0 for none.
         transform: affine transform from column and row of a pixel's corner to world x and y.
         crs: coordinate reference system; None without one.
         resolution: side of a pixel, in units of the terrain.
@@ -251,13 +256,33 @@ class DemArrays:
 
     @property
     def array(self) -> NDArray[Any]:
-        """Array of the first band, (rows, columns), row 0 in the north."""
+        """Array of the heights, or of the only band, (rows, columns), row 0 in the north.
+
+        Raises:
+            RequestError: there are several bands, and none has heights.
+        """
+        if len(self.bands) > 1:
+            return self.heights
         return next(iter(self.bands.values()))
+
+    @property
+    def heights(self) -> NDArray[Any]:
+        """Array of the heights, (rows, columns), row 0 in the north.
+
+        Raises:
+            RequestError: no band has heights.
+        """
+        if HEIGHT not in self.bands:
+            raise RequestError(
+                f"The DEM has no heights, but {join_words(list(self.bands))}.",
+                'Add "height" to its layers, or take a band by its name.',
+            )
+        return self.bands[HEIGHT]
 
     @property
     def shape(self) -> tuple[int, int]:
         """Numbers of rows and columns."""
-        rows, columns = self.array.shape
+        rows, columns = next(iter(self.bands.values())).shape
         return rows, columns
 
     @property
@@ -335,11 +360,13 @@ def dem_arrays(terrain: Terrain, choice: GridChoice, request: RasterRequest) -> 
         for whole, pixels in zip(found, made.buffer.pixels, strict=True):
             whole[:, rows, columns] = pixels
         maker.reuse(made)
-    bands: dict[str, NDArray[Any]] = {}
+    arrays: dict[str, NDArray[Any]] = {}
     units: dict[str, str] = {}
     for file, pixels in zip(files, found, strict=True):
-        bands.update(zip(file.names, pixels, strict=True))
+        arrays.update(zip(file.names, pixels, strict=True))
         units.update(zip(file.names, file.units, strict=True))
+    asked = [name for layer in layers_named(request.layers) for name in layer.bands]
+    bands = {name: arrays[name] for name in asked}
     has_surfaces = any(file.content == "surface" for file in files)
     names = terrain.surfaces if has_surfaces else ()
     return DemArrays(bands, transform_of(grid), crs, grid.resolution, units, names)

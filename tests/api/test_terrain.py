@@ -218,7 +218,7 @@ def test_without_matplotlib_the_table_is_left(
 
 def test_a_dem_has_the_heights_of_the_field(terrain: terratool.Terrain) -> None:
     dem = terrain.to_dem(resolution=0.5, layers=["height", "surface", "slope"], dtype="float64")
-    assert dem.shape == (16, 24) and list(dem.bands) == ["height", "slope", "surface"]
+    assert dem.shape == (16, 24) and list(dem.bands) == ["height", "surface", "slope"]
     x, y = np.meshgrid(dem.x, dem.y)
     assert dem["height"] == pytest.approx(terrain.height(x, y), abs=1e-12)
     assert np.array_equal(dem.array, dem["height"]) and np.asarray(dem).shape == (16, 24)
@@ -228,6 +228,27 @@ def test_a_dem_has_the_heights_of_the_field(terrain: terratool.Terrain) -> None:
     # a slope of 3 over 12 and of 3 over 8
     assert dem["slope"][-1, 0] == pytest.approx(np.degrees(np.arctan(np.hypot(0.25, 0.375))))
     assert dem.crs.to_epsg() == 32633
+
+
+def test_an_array_of_a_dem_has_its_heights_wherever_they_stand(terrain: terratool.Terrain) -> None:
+    layers = ["surface", "slope", "color", "height"]
+    dem = terrain.to_dem(resolution=1, layers=layers)
+    assert list(dem.bands) == ["surface", "slope", "red", "green", "blue", "height"]
+    x, y = np.meshgrid(dem.x, dem.y)
+    assert np.asarray(dem) == pytest.approx(terrain.height(x, y), abs=1e-5)
+    again = terratool.import_terrain(dem, max_error=0.01)
+    assert np.abs(again.height(x, y) - terrain.height(x, y)).max() <= 0.0101
+    slopes = terrain.to_dem(resolution=1, layers=["slope", "surface"])
+    assert slopes.shape == (8, 12)
+    says = r"^The DEM has no heights, but slope and surface\. Add \"height\" to its layers"
+    for ask in (np.asarray, lambda dem: terratool.import_terrain(dem, max_error=0.1)):
+        with pytest.raises(terratool.RequestError, match=says):
+            ask(slopes)
+    # of a single layer there is one array, which is no terrain
+    alone = terrain.to_dem(resolution=1, layers="slope")
+    assert np.array_equal(np.asarray(alone), slopes["slope"])
+    with pytest.raises(terratool.RequestError, match="The DEM has no heights, but slope"):
+        terratool.import_terrain(alone, max_error=0.1)
 
 
 def test_a_dem_is_what_the_command_writes(
