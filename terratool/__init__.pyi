@@ -7,6 +7,7 @@ from typing import Any, Literal, overload
 import trimesh
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
+from rasterio.crs import CRS
 from rasterio.transform import Affine
 
 from terratool._version import __version__ as __version__
@@ -16,6 +17,7 @@ from terratool.api.showing import ShownTerrain
 from terratool.api.sources import AnyDefinition
 from terratool.api.terrain import AnyPose, AnyVehicle
 from terratool.authoring.curriculum.build import curriculum as curriculum
+from terratool.definition.crs import CrsValue
 from terratool.definition.findings import Bounds, Finding
 from terratool.definition.keys import Kind
 from terratool.definition.model import Definition as ModelDefinition
@@ -760,7 +762,7 @@ def import_terrain(
     bounds: Bounds | None = None,
     window: tuple[int, int, int, int] | None = None,
     band: int | None = None,
-    crs: str | None = None,
+    crs: CrsValue | CRS | None = None,
     nodata: float | None = None,
     resolution: float | None = None,
     up: str | None = None,
@@ -788,7 +790,7 @@ def import_terrain(
     bounds: Bounds | None = None,
     window: tuple[int, int, int, int] | None = None,
     band: int | None = None,
-    crs: str | None = None,
+    crs: CrsValue | CRS | None = None,
     nodata: float | None = None,
     resolution: float | None = None,
     up: str | None = None,
@@ -816,7 +818,7 @@ def import_primitive(
     bounds: Bounds | None = None,
     window: tuple[int, int, int, int] | None = None,
     band: int | None = None,
-    crs: str | None = None,
+    crs: CrsValue | CRS | None = None,
     nodata: float | None = None,
     resolution: float | None = None,
     up: str | None = None,

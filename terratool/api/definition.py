@@ -12,6 +12,7 @@ from typing import Any
 from terratool.api.options import NamedOption, public, refuse_unknown, takes, takes_options
 from terratool.api.sources import UNNAMED, checked_source, json_of
 from terratool.api.terrain import UserTerrain
+from terratool.api.values import fitted
 from terratool.definition.findings import Finding
 from terratool.definition.key import Key
 from terratool.definition.keys import KEYS
@@ -134,11 +135,9 @@ def _element(what: str, given: dict[str, Any]) -> dict[str, Any]:
         if given.get("cell_x") is not None or given.get("cell_y") is not None:
             raise RequestError("The cell is given twice.", "Leave out cell_x and cell_y.")
         try:
-            given["cell_x"], given["cell_y"] = cell
-        except (TypeError, ValueError):
-            raise RequestError(
-                f"The cell is {cell!r}.", "Give column and row, as in cell=(3, 2)."
-            ) from None
+            given["cell_x"], given["cell_y"] = fitted("cell", cell, "tuple[int, int]", __name__)
+        except RequestError as error:
+            raise RequestError(error.message, "Give column and row, as in cell=(3, 2).") from None
     return members_of(Element, what, given)
 
 

@@ -12,7 +12,7 @@ import msgspec
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from terratool.api.options import fill, floats, listed, public, takes
+from terratool.api.options import fill, listed, public, takes
 from terratool.api.reports import ShownComparison, ShownReport, shown
 from terratool.api.showing import ShownTerrain
 from terratool.api.sources import UNNAMED, AnyDefinition, checked_source, roots_of, source_of
@@ -41,12 +41,11 @@ from terratool.simulators.export import SimulatorReport, plan_export
 from terratool.simulators.options import SceneOptions
 from terratool.simulators.options import refuse_idle as refuse_idle_targets
 from terratool.simulators.targets import choose_targets
-from terratool.text.meaning import guess
 from terratool.text.source import Source
 from terratool.traversability.assess import Request
 from terratool.traversability.compare import names_of, prepare
 from terratool.traversability.route.waypoints import read_waypoints
-from terratool.traversability.vehicle import MODELS, Vehicle, load_vehicle
+from terratool.traversability.vehicle import Vehicle, load_vehicle
 from terratool.viewing.diff.compare import DiffOptions, diff
 from terratool.viewing.diff.results import Difference
 from terratool.viewing.diff.sides import DiffSide
@@ -345,12 +344,9 @@ class UserTerrain(ShownTerrain):
         """
         from terratool.traversability.report.writing import JudgementFiles, assess_all
 
-        if model not in MODELS:
-            raise RequestError(
-                f"There is no model {model!r}.",
-                guess(model, MODELS) or f"Choose {' or '.join(MODELS)}.",
-            )
         vehicles = [each.by_model(model) for each in _vehicles(vehicle)]
+        if not vehicles:
+            raise RequestError("No vehicle is given.", "Give one, or several to compare them.")
         files = JudgementFiles(listed(report), map, overwrite)
         places = {"routes": _lines(routes), "waypoints": _ways(waypoints)}
         request = fill(Request, options, **places)
@@ -413,8 +409,6 @@ class UserTerrain(ShownTerrain):
             ReadError, DefinitionError: a file cannot be read, or has errors.
             WriteError: the file exists or cannot be written.
         """
-        if frame not in ("world", "sensor"):
-            raise RequestError(f"The frame is {frame!r}.", "Choose world or sensor.")
         scan = _scan(sensor, pose, poses, fill(ScanOptions, options))
         wanted = ScanOutput(Path(output), frame == "world", misses, overwrite)
         return export_scan(self, scan, wanted)
@@ -506,22 +500,16 @@ def _vehicles(vehicle: AnyVehicle | Sequence[AnyVehicle]) -> list[Vehicle]:
 
 
 def _lines(routes: Any) -> tuple[Line, ...]:
-    """Starts and goals of ways; four numbers are one way.
-
-    Raises:
-        RequestError: one is not four numbers.
-    """
-    given = _numbers(routes)
-    several = [routes] if given.size and given.ndim < 2 else listed(routes)
-    lines = [floats("a route", way, "x0, y0, x1, y1") for way in several]
-    return tuple((x0, y0, x1, y1) for x0, y0, x1, y1 in lines)
+    """Starts and goals of ways; four numbers are one way."""
+    return (routes,) if routes and isinstance(routes[0], float) else routes
 
 
 def _ways(waypoints: Any) -> tuple[Any, ...]:
     """Points of each way, where rows of x and y are one way."""
     points = _numbers(waypoints)
-    several = listed([waypoints] if points.ndim == 2 and points.shape[1] == 2 else waypoints)
-    return tuple(map(_points, several))
+    is_one = points.ndim == 2 and points.shape[1] == 2
+    several = isinstance(waypoints, str | Path | Sequence | np.ndarray) and not is_one
+    return tuple(map(_points, listed(waypoints) if several else [waypoints]))
 
 
 def _points(way: Any) -> Any:
@@ -565,7 +553,7 @@ def _poses(pose: Any) -> Poses:
     rows = np.atleast_2d(_numbers(pose))
     if rows.ndim != 2 or rows.shape[1] != 6 or math.prod(rows.shape) == 0:
         raise RequestError(
-            f"The pose is an array of shape {np.shape(pose)}.",
+            f"The pose is an array of shape {_numbers(pose).shape}.",
             "Give six numbers, x, y, z, yaw, pitch, roll, or rows of them.",
         )
     return Poses.join([one_pose(tuple(row)) for row in rows.tolist()])
@@ -575,5 +563,5 @@ def _numbers(value: Any) -> NDArray[np.float64]:
     """Array of numbers; an empty one where the value holds something else."""
     try:
         return np.asarray(value, np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         return np.zeros(0)

@@ -61,7 +61,12 @@ def sampled_array(
         transform = heights.transform if transform is None else transform
         crs = heights.crs if crs is None else crs
         heights = heights.heights
-    masked = np.ma.masked_invalid(np.ma.asarray(heights, np.float64))
+    try:
+        masked = np.ma.masked_invalid(np.ma.asarray(heights, np.float64))
+    except (TypeError, ValueError, OverflowError) as error:
+        raise RequestError(
+            "The heights are no array of numbers.", "Give one of rows and columns."
+        ) from error
     values = masked.filled(np.nan)
     if values.ndim != 2 or not values.size:
         raise RequestError(
@@ -81,7 +86,7 @@ def sampled_array(
     if nodata is not None:
         values = np.where(values == nodata, np.nan, values)
     rows, columns = values.shape
-    system = crs if crs is None or isinstance(crs, CRS) else read_crs(crs)
+    system = None if crs is None else read_crs(crs)
     notes: list[str] = []
     text = spell_crs(system, notes)
     unit = "°" if system is not None and system.is_geographic else "m"

@@ -12,12 +12,13 @@ from xml.parsers.expat import ExpatError
 
 import numpy as np
 from numpy.typing import NDArray
+from rasterio.crs import CRS
 from rasterio.enums import ColorInterp, Resampling
 from rasterio.transform import Affine
 from rasterio.vrt import WarpedVRT
 from rasterio.windows import Window
 
-from terratool.definition.crs import crs_problem, zone_of
+from terratool.definition.crs import CrsValue, crs_problem, zone_of
 from terratool.errors import ReadError, RequestError
 from terratool.importing.types import PixelGrid, SourceOptions, sample_range
 from terratool.io.crs import read_crs, spell_crs
@@ -214,7 +215,7 @@ def _band(name: str, file: Any, band: int | None) -> int:
     return band
 
 
-def _reproject(name: str, file: Any, crs: str, nodata: float | None) -> WarpedVRT:
+def _reproject(name: str, file: Any, crs: CrsValue | CRS, nodata: float | None) -> WarpedVRT:
     target = read_crs(crs)
     if file.crs is not None and crs_problem(file.crs.to_wkt()):
         raise RequestError(

@@ -11,12 +11,16 @@ from terratool.errors import RequestError
 from terratool.text.display import quote
 
 
-def read_crs(crs: CrsValue) -> CRS:
+def read_crs(crs: CrsValue | CRS) -> CRS:
     """Parse a coordinate reference system without letting PROJ or GDAL open a file.
+
+    One that rasterio has read stays as it is.
 
     Raises:
         RequestError: the form is not accepted, or PROJ does not know the system.
     """
+    if isinstance(crs, CRS):
+        return crs
     problem = crs_problem(crs)
     if problem is not None:
         raise RequestError(f"{shown_crs(crs)} names no reference system.", problem.hint)

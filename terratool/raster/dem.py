@@ -16,7 +16,9 @@ from terratool.definition.findings import Bounds
 from terratool.errors import RequestError
 from terratool.extras import install_command
 from terratool.field.terrain import Terrain
+from terratool.io.bands import Bands
 from terratool.output import refuse_existing
+from terratool.processes import memory_bytes
 from terratool.raster.contour_files import (
     ContourReport,
     ContourRequest,
@@ -31,7 +33,14 @@ from terratool.raster.export import (
     thread_count,
 )
 from terratool.raster.geotiff import crs_of, transform_of
-from terratool.raster.grid import Grid, default_resolution, grid_over, overhang
+from terratool.raster.grid import (
+    DEFAULT_PIXELS,
+    Grid,
+    default_resolution,
+    grid_over,
+    overhang,
+    resolution_within,
+)
 from terratool.raster.layers import layers_named
 from terratool.raster.mosaic import TILE_SIZE, export_mosaic
 from terratool.raster.prefetch import WindowMaker, prefetch, windows_of
@@ -337,6 +346,28 @@ class DemArrays:
         )
 
 
+def _empty_arrays(grid: Grid, files: Sequence[Bands]) -> list[NDArray[Any]]:
+    """Arrays (bands, rows, columns) of each file, to be painted.
+
+    Raises:
+        RequestError: they do not fit into the memory of the machine.
+    """
+    needed = grid.width * grid.height * sum(bands.pixel_bytes for bands in files)
+    try:
+        if needed > memory_bytes():
+            raise MemoryError
+        return [np.empty((bands.count, grid.height, grid.width), bands.dtype) for bands in files]
+    except MemoryError:
+        west, south, east, north = grid.bounds
+        enough, _ = resolution_within(east - west, north - south, DEFAULT_PIXELS)
+        raise RequestError(
+            f"{grid.width:,} × {grid.height:,} pixels take {needed:,} bytes, which do not fit into "
+            "memory.",
+            f"Give a coarser --resolution, such as {enough:.4g}, or smaller --bounds; a file takes "
+            "as many as there is space for.",
+        ) from None
+
+
 def dem_arrays(terrain: Terrain, choice: GridChoice, request: RasterRequest) -> DemArrays:
     """Paint layers of a terrain into memory; the pixels are those that `write_dem` writes.
 
@@ -346,12 +377,13 @@ def dem_arrays(terrain: Terrain, choice: GridChoice, request: RasterRequest) -> 
         request: names of the layers, their data type and the number of threads.
 
     Raises:
-        RequestError: a layer or the data type is unknown, or a value exceeds the type.
+        RequestError: a layer or the data type is unknown, a value exceeds the type, or the pixels
+            do not fit into memory.
         DefinitionError: the CRS of the terrain is unknown.
     """
     files, threads, crs = request.files(terrain), thread_count(request.threads), crs_of(terrain)
     grid = choice.grid
-    found = [np.empty((bands.count, grid.height, grid.width), bands.dtype) for bands in files]
+    found = _empty_arrays(grid, files)
     maker = WindowMaker(terrain, grid, files)
     for made in prefetch(maker.make, windows_of(grid.whole, files), threads):
         window = made.window

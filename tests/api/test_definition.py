@@ -202,7 +202,7 @@ def test_a_terrain_has_the_keys_of_its_text() -> None:
         (lambda d: d.surface("sand"), "There is a surface 'sand' already."),
         (lambda d: d.part("pallet"), "There is a part 'pallet' already."),
         (lambda d: terratool.Definition(siz=3), "Definition takes no 'siz'. Did you mean size?"),
-        (lambda d: d.add("box", cell=3), "The cell is 3. Give column and row, as in cell=(3, 2)."),
+        (lambda d: d.add("box", cell=3), "cell is 3. Give column and row, as in cell=(3, 2)."),
         (lambda d: d.add("box", cell=(3, 2), cell_x=1),
          "The cell is given twice. Leave out cell_x and cell_y."),
     ],

@@ -134,7 +134,7 @@ def test_errors_name_options_as_python_does(said: str, wanted: str) -> None:
          "origin is about a mesh, but a grid of heights is asked for. Leave out origin or "
          "elevation_grid=True."),
         (lambda t, p: t.write_mesh(p / "a.wrl", origin="centre"),
-         "The origin is 'centre'. Give local, center, world, or three numbers."),
+         "origin is 'centre'. Did you mean center?"),
         (lambda t, p: t.write_dem(), "No file is named. Name one, or a folder by tiles=…."),
         (lambda t, p: t.scan(p, (0, 0, 0, 0, 0, 0), poses=p),
          "Both pose and poses say where the sensor is. Give pose=(x, y, z, yaw, pitch, roll), or "
