@@ -12,6 +12,7 @@ from rasterio.transform import Affine
 
 from terratool._version import __version__ as __version__
 from terratool.api.importing import AnyHeights
+from terratool.api.mapping import AnyMap
 from terratool.api.reports import ShownComparison, ShownReport
 from terratool.api.showing import ShownTerrain
 from terratool.api.sources import AnyDefinition
@@ -35,13 +36,17 @@ from terratool.importing.terrain.methods import Method
 from terratool.mesh.origin import Origin
 from terratool.mesh.request import AnyMeshReport
 from terratool.raster.dem import AnyDemReport, DemArrays
+from terratool.sensing.comparison import MapComparison
 from terratool.sensing.export import ScanReport
+from terratool.sensing.map_request import Place
 from terratool.sensing.readings import Frame
+from terratool.sensing.robot_map import RobotMap
 from terratool.sensing.sensor import Sensor as Sensor
 from terratool.sensing.sensor import load_sensor as load_sensor
 from terratool.simulators.export import SimulatorReport
 from terratool.traversability.assess import Point
 from terratool.traversability.route.graph import Preference
+from terratool.traversability.ruts import Deformed
 from terratool.traversability.vehicle import Vehicle as Vehicle
 from terratool.traversability.vehicle import load_vehicle as load_vehicle
 from terratool.viewing.diff.results import Difference
@@ -67,6 +72,7 @@ __all__ = [
     "load",
     "load_sensor",
     "load_vehicle",
+    "map_scans",
     "new",
     "schema",
 ]
@@ -273,6 +279,36 @@ class Terrain(ShownTerrain):
     ) -> ShownReport | ShownComparison:
         """Say where a vehicle can drive, where not, and why, as `terratool traversability` does."""
 
+    @overload
+    def deform(
+        self,
+        vehicle: AnyVehicle,
+        path: ArrayLike | str | Path,
+        output: None = None,
+        *,
+        overwrite: bool = False,
+        passes: int = 1,
+        surface: str | None = None,
+        multipass: float | None = None,
+        max_error: float | None = None,
+    ) -> Terrain:
+        """Drive a vehicle along a path, and leave the ruts of its wheels, as `terratool deform`."""
+
+    @overload
+    def deform(
+        self,
+        vehicle: AnyVehicle,
+        path: ArrayLike | str | Path,
+        output: str | Path,
+        *,
+        overwrite: bool = False,
+        passes: int = 1,
+        surface: str | None = None,
+        multipass: float | None = None,
+        max_error: float | None = None,
+    ) -> Deformed:
+        """Drive a vehicle along a path, and leave the ruts of its wheels, as `terratool deform`."""
+
     def scan(
         self,
         sensor: Sensor | str | Path,
@@ -300,6 +336,17 @@ class Terrain(ShownTerrain):
         seed: int | None = None,
     ) -> ScanReport:
         """Write what a sensor reads into a file, as `terratool scan` does."""
+
+    def compare(
+        self,
+        map: AnyMap,
+        *,
+        level: int = 0,
+        transform: Affine | Sequence[float] | None = None,
+        picture: str | Path | None = None,
+        overwrite: bool = False,
+    ) -> MapComparison:
+        """Say how good a map of the terrain is, as `terratool compare` does."""
 
     def diff(
         self,
@@ -826,3 +873,19 @@ def import_primitive(
     allow_remote: bool = False,
 ) -> ImportedPrimitive:
     """Make a primitive of a patch of heights, as `terratool import-primitive` does."""
+
+def map_scans(
+    scans: str | Path | Sequence[str | Path],
+    output: str | Path | None = None,
+    *,
+    resolution: float,
+    levels: int = 3,
+    bounds: Bounds | None = None,
+    sensor_at: Place | None = None,
+    sigma: float | None = None,
+    sensor: Sensor | str | Path | None = None,
+    crs: str | None = None,
+    bag: str | Path | None = None,
+    overwrite: bool = False,
+) -> RobotMap:
+    """Fuse scans into the map that a robot would have made of them, as `terratool map` does."""

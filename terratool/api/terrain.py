@@ -11,7 +11,9 @@ from typing import TYPE_CHECKING, Any, Literal, overload
 import msgspec
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from rasterio.transform import Affine
 
+from terratool.api.mapping import AnyMap, any_map
 from terratool.api.options import fill, listed, public, takes
 from terratool.api.reports import ShownComparison, ShownReport, shown
 from terratool.api.showing import ShownTerrain
@@ -23,6 +25,7 @@ from terratool.errors import RequestError
 from terratool.field.terrain import SHARE_ABOVE
 from terratool.mesh.export import MeshOptions
 from terratool.mesh.request import AnyMeshReport, MeshRequest, write_mesh_files
+from terratool.output import refuse_existing, refuse_missing_folder
 from terratool.raster.dem import (
     AnyDemReport,
     DemArrays,
@@ -32,6 +35,7 @@ from terratool.raster.dem import (
     write_dem,
 )
 from terratool.raster.dem import refuse_idle as refuse_idle_contours
+from terratool.sensing.comparison import MapComparison, compare
 from terratool.sensing.export import ScanOutput, ScanReport, export_scan
 from terratool.sensing.poses import Poses, one_pose, read_poses
 from terratool.sensing.readings import Frame
@@ -45,11 +49,20 @@ from terratool.text.source import Source
 from terratool.traversability.assess import Request
 from terratool.traversability.compare import names_of, prepare
 from terratool.traversability.route.waypoints import read_waypoints
+from terratool.traversability.ruts import (
+    Deformed,
+    DeformOptions,
+    check_path,
+    deform,
+    with_tracks,
+    write_deformed,
+)
 from terratool.traversability.vehicle import Vehicle, load_vehicle
 from terratool.viewing.diff.compare import DiffOptions, diff
 from terratool.viewing.diff.results import Difference
 from terratool.viewing.diff.sides import DiffSide
 from terratool.viewing.diff.writing import GroundFiles
+from terratool.viewing.differences import refuse_picture
 from terratool.viewing.mesh import PageOptions
 from terratool.viewing.options import Line, RenderOptions, RenderReport, refuse_idle
 from terratool.viewing.places import Site
@@ -353,6 +366,57 @@ class UserTerrain(ShownTerrain):
         planned = prepare(self, vehicles, request, map_path=map, overwrite=overwrite)
         return shown(assess_all(planned, self.name, files))
 
+    @overload
+    def deform(
+        self, vehicle: AnyVehicle, path: ArrayLike | str | Path, output: None = None, *,
+        overwrite: bool = False, **options: Any,
+    ) -> UserTerrain: ...  # fmt: skip
+    @overload
+    def deform(
+        self, vehicle: AnyVehicle, path: ArrayLike | str | Path, output: str | Path, *,
+        overwrite: bool = False, **options: Any,
+    ) -> Deformed: ...  # fmt: skip
+    @takes(DeformOptions)
+    def deform(
+        self,
+        vehicle: AnyVehicle,
+        path: ArrayLike | str | Path,
+        output: str | Path | None = None,
+        *,
+        overwrite: bool = False,
+        **options: Any,
+    ) -> UserTerrain | Deformed:
+        """Drive a vehicle along a path, and leave the ruts of its wheels, as `terratool deform`.
+
+        Args:
+            vehicle: vehicle, or path of its file.
+            path: points that its middle drives along, (n, 2), or the path of their file.
+            output: file to write, compressed if it ends in .gz; None gives the terrain with the
+                ruts itself.
+            overwrite: whether the file may exist already.
+            **options: options of `DeformOptions`, by name.
+
+        Raises:
+            RequestError: the path is too short, leaves the terrain or its ground, or lies on a
+                surface without a sinkage; or an option makes no sense.
+            MissedError: a wheel would sink by its radius or more.
+            ReadError, DefinitionError: a file cannot be read, or has errors.
+            WriteError: the file exists, or cannot be written.
+        """
+        wanted = fill(DeformOptions, options)
+        if output is not None:
+            refuse_existing(Path(output), overwrite)
+            refuse_missing_folder(Path(output))
+        way = _points(path)
+        check_path(way, self.bounds)
+        deformed = deform(self._checked(), _vehicle(vehicle), way, wanted)
+        if output is not None:
+            write_deformed(self.source, output, deformed, overwrite, self.library_roots)
+            return deformed
+        driven = with_tracks(self.source, deformed, self.source.name)
+        checked = checked_source(driven, self.library_roots)
+        return UserTerrain(checked, roughness=self.is_rough, library_roots=self.library_roots)
+
     @takes(ScanOptions)
     def scan(
         self,
@@ -412,6 +476,44 @@ class UserTerrain(ShownTerrain):
         scan = _scan(sensor, pose, poses, fill(ScanOptions, options))
         wanted = ScanOutput(Path(output), frame == "world", misses, overwrite)
         return export_scan(self, scan, wanted)
+
+    @takes()
+    def compare(
+        self,
+        map: AnyMap,  # noqa: A002 -- the command's word
+        *,
+        level: int = 0,
+        transform: Affine | Sequence[float] | None = None,
+        picture: str | Path | None = None,
+        overwrite: bool = False,
+    ) -> MapComparison:
+        """Say how good a map of the terrain is, as `terratool compare` does.
+
+        The height of the terrain in a cell is that at its middle; in coarser cells the mean of
+        those at the middles of the finest ones.
+
+        Args:
+            map: map of `terratool.map_scans`, path of one or of another raster of heights, or an
+                array, row 0 in the north.
+            level: level of a map of `map_scans`, 0 for the finest.
+            transform: affine transform of an array, as rasterio has it: from column and row of a
+                pixel's corner to world x and y.
+            picture: path of a .png that shows where the map is too high or too low; None for none.
+            overwrite: whether the picture may exist already.
+
+        Raises:
+            RequestError: the map misses the terrain, has another reference system, or is too fine.
+            ReadError: the file cannot be read.
+            WriteError: the picture exists already, or cannot be written.
+        """
+        if picture is not None:
+            refuse_picture(picture, overwrite)
+        compared = compare(any_map(map, level, transform), self)
+        if picture is not None:
+            from terratool.viewing.map_errors import write_picture
+
+            write_picture(compared, self, picture, overwrite=overwrite)
+        return compared
 
     # --- other terrains ---------------------------------------------------------------------------
 

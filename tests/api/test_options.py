@@ -27,6 +27,9 @@ VERBS: dict[str, tuple[str, dict[str, str]]] = {
     "traversability": ("traversability", {"reports": "report", "map_": "map"}),
     "write_scan": ("scan", {"sensor_file": "sensor", "poses": "pose", "path_file": "poses"}),
     "diff": ("diff", {"map_": "map"}),
+    "deform": ("deform", {"path_file": "path"}),
+    "map_scans": ("map", {"sensor_file": "sensor"}),
+    "compare": ("compare", {"map_": "map"}),
     "import_terrain": ("import-terrain", {}),
     "import_primitive": ("import-primitive", {}),
 }
@@ -36,7 +39,7 @@ SHELL = {
     "output_by_name", "origin_at",  # other spellings of an argument and of an option
     "wheel_radius", "wheel_width", "load", "grouser_height", "tyre_pressure", "contact_length",
     "torque", "max_slip",  # a Vehicle in Python
-    "conditions", "exit_code",  # exit codes
+    "conditions", "exit_code", "max_rmse", "min_coverage",  # exit codes
     "config_file", "formats", "max_changes", "called", "git", "difftool",  # texts and git
 }  # fmt: skip
 """Parameters of commands that are about files, shells and exit codes, or stand in a record."""

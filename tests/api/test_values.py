@@ -83,6 +83,9 @@ VERBS: dict[str, tuple[Callable[[], Verb], dict[str, Any]]] = {
     "scan": (lambda: terrain().scan, {"sensor": SONAR, "pose": POSE}),
     "write_scan": (lambda: terrain().write_scan,
                    {"output": "a.csv", "sensor": SONAR, "pose": POSE, "on_ground": 1, **SURE}),
+    "deform": (lambda: terrain().deform, {"vehicle": HUSKY, "path": [(1, 1.5), (2, 1.5)], **SURE}),
+    "compare": (lambda: terrain().compare, {"map": HEIGHTS, "transform": PLACE, **SURE}),
+    "map_scans": (lambda: terratool.map_scans, {"scans": "cloud.csv", "resolution": 1, **SURE}),
     "diff": (lambda: terrain().diff, {"other": OTHER, "resolution": 0.5, **SURE}),
     "load": (lambda: terratool.load, {"definition": SITE}),
     "check": (lambda: terratool.check, {"definition": SITE}),
@@ -120,6 +123,7 @@ def test_any_value_of_any_option_is_taken_or_refused(
 ) -> None:
     """With an error of the package, whose two sentences say what is wrong and what to do."""
     monkeypatch.chdir(tmp_path)
+    Path("cloud.csv").write_text("x,y,z\n2,3,4\n2.5,3,4\n", "utf-8")
     make, given = VERBS[verb]
     for option in inspect.signature(make()).parameters:
         ask(make(), given, option, WRONG[value])
