@@ -41,6 +41,8 @@ WRONG: dict[str, Any] = {
     "words": ["a"], "huge": 10**400, "tiny": 1e-300, "fine": 1e-6, "dict": {"a": 1}, "yes": True,
     "array": np.array([1.5, 2.5]), "four": (1, 2, 3, 2.5), "line": [(1, 1), (1, 2)],
 }  # fmt: skip
+RARE = [*WRONG][[*WRONG].index("ragged") + 1 :]
+"""Values that only all tests of a night try."""
 
 
 def terrain() -> terratool.Terrain:
@@ -116,7 +118,9 @@ def ask(verb: Verb, given: dict[str, Any], option: str, value: Any) -> None:
         assert error.message and error.hint, option
 
 
-@pytest.mark.parametrize("value", WRONG)
+@pytest.mark.parametrize(
+    "value", [pytest.param(one, marks=[pytest.mark.nightly] * (one in RARE)) for one in WRONG]
+)
 @pytest.mark.parametrize("verb", VERBS)
 def test_any_value_of_any_option_is_taken_or_refused(
     verb: str, value: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
