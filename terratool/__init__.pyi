@@ -283,7 +283,7 @@ class Terrain(ShownTerrain):
     def deform(
         self,
         vehicle: AnyVehicle,
-        path: ArrayLike | str | Path,
+        waypoints: ArrayLike | str | Path,
         output: None = None,
         *,
         overwrite: bool = False,
@@ -298,7 +298,7 @@ class Terrain(ShownTerrain):
     def deform(
         self,
         vehicle: AnyVehicle,
-        path: ArrayLike | str | Path,
+        waypoints: ArrayLike | str | Path,
         output: str | Path,
         *,
         overwrite: bool = False,

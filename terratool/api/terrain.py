@@ -368,19 +368,19 @@ class UserTerrain(ShownTerrain):
 
     @overload
     def deform(
-        self, vehicle: AnyVehicle, path: ArrayLike | str | Path, output: None = None, *,
+        self, vehicle: AnyVehicle, waypoints: ArrayLike | str | Path, output: None = None, *,
         overwrite: bool = False, **options: Any,
     ) -> UserTerrain: ...  # fmt: skip
     @overload
     def deform(
-        self, vehicle: AnyVehicle, path: ArrayLike | str | Path, output: str | Path, *,
+        self, vehicle: AnyVehicle, waypoints: ArrayLike | str | Path, output: str | Path, *,
         overwrite: bool = False, **options: Any,
     ) -> Deformed: ...  # fmt: skip
     @takes(DeformOptions)
     def deform(
         self,
         vehicle: AnyVehicle,
-        path: ArrayLike | str | Path,
+        waypoints: ArrayLike | str | Path,
         output: str | Path | None = None,
         *,
         overwrite: bool = False,
@@ -390,7 +390,7 @@ class UserTerrain(ShownTerrain):
 
         Args:
             vehicle: vehicle, or path of its file.
-            path: points that its middle drives along, (n, 2), or the path of their file.
+            waypoints: points that its middle drives along, (n, 2), or the path of their file.
             output: file to write, compressed if it ends in .gz; None gives the terrain with the
                 ruts itself.
             overwrite: whether the file may exist already.
@@ -407,7 +407,7 @@ class UserTerrain(ShownTerrain):
         if output is not None:
             refuse_existing(Path(output), overwrite)
             refuse_missing_folder(Path(output))
-        way = _points(path)
+        way = _points(waypoints)
         check_path(way, self.bounds)
         deformed = deform(self._checked(), _vehicle(vehicle), way, wanted)
         if output is not None:

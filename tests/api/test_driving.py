@@ -70,7 +70,7 @@ def test_a_drive_leaves_ruts_in_a_terrain_of_its_own(file: Path) -> None:
 
 def test_ruts_are_written_as_the_command_writes_them(file: Path, tmp_path: Path) -> None:
     vehicle, way = tmp_path / "vehicle.json", tmp_path / "way.csv"
-    words = ["--vehicle", vehicle, "--path", way, "--passes", 3, "--max-error", 0.05]
+    words = ["--vehicle", vehicle, "--waypoints", way, "--passes", 3, "--max-error", 0.05]
     (tmp_path / "sub").mkdir()
     told = json.loads(call("deform", file, *words, "-o", tmp_path / "sub/a.json", "--json").out)
     terrain = terratool.load(file)
@@ -109,8 +109,8 @@ def test_libraries_are_found_after_a_drive(file: Path, tmp_path: Path) -> None:
         ({"multipass": 0.5}, "The exponent of passes is 0.5. Give a finite number from 1 on."),
         ({"max_error": 0.0}, "The largest error is 0. Give a finite length above 0."),
         ({"surface": "mud"}, 'There is no surface "mud" for the ruts.'),
-        ({"path": [(0, 0), (1, 1)]}, "A point of the path"),
-        ({"path": [(1, 2)]}, "Give two or more rows of x and y."),
+        ({"waypoints": [(0, 0), (1, 1)]}, "A point of the path"),
+        ({"waypoints": [(1, 2)]}, "Give two or more rows of x and y."),
     ],
 )
 def test_a_drive_that_makes_no_sense_is_refused(
@@ -118,7 +118,7 @@ def test_a_drive_that_makes_no_sense_is_refused(
 ) -> None:
     terrain = terratool.load(file)
     with pytest.raises(terratool.RequestError) as error:
-        terrain.deform(**{"vehicle": file.parent / "vehicle.json", "path": WAY, **options})
+        terrain.deform(**{"vehicle": file.parent / "vehicle.json", "waypoints": WAY, **options})
     assert says in str(error.value)
 
 
