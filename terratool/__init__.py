@@ -25,6 +25,7 @@ _HOMES = {
     "schema": "terratool.definition.schemas:schema",
     "import_terrain": "terratool.api.importing:import_terrain_from",
     "import_primitive": "terratool.api.importing:import_primitive_from",
+    "map_scans": "terratool.api.mapping:map_scans_of",
     "curriculum": "terratool.authoring.curriculum.build:curriculum",
     "Vehicle": "terratool.traversability.vehicle:Vehicle",
     "load_vehicle": "terratool.traversability.vehicle:load_vehicle",

@@ -7,15 +7,18 @@ from typing import Any, Literal, overload
 import trimesh
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
+from rasterio.crs import CRS
 from rasterio.transform import Affine
 
 from terratool._version import __version__ as __version__
 from terratool.api.importing import AnyHeights
+from terratool.api.mapping import AnyMap
 from terratool.api.reports import ShownComparison, ShownReport
 from terratool.api.showing import ShownTerrain
 from terratool.api.sources import AnyDefinition
 from terratool.api.terrain import AnyPose, AnyVehicle
 from terratool.authoring.curriculum.build import curriculum as curriculum
+from terratool.definition.crs import CrsValue
 from terratool.definition.findings import Bounds, Finding
 from terratool.definition.keys import Kind
 from terratool.definition.model import Definition as ModelDefinition
@@ -33,13 +36,17 @@ from terratool.importing.terrain.methods import Method
 from terratool.mesh.origin import Origin
 from terratool.mesh.request import AnyMeshReport
 from terratool.raster.dem import AnyDemReport, DemArrays
+from terratool.sensing.comparison import MapComparison
 from terratool.sensing.export import ScanReport
+from terratool.sensing.map_request import Place
 from terratool.sensing.readings import Frame
+from terratool.sensing.robot_map import RobotMap
 from terratool.sensing.sensor import Sensor as Sensor
 from terratool.sensing.sensor import load_sensor as load_sensor
 from terratool.simulators.export import SimulatorReport
 from terratool.traversability.assess import Point
 from terratool.traversability.route.graph import Preference
+from terratool.traversability.ruts import Deformed
 from terratool.traversability.vehicle import Vehicle as Vehicle
 from terratool.traversability.vehicle import load_vehicle as load_vehicle
 from terratool.viewing.diff.results import Difference
@@ -65,6 +72,7 @@ __all__ = [
     "load",
     "load_sensor",
     "load_vehicle",
+    "map_scans",
     "new",
     "schema",
 ]
@@ -271,6 +279,36 @@ class Terrain(ShownTerrain):
     ) -> ShownReport | ShownComparison:
         """Say where a vehicle can drive, where not, and why, as `terratool traversability` does."""
 
+    @overload
+    def deform(
+        self,
+        vehicle: AnyVehicle,
+        waypoints: ArrayLike | str | Path,
+        output: None = None,
+        *,
+        overwrite: bool = False,
+        passes: int = 1,
+        surface: str | None = None,
+        multipass: float | None = None,
+        max_error: float | None = None,
+    ) -> Terrain:
+        """Drive a vehicle along a path, and leave the ruts of its wheels, as `terratool deform`."""
+
+    @overload
+    def deform(
+        self,
+        vehicle: AnyVehicle,
+        waypoints: ArrayLike | str | Path,
+        output: str | Path,
+        *,
+        overwrite: bool = False,
+        passes: int = 1,
+        surface: str | None = None,
+        multipass: float | None = None,
+        max_error: float | None = None,
+    ) -> Deformed:
+        """Drive a vehicle along a path, and leave the ruts of its wheels, as `terratool deform`."""
+
     def scan(
         self,
         sensor: Sensor | str | Path,
@@ -298,6 +336,17 @@ class Terrain(ShownTerrain):
         seed: int | None = None,
     ) -> ScanReport:
         """Write what a sensor reads into a file, as `terratool scan` does."""
+
+    def compare(
+        self,
+        map: AnyMap,
+        *,
+        level: int = 0,
+        transform: Affine | Sequence[float] | None = None,
+        picture: str | Path | None = None,
+        overwrite: bool = False,
+    ) -> MapComparison:
+        """Say how good a map of the terrain is, as `terratool compare` does."""
 
     def diff(
         self,
@@ -695,6 +744,7 @@ class Element:
         members: dict[str, Any],
         holder: dict[str, Any],
         key: str,
+        around: Any = None,
     ) -> None:
         """Wrap the members of an element, which stay those of the definition."""
 
@@ -729,6 +779,7 @@ class Element:
 
 def check(
     definition: AnyDefinition,
+    library_roots: str | Path | Sequence[str | Path] = (),
     *,
     kind: Kind | None = "terrain",
     warnings: bool = True,
@@ -736,7 +787,6 @@ def check(
     limit: int = 1000,
     select: tuple[str, ...] = (),
     ignore: tuple[str, ...] = (),
-    library_roots: tuple[str, ...] = (),
 ) -> Checked:
     """Check a definition, as `terratool validate` does; `findings` of the result say what is wrong."""
 
@@ -759,7 +809,7 @@ def import_terrain(
     bounds: Bounds | None = None,
     window: tuple[int, int, int, int] | None = None,
     band: int | None = None,
-    crs: str | None = None,
+    crs: CrsValue | CRS | None = None,
     nodata: float | None = None,
     resolution: float | None = None,
     up: str | None = None,
@@ -787,7 +837,7 @@ def import_terrain(
     bounds: Bounds | None = None,
     window: tuple[int, int, int, int] | None = None,
     band: int | None = None,
-    crs: str | None = None,
+    crs: CrsValue | CRS | None = None,
     nodata: float | None = None,
     resolution: float | None = None,
     up: str | None = None,
@@ -815,7 +865,7 @@ def import_primitive(
     bounds: Bounds | None = None,
     window: tuple[int, int, int, int] | None = None,
     band: int | None = None,
-    crs: str | None = None,
+    crs: CrsValue | CRS | None = None,
     nodata: float | None = None,
     resolution: float | None = None,
     up: str | None = None,
@@ -823,3 +873,19 @@ def import_primitive(
     allow_remote: bool = False,
 ) -> ImportedPrimitive:
     """Make a primitive of a patch of heights, as `terratool import-primitive` does."""
+
+def map_scans(
+    scans: str | Path | Sequence[str | Path],
+    output: str | Path | None = None,
+    *,
+    resolution: float,
+    levels: int = 3,
+    bounds: Bounds | None = None,
+    sensor_at: Place | None = None,
+    sigma: float | None = None,
+    sensor: Sensor | str | Path | None = None,
+    crs: str | None = None,
+    bag: str | Path | None = None,
+    overwrite: bool = False,
+) -> RobotMap:
+    """Fuse scans into the map that a robot would have made of them, as `terratool map` does."""

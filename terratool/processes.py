@@ -1,7 +1,8 @@
-"""Calls in a Python process of their own, for libraries that may crash or use up the memory."""
+"""Calls in a Python process of their own, for libraries that may crash, and limits of memory."""
 
 from __future__ import annotations
 
+import math
 import os
 import subprocess
 import sys
@@ -21,6 +22,14 @@ def python_calling(module: str, function: str, *arguments: str) -> dict[str, Any
         "env": {**os.environ, "PYTHONPATH": os.pathsep.join(folders)},
         "stdin": subprocess.DEVNULL,
     }
+
+
+def memory_bytes() -> float:
+    """Bytes of memory that the machine has; infinity where the system does not say."""
+    try:
+        return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    except (AttributeError, OSError, ValueError):
+        return math.inf
 
 
 def limit_memory(most: int) -> None:

@@ -31,7 +31,7 @@ STANDARD = {
 NAME = re.compile(r'"[^"]*"|\'[^\']*\'|(?<![\w.])[A-Za-z_]\w*')
 """A text, which names nothing, or a name that no dot stands before."""
 WRITTEN = ("load", "Terrain", "new", "Definition", "Element", "check", "import_terrain",
-           "import_primitive")  # fmt: skip
+           "import_primitive", "map_scans")  # fmt: skip
 """Public names whose options are written out; others are imported as they are."""
 
 

@@ -40,9 +40,11 @@ inline std::vector<i64> find_vectors(Span<const u8> text, i64 least) {
     return found;
 }
 
-// Read the numbers of a vector, brackets included, into `numbers`; whether all are numbers of JSON of
-// at most `most` in size whose rounding is certain.
-inline bool read_vector(Span<const u8> text, Matrix<const double> powers, double most, Out numbers) {
+// Read the numbers of a vector, brackets included, into `numbers`; whether all are numbers of JSON
+// of at most `most` in size whose rounding is certain.
+inline bool read_vector(
+    Span<const u8> text, Matrix<const double> powers, double most, Out numbers
+) {
     constexpr i64 MOST_DIGITS = 18;  // more may not fit into a mantissa
     i64 end = count_of(text), at = 1, count = count_of(numbers);
     // the last bracket ends every number, so that nothing beyond is read

@@ -12,6 +12,7 @@ from typing import Any
 from terratool.api.options import NamedOption, public, refuse_unknown, takes, takes_options
 from terratool.api.sources import UNNAMED, checked_source, json_of
 from terratool.api.terrain import UserTerrain
+from terratool.api.values import fitted
 from terratool.definition.findings import Finding
 from terratool.definition.key import Key
 from terratool.definition.keys import KEYS
@@ -30,7 +31,7 @@ from terratool.definition.model import (
 from terratool.definition.reader import check
 from terratool.errors import RequestError
 from terratool.report.wording import count_of
-from terratool.text.source import ALL, Source, write_source
+from terratool.text.source import Source, refuse_name, write_source
 
 _INNER: dict[str, type] = {"roughness": Roughness, "repeat": Repeat, "scatter": Scatter}
 """Classes of the objects that stand in others, by their keys."""
@@ -134,11 +135,9 @@ def _element(what: str, given: dict[str, Any]) -> dict[str, Any]:
         if given.get("cell_x") is not None or given.get("cell_y") is not None:
             raise RequestError("The cell is given twice.", "Leave out cell_x and cell_y.")
         try:
-            given["cell_x"], given["cell_y"] = cell
-        except (TypeError, ValueError):
-            raise RequestError(
-                f"The cell is {cell!r}.", "Give column and row, as in cell=(3, 2)."
-            ) from None
+            given["cell_x"], given["cell_y"] = fitted("cell", cell, "tuple[int, int]", __name__)
+        except RequestError as error:
+            raise RequestError(error.message, "Give column and row, as in cell=(3, 2).") from None
     return members_of(Element, what, given)
 
 
@@ -146,15 +145,20 @@ def _element(what: str, given: dict[str, Any]) -> dict[str, Any]:
 class ElementBuilder:
     """An element of a definition; `add` puts another one into its cell, `remove` takes it out."""
 
-    def __init__(self, members: dict[str, Any], holder: dict[str, Any], key: str) -> None:
+    def __init__(
+        self, members: dict[str, Any], holder: dict[str, Any], key: str, around: Any = None
+    ) -> None:
         """Wrap the members of an element, which stay those of the definition.
 
         Args:
             members: members of the element.
             holder: object of the text that has the element, or the list with it.
             key: key of the element, or of that list.
+            around: element in whose cell it stands; None for a root.
         """
         self._members, self._holder, self._key = members, holder, key
+        self._around: ElementBuilder | None = around
+        self._is_out = False
 
     def __repr__(self) -> str:
         what = self._members.get("type") or self._members.get("part") or "nothing yet"
@@ -172,11 +176,13 @@ class ElementBuilder:
             **keys: keys of an element, in snake case.
 
         Raises:
-            RequestError: a name is no key, or the cell is given twice or is no pair.
+            RequestError: a name is no key, the cell is given twice or is no pair, or the element
+                has been taken out.
         """
+        self._refuse_out("Add to another one.")
         members = _element("add", {"type": type, **keys})
         self._members.setdefault("children", []).append(members)
-        return ElementBuilder(members, self._members, "children")
+        return ElementBuilder(members, self._members, "children", self)
 
     @takes()
     def remove(self) -> None:
@@ -185,17 +191,22 @@ class ElementBuilder:
         Raises:
             RequestError: the element has been taken out already.
         """
-        found = self._holder.get(self._key)
-        if found is self._members:
+        self._refuse_out("Add it again.")
+        self._is_out = True
+        found = self._holder[self._key]
+        if found is not self._members:
+            found[:] = [one for one in found if one is not self._members]
+        if found is self._members or not found:
             del self._holder[self._key]
-            return
-        left = [one for one in found or () if one is not self._members]
-        if found is None or len(left) == len(found):
-            raise RequestError("The element has been taken out already.", "Add it again.")
-        if left:
-            found[:] = left
-        else:
-            del self._holder[self._key]
+
+    def _refuse_out(self, hint: str) -> None:
+        """Refuse an element that was taken out, by itself or with one around it."""
+        one = self
+        while not one._is_out and one._around is not None:
+            one = one._around
+        # another element may be the root now
+        if one._is_out or (one._around is None and one._holder.get(one._key) is not one._members):
+            raise RequestError("The element has been taken out already.", hint)
 
 
 _TERRAIN = key_options(Definition)
@@ -244,7 +255,7 @@ class DefinitionBuilder:
         Raises:
             RequestError: a value cannot be written as JSON.
         """
-        found: dict[str, Any] = json.loads(json_of(self._document))
+        found: dict[str, Any] = json.loads(json_of(self._written()))
         return found
 
     @property
@@ -254,7 +265,11 @@ class DefinitionBuilder:
         Raises:
             RequestError: a value cannot be written as JSON.
         """
-        return canonical(json_of(self._document))
+        return canonical(json_of(self._written()))
+
+    def _written(self) -> dict[str, Any]:
+        """Members that are written: parts only where one is left."""
+        return {key: one for key, one in self._document.items() if key != "parts" or one}
 
     # --- entries ----------------------------------------------------------------------------------
 
@@ -399,8 +414,7 @@ class DefinitionBuilder:
             WriteError: the file exists, or cannot be written.
         """
         name = str(path)
-        if not name.endswith(ALL) or Path(name).name in ALL:
-            raise RequestError(f"{name}: is no name of a definition.", "Let it end in .json.")
+        refuse_name(name)
         source = self._source(name)
         checked_source(source)
         write_source(Source("", source.data, name.endswith(".gz")), path, overwrite)

@@ -6,6 +6,7 @@ import contextlib
 import operator
 import tempfile
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, overload
 
@@ -36,6 +37,7 @@ from terratool.importing.sources import open_source
 from terratool.importing.terrain.build import ImportOptions, ImportReport, import_terrain
 from terratool.importing.types import HeightSource, SampledHeights, SourceOptions
 from terratool.output import is_same_file, refuse_existing, refuse_missing_folder
+from terratool.text.source import refuse_name
 
 AnyHeights = str | Path | ArrayLike | PlacedArray
 """Heights: path of a raster or a mesh, or an array, row 0 in the north."""
@@ -85,7 +87,8 @@ def import_terrain_from(
     wanted = fill(ImportOptions, options, title=_title(source))
     wanted.check()
     if output is not None:
-        _refuse_name(source, output, wanted.surfaces)
+        refuse_name(output)
+        _refuse_same(output, source, wanted.surfaces)
         with _opened(source, transform, options) as heights:
             return import_terrain(heights, output, wanted, overwrite)
     with tempfile.TemporaryDirectory(prefix="terratool-") as folder:
@@ -111,7 +114,8 @@ def import_primitive_from(
 ) -> ImportedPrimitive:
     """Make a primitive of a patch of heights, as `terratool import-primitive` does.
 
-    `primitives()` of the result has the entries for elemTypes, `elements()` elements of them.
+    `primitives()` of the result has the entries for elemTypes, `elements()` elements of them, and
+    `notes` sentences on the source and on the cell.
 
     Args:
         source: path of a raster or a mesh, or an array of heights, row 0 in the north.
@@ -159,7 +163,8 @@ def import_primitive_from(
     imported = import_primitive(patch, name, wanted)
     refuse_missed(imported, wanted)
     if target is not None:
-        insert_primitive(target, imported, overwrite)
+        remarks = insert_primitive(target, imported, overwrite)
+        imported = replace(imported, notes=(*imported.notes, *remarks))
     elif output is not None:
         write_primitives(imported, output, overwrite)
     return imported
@@ -183,15 +188,6 @@ def pair(name: str, value: Any, least: int) -> tuple[int, int]:
 def _title(source: AnyHeights) -> str:
     """Name of a source for the description."""
     return Path(source).name if isinstance(source, str | Path) else "an array"
-
-
-def _refuse_name(source: AnyHeights, output: str | Path, surfaces: str | None) -> None:
-    """Refuse an output that is no name of a definition, or one of the inputs."""
-    if not str(output).endswith((".json", ".json.gz")):
-        raise RequestError(
-            f"{output}: is no name of a definition.", "Let it end in .json or .json.gz."
-        )
-    _refuse_same(output, source, surfaces)
 
 
 def _refuse_same(output: str | Path, *sources: object) -> None:

@@ -19,6 +19,7 @@ from typing import Any, NamedTuple, ParamSpec, TypeVar
 import msgspec
 from msgspec import NODEFAULT
 
+from terratool.api.values import fitted
 from terratool.authoring.starters.build import hint_for
 from terratool.errors import RequestError, TerratoolError
 
@@ -102,75 +103,14 @@ def _defaults(record: type) -> dict[str, Any]:
 
 
 def fill(record: type[T], options: Mapping[str, Any], **more: Any) -> T:
-    """Fill in a record with those of some options that it has.
-
-    Lists and arrays become tuples, numbers of NumPy those of Python, and whole numbers floats where
-    these are wanted.
-
-    Raises:
-        RequestError: a value is no number, or too few or many numbers.
-    """
+    """Fill in a record with those of some options that it has, and with more."""
     known = options_of(record)
-    given = {name: _fitting(value, known[name]) for name, value in options.items() if name in known}
-    return record(**given, **more)
-
-
-def _fitting(value: Any, option: NamedOption) -> Any:
-    """Value as a record holds it.
-
-    Raises:
-        RequestError: the value is no number, or too few or many numbers.
-    """
-    if isinstance(value, type):  # as np.float64 for "float64"
-        value = value.__name__
-    elif hasattr(value, "tolist"):
-        value = value.tolist()
-    kind = option.annotation.removesuffix(" | None")
-    if kind in _NUMBERS and value is not None:
-        if isinstance(value, bool) or not isinstance(value, _NUMBERS[kind]):
-            raise RequestError(f"{option.name} is {value!r}.", f"Give {_WANTED[kind]}.")
-        return float(value) if kind == "float" else value
-    if kind in _TUPLES and value is not None and not isinstance(value, str):
-        return floats(option.name, value, _TUPLES[kind])
-    if kind in _WORD_LISTS and value is not None:
-        return listed(value)
-    return tuple(value) if isinstance(value, list) else value
+    return record(**{name: one for name, one in options.items() if name in known}, **more)
 
 
 def listed(value: Any) -> tuple[Any, ...]:
     """Words or paths as a tuple, where one by itself counts as a list of one."""
     return (value,) if isinstance(value, str | Path) else tuple(value)
-
-
-def floats(name: str, value: Any, wanted: str) -> tuple[float, ...]:
-    """Numbers as a tuple of floats.
-
-    Args:
-        name: name of the option, for messages.
-        value: list, tuple or array of numbers.
-        wanted: meaning of each number, separated by commas.
-
-    Raises:
-        RequestError: there are too few or many, or one is no number.
-    """
-    try:
-        found = () if isinstance(value, str) else tuple(float(one) for one in value)
-    except (TypeError, ValueError):
-        found = ()
-    if len(found) != wanted.count(",") + 1:
-        raise RequestError(f"{name} is {value!r}.", f"Give {wanted}, all of them numbers.")
-    return found
-
-
-_WORD_LISTS = ("Sequence[str]", "tuple[str, ...]")
-"""Types of lists of words."""
-_NUMBERS: dict[str, Any] = {"float": (int, float), "int": int}
-_WANTED = {"float": "a number", "int": "a whole number"}
-_TUPLES = {
-    "Bounds": "west, south, east, north", "Line": "x0, y0, x1, y1", "Point": "x, y",
-    "Origin": "x, y, z",
-}  # fmt: skip
-"""Meanings of the numbers of tuples, by the names of their types."""
 
 
 # --- verbs ----------------------------------------------------------------------------------------
@@ -202,27 +142,36 @@ def takes(
 
 
 def takes_options(
-    options: Mapping[str, NamedOption], called: str = "", free: str = "\0"
+    options: Mapping[str, NamedOption], called: str = "", free: str = ""
 ) -> Callable[[Callable[P, R]], Callable[P, R]]:
     """Decorator of a function with `**options`, which has these from then on; see `takes`.
+
+    Values of another type than their options have are refused, and others converted: see `fitted`.
 
     Args:
         options: options by name.
         called: name of the function for users; its own if empty.
-        free: beginning of names that are taken whatever follows.
+        free: beginning of names that are taken whatever follows, where options are keys of a text;
+            of their values the reader says what is wrong.
     """
 
     def decorate(function: Callable[P, R]) -> Callable[P, R]:
         own, name = _spoken_signature(function), called or function.__name__
         named = [one for one in own.parameters.values() if one.kind is not one.VAR_KEYWORD]
-        known = {**{one.name: NamedOption(one.name, str(one.annotation), one.default, "", "")
-                    for one in named}, **options}  # fmt: skip
+        mine = _parameters_of(function)
+        known = {**mine, **options}
+        checked = mine if free else known
+        places = sum(one.kind is not one.KEYWORD_ONLY for one in named)
 
         @functools.wraps(function)
         def call(*args: P.args, **given: P.kwargs) -> R:
-            refuse_unknown(name, (one for one in given if not one.startswith(free)), known)
+            refuse_unknown(name, (n for n in given if not (free and n.startswith(free))), known)
+            if len(args) > places:
+                function(*args, **given)  # raises Python's own error
+            fit = [fitted_to(mine[n], one) for n, one in zip(mine, args, strict=False)]
+            more: Any = {n: fitted_to(checked.get(n), one) for n, one in given.items()}
             with spoken_errors(known):
-                return function(*args, **given)
+                return function(*fit, *args[len(fit) :], **more)  # type: ignore[arg-type]
 
         parameters = [*named, *(one.parameter for one in options.values())]
         parameters.sort(key=lambda one: one.kind)
@@ -234,6 +183,27 @@ def takes_options(
         return call
 
     return decorate
+
+
+def _parameters_of(function: Callable[..., Any]) -> dict[str, NamedOption]:
+    """Parameters of a function itself, in their order, as options."""
+    return {
+        one.name: NamedOption(
+            one.name, "" if one.annotation is one.empty else one.annotation, one.default, "",
+            function.__module__,
+        )
+        for one in inspect.signature(function).parameters.values()
+        if one.kind is not one.VAR_KEYWORD
+    }  # fmt: skip
+
+
+def fitted_to(option: NamedOption | None, value: Any) -> Any:
+    """Value as its option has it; as it is where nothing is known of that.
+
+    Raises:
+        RequestError: the value is of another type.
+    """
+    return value if option is None else fitted(option.name, value, option.annotation, option.home)
 
 
 _INNER = re.compile(r"\bUser(?=Terrain\b)|(?<=\bDefinition)Builder\b|(?<=\bElement)Builder\b")

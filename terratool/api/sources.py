@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from os import PathLike
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
@@ -27,8 +27,29 @@ class HasDocument(Protocol):
         ...
 
 
-AnyDefinition = str | Path | bytes | Mapping[str, Any] | Source | HasDocument
-"""A definition: path of a file, JSON as text or bytes, a dictionary, or a `Definition`."""
+@runtime_checkable
+class HasSource(Protocol):
+    """An object that was read from a text, such as a terrain."""
+
+    @property
+    def source(self) -> Source:
+        """Text of the definition, by the name of its file."""
+        ...
+
+    @property
+    def library_roots(self) -> tuple[str, ...]:
+        """Folders under which its libraries may lie, beside that of the file."""
+        ...
+
+
+AnyDefinition = str | Path | bytes | Mapping[str, Any] | Source | HasDocument | HasSource
+"""A definition: path of a file, JSON as text or bytes, a dictionary, `Definition` or `Terrain`."""
+
+
+def roots_of(definition: AnyDefinition, given: Iterable[str | Path]) -> tuple[str, ...]:
+    """Folders under which libraries may lie: those that are given, and those of a terrain."""
+    own = definition.library_roots if isinstance(definition, HasSource) else ()
+    return tuple(dict.fromkeys((*map(str, given), *own)))
 
 
 def source_of(definition: AnyDefinition) -> Source:
@@ -42,6 +63,8 @@ def source_of(definition: AnyDefinition) -> Source:
     """
     if isinstance(definition, Source):
         return definition
+    if isinstance(definition, HasSource):
+        return definition.source
     if isinstance(definition, HasDocument):
         definition = definition.document
     if isinstance(definition, Mapping):
@@ -59,7 +82,8 @@ def source_of(definition: AnyDefinition) -> Source:
         kind = type(definition).__name__
         raise RequestError(
             f"A definition is wanted, but a value of type {kind} is given.",
-            "Give the path of a file, JSON as text or bytes, a dictionary, or a Definition.",
+            "Give the path of a file, JSON as text or bytes, a dictionary, a Definition, or a "
+            "Terrain.",
         )
     return read_source(definition)
 

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import inspect
-from typing import Any
+from typing import Any, Literal  # noqa: F401 -- annotations of options name it
 
-from terratool.api.options import NamedOption, spoken_errors
+from terratool.api.options import NamedOption, fitted_to, spoken_errors
+from terratool.api.values import fitted
 from terratool.authoring.starters.build import KINDS
 from terratool.authoring.starters.build import new as new_text
 from terratool.authoring.starters.options import Option
@@ -48,7 +49,9 @@ def new(kind: str, **options: Any) -> str:
     Raises:
         RequestError: the kind or an option does not exist, or the values do not fit together.
     """
+    kind = fitted("kind", kind, "str", __name__)
     known = starter_options(kind) if kind in KINDS else {}
+    options = {name: fitted_to(known.get(name), value) for name, value in options.items()}
     with spoken_errors(known):
         return new_text(kind, **options)
 

@@ -11,11 +11,13 @@ from typing import TYPE_CHECKING, Any, Literal, overload
 import msgspec
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from rasterio.transform import Affine
 
-from terratool.api.options import fill, floats, listed, public, takes
+from terratool.api.mapping import AnyMap, any_map
+from terratool.api.options import fill, listed, public, takes
 from terratool.api.reports import ShownComparison, ShownReport, shown
 from terratool.api.showing import ShownTerrain
-from terratool.api.sources import UNNAMED, AnyDefinition, checked_source, source_of
+from terratool.api.sources import UNNAMED, AnyDefinition, checked_source, roots_of, source_of
 from terratool.api.verbs import INTERNAL, missing
 from terratool.definition.model import Definition
 from terratool.definition.reader import Checked
@@ -23,6 +25,7 @@ from terratool.errors import RequestError
 from terratool.field.terrain import SHARE_ABOVE
 from terratool.mesh.export import MeshOptions
 from terratool.mesh.request import AnyMeshReport, MeshRequest, write_mesh_files
+from terratool.output import refuse_existing, refuse_missing_folder
 from terratool.raster.dem import (
     AnyDemReport,
     DemArrays,
@@ -32,6 +35,7 @@ from terratool.raster.dem import (
     write_dem,
 )
 from terratool.raster.dem import refuse_idle as refuse_idle_contours
+from terratool.sensing.comparison import MapComparison, compare
 from terratool.sensing.export import ScanOutput, ScanReport, export_scan
 from terratool.sensing.poses import Poses, one_pose, read_poses
 from terratool.sensing.readings import Frame
@@ -41,16 +45,24 @@ from terratool.simulators.export import SimulatorReport, plan_export
 from terratool.simulators.options import SceneOptions
 from terratool.simulators.options import refuse_idle as refuse_idle_targets
 from terratool.simulators.targets import choose_targets
-from terratool.text.meaning import guess
 from terratool.text.source import Source
 from terratool.traversability.assess import Request
 from terratool.traversability.compare import names_of, prepare
 from terratool.traversability.route.waypoints import read_waypoints
-from terratool.traversability.vehicle import MODELS, Vehicle, load_vehicle
+from terratool.traversability.ruts import (
+    Deformed,
+    DeformOptions,
+    check_path,
+    deform,
+    with_tracks,
+    write_deformed,
+)
+from terratool.traversability.vehicle import Vehicle, load_vehicle
 from terratool.viewing.diff.compare import DiffOptions, diff
 from terratool.viewing.diff.results import Difference
 from terratool.viewing.diff.sides import DiffSide
 from terratool.viewing.diff.writing import GroundFiles
+from terratool.viewing.differences import refuse_picture
 from terratool.viewing.mesh import PageOptions
 from terratool.viewing.options import Line, RenderOptions, RenderReport, refuse_idle
 from terratool.viewing.places import Site
@@ -103,11 +115,11 @@ class UserTerrain(ShownTerrain):
             RequestError: the definition comes to too many elements.
         """
         super().__init__(definition, roughness=roughness, share_above=share_above)
-        self._roots = library_roots
+        self.library_roots = library_roots
         if isinstance(definition, Checked) and definition.document is not None:
-            self._text = definition.document.source
+            self.source = definition.document.source
         else:
-            self._text = Source(UNNAMED, msgspec.json.encode(definition))
+            self.source = Source(UNNAMED, msgspec.json.encode(definition))
 
     def __dir__(self) -> list[str]:
         return [name for name in super().__dir__() if name not in INTERNAL]
@@ -120,22 +132,22 @@ class UserTerrain(ShownTerrain):
     @property
     def name(self) -> str:
         """Name of the definition's file without its folder; empty where it came from no file."""
-        return "" if self._text.name == UNNAMED else Path(self._text.name).name
+        return "" if self.source.name == UNNAMED else Path(self.source.name).name
 
     @property
     def text(self) -> str:
         """Text of the definition, JSON."""
-        return self._text.data.decode("utf-8")
+        return self.source.data.decode("utf-8")
 
     @property
     def document(self) -> dict[str, Any]:
         """Members of the definition, as its text has them."""
-        found: dict[str, Any] = msgspec.json.decode(self._text.data)
+        found: dict[str, Any] = msgspec.json.decode(self.source.data)
         return found
 
     def _checked(self) -> Checked:
         """The definition, read and checked once more: it takes much memory."""
-        return checked_source(self._text, self._roots)
+        return checked_source(self.source, self.library_roots)
 
     # --- rasters and meshes -----------------------------------------------------------------------
 
@@ -143,8 +155,8 @@ class UserTerrain(ShownTerrain):
     def to_dem(self, **options: Any) -> DemArrays:
         """Heights and other layers at the centres of pixels, as arrays with their place.
 
-        NumPy takes the result for the array of its first layer. It has the `transform` and the
-        `crs`; `to_xarray()` gives a `xarray.DataArray`.
+        NumPy takes the result for the array of its heights, or of its only layer. It has the
+        `transform` and the `crs`; `to_xarray()` gives a `xarray.DataArray`.
 
         Args:
             **options: options of `DemOptions`, by name.
@@ -231,7 +243,7 @@ class UserTerrain(ShownTerrain):
         """
         targets = listed(target)
         wanted = fill(SceneOptions, options)
-        source = self._text.name if Path(self._text.name).is_file() else None
+        source = self.source.name if Path(self.source.name).is_file() else None
         refuse_idle_targets(options.keys(), list(choose_targets(targets)))
         plan = plan_export(folder, targets, wanted, source=source, overwrite=overwrite)
         return plan.write(self)
@@ -345,17 +357,65 @@ class UserTerrain(ShownTerrain):
         """
         from terratool.traversability.report.writing import JudgementFiles, assess_all
 
-        if model not in MODELS:
-            raise RequestError(
-                f"There is no model {model!r}.",
-                guess(model, MODELS) or f"Choose {' or '.join(MODELS)}.",
-            )
         vehicles = [each.by_model(model) for each in _vehicles(vehicle)]
+        if not vehicles:
+            raise RequestError("No vehicle is given.", "Give one, or several to compare them.")
         files = JudgementFiles(listed(report), map, overwrite)
         places = {"routes": _lines(routes), "waypoints": _ways(waypoints)}
         request = fill(Request, options, **places)
         planned = prepare(self, vehicles, request, map_path=map, overwrite=overwrite)
         return shown(assess_all(planned, self.name, files))
+
+    @overload
+    def deform(
+        self, vehicle: AnyVehicle, waypoints: ArrayLike | str | Path, output: None = None, *,
+        overwrite: bool = False, **options: Any,
+    ) -> UserTerrain: ...  # fmt: skip
+    @overload
+    def deform(
+        self, vehicle: AnyVehicle, waypoints: ArrayLike | str | Path, output: str | Path, *,
+        overwrite: bool = False, **options: Any,
+    ) -> Deformed: ...  # fmt: skip
+    @takes(DeformOptions)
+    def deform(
+        self,
+        vehicle: AnyVehicle,
+        waypoints: ArrayLike | str | Path,
+        output: str | Path | None = None,
+        *,
+        overwrite: bool = False,
+        **options: Any,
+    ) -> UserTerrain | Deformed:
+        """Drive a vehicle along a path, and leave the ruts of its wheels, as `terratool deform`.
+
+        Args:
+            vehicle: vehicle, or path of its file.
+            waypoints: points that its middle drives along, (n, 2), or the path of their file.
+            output: file to write, compressed if it ends in .gz; None gives the terrain with the
+                ruts itself.
+            overwrite: whether the file may exist already.
+            **options: options of `DeformOptions`, by name.
+
+        Raises:
+            RequestError: the path is too short, leaves the terrain or its ground, or lies on a
+                surface without a sinkage; or an option makes no sense.
+            MissedError: a wheel would sink by its radius or more.
+            ReadError, DefinitionError: a file cannot be read, or has errors.
+            WriteError: the file exists, or cannot be written.
+        """
+        wanted = fill(DeformOptions, options)
+        if output is not None:
+            refuse_existing(Path(output), overwrite)
+            refuse_missing_folder(Path(output))
+        way = _points(waypoints)
+        check_path(way, self.bounds)
+        deformed = deform(self._checked(), _vehicle(vehicle), way, wanted)
+        if output is not None:
+            write_deformed(self.source, output, deformed, overwrite, self.library_roots)
+            return deformed
+        driven = with_tracks(self.source, deformed, self.source.name)
+        checked = checked_source(driven, self.library_roots)
+        return UserTerrain(checked, roughness=self.is_rough, library_roots=self.library_roots)
 
     @takes(ScanOptions)
     def scan(
@@ -413,11 +473,47 @@ class UserTerrain(ShownTerrain):
             ReadError, DefinitionError: a file cannot be read, or has errors.
             WriteError: the file exists or cannot be written.
         """
-        if frame not in ("world", "sensor"):
-            raise RequestError(f"The frame is {frame!r}.", "Choose world or sensor.")
         scan = _scan(sensor, pose, poses, fill(ScanOptions, options))
         wanted = ScanOutput(Path(output), frame == "world", misses, overwrite)
         return export_scan(self, scan, wanted)
+
+    @takes()
+    def compare(
+        self,
+        map: AnyMap,  # noqa: A002 -- the command's word
+        *,
+        level: int = 0,
+        transform: Affine | Sequence[float] | None = None,
+        picture: str | Path | None = None,
+        overwrite: bool = False,
+    ) -> MapComparison:
+        """Say how good a map of the terrain is, as `terratool compare` does.
+
+        The height of the terrain in a cell is that at its middle; in coarser cells the mean of
+        those at the middles of the finest ones.
+
+        Args:
+            map: map of `terratool.map_scans`, path of one or of another raster of heights, or an
+                array, row 0 in the north.
+            level: level of a map of `map_scans`, 0 for the finest.
+            transform: affine transform of an array, as rasterio has it: from column and row of a
+                pixel's corner to world x and y.
+            picture: path of a .png that shows where the map is too high or too low; None for none.
+            overwrite: whether the picture may exist already.
+
+        Raises:
+            RequestError: the map misses the terrain, has another reference system, or is too fine.
+            ReadError: the file cannot be read.
+            WriteError: the picture exists already, or cannot be written.
+        """
+        if picture is not None:
+            refuse_picture(picture, overwrite)
+        compared = compare(any_map(map, level, transform), self)
+        if picture is not None:
+            from terratool.viewing.map_errors import write_picture
+
+            write_picture(compared, self, picture, overwrite=overwrite)
+        return compared
 
     # --- other terrains ---------------------------------------------------------------------------
 
@@ -469,8 +565,8 @@ def load(
     """Read, check and compile a definition.
 
     Args:
-        definition: path of a file, JSON as text or bytes, a dictionary, or a `Definition`. A text
-            that begins with a brace is JSON.
+        definition: path of a file, JSON as text or bytes, a dictionary, a `Definition`, or a
+            terrain, whose text is read once more. A text that begins with a brace is JSON.
         library_roots: further folders under which the libraries that it uses may lie.
         roughness: whether rough surfaces have their relief.
 
@@ -478,7 +574,7 @@ def load(
         ReadError: the file cannot be read.
         DefinitionError: the definition is no valid terrain; the findings say why.
     """
-    roots = tuple(map(str, listed(library_roots)))
+    roots = roots_of(definition, listed(library_roots))
     checked = checked_source(source_of(definition), roots)
     return UserTerrain(checked, roughness=roughness, library_roots=roots)
 
@@ -506,22 +602,16 @@ def _vehicles(vehicle: AnyVehicle | Sequence[AnyVehicle]) -> list[Vehicle]:
 
 
 def _lines(routes: Any) -> tuple[Line, ...]:
-    """Starts and goals of ways; four numbers are one way.
-
-    Raises:
-        RequestError: one is not four numbers.
-    """
-    given = _numbers(routes)
-    several = [routes] if given.size and given.ndim < 2 else listed(routes)
-    lines = [floats("a route", way, "x0, y0, x1, y1") for way in several]
-    return tuple((x0, y0, x1, y1) for x0, y0, x1, y1 in lines)
+    """Starts and goals of ways; four numbers are one way."""
+    return (routes,) if routes and isinstance(routes[0], float) else routes
 
 
 def _ways(waypoints: Any) -> tuple[Any, ...]:
     """Points of each way, where rows of x and y are one way."""
     points = _numbers(waypoints)
-    several = listed([waypoints] if points.ndim == 2 and points.shape[1] == 2 else waypoints)
-    return tuple(map(_points, several))
+    is_one = points.ndim == 2 and points.shape[1] == 2
+    several = isinstance(waypoints, str | Path | Sequence | np.ndarray) and not is_one
+    return tuple(map(_points, listed(waypoints) if several else [waypoints]))
 
 
 def _points(way: Any) -> Any:
@@ -565,7 +655,7 @@ def _poses(pose: Any) -> Poses:
     rows = np.atleast_2d(_numbers(pose))
     if rows.ndim != 2 or rows.shape[1] != 6 or math.prod(rows.shape) == 0:
         raise RequestError(
-            f"The pose is an array of shape {np.shape(pose)}.",
+            f"The pose is an array of shape {_numbers(pose).shape}.",
             "Give six numbers, x, y, z, yaw, pitch, roll, or rows of them.",
         )
     return Poses.join([one_pose(tuple(row)) for row in rows.tolist()])
@@ -575,5 +665,5 @@ def _numbers(value: Any) -> NDArray[np.float64]:
     """Array of numbers; an empty one where the value holds something else."""
     try:
         return np.asarray(value, np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         return np.zeros(0)

@@ -18,18 +18,16 @@ VERBS = {
     "import_terrain": "terratool.import_terrain(…)",
     "import_primitive": "terratool.import_primitive(…)",
     "curriculum": "terratool.curriculum(…)",
-    "map": "terratool.sensing.robot_map.RobotMap",
-    "compare": "terratool.sensing.comparison.compare",
-    "deform": "terratool.traversability.ruts.deform",
+    "map": "terratool.map_scans(…)",
     "bundle": "terratool.definition.bundle.bundle",
     "rules": "the command, terratool rules",
     "completion": "the command, terratool completion",
 }
 """Words of Python that do the work of a command, by its name, where no verb has that name."""
 INTERNAL = frozenset((
-    "all_cells", "arrays", "cells", "descr_of", "field", "footprints", "is_shared", "numbers_of",
-    "parents", "place_of", "primitive_of", "ray_index", "refuse_degrees", "surface_of",
-    "written_out", "written_out_or_none",
+    "all_cells", "arrays", "cells", "descr_of", "field", "footprints", "is_shared",
+    "library_roots", "numbers_of", "parents", "place_of", "primitive_of", "ray_index",
+    "refuse_degrees", "source", "surface_of", "written_out", "written_out_or_none",
 ))  # fmt: skip
 """Names of a terrain that the package itself uses, and completion leaves out."""
 

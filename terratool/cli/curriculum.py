@@ -49,15 +49,15 @@ def command(
 
     from terratool.authoring.curriculum.build import (
         ORIGINS,
-        check_name,
         curriculum,
         write_curriculum,
     )
     from terratool.authoring.curriculum.reading import load_spec
     from terratool.errors import DefinitionError, RequestError
     from terratool.output import is_same_file, refuse_existing, refuse_missing_folder
+    from terratool.text.source import PLAIN, refuse_name
 
-    check_name(output)
+    refuse_name(output, PLAIN)
     if is_same_file(spec, output):
         raise RequestError(
             f"{output}: is the same file as {spec}.", "Give the definition another name."

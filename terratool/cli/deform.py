@@ -72,7 +72,6 @@ if TYPE_CHECKING:
     ),
     click.option(
         "--max-error",
-        "tolerance",
         type=click.FloatRange(0, min_open=True),
         metavar="E",
         callback=finite,
@@ -89,10 +88,6 @@ def command(
     file: str,
     waypoints: str,
     output: str | None,
-    passes: int,
-    surface: str | None,
-    multipass: float | None,
-    tolerance: float | None,
     overwrite: bool,
     as_json: bool,
     **options: Any,
@@ -109,7 +104,7 @@ def command(
     from terratool.errors import RequestError, WriteError
     from terratool.output import is_same_file, refuse_existing, refuse_missing_folder
     from terratool.traversability.route.waypoints import read_waypoints
-    from terratool.traversability.ruts import check_path, deform, write_deformed
+    from terratool.traversability.ruts import DeformOptions, check_path, deform, write_deformed
 
     if output is None:
         if file == "-":
@@ -122,19 +117,12 @@ def command(
     refuse_existing(Path(output), overwrite)
     refuse_missing_folder(Path(output))
     vehicle = vehicle_from(options)
+    wanted = DeformOptions(**options)
     path = read_waypoints(waypoints)
     with StatusLine(f"reading {short_name(file)}") as status:
         checked = load_checked(file, library_roots(), partial(check_path, path))
         status.say("driving")
-        deformed = deform(
-            checked,
-            vehicle,
-            path,
-            passes=passes,
-            surface=surface,
-            multipass=multipass,
-            tolerance=tolerance,
-        )
+        deformed = deform(checked, vehicle, path, wanted)
         status.say(f"writing {Path(output).name}")
         written = write_deformed(file, output, deformed, overwrite, library_roots())
     if as_json:

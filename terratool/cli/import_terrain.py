@@ -109,11 +109,9 @@ def command(source: str, output: str, overwrite: bool, as_json: bool, **values: 
     from terratool.importing.sources import open_source
     from terratool.importing.terrain.build import ImportOptions, import_terrain
     from terratool.output import is_same_file
+    from terratool.text.source import refuse_name
 
-    if not output.endswith((".json", ".json.gz")):
-        raise RequestError(
-            f"{output}: is no name of a definition.", "Let it end in .json or .json.gz."
-        )
+    refuse_name(output)
     chosen = options_of(values)
     for name in (source, values["surfaces"]):
         if name and is_same_file(name, output):

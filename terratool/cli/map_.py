@@ -94,9 +94,7 @@ _MOST_NAMES = 20
 def command(
     scans: tuple[str, ...],
     output: str,
-    sigma: float | None,
     sensor_file: str | None,
-    bag: str | None,
     as_json: bool,
     **values: Any,
 ) -> None:
@@ -107,30 +105,13 @@ def command(
     the highest reading, how many there were, the likeliest surface, when it was seen last and from
     how far. Cells never seen are nodata.
     """
-    from pathlib import Path
+    from terratool.sensing.map_files import write_map
+    from terratool.sensing.map_request import MapRequest
 
-    from terratool.errors import WriteError
-    from terratool.output import is_same_file
-    from terratool.sensing.map_files import MapOutput, write_map
-    from terratool.sensing.robot_map import MapOptions, map_scans
-    from terratool.sensing.sensor import Noise, load_sensor
-
-    if sigma is not None and sensor_file is not None:
-        raise click.UsageError("Both --sigma and --sensor say how far ranges are off. Keep one.")
-    for scan in scans:
-        if is_same_file(output, scan):
-            raise WriteError(f"{output}: is read, too.", "Choose another name.")
-    levels = values["levels"]
-    wanted = MapOutput(
-        Path(output), levels, Path(bag) if bag else None, values["crs"], values["overwrite"]
-    )
-    wanted.check()
-    noise = Noise(sigma=SIGMA if sigma is None else sigma)
-    if sensor_file is not None:
-        noise = load_sensor(sensor_file).noise
-    options = MapOptions(values["resolution"], levels, noise)
+    request = MapRequest(sensor=sensor_file, **values)
+    wanted = request.output_of(output, scans)
     with StatusLine("reading") as status:
-        robot_map = map_scans(scans, options, values["bounds"], values["sensor_at"], status.say)
+        robot_map = request.read(scans, status.say)
         files = write_map(robot_map, wanted, status.say)
     if as_json:
         say_json(_document(robot_map, files))

@@ -145,14 +145,13 @@ def _make(kind: str, output: str, overwrite: bool, as_json: bool, values: dict[s
     from terratool.authoring.starters.build import new
     from terratool.errors import RequestError
     from terratool.output import refuse_existing, refuse_missing_folder
-    from terratool.text.source import ALL, Source, write_source
+    from terratool.text.source import Source, refuse_name, write_source
 
     shown = output == "-"
     if not shown:
-        if not output.endswith(ALL) or Path(output).name in ALL:
-            if not output:
-                raise RequestError("OUT has an empty name.", "Give one that ends in .json.")
-            raise RequestError(f"{output}: is no name of a definition.", "Let it end in .json.")
+        if not output:
+            raise RequestError("OUT has an empty name.", "Give one that ends in .json.")
+        refuse_name(output)
         refuse_existing(Path(output), overwrite)
         refuse_missing_folder(Path(output))
     with StatusLine("making") as status:

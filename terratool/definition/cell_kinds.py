@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import NamedTuple
 
 from msgspec import UNSET
@@ -93,14 +94,13 @@ def shares_of(kinds: CellKinds, size: Pair) -> list[Pair]:
     return shares
 
 
-def default_scales(kinds: CellKinds, size: Pair) -> list[float]:
-    """The vScale of elements without one in each kind of cells, to the bit that the field has.
+def default_scales(kinds: CellKinds, size: Pair) -> Iterator[float]:
+    """Yield the vScale of elements without one for each kind of cells, to the bit of the field.
 
     A part is taken as if it covered the terrain, whose sides are `size`.
     """
     whole = sides(size)
     cells: list[Sides] = []
-    scales = []
     for origin in kinds.origins:
         if origin is None:
             cells.append(whole)
@@ -113,5 +113,4 @@ def default_scales(kinds: CellKinds, size: Pair) -> list[float]:
             cells.append(around.block((columns, rows), origin.grid))
             pitch = around.block((1, 1), origin.grid).lengths
             lengths = (pitch[0] * columns, pitch[1] * rows)
-        scales.append(min(lengths[0] / size[0], lengths[1] / size[1]))
-    return scales
+        yield min(lengths[0] / size[0], lengths[1] / size[1])

@@ -25,7 +25,7 @@ def with_default_scales(checked: Checked, data: bytes) -> bytes:
         return data
     elements = list(default_elements(Subject(definition=terrain, tree=tree, document=document)))
     kinds = cell_kinds(tree)
-    scales = default_scales(kinds, terrain.extent)
+    scales = list(default_scales(kinds, terrain.extent))
     begins = offsets(data, [Address(tree.pointer(index)) for index in elements])
     return apply_edits(
         data,

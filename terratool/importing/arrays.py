@@ -8,12 +8,13 @@ from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike
+from rasterio.crs import CRS
 from rasterio.transform import Affine
 
 from terratool.definition.crs import CrsValue
 from terratool.errors import RequestError
 from terratool.importing.types import PixelGrid, SampledHeights
-from terratool.io.crs import read_crs
+from terratool.io.crs import read_crs, spell_crs
 
 
 @runtime_checkable
@@ -21,7 +22,7 @@ class PlacedArray(Protocol):
     """An array that knows its place, such as `DemArrays`."""
 
     @property
-    def array(self) -> Any:
+    def heights(self) -> Any:
         """Heights, (rows, columns), row 0 in the north."""
         ...
 
@@ -39,7 +40,7 @@ class PlacedArray(Protocol):
 def sampled_array(
     heights: ArrayLike | PlacedArray,
     transform: Affine | Sequence[float] | None = None,
-    crs: CrsValue | Any | None = None,
+    crs: CrsValue | CRS | None = None,
     nodata: float | None = None,
 ) -> SampledHeights:
     """Heights of an array, row 0 in the north, as a source of a definition.
@@ -59,8 +60,13 @@ def sampled_array(
     if isinstance(heights, PlacedArray):
         transform = heights.transform if transform is None else transform
         crs = heights.crs if crs is None else crs
-        heights = heights.array
-    masked = np.ma.masked_invalid(np.ma.asarray(heights, np.float64))
+        heights = heights.heights
+    try:
+        masked = np.ma.masked_invalid(np.ma.asarray(heights, np.float64))
+    except (TypeError, ValueError, OverflowError) as error:
+        raise RequestError(
+            "The heights are no array of numbers.", "Give one of rows and columns."
+        ) from error
     values = masked.filled(np.nan)
     if values.ndim != 2 or not values.size:
         raise RequestError(
@@ -80,9 +86,12 @@ def sampled_array(
     if nodata is not None:
         values = np.where(values == nodata, np.nan, values)
     rows, columns = values.shape
-    text, unit = _spelled(crs)
+    system = None if crs is None else read_crs(crs)
+    notes: list[str] = []
+    text = spell_crs(system, notes)
+    unit = "°" if system is not None and system.is_geographic else "m"
     grid = PixelGrid(c, f + rows * e, a, -e, columns, rows, text, unit)
-    return SampledHeights(grid, np.ascontiguousarray(values[::-1]))
+    return SampledHeights(grid, np.ascontiguousarray(values[::-1]), tuple(notes))
 
 
 def _six(transform: Affine | Sequence[float]) -> tuple[float, ...]:
@@ -97,13 +106,3 @@ def _six(transform: Affine | Sequence[float]) -> tuple[float, ...]:
             "Give transform=Affine(dx, 0, west, 0, -dy, north).",
         )
     return numbers
-
-
-def _spelled(crs: Any) -> tuple[str | None, str]:
-    """Reference system as a definition spells it, and the unit of its x and y."""
-    if crs is None:
-        return None, "m"
-    known = crs if hasattr(crs, "to_wkt") else read_crs(crs)
-    number = known.to_epsg()
-    text = f"EPSG:{number}" if number else str(known.to_wkt())
-    return text, "°" if known.is_geographic else "m"

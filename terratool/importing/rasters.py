@@ -18,10 +18,10 @@ from rasterio.transform import Affine
 from rasterio.vrt import WarpedVRT
 from rasterio.windows import Window
 
-from terratool.definition.crs import crs_problem, zone_of
+from terratool.definition.crs import CrsValue, crs_problem, zone_of
 from terratool.errors import ReadError, RequestError
 from terratool.importing.types import PixelGrid, SourceOptions, sample_range
-from terratool.io.crs import read_crs
+from terratool.io.crs import read_crs, spell_crs
 from terratool.io.expat import EntityError, tree_of
 from terratool.io.guards import HARMLESS, is_placed, transform_of
 from terratool.io.opening import gdal_errors, open_local
@@ -215,7 +215,7 @@ def _band(name: str, file: Any, band: int | None) -> int:
     return band
 
 
-def _reproject(name: str, file: Any, crs: str, nodata: float | None) -> WarpedVRT:
+def _reproject(name: str, file: Any, crs: CrsValue | CRS, nodata: float | None) -> WarpedVRT:
     target = read_crs(crs)
     if file.crs is not None and crs_problem(file.crs.to_wkt()):
         raise RequestError(
@@ -305,7 +305,7 @@ def _heights(
     unit = _unit(file, band, ((west + east) / 2, (south + north) / 2), about)
     grid = PixelGrid(
         west + columns[0] * dx, north - rows[1] * dy, dx, dy, count_x, count_y,
-        _spell_crs(file.crs, about), unit,
+        spell_crs(file.crs, about), unit,
     )  # fmt: skip
     first_column = file.width - columns[1] if east_first else columns[0]
     first_row = file.height - rows[1] if south_up else rows[0]
@@ -320,18 +320,6 @@ def _within(pixels: tuple[int, int], low: float, high: float, side: float) -> tu
     first = math.ceil(low / side - 0.5 - _ON_GRID)
     last = math.floor(high / side - 0.5 + _ON_GRID)
     return max(pixels[0], first), min(pixels[1], last + 1)
-
-
-def _spell_crs(crs: CRS | None, about: list[str]) -> str | None:
-    """Return a reference system as a definition spells it; None with a note if it is refused."""
-    wkt = "" if crs is None else str(crs.to_wkt())
-    if crs is None or not wkt:
-        return None
-    if crs_problem(wkt):
-        about.append("The raster's reference system reads a file, and was left out.")
-        return None
-    number = crs.to_epsg()
-    return f"EPSG:{number}" if number else wkt
 
 
 def _unit(file: Any, band: int, middle: tuple[float, float], about: list[str]) -> str:

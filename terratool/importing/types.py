@@ -9,7 +9,9 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+from rasterio.crs import CRS
 
+from terratool.definition.crs import CrsValue
 from terratool.definition.findings import Bounds
 from terratool.errors import ReadError
 
@@ -183,7 +185,8 @@ class SourceOptions:
         bounds: west, south, east, north in the source's coordinates (those of `crs`, if given).
         window: column, row, width, height in pixels of a raster, from the north-west.
         band: band of a raster, from 1.
-        crs: reference system to which a raster is reprojected bilinearly.
+        crs: reference system to which a raster is reprojected bilinearly, as a definition spells it
+            or as rasterio has it; of an array, the one that it has.
         nodata: number that stands for no height, besides the raster's own.
         resolution: side of a pixel when a mesh is sampled.
         up: axis of a mesh that points up, "y" or "z"; the usual one of its format if None.
@@ -194,7 +197,7 @@ class SourceOptions:
     bounds: Bounds | None = None
     window: tuple[int, int, int, int] | None = None
     band: int | None = None
-    crs: str | None = None
+    crs: CrsValue | CRS | None = None
     nodata: float | None = None
     resolution: float | None = None
     up: str | None = None

@@ -16,7 +16,9 @@ from terratool.definition.findings import Bounds
 from terratool.errors import RequestError
 from terratool.extras import install_command
 from terratool.field.terrain import Terrain
+from terratool.io.bands import Bands
 from terratool.output import refuse_existing
+from terratool.processes import memory_bytes
 from terratool.raster.contour_files import (
     ContourReport,
     ContourRequest,
@@ -31,14 +33,25 @@ from terratool.raster.export import (
     thread_count,
 )
 from terratool.raster.geotiff import crs_of, transform_of
-from terratool.raster.grid import Grid, default_resolution, grid_over, overhang
+from terratool.raster.grid import (
+    DEFAULT_PIXELS,
+    Grid,
+    default_resolution,
+    grid_over,
+    overhang,
+    resolution_within,
+)
+from terratool.raster.layers import layers_named
 from terratool.raster.mosaic import TILE_SIZE, export_mosaic
 from terratool.raster.prefetch import WindowMaker, prefetch, windows_of
 from terratool.raster.tiles import INDEX
+from terratool.report.wording import join_words
 
 if TYPE_CHECKING:
     import xarray
 
+HEIGHT = "height"
+"""Layer and band of heights."""
 CONTOURS = "contours"
 """Layer that is lines, and no pixels."""
 AnyDemReport = RasterReport | ContourReport
@@ -230,11 +243,12 @@ def write_dem(
 class DemArrays:
     """DEM in memory: an array for each band, its place and its reference system.
 
-    NumPy takes it for the array of its first band.
+    NumPy takes it for the array of its heights, or of its only band.
 
     Attributes:
-        bands: (rows, columns) array of each band by its name, row 0 in the north: float32 or
-            float64 with NaN for none; for "surface" numbers of surfaces, 0 for none.
+        bands: (rows, columns) array of each band by its name, in the order of the layers that were
+            asked for, row 0 in the north: float32 or float64 with NaN for none; for "surface"
+            numbers of surfaces, 0 for none.
         transform: affine transform from column and row of a pixel's corner to world x and y.
         crs: coordinate reference system; None without one.
         resolution: side of a pixel, in units of the terrain.
@@ -251,13 +265,33 @@ class DemArrays:
 
     @property
     def array(self) -> NDArray[Any]:
-        """Array of the first band, (rows, columns), row 0 in the north."""
+        """Array of the heights, or of the only band, (rows, columns), row 0 in the north.
+
+        Raises:
+            RequestError: there are several bands, and none has heights.
+        """
+        if len(self.bands) > 1:
+            return self.heights
         return next(iter(self.bands.values()))
+
+    @property
+    def heights(self) -> NDArray[Any]:
+        """Array of the heights, (rows, columns), row 0 in the north.
+
+        Raises:
+            RequestError: no band has heights.
+        """
+        if HEIGHT not in self.bands:
+            raise RequestError(
+                f"The DEM has no heights, but {join_words(list(self.bands))}.",
+                'Add "height" to its layers, or take a band by its name.',
+            )
+        return self.bands[HEIGHT]
 
     @property
     def shape(self) -> tuple[int, int]:
         """Numbers of rows and columns."""
-        rows, columns = self.array.shape
+        rows, columns = next(iter(self.bands.values())).shape
         return rows, columns
 
     @property
@@ -312,6 +346,28 @@ class DemArrays:
         )
 
 
+def _empty_arrays(grid: Grid, files: Sequence[Bands]) -> list[NDArray[Any]]:
+    """Arrays (bands, rows, columns) of each file, to be painted.
+
+    Raises:
+        RequestError: they do not fit into the memory of the machine.
+    """
+    needed = grid.width * grid.height * sum(bands.pixel_bytes for bands in files)
+    try:
+        if needed > memory_bytes():
+            raise MemoryError
+        return [np.empty((bands.count, grid.height, grid.width), bands.dtype) for bands in files]
+    except MemoryError:
+        west, south, east, north = grid.bounds
+        enough, _ = resolution_within(east - west, north - south, DEFAULT_PIXELS)
+        raise RequestError(
+            f"{grid.width:,} × {grid.height:,} pixels take {needed:,} bytes, which do not fit into "
+            "memory.",
+            f"Give a coarser --resolution, such as {enough:.4g}, or smaller --bounds; a file takes "
+            "as many as there is space for.",
+        ) from None
+
+
 def dem_arrays(terrain: Terrain, choice: GridChoice, request: RasterRequest) -> DemArrays:
     """Paint layers of a terrain into memory; the pixels are those that `write_dem` writes.
 
@@ -321,12 +377,13 @@ def dem_arrays(terrain: Terrain, choice: GridChoice, request: RasterRequest) -> 
         request: names of the layers, their data type and the number of threads.
 
     Raises:
-        RequestError: a layer or the data type is unknown, or a value exceeds the type.
+        RequestError: a layer or the data type is unknown, a value exceeds the type, or the pixels
+            do not fit into memory.
         DefinitionError: the CRS of the terrain is unknown.
     """
     files, threads, crs = request.files(terrain), thread_count(request.threads), crs_of(terrain)
     grid = choice.grid
-    found = [np.empty((bands.count, grid.height, grid.width), bands.dtype) for bands in files]
+    found = _empty_arrays(grid, files)
     maker = WindowMaker(terrain, grid, files)
     for made in prefetch(maker.make, windows_of(grid.whole, files), threads):
         window = made.window
@@ -335,11 +392,13 @@ def dem_arrays(terrain: Terrain, choice: GridChoice, request: RasterRequest) -> 
         for whole, pixels in zip(found, made.buffer.pixels, strict=True):
             whole[:, rows, columns] = pixels
         maker.reuse(made)
-    bands: dict[str, NDArray[Any]] = {}
+    arrays: dict[str, NDArray[Any]] = {}
     units: dict[str, str] = {}
     for file, pixels in zip(files, found, strict=True):
-        bands.update(zip(file.names, pixels, strict=True))
+        arrays.update(zip(file.names, pixels, strict=True))
         units.update(zip(file.names, file.units, strict=True))
+    asked = [name for layer in layers_named(request.layers) for name in layer.bands]
+    bands = {name: arrays[name] for name in asked}
     has_surfaces = any(file.content == "surface" for file in files)
     names = terrain.surfaces if has_surfaces else ()
     return DemArrays(bands, transform_of(grid), crs, grid.resolution, units, names)

@@ -244,6 +244,23 @@ class MapFile:
     crs: CRS | None
 
 
+def map_of(robot_map: RobotMap, level: int = 0) -> MapFile:
+    """A level of a map in memory, to be compared as one from a file.
+
+    Raises:
+        RequestError: the map has no such level.
+    """
+    levels = robot_map.options.levels
+    if not 0 <= level < levels:
+        raise RequestError(f"The map has no level {level}.", f"Give one from 0 to {levels - 1}.")
+    return MapFile("the map", robot_map.level(level), is_map=True, crs=None)
+
+
+def heights_map(heights: NDArray[np.float64], grid: Grid, crs: CRS | None = None) -> MapFile:
+    """Heights in memory as a map, (rows, columns) float64, row 0 in the north, NaN for none."""
+    return MapFile("the array", _level_of(heights[None], grid, 0, ()), is_map=False, crs=crs)
+
+
 def read_map(path: str | Path) -> MapFile:
     """Read a level of a map, or the first band of another raster as heights.
 

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from msgspec import Struct
 
-from terratool.errors import ReadError
+from terratool.errors import ReadError, RequestError
 from terratool.output import is_same_file, whole_file
 from terratool.text.files import open_file, read_up_to
 from terratool.text.packing import GZIP, PackingError, gunzip, pack
@@ -102,6 +102,18 @@ def write_source(source: Source, path: str | Path, overwrite: bool) -> None:
 
 
 PLAIN, ALL = (".json",), (".json", ".json.gz")
+
+
+def refuse_name(path: str | Path, endings: tuple[str, ...] = ALL) -> None:
+    """Refuse the name of a file that a definition cannot have.
+
+    Raises:
+        RequestError: the name does not end as those of definitions do, or is nothing but that.
+    """
+    if not str(path).endswith(endings) or Path(path).name in endings:
+        raise RequestError(
+            f"{path}: is no name of a definition.", f"Let it end in {' or '.join(endings)}."
+        )
 
 
 def is_folder(name: str) -> bool:

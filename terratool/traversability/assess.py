@@ -50,7 +50,7 @@ from terratool.traversability.route.routes import (
     with_way_back,
 )
 from terratool.traversability.soil import ASSUMPTIONS, BY_MODEL, surface_figures, turnings
-from terratool.traversability.survey import Surveyor, parts_of
+from terratool.traversability.survey import Surveyor, parts_of, refuse_headings
 from terratool.traversability.tiles import SurveyTiles, part_of, survey_window
 from terratool.traversability.vehicle import Vehicle
 
@@ -222,6 +222,8 @@ def prepare_assessment(
     terrain.refuse_degrees("A vehicle")
     terrain = terrain.written_out
     check_preference(request.prefer)
+    if request.headings is not None:
+        refuse_headings(request.headings)
     thread_count(request.threads)
     check_places(request, terrain.bounds)
     draws = draw(terrain, request.samples, request.seed)

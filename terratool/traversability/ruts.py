@@ -41,6 +41,8 @@ TURN_STEP = math.radians(10.0)
 Points = NDArray[np.float64]
 """Points (n, 2), or numbers (n,), in world units."""
 
+MOST_PASSES = 1_000_000_000
+"""Most passes of a drive."""
 SHARE = 0.2
 """Default tolerance of wheel lines, in widths of the narrowest wheel."""
 _SAMPLES = 2_000_000
@@ -125,6 +127,40 @@ def distances(points: Points, begin: Points, end: Points) -> Points:
     return np.asarray(np.hypot(*(points - nearest).T), np.float64)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DeformOptions:
+    """Options of a drive that leaves ruts.
+
+    Attributes:
+        passes: number of times that the path is driven, from 1 on.
+        surface: name of the surface that the ruts get; they keep that of the ground if None.
+        multipass: exponent a of the growth of the depth with the passes n as n^(1/a), from 1 on: 2
+            to 3 for loose soil, 4 to 5 for dense soil; the default of the format if None.
+        max_error: largest distance by which the simplified lines of the wheels may be off, m; a
+            fifth of the narrowest wheel's width if None.
+    """
+
+    passes: int = 1
+    surface: str | None = None
+    multipass: float | None = None
+    max_error: float | None = None
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.passes <= MOST_PASSES:
+            raise RequestError(
+                f"The path is to be driven {self.passes:,} times.",
+                f"Give a whole number from 1 to {MOST_PASSES:,}.",
+            )
+        if self.multipass is not None and not 1.0 <= self.multipass < math.inf:
+            raise RequestError(
+                f"The exponent of passes is {self.multipass:g}.", "Give a finite number from 1 on."
+            )
+        if self.max_error is not None and not 0.0 < self.max_error < math.inf:
+            raise RequestError(
+                f"The largest error is {self.max_error:g}.", "Give a finite length above 0."
+            )
+
+
 @dataclass(frozen=True, slots=True)
 class Rut:
     """The ruts of a drive on a surface.
@@ -181,11 +217,7 @@ def deform(
     checked: Checked,
     vehicle: Vehicle,
     path: NDArray[np.float64],
-    *,
-    passes: int = 1,
-    surface: str | None = None,
-    multipass: float | None = None,
-    tolerance: float | None = None,
+    options: DeformOptions | None = None,
 ) -> Deformed:
     """Drive a vehicle along a path.
 
@@ -197,11 +229,7 @@ def deform(
         checked: a terrain from `terratool.check` or `load_checked`.
         vehicle: the vehicle.
         path: (n, 2) world coordinates of the way of the vehicle's middle, m.
-        passes: number of passes.
-        surface: name of the surface that the ruts get; they keep that of the ground if None.
-        multipass: exponent of the multipass law; the default of the format if None.
-        tolerance: largest distance by which wheel lines are simplified, m; a fifth of the narrowest
-            wheel's width if None.
+        options: passes, and what becomes of the ruts; the defaults if None.
 
     Raises:
         DefinitionError: the terrain has errors.
@@ -214,6 +242,9 @@ def deform(
         raise refusal(checked)
     definition = checked.terrain
     wheels = vehicle.all_wheels
+    options = options or DeformOptions()
+    passes, surface, multipass = options.passes, options.surface, options.multipass
+    tolerance = options.max_error
     if tolerance is None:
         tolerance = SHARE * min(wheel.width for wheel in wheels)
     bare = msgspec.structs.replace(definition, tracks=UNSET)
@@ -396,16 +427,34 @@ def _passes(track: Track) -> int:
     return 1 if track.passes is UNSET else track.passes
 
 
+def with_tracks(source: Source, deformed: Deformed, output: str | Path) -> Source:
+    """Text of a definition with the tracks after a drive, for a file whose folder may be another.
+
+    All other text stays as it is, but for the paths of libraries.
+    """
+    tracks = msgspec.to_builtins(deformed.tracks)
+    text = with_moved_paths(source, output)
+    data = set_member(text, "", "tracks", tracks, TERRAIN).apply(text)
+    return msgspec.structs.replace(source, name=str(output), data=data)
+
+
 def write_deformed(
-    path: str,
+    definition: str | Source,
     output: str | Path,
     deformed: Deformed,
     overwrite: bool = False,
     library_roots: tuple[str, ...] = (),
 ) -> int:
-    """Write the definition at `path` with the tracks after a drive, all other text unchanged.
+    """Write a definition with the tracks after a drive, all other text unchanged.
 
     The output is gzipped if its name ends with .gz, or if it is the definition and that is.
+
+    Args:
+        definition: text of the definition, or the path of its file.
+        output: file to write.
+        deformed: tracks after the drive.
+        overwrite: whether the file may exist.
+        library_roots: further folders under which libraries may lie.
 
     Returns:
         Growth of the text, bytes.
@@ -414,21 +463,19 @@ def write_deformed(
         DefinitionError: the definition would not be valid with the tracks.
         WriteError: the output cannot be written.
     """
-    source = read_source(path)
-    tracks = msgspec.to_builtins(deformed.tracks)
-    text = with_moved_paths(source, output)
-    data = set_member(text, "", "tracks", tracks, TERRAIN).apply(text)
-    own = is_same_file(output, path)
+    source = definition if isinstance(definition, Source) else read_source(definition)
+    own = is_same_file(output, source.name)
     packed = source.packed if own else Path(output).name.lower().endswith(".gz")
-    result = Source(str(output), data, packed, source.marked)
-    options = CheckOptions(warnings=False, library_roots=(*library_roots, str(Path(path).parent)))
+    result = msgspec.structs.replace(with_tracks(source, deformed, output), packed=packed)
+    folder = str(Path(source.name).parent)
+    options = CheckOptions(warnings=False, library_roots=(*library_roots, folder))
     checked = check(result, options)
     if checked.terrain is None:
         first = checked.findings[0]
         raise DefinitionError(
-            f"{path}: with the tracks, it would be invalid: {first.code}: {first.message}",
+            f"{source.name}: with the tracks, it would be invalid: {first.code}: {first.message}",
             first.hint,
             checked.findings,
         )
     write_source(result, output, overwrite)
-    return len(data) - len(source.data)
+    return result.size - source.size

@@ -273,6 +273,19 @@ def parts_of(vehicle: Vehicle, resolution: float) -> int:
     return parts
 
 
+def refuse_headings(headings: int) -> None:
+    """Refuse a number of headings that is no multiple of 4 from 4 to 64.
+
+    Raises:
+        RequestError: the number is not.
+    """
+    if not (4 <= headings <= MOST_HEADINGS and headings % 4 == 0):
+        raise RequestError(
+            f"The number of headings is {headings}.",
+            f"Give a multiple of 4 from 4 to {MOST_HEADINGS}.",
+        )
+
+
 class Surveyor:
     """A surveyor that measures windows of a grid; several threads may use it at a time.
 
@@ -292,11 +305,7 @@ class Surveyor:
         self, terrain: Terrain, vehicle: Vehicle, grid: Grid, headings: int = HEADINGS,
         samples: SoilSamples | None = None,
     ) -> None:  # fmt: skip
-        if not (4 <= headings <= MOST_HEADINGS and headings % 4 == 0):
-            raise RequestError(
-                f"The number of headings is {headings}.",
-                f"Give a multiple of 4 from 4 to {MOST_HEADINGS}.",
-            )
+        refuse_headings(headings)
         self.headings = headings
         self.terrain, self.grid, self.vehicle = terrain, grid, vehicle
         self._parts = parts = parts_of(vehicle, grid.resolution)

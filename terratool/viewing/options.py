@@ -16,8 +16,8 @@ LEAST_SIZE, MOST_SIZE = 200, 4096
 """Fewest and most pixels of the longer side of a picture."""
 LEAST_DPI, MOST_DPI = 36.0, 600.0
 """Fewest and most pixels per inch."""
-MOST_EXAGGERATION = 1e6
-"""Largest factor on heights."""
+LEAST_EXAGGERATION, MOST_EXAGGERATION = 1e-6, 1e6
+"""Smallest and largest factor on heights."""
 
 Contours = float | Literal["auto"] | None
 """An interval of contours, m; "auto" for a round one; None for no contours."""
@@ -140,10 +140,10 @@ class RenderOptions:
                     "Heights of a plan are not exaggerated.",
                     "Leave out --exaggeration, or add --profile or --perspective.",
                 )
-            if not 0.0 < factor <= MOST_EXAGGERATION:
+            if not LEAST_EXAGGERATION <= factor <= MOST_EXAGGERATION:
                 raise RequestError(
                     f"The exaggeration is {factor:g}.",
-                    f"Give a factor above 0 and up to {MOST_EXAGGERATION:g}.",
+                    f"Give a factor from {LEAST_EXAGGERATION:g} to {MOST_EXAGGERATION:g}.",
                 )
         if self.perspective:
             self._check_perspective()

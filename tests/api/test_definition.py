@@ -202,7 +202,7 @@ def test_a_terrain_has_the_keys_of_its_text() -> None:
         (lambda d: d.surface("sand"), "There is a surface 'sand' already."),
         (lambda d: d.part("pallet"), "There is a part 'pallet' already."),
         (lambda d: terratool.Definition(siz=3), "Definition takes no 'siz'. Did you mean size?"),
-        (lambda d: d.add("box", cell=3), "The cell is 3. Give column and row, as in cell=(3, 2)."),
+        (lambda d: d.add("box", cell=3), "cell is 3. Give column and row, as in cell=(3, 2)."),
         (lambda d: d.add("box", cell=(3, 2), cell_x=1),
          "The cell is given twice. Leave out cell_x and cell_y."),
     ],
@@ -282,7 +282,28 @@ def test_an_element_is_taken_out_with_all_that_is_in_it() -> None:
     part.add("box", cell=(0, 0)).remove()
     assert without.document["parts"] == {"pile": {"type": "box"}}
     part.remove()
-    assert not without.document.get("parts")
+    assert "parts" not in without.document and '"parts"' not in without.text
     root = without.root()
     root.remove()
     assert "elemTree" not in without.document
+
+
+def test_nothing_is_added_to_what_is_taken_out() -> None:
+    """Neither to an element itself, nor to one that stood in it, nor to a part or a root."""
+    site = faulty()
+    outer = site.add("box", cell=(7, 5))
+    inner = outer.add("box", cell=(0, 0)).add("box", cell=(0, 0))
+    part, root = site.part("pile", "box"), site.root()
+    outer.remove(), part.remove()
+    left = site.document
+    says = r"^The element has been taken out already\. Add to another one\.$"
+    for gone in (outer, inner, part):
+        with pytest.raises(terratool.RequestError, match=says):
+            gone.add("box", cell=(1, 1))
+    root.add("box", cell=(8, 5)).remove()
+    assert site.document == left
+    root.remove()
+    site.part("pile", "box"), site.root("box")  # others of these names
+    for gone in (part, root):
+        with pytest.raises(terratool.RequestError, match=says):
+            gone.add("box", cell=(1, 1))

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+import rasterio
+from rasterio.crs import CRS
 from rasterio.transform import Affine
 
 import terratool
@@ -66,6 +69,23 @@ def test_a_dem_comes_back(heights: np.ndarray) -> None:
     assert np.abs(again.height(x, y) - terrain.height(x, y)).max() <= 0.0051
 
 
+def test_the_reference_system_is_spelled_as_the_reader_takes_it(
+    heights: np.ndarray, tmp_path: Path
+) -> None:
+    """By its code; one that reads a file is left out, as that of a raster is, and told."""
+    made = terratool.import_terrain(
+        heights, transform=PLACE, crs=CRS.from_epsg(32633), max_error=0.1
+    )
+    assert made.crs == "EPSG:32633"
+    shifted = "+proj=tmerc +lon_0=3 +ellps=bessel +nadgrids=shift.gsb +units=m"
+    with rasterio.Env():
+        system = CRS.from_proj4(shifted)
+    path = tmp_path / "a.json"
+    report = terratool.import_terrain(heights, path, transform=PLACE, crs=system, max_error=0.1)
+    assert terratool.load(path).crs is None
+    assert report.notes == ("The reference system reads a file, and was left out.",)
+
+
 def test_a_file_is_what_the_command_makes_of_it(heights: np.ndarray, tmp_path: Path) -> None:
     terrain = terratool.import_terrain(heights, transform=PLACE, max_error=0.01)
     terrain.write_dem(tmp_path / "dem.tif", resolution=0.5)
@@ -120,6 +140,29 @@ def test_a_primitive_is_put_into_a_definition(heights: np.ndarray, tmp_path: Pat
             heights, "other", transform=PLACE, into=path, values=2, max_error=0.001
         )
     assert path.read_bytes() == before
+
+
+def test_what_the_command_remarks_on_the_cell_is_told(heights: np.ndarray, tmp_path: Path) -> None:
+    """The shape is stretched, and stands on ground that is there already."""
+    terratool.import_terrain(heights, transform=PLACE, max_error=0.5).write_dem(
+        tmp_path / "dem.tif", resolution=0.5, losses=False
+    )
+    site = terratool.Definition(size=(22, 8))
+    site.primitive("flat", x=[1])
+    site.root("flat", v_scale=3, cells=(11, 4))
+    path = site.save(tmp_path / "site.json")
+    words = ["import-primitive", tmp_path / "dem.tif", "--name", "hill", "--into", path,
+             "--cell", 6, 1]  # fmt: skip
+    told = call(*words, "--output", tmp_path / "a.json", "--json")
+    made = terratool.import_primitive(
+        tmp_path / "dem.tif", "hill", into=path, output=tmp_path / "b.json", cell=(6, 1)
+    )
+    assert (tmp_path / "a.json").read_bytes() == (tmp_path / "b.json").read_bytes()
+    assert list(made.notes) == json.loads(told.out)["notes"]
+    assert [note.split(":")[0] for note in made.notes if "cell is 2 × 2" in note] == [
+        "The cell is 2 × 2 and the patch 22 × 8"
+    ]
+    assert any("from 3 to 3 m high already" in note for note in made.notes)
 
 
 def test_a_source_is_never_replaced(heights: np.ndarray, tmp_path: Path) -> None:

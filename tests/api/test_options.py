@@ -27,6 +27,9 @@ VERBS: dict[str, tuple[str, dict[str, str]]] = {
     "traversability": ("traversability", {"reports": "report", "map_": "map"}),
     "write_scan": ("scan", {"sensor_file": "sensor", "poses": "pose", "path_file": "poses"}),
     "diff": ("diff", {"map_": "map"}),
+    "deform": ("deform", {"path_file": "path"}),
+    "map_scans": ("map", {"sensor_file": "sensor"}),
+    "compare": ("compare", {"map_": "map"}),
     "import_terrain": ("import-terrain", {}),
     "import_primitive": ("import-primitive", {}),
 }
@@ -36,7 +39,7 @@ SHELL = {
     "output_by_name", "origin_at",  # other spellings of an argument and of an option
     "wheel_radius", "wheel_width", "load", "grouser_height", "tyre_pressure", "contact_length",
     "torque", "max_slip",  # a Vehicle in Python
-    "conditions", "exit_code",  # exit codes
+    "conditions", "exit_code", "max_rmse", "min_coverage",  # exit codes
     "config_file", "formats", "max_changes", "called", "git", "difftool",  # texts and git
 }  # fmt: skip
 """Parameters of commands that are about files, shells and exit codes, or stand in a record."""
@@ -134,7 +137,7 @@ def test_errors_name_options_as_python_does(said: str, wanted: str) -> None:
          "origin is about a mesh, but a grid of heights is asked for. Leave out origin or "
          "elevation_grid=True."),
         (lambda t, p: t.write_mesh(p / "a.wrl", origin="centre"),
-         "The origin is 'centre'. Give local, center, world, or three numbers."),
+         "origin is 'centre'. Did you mean center?"),
         (lambda t, p: t.write_dem(), "No file is named. Name one, or a folder by tiles=…."),
         (lambda t, p: t.scan(p, (0, 0, 0, 0, 0, 0), poses=p),
          "Both pose and poses say where the sensor is. Give pose=(x, y, z, yaw, pitch, roll), or "

@@ -120,8 +120,11 @@ def test_points_that_are_none_are_refused(verb: str, terrain: terratool.Terrain)
 
 
 def test_contours_are_a_height_or_auto(terrain: terratool.Terrain) -> None:
-    for wrong in ("slop", -1, 0.0, "0.5"):
-        with pytest.raises(terratool.RequestError, match=r"^Contours are to be .*Give a "):
+    for wrong in (-1, 0.0, float("nan")):
+        with pytest.raises(terratool.RequestError, match=r"^Contours are to be .*Give a finite"):
+            terrain.render(contours=wrong)
+    for wrong in ("slop", "0.5"):
+        with pytest.raises(terratool.RequestError, match=r'^contours is .*Give a number or "auto"'):
             terrain.render(contours=wrong)
 
 
@@ -135,9 +138,16 @@ def test_libraries_lie_where_roots_say(tmp_path: Path) -> None:
     site.write_text(json.dumps(text), "utf-8")
     with pytest.raises(terratool.DefinitionError):
         terratool.load(site)
-    terrain = terratool.load(site, [tmp_path])  # type: ignore[list-item]
-    assert terrain.height(1, 1) == 3
+    for root in (tmp_path, str(tmp_path), [tmp_path], (str(tmp_path),)):
+        terrain = terratool.load(site, root)
+        assert terrain.height(1, 1) == 3
+        assert terratool.check(site, library_roots=root).terrain is not None
     assert terrain.diff(terrain).same  # reads its text once more
+    # a terrain knows its folder and its roots
+    again = terratool.load(terrain)
+    assert (again.name, again.height(1, 1)) == ("a.json", 3)
+    assert terratool.load(again, tmp_path / "kit").height(1, 1) == 3
+    assert terratool.check(terrain).findings == terratool.check(site, tmp_path).findings
 
 
 def test_a_check_takes_the_options_of_the_command() -> None:
@@ -211,7 +221,7 @@ def test_without_matplotlib_the_table_is_left(
 
 def test_a_dem_has_the_heights_of_the_field(terrain: terratool.Terrain) -> None:
     dem = terrain.to_dem(resolution=0.5, layers=["height", "surface", "slope"], dtype="float64")
-    assert dem.shape == (16, 24) and list(dem.bands) == ["height", "slope", "surface"]
+    assert dem.shape == (16, 24) and list(dem.bands) == ["height", "surface", "slope"]
     x, y = np.meshgrid(dem.x, dem.y)
     assert dem["height"] == pytest.approx(terrain.height(x, y), abs=1e-12)
     assert np.array_equal(dem.array, dem["height"]) and np.asarray(dem).shape == (16, 24)
@@ -221,6 +231,27 @@ def test_a_dem_has_the_heights_of_the_field(terrain: terratool.Terrain) -> None:
     # a slope of 3 over 12 and of 3 over 8
     assert dem["slope"][-1, 0] == pytest.approx(np.degrees(np.arctan(np.hypot(0.25, 0.375))))
     assert dem.crs.to_epsg() == 32633
+
+
+def test_an_array_of_a_dem_has_its_heights_wherever_they_stand(terrain: terratool.Terrain) -> None:
+    layers = ["surface", "slope", "color", "height"]
+    dem = terrain.to_dem(resolution=1, layers=layers)
+    assert list(dem.bands) == ["surface", "slope", "red", "green", "blue", "height"]
+    x, y = np.meshgrid(dem.x, dem.y)
+    assert np.asarray(dem) == pytest.approx(terrain.height(x, y), abs=1e-5)
+    again = terratool.import_terrain(dem, max_error=0.01)
+    assert np.abs(again.height(x, y) - terrain.height(x, y)).max() <= 0.0101
+    slopes = terrain.to_dem(resolution=1, layers=["slope", "surface"])
+    assert slopes.shape == (8, 12)
+    says = r"^The DEM has no heights, but slope and surface\. Add \"height\" to its layers"
+    for ask in (np.asarray, lambda dem: terratool.import_terrain(dem, max_error=0.1)):
+        with pytest.raises(terratool.RequestError, match=says):
+            ask(slopes)
+    # of a single layer there is one array, which is no terrain
+    alone = terrain.to_dem(resolution=1, layers="slope")
+    assert np.array_equal(np.asarray(alone), slopes["slope"])
+    with pytest.raises(terratool.RequestError, match="The DEM has no heights, but slope"):
+        terratool.import_terrain(alone, max_error=0.1)
 
 
 def test_a_dem_is_what_the_command_writes(
@@ -374,7 +405,7 @@ def test_vehicles_are_files_or_vehicles(terrain: terratool.Terrain) -> None:
     assert [one.vehicle.name for one in both.reports] == ["husky-a200", "warthog"]
     with pytest.raises(terratool.RequestError, match="is given twice"):
         terrain.traversability([HUSKY, HUSKY], **asked)
-    with pytest.raises(terratool.RequestError, match="There is no model 'fast'"):
+    with pytest.raises(terratool.RequestError, match=r"model is 'fast'\. Choose slip or paper"):
         terrain.traversability(HUSKY, model="fast", **asked)
 
 

@@ -49,6 +49,19 @@ def test_one_note_counts_them_all() -> None:
     assert finding.bounds == (4, 0, 6, 4)
 
 
+@settings(max_examples=examples(200))
+@given(definitions(rutted=True, free=True))
+def test_the_height_that_is_told_is_that_which_is_written(definition: Json) -> None:
+    """Whatever the first element's cell is: of a grid, of several columns, or a free place."""
+    flat = {"elemTypes": {name: {"x": [1]} for name in definition["elemTypes"]}}
+    found = found_in({**definition, **flat}, "TT214")
+    for finding in found:
+        value = explicit({**definition, **flat})
+        for key in finding.pointer.split("/")[1:]:
+            value = value[int(key) if isinstance(value, list) else key]
+        assert f"this one is {value['vScale']:.4g} high." in finding.message
+
+
 @pytest.mark.parametrize(
     "more",
     [{"type": "nothing"}, {"surface": "hole"}, {"vScale": 0.0}, {"vScale": 2},

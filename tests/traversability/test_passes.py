@@ -19,7 +19,7 @@ from terratool.kernels import traversability as kernels
 from terratool.raster.grid import Grid
 from terratool.traversability.limits import climb, level_demand, wheel_loads
 from terratool.traversability.results import Survey
-from terratool.traversability.ruts import deform
+from terratool.traversability.ruts import DeformOptions, deform
 from terratool.traversability.tiles import survey
 from terratool.traversability.vehicle import Axle, Soil, Vehicle, Wheel
 from terratool.traversability.wheel import SoilArrays
@@ -101,7 +101,8 @@ def flat(folder: Path, **soil: Any) -> Path:
 def driven(path: Path, vehicle: Vehicle, passes: int, route: Any, **options: Any) -> Terrain:
     """The terrain after drives along a route."""
     site = load_checked(path)
-    result = deform(site, vehicle, np.array(route, float), passes=passes, **options)
+    wanted = DeformOptions(passes=passes, **options)
+    result = deform(site, vehicle, np.array(route, float), wanted)
     return Terrain(rutted(site, result))
 
 

@@ -18,7 +18,14 @@ from terratool.definition.presets import preset_of
 from terratool.definition.reader import Checked, load_checked
 from terratool.errors import MissedError, RequestError
 from terratool.field.terrain import Terrain, load
-from terratool.traversability.ruts import Deformed, deform, simplify, wheel_paths, write_deformed
+from terratool.traversability.ruts import (
+    Deformed,
+    DeformOptions,
+    deform,
+    simplify,
+    wheel_paths,
+    write_deformed,
+)
 from terratool.traversability.soil import bekker_sinkage
 from terratool.traversability.vehicle import Axle, Vehicle, Wheel
 from tests.commands import ROOT, call
@@ -65,7 +72,8 @@ def flat(tmp_path: Path, **more: Any) -> Path:
 def driven(path: Path, route: Any, machine: Vehicle | None = None, **options: Any) -> Terrain:
     """The terrain after a drive."""
     site = load_checked(path)
-    result = deform(site, machine or vehicle(), np.array(route, float), **options)
+    wanted = DeformOptions(**options)
+    result = deform(site, machine or vehicle(), np.array(route, float), wanted)
     return Terrain(rutted(site, result))
 
 
@@ -356,6 +364,7 @@ class TestText:
     def test_a_coarse_tolerance_does_not_move_lines(self, tmp_path: Path) -> None:
         """It leaves out vertices; the wheels of both sides stay apart, and where they are."""
         site = load_checked(flat(tmp_path))
-        done = deform(site, vehicle(), np.array([[4.3, 10.3], [12.3, 10.3]]), tolerance=50.0)
+        path = np.array([[4.3, 10.3], [12.3, 10.3]])
+        done = deform(site, vehicle(), path, DeformOptions(max_error=50.0))
         sides = {round(float(y), 3) for track in done.tracks for _, y in track.path}
         assert sides == {9.9, 10.7}

@@ -16,10 +16,9 @@ from terratool.authoring.curriculum.reading import load_spec, spec_of
 from terratool.authoring.curriculum.spawning import level_patches, origins
 from terratool.definition.reader import CheckOptions, check, refusal
 from terratool.definition.tile_spec import Spec
-from terratool.errors import RequestError
 from terratool.field.terrain import Terrain
 from terratool.output import whole_file
-from terratool.text.source import Source
+from terratool.text.source import PLAIN, Source, refuse_name
 
 ORIGINS = ".origins.npz"
 """Ending of the name of the origins' file, in place of the definition's .json."""
@@ -106,16 +105,6 @@ def curriculum(spec: Spec | Mapping[str, Any] | str | Path, seed: int | None = N
     return Curriculum(spec, text, terrain, assignment, start, patches)
 
 
-def check_name(path: str | Path) -> None:
-    """Refuse a file name that a definition cannot have.
-
-    Raises:
-        RequestError: the name does not end in .json.
-    """
-    if not str(path).endswith(".json") or Path(path).name == ".json":
-        raise RequestError(f"{path}: is no name of a definition.", "Let it end in .json.")
-
-
 def write_curriculum(made: Curriculum, path: str | Path, overwrite: bool = False) -> Path:
     """Write the definition, and the origins beside it; both appear, or none.
 
@@ -131,7 +120,7 @@ def write_curriculum(made: Curriculum, path: str | Path, overwrite: bool = False
         RequestError: the path does not end in .json.
         WriteError: the files are there already, or cannot be written.
     """
-    check_name(path)
+    refuse_name(path, PLAIN)
     path = Path(path)
     path = path.resolve() if path.is_symlink() else path  # the origins stand beside the file itself
     with whole_file(path, overwrite, (ORIGINS,)) as part:

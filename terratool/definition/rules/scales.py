@@ -5,7 +5,7 @@ from __future__ import annotations
 from bisect import bisect
 from collections.abc import Iterable, Iterator, Sequence
 from functools import cached_property
-from itertools import compress, repeat
+from itertools import compress, islice, repeat
 from operator import is_
 
 from msgspec import UNSET
@@ -108,12 +108,9 @@ def default_height(subject: Subject) -> Iterator[Remark]:
     first = next(elements, -1)
     if first < 0:
         return
-    cell = subject.tree.rectangle(first, subject.definition)
-    if cell is None:
-        return
-    west, south, east, north = cell
-    width, height = subject.definition.extent
-    default = min((east - west) / width, (north - south) / height)
+    kinds = cell_kinds(subject.tree)
+    scales = default_scales(kinds, subject.definition.extent)
+    default = next(islice(scales, kinds.of[first], None))
     low, high = value_range(subject.summaries[subject.tree.column("type")[first]])
     count = 1 + sum(1 for _ in elements)
     yield Remark(
@@ -171,7 +168,7 @@ class _ElementScales:
     @cached_property
     def _defaults(self) -> list[float]:
         """Default vScale in each kind of cells."""
-        return default_scales(cell_kinds(self._tree), self._extent)
+        return list(default_scales(cell_kinds(self._tree), self._extent))
 
     def _default(self, index: int) -> float:
         """Default vScale of an element."""

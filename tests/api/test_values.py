@@ -1,0 +1,208 @@
+"""Wrong values of options: each verb refuses them in a sentence, whatever they are."""
+
+from __future__ import annotations
+
+import inspect
+import math
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from rasterio.transform import Affine
+
+import terratool
+from terratool.api.starting import starter_options
+from terratool.api.values import fitted
+from terratool.authoring.starters.build import KINDS
+from tests.commands import ROOT
+
+HUSKY = ROOT / "samples/vehicles/husky-a200.json"
+SONAR = ROOT / "samples/sensors/senscomp-6500.json"
+SITE: dict[str, Any] = {
+    "size": [4, 3],
+    "surfTypes": {"sand": {"preset": "dry-sand"}},
+    "elemTypes": {"flat": {"x": [0, 0], "x-ignore": ["TT308"]}, "box": {"x": [1]}},
+    "elemTree": {
+        "type": "flat", "surface": "sand", "cells": [4, 3],
+        "children": [{"cellX": 3, "cellY": 0, "type": "box", "vScale": 0.2}],
+    },
+}  # fmt: skip
+PLACE = Affine(1.0, 0.0, 0.0, 0.0, -1.0, 3.0)
+HEIGHTS = np.arange(12.0).reshape(3, 4) / 10
+POSE = (1.0, 1.0, 1.0, 0.0, 0.0, 0.0)
+RAGGED = [[1.0, 2.0], [3.0]]
+OTHER = {**SITE, "elemTypes": {**SITE["elemTypes"], "box": {"x": [0.5]}}}
+WRONG: dict[str, Any] = {
+    "text": "abc", "none": None, "five": 5, "empty": [], "object": object(), "nan": math.nan,
+    "minus": -1, "path": Path("none/there"), "ragged": RAGGED, "infinite": math.inf,
+    "words": ["a"], "huge": 10**400, "tiny": 1e-300, "fine": 1e-6, "dict": {"a": 1}, "yes": True,
+    "array": np.array([1.5, 2.5]), "four": (1, 2, 3, 2.5), "line": [(1, 1), (1, 2)],
+}  # fmt: skip
+RARE = [*WRONG][[*WRONG].index("ragged") + 1 :]
+"""Values that only all tests of a night try."""
+
+
+def terrain() -> terratool.Terrain:
+    return terratool.load(SITE)
+
+
+def definition() -> terratool.Definition:
+    made = terratool.Definition(size=(4, 3))
+    made.primitive("box", x=[1])
+    made.root("box")
+    return made
+
+
+Verb = Callable[..., Any]
+SURE: dict[str, Any] = {"overwrite": True}
+VERBS: dict[str, tuple[Callable[[], Verb], dict[str, Any]]] = {
+    "to_dem": (lambda: terrain().to_dem, {"resolution": 1}),
+    "write_dem": (lambda: terrain().write_dem, {"path": "a.tif", "resolution": 1, **SURE}),
+    "contours": (lambda: terrain().write_dem,
+                 {"path": "a.geojson", "resolution": 1, "layers": "contours", **SURE}),
+    "tiles": (lambda: terrain().write_dem,
+              {"tiles": "t", "tile_size": 32768, "resolution": 1, **SURE}),
+    "to_mesh": (lambda: terrain().to_mesh, {"max_error": 0.1}),
+    "write_mesh": (lambda: terrain().write_mesh, {"path": "a.obj", "max_error": 0.1, **SURE}),
+    "solid": (lambda: terrain().write_mesh, {"path": "a.stl", "solid": True, **SURE}),
+    "grid": (lambda: terrain().write_mesh,
+             {"path": "a.wrl", "resolution": 1, "elevation_grid": True, **SURE}),
+    "mesh of tiles": (lambda: terrain().write_mesh, {"path": "a.obj", "tile_faces": 9, **SURE}),
+    "export_sim": (lambda: terrain().export_sim, {"folder": "o", "target": "gazebo", **SURE}),
+    "nav2": (lambda: terrain().export_sim, {"folder": "o", "target": "nav2", **SURE}),
+    "render": (lambda: terrain().render, {"pixels": 200, "bare": True}),
+    "perspective": (lambda: terrain().render,
+                    {"pixels": 200, "bare": True, "perspective": True}),
+    "profile": (lambda: terrain().render, {"pixels": 600, "profile": (0, 1, 4, 1)}),
+    "view": (lambda: terrain().view, {"max_error": 0.1, "height": 90}),
+    "traversability": (lambda: terrain().traversability,
+                       {"vehicle": HUSKY, "resolution": 0.5, "headings": 4}),
+    "way": (lambda: terrain().traversability,
+            {"vehicle": HUSKY, "waypoints": [(1, 1.5), (2, 1.5)], "headings": 4}),
+    "scan": (lambda: terrain().scan, {"sensor": SONAR, "pose": POSE}),
+    "write_scan": (lambda: terrain().write_scan,
+                   {"output": "a.csv", "sensor": SONAR, "pose": POSE, "on_ground": 1, **SURE}),
+    "deform": (lambda: terrain().deform, {"vehicle": HUSKY, "path": [(1, 1.5), (2, 1.5)], **SURE}),
+    "compare": (lambda: terrain().compare, {"map": HEIGHTS, "transform": PLACE, **SURE}),
+    "map_scans": (lambda: terratool.map_scans, {"scans": "cloud.csv", "resolution": 1, **SURE}),
+    "diff": (lambda: terrain().diff, {"other": OTHER, "resolution": 0.5, **SURE}),
+    "load": (lambda: terratool.load, {"definition": SITE}),
+    "check": (lambda: terratool.check, {"definition": SITE}),
+    "import_terrain": (lambda: terratool.import_terrain,
+                       {"source": HEIGHTS, "transform": PLACE, "max_error": 0.1}),
+    "import_primitive": (lambda: terratool.import_primitive,
+                         {"source": HEIGHTS, "name": "a", "transform": PLACE}),
+    "Definition": (lambda: terratool.Definition, {"size": 3}),
+    "surface": (lambda: definition().surface, {"name": "sand"}),
+    "primitive": (lambda: definition().primitive, {"name": "flat", "x": [0, 1]}),
+    "part": (lambda: definition().part, {"name": "pile", "type": "box"}),
+    "track": (lambda: definition().track, {"path": [[1, 1], [2, 2]], "width": 0.2, "depth": 0.1}),
+    "root": (lambda: definition().root, {"type": "box"}),
+    "add": (lambda: definition().add, {"type": "box", "cell": (0, 0)}),
+    "save": (lambda: definition().save, {"path": "a.json", **SURE}),
+    "compile": (lambda: definition().compile, {}),
+}  # fmt: skip
+
+
+def ask(verb: Verb, given: dict[str, Any], option: str, value: Any) -> None:
+    """Ask for a value of an option; what is refused, is refused in two sentences."""
+    try:
+        found = verb(**{**given, option: value})
+        made = getattr(verb, "__self__", found)
+        if isinstance(made, terratool.Definition):
+            made.validate()  # which says what is wrong with keys of the text
+    except terratool.TerratoolError as error:
+        assert error.message and error.hint, option
+
+
+@pytest.mark.parametrize(
+    "value", [pytest.param(one, marks=[pytest.mark.nightly] * (one in RARE)) for one in WRONG]
+)
+@pytest.mark.parametrize("verb", VERBS)
+def test_any_value_of_any_option_is_taken_or_refused(
+    verb: str, value: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With an error of the package, whose two sentences say what is wrong and what to do."""
+    monkeypatch.chdir(tmp_path)
+    Path("cloud.csv").write_text("x,y,z\n2,3,4\n2.5,3,4\n", "utf-8")
+    make, given = VERBS[verb]
+    for option in inspect.signature(make()).parameters:
+        ask(make(), given, option, WRONG[value])
+
+
+@pytest.mark.parametrize(
+    "kind",
+    [pytest.param(kind, marks=[pytest.mark.nightly] * (kind == "course")) for kind in KINDS],
+)
+def test_any_value_of_a_starter_is_taken_or_refused(kind: str) -> None:
+    for value in WRONG.values():
+        ask(terratool.new, {}, "kind", value)
+        for option in starter_options(kind):
+            ask(partial(terratool.new, kind), {}, option, value)
+
+
+@pytest.mark.parametrize(
+    ("call", "says"),
+    [
+        (lambda t: t.to_dem(bounds="abc"),
+         "bounds is 'abc'. Give west, south, east, north, all of them numbers."),
+        (lambda t: t.to_dem(bounds=[1, 2, 3]), "bounds is [1, 2, 3]. Give west, south, east, nor"),
+        (lambda t: t.to_dem(layers=5), "layers is 5. Give a list of texts."),
+        (lambda t: t.to_dem(resolution=1e-6),
+         "4,000,000 × 3,000,000 pixels take 48,000,000,000,000 bytes, which do not fit into "
+         f"memory. Give a coarser resolution, such as {4 / 4096:.4g}, or smaller bounds"),
+        (lambda t: t.export_sim("o", 5), "target is 5. Give a text or a list of texts."),
+        (lambda t: t.export_sim("o", "gazebo", flex=1), "flex is 1. Give True or False."),
+        (lambda t: t.write_mesh("a.obj", origin=object()), "origin is of type object. Give"),
+        (lambda t: t.traversability(None), "vehicle is None. Give a Vehicle, a text, a path or a"),
+        (lambda t: t.traversability(5), "vehicle is 5. Give a Vehicle"),
+        (lambda t: t.traversability([]), "No vehicle is given. Give one, or several"),
+        (lambda t: t.traversability(HUSKY, headings=0), "The number of headings is 0. Give a mul"),
+        (lambda t: t.traversability(HUSKY, routes=[(1, 2, 3)]), "Give x0, y0, x1, y1, all of them"),
+        (lambda t: t.traversability(HUSKY, waypoints=5), "Give two or more rows of x and y."),
+        (lambda t: t.view(height="x"), "height is 'x'. Give a whole number."),
+        (lambda t: terratool.check(SITE, kind="vehicel"), "Did you mean vehicle?"),
+        (lambda t: terratool.check(SITE, kind="foo"),
+         "kind is 'foo'. Choose terrain, library, vehicle, curriculum or sensor."),
+        (lambda t: terratool.check(SITE, limit=10**30), "limit is too large a number. Give a who"),
+        (lambda t: terratool.import_terrain(RAGGED, transform=PLACE, max_error=1),
+         "The heights are no array of numbers. Give one of rows and columns."),
+        (lambda t: terratool.import_terrain(HEIGHTS, transform=PLACE, max_error=1, crs=object()),
+         "crs is of type object. Give a text, a whole number"),
+        (lambda t: terratool.import_terrain(HEIGHTS, transform=PLACE, max_error=1, nodata="x"),
+         "nodata is 'x'. Give a number."),
+        (lambda t: definition().add("box", cell="ab"),
+         "cell is 'ab'. Give column and row, as in cell=(3, 2)."),
+    ],
+)  # fmt: skip
+def test_a_wrong_type_is_told_by_the_name_of_the_option(call: Any, says: str) -> None:
+    with pytest.raises(terratool.RequestError) as error:
+        call(terrain())
+    assert says in str(error.value)
+
+
+def test_values_become_what_records_hold() -> None:
+    """Numbers of NumPy, paths, and words by themselves, in nested types, too."""
+    said = {
+        ("float | None", np.float32(0.5)): 0.5,
+        ("float", 3): 3.0,
+        ("int", np.int16(4)): 4,
+        ("bool", np.bool_(True)): True,
+        ("str", np.float64): "float64",
+        ("Sequence[str]", "slope"): ("slope",),
+        ("Sequence[str | Path]", Path("a/b")): ("a/b",),
+        ("tuple[int, ...]", (1, 2, 3)): (1, 2, 3),
+    }
+    for (annotation, value), wanted in said.items():
+        found = fitted("it", value, annotation, "terratool.api.terrain")
+        assert found == wanted and type(found) is type(wanted)
+    lines = np.array([[0, 1, 2, 3], [4, 5, 6, 7]])
+    found = fitted("it", lines, "Line | Sequence[Line]", "terratool.api.terrain")
+    assert found == ((0.0, 1.0, 2.0, 3.0), (4.0, 5.0, 6.0, 7.0))
+    for annotation in ("float", "int", "str", "Sequence[str]", "Line | None"):
+        for value in (True, b"a", {"a": 1}, [[1]], object()):
+            with pytest.raises(terratool.RequestError, match=r"^it is .*\. Give .*\.$"):
+                fitted("it", value, annotation, "terratool.api.terrain")
