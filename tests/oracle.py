@@ -337,7 +337,8 @@ class Element:
     def shape(self, x: float, y: float, nudge_x: float = 0.0, nudge_y: float = 0.0) -> float:
         if "grid" in self.primitive:
             u, v = (clamp(self.along(k, x, y) + n) for k, n in enumerate((nudge_x, nudge_y)))
-            return grid_value(self.primitive, (u, v), (self.cell_at(0, x, y), self.cell_at(1, x, y)))
+            cell = self.cell_at(0, x, y), self.cell_at(1, x, y)
+            return grid_value(self.primitive, (u, v), cell)
         first = self.value(0, x, y, nudge_x)
         return first if self.radial else COMBINES[self.combine](first, self.value(1, x, y, nudge_y))
 

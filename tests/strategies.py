@@ -12,6 +12,7 @@ from typing import Any
 from hypothesis import strategies as st
 
 from tests.decimals import meant
+from tests.oracle import cells_of
 
 Json = dict[str, Any]
 Draw = st.DrawFn

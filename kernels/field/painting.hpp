@@ -59,9 +59,8 @@ void paint_raster(
         Out row = canvas.heights.row(r, part.west, part.east);
         fill(canvas.surfaces.row(r, part.west, part.east), Id(kind.surface + 1));
         for (i64 n = 0; n < count_of(u); ++n) {
-            ShapePoint f = placed_raster(
-                field.curves, kind, element, pose, grid, {u[n], v[j]}, x[n], y[j]
-            );
+            ShapePoint f =
+                placed_raster(field.curves, kind, element, pose, grid, {u[n], v[j]}, x[n], y[j]);
             row[n] += element.scale * f.value + element.offset;
             if (canvas.slope_x.exists()) {
                 canvas.slope_x(r, part.west + n) += rates.x * f.du;

@@ -219,8 +219,7 @@ INLINE Footprint free_shape(
         Grid frame{};
         if (square.turned)
             at = turned(pose, free_position(place, X, from.u), free_position(place, Y, from.v));
-        else if (has_edges(kind))
-            frame = free_frame(grid, exact);
+        else if (has_edges(kind)) frame = free_frame(grid, exact);
         auto [holds, shape] = special_shape(field.curves, kind, element, pose, frame, at, p.x, p.y);
         if (!holds) return none;
         f = shape;

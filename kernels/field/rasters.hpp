@@ -35,9 +35,7 @@ INLINE i64 raster_cells(const Raster& r, int axis) {
 }
 
 // The cell at `t` of so many along an axis.
-INLINE i64 cell_at(double t, i64 count) {
-    return clamp(i64(t * double(count)), i64(0), count - 1);
-}
+INLINE i64 cell_at(double t, i64 count) { return clamp(i64(t * double(count)), i64(0), count - 1); }
 
 // The cell at `t` of an unturned element, at `x` in the world, where an edge's double decides.
 inline i64 placed_cell(double t, i64 count, double x, const GridAxis& axis, Block block) {
@@ -47,6 +45,17 @@ inline i64 placed_cell(double t, i64 count, double x, const GridAxis& axis, Bloc
     double edge = k / n, rest = -std::fma(edge, n, -k) / n;
     return i64(k) - !is_past_step(x, axis, block, edge, rest);
 }
+
+// Numbers from a column and row to another, both included, from the south-west.
+struct NumberBlock {
+    i64 west, east, south, north;
+};
+
+// Least and greatest of the numbers of a block that are there, and whether some are not.
+struct NumberRange {
+    double low, high;
+    bool voids;
+};
 
 // A grid of heights.
 class RasterAt {
@@ -76,6 +85,19 @@ public:
         i64 i = cell_at(u + STEP, raster_cells(raster_, X));
         i64 j = cell_at(v + STEP, raster_cells(raster_, Y));
         return this->at({u, v}, i, j);
+    }
+
+    // What the numbers of a block reach. Between them no height is beyond it, void numbers apart.
+    NumberRange range(const NumberBlock& block) const {
+        NumberRange found{INF, -INF, false};
+        for (i64 j = block.south; j <= block.north; ++j)
+            for (i64 i = block.west; i <= block.east; ++i) {
+                double z = number(i, j);
+                found.voids |= isnan(z);
+                found.low = min(found.low, isnan(z) ? INF : z);
+                found.high = max(found.high, isnan(z) ? -INF : z);
+            }
+        return found;
     }
 
 private:

@@ -10,8 +10,7 @@ INLINE ShapePoint placed_shape(
     const Curves& curves, const Kind& kind, const Element& element, const Pose& pose,
     const Grid& grid, UV at, double x, double y
 ) {
-    if (kind.combine == GRID)
-        return placed_raster(curves, kind, element, pose, grid, at, x, y);
+    if (kind.combine == GRID) return placed_raster(curves, kind, element, pose, grid, at, x, y);
     CurvePoint fx = placed_curve_of(curves, kind, element, pose, grid, X, at.u, x);
     CurvePoint fy = placed_curve_of(curves, kind, element, pose, grid, Y, at.v, y);
     return combine(kind.combine, fx, fy);

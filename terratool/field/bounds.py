@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from terratool.field.rasters import refuse_grids
 from terratool.field.records import COMBINE, FieldArrays
 from terratool.field.relief import worn_reliefs
 from terratool.kernels import field as kernels
@@ -234,7 +235,12 @@ class CrestLines(NamedTuple):
 
 
 def crest_lines(arrays: FieldArrays) -> CrestLines:
-    """Return the kinks, steps and peaks of the curves of all kinds."""
+    """Return the kinks, steps and peaks of the curves of all kinds.
+
+    Raises:
+        RequestError: a kind is a grid of heights.
+    """
+    refuse_grids(arrays, "A map of obstacles")
     found: dict[tuple[int, bool], Floats] = {}
     first, columns = [0], []
     for kind in arrays.kinds:

@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from terratool.errors import RequestError
 from terratool.extras import install_command
 from terratool.field.friction import frictions_of
+from terratool.field.rasters import refuse_grids
 from terratool.field.records import IN_CELLS, FieldArrays, TrackArrays
 
 if TYPE_CHECKING:
@@ -89,6 +90,7 @@ class WarpField:
 
         self.surfaces, self.origin = terrain.surfaces, check_origin(origin)
         arrays = terrain.written_out.arrays
+        refuse_grids(arrays, "A copy on a device")
         room = next((room for room in _ROOMS if room >= arrays.pending), None)
         if room is None:
             raise RequestError(

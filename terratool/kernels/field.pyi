@@ -14,6 +14,7 @@ def check_records(
     place: np.dtype[Any],
     free_bins: np.dtype[Any],
     kind: np.dtype[Any],
+    raster: np.dtype[Any],
     segment: np.dtype[Any],
     member: np.dtype[Any],
     copies: np.dtype[Any],
