@@ -629,6 +629,8 @@ class Definition:
         x: str | Sequence[Any] | None = None,
         y: str | Sequence[Any] | None = None,
         combine: str | None = None,
+        registration: str | None = None,
+        grid: Sequence[Sequence[float | None]] | None = None,
         x_ignore: str | Sequence[str] | None = None,
         x_why: str | None = None,
     ) -> str:

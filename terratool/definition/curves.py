@@ -37,7 +37,7 @@ class FormulaCurve(Struct, frozen=True):
 Curve = SampledCurve | KnotCurve | FormulaCurve
 
 
-class HeightGrid(Struct, frozen=True):
+class GridShape(Struct, frozen=True):
     """Heights over the unit square, bilinear in between.
 
     Attributes:
@@ -66,7 +66,7 @@ class Shape(Struct, frozen=True):
     x: Curve
     y: Curve | None
     combine: str
-    grid: HeightGrid | None = None
+    grid: GridShape | None = None
 
 
 class CurveError(ValueError):
@@ -251,7 +251,7 @@ def shape_of(primitive: Primitive) -> Shape:
         given = primitive.registration
         registration = REGISTRATIONS[0] if given is UNSET else str(given)
         one = SampledCurve((1.0,))
-        return Shape(one, one, "grid", HeightGrid(primitive.grid, registration))
+        return Shape(one, one, "grid", GridShape(primitive.grid, registration))
     combine = "product" if primitive.combine is UNSET else str(primitive.combine)
     if combine == "radial":
         return Shape(read_curve(primitive.x, "x"), None, combine)  # type: ignore[arg-type]

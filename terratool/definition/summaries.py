@@ -13,7 +13,7 @@ from terratool.definition import expression
 from terratool.definition.curves import (
     Curve,
     FormulaCurve,
-    HeightGrid,
+    GridShape,
     KnotCurve,
     SampledCurve,
     shape_of,
@@ -157,7 +157,7 @@ class GridSummary(Struct, frozen=True):
     rim: Range
 
 
-def _of_grid(grid: HeightGrid) -> GridSummary:
+def _of_grid(grid: GridShape) -> GridSummary:
     rim = [*grid.rows[0], *grid.rows[-1], *(row[end] for row in grid.rows for end in (0, -1))]
     around = [height for height in rim if height is not None]
     return GridSummary(range_of([*grid.heights()] or [0.0]), range_of(around or [0.0]))

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from terratool.definition.curves import HeightGrid
+from terratool.definition.curves import GridShape
 from terratool.errors import RequestError
 from terratool.field.records import RASTER, FieldArrays
 
@@ -29,12 +29,12 @@ class RasterStore:
     """Store of the heights of grids, each grid once."""
 
     def __init__(self) -> None:
-        self._known: dict[HeightGrid, int] = {}
+        self._known: dict[GridShape, int] = {}
         self._heights: list[NDArray[np.float64]] = []
         self._records: list[tuple[int, tuple[int, int], bool, bool]] = []
         self._count = 0
 
-    def put(self, grid: HeightGrid) -> int:
+    def put(self, grid: GridShape) -> int:
         """Index of a grid among the rasters, storing a new one."""
         if grid not in self._known:
             heights = np.array(grid.rows, np.float64)  # None becomes NaN

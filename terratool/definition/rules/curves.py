@@ -121,7 +121,7 @@ def grid_rows(subject: Subject) -> Iterator[Remark]:
 
     Fails:
 
-        {"size": 9, "elemTypes": {"dem": {"grid": [[0, 1, 2], [0, 1]]}}, "elemTree": {"type": "dem"}}
+        {"size": 9, "elemTypes": {"d": {"grid": [[0, 1, 2], [0, 1]]}}, "elemTree": {"type": "d"}}
 
     Passes:
 
