@@ -25,7 +25,8 @@ from rasterio.errors import NotGeoreferencedWarning
 from rasterio.io import MemoryFile
 
 from terratool.importing.sources import open_source
-from terratool.importing.terrain.build import ImportOptions, import_terrain
+from terratool.importing.terrain.build import import_terrain
+from terratool.importing.terrain.request import ImportOptions
 from terratool.importing.types import PixelGrid, SampledHeights
 
 Floats = NDArray[np.float64]

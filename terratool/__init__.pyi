@@ -31,8 +31,8 @@ from terratool.errors import RequestError as RequestError
 from terratool.errors import TerratoolError as TerratoolError
 from terratool.errors import WriteError as WriteError
 from terratool.importing.primitive.build import Combine, ImportedPrimitive
-from terratool.importing.terrain.build import ImportReport
 from terratool.importing.terrain.methods import Method
+from terratool.importing.terrain.request import ImportReport
 from terratool.mesh.origin import Origin
 from terratool.mesh.request import AnyMeshReport
 from terratool.raster.dem import AnyDemReport, DemArrays
@@ -808,6 +808,7 @@ def import_terrain(
     cells: Literal["half-pixels", "pixels"] = "half-pixels",
     surface: str | None = None,
     preset: str | None = None,
+    as_: Literal["rows", "grid"] | None = None,
     bounds: Bounds | None = None,
     window: tuple[int, int, int, int] | None = None,
     band: int | None = None,
@@ -836,6 +837,7 @@ def import_terrain(
     cells: Literal["half-pixels", "pixels"] = "half-pixels",
     surface: str | None = None,
     preset: str | None = None,
+    as_: Literal["rows", "grid"] | None = None,
     bounds: Bounds | None = None,
     window: tuple[int, int, int, int] | None = None,
     band: int | None = None,

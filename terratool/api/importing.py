@@ -34,7 +34,8 @@ from terratool.importing.primitive.insert import (
 )
 from terratool.importing.primitive.reading import read_patch
 from terratool.importing.sources import open_source
-from terratool.importing.terrain.build import ImportOptions, ImportReport, import_terrain
+from terratool.importing.terrain.build import import_terrain
+from terratool.importing.terrain.request import ImportOptions, ImportReport
 from terratool.importing.types import HeightSource, SampledHeights, SourceOptions
 from terratool.output import is_same_file, refuse_existing, refuse_missing_folder
 from terratool.text.source import refuse_name

@@ -26,7 +26,7 @@ from terratool.report.numbers import per_cent
 from terratool.report.wording import count_of
 
 if TYPE_CHECKING:
-    from terratool.importing.terrain.build import ImportReport
+    from terratool.importing.terrain.request import ImportReport
 
 # equal to the names in terratool.importing.terrain.methods, which is not imported for --help
 _METHODS = ("rows", "columns", "nodal-rows", "nodal-columns", "hats")
@@ -48,6 +48,14 @@ _METHODS = ("rows", "columns", "nodal-rows", "nodal-columns", "hats")
         required=True,
         metavar="E",
         help="How far heights may be off, in their units.",
+    ),
+    click.option(
+        "--as",
+        "as_",
+        type=WordChoice(("rows", "grid")),
+        metavar="FORM",
+        help="rows of curves in the text, or a grid: a raster beside it.  "
+        "[default: rows up to 2,000,000 pixels]",
     ),
     click.option("--fill", is_flag=True, help="Fill what is nodata, rather than leave it void."),
     click.option(
@@ -107,7 +115,8 @@ def command(source: str, output: str, overwrite: bool, as_json: bool, **values: 
 
     from terratool.errors import RequestError
     from terratool.importing.sources import open_source
-    from terratool.importing.terrain.build import ImportOptions, import_terrain
+    from terratool.importing.terrain.build import import_terrain
+    from terratool.importing.terrain.request import ImportOptions
     from terratool.output import is_same_file
     from terratool.text.source import refuse_name
 
@@ -199,21 +208,29 @@ def _document(report: ImportReport, output: str) -> ImportDocument:
 
 def as_text(report: ImportReport, output: str) -> Iterator[str]:
     """Report in lines for people."""
+    from terratool.importing.terrain.request import MOST_AS_ROWS
+
     grid, error, unit = report.grid, report.error, report.grid.unit
     pixels = grid.rows * grid.columns
     size = f"{grid.dx:g}" if grid.dx == grid.dy else f"{grid.dx:g} × {grid.dy:g}"
     filled = ", filled" if report.options.fill else ""
+    if report.raster is not None and report.options.as_ is None:
+        yield f"More than {MOST_AS_ROWS:,} pixels: a grid is made of them; --as rows makes rows"
     what = f", {report.unknown:,} without a height{filled}" if report.unknown else ""
     yield f"{grid.columns} × {grid.rows} pixels of {size}{what}"
     if report.structures:
         found = ", ".join(f"{count} {kind}" for kind, count in report.structures.items())
         yield f"Structures: {found}"
     how = share = ""
+    if report.raster is not None:
+        how = f", as a grid in steps of {report.step:g} {unit}"
     if report.method:
         how = f", by {report.method.sentence} in steps of {report.step:g} {unit}"
     if report.relief:
         share = f" ({per_cent(error.largest / report.relief)} of the relief)"
     yield f"{output}: {report.size:,} bytes, {8 * report.size / pixels:.3g} bits a pixel{how}"
+    if report.raster is not None:
+        yield f"{report.raster}: the heights, beside it"
     at = " at {:.10g} {:.10g}".format(*error.where) if error.where and error.largest else ""
     rms = f"{error.rms:.4g} {unit} RMS"
     yield f"Error at the pixels: at most {error.largest:.4g} {unit}{share}{at}, {rms}"

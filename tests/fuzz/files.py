@@ -27,7 +27,8 @@ from terratool.importing.meshes import read_triangles
 from terratool.importing.rasters import open_classes
 from terratool.importing.sampling import sample
 from terratool.importing.sources import is_mesh, open_source
-from terratool.importing.terrain.build import ImportOptions, import_terrain
+from terratool.importing.terrain.build import import_terrain
+from terratool.importing.terrain.request import ImportOptions
 from terratool.importing.types import SourceOptions
 from terratool.io.opening import DRIVERS
 from tests.commands import YARD

@@ -19,8 +19,9 @@ from terratool.definition.reader import check
 from terratool.errors import ReadError, RequestError, WriteError
 from terratool.field.terrain import Terrain, load
 from terratool.importing.terrain import build, writing
-from terratool.importing.terrain.build import ImportOptions, fill_gaps, import_terrain
+from terratool.importing.terrain.build import import_terrain
 from terratool.importing.terrain.methods import METHODS, methods_named, step_for
+from terratool.importing.terrain.request import ImportOptions, fill_gaps
 from terratool.importing.terrain.writing import BoundError, Checker
 from terratool.importing.types import PixelGrid, SampledHeights
 from terratool.text.source import read_source

@@ -14,7 +14,8 @@ from terratool.field.terrain import load
 from terratool.importing import rasters
 from terratool.importing.sources import open_source
 from terratool.importing.terrain import build
-from terratool.importing.terrain.build import ImportOptions, import_terrain
+from terratool.importing.terrain.build import import_terrain
+from terratool.importing.terrain.request import ImportOptions
 from tests.commands import ROOT, SAMPLE
 from tests.commands import call as run
 from tests.rasters import geotiff

@@ -5,18 +5,16 @@ from __future__ import annotations
 import math
 import zlib
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
-from itertools import chain
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from terratool.definition.presets import PRESETS
 from terratool.errors import ReadError, RequestError
 from terratool.importing.rasters import ClassRaster, open_classes
 from terratool.importing.structure.finding import find_structures
@@ -28,19 +26,27 @@ from terratool.importing.structure.structures import (
     evaluate,
     primitive_of,
 )
+from terratool.importing.terrain.grids import import_grid
 from terratool.importing.terrain.methods import (
-    METHODS,
     HeightRounding,
     Method,
     Read,
     hat_texts,
     hats_of,
-    methods_named,
     rows_of,
     size_of,
     smallest,
     step_for,
     write_rows,
+)
+from terratool.importing.terrain.request import (
+    NO_GROUND,
+    GroundSurface,
+    ImportOptions,
+    ImportReport,
+    fill_gaps,
+    head_of,
+    refuse_pixels,
 )
 from terratool.importing.terrain.writing import (
     FLAT,
@@ -58,11 +64,7 @@ from terratool.importing.terrain.writing import (
 from terratool.importing.types import HeightSource, PixelGrid, sample_range
 from terratool.kernels import importing as kernels
 from terratool.output import refuse_existing, whole_file
-from terratool.report.wording import join_words
 from terratool.text.display import quote
-
-_NARROWEST = 2.0**-40
-"""Least ratio of a pixel's side to the largest coordinate; below it doubles round pixels away."""
 
 _SAMPLE = 192
 _SAMPLED = 1 << 18
@@ -74,145 +76,11 @@ _SEARCHED = 1 << 22
 MOST_IN_MEMORY = 1 << 24
 """Most pixels of a DEM that is held in memory; larger ones are read by rows, twice."""
 
-REACH = 512
-"""Distance in pixels within which GDAL looks for heights to fill a gap."""
-
 _ROWS = 256
 _VOID = int(np.iinfo(np.int64).max)
 """Class number of pixels without a height."""
-_NO_GROUND = "void"
-"""Name of the surface of pixels without a height."""
-
 Floats = NDArray[np.float64]
 Progress = Callable[[int], object]
-
-
-@dataclass(frozen=True, slots=True)
-class GroundSurface:
-    """Surface of the terrain where no class gives another one.
-
-    Attributes:
-        name: name of the surface.
-        preset: its soil; None leaves the figures to the user.
-    """
-
-    name: str
-    preset: str | None = None
-
-    @property
-    def surface(self) -> dict[str, Any]:
-        """Return the members of the surface in a definition."""
-        return {} if self.preset is None else {"preset": self.preset}
-
-
-@dataclass(frozen=True, slots=True)
-class ImportOptions:
-    """Options for importing a DEM.
-
-    Attributes:
-        max_error: largest error, in units of the heights.
-        methods: names of the methods that may be tried: rows, columns, nodal-rows, nodal-columns
-            and hats, or methods themselves; all if empty.
-        fill: whether unknown heights are filled rather than void.
-        structures: whether to look for boxes, ramps and hills.
-        walls: whether structures get upright walls where the DEM has a gap of a pixel.
-        surfaces: name of a raster of classes, or None.
-        title: name of the source, for the description.
-        allow_remote: whether the raster of classes may lie on the net, or link out of its folder.
-        cells: cells of the tree: "half-pixels" make the smallest file, in "pixels" own elements are
-            easily added.
-        surface: name of the surface of the ground where no class says otherwise; that of the preset
-            if None.
-        preset: soil of that surface; None leaves its figures to the user.
-    """
-
-    max_error: float
-    methods: Sequence[str | Method] = ()
-    fill: bool = False
-    structures: bool = True
-    walls: bool = False
-    surfaces: str | None = None
-    title: str = ""
-    allow_remote: bool = False
-    cells: Literal["half-pixels", "pixels"] = "half-pixels"
-    surface: str | None = None
-    preset: str | None = None
-
-    @property
-    def pixels(self) -> bool:
-        """Whether the root's cells are the pixels."""
-        return self.cells == "pixels"
-
-    @property
-    def ground(self) -> GroundSurface | None:
-        """Surface of the root; None without one."""
-        name = self.preset if self.surface is None else self.surface
-        return None if name is None else GroundSurface(name, self.preset)
-
-    @property
-    def tried(self) -> tuple[Method, ...]:
-        """Methods that may be tried.
-
-        Raises:
-            RequestError: there is no method of a name.
-        """
-        given = ((one,) if isinstance(one, Method) else methods_named(one) for one in self.methods)
-        return tuple(chain.from_iterable(given)) or METHODS
-
-    def check(self) -> None:
-        """Refuse options that make no sense for any source.
-
-        Raises:
-            RequestError: an option makes no sense.
-        """
-        if self.cells not in ("half-pixels", "pixels"):
-            raise RequestError(f"The cells are {self.cells!r}.", "Choose half-pixels or pixels.")
-        if self.preset is not None and self.preset not in PRESETS:
-            raise RequestError(
-                f"There is no preset {self.preset!r}.",
-                f"The presets are {join_words(tuple(PRESETS))}.",
-            )
-        _ = self.tried
-        _refuse_ground(self.ground)
-        step_for(self.max_error, 0.0)  # refuse a bad error before reading
-
-
-@dataclass(frozen=True, slots=True)
-class ImportReport:
-    """Result of an import.
-
-    Attributes:
-        grid: the pixels.
-        options: options of the import.
-        method: method by which the heights were written; None if structures explain all of them.
-        step: unit to which heights were rounded.
-        relief: highest minus lowest height.
-        error: error measured on the compiled field at the pixel centres.
-        bound: error that holds everywhere against the bilinear DEM.
-        unknown: number of pixels without a height.
-        structures: number of structures of each kind.
-        surfaces: number of pixels of each surface.
-        size: size of the file in bytes.
-        notes: sentences about the source.
-    """
-
-    grid: PixelGrid
-    options: ImportOptions
-    method: Method | None
-    step: float
-    relief: float
-    error: MeasuredError
-    bound: float
-    unknown: int
-    structures: dict[str, int]
-    surfaces: dict[str, int]
-    size: int
-    notes: tuple[str, ...]
-
-    @property
-    def walls(self) -> bool:
-        """Whether there are structures with upright walls."""
-        return self.options.walls and bool(self.structures)
 
 
 @dataclass(frozen=True, slots=True)
@@ -276,6 +144,8 @@ def import_terrain(
         RequestError: an option makes no sense.
         WriteError: the file cannot be written.
     """
+    if options.makes_grid(source.grid):
+        return import_grid(source, output, options, overwrite, progress)
     work = progress or (lambda _: None)
     _refuse_size(source.grid)
     options.check()
@@ -293,34 +163,13 @@ def import_terrain(
 
 
 def _refuse_size(grid: PixelGrid) -> None:
-    if grid.rows * grid.columns < 2:
-        raise ReadError("There is one pixel only, which is no terrain.", "Take more of the source.")
+    refuse_pixels(grid)
     if max(grid.rows, grid.columns) > MOST_PIXELS:
         raise ReadError(
             f"There are {grid.columns:,} × {grid.rows:,} pixels, and a definition takes "
             f"{MOST_PIXELS:,} along each side at most.",
-            "Import parts with --window or --bounds.",
+            "Write it as a grid, by --as grid, or import parts with --window or --bounds.",
         )
-    farthest = max(abs(side) for side in grid.bounds)
-    if not min(grid.dx, grid.dy) >= _NARROWEST * farthest:
-        raise ReadError(
-            f"Pixels of {min(grid.dx, grid.dy):g} cannot be told apart at {farthest:g}.",
-            "Give the source another origin, as with gdal_edit.py -a_ullr.",
-        )
-
-
-def _refuse_ground(ground: GroundSurface | None) -> None:
-    if ground is None:
-        return
-    if not ground.name or ground.name == _NO_GROUND:
-        what = "has no name" if not ground.name else f"is called {quote(ground.name)}, as gaps are"
-        raise RequestError(f"The surface of the ground {what}.", "Give another --surface.")
-    try:
-        ground.name.encode()
-    except UnicodeEncodeError as error:
-        raise RequestError(
-            f"{ground.name!r} is no name in UTF-8.", "Choose another --surface."
-        ) from error
 
 
 # --- the first reading ----------------------------------------------------------------------------
@@ -440,30 +289,8 @@ def _add_ground(summary: SourceSummary, ground: GroundSurface, grid: PixelGrid) 
 def _surface(raster: ClassRaster | None, number: int) -> tuple[str, dict[str, Any]]:
     """Return name and members of the surface of a class, or of the void."""
     if number == _VOID or raster is None:
-        return _NO_GROUND, {"void": True}
+        return NO_GROUND, {"void": True}
     return raster.surface(number)
-
-
-def fill_gaps(heights: Floats) -> Floats:
-    """Fill unknown heights by inverse distance weighting, as GDAL does.
-
-    Args:
-        heights: (rows, columns) float64, NaN where unknown.
-
-    Returns:
-        (rows, columns) float64, NaN where no height is known within `REACH` pixels.
-    """
-    from rasterio.fill import fillnodata
-
-    known = ~np.isnan(heights)
-    if known.all():
-        return heights
-    smooth = fillnodata(
-        heights.copy(),
-        mask=known.astype(np.uint8),
-        max_search_distance=min(REACH, max(heights.shape)),
-    )
-    return np.where(known, heights, smooth)
 
 
 # --- planning ------------------------------------------------------------------------------------
@@ -606,7 +433,7 @@ def _write_definition(
     error = MeasuredError(grid)
     with whole_file(output, overwrite) as path:
         with sink_for(path, output.name, grid.rows * grid.columns) as sink:
-            writer = Writer(sink, _head(grid, options))
+            writer = Writer(sink, head_of(grid, options))
             writer.write(ElementText(FLAT, b""), *found.texts)
             deviation = None if options.walls and found.kinds else found.deviation
             transposed = plan.method.kind == "columns"
@@ -645,22 +472,6 @@ def _write_definition(
         size=size,
         notes=summary.notes,
     )
-
-
-def _head(grid: PixelGrid, options: ImportOptions) -> dict[str, Any]:
-    """Return the first members of the definition: description, size, origin and crs."""
-    pixel = f"{grid.dx:.12g}"
-    if grid.dx != grid.dy:
-        pixel += f" × {grid.dy:.12g}"
-    head: dict[str, Any] = {
-        "descr": f"{options.title or 'A DEM'}, imported within {options.max_error:g} "
-        f"{grid.unit}; pixels of {pixel}",
-        "size": list(grid.size),
-        "origin": [grid.west, grid.south],
-    }
-    if grid.crs is not None:
-        head["crs"] = grid.crs
-    return head
 
 
 def _write_heights(

@@ -1,0 +1,261 @@
+"""Request and result of the import of a whole DEM, and what all of its forms share."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import chain
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terratool.definition.presets import PRESETS
+from terratool.errors import ReadError, RequestError
+from terratool.importing.terrain.methods import METHODS, Method, methods_named, step_for
+from terratool.importing.terrain.writing import MeasuredError
+from terratool.importing.types import PixelGrid
+from terratool.report.wording import join_words
+from terratool.text.display import quote
+
+MOST_AS_ROWS = 2_000_000
+"""Most pixels of a DEM that becomes rows where nothing is said; a larger one becomes a grid."""
+
+_NARROWEST = 2.0**-40
+"""Least ratio of a pixel's side to the largest coordinate; below it doubles round pixels away."""
+
+REACH = 512
+"""Distance in pixels within which GDAL looks for heights to fill a gap."""
+
+NO_GROUND = "void"
+"""Name of the surface of pixels without a height."""
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class GroundSurface:
+    """Surface of the terrain where no class gives another one.
+
+    Attributes:
+        name: name of the surface.
+        preset: its soil; None leaves the figures to the user.
+    """
+
+    name: str
+    preset: str | None = None
+
+    @property
+    def surface(self) -> dict[str, Any]:
+        """Return the members of the surface in a definition."""
+        return {} if self.preset is None else {"preset": self.preset}
+
+
+@dataclass(frozen=True, slots=True)
+class ImportOptions:
+    """Options for importing a DEM.
+
+    Attributes:
+        max_error: largest error, in units of the heights.
+        methods: names of the methods that may be tried: rows, columns, nodal-rows, nodal-columns
+            and hats, or methods themselves; all if empty.
+        fill: whether unknown heights are filled rather than void.
+        structures: whether to look for boxes, ramps and hills.
+        walls: whether structures get upright walls where the DEM has a gap of a pixel.
+        surfaces: name of a raster of classes, or None.
+        title: name of the source, for the description.
+        allow_remote: whether the raster of classes may lie on the net, or link out of its folder.
+        cells: cells of the tree: "half-pixels" make the smallest file, in "pixels" own elements are
+            easily added.
+        surface: name of the surface of the ground where no class says otherwise; that of the preset
+            if None.
+        preset: soil of that surface; None leaves its figures to the user.
+        as_: what is made of the heights: "rows" of curves in the text, or a "grid", a raster beside
+            it; rows up to `MOST_AS_ROWS` pixels if None, and wherever another option is about rows.
+    """
+
+    max_error: float
+    methods: Sequence[str | Method] = ()
+    fill: bool = False
+    structures: bool = True
+    walls: bool = False
+    surfaces: str | None = None
+    title: str = ""
+    allow_remote: bool = False
+    cells: Literal["half-pixels", "pixels"] = "half-pixels"
+    surface: str | None = None
+    preset: str | None = None
+    as_: Literal["rows", "grid"] | None = None
+
+    @property
+    def of_rows(self) -> list[str]:
+        """Options given that are about rows, as the command spells them."""
+        given = {
+            "--method": bool(self.methods), "--walls": self.walls,
+            "--cells": self.cells != "half-pixels", "--surfaces": self.surfaces is not None,
+        }  # fmt: skip
+        return [name for name, one in given.items() if one]
+
+    def makes_grid(self, grid: PixelGrid) -> bool:
+        """Return whether heights of some pixels become a grid.
+
+        Raises:
+            RequestError: another option is about rows, or there is no such form.
+        """
+        if self.as_ not in (None, "rows", "grid"):
+            raise RequestError(f"A DEM cannot be made {self.as_!r}.", "Choose rows or grid.")
+        if self.as_ == "grid" and self.of_rows:
+            raise RequestError(
+                f"{self.of_rows[0]} is about rows, and a grid is asked for.",
+                f"Leave out {self.of_rows[0]}, or ask for rows.",
+            )
+        if self.as_ is None:
+            return grid.rows * grid.columns > MOST_AS_ROWS and not self.of_rows
+        return self.as_ == "grid"
+
+    @property
+    def pixels(self) -> bool:
+        """Whether the root's cells are the pixels."""
+        return self.cells == "pixels"
+
+    @property
+    def ground(self) -> GroundSurface | None:
+        """Surface of the root; None without one."""
+        name = self.preset if self.surface is None else self.surface
+        return None if name is None else GroundSurface(name, self.preset)
+
+    @property
+    def tried(self) -> tuple[Method, ...]:
+        """Methods that may be tried.
+
+        Raises:
+            RequestError: there is no method of a name.
+        """
+        given = ((one,) if isinstance(one, Method) else methods_named(one) for one in self.methods)
+        return tuple(chain.from_iterable(given)) or METHODS
+
+    def check(self) -> None:
+        """Refuse options that make no sense for any source.
+
+        Raises:
+            RequestError: an option makes no sense.
+        """
+        if self.cells not in ("half-pixels", "pixels"):
+            raise RequestError(f"The cells are {self.cells!r}.", "Choose half-pixels or pixels.")
+        if self.preset is not None and self.preset not in PRESETS:
+            raise RequestError(
+                f"There is no preset {self.preset!r}.",
+                f"The presets are {join_words(tuple(PRESETS))}.",
+            )
+        _ = self.tried
+        _refuse_ground(self.ground)
+        step_for(self.max_error, 0.0)  # refuse a bad error before reading
+
+
+@dataclass(frozen=True, slots=True)
+class ImportReport:
+    """Result of an import.
+
+    Attributes:
+        grid: the pixels.
+        options: options of the import.
+        method: method by which the heights were written; None if structures explain all of them.
+        step: unit to which heights were rounded.
+        relief: highest minus lowest height.
+        error: error measured on the compiled field at the pixel centres.
+        bound: error that holds everywhere against the bilinear DEM.
+        unknown: number of pixels without a height.
+        structures: number of structures of each kind.
+        surfaces: number of pixels of each surface.
+        size: size of the file in bytes.
+        notes: sentences about the source.
+        raster: raster of the heights beside the file; None where they stand in the text.
+    """
+
+    grid: PixelGrid
+    options: ImportOptions
+    method: Method | None
+    step: float
+    relief: float
+    error: MeasuredError
+    bound: float
+    unknown: int
+    structures: dict[str, int]
+    surfaces: dict[str, int]
+    size: int
+    notes: tuple[str, ...]
+    raster: Path | None = None
+
+    @property
+    def walls(self) -> bool:
+        """Whether there are structures with upright walls."""
+        return self.options.walls and bool(self.structures)
+
+
+def _refuse_ground(ground: GroundSurface | None) -> None:
+    if ground is None:
+        return
+    if not ground.name or ground.name == NO_GROUND:
+        what = "has no name" if not ground.name else f"is called {quote(ground.name)}, as gaps are"
+        raise RequestError(f"The surface of the ground {what}.", "Give another --surface.")
+    try:
+        ground.name.encode()
+    except UnicodeEncodeError as error:
+        raise RequestError(
+            f"{ground.name!r} is no name in UTF-8.", "Choose another --surface."
+        ) from error
+
+
+def refuse_pixels(grid: PixelGrid) -> None:
+    """Refuse pixels of which no terrain can be made.
+
+    Raises:
+        ReadError: there is one pixel only, or doubles cannot tell pixels apart.
+    """
+    if grid.rows * grid.columns < 2:
+        raise ReadError("There is one pixel only, which is no terrain.", "Take more of the source.")
+    farthest = max(abs(side) for side in grid.bounds)
+    if not min(grid.dx, grid.dy) >= _NARROWEST * farthest:
+        raise ReadError(
+            f"Pixels of {min(grid.dx, grid.dy):g} cannot be told apart at {farthest:g}.",
+            "Give the source another origin, as with gdal_edit.py -a_ullr.",
+        )
+
+
+def head_of(grid: PixelGrid, options: ImportOptions) -> dict[str, Any]:
+    """Return the first members of the definition: description, size, origin and crs."""
+    pixel = f"{grid.dx:.12g}"
+    if grid.dx != grid.dy:
+        pixel += f" × {grid.dy:.12g}"
+    head: dict[str, Any] = {
+        "descr": f"{options.title or 'A DEM'}, imported within {options.max_error:g} "
+        f"{grid.unit}; pixels of {pixel}",
+        "size": list(grid.size),
+        "origin": [grid.west, grid.south],
+    }
+    if grid.crs is not None:
+        head["crs"] = grid.crs
+    return head
+
+
+def fill_gaps(heights: Floats) -> Floats:
+    """Fill unknown heights by inverse distance weighting, as GDAL does.
+
+    Args:
+        heights: (rows, columns) float64, NaN where unknown.
+
+    Returns:
+        (rows, columns) float64, NaN where no height is known within `REACH` pixels.
+    """
+    from rasterio.fill import fillnodata
+
+    known = ~np.isnan(heights)
+    if known.all():
+        return heights
+    smooth = fillnodata(
+        heights.copy(),
+        mask=known.astype(np.uint8),
+        max_search_distance=min(REACH, max(heights.shape)),
+    )
+    return np.where(known, heights, smooth)
