@@ -116,6 +116,7 @@ def command(source: str, output: str, overwrite: bool, as_json: bool, **values: 
     from terratool.errors import RequestError
     from terratool.importing.sources import open_source
     from terratool.importing.terrain.build import import_terrain
+    from terratool.importing.terrain.grids import raster_path
     from terratool.importing.terrain.request import ImportOptions
     from terratool.output import is_same_file
     from terratool.text.source import refuse_name
@@ -123,10 +124,11 @@ def command(source: str, output: str, overwrite: bool, as_json: bool, **values: 
     refuse_name(output)
     chosen = options_of(values)
     for name in (source, values["surfaces"]):
-        if name and is_same_file(name, output):
-            raise RequestError(
-                f"{output}: is the same file as {name}.", "Give the definition another name."
-            )
+        for written in (output, str(raster_path(Path(output)))):
+            if name and is_same_file(name, written):
+                raise RequestError(
+                    f"{written}: is the same file as {name}.", "Give the definition another name."
+                )
     options = ImportOptions(title=Path(source).name, allow_remote=chosen.allow_remote, **values)
     with contextlib.ExitStack() as stack:
         with StatusLine(f"reading {short_name(source)}"):
