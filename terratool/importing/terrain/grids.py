@@ -13,7 +13,7 @@ from typing import Any
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
-from rasterio.transform import from_origin
+from rasterio.transform import Affine
 
 from terratool.definition.layout import canonical
 from terratool.errors import ReadError, RequestError
@@ -206,7 +206,7 @@ def _write_raster(
         options["predictor"] = 2
     west, _, _, north = grid.bounds
     profile = TiffProfile(
-        grid.columns, grid.rows, from_origin(west, north, grid.dx, grid.dy),
+        grid.columns, grid.rows, Affine(grid.dx, 0.0, west, 0.0, -grid.dy, north),
         None if grid.crs is None else read_crs(grid.crs), software_tags(), options,
     )  # fmt: skip
     with geotiff(path, bands, profile) as file:
