@@ -176,7 +176,7 @@ def test_any_value_of_a_starter_is_taken_or_refused(kind: str) -> None:
          "nodata is 'x'. Give a number."),
         (lambda t: definition().add("box", cell="ab"),
          "cell is 'ab'. Give column and row, as in cell=(3, 2)."),
-        (lambda _: terratool.schema("terain"), "There is no schema 'terain'. Did you mean terrain?"),
+        (lambda _: terratool.schema("terain"), "no schema 'terain'. Did you mean terrain?"),
     ],
 )  # fmt: skip
 def test_a_wrong_type_is_told_by_the_name_of_the_option(call: Any, says: str) -> None:
