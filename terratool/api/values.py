@@ -9,6 +9,7 @@ from __future__ import annotations
 import functools
 import sys
 from collections.abc import Iterable, Mapping, Sequence
+from importlib import import_module
 from pathlib import Path
 from types import NoneType, SimpleNamespace, UnionType
 from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
@@ -24,6 +25,8 @@ _MEANINGS = {
     "Bounds": "west, south, east, north", "Line": "x0, y0, x1, y1", "Point": "x, y",
 }  # fmt: skip
 """Meanings of the numbers of tuples, by the names of their types."""
+_LATE = {"CRS": "rasterio.crs"}
+"""Types that records import for type checkers alone, with their modules."""
 _NOUNS: dict[Any, str] = {float: "number", int: "whole number", str: "text", Path: "path"}
 """Values of plain types in words."""
 
@@ -51,7 +54,9 @@ def fitted(name: str, value: Any, annotation: str, home: str) -> Any:
 def _type_of(annotation: str, home: str) -> Any:
     """Type that an annotation names in a module."""
     named = SimpleNamespace(__annotations__={"it": annotation})
-    return get_type_hints(named, vars(sys.modules[home]))["it"]
+    late = {name: module for name, module in _LATE.items() if name in annotation}
+    known = {name: getattr(import_module(module), name) for name, module in late.items()}
+    return get_type_hints(named, known | vars(sys.modules[home]))["it"]
 
 
 def _fitting(value: Any, kind: Any) -> Any:

@@ -7,6 +7,9 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
+from terratool.errors import RequestError
+from terratool.text.meaning import guess
+
 NAMES = (
     "terrain", "library", "vehicle", "curriculum", "sensor", "report", "comparison", "gate",
     "difference", "info", "library-info",
@@ -17,10 +20,11 @@ def schema(name: str = "terrain") -> dict[str, Any]:
     """Published JSON Schema (2020-12) by name.
 
     Raises:
-        ValueError: no schema has that name.
+        RequestError: no schema has that name.
     """
     if name not in NAMES:
-        raise ValueError(f"There is no schema {name!r}; there is {', '.join(NAMES)}.")
+        hint = guess(str(name), NAMES) or f"The schemas are {', '.join(NAMES)}."
+        raise RequestError(f"There is no schema {name!r}.", hint)
     packaged = files("terratool") / "schemas" / f"{name}.schema.json"
     if not packaged.is_file():  # a checkout has schemas/ at its top
         packaged = Path(__file__).parents[2] / "schemas" / f"{name}.schema.json"

@@ -5,15 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from rasterio.crs import CRS
 
 from terratool.definition.crs import CrsValue
 from terratool.definition.findings import Bounds
 from terratool.errors import ReadError
+
+if TYPE_CHECKING:
+    from rasterio.crs import CRS
 
 MAX_FACES = 2**26
 """Most faces of a mesh with all instances of its parts."""

@@ -71,7 +71,7 @@ def read_source(
                 data = read_up_to(file, most + 1)
     except OSError as error:
         raise ReadError.of(name, error) from error
-    except ValueError as error:
+    except (ValueError, TypeError) as error:  # with NUL in it, or of no type that paths have
         raise ReadError(f"{name!r}: is no name of a file.", "Check the path.") from error
     data = _within_limit(name, data, most, hint)
     packed = data.startswith(GZIP)

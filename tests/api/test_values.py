@@ -176,12 +176,20 @@ def test_any_value_of_a_starter_is_taken_or_refused(kind: str) -> None:
          "nodata is 'x'. Give a number."),
         (lambda t: definition().add("box", cell="ab"),
          "cell is 'ab'. Give column and row, as in cell=(3, 2)."),
+        (lambda _: terratool.schema("terain"), "no schema 'terain'. Did you mean terrain?"),
     ],
 )  # fmt: skip
 def test_a_wrong_type_is_told_by_the_name_of_the_option(call: Any, says: str) -> None:
     with pytest.raises(terratool.RequestError) as error:
         call(terrain())
     assert says in str(error.value)
+
+
+@pytest.mark.parametrize("load", [terratool.load_vehicle, terratool.load_sensor])
+def test_what_is_no_path_is_told(load: Any) -> None:
+    for value in (5, [], None):
+        with pytest.raises(terratool.ReadError, match="is no name of a file"):
+            load(value)
 
 
 def test_values_become_what_records_hold() -> None:
