@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import os
 from importlib import import_module
 
-from msgspec import Struct
+from msgspec import Struct, structs
 
-from terratool.definition.model import GridFile
+from terratool.definition.model import Definition, GridFile, GridRows
 
 
 class FileIdentity(Struct, frozen=True):
@@ -73,8 +74,27 @@ def survey_grid(path: str, band: int) -> GridSource:
     return found
 
 
-def unlinked(grid: LinkedGrid) -> GridFile:
-    """Grid file as its text has it."""
-    return GridFile(grid.file, grid.band)
+def rows_of(source: GridSource) -> GridRows:
+    """Read all heights of a band, which fit into memory, as rows of a text.
+
+    Raises:
+        ReadError: the file has changed since its header was read, or is broken.
+    """
+    found: GridRows = import_module("terratool.io.grid_files").rows_of(source)
+    return found
 
 
+def as_written(definition: Definition) -> Definition:
+    """Definition as a text in the current folder would have it, without what was found."""
+    linked = {
+        name: structs.replace(primitive, grid=GridFile(_from_here(grid.source.path), grid.band))
+        for name, primitive in definition.primitives.items()
+        if isinstance(grid := primitive.grid, LinkedGrid)
+    }
+    if not linked:
+        return definition
+    return structs.replace(definition, elem_types=definition.primitives | linked)
+
+
+def _from_here(path: str) -> str:
+    return os.path.relpath(path, os.path.realpath(".")).replace(os.sep, "/")

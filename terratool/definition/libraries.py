@@ -418,7 +418,11 @@ class Shelf:
             why = reason(error) if isinstance(error, OSError) else "its name cannot be one"
             return "TT312", f"the raster {said} cannot be read ({why}).", "Check the path."
         except ReadError as error:
-            return "TT312", f"the raster {said} {error.message.removeprefix(real + ': ')}", error.hint
+            return (
+                "TT312",
+                f"the raster {said} {error.message.removeprefix(real + ': ')}",
+                error.hint,
+            )
 
     def _load(self, name: str, real: str) -> SourceDocument | _Problem:
         said = quote(name)

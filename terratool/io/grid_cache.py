@@ -21,7 +21,7 @@ from msgspec import Struct
 
 from terratool.definition.grid_files import GridSource
 from terratool.errors import WriteError
-from terratool.output import free_bytes, whole_file
+from terratool.output import free_bytes, os_errors, whole_file
 
 MOST_BYTES = 8 << 30
 """Most bytes of all files of the cache together; one that is larger stands alone."""
@@ -85,10 +85,15 @@ def folder() -> Path:
     """Return the folder of the cache, which may not exist.
 
     Raises:
-        RuntimeError: the system knows no home.
+        WriteError: the system knows no home.
     """
     named = os.environ.get("XDG_CACHE_HOME", "")
-    base = Path(named) if named.startswith("/") else Path.home() / ".cache"
+    try:
+        base = Path(named) if named.startswith("/") else Path.home() / ".cache"
+    except RuntimeError as error:
+        raise WriteError(
+            "There is no home for a cache.", "Name a folder by the variable XDG_CACHE_HOME."
+        ) from error
     return base / "terratool" / "grids"
 
 
@@ -105,7 +110,7 @@ def _own_folder(make: bool = False) -> Path | None:
         if make:
             place.mkdir(0o700, parents=True, exist_ok=True)
         status = place.lstat()
-    except (OSError, RuntimeError):
+    except (OSError, WriteError):
         return None
     return place if stat.S_ISDIR(status.st_mode) and _is_ours(status, 0o077) else None
 
@@ -213,9 +218,7 @@ Put = Callable[[int, bytes | memoryview], None]
 """Function that writes bytes at an offset among the heights."""
 
 
-def keep(
-    key: str, expected: GridFacts, write: Callable[[Put], GridFacts]
-) -> MappedGrid | None:
+def keep(key: str, expected: GridFacts, write: Callable[[Put], GridFacts]) -> MappedGrid | None:
     """Write heights into the cache, and map them; None where the cache cannot have them.
 
     Args:
@@ -293,13 +296,14 @@ def _trim(place: Path, newest: str) -> None:
             total -= one.nbytes
 
 
-def clear() -> int:
-    """Remove all files of the cache, and return their bytes.
+def clear() -> list[CachedFile]:
+    """Remove all files of the cache, and return them.
 
     Raises:
-        OSError: a file cannot be removed.
+        WriteError: a file cannot be removed.
     """
     listed = files()
     for one in listed:
-        one.path.unlink(missing_ok=True)
-    return sum(one.nbytes for one in listed)
+        with os_errors(one.path):
+            one.path.unlink(missing_ok=True)
+    return listed

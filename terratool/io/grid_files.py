@@ -17,7 +17,7 @@ import msgspec
 from msgspec import structs
 
 from terratool.definition.grid_files import FileIdentity, GridSource
-from terratool.definition.model import LARGEST
+from terratool.definition.model import LARGEST, GridRows
 from terratool.errors import ReadError
 from terratool.io import grid_cache
 from terratool.io.grid_cache import GridFacts, MappedGrid, Put
@@ -85,7 +85,7 @@ def survey(path: str, band: int) -> GridSource:
         aspect, upright = _posture(file)
         crs = spell_crs(file.crs, [])
         source = GridSource(path, band, identity, file.width, file.height, aspect, upright, crs)
-    _refuse_change(source)
+    refuse_change(source)
     return source
 
 
@@ -100,7 +100,7 @@ def _posture(file: Any) -> tuple[float | None, bool]:
     return math.hypot(at.a, at.d) / math.hypot(at.b, at.e), not turned and at.a > 0 > at.e
 
 
-def _refuse_change(source: GridSource) -> None:
+def refuse_change(source: GridSource) -> None:
     """Refuse a file that is not the one any more whose header was read.
 
     Raises:
@@ -157,7 +157,7 @@ def numbers_of(source: GridSource) -> MappedGrid:
     Raises:
         ReadError: the file has changed since its header was read, or is broken.
     """
-    _refuse_change(source)
+    refuse_change(source)
     key = _key(source.path, source.band, source.identity)
     found = grid_cache.mapped(key)
     if found is not None and found.facts.source == source:
@@ -165,8 +165,24 @@ def numbers_of(source: GridSource) -> MappedGrid:
     with _opened(source.path, source.band) as file:
         band = _Band(file, source)
         found = grid_cache.keep(key, band.expected, band.write) or band.in_memory()
-    _refuse_change(source)
+    refuse_change(source)
     return found
+
+
+def rows_of(source: GridSource) -> GridRows:
+    """Read all heights of a band as rows from the north, None where there is none.
+
+    Raises:
+        ReadError: the file has changed since its header was read, or is broken.
+    """
+    import numpy as np
+
+    data, facts = numbers_of(source)
+    numbers = data.view(np.float32 if facts.single else np.float64)
+    return tuple(
+        tuple(None if math.isnan(z) else z for z in row)
+        for row in numbers.reshape(source.rows, source.columns).tolist()
+    )
 
 
 class _Band:
@@ -229,7 +245,7 @@ class _Band:
         return MappedGrid(data, facts)
 
     def _windows(self) -> Iterator[Window]:
-        """Yield windows that cover the band, of whole blocks and of `_PIECE` pixels or little more."""
+        """Yield windows of whole blocks that cover the band, of about `_PIECE` pixels."""
         from rasterio.windows import Window
 
         width, height = self._file.width, self._file.height
@@ -238,9 +254,7 @@ class _Band:
         down = max(1, _PIECE // (rows * width)) * rows if across >= width else rows
         for row in range(0, height, down):
             for column in range(0, width, across):
-                yield Window(
-                    column, row, min(across, width - column), min(down, height - row)
-                )
+                yield Window(column, row, min(across, width - column), min(down, height - row))
 
     def _heights(self, window: Window) -> tuple[NDArray[Any], bool]:
         """Heights in a window, and whether some are void."""

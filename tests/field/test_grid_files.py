@@ -1,5 +1,4 @@
-"""Grids of heights in files beside the definition: the same answers as rows, however they are read.
-"""
+"""Grids of heights in files beside the definition: the answers of rows, however they are read."""
 
 from __future__ import annotations
 
@@ -56,7 +55,9 @@ def loaded(folder: Path, definition: dict[str, Any]) -> Terrain:
 
 def places() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Points all over the terrain, on all edges of cells and pixels, and beside them."""
-    x, y = ({0.0, side} | {side * k / n for n in (2, 3, 4, 5, 7) for k in range(n)} for side in SIZE)
+    x, y = (
+        {0.0, side} | {side * k / n for n in (2, 3, 4, 5, 7) for k in range(n)} for side in SIZE
+    )
     x |= {math.nextafter(v, w) for v in x for w in (0, 9)}
     y |= {math.nextafter(v, w) for v in y for w in (0, 9)}
     return tuple(a.ravel() for a in np.meshgrid(sorted(x), sorted(y)))  # type: ignore[return-value]
@@ -226,7 +227,7 @@ def test_the_least_recently_used_go(
     loaded(tmp_path, definition_of({"file": "d.tif"}))
     left = {one.path for one in grid_cache.files()}
     assert len(left) == 3 and listed[0] in left and listed[1] not in left
-    assert grid_cache.clear() == 3 * size and not grid_cache.files()
+    assert {one.path for one in grid_cache.clear()} == left and not grid_cache.files()
 
 
 def test_pickled_terrains_carry_places_rather_than_numbers(tmp_path: Path, cache: Path) -> None:
@@ -244,7 +245,9 @@ def test_pickled_terrains_carry_places_rather_than_numbers(tmp_path: Path, cache
     geotiff(tmp_path / "dem.tif", heights + 1)
     with pytest.raises(ReadError, match="has changed since"):
         pickle.loads(pickled)
-    assert np.array_equal(terrain.height(x, y), wanted, equal_nan=True), "what is mapped stays what it was"
+    assert np.array_equal(terrain.height(x, y), wanted, equal_nan=True), (
+        "what is mapped stays what it was"
+    )
 
 
 def test_a_file_that_changes_between_header_and_numbers_is_refused(tmp_path: Path) -> None:
@@ -278,7 +281,7 @@ def test_two_processes_at_once_agree(tmp_path: Path, cache: Path) -> None:
 
 
 def test_libraries_parts_and_folders(tmp_path: Path) -> None:
-    """A path begins at the folder of its own file; the shared terrain and the expanded one agree."""
+    """A path begins at the folder of its own file, in shared terrains and in expanded ones."""
     (tmp_path / "kit" / "data").mkdir(parents=True)
     geotiff(tmp_path / "kit" / "data" / "dem.tif", HEIGHTS)
     geotiff(tmp_path / "dem.tif", HEIGHTS[::-1])

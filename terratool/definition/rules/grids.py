@@ -109,33 +109,30 @@ def grid_aspect(subject: Subject) -> Iterator[Remark]:
     """
     from terratool.definition.crs import is_geographic
 
-    sources = {
-        name: source
-        for name, source in _sources(subject)
-        if source.aspect is not None and not (source.crs and is_geographic(source.crs))
-    }
-    for name, source in sources.items():
-        if not source.upright:
-            yield Remark(
-                f"/elemTypes/{escape(name)}/grid/file",
-                "the raster does not lie north up; its first row is taken as the north.",
-                "Resample it with gdalwarp.",
-            )
-    if not sources or subject.is_library:
-        return
-    tree = subject.tree
-    for index, (name, turn) in enumerate(
-        zip(tree.column("type"), tree.column("turn_deg"), strict=True)
-    ):
-        source = sources.get(name)
-        if source is None or tree.roots[tree.root_of[index]] != ROOT or not source.upright:
+    upright = {}
+    for name, source in _sources(subject):
+        if source.aspect is None or (source.crs and is_geographic(source.crs)):
             continue
-        west, south, east, north = tree.rectangle(index, subject.definition)
-        wide, tall = east - west, north - south
+        if source.upright:
+            upright[name] = _proportions(subject, name, source)
+            continue
+        yield Remark(
+            f"/elemTypes/{escape(name)}/grid/file",
+            "the raster does not lie north up; its first row is taken as the north.",
+            "Resample it with gdalwarp.",
+        )
+    tree = subject.tree
+    turns = tree.column("turn_deg") if upright else ()
+    for index, (name, turn) in enumerate(zip(tree.column("type"), turns, strict=False)):
+        if name not in upright or tree.roots[tree.root_of[index]] != ROOT:
+            continue
+        cell = tree.rectangle(index, subject.definition)
+        if cell is None:
+            continue
+        wide, tall = cell[2] - cell[0], cell[3] - cell[1]
         if turn is not UNSET and turn % 180 == 90 and tree.value("at", index) is UNSET:
             wide, tall = tall, wide
-        columns, rows = _steps(subject, name, source)
-        wanted = source.aspect * columns / rows
+        wanted = upright[name]
         if abs(wide - wanted * tall) > _NEAR * max(wide, wanted * tall):
             yield Remark(
                 "/type",
@@ -146,10 +143,11 @@ def grid_aspect(subject: Subject) -> Iterator[Remark]:
             )
 
 
-def _steps(subject: Subject, name: str, source: GridSource) -> tuple[int, int]:
-    """Pixels, or steps from number to number, along x and y."""
+def _proportions(subject: Subject, name: str, source: GridSource) -> float:
+    """Width of a raster by its height, from its outer numbers or from its outer edges."""
     less = subject.definition.primitives[name].registration == "gridline"
-    return max(source.columns - less, 1), max(source.rows - less, 1)
+    columns, rows = max(source.columns - less, 1), max(source.rows - less, 1)
+    return (source.aspect or 1.0) * columns / rows
 
 
 @rule("TT315", "grid-crs", "warning")
@@ -183,9 +181,9 @@ def grid_crs(subject: Subject) -> Iterator[Remark]:
 
     crs = subject.definition.crs
     own = None if crs is UNSET else authority_code(crs)
-    for name, source in _sources(subject) if own is not None else ():
+    for name, source in _sources(subject):
         its = authority_code(source.crs) if source.crs else None
-        if its is not None and its != own:
+        if own is not None and its is not None and its != own:
             yield Remark(
                 f"/elemTypes/{escape(name)}/grid/file",
                 f"the raster is in {its.authority}:{its.code}, the terrain in "
