@@ -234,6 +234,15 @@ class MappedGrids:
     def __reduce__(self) -> tuple[Any, ...]:
         return MappedGrids, (self.sources,)
 
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, MappedGrids) or len(self._grids) != len(other._grids):
+            return False
+        pairs = zip(self._grids, other._grids, strict=True)
+        return all(np.array_equal(one.data, another.data) for one, another in pairs)
+
+    def __hash__(self) -> int:
+        return len(self._grids)
+
     @property
     def nbytes(self) -> int:
         """Bytes of all heights, whether in memory or not."""
