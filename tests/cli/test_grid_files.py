@@ -99,6 +99,14 @@ def test_a_difference_is_of_heights_rather_than_of_files(site: Path) -> None:
     assert "hill" in told and "other heights" in told
 
 
+def test_another_registration_is_a_difference(site: Path) -> None:
+    other = json.loads(site.read_text())
+    other["elemTypes"]["dem"]["registration"] = "gridline"
+    site.with_name("other.json").write_text(json.dumps(other))
+    told = call("diff", site, site.with_name("other.json")).out
+    assert "dem.tif, gridline" in told
+
+
 def test_the_summary_of_a_library_says_the_range_of_a_raster(site: Path) -> None:
     found = json.loads(call("info", site.parent / "kit" / "kit.json", "--json").out)
     (hill,) = found["primitives"]

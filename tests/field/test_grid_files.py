@@ -13,12 +13,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+import rasterio
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from terratool.definition.reader import check, load_checked
 from terratool.errors import ReadError
+from terratool.field.bounds import largest_heights, nonzero_edges
 from terratool.field.terrain import Terrain
 from terratool.io import grid_cache
 from terratool.text.source import Source
@@ -125,6 +127,32 @@ def test_what_is_no_height_is_void(tmp_path: Path) -> None:
     rows = terrain_of(definition_of(rows_of(void), "pixel")).height(x, y)
     file = loaded(tmp_path, definition_of({"file": "dem.tif"})).height(x, y)
     assert np.isnan(file).any() and np.array_equal(file, rows, equal_nan=True)
+
+
+@pytest.mark.parametrize("compress", ["none", "zstd"])
+def test_what_a_mask_in_the_file_leaves_out_is_void(compress: str, tmp_path: Path) -> None:
+    mask = np.full(HEIGHTS.shape, 255, np.uint8)
+    mask[1, 2] = mask[4, 0] = 0
+    name = geotiff(tmp_path / "dem.tif", HEIGHTS.astype(np.int16), compress=compress)
+    with rasterio.Env(GDAL_TIFF_INTERNAL_MASK=True), rasterio.open(name, "r+") as file:
+        file.write_mask(mask)
+    assert [path.name for path in tmp_path.glob("*.tif*")] == ["dem.tif"]
+    rows = terrain_of(definition_of(rows_of(np.where(mask, HEIGHTS, math.nan)), "pixel"))
+    x, y = places()
+    file_heights = loaded(tmp_path, definition_of({"file": "dem.tif"})).height(x, y)
+    assert np.array_equal(file_heights, rows.height(x, y), equal_nan=True)
+
+
+def test_the_rim_and_the_size_of_heights_are_those_of_rows(tmp_path: Path) -> None:
+    """Of a low valley whose rim is level but for one place, or all of it."""
+    for number, place in enumerate([(0, 1), (4, 1), (2, 0), (2, 2), (2, 1)]):
+        heights = np.zeros((5, 3))
+        heights[2, 1], heights[place] = 3, -7
+        geotiff(tmp_path / f"{number}.tif", heights)
+        file = loaded(tmp_path, definition_of({"file": f"{number}.tif"})).arrays
+        rows = terrain_of(definition_of(heights.tolist(), "pixel")).arrays
+        assert largest_heights(file).tolist() == largest_heights(rows).tolist() == [7]
+        assert nonzero_edges(file).tolist() == nonzero_edges(rows).tolist() == [number < 4]
 
 
 def test_the_band_that_is_named_counts(tmp_path: Path) -> None:
@@ -334,5 +362,7 @@ def test_terrains_of_files_are_those_of_rows(data: st.DataObject) -> None:
     x, y = np.array(landmarks(definition)[:80] + rims(definition)).T
     assert np.array_equal(rows.height(x, y), files.height(x, y), equal_nan=True)
     wanted, found = rows.sample(x, y), files.sample(x, y)
+    for bound in (largest_heights, nonzero_edges):
+        assert np.array_equal(bound(rows.arrays), bound(files.arrays))
     assert np.array_equal(wanted.element, found.element)
     assert np.array_equal(wanted.normal, found.normal, equal_nan=True)
