@@ -630,7 +630,7 @@ class Definition:
         y: str | Sequence[Any] | None = None,
         combine: str | None = None,
         registration: str | None = None,
-        grid: Sequence[Sequence[float | None]] | None = None,
+        grid: Sequence[Sequence[float | None]] | Mapping[str, Any] | None = None,
         x_ignore: str | Sequence[str] | None = None,
         x_why: str | None = None,
     ) -> str:

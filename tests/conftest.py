@@ -5,6 +5,7 @@ from __future__ import annotations
 import http.server
 import json
 import os
+import tempfile
 import threading
 from collections.abc import Callable, Generator, Iterator
 from pathlib import Path
@@ -18,6 +19,9 @@ from terratool.field.terrain import Terrain
 from terratool.text.source import Source
 from tests.budget import examples
 from tests.programs import how_to_get, lacked
+
+# the cache of this user stays as it is, and processes of tests have one together
+os.environ["XDG_CACHE_HOME"] = str(Path(tempfile.gettempdir(), f"terratool-tests-{os.getuid()}"))
 
 settings.register_profile(
     "terratool",

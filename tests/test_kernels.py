@@ -55,6 +55,8 @@ def known(kind: str) -> Any:
     if kind == "Field":
         return TERRAIN.field
     edges = nonzero_edges(TERRAIN.arrays)
+    if kind == "GridBytes":
+        return kernels.field.GridMemory([np.zeros(64, np.uint8)])
     if kind == "Search":
         way = level_costs(3, 4)
         return kernels.traversability.Search(way, np.zeros(1, np.int64), 2, 3)
@@ -319,17 +321,17 @@ def test_dtypes_that_are_not_the_structs_are_refused() -> None:
         MEMBER,
         PLACE,
         POSE,
+        RASTER,
         RELIEF,
         SEGMENT,
     )
 
-    others = GRID, POSE, PLACE, FREE_BINS, KIND, SEGMENT, MEMBER, COPIES, RELIEF
     *most, kind, grid = ELEMENT.descr
     swapped = np.dtype([*most, grid, kind])
     wider = np.dtype([*ELEMENT.descr, ("more", np.float64)])
     other = np.dtype([*most, kind, ("grid", np.int32)])
     apart = np.dtype([("cell", np.uint16), ("cell_y", np.uint16), *ELEMENT.descr[1:]])
-    others = (GRID, POSE, PLACE, FREE_BINS, KIND, SEGMENT, MEMBER, COPIES, RELIEF)
+    others = (GRID, POSE, PLACE, FREE_BINS, KIND, RASTER, SEGMENT, MEMBER, COPIES, RELIEF)
     for wrong in (swapped, wider, other, apart):
         with pytest.raises(TypeError, match="is not the struct of the kernels"):
             kernels.field.check_records(wrong, *others)

@@ -61,7 +61,7 @@ struct NumberRange {
 class RasterAt {
 public:
     RasterAt(const Curves& curves, const Kind& kind)
-        : raster_(curves.rasters[kind.raster]), heights_(curves.heights) {}
+        : raster_(curves.rasters[kind.raster]), numbers_(numbers_of(curves, raster_)) {}
 
     const Raster& raster() const { return raster_; }
 
@@ -102,11 +102,17 @@ public:
 
 private:
     const Raster& raster_;
-    In heights_;
+    const void* numbers_;  // float or double, as the raster says
 
+    INLINE static const void* numbers_of(const Curves& curves, const Raster& r) {
+        return r.file < 0 ? static_cast<const void*>(curves.heights.data() + r.first)
+                          : curves.memory->files[r.file].data();
+    }
     // The number at column `i` from the west and row `j` from the south.
     INLINE double number(i64 i, i64 j) const {
-        return heights_[raster_.first + (raster_.count[Y] - 1 - j) * raster_.count[X] + i];
+        i64 n = (raster_.count[Y] - 1 - j) * raster_.count[X] + i;
+        if (raster_.single) return double(static_cast<const float*>(numbers_)[n]);
+        return static_cast<const double*>(numbers_)[n];
     }
     bool is_void(i64 i, i64 j) const {
         if (raster_.pixel) return isnan(number(i, j));

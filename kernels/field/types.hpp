@@ -53,10 +53,16 @@ struct Kind {
     u8 combine, knotted[2], is_void, special;
 };
 
-// Heights of a grid, row by row from the north.
+// Heights of a grid, row by row from the north: among those of texts, or those of a file.
 struct Raster {
     i64 first, count[2];
-    u8 pixel, voids;
+    i32 file;  // -1 for a grid of a text
+    u8 pixel, voids, single;
+};
+
+// The memory of files with heights of grids; who holds it keeps it.
+struct GridBytes {
+    std::vector<Span<const u8>> files;
 };
 
 struct Grid {
@@ -118,8 +124,8 @@ template <class Visit> void visit_members(Kind& k, Visit visit) {
 }
 
 template <class Visit> void visit_members(Raster& r, Visit visit) {
-    visit("first", r.first), visit("count", r.count), visit("pixel", r.pixel);
-    visit("voids", r.voids);
+    visit("first", r.first), visit("count", r.count), visit("file", r.file);
+    visit("pixel", r.pixel), visit("voids", r.voids), visit("single", r.single);
 }
 
 template <class Visit> void visit_members(Grid& g, Visit visit) {
@@ -157,11 +163,13 @@ struct Curves {
     Span<const u32> bins;
     Span<const Raster> rasters;
     In heights;
+    const GridBytes* memory;
 };
 
 template <class Visit> void visit_arguments(Curves& c, Visit visit) {
     visit("pieces", c.pieces), visit("knots[k]", c.knots), visit("rests[k]", c.rests);
     visit("bins", c.bins), visit("rasters", c.rasters), visit("heights", c.heights);
+    visit("memory", c.memory);
 }
 
 struct Tracks {

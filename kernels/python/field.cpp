@@ -25,6 +25,15 @@ void reliefs(Span<const Relief> relief, In x, In y, Out height, Matrix<double> g
 
 }  // namespace
 
+KeptGridMemory::KeptGridMemory(nb::handle files) {
+    for (nb::handle file : files) {
+        Sizes sizes;
+        Argument<Span<const u8>> bytes(file, Where{"GridMemory", "files[_]", sizes});
+        bytes_.files.push_back(bytes.get());
+        held_.push_back(std::move(bytes.buffer));
+    }
+}
+
 void KeptField::check() {
     constexpr IndexCheck check_index{"Field"};
     const Field& f = field();
@@ -52,9 +61,17 @@ void KeptField::check() {
         check_index(k.combine != GRID || k.raster < f.curves.rasters.size(), "a grid of heights");
     for (const Raster& r : f.curves.rasters) {
         i64 most = count_of(f.curves.heights);
+        check_index(r.file < count_of(f.curves.memory->files), "the file of a grid");
+        check_index(r.file >= 0 || !r.single, "the type of a grid");
+        if (r.file >= 0) {
+            Span<const u8> bytes = f.curves.memory->files[r.file];
+            most = count_of(bytes) / i64(r.single ? sizeof(float) : sizeof(double));
+            check_index(reinterpret_cast<std::uintptr_t>(bytes.data()) % 8 == 0, "aligned numbers");
+        }
         bool is_some = r.count[X] > 0 && r.count[Y] > 0 && r.count[X] <= most;
         check_index(is_some && r.count[Y] <= most / r.count[X], "the heights of a grid");
-        check_index(r.first >= 0 && r.first <= most - r.count[X] * r.count[Y], "a height");
+        i64 last = r.file < 0 ? most - r.count[X] * r.count[Y] : 0;
+        check_index(r.first >= 0 && r.first <= last, "a height");
     }
     for (const Element& e : f.elements) {
         check_index(
@@ -143,6 +160,8 @@ void bind_field(nb::module_ m) {
         "Refuse dtypes that are not the structs of the kernels."
     );
 
+    nb::class_<KeptGridMemory>(m, "GridMemory", "Memory of files with heights of grids.")
+        .def(nb::init<nb::handle>(), "files"_a);
     nb::class_<KeptField>(m, "Field", "A compiled field: its arrays, checked once.")
         .def(nb::init<nb::handle>(), "arrays"_a);
 

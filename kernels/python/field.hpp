@@ -6,6 +6,23 @@
 
 namespace terratool::python {
 
+// Memory of files with heights of grids as Python knows it, each an array of bytes.
+class KeptGridMemory {
+public:
+    explicit KeptGridMemory(nb::handle files);
+    KeptGridMemory(const KeptGridMemory&) = delete;
+    const GridBytes& bytes() { return bytes_; }
+
+private:
+    std::vector<Buffer> held_;
+    GridBytes bytes_;
+};
+
+template <> struct Argument<GridBytes> : KnownArgument<KeptGridMemory> {
+    using KnownArgument::KnownArgument;
+    const GridBytes& get() { return kept->bytes(); }
+};
+
 class KeptField {
 public:
     explicit KeptField(nb::handle arrays) : arrays_(arrays, Where{"Field", "arrays", sizes_}) {

@@ -42,7 +42,7 @@ _TYPES = {
     "curve": "str | Sequence[Any]", "path": "Sequence[Sequence[float]]",
     "paths": "str | Sequence[str]",
     "depth": "float | Mapping[str, float]", "numbers": "Sequence[float]", "any": "Any",
-    "list": "Sequence[Any]", "grid": "Sequence[Sequence[float | None]]",
+    "list": "Sequence[Any]", "grid": "Sequence[Sequence[float | None]] | Mapping[str, Any]",
 }  # fmt: skip
 """Types of values in Python, by the kind of their key."""
 _NUMBERS = {"number": "float", "whole": "int"}

@@ -19,6 +19,7 @@ from terratool.api.reports import ShownComparison, ShownReport, shown
 from terratool.api.showing import ShownTerrain
 from terratool.api.sources import UNNAMED, AnyDefinition, checked_source, roots_of, source_of
 from terratool.api.verbs import INTERNAL, missing
+from terratool.definition.grid_files import as_written
 from terratool.definition.model import Definition
 from terratool.definition.reader import Checked
 from terratool.errors import RequestError
@@ -119,7 +120,8 @@ class UserTerrain(ShownTerrain):
         if isinstance(definition, Checked) and definition.document is not None:
             self.source = definition.document.source
         else:
-            self.source = Source(UNNAMED, msgspec.json.encode(definition))
+            assert isinstance(definition, Definition)
+            self.source = Source(UNNAMED, msgspec.json.encode(as_written(definition)))
 
     def __dir__(self) -> list[str]:
         return [name for name in super().__dir__() if name not in INTERNAL]

@@ -21,6 +21,7 @@ VERBS = {
     "map": "terratool.map_scans(…)",
     "bundle": "terratool.definition.bundle.bundle",
     "rules": "the command, terratool rules",
+    "cache": "the command, terratool cache",
     "completion": "the command, terratool completion",
 }
 """Words of Python that do the work of a command, by its name, where no verb has that name."""

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
@@ -18,6 +20,9 @@ from terratool.cli.saying import say, say_json, write_definition
 from terratool.cli.terminal import StatusLine, short_name
 from terratool.report.documents import Document
 from terratool.report.wording import count_of
+
+if TYPE_CHECKING:
+    from terratool.definition.grid_files import GridSource
 
 
 @click.command(
@@ -42,6 +47,9 @@ def command(file: str, output: str, expanded: bool, overwrite: bool, as_json: bo
     What is not needed is left out: surfaces, primitives and parts that nothing names. The terrain
     is the same to the last bit. OUT is gzipped if its name ends with .gz; - is standard output.
 
+    A raster of heights becomes rows if it has few numbers. Others are copied beside OUT, unless
+    they lie there.
+
     With --expand, what is scattered or turned may stand where no decimal is that a float tells. It
     is written at the nearest one, so that its edges may be one float off, and counted.
     """
@@ -61,8 +69,11 @@ def command(file: str, output: str, expanded: bool, overwrite: bool, as_json: bo
             if is_same_file(output, library.name):
                 raise WriteError(f"{output}: is a library of {file}.", "Choose another name.")
         status.say("writing out" if expanded else "bundling")
-        text, rounded = bundle(checked, expanded=expanded)
+        folder = None if shown else str(Path(output).parent)
+        text, rounded, rasters = bundle(checked, expanded=expanded, folder=folder)
         packed = output.lower().endswith(".gz")
+        for name, source in rasters.items():
+            _copy(source, Path(output).with_name(name), overwrite)
         if not shown:
             write_source(Source(file, text.encode(), packed), output, overwrite)
     if rounded:
@@ -75,13 +86,33 @@ def command(file: str, output: str, expanded: bool, overwrite: bool, as_json: bo
         names = [library.name for library in checked.libraries]
         say_json(
             BundleDocument(
-                file=output, bytes=Path(output).stat().st_size, libraries=names, rounded=rounded
+                file=output,
+                bytes=Path(output).stat().st_size,
+                libraries=names,
+                rounded=rounded,
+                rasters=list(rasters),
             )
         )
         return
     count = len(checked.libraries)
     used = f", {count_of(count, 'library')} taken in" if count else ""
+    used += f", {count_of(len(rasters), 'raster')} copied beside it" if rasters else ""
     say(f"{output}: {Path(output).stat().st_size:,} bytes{used}")
+
+
+def _copy(source: GridSource, path: Path, overwrite: bool) -> None:
+    """Copy a raster, whole or not at all.
+
+    Raises:
+        WriteError: the file exists, or cannot be written.
+        ReadError: the raster has changed since its header was read.
+    """
+    from terratool.io.grid_files import refuse_change
+    from terratool.output import whole_file
+
+    with whole_file(path, overwrite) as part:
+        shutil.copyfile(source.path, part)
+        refuse_change(source)
 
 
 class BundleDocument(Document, frozen=True, kw_only=True):
@@ -91,3 +122,4 @@ class BundleDocument(Document, frozen=True, kw_only=True):
     bytes: int
     libraries: list[str]
     rounded: int
+    rasters: list[str]

@@ -40,6 +40,7 @@ _COMMANDS = {
     "curriculum": ("curriculum", "Make a grid of training tiles, from a spec."),
     "bundle": ("bundle", "Write a terrain and what it needs of its libraries into one file."),
     "rules": ("rules", "List the validator's rules, or explain one."),
+    "cache": ("cache", "Say where rasters of grids are kept unpacked, or clear that."),
     "completion": ("completion", "Print the script that has a shell complete terratool."),
 }
 

@@ -97,6 +97,8 @@ def _table() -> str:
 def _section(rule: Rule) -> str:
     def fence(match: re.Match[str]) -> str:
         text = re.sub("^    ", "", match[0].rstrip(), flags=re.MULTILINE)
+        if raster := re.fullmatch(r"(\w+\.tif): (.*)", text):
+            return f"beside `{raster[1]}`, {raster[2]}\n"
         name, text = re.fullmatch(r"(?:(\w+\.json): )?(.*)", text, re.DOTALL).groups()  # type: ignore[union-attr]
         beside = f"beside `{name}`\n\n" if name else ""
         return f"{beside}```json\n{text}\n```\n"

@@ -4,23 +4,28 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable, Iterator
+import os
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import msgspec
 from msgspec import UNSET, Raw
 
 from terratool.definition.exact import rest_of
+from terratool.definition.grid_files import GridSource, LinkedGrid, rows_of
 from terratool.definition.keys import KEYS, SLOTS
 from terratool.definition.layout import canonical
 from terratool.definition.libraries import DICTIONARIES, Dictionary, known_names
-from terratool.definition.model import Element, pair_of
+from terratool.definition.model import Element, Primitive, pair_of
 from terratool.definition.reader import Checked, refusal
 from terratool.definition.tree import Tree
 from terratool.definition.uses import Uses, track_surfaces
 from terratool.text.scan import first_value, members, value_end
 
 _EXACT = 1e15
+_FEW = (64 << 10) // 8
+"""Most numbers of a raster that are taken into a bundle as rows."""
 _NEGLIGIBLE = 2.0**-84
 """Error of a place, over the longer side of the terrain, below which its edges are the same."""
 
@@ -32,20 +37,25 @@ class Bundle(NamedTuple):
         text: JSON text in the canonical layout.
         rounded: number of elements that stand at the decimals nearest to their places, as no number
             that reads back as a double is their place: their edges may be one float off.
+        rasters: rasters that have to be copied beside the text, by their names there.
     """
 
     text: str
     rounded: int = 0
+    rasters: Mapping[str, GridSource] = {}
 
 
-def bundle(checked: Checked, *, expanded: bool = False) -> Bundle:
+def bundle(checked: Checked, *, expanded: bool = False, folder: str | None = None) -> Bundle:
     """Bundle a terrain with all it needs of its libraries, and nothing that it does not need.
 
-    Values keep their spelling, and the text gets the canonical layout.
+    Values keep their spelling, and the text gets the canonical layout. Grids of few numbers in
+    files become rows.
 
     Args:
         checked: a terrain without errors.
         expanded: whether parts and copies are written out, too; elements then lose x- keys.
+        folder: folder of the text, beside which larger rasters are copied that do not lie in it;
+            None for the current one, where paths may lead out of it.
 
     Raises:
         DefinitionError: the terrain has errors.
@@ -71,15 +81,65 @@ def bundle(checked: Checked, *, expanded: bool = False) -> Bundle:
         }
         members["elemTree"] = Raw("".join(_element(tree)).encode())
         rounded = _count_inexact(tree, max(checked.terrain.extent))
+    rasters = _Rasters(folder)
     for dictionary in DICTIONARIES:
         entries = _entry_texts(uses, dictionary, needed[dictionary])
+        if dictionary == "elemTypes":
+            entries = {
+                name: rasters.taken_in(text, uses.names.primitives[name].value)
+                for name, text in entries.items()
+            }
         if entries:
             members[dictionary] = Raw(_object(entries.items()))
         elif dictionary == "elemTypes":
             members[dictionary] = Raw(b"{}")
         else:
             members.pop(dictionary, None)
-    return Bundle(canonical(_object(members.items()).decode()), rounded)
+    return Bundle(canonical(_object(members.items()).decode()), rounded, rasters.copied)
+
+
+class _Rasters:
+    """Rasters of a bundle.
+
+    Args:
+        folder: folder of the text, as in `bundle`.
+
+    Attributes:
+        copied: rasters that have to be copied, by their names beside the text.
+    """
+
+    def __init__(self, folder: str | None) -> None:
+        self._folder = None if folder is None else os.path.realpath(folder)
+        self.copied: dict[str, GridSource] = {}
+
+    def taken_in(self, text: Raw, primitive: Primitive) -> Raw:
+        """Text of a primitive with the heights of its file as rows, or with another path."""
+        grid = primitive.grid
+        if not isinstance(grid, LinkedGrid):
+            return text
+        members = _members(bytes(text))
+        if grid.source.columns * grid.source.rows <= _FEW:
+            rows = [[_whole(height) for height in row] for row in rows_of(grid.source)]
+            members["grid"] = Raw(msgspec.json.encode(rows))
+            members.setdefault("registration", Raw(b'"pixel"'))
+        else:
+            path = json.dumps(self._path(grid.source), ensure_ascii=False).encode()
+            named = _members(bytes(members["grid"])) | {"file": Raw(path)}
+            members["grid"] = Raw(_object(named.items()))
+        return Raw(_object(members.items()))
+
+    def _path(self, source: GridSource) -> str:
+        """Path of a raster for the text, which may be a copy's."""
+        around = self._folder or os.path.realpath(".")
+        path = os.path.relpath(source.path, around).replace(os.sep, "/")
+        if self._folder is None or not path.startswith("../"):
+            return path
+        own = Path(path)
+        name, number = own.name, 2
+        while self.copied.get(name, source).path != source.path:
+            name, number = f"{own.stem}-{number}{own.suffix}", number + 1
+        self.copied[name] = source
+        return name
 
 
 def _count_inexact(tree: Tree, longest: float) -> int:

@@ -22,7 +22,7 @@ from terratool.definition.rules import RULES
 from terratool.definition.tree import ROOT
 from terratool.errors import DefinitionError, RequestError
 from terratool.output import is_same_file, refuse_existing, refuse_missing_folder
-from terratool.text.display import quote
+from terratool.text.display import escape, quote
 from terratool.text.edit import Edit, append_child, append_item, insert_member, set_member
 from terratool.text.locate import Address, offsets, value_at
 from terratool.text.scan import value_end
@@ -51,6 +51,18 @@ class Parent(Struct):
     def grid(self) -> tuple[int, int]:
         """Columns and rows of the element's cells."""
         return pair_of(self.cells, DEFAULT_CELLS)
+
+
+class _Gridded(Struct):
+    """Text of the grid of a primitive."""
+
+    grid: Raw = Raw(b"null")
+
+
+class _PathOnly(Struct):
+    """Path of a grid file."""
+
+    file: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -254,20 +266,36 @@ def open_target(
 
 
 def _led(here: str, path: str, there: str) -> str:
-    """Path of a library for a text in another folder; both folders are real paths."""
+    """Path of a library or raster for a text in another folder; both folders are real paths."""
     return os.path.relpath(plain_path(here, path), there).replace(os.sep, "/")
 
 
 def with_moved_paths(source: Source, output: str | Path) -> bytes:
-    """Text with the paths of its libraries rewritten for the folder of the output."""
+    """Text with the paths of its libraries and rasters rewritten for the folder of the output."""
     here, there = (real_path(str(Path(file).parent)) for file in (source.name, output))
-    if here == there or value_at(source.data, "/use") is None:
-        return source.data
     data = source.data
-    paths = msgspec.json.decode(value_at(data, "/use") or b"", type=list[str])
-    for index, path in enumerate(paths):
-        led = _led(here, path, there)
-        begin = offsets(data, [Address(f"/use/{index}")])[0]
+    if here == there:
+        return data
+    for pointer, path in _paths(data):
+        led = json.dumps(_led(here, path, there), ensure_ascii=False)
+        begin = offsets(data, [Address(pointer)])[0]
         end = value_end(data, begin, len(data))
-        data = Edit(begin, end, json.dumps(led, ensure_ascii=False).encode()).apply(data)
+        data = Edit(begin, end, led.encode()).apply(data)
     return data
+
+
+def _paths(data: bytes) -> list[tuple[str, str]]:
+    """Pointers and paths of all libraries and rasters that a text names."""
+    uses = value_at(data, "/use") or b"[]"
+    found = [
+        (f"/use/{index}", path)
+        for index, path in enumerate(msgspec.json.decode(uses, type=list[str]))
+    ]
+    if b'"file"' not in data:
+        return found
+    primitives = value_at(data, "/elemTypes") or b"{}"
+    for name, one in msgspec.json.decode(primitives, type=dict[str, _Gridded]).items():
+        if bytes(one.grid).startswith(b"{"):
+            grid = msgspec.json.decode(one.grid, type=_PathOnly)
+            found.append((f"/elemTypes/{escape(name)}/grid/file", grid.file))
+    return found

@@ -11,7 +11,15 @@ from msgspec import UNSET, Struct, UnsetType
 from terratool.definition import expression
 from terratool.definition.expression import Expression, ExpressionError
 from terratool.definition.findings import Remark
-from terratool.definition.model import REGISTRATIONS, CurveValue, GridRows, Pair, Primitive
+from terratool.definition.grid_files import GridSource, LinkedGrid
+from terratool.definition.model import (
+    REGISTRATIONS,
+    CurveValue,
+    GridFile,
+    GridRows,
+    Pair,
+    Primitive,
+)
 from terratool.report.wording import count_of
 from terratool.text.display import quote
 
@@ -41,12 +49,15 @@ class GridShape(Struct, frozen=True):
     """Heights over the unit square, bilinear in between.
 
     Attributes:
-        rows: heights, rows from north to south, each from west to east; None is void.
+        rows: heights, rows from north to south, each from west to east; None is void. Empty for a
+            file.
         registration: where the heights stand, "gridline" or "pixel".
+        source: file that has the heights in place of `rows`; None too where it was not found.
     """
 
     rows: GridRows
     registration: str
+    source: GridSource | None = None
 
     def heights(self) -> Iterator[float]:
         """Yield all heights but the void ones."""
@@ -186,7 +197,7 @@ def problems(primitive: Primitive) -> tuple[CurveError, ...]:
     return tuple(found)
 
 
-def _grid_problems(primitive: Primitive, rows: GridRows) -> Iterator[CurveError]:
+def _grid_problems(primitive: Primitive, rows: GridRows | GridFile) -> Iterator[CurveError]:
     for key in ("x", "y", "combine"):
         if getattr(primitive, key) is not UNSET:
             yield CurveError(
@@ -195,6 +206,8 @@ def _grid_problems(primitive: Primitive, rows: GridRows) -> Iterator[CurveError]
                 f'there is "{key}" beside "grid".',
                 f'Remove "{key}", or "grid": a primitive is curves or a grid.',
             )
+    if isinstance(rows, GridFile):
+        return
     if not rows or not rows[0]:
         what = "has no rows" if not rows else "has no numbers in its first row"
         yield CurveError(
@@ -248,16 +261,21 @@ def _radial_problems(primitive: Primitive) -> list[CurveError]:
 def shape_of(primitive: Primitive) -> Shape:
     """Curves of a valid primitive, with copies and omissions resolved."""
     if primitive.grid is not UNSET:
-        given = primitive.registration
-        registration = REGISTRATIONS[0] if given is UNSET else str(given)
         one = SampledCurve((1.0,))
-        return Shape(one, one, "grid", GridShape(primitive.grid, registration))
+        return Shape(one, one, "grid", _grid_of(primitive.grid, primitive.registration))
     combine = "product" if primitive.combine is UNSET else str(primitive.combine)
     if combine == "radial":
         return Shape(read_curve(primitive.x, "x"), None, combine)  # type: ignore[arg-type]
     x = _resolve(primitive.x, primitive.y, "x")
     y = _resolve(primitive.y, primitive.x, "y")
     return Shape(x, y, combine)
+
+
+def _grid_of(grid: GridRows | GridFile, given: str | UnsetType) -> GridShape:
+    if isinstance(grid, GridFile):
+        source = grid.source if isinstance(grid, LinkedGrid) else None
+        return GridShape((), REGISTRATIONS[1] if given is UNSET else given, source)
+    return GridShape(grid, REGISTRATIONS[0] if given is UNSET else given)
 
 
 def _resolve(own: CurveValue | UnsetType, other: CurveValue | UnsetType, key: str) -> Curve:

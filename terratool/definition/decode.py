@@ -31,6 +31,7 @@ from terratool.definition.model import (
     LARGEST,
     Definition,
     Element,
+    GridFile,
     Library,
     Primitive,
     Repeat,
@@ -62,7 +63,7 @@ _LONG = 60  # characters of a key that may be a typo
 _SUBJECTS: dict[type, str] = {
     Definition: "a terrain", Library: "a library", Repeat: "a repeat", Scatter: "a scatter",
     Surface: "a surface", Roughness: "a roughness", Primitive: "a primitive",
-    Element: "an element", Track: "a track",
+    GridFile: "a grid file", Element: "an element", Track: "a track",
     VehicleText: "a vehicle", WheelsText: "the wheels", AxleText: "an axle",
     CogText: "the centre of gravity", OverhangText: "the overhang",
     MarginsText: "the margins", ClassesText: "the classes",
@@ -386,6 +387,8 @@ class _Decoder:
         return tuple(points)
 
     def _grid(self, wanted: Key, key: str, item: Any, owner: Owner) -> Any:
+        if isinstance(item, dict):
+            return self._members(GridFile, wanted, key, item, owner)
         if not isinstance(item, list):
             return self._wrong_type(owner, f"/{key}", f'"{key}"', wanted.words, item)
         rows = []
@@ -426,7 +429,7 @@ class _Decoder:
         return tuple(points)
 
     def _members(self, kind: type[Struct], wanted: Key, key: str, item: Any, owner: Owner) -> Any:
-        """Model of an object in an element that has numbers alone, as `repeat`."""
+        """Model of an object that holds no other, as `repeat`."""
         if not isinstance(item, dict):
             return self._wrong_type(owner, f"/{key}", f'"{key}"', wanted.words, item)
         found: dict[str, Any] = {}

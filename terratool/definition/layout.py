@@ -10,6 +10,7 @@ from terratool.definition.keys import KEYS, NESTED, document_kind
 from terratool.definition.model import (
     Definition,
     Element,
+    GridFile,
     Library,
     Primitive,
     Repeat,
@@ -43,6 +44,7 @@ def _layouts() -> dict[type, Layout]:
                 layout = Layout(items=layout, broken=key != "axles")
             layouts[kind].members[key] = layout
     layouts[Element].members["repeat"] = layouts[Repeat]
+    layouts[Primitive].members["grid"] = layouts[GridFile]
     return layouts
 
 

@@ -10,14 +10,15 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, Literal, TypeVar
 
-from msgspec import Struct, field
+from msgspec import Struct, field, structs
 
 from terratool.definition.decode import Decoded
 from terratool.definition.findings import Remark, RemarkLog
+from terratool.definition.grid_files import GridSource, LinkedGrid, survey_grid
 from terratool.definition.keys import Kind, document_kind
-from terratool.definition.model import Element, Library, Primitive, Surface
+from terratool.definition.model import Element, GridFile, Library, Primitive, Surface
 from terratool.errors import ReadError, reason
-from terratool.text.display import quote
+from terratool.text.display import escape, quote
 from terratool.text.source import Source, read_source, real_path
 
 if TYPE_CHECKING:
@@ -34,6 +35,8 @@ _address = re.compile(r"[A-Za-z][A-Za-z0-9+.-]+:").match
 _drive = re.compile(r"[A-Za-z]:").match
 
 Dictionary = Literal["surfTypes", "elemTypes", "parts"]
+_Problem = tuple[str, str, str]
+"""Code, message and hint on a path."""
 _Value = TypeVar("_Value", Surface, Primitive, Element)
 
 
@@ -46,7 +49,7 @@ class SourceDocument(Struct, eq=False, dict=True):
         found: remarks so far.
         real: path without links; empty where the text has none.
         uses: library of each entry of `use`; None where it cannot be had.
-        problems: remarks on entries of `use`, by code.
+        problems: remarks on entries of `use` and on grid files, by code.
         broken: error of syntax; None if there is none.
         kind: kind that the text was read as.
         linked: whether its libraries were looked for.
@@ -291,7 +294,7 @@ def clashes_of(document: SourceDocument) -> list[Clash]:
 
 
 class Shelf:
-    """Libraries that were opened, by their real paths, and the folders that they may lie in.
+    """Libraries and rasters that were opened, by real paths, and the folders that they may lie in.
 
     Attributes:
         files: names of all files that were looked for, whether they exist or not.
@@ -306,12 +309,13 @@ class Shelf:
         """
         self._roots = [real_path(root) for root in (".", *roots)]
         self._read = read
-        self._documents: dict[str, SourceDocument | tuple[str, str, str]] = {}
+        self._documents: dict[str, SourceDocument | _Problem] = {}
+        self._grids: dict[tuple[str, int], GridSource | _Problem] = {}
         self._room = MAX_BYTES
         self.files: dict[str, None] = {}
 
     def link(self, document: SourceDocument) -> None:
-        """Open all libraries that a file uses, directly or through others."""
+        """Open all libraries that a file uses, directly or through others, and their rasters."""
         base = real_path(document.folder)
         if document.real and document.kind == "library":
             self._documents.setdefault(document.real, document)
@@ -322,6 +326,7 @@ class Shelf:
             if user.linked:
                 continue
             user.linked = True
+            self._link_grids(user, base)
             paths = user.model.library_paths
             count += len(paths)
             for index, path in enumerate(paths):
@@ -347,26 +352,79 @@ class Shelf:
                     user.uses.append(None)
         Catalogue((document, *document.all_libraries))
 
-    def _open(
-        self, user: SourceDocument, path: str, base: str
-    ) -> SourceDocument | tuple[str, str, str]:
+    def _open(self, user: SourceDocument, path: str, base: str) -> SourceDocument | _Problem:
         """Library at a path; code, message and hint where the path is wrong."""
-        wrong = _path_problem(path)
+        wrong = self._refusal(user, path, base, "library")
         if wrong is not None:
             return "TT702", *wrong
         name, real = plain_path(user.folder, path), real_path(str(Path(user.folder, path)))
-        self.files[name] = self.files[str(Path(user.folder, path))] = None
-        if not any(_is_under(real, root) for root in (base, *self._roots)):
-            return (
-                "TT702",
-                f"the library {quote(path)} lies outside of the folders that may be read.",
-                "Move it below the folder of the terrain, or name its folder by --library-root.",
-            )
         if real not in self._documents:
             self._documents[real] = self._load(name, real)
         return self._documents[real]
 
-    def _load(self, name: str, real: str) -> SourceDocument | tuple[str, str, str]:
+    def _refusal(
+        self, user: SourceDocument, path: str, base: str, what: str
+    ) -> tuple[str, str] | None:
+        """Message and hint on a path of a library or raster that may not be followed."""
+        wrong = _path_problem(path, what)
+        if wrong is not None:
+            return wrong
+        name, real = plain_path(user.folder, path), real_path(str(Path(user.folder, path)))
+        self.files[name] = self.files[str(Path(user.folder, path))] = None
+        if not any(_is_under(real, root) for root in (base, *self._roots)):
+            return (
+                f"the {what} {quote(path)} lies outside of the folders that may be read.",
+                "Move it below the folder of the terrain, or name its folder by --library-root.",
+            )
+        return None
+
+    def _link_grids(self, user: SourceDocument, base: str) -> None:
+        """Look for the rasters of a file's own primitives, which get what was found."""
+        primitives = user.model.primitives
+        for name, primitive in primitives.items():
+            grid = primitive.grid
+            if not isinstance(grid, GridFile):
+                continue
+            found = self._source(user, grid, base)
+            if isinstance(found, GridSource):
+                linked = LinkedGrid(file=grid.file, band=grid.band, source=found)
+                primitives[name] = structs.replace(primitive, grid=linked)
+            else:
+                code, message, hint = found
+                pointer = f"/elemTypes/{escape(name)}/grid/file"
+                user.problems.append((code, Remark(pointer, message, hint)))
+
+    def _source(self, user: SourceDocument, grid: GridFile, base: str) -> GridSource | _Problem:
+        """Raster of a grid; code, message and hint where there is none."""
+        wrong = self._refusal(user, grid.file, base, "raster")
+        if wrong is not None:
+            return "TT313", *wrong
+        key = real_path(str(Path(user.folder, grid.file))), grid.band_number
+        if key not in self._grids:
+            self._grids[key] = self._survey(quote(grid.file), *key)
+        return self._grids[key]
+
+    def _survey(self, said: str, real: str, band: int) -> GridSource | _Problem:
+        try:
+            mode = Path(real).stat().st_mode
+            if not stat.S_ISREG(mode):
+                what = "a folder" if stat.S_ISDIR(mode) else "no regular file"
+                return "TT312", f"the raster {said} is {what}.", "Name a raster, as a GeoTIFF."
+            return survey_grid(real, band)
+        except FileNotFoundError:
+            hint = "Check the path; it begins at the folder of this file."
+            return "TT312", f"there is no raster {said}.", hint
+        except (OSError, ValueError) as error:
+            why = reason(error) if isinstance(error, OSError) else "its name cannot be one"
+            return "TT312", f"the raster {said} cannot be read ({why}).", "Check the path."
+        except ReadError as error:
+            return (
+                "TT312",
+                f"the raster {said} {error.message.removeprefix(real + ': ')}",
+                error.hint,
+            )
+
+    def _load(self, name: str, real: str) -> SourceDocument | _Problem:
         said = quote(name)
         try:
             status = Path(real).stat()
@@ -407,14 +465,14 @@ def plain_path(folder: str, path: str) -> str:
     return name if real_path(name) == real else real
 
 
-def _path_problem(path: str) -> tuple[str, str] | None:
+def _path_problem(path: str, what: str) -> tuple[str, str] | None:
     """Message and hint on a path that is wrong as it is written; None for a good one."""
     hint = "Write a path relative to this file, with forward slashes."
     if not path or "\0" in path:
-        return f"{quote(path)} is no path of a library.", hint
+        return f"{quote(path)} is no path of a {what}.", hint
     if _address(path):
         return (
-            f"the library {quote(path)} is an address, and nothing is read from the net.",
+            f"the {what} {quote(path)} is an address, and nothing is read from the net.",
             "Save the file beside the terrain, and write its path relative to this file.",
         )
     if path.startswith("/") or _drive(path):

@@ -13,7 +13,7 @@ from typing import Annotated, TypeVar
 import msgspec
 from msgspec import UNSET, Meta, Struct, UnsetType
 
-from terratool.definition.key import FLAG, SCHEMA, TEXT, Key, Shape, choice
+from terratool.definition.key import FLAG, SCHEMA, TEXT, Key, Shape, choice, whole
 from terratool.report.documents import one_of
 
 MAX_CELLS = 65536
@@ -23,6 +23,8 @@ MAX_SCATTERED_IN_ALL = 10_000_000
 """Most scattered copies of a terrain."""
 MAX_SEED = 2**53
 """Largest seed: whole numbers up to it are the same in every reader of JSON."""
+MAX_BANDS = 65535
+"""Most bands of a raster, as in a TIFF."""
 MAX_PASSES = 10**9
 """Most passes of a track; sums of passes stay whole in doubles."""
 COMBINES = ("product", "sum", "min", "max", "radial")
@@ -156,6 +158,18 @@ def ranges_of(surfaces: Mapping[str, Surface]) -> tuple[Range, ...]:
     )
 
 
+class GridFile(Struct, frozen=True, forbid_unknown_fields=True, rename="camel"):
+    """Raster beside the text that holds the heights of a grid, row 0 in the north."""
+
+    file: str
+    band: int | UnsetType = UNSET
+
+    @property
+    def band_number(self) -> int:
+        """Number of the band, from 1."""
+        return 1 if self.band is UNSET else self.band
+
+
 class Primitive(Struct, frozen=True, forbid_unknown_fields=True, rename="camel", kw_only=True):
     """Primitive: two cross-section curves and the way in which they combine, or a grid."""
 
@@ -164,7 +178,7 @@ class Primitive(Struct, frozen=True, forbid_unknown_fields=True, rename="camel",
     y: CurveValue | UnsetType = UNSET
     combine: str | UnsetType = UNSET
     registration: str | UnsetType = UNSET
-    grid: GridRows | UnsetType = UNSET
+    grid: GridRows | GridFile | UnsetType = UNSET
 
 
 class Repeat(Struct, frozen=True, forbid_unknown_fields=True, rename="camel", gc=False):
@@ -461,16 +475,25 @@ TERRAIN_KEYS: dict[Shape, dict[str, Key]] = {
         ),
         "registration": choice("registration of a grid", REGISTRATIONS).describe(
             "Where the numbers of the grid stand: the outer ones on the edges (gridline), or each "
-            "in the middle of a pixel (pixel).", "pixel", default="gridline",
+            "in the middle of a pixel (pixel). Left out: gridline for rows, pixel for a file.",
+            "pixel",
         ),
         "grid": Key(
-            "a list of rows of numbers up to 1e30 in size and null, all equally long", "grid",
-            -LARGEST, LARGEST,
+            "a list of rows of numbers up to 1e30 in size and null, all equally long, or an object "
+            '{ "file": "dem.tif", "band": 1 }', "grid", -LARGEST, LARGEST,
         ).describe(
             "Heights over the unit square, bilinear in between, in place of x, y and combine: rows "
-            "from north to south, each from west to east; null is void.",
-            [[0, 1, 0], [1, 3, 1], [0, None, 0]],
+            "from north to south, each from west to east, null is void; or a raster beside this "
+            "file.",
+            [[0, 1, 0], [1, 3, 1], [0, None, 0]], {"file": "dem.tif"},
         ),
+    },
+    GridFile: {
+        "file": Key("the path of a raster, a text", "text").describe(
+            "Raster of heights, by a path relative to this file with forward slashes; its place "
+            "and its reference system are not used.", "dem.tif",
+        ),
+        "band": whole(1, MAX_BANDS).describe("Band that holds the heights.", 2, default=1),
     },
     Element: {
         "cellX": Key(

@@ -34,6 +34,7 @@ from terratool.definition.model import (
     REGISTRATIONS,
     Definition,
     Element,
+    GridFile,
     Library,
     Pair,
     Primitive,
@@ -614,7 +615,9 @@ def _in_range(definition: Library, tree: Tree) -> bool:
         ranged += [(set(curve), KEYS[Primitive]["x"]) for curve in curves if type(curve) is tuple]
         if primitive.registration not in (msgspec.UNSET, *REGISTRATIONS):
             return False
-        if primitive.grid is not msgspec.UNSET:
+        if isinstance(primitive.grid, GridFile):
+            ranged.append(({primitive.grid.band}, KEYS[GridFile]["band"]))
+        elif primitive.grid is not msgspec.UNSET:
             numbers = set(chain.from_iterable(primitive.grid)) - {None}
             ranged.append((numbers, KEYS[Primitive]["grid"]))
     for track in tracks:

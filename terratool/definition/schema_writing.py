@@ -16,6 +16,7 @@ from terratool.definition.keys import KEYS, NESTED, REQUIRED
 from terratool.definition.model import (
     Definition,
     Element,
+    GridFile,
     Library,
     Primitive,
     Repeat,
@@ -114,6 +115,7 @@ _BEYOND_KEYS: dict[Shape, Json] = {
         "then": _needs("x", x=_GIVEN, y=False),
     },
     Element: {"allOf": [_TYPE_OR_PART, {"oneOf": [_IN_A_CELL, _AT_A_PLACE]}]},
+    GridFile: {"required": ["file"]},
     Repeat: {"required": ["count", "step"]},
     Scatter: {"required": ["sizes"], **_one_of("count", "density", by="oneOf")},
     Track: {"required": ["path", "width"], **_one_of("load", "depth")},
@@ -306,7 +308,7 @@ class _SchemaWriter:
             for name, key in KEYS[shape].items()
             if name not in without
         }
-        if not isinstance(shape, str) and shape not in (Repeat, Scatter, PatchText):
+        if not isinstance(shape, str) and shape not in (GridFile, Repeat, Scatter, PatchText):
             properties["x-ignore"] = {"$ref": "#/$defs/ignore"}
         required = REQUIRED.get(shape, ()) if isinstance(shape, type) else ("kind",)
         return {
@@ -324,6 +326,8 @@ class _SchemaWriter:
         before, after = _texts(key)
         if (shape, name) == (Surface, "preset"):
             return before | {"type": "string", "enum": list(PRESETS)} | after
+        if key.kind == "grid":
+            return before | {"anyOf": [_value(key), self.object(GridFile)]} | after
         if key.kind == "members":
             return before | self.object({"repeat": Repeat, "scatter": Scatter}[name]) | after
         nested = NESTED.get(shape, {}).get(name) if isinstance(shape, type) else None

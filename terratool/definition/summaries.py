@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Sequence
 from functools import lru_cache
@@ -151,13 +152,18 @@ def curve_values(curve: Curve) -> Callable[[float], float]:
 
 
 class GridSummary(Struct, frozen=True):
-    """Summary of a grid: ranges of all its heights, and of those on its rim."""
+    """Summary of a grid: ranges of all its heights, and of those on its rim; NaN for a file."""
 
     whole: Range
     rim: Range
 
 
+_UNREAD = (math.nan, math.nan)
+
+
 def _of_grid(grid: GridShape) -> GridSummary:
+    if not grid.rows:
+        return GridSummary(_UNREAD, _UNREAD)
     rim = [*grid.rows[0], *grid.rows[-1], *(row[end] for row in grid.rows for end in (0, -1))]
     around = [height for height in rim if height is not None]
     return GridSummary(range_of([*grid.heights()] or [0.0]), range_of(around or [0.0]))

@@ -40,9 +40,30 @@ def curve_pieces(arrays: FieldArrays, kind: Any, axis: str) -> tuple[Floats, Flo
 def grid_heights(arrays: FieldArrays, kind: Any) -> Floats:
     """Heights of the grid of a kind, (rows, columns), from the north; NaN for void ones."""
     raster = arrays.curves.rasters[kind["raster"]]
+    if raster["file"] >= 0:
+        return arrays.curves.mapped.numbers(raster["file"]).astype(np.float64, copy=False)
     columns, rows = map(int, raster["count"])
     first = int(raster["first"])
     return arrays.curves.heights[first : first + rows * columns].reshape(rows, columns)
+
+
+def _grid_size(arrays: FieldArrays, kind: Any) -> float:
+    """Largest height of the grid of a kind, without sign; 0 where all are void."""
+    file = int(arrays.curves.rasters["file"][kind["raster"]])
+    if file >= 0:
+        facts = arrays.curves.mapped.facts(file)
+        return max(-facts.low, facts.high)
+    return float(np.nanmax(np.abs(grid_heights(arrays, kind)), initial=0.0))
+
+
+def _is_edged(arrays: FieldArrays, kind: Any) -> bool:
+    """Whether some heights on the rim of the grid of a kind are void, or other than 0."""
+    file = int(arrays.curves.rasters["file"][kind["raster"]])
+    if file >= 0:
+        return arrays.curves.mapped.facts(file).edged
+    heights = grid_heights(arrays, kind)
+    rim = heights[0], heights[-1], heights[:, 0], heights[:, -1]
+    return any(bool((side != 0.0).any()) for side in rim)
 
 
 def curve_hulls(pieces: Floats) -> Floats:
@@ -61,7 +82,7 @@ def largest_heights(arrays: FieldArrays) -> Floats:
     sizes = np.where(combine == COMBINE["sum"], x + y, np.maximum(x, y))
     sizes = np.where(combine == COMBINE["product"], x * y, sizes)
     for kind in np.flatnonzero(combine == COMBINE["grid"]).tolist():
-        sizes[kind] = np.nanmax(np.abs(grid_heights(arrays, arrays.kinds[kind])), initial=0.0)
+        sizes[kind] = _grid_size(arrays, arrays.kinds[kind])
     elements = arrays.elements
     largest: Floats = np.abs(elements["scale"]) * sizes[elements["kind"]]
     largest += np.abs(elements["offset"])
@@ -124,9 +145,7 @@ def nonzero_edges(arrays: FieldArrays) -> NDArray[np.uint8]:
         if kind["combine"] == COMBINE["radial"]:  # a disc uses the right half of its curve
             out[k] = x.end != 0.0
         elif kind["combine"] == COMBINE["grid"]:
-            heights = grid_heights(arrays, kind)
-            rim = heights[0], heights[-1], heights[:, 0], heights[:, -1]
-            out[k] = any((side != 0.0).any() for side in rim)
+            out[k] = _is_edged(arrays, kind)
         elif kind["combine"] == COMBINE["product"]:
             out[k] = not (level or x.least == x.most == 0.0 or y.least == y.most == 0.0)
         elif kind["combine"] == COMBINE["min"]:

@@ -8,6 +8,7 @@ from typing import Any
 
 from msgspec import UNSET, Struct
 
+from terratool.definition.grid_files import LinkedGrid
 from terratool.definition.libraries import known_names
 from terratool.definition.model import Pair, Primitive, Surface
 from terratool.definition.part_room import PartRoom
@@ -15,6 +16,7 @@ from terratool.definition.reader import Checked, CheckOptions, check, new_shelf,
 from terratool.definition.summaries import summarise_shape, value_range
 from terratool.definition.uses import Root, Uses
 from terratool.errors import RequestError
+from terratool.field.records import MappedGrids
 from terratool.field.summary import height_range
 from terratool.field.terrain import Terrain
 from terratool.report.documents import Count, Document, Positive, Tool
@@ -152,7 +154,11 @@ def _surface(name: str, surface: Surface) -> LibrarySurface:
 
 
 def _primitive(name: str, primitive: Primitive) -> LibraryPrimitive:
-    low, high = value_range(summarise_shape(primitive))
+    if isinstance(primitive.grid, LinkedGrid):
+        facts = MappedGrids((primitive.grid.source,)).facts(0)
+        low, high = facts.low, facts.high
+    else:
+        low, high = value_range(summarise_shape(primitive))
     return LibraryPrimitive(name, _text(primitive.descr), low, high)
 
 

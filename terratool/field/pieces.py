@@ -301,6 +301,5 @@ class CurveStore:
             np.concatenate(self._knots),
             np.concatenate(self._rests),
             np.concatenate(self._bins),
-            rasters.rasters(),
-            rasters.heights(),
+            *rasters.curves(),
         )

@@ -6,12 +6,17 @@ Members of two numbers or rows are along x and y.
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from terratool.definition.grid_files import GridSource
 from terratool.kernels import field as kernels
+
+if TYPE_CHECKING:
+    from terratool.io.grid_cache import GridFacts, MappedGrid
 
 COMBINE = {"product": 0, "sum": 1, "min": 2, "max": 3, "radial": 4, "grid": 5}
 
@@ -86,10 +91,12 @@ KIND = np.dtype(
 
 RASTER = np.dtype(
     [
-        ("first", np.int64),  # index of its first height
+        ("first", np.int64),  # index of its first height; 0 in a file
         ("count", np.int64, 2),  # columns and rows
+        ("file", np.int32),  # index into the mapped files; -1 for heights of the text
         ("pixel", np.uint8),  # 1 where heights stand in the middle of pixels
         ("voids", np.uint8),  # 1 where some are void
+        ("single", np.uint8),  # 1 where they are float32, as those of a file may be
     ],
     align=True,
 )
@@ -206,6 +213,53 @@ def scalar_columns(values: NDArray[Any]) -> list[NDArray[Any]]:
     return [column for member in members for column in member]
 
 
+class MappedGrids:
+    """Heights of grids that stand in files; pickled as the places of these, and mapped anew."""
+
+    def __init__(self, sources: Sequence[GridSource]) -> None:
+        """Map the heights of bands of rasters.
+
+        Raises:
+            ReadError: a file has changed since its header was read, or is broken.
+        """
+        self.sources = tuple(sources)
+        if not sources:  # NumPy alone is enough then
+            self._grids: tuple[MappedGrid, ...] = ()
+        else:
+            from terratool.io.grid_files import numbers_of
+
+            self._grids = tuple(map(numbers_of, sources))
+        self.memory = kernels.GridMemory([grid.data for grid in self._grids])
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return MappedGrids, (self.sources,)
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, MappedGrids) or len(self._grids) != len(other._grids):
+            return False
+        pairs = zip(self._grids, other._grids, strict=True)
+        return all(np.array_equal(one.data, another.data) for one, another in pairs)
+
+    def __hash__(self) -> int:
+        return len(self._grids)
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of all heights, whether in memory or not."""
+        return sum(grid.facts.nbytes for grid in self._grids)
+
+    def facts(self, file: int) -> GridFacts:
+        """Return what is known of the heights of a file by its index."""
+        return self._grids[file].facts
+
+    def numbers(self, file: int) -> NDArray[np.floating[Any]]:
+        """Heights of a file, (rows, columns) from the north, float32 or float64; NaN if void."""
+        data, facts = self._grids[file]
+        kind = np.float32 if facts.single else np.float64
+        found: NDArray[Any] = data.view(kind).reshape(facts.source.rows, facts.source.columns)
+        return found
+
+
 class CurveArrays(NamedTuple):
     """Pieces of all curves, and the heights of all grids.
 
@@ -217,7 +271,8 @@ class CurveArrays(NamedTuple):
         bins: (n,) uint32, for evenly spaced t the piece of a knotted curve at which a search
             begins.
         rasters: RASTER.
-        heights: (n,) float64, heights of all rasters.
+        heights: (n,) float64, heights of the rasters of texts.
+        mapped: heights of the rasters of files.
     """
 
     pieces: NDArray[np.float64]
@@ -226,6 +281,12 @@ class CurveArrays(NamedTuple):
     bins: NDArray[np.uint32]
     rasters: NDArray[Any]
     heights: NDArray[np.float64]
+    mapped: MappedGrids
+
+    @property
+    def memory(self) -> kernels.GridMemory:
+        """Memory of the mapped files, as the kernels keep it."""
+        return self.mapped.memory
 
 
 class TrackArrays(NamedTuple):

@@ -22,6 +22,11 @@ def check_records(
 ) -> None:
     """Refuse dtypes that are not the structs of the kernels."""
 
+class GridMemory:
+    """Memory of files with heights of grids."""
+
+    def __init__(self, files: object) -> None: ...
+
 class Field:
     """A compiled field: its arrays, checked once."""
 

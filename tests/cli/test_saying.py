@@ -180,6 +180,7 @@ def commands(n: str) -> dict[str, list[list[Any]]]:
         "curriculum": [[c, f"./{n}-cc.json"], [d, f"./{n}-cc2.json"], [c, f"./{n}.{n}"]],
         "bundle": [[d, f"./{n}-bb.json"], [f"./{n}-x.json", "-"]],
         "rules": [[n]],
+        "cache": [[], ["--clear"], [n]],
         "completion": [[n]],
         n: [[]],
     }  # fmt: skip

@@ -236,7 +236,7 @@ def test_the_page_has_each_command_as_it_is_called() -> None:
         if name in ("new", "completion", "query"):  # kinds, a choice, and words without an end
             continue
         said = words.replace("\\", "").split(" --")[0].split()
-        usage = call(name, "--help").out.split("\n\n")[0].split("[OPTIONS] ")[1].split()
+        usage = call(name, "--help").out.split("\n\n")[0].partition("[OPTIONS]")[2].split()
         assert [word.strip("[]") for word in said] == [
             re.sub(r"[\[\]]", "", word) for word in usage
         ], name

@@ -6,6 +6,7 @@ import re
 from pathlib import Path
 from textwrap import dedent
 
+import numpy as np
 import pytest
 
 from terratool.definition.findings import Finding
@@ -13,6 +14,7 @@ from terratool.definition.reader import Checked, CheckOptions, check
 from terratool.definition.rules import RULES
 from terratool.text.source import Source, read_source
 from tests.commands import run
+from tests.rasters import geotiff
 
 # A code never changes its meaning: scripts ignore and select by it. New ones are added here.
 NAMES = {
@@ -55,6 +57,12 @@ NAMES = {
     "TT307": "asymmetric-radial",
     "TT308": "zero-primitive",
     "TT309": "inexact-curve",
+    "TT310": "grid-rows",
+    "TT311": "grid-and-curves",
+    "TT312": "grid-file",
+    "TT313": "grid-path",
+    "TT314": "grid-aspect",
+    "TT315": "grid-crs",
     "TT401": "missing-soil",
     "TT402": "same-color",
     "TT403": "implausible-soil",
@@ -147,6 +155,12 @@ def tried(how: str, text: str, folder: Path) -> Checked:
     """A text under the circumstances that a manual page names, its libraries beside it."""
     while match := re.match(r"(\w+\.json): (.*)\n\n", text):
         (folder / match[1]).write_text(match[2], "utf-8")
+        text = text[match.end() :]
+    raster = r"(\w+\.tif): (\d+) × (\d+) pixels of (\d+) × (\d+) in (EPSG:\d+)\n\n"
+    if match := re.match(raster, text):
+        columns, rows, wide, tall = map(int, match.group(2, 3, 4, 5))
+        heights = np.arange(rows * columns, dtype=np.float32).reshape(rows, columns)
+        geotiff(folder / match[1], heights, (wide, tall), (500_000, 5_000_000), crs=match[6])
         text = text[match.end() :]
     options, data = CheckOptions(), text.encode("latin-1" if how == "in Latin-1" else "utf-8")
     if match := re.fullmatch(r"with --max-step ([0-9.]+)", how):

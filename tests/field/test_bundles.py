@@ -47,7 +47,8 @@ class Three:
             roots = CheckOptions(warnings=False, library_roots=(folder,))
             checked = check(read_source(path), roots)
             assert checked.findings == ()
-            (plain, none), (expanded, rounded) = bundle(checked), bundle(checked, expanded=True)
+            plain, none, _ = bundle(checked)
+            expanded, rounded, _ = bundle(checked, expanded=True)
             assert none == 0
             self.texts = [plain, expanded]
             assert self.texts == [bundle(checked).text, bundle(checked, expanded=True).text]

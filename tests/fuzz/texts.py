@@ -367,7 +367,7 @@ def try_composition(case: Case, folder: Path) -> str:
     x, y = np.meshgrid(west + shares * (east - west), south + shares * (north - south))
     heights = terrain.height(x, y).tobytes()
     for expanded in (False, True):
-        text, rounded = bundle(checked, expanded=expanded)
+        text, rounded, _ = bundle(checked, expanded=expanded)
         other = check(Source("bundle.json", text.encode()))
         if other.terrain is None:
             raise WrongError(f"expanded: {expanded}: {other.findings[0].message}")

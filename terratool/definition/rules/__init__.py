@@ -16,6 +16,7 @@ from terratool.definition.rules import (  # noqa: F401, importing them registers
     curves,
     files,
     free,
+    grids,
     hiding,
     libraries,
     names,

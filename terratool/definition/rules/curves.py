@@ -12,7 +12,7 @@ from terratool.text.display import escape
 def _remarks(subject: Subject, code: str) -> Iterator[Remark]:
     for name, curve_errors in subject.curve_errors.items():
         here = f"/elemTypes/{escape(name)}"
-        if code == "TT303" and subject.left_out(here, "x", "y"):
+        if code == "TT303" and subject.left_out(here, "x", "y", "grid"):
             continue  # a value that is there does not fit
         for error in curve_errors:
             if error.code == code:

@@ -8,7 +8,7 @@ from typing import Any
 from msgspec import UNSET, Struct
 
 from terratool.definition.curves import shape_of
-from terratool.definition.model import Primitive, Roughness, Surface, names_of
+from terratool.definition.model import GridFile, Primitive, Roughness, Surface, names_of
 from terratool.definition.uses import elements_of
 from terratool.definition.vectors import Vector
 from terratool.viewing.diff.results import EntryChange, KeyChange
@@ -197,11 +197,30 @@ def _primitive_keys(old: Primitive, new: Primitive) -> Iterator[KeyChange]:
     first, second = shape_of(old), shape_of(new)
     if first.combine != second.combine:
         yield KeyChange("combine", first.combine, second.combine)
+    if first.grid != second.grid:
+        yield KeyChange("grid", *_grids(old, new))
     for key in ("x", "y"):
         if getattr(first, key) == getattr(second, key):
             continue
         was, now = getattr(old, key), getattr(new, key)
         yield KeyChange(key, *_curves(was, now))
+
+
+def _grids(old: Primitive, new: Primitive) -> tuple[str, str]:
+    """Two grids as text; the second says where the path is the same that its heights differ."""
+    was, now = _grid_text(old), _grid_text(new)
+    return (was, f"{now}, other heights") if was == now else (was, now)
+
+
+def _grid_text(primitive: Primitive) -> str:
+    grid = primitive.grid
+    if grid is UNSET:
+        return ""
+    placed = "" if primitive.registration is UNSET else f", {primitive.registration}"
+    if isinstance(grid, GridFile):
+        band = "" if grid.band_number == 1 else f", band {grid.band_number}"
+        return grid.file + band + placed
+    return f"{len(grid):,} rows of {len(grid[0]):,} numbers{placed}"
 
 
 def _curves(was: Any, now: Any) -> tuple[str, str]:

@@ -13,6 +13,7 @@ from terratool.definition.libraries import SourceDocument, path_between
 from terratool.definition.model import Definition, Primitive, Surface
 from terratool.definition.reader import Checked, CheckOptions, check, no_terrain
 from terratool.definition.uses import Root, Uses
+from terratool.field.rasters import grid_digest
 from terratool.field.terrain import Terrain
 from terratool.text.source import Source, read_source
 
@@ -125,6 +126,8 @@ def side_of(source: Source, *, roots: tuple[str, ...] = (), roughness: bool = Tr
 def shape_key(primitive: Primitive) -> Any:
     """Key of a primitive's shape, equal for equal shapes however they are written."""
     shape = shape_of(primitive)
+    if shape.grid is not None:
+        return shape.combine, grid_digest(shape.grid)
     return shape.combine, repr(shape.x), repr(shape.y)
 
 

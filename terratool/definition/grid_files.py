@@ -1,0 +1,100 @@
+"""Rasters beside a definition that hold the heights of grids: what their headers say of them."""
+
+from __future__ import annotations
+
+import os
+from importlib import import_module
+
+from msgspec import Struct, structs
+
+from terratool.definition.model import Definition, GridFile, GridRows
+
+
+class FileIdentity(Struct, frozen=True):
+    """State of a file that tells whether it is still the same one.
+
+    Attributes:
+        device: number of its file system.
+        inode: number in that.
+        size: bytes.
+        changed: time of the last change, ns.
+        ends: digest of its first and last bytes.
+    """
+
+    device: int
+    inode: int
+    size: int
+    changed: int
+    ends: str
+
+
+class GridSource(Struct, frozen=True):
+    """Band of a raster, as its header tells; the numbers are read when they are asked for.
+
+    Attributes:
+        path: path without links.
+        band: number of the band, from 1.
+        identity: state of the file when its header was read.
+        columns: pixels from west to east.
+        rows: pixels from north to south.
+        aspect: width of a pixel by its height; None where the file says no place.
+        upright: whether rows run from north to south and columns from west to east, or no place is
+            said.
+        crs: reference system as a definition spells it; None for none.
+    """
+
+    path: str
+    band: int
+    identity: FileIdentity
+    columns: int
+    rows: int
+    aspect: float | None = None
+    upright: bool = True
+    crs: str | None = None
+
+
+class LinkedGrid(GridFile, frozen=True, rename="camel", kw_only=True):
+    """Grid file whose raster was found."""
+
+    source: GridSource
+
+
+def survey_grid(path: str, band: int) -> GridSource:
+    """Read what the header of a raster says of a band.
+
+    Args:
+        path: path without links.
+        band: number of the band, from 1.
+
+    Raises:
+        ReadError: the file is no raster with such a band of heights.
+    """
+    # by its name: rasters are opened by what stands upon definitions, and NumPy comes with it
+    found: GridSource = import_module("terratool.io.grid_files").survey(path, band)
+    return found
+
+
+def rows_of(source: GridSource) -> GridRows:
+    """Read all heights of a band, which fit into memory, as rows of a text.
+
+    Raises:
+        ReadError: the file has changed since its header was read, or is broken.
+    """
+    found: GridRows = import_module("terratool.io.grid_files").rows_of(source)
+    return found
+
+
+def as_written(definition: Definition) -> Definition:
+    """Definition as a text in the current folder would have it, without what was found."""
+    linked = {
+        name: structs.replace(primitive, grid=GridFile(_from_here(grid.source.path), grid.band))
+        for name, primitive in definition.primitives.items()
+        if isinstance(grid := primitive.grid, LinkedGrid)
+    }
+    if not linked:
+        return definition
+    return structs.replace(definition, elem_types=definition.primitives | linked)
+
+
+def _from_here(path: str) -> str:
+    return os.path.relpath(path, os.path.realpath(".")).replace(os.sep, "/")

@@ -1,0 +1,192 @@
+"""Rules on grids whose heights stand in rasters beside the text."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from msgspec import UNSET
+
+from terratool.definition.findings import Remark
+from terratool.definition.grid_files import GridSource, LinkedGrid
+from terratool.definition.rules.base import Subject, reader_rule, rule
+from terratool.definition.tree import ROOT
+from terratool.text.display import escape, quote
+
+_NEAR = 0.01
+"""Share by which the aspect of a raster and that of a cell may differ."""
+
+reader_rule(
+    "TT312",
+    "grid-file",
+    """
+    The raster of a grid cannot be read: it is missing, no raster of heights, or lacks the band.
+
+    Paths begin at the folder of the file that names the raster. Of it only its own bytes are read:
+    no file beside it, no net. A band holds real numbers; a palette and complex numbers are no
+    heights. Its header is held against its size. NaN, infinite numbers and ones beyond 1e30 in size
+    are void.
+
+    Fails:
+
+        {"size": 9, "elemTypes": {"d": {"grid": {"file": "dem.tif"}}}, "elemTree": {"type": "d"}}
+
+    Passes:
+
+        {"size": 9, "elemTypes": {"d": {"grid": [[0, 1], [2, 3]]}}, "elemTree": {"type": "d"}}
+
+    To mend: check the path, and the raster with gdalinfo.
+    """,
+)
+reader_rule(
+    "TT313",
+    "grid-path",
+    """
+    The path of a raster is none that may be followed.
+
+    It is relative to the file that names it, with forward slashes; nothing is read from the net.
+    The raster lies under the folder of the terrain, under the current folder, or under one that is
+    named by --library-root, so that a file from elsewhere cannot have others read.
+
+    Fails:
+
+        {
+          "size": 10,
+          "elemTypes": {"dem": {"grid": {"file": "/data/dem.tif"}}}, "elemTree": {"type": "dem"}
+        }
+
+    Fails:
+
+        {
+          "size": 10,
+          "elemTypes": {"dem": {"grid": {"file": "https://example.org/dem.tif"}}},
+          "elemTree": {"type": "dem"}
+        }
+
+    Passes:
+
+        {"size": 10, "elemTypes": {"dem": {"grid": [[0, 1], [2, 3]]}}, "elemTree": {"type": "dem"}}
+
+    To mend: put the raster beside the terrain, and write its path from there.
+    """,
+)
+
+
+def _sources(subject: Subject) -> Iterator[tuple[str, GridSource]]:
+    """Names of the file's own primitives that are rasters, and what was found."""
+    for name, primitive in subject.definition.primitives.items():
+        if isinstance(primitive.grid, LinkedGrid):
+            yield name, primitive.grid.source
+
+
+@rule("TT314", "grid-aspect", "warning")
+def grid_aspect(subject: Subject) -> Iterator[Remark]:
+    """An element stretches a raster, or the raster does not lie north up.
+
+    The place of a raster is not used: its first row is the north of the cell, its first column the
+    west. Where it says how wide and tall its pixels are, the cell has the proportions of all of
+    them. Elements in parts are not looked at, nor are rasters in degrees.
+
+    Fails:
+
+        dem.tif: 2 × 2 pixels of 5 × 5 in EPSG:32632
+
+        {
+          "size": [10, 20],
+          "elemTypes": {"dem": {"grid": {"file": "dem.tif"}}}, "elemTree": {"type": "dem"}
+        }
+
+    Passes:
+
+        dem.tif: 2 × 2 pixels of 5 × 5 in EPSG:32632
+
+        {
+          "size": [10, 10],
+          "elemTypes": {"dem": {"grid": {"file": "dem.tif"}}}, "elemTree": {"type": "dem"}
+        }
+
+    To mend: give the element a cell of the raster's proportions; resample a raster that does not
+    lie north up with gdalwarp.
+    """
+    from terratool.definition.crs import is_geographic
+
+    upright = {}
+    for name, source in _sources(subject):
+        if source.aspect is None or (source.crs and is_geographic(source.crs)):
+            continue
+        if source.upright:
+            upright[name] = _proportions(subject, name, source)
+            continue
+        yield Remark(
+            f"/elemTypes/{escape(name)}/grid/file",
+            "the raster does not lie north up; its first row is taken as the north.",
+            "Resample it with gdalwarp.",
+        )
+    tree = subject.tree
+    turns = tree.column("turn_deg") if upright else ()
+    for index, (name, turn) in enumerate(zip(tree.column("type"), turns, strict=False)):
+        if name not in upright or tree.roots[tree.root_of[index]] != ROOT:
+            continue
+        cell = tree.rectangle(index, subject.definition)
+        if cell is None:
+            continue
+        wide, tall = cell[2] - cell[0], cell[3] - cell[1]
+        if turn is not UNSET and turn % 180 == 90 and tree.value("at", index) is UNSET:
+            wide, tall = tall, wide
+        wanted = upright[name]
+        if abs(wide - wanted * tall) > _NEAR * max(wide, wanted * tall):
+            yield Remark(
+                "/type",
+                f"the cell is {wide:.6g} × {tall:.6g}, and the raster of {quote(name)} is "
+                f"{wanted:.4g} times as wide as tall.",
+                "Give the element a cell of these proportions.",
+                element=index,
+            )
+
+
+def _proportions(subject: Subject, name: str, source: GridSource) -> float:
+    """Width of a raster by its height, from its outer numbers or from its outer edges."""
+    less = subject.definition.primitives[name].registration == "gridline"
+    columns, rows = max(source.columns - less, 1), max(source.rows - less, 1)
+    return (source.aspect or 1.0) * columns / rows
+
+
+@rule("TT315", "grid-crs", "warning")
+def grid_crs(subject: Subject) -> Iterator[Remark]:
+    """A raster has another reference system than the terrain.
+
+    The reference system of a raster is not used, nor is it resampled; most often the raster has to
+    be projected first. Systems are compared by their codes.
+
+    Fails:
+
+        dem.tif: 2 × 2 pixels of 5 × 5 in EPSG:32632
+
+        {
+          "size": 10, "crs": "EPSG:32633",
+          "elemTypes": {"dem": {"grid": {"file": "dem.tif"}}}, "elemTree": {"type": "dem"}
+        }
+
+    Passes:
+
+        dem.tif: 2 × 2 pixels of 5 × 5 in EPSG:32632
+
+        {
+          "size": 10, "crs": "EPSG:32632",
+          "elemTypes": {"dem": {"grid": {"file": "dem.tif"}}}, "elemTree": {"type": "dem"}
+        }
+
+    To mend: project the raster with gdalwarp, or correct the crs.
+    """
+    from terratool.definition.crs import authority_code
+
+    crs = subject.definition.crs
+    own = None if crs is UNSET else authority_code(crs)
+    for name, source in _sources(subject):
+        its = authority_code(source.crs) if source.crs else None
+        if own is not None and its is not None and its != own:
+            yield Remark(
+                f"/elemTypes/{escape(name)}/grid/file",
+                f"the raster is in {its.authority}:{its.code}, the terrain in "
+                f"{own.authority}:{own.code}.",
+                "Project the raster with gdalwarp -t_srs, or correct the crs.",
+            )

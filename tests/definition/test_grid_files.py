@@ -1,0 +1,200 @@
+"""Rasters that definitions name: what is refused, with a place and what to do, and what is told."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from terratool.definition.findings import Finding
+from terratool.definition.grid_files import LinkedGrid
+from terratool.definition.reader import CheckOptions, check, load_checked
+from terratool.errors import ReadError
+from terratool.field.terrain import Terrain
+from terratool.text.source import read_source
+from tests.rasters import geotiff
+
+HEIGHTS = np.arange(6, dtype=np.float32).reshape(2, 3)
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder with all that a path can lead to, and a raster outside of it."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    base = tmp_path / "base"
+    (base / "folder").mkdir(parents=True)
+    geotiff(tmp_path / "outside.tif", HEIGHTS)
+    geotiff(base / "good.tif", HEIGHTS)
+    geotiff(base / "complex.tif", HEIGHTS.astype(np.complex64))
+    geotiff(base / "palette.tif", HEIGHTS.astype(np.uint8), photometric="palette")
+    os.mkfifo(base / "pipe")
+    (base / "link.tif").symlink_to(tmp_path / "outside.tif")
+    (base / "linked").symlink_to(tmp_path)
+    (base / "folder" / "loop.tif").symlink_to("loop.tif")
+    (base / "empty.tif").write_bytes(b"")
+    (base / "text.tif").write_text("no raster at all")
+    whole = (base / "good.tif").read_bytes()
+    (base / "short.tif").write_bytes(whole[:50])
+    geotiff(base / "huge.tif", HEIGHTS, width=3, height=2, sparse_ok=True)
+    claims = bytearray((base / "huge.tif").read_bytes())
+    for tag in (256, 257):  # width and height
+        begin = tag.to_bytes(2, "little")
+        at = claims.rindex(begin + b"\3\0\1\0\0\0")
+        claims[at : at + 12] = begin + b"\4\0\1\0\0\0" + (2**30).to_bytes(4, "little")
+    (base / "huge.tif").write_bytes(claims)
+    (base / "mosaic.vrt").write_text(
+        '<VRTDataset rasterXSize="3" rasterYSize="2"><VRTRasterBand dataType="Float32" band="1">'
+        '<SimpleSource><SourceFilename relativeToVRT="1">good.tif</SourceFilename><SourceBand>1'
+        "</SourceBand></SimpleSource></VRTRasterBand></VRTDataset>"
+    )
+    (base / "raw.bin").write_bytes(HEIGHTS.tobytes())
+    (base / "raw.hdr").write_text(
+        "ENVI\nsamples = 3\nlines = 2\nbands = 1\ndata type = 4\ninterleave = bsq\nbyte order = 0\n"
+    )
+    return base
+
+
+def findings_of(folder: Path, grid: Any, **more: Any) -> tuple[Finding, ...]:
+    definition = {
+        "size": [3, 2], **more, "elemTypes": {"d": {"grid": grid}},
+        "elemTree": {"type": "d", "vScale": 1},
+    }  # fmt: skip
+    (folder / "main.json").write_text(json.dumps(definition), encoding="utf-8")
+    return check(read_source(folder / "main.json")).findings
+
+
+@pytest.mark.parametrize(
+    ("path", "code", "words"),
+    [
+        ("no.tif", "TT312", "there is no raster"),
+        ("folder", "TT312", "is a folder"),
+        ("pipe", "TT312", "no regular file"),
+        ("folder/loop.tif", "TT312", "too many levels"),
+        ("x" * 5000, "TT312", "too long"),
+        ("empty.tif", "TT312", "cannot be read as a raster"),
+        ("text.tif", "TT312", "cannot be read as a raster"),
+        ("short.tif", "TT312", "cannot be read as a raster"),
+        ("huge.tif", "TT312", "claims 1,073,741,824 × 1,073,741,824 pixels"),
+        ("complex.tif", "TT312", "holds complex numbers"),
+        ("palette.tif", "TT312", "holds colours of a palette"),
+        ("mosaic.vrt", "TT312", "takes its numbers from other files"),
+        ("raw.bin", "TT312", "cannot be read as a raster"),
+        ("main.json", "TT312", "cannot be read as a raster"),
+        ("http://example.org/dem.tif", "TT313", "an address"),
+        ("zip://good.zip!dem.tif", "TT313", "an address"),
+        ("/etc/passwd", "TT313", "is absolute"),
+        ("/vsicurl/http://example.org/dem.tif", "TT313", "is absolute"),
+        (r"sub\dem.tif", "TT313", "has backslashes"),
+        ("../outside.tif", "TT313", "outside of the folders"),
+        ("link.tif", "TT313", "outside of the folders"),
+        ("linked/outside.tif", "TT313", "outside of the folders"),
+        ("", "TT313", "is no path"),
+        ("d\0.tif", "TT313", "is no path"),
+    ],
+)  # fmt: skip
+def test_a_raster_that_is_none(folder: Path, path: str, code: str, words: str) -> None:
+    """The file is named, with its line and column, and what to do; nothing else is said."""
+    (finding,) = findings_of(folder, {"file": path})
+    assert finding.code == code and words in finding.message and finding.hint
+    assert finding.pointer == "/elemTypes/d/grid/file" and finding.line == 1
+    assert str(folder) not in finding.message
+
+
+@pytest.mark.parametrize(("band", "code"), [(1, ""), (2, "TT312"), (0, "TT106"), (70_000, "TT106")])
+def test_the_band_must_be_there(folder: Path, band: int, code: str) -> None:
+    found = findings_of(folder, {"file": "good.tif", "band": band})
+    assert [finding.code for finding in found] == ([code] if code else [])
+
+
+@pytest.mark.parametrize(
+    ("grid", "code"),
+    [
+        ({}, "TT104"),
+        ({"band": 1}, "TT104"),
+        ({"file": 5}, "TT105"),
+        ({"file": "good.tif", "band": "1"}, "TT105"),
+        ({"file": "good.tif", "x-why": 1}, ""),
+        ({"file": "good.tif", "layer": 1}, "TT103"),
+        ("good.tif", "TT105"),
+    ],
+)
+def test_keys_of_a_grid_file(folder: Path, grid: Any, code: str) -> None:
+    found = findings_of(folder, grid)
+    assert [finding.code for finding in found] == ([code] if code else [])
+
+
+def test_validation_reads_no_pixels(folder: Path) -> None:
+    """A raster whose pixels are damaged passes: its header is all that is looked at."""
+    big = np.random.default_rng(1).normal(size=(300, 300))
+    geotiff(folder / "damaged.tif", big, compress="deflate", tiled=True)
+    with (folder / "damaged.tif").open("r+b") as file:
+        file.seek(200_000)
+        file.write(bytes(100_000))
+    assert not findings_of(folder, {"file": "damaged.tif"}, size=[3, 3])
+    assert not (folder.parent / "cache").exists()
+    checked = load_checked(folder / "main.json")
+    with pytest.raises(ReadError, match=r"damaged\.tif: cannot be read as a raster"):
+        Terrain(checked)
+    assert not list((folder.parent / "cache" / "terratool" / "grids").iterdir())
+
+
+@pytest.mark.parametrize(
+    ("size", "turn", "registration", "told"),
+    [
+        ([30, 40], 0, "pixel", False), ([40, 30], 0, "pixel", True), ([40, 30], 90, "pixel", False),
+        ([20, 20], 0, "gridline", False), ([30, 40], 0, "gridline", True),
+    ],
+)  # fmt: skip
+def test_the_proportions_of_a_cell_are_compared(
+    folder: Path, size: list[int], turn: int, registration: str, told: bool
+) -> None:
+    """A raster of three columns and two rows, whose pixels are 10 wide and 20 tall."""
+    geotiff(folder / "tall.tif", HEIGHTS, side=(10, 20))
+    grid = {"file": "tall.tif"}
+    definition = {
+        "size": size, "elemTypes": {"d": {"grid": grid, "registration": registration}},
+        "elemTree": {"type": "d", "vScale": 1, "turnDeg": turn},
+    }  # fmt: skip
+    (folder / "main.json").write_text(json.dumps(definition), encoding="utf-8")
+    codes = [finding.code for finding in check(read_source(folder / "main.json")).findings]
+    assert ("TT314" in codes) is told
+
+
+def test_a_raster_that_is_not_north_up_is_told(folder: Path) -> None:
+    geotiff(folder / "south.tif", HEIGHTS, side=(2, -2))
+    (finding,) = findings_of(folder, {"file": "south.tif"})
+    assert finding.code == "TT314" and "north up" in finding.message
+
+
+def test_another_reference_system_is_told(folder: Path) -> None:
+    geotiff(folder / "utm.tif", HEIGHTS, crs="EPSG:32632")
+    for crs, codes in (("EPSG:32633", ["TT315"]), ("EPSG:32632", []), (32632, [])):
+        found = findings_of(folder, {"file": "utm.tif"}, crs=crs)
+        assert [finding.code for finding in found] == codes
+
+
+def test_a_folder_that_is_named_may_be_read(folder: Path) -> None:
+    findings_of(folder, {"file": "../outside.tif"})
+    for root, good in ((folder.parent, True), (folder / "folder", False)):
+        options = CheckOptions(library_roots=(str(root),))
+        checked = check(read_source(folder / "main.json"), options)
+        assert (checked.terrain is not None) is good
+
+
+def test_files_beside_a_raster_are_not_read(folder: Path) -> None:
+    """Neither a sidecar's scale nor its mask counts: what a grid is stands in one file."""
+    (folder / "good.tif.aux.xml").write_text(
+        '<PAMDataset><PAMRasterBand band="1"><Scale>1000</Scale></PAMRasterBand></PAMDataset>'
+    )
+    findings_of(folder, {"file": "good.tif"})
+    checked = load_checked(folder / "main.json")
+    assert checked.terrain is not None
+    grid = checked.terrain.primitives["d"].grid
+    assert isinstance(grid, LinkedGrid)
+    from terratool.io.grid_files import numbers_of
+
+    assert numbers_of(grid.source).facts.high == 5.0
