@@ -43,6 +43,7 @@ def _layouts() -> dict[type, Layout]:
                 layout = Layout(items=layout, broken=key != "axles")
             layouts[kind].members[key] = layout
     layouts[Element].members["repeat"] = layouts[Repeat]
+    layouts[Primitive].members["grid"] = Layout(lined=True)
     return layouts
 
 

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import chain
 from typing import Any
 
 from msgspec import UNSET, Struct
 
-from terratool.definition.curves import shape_of
+from terratool.definition.curves import GridShape, shape_of
 from terratool.definition.model import Primitive, Roughness, Surface, names_of
 from terratool.definition.uses import elements_of
 from terratool.definition.vectors import Vector
@@ -197,11 +198,22 @@ def _primitive_keys(old: Primitive, new: Primitive) -> Iterator[KeyChange]:
     first, second = shape_of(old), shape_of(new)
     if first.combine != second.combine:
         yield KeyChange("combine", first.combine, second.combine)
+    if first.grid != second.grid:
+        yield KeyChange("grid", *_grids(first.grid, second.grid))
     for key in ("x", "y"):
         if getattr(first, key) == getattr(second, key):
             continue
         was, now = getattr(old, key), getattr(new, key)
         yield KeyChange(key, *_curves(was, now))
+
+
+def _grids(was: GridShape | None, now: GridShape | None) -> tuple[str, str]:
+    """Two grids as text: numbers of their numbers, and of numbers that differ; "" for none."""
+    first, second = ("" if one is None else one.text for one in (was, now))
+    if was is not None and now is not None and first == second:
+        pairs = zip(chain.from_iterable(was.rows), chain.from_iterable(now.rows), strict=True)
+        second += f", of which {sum(a != b for a, b in pairs):,} differ"
+    return first, second
 
 
 def _curves(was: Any, now: Any) -> tuple[str, str]:

@@ -125,7 +125,7 @@ def side_of(source: Source, *, roots: tuple[str, ...] = (), roughness: bool = Tr
 def shape_key(primitive: Primitive) -> Any:
     """Key of a primitive's shape, equal for equal shapes however they are written."""
     shape = shape_of(primitive)
-    return shape.combine, repr(shape.x), repr(shape.y)
+    return shape.combine, repr(shape.x), repr(shape.y), shape.grid
 
 
 def surface_key(surface: Surface) -> Any:
