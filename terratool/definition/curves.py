@@ -51,7 +51,7 @@ class GridShape(Struct, frozen=True):
     @property
     def text(self) -> str:
         """Size of the grid in words."""
-        return f"a grid of {len(self.rows[0]):,} × {len(self.rows):,} numbers"
+        return f"{len(self.rows[0]):,} × {len(self.rows):,} numbers"
 
     def heights(self) -> Iterator[float]:
         """Yield all heights but the void ones."""

@@ -199,7 +199,7 @@ def _primitive_keys(old: Primitive, new: Primitive) -> Iterator[KeyChange]:
     if first.combine != second.combine:
         yield KeyChange("combine", first.combine, second.combine)
     if first.grid != second.grid:
-        yield KeyChange("grid", *_grids(first.grid, second.grid))
+        yield from _grid_keys(first.grid, second.grid)
     for key in ("x", "y"):
         if getattr(first, key) == getattr(second, key):
             continue
@@ -207,13 +207,18 @@ def _primitive_keys(old: Primitive, new: Primitive) -> Iterator[KeyChange]:
         yield KeyChange(key, *_curves(was, now))
 
 
-def _grids(was: GridShape | None, now: GridShape | None) -> tuple[str, str]:
-    """Two grids as text: numbers of their numbers, and of numbers that differ; "" for none."""
+def _grid_keys(was: GridShape | None, now: GridShape | None) -> Iterator[KeyChange]:
+    """Differences of two grids: how many numbers they have, and how many of these differ."""
     first, second = ("" if one is None else one.text for one in (was, now))
-    if was is not None and now is not None and first == second:
-        pairs = zip(chain.from_iterable(was.rows), chain.from_iterable(now.rows), strict=True)
-        second += f", of which {sum(a != b for a, b in pairs):,} differ"
-    return first, second
+    if was is not None and now is not None:
+        if was.registration != now.registration:
+            yield KeyChange("registration", was.registration, now.registration)
+        if was.rows == now.rows:
+            return
+        if first == second:
+            pairs = zip(chain.from_iterable(was.rows), chain.from_iterable(now.rows), strict=True)
+            second += f", of which {sum(a != b for a, b in pairs):,} differ"
+    yield KeyChange("grid", first, second)
 
 
 def _curves(was: Any, now: Any) -> tuple[str, str]:
