@@ -310,9 +310,7 @@ def _numbers_of(arrays: FieldArrays, kind: Any, most: int) -> NDArray[np.float64
     return np.hstack([some, np.stack([u[ends[1]], v[ends[0]]])])
 
 
-def _beside(
-    at: NDArray[np.float64], cell: ArrayLike, bounds: Bounds
-) -> list[NDArray[np.float64]]:
+def _beside(at: NDArray[np.float64], cell: ArrayLike, bounds: Bounds) -> list[NDArray[np.float64]]:
     """Points of a cell with points beside them, as in `_Points`, (4, n), and all around each."""
     inset = _inset(bounds)
     low, high = np.asarray(cell).reshape(2, 2, 1)

@@ -508,8 +508,10 @@ def curve_at(
 
 @wp.func
 def between(t: wp.float64, count: wp.int32, pixel: wp.int32):
-    """Return the number before `t` of so many, the part of the way to the next, and the slope's
-    factor, 0 where the nearest number goes on."""
+    """Return the number before `t` of so many, the part of the way to the next, and numbers a side.
+
+    The last is 0 where the nearest number goes on, so that the slope is.
+    """
     last = wp.float64(count - 1)
     s = t * last
     per = last

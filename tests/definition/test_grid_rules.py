@@ -24,7 +24,12 @@ def codes(grid: dict[str, Any], child: dict[str, Any] | None = None, **options: 
     root: dict[str, Any] = {"type": "dem", "vScale": 1}
     if child is not None:
         types["level"] = {"x": [1]}
-        root = {"type": "level", "vScale": 1, "cells": [4, 2], "children": [{**child, "type": "dem"}]}
+        root = {
+            "type": "level",
+            "vScale": 1,
+            "cells": [4, 2],
+            "children": [{**child, "type": "dem"}],
+        }
     text = json.dumps({"size": [12, 6], "elemTypes": types, "elemTree": root})
     checked = check(Source("t.json", text.encode()), CheckOptions(**options))
     assert checked.terrain is not None, checked.findings
