@@ -50,8 +50,9 @@ class TrackSummary(Struct, frozen=True):
 
 
 class HeightSummary(Struct, frozen=True):
-    """Heights at points that were looked at: an even grid, nine in the cell of each element, and
-    the numbers of grids of heights.
+    """Heights at points that were looked at: an even grid, and nine in the cell of each element.
+
+    The numbers of grids of heights are looked at as well.
 
     Attributes:
         low: lowest height; None where all is void.
@@ -134,7 +135,8 @@ def summarise(terrain: Terrain) -> TerrainSummary:
 
     The range of heights is that of an even grid of points, of nine points in the cell of each
     element, corners and edges included, of the ends and the middle of each segment of tracks, and
-    of the places of the numbers of grids of heights. There are fewer points where elements are too many or too many overlap.
+    of the places of the numbers of grids of heights. There are fewer points where elements are too
+    many or too many overlap.
     """
     bounds, tracks = terrain.bounds, terrain.arrays.tracks
     return TerrainSummary(
