@@ -55,6 +55,8 @@ NAMES = {
     "TT307": "asymmetric-radial",
     "TT308": "zero-primitive",
     "TT309": "inexact-curve",
+    "TT310": "grid-rows",
+    "TT311": "grid-and-curves",
     "TT401": "missing-soil",
     "TT402": "same-color",
     "TT403": "implausible-soil",
