@@ -87,6 +87,15 @@ def test_a_hill_in_the_middle_of_a_grid_is_not_cut_off() -> None:
     assert codes(hill, child) == ["TT213"]
 
 
+@pytest.mark.parametrize(("row", "cut"), [(0, False), (8, True)])
+def test_the_first_row_is_the_north(row: int, cut: bool) -> None:
+    """Turned by 30° the cell cuts off the south-east of the southern edge, not of the northern."""
+    rows = [[0] * 9 for _ in range(9)]
+    rows[row][6] = 1
+    child = {"cellX": 0, "cellY": 0, "span": [2, 1], "vScale": 1, "turnDeg": 30}
+    assert codes({"grid": rows}, child) == ["TT213"] * cut
+
+
 def test_a_row_of_a_grid_is_a_line_however_long() -> None:
     """Numbers stay as they are spelled."""
     row = ", ".join(["1.50", "null", "-2e3"] * 50)
