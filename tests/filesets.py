@@ -19,6 +19,7 @@ from tests.strategies import (
     Json,
     Sides,
     free_places,
+    grids_of_heights,
     knots,
     numbers,
     optionally,
@@ -107,7 +108,7 @@ def crisp_primitives() -> st.SearchStrategy[Json]:
     )
     radial = st.fixed_dictionaries({"combine": st.just("radial"), "x": curve})
     copied = st.fixed_dictionaries({"x": curve, "y": st.just([])})
-    return st.one_of(plain, plain, combined, radial, copied)
+    return st.one_of(plain, plain, combined, radial, copied, grids_of_heights())
 
 
 @st.composite

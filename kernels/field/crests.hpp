@@ -17,7 +17,8 @@ namespace terratool {
 struct CrestLines {
     Span<const i64> first;
     In t;     // where
-    In drop;  // by how much the slope along t falls there; below 0 where it rises
+    In drop;  // by how much the slope along t falls there; below 0 where it rises; of a grid of
+              // heights, whose slopes differ along a line, the most it changes
     In bend;  // of a peak: how fast the slope falls; likewise
     In wall;  // how high a step is there, without sign; the end of a curve is one
 };
@@ -325,12 +326,26 @@ private:
         point.at[other] = at, point.wall[other] = crosses_wall;
         point.top = top;
         if (!point.wall[X] && !point.wall[Y]) {
-            double factor = f.element.scale;
+            double factor = f.element.scale, drop = lines_.drop[line];
             if (f.kind.combine == PRODUCT) factor *= curve(f, other, at).value;
-            if (factor * above_chord(lines_.drop[line], lines_.bend[line], f.length[axis]) < least_)
-                return;
+            if (f.kind.combine == GRID) drop = drop_of_grid(f, axis, point);
+            if (factor * above_chord(drop, lines_.bend[line], f.length[axis]) < least_) return;
+            point.wall[axis] = isnan(drop);  // ground on one side of it
         }
         ask(f, point);
+    }
+
+    // By how much the slope of a grid falls across a line of numbers; NaN at the edge of a void.
+    // Between lines it does not change, and beyond the rim it is 0.
+    double drop_of_grid(const Frame& f, int axis, const Point& point) const {
+        RasterAt raster(field_.curves, f.kind);
+        double aside = 0.25 / double(raster.raster().count[axis]);
+        auto slope = [&](double t) {
+            if (t < 0.0 || t > 1.0) return 0.0;
+            ShapePoint z = raster.at(axis == X ? UV{t, point.at[Y]} : UV{point.at[X], t});
+            return axis == X ? z.du : z.dv;
+        };
+        return slope(point.at[axis] - aside) - slope(point.at[axis] + aside);
     }
 
     // Walk along the curve where the lesser of two slopes changes.

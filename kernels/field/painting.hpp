@@ -11,6 +11,7 @@
 
 #include <variant>
 
+#include "raster_painting.hpp"
 #include "relief_painting.hpp"
 #include "track_painting.hpp"
 
@@ -44,31 +45,6 @@ inline Run inside_bounds(In x, double low, double high) {
     while (begin < end && x[begin] < low) ++begin;
     while (end > begin && x[end - 1] > high) --end;
     return {begin, end};
-}
-
-// Add a grid of heights that fills its block of cells.
-template <class Id>
-void paint_raster(
-    const Field& field, Canvas<Id>& canvas, const Painted& p, const BlockPixels& pixels
-) {
-    const auto& [u, v, x, y, part] = pixels;
-    const auto& [index, element, kind, pose, grid] = p;
-    Rates rates(p);
-    for (i64 r = part.south; r < part.north; ++r) {
-        i64 j = r - part.south;
-        Out row = canvas.heights.row(r, part.west, part.east);
-        fill(canvas.surfaces.row(r, part.west, part.east), Id(kind.surface + 1));
-        for (i64 n = 0; n < count_of(u); ++n) {
-            ShapePoint f =
-                placed_raster(field.curves, kind, element, pose, grid, {u[n], v[j]}, x[n], y[j]);
-            row[n] += element.scale * f.value + element.offset;
-            if (canvas.slope_x.exists()) {
-                canvas.slope_x(r, part.west + n) += rates.x * f.du;
-                canvas.slope_y(r, part.west + n) += rates.y * f.dv;
-            }
-        }
-    }
-    if (canvas.labels.exists()) label_block(field, canvas, p, pixels);
 }
 
 // Add an unturned element that fills its block of cells.

@@ -35,6 +35,12 @@ struct BinRun {  // columns or rows from `begin` on that lie in the same bin
     i64 begin, bin;
 };
 
+// Where a column of pixels lies in a grid of heights.
+struct RasterColumn {
+    Between at;
+    i64 cell;
+};
+
 // Numbers of a tile's pixels; none where they are not wanted.
 template <class T> class TileOf {
 public:
@@ -85,6 +91,9 @@ template <class Id> struct Canvas {
     // by column and by row: cells of a grid and positions in them, positions in a block of cells,
     // values of curves, and scratch
     std::array<double, TILE_WIDTH> cell_x, in_x, u, fx, work_0, work_1, work_2;
+    // of a grid of heights: how far between two of its numbers columns are, and all of that
+    std::array<double, TILE_WIDTH> parts;
+    std::array<RasterColumn, TILE_WIDTH> columns;
     std::array<double, TILE_HEIGHT> cell_y, in_y, v, fy;
     std::array<u32, TILE_WIDTH> marks;  // what an element adds to the labels
     std::array<BinRun, TILE_WIDTH + 1> runs_x;

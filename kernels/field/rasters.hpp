@@ -29,6 +29,17 @@ INLINE Between between(double t, i64 count, bool pixel) {
     };
 }
 
+// Four numbers, and the height between them at a part of the way east and north.
+struct Corners {
+    double z00, z10, z01, z11;
+    INLINE double value(double a, double b) const {
+        return (1.0 - b) * ((1.0 - a) * z00 + a * z10) + b * ((1.0 - a) * z01 + a * z11);
+    }
+    // Rises over the whole way, to the east and to the north.
+    INLINE double east(double b) const { return (1.0 - b) * (z10 - z00) + b * (z11 - z01); }
+    INLINE double north(double a) const { return (1.0 - a) * (z01 - z00) + a * (z11 - z10); }
+};
+
 // Cells of a grid along an axis: what is void is void by cells.
 INLINE i64 raster_cells(const Raster& r, int axis) {
     return r.pixel ? r.count[axis] : max(r.count[axis] - 1, i64(1));
@@ -65,18 +76,21 @@ public:
 
     const Raster& raster() const { return raster_; }
 
+    // The four numbers around a place that lies in a cell, NaN in a void one.
+    INLINE Corners corners(const Between& x, const Between& y, i64 cell_x, i64 cell_y) const {
+        if (raster_.voids && is_void(cell_x, cell_y)) return {NAN, NAN, NAN, NAN};
+        return {
+            counting(x.low, y.low), counting(x.high, y.low), counting(x.low, y.high),
+            counting(x.high, y.high)
+        };
+    }
+
     // Value and slopes at (u, v), in [0, 1], which lies in a cell.
     INLINE ShapePoint at(UV at, i64 cell_x, i64 cell_y) const {
-        if (raster_.voids && is_void(cell_x, cell_y)) return {NAN, NAN, NAN};
         Between x = between(at.u, raster_.count[X], raster_.pixel);
         Between y = between(at.v, raster_.count[Y], raster_.pixel);
-        double z00 = counting(x.low, y.low), z10 = counting(x.high, y.low);
-        double z01 = counting(x.low, y.high), z11 = counting(x.high, y.high);
-        double a = x.part, b = y.part;
-        double south = (1.0 - a) * z00 + a * z10, north = (1.0 - a) * z01 + a * z11;
-        double east = (1.0 - b) * (z10 - z00) + b * (z11 - z01);
-        double up = (1.0 - a) * (z01 - z00) + a * (z11 - z10);
-        return {(1.0 - b) * south + b * north, east * x.per, up * y.per};
+        Corners z = corners(x, y, cell_x, cell_y);
+        return {z.value(x.part, y.part), z.east(y.part) * x.per, z.north(x.part) * y.per};
     }
 
     // The same of a turned element, in whose square nothing has an exact place.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import json
+import math
 from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
@@ -113,10 +114,28 @@ def members_of(kind: type, what: str, given: Mapping[str, Any]) -> dict[str, Any
         key = keys.get(name) or name.replace("_", "-")
         if key in _INNER and isinstance(value, Mapping):
             value = members_of(_INNER[key], f"{what}'s {key}", value)
+        if key in KEYS[kind] and KEYS[kind][key].kind == "grid":
+            value = _grid_rows(value)
         if isinstance(value, str | Path) and (key == "x-ignore" or _is_paths(kind, key)):
             value = [value]
         found[key] = copy.deepcopy(value)
     return found
+
+
+def _grid_rows(value: Any) -> Any:
+    """Rows of a grid as the text has them, of lists or an array; NaN is void."""
+    rows = _plain(value)
+    return [_grid_row(_plain(row)) for row in rows] if isinstance(rows, list | tuple) else rows
+
+
+def _grid_row(row: Any) -> Any:
+    if not isinstance(row, list | tuple):
+        return row  # refused by whoever reads the text
+    return [None if isinstance(one, float) and math.isnan(one) else one for one in row]
+
+
+def _plain(value: Any) -> Any:
+    return value.tolist() if hasattr(value, "tolist") else value
 
 
 def _is_paths(kind: type, key: str) -> bool:

@@ -59,6 +59,11 @@ class GridShape(Struct, frozen=True):
     registration: str
     source: GridSource | None = None
 
+    @property
+    def text(self) -> str:
+        """Size of the grid in words."""
+        return f"{len(self.rows[0]):,} × {len(self.rows):,} numbers"
+
     def heights(self) -> Iterator[float]:
         """Yield all heights but the void ones."""
         return (height for row in self.rows for height in row if height is not None)

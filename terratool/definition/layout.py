@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 from typing import Any
 
+from msgspec import structs
+
 from terratool.definition.curriculum import CurriculumText
 from terratool.definition.keys import KEYS, NESTED, document_kind
 from terratool.definition.model import (
@@ -44,7 +46,7 @@ def _layouts() -> dict[type, Layout]:
                 layout = Layout(items=layout, broken=key != "axles")
             layouts[kind].members[key] = layout
     layouts[Element].members["repeat"] = layouts[Repeat]
-    layouts[Primitive].members["grid"] = layouts[GridFile]
+    layouts[Primitive].members["grid"] = structs.replace(layouts[GridFile], lined=True)
     return layouts
 
 

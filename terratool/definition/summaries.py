@@ -152,10 +152,14 @@ def curve_values(curve: Curve) -> Callable[[float], float]:
 
 
 class GridSummary(Struct, frozen=True):
-    """Summary of a grid: ranges of all its heights, and of those on its rim; NaN for a file."""
+    """Summary of a grid: ranges of all its heights, and of those on its rim, and its voids.
+
+    Of a file the ranges are NaN, and no void is known.
+    """
 
     whole: Range
     rim: Range
+    has_voids: bool
 
 
 _UNREAD = (math.nan, math.nan)
@@ -163,10 +167,11 @@ _UNREAD = (math.nan, math.nan)
 
 def _of_grid(grid: GridShape) -> GridSummary:
     if not grid.rows:
-        return GridSummary(_UNREAD, _UNREAD)
+        return GridSummary(_UNREAD, _UNREAD, False)
     rim = [*grid.rows[0], *grid.rows[-1], *(row[end] for row in grid.rows for end in (0, -1))]
     around = [height for height in rim if height is not None]
-    return GridSummary(range_of([*grid.heights()] or [0.0]), range_of(around or [0.0]))
+    whole = range_of([*grid.heights()] or [0.0])
+    return GridSummary(whole, range_of(around or [0.0]), any(None in row for row in grid.rows))
 
 
 class ShapeSummary(Struct, frozen=True):

@@ -7,7 +7,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from terratool.field.rasters import refuse_grids
 from terratool.field.records import COMBINE, FieldArrays
 from terratool.field.relief import worn_reliefs
 from terratool.kernels import field as kernels
@@ -254,17 +253,16 @@ class CrestLines(NamedTuple):
 
 
 def crest_lines(arrays: FieldArrays) -> CrestLines:
-    """Return the kinks, steps and peaks of the curves of all kinds.
-
-    Raises:
-        RequestError: a kind is a grid of heights.
-    """
-    refuse_grids(arrays, "A map of obstacles")
+    """Return the kinks, steps and peaks of the curves of all kinds, and the lines of grids."""
     found: dict[tuple[int, bool], Floats] = {}
     first, columns = [0], []
     for kind in arrays.kinds:
         alone = kind["combine"] == COMBINE["product"] or kind["combine"] == COMBINE["radial"]
         for n, axis in enumerate("xy"):
+            if kind["combine"] == COMBINE["grid"]:
+                columns.append(_grid_lines(arrays, kind, axis))
+                first.append(first[-1] + columns[-1].shape[1])
+                continue
             key = int(kind["pieces"][n, 0]), bool(kind["knotted"][n])
             if key not in found:
                 found[key] = _curve_lines(*curve_pieces(arrays, kind, axis))
@@ -292,6 +290,33 @@ def _curve_lines(starts: Floats, pieces: Floats) -> Floats:
     wall[wall <= level] = 0.0
     kinks = np.stack([t, drop, _bends_at_knots(lengths, pieces, begin, end), wall])
     return np.hstack([kinks, _peaks(starts, lengths, pieces)])
+
+
+def _grid_lines(arrays: FieldArrays, kind: Any, axis: str) -> Floats:
+    """Return the lines of numbers across an axis of a grid as rows, (4, n), as in `CrestLines`.
+
+    The drop of a line is the largest change of slope along it, without sign; of a grid with void
+    numbers it is infinite, and there are lines on the edges of pixels, too.
+    """
+    heights, raster = grid_heights(arrays, kind), arrays.curves.rasters[kind["raster"]]
+    along = heights[::-1].T if axis == "x" else heights[::-1]  # from the west or south
+    count = len(along)
+    if raster["pixel"] or count == 1:
+        t = np.concatenate([[0.0], (np.arange(count) + 0.5) / count, [1.0]])
+        along, spacing = np.concatenate([along[:1], along, along[-1:]]), 1.0 / count
+    else:
+        t, spacing = np.linspace(0.0, 1.0, count), 1.0 / (count - 1)
+    slopes = np.diff(along, axis=0) / spacing
+    level = np.zeros((1, along.shape[1]))
+    changes = np.abs(np.diff(np.concatenate([level, slopes, level]), axis=0))
+    drop, wall = changes.max(axis=1), np.zeros(len(t))
+    if raster["voids"]:
+        edges = np.arange(1, count) / count if raster["pixel"] else np.zeros(0)
+        t, drop = np.concatenate([t, edges]), np.full(len(t) + len(edges), np.inf)
+        wall = np.zeros(len(t))
+    for end, line in ((0.0, along[0]), (1.0, along[-1])):
+        wall[t == end] = np.fmax.reduce(np.abs(line), initial=0.0)
+    return np.stack([t, drop, np.zeros(len(t)), wall])
 
 
 def _bends_at_knots(lengths: Floats, pieces: Floats, begin: Floats, end: Floats) -> Floats:

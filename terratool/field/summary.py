@@ -8,10 +8,12 @@ from typing import Annotated, Any
 
 import numpy as np
 from msgspec import UNSET, Meta, Struct, to_builtins
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from terratool.definition.findings import Bounds
 from terratool.definition.model import Pair, Range, ranges_of
+from terratool.field.bounds import grid_heights
+from terratool.field.records import COMBINE, FieldArrays
 from terratool.field.terrain import Terrain, clip_bounds
 from terratool.field.tracks import track_lengths
 from terratool.kernels import field as kernels
@@ -49,6 +51,8 @@ class TrackSummary(Struct, frozen=True):
 
 class HeightSummary(Struct, frozen=True):
     """Heights at points that were looked at: an even grid, and nine in the cell of each element.
+
+    The numbers of grids of heights are looked at as well.
 
     Attributes:
         low: lowest height; None where all is void.
@@ -98,8 +102,8 @@ class TerrainSummary(Document, frozen=True, kw_only=True):
             one.
         smallest_cell: shortest side of an element's cell.
         tracks: ruts of wheels.
-        height: heights at points that were looked at: an even grid, and nine in the cell of each
-            element.
+        height: heights at points that were looked at: an even grid, nine in the cell of each
+            element, and the numbers of grids of heights.
         roughness: surfaces with a relief; none with --no-roughness.
         ranges: figures of soils that are ranges; where one number is wanted, the middle counts.
         libraries: files of the libraries that it uses, directly or through others, each once, as
@@ -130,8 +134,9 @@ def summarise(terrain: Terrain) -> TerrainSummary:
     """Size, levels, elements by primitive and surface, heights and memory.
 
     The range of heights is that of an even grid of points, of nine points in the cell of each
-    element, corners and edges included, and of the ends and the middle of each segment of tracks.
-    There are fewer points where elements are too many or too many overlap.
+    element, corners and edges included, of the ends and the middle of each segment of tracks, and
+    of the places of the numbers of grids of heights. There are fewer points where elements are too
+    many or too many overlap.
     """
     bounds, tracks = terrain.bounds, terrain.arrays.tracks
     return TerrainSummary(
@@ -177,6 +182,7 @@ def height_range(
         _grid_points(part, room // 2),
         _element_points(cells[:, :: max(1, -(-9 * cells.shape[1] // max(room // 2, 9)))]),
         _track_points(terrain, part),
+        _number_points(terrain, part, room // 4),
     ]
     x, y, inner_x, inner_y = (np.concatenate(columns) for columns in zip(*points, strict=True))
     heights, beside = terrain.height(x, y), terrain.height(inner_x, inner_y)
@@ -252,6 +258,72 @@ def _track_points(terrain: Terrain, part: Bounds) -> _Points:
     )
     there = (west <= x) & (x <= east) & (south <= y) & (y <= north)
     return x[there], y[there], x[there], y[there]
+
+
+def _number_points(terrain: Terrain, part: Bounds, most: int) -> _Points:
+    """Places of the numbers of grids of heights in a rectangle, and of corners beside void ones.
+
+    Where numbers are too many, the least and the greatest of each grid are among those taken.
+    """
+    found = [np.empty((4, 0))]
+    grids = len(terrain.arrays.curves.rasters) > 0
+    whole = terrain.written_out_or_none if grids else None
+    if whole is not None:
+        kinds, elements, poses = whole.arrays.kinds, whole.arrays.elements, whole.arrays.poses
+        shown = np.flatnonzero(kinds["combine"][elements["kind"]] == COMBINE["grid"])
+        cells = whole.cells()
+        for element, cell in zip(elements[shown], cells[:, shown].T, strict=True):
+            kind = kinds[element["kind"]]
+            u, v = _numbers_of(whole.arrays, kind, max(2, most // len(shown)))
+            pose = poses[element["pose"]]
+            w, h = cell[2:] - cell[:2]
+            cos, sin = pose["cos"], pose["sin_v"] * (1.0 if pose["free"] else w / h)
+            a, b = (u - 0.5) * w, (v - 0.5) * h
+            x = 0.5 * (cell[0] + cell[2]) + (a * cos + b * sin)
+            y = 0.5 * (cell[1] + cell[3]) + (b * cos - a * sin)
+            trimmed = not (pose["free"] and pose["turned"])
+            found += _beside(np.stack([x, y]), cell if trimmed else part, terrain.bounds)
+    x, y, inner_x, inner_y = np.hstack(found)
+    there = (part[0] <= x) & (x <= part[2]) & (part[1] <= y) & (y <= part[3])
+    return x[there], y[there], inner_x[there], inner_y[there]
+
+
+def _numbers_of(arrays: FieldArrays, kind: Any, most: int) -> NDArray[np.float64]:
+    """Positions u and v of the numbers of a grid, (2, n), and of the edges of void pixels."""
+    heights, raster = grid_heights(arrays, kind)[::-1], arrays.curves.rasters[kind["raster"]]
+    along = []
+    for count in heights.shape[::-1]:
+        if raster["pixel"] or count == 1:
+            t = (np.arange(count) + 0.5) / count
+            edges = np.arange(count + 1) / count
+            along.append(np.union1d(t, edges) if raster["voids"] else t)
+        else:
+            along.append(np.linspace(0.0, 1.0, count))
+    u, v = along
+    if u.size * v.size <= most:
+        return np.stack(np.meshgrid(u, v)).reshape(2, -1)
+    step = math.ceil(math.sqrt(u.size * v.size / most))
+    some = np.stack(np.meshgrid(u[::step], v[::step])).reshape(2, -1)
+    if np.isnan(heights).all():
+        return some
+    ends = np.unravel_index([np.nanargmin(heights), np.nanargmax(heights)], heights.shape)
+    if raster["voids"] and raster["pixel"]:
+        ends = tuple(2 * end + 1 for end in ends)
+    return np.hstack([some, np.stack([u[ends[1]], v[ends[0]]])])
+
+
+def _beside(at: NDArray[np.float64], cell: ArrayLike, bounds: Bounds) -> list[NDArray[np.float64]]:
+    """Points of a cell with points beside them, as in `_Points`, (4, n), and all around each."""
+    inset = _inset(bounds)
+    low, high = np.asarray(cell).reshape(2, 2, 1)
+    far = np.array(bounds[2:])[:, None]
+    last = np.where(high == far, high, np.nextafter(high, -np.inf))
+    inner = np.clip(at, low + inset, high - inset)
+    found = [np.vstack([np.clip(at, low, last), inner])]
+    for side in ((-1, -1), (-1, 1), (1, -1), (1, 1)):
+        one = inner + inset * np.array(side)[:, None]
+        found.append(np.vstack([one, one]))
+    return found
 
 
 def spread_points(part: Bounds, count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -19,7 +19,6 @@ from numpy.typing import ArrayLike, NDArray
 from terratool.errors import RequestError
 from terratool.extras import install_command
 from terratool.field.friction import frictions_of
-from terratool.field.rasters import refuse_grids
 from terratool.field.records import IN_CELLS, FieldArrays, TrackArrays
 
 if TYPE_CHECKING:
@@ -90,7 +89,6 @@ class WarpField:
 
         self.surfaces, self.origin = terrain.surfaces, check_origin(origin)
         arrays = terrain.written_out.arrays
-        refuse_grids(arrays, "A copy on a device")
         room = next((room for room in _ROOMS if room >= arrays.pending), None)
         if room is None:
             raise RequestError(
@@ -261,7 +259,10 @@ def _struct_of(
     from terratool.field.warp_kernels import DeviceField, DeviceRelief
 
     curves, tracks = arrays.curves, arrays.tracks
-    indexed = arrays.elements, arrays.offsets, arrays.entries, curves.pieces, tracks.entries
+    indexed = (
+        arrays.elements, arrays.offsets, arrays.entries, curves.pieces, curves.heights,
+        tracks.entries,
+    )  # fmt: skip
     most = max(array.size for array in indexed)
     if most > _LARGEST:
         raise RequestError(
@@ -340,10 +341,10 @@ def _add_grids(make: _Maker, field: Any, arrays: FieldArrays) -> None:
 def _add_primitives(make: _Maker, field: Any, arrays: FieldArrays) -> None:
     import warp as wp
 
-    from terratool.field.warp_kernels import DeviceCurve, DeviceKind
+    from terratool.field.warp_kernels import DeviceCurve, DeviceKind, DeviceRaster
 
     kinds, curves = arrays.kinds, arrays.curves
-    field.kinds = make.structs(DeviceKind, kinds, "surface combine is_void special")
+    field.kinds = make.structs(DeviceKind, kinds, "surface combine is_void special raster")
     field.curves = make.structs(
         DeviceCurve,
         kinds,
@@ -358,6 +359,15 @@ def _add_primitives(make: _Maker, field: Any, arrays: FieldArrays) -> None:
     field.knots = make.array(curves.knots, wp.float64)
     field.rests = make.array(curves.rests, wp.float64)
     field.curve_bins = make.array(curves.bins, wp.int32)
+    rasters = curves.rasters
+    field.rasters = make.structs(
+        DeviceRaster,
+        rasters,
+        "first pixel voids",
+        columns=rasters["count"][:, 0],
+        rows=rasters["count"][:, 1],
+    )
+    field.heights = make.array(curves.heights, wp.float64)
 
 
 def _add_tracks(make: _Maker, field: Any, tracks: TrackArrays) -> None:

@@ -22,8 +22,8 @@ STEP = wp.constant(wp.float64(1e-12))
 FREE_NOISE = wp.constant(wp.float64(2.0**-50))
 SPLITTER = wp.constant(wp.float64(134217729.0))
 NEAR_MIDDLE = wp.constant(wp.float64(2.0**-28))
-PRODUCT, SUM, MIN, RADIAL = (
-    wp.constant(COMBINE[how]) for how in ("product", "sum", "min", "radial")
+PRODUCT, SUM, MIN, RADIAL, GRID = (
+    wp.constant(COMBINE[how]) for how in ("product", "sum", "min", "radial", "grid")
 )
 
 PARTS = wp.constant(wp.float64(8.0))
@@ -132,6 +132,7 @@ class DeviceKind:
     combine: wp.int32
     is_void: wp.int32
     special: wp.int32
+    raster: wp.int32
 
 
 @wp.struct
@@ -144,6 +145,17 @@ class DeviceCurve:
     knot: wp.int32
     bin: wp.int32
     knotted: wp.int32
+
+
+@wp.struct
+class DeviceRaster:
+    """A grid of heights, whose numbers begin at `first`, row by row from the north."""
+
+    first: wp.int32
+    columns: wp.int32
+    rows: wp.int32
+    pixel: wp.int32
+    voids: wp.int32
 
 
 @wp.struct
@@ -197,6 +209,8 @@ class DeviceField:
     knots: wp.array(dtype=wp.float64)
     rests: wp.array(dtype=wp.float64)
     curve_bins: wp.array(dtype=wp.int32)
+    rasters: wp.array(dtype=DeviceRaster)
+    heights: wp.array(dtype=wp.float64)
     tracks: wp.array(dtype=DeviceTrack)
     segments: wp.array(dtype=DeviceSegment)
     depths: wp.array2d(dtype=wp.float64)
@@ -489,6 +503,144 @@ def curve_at(
     return value, slope
 
 
+# Grids of heights
+
+
+@wp.func
+def between(t: wp.float64, count: wp.int32, pixel: wp.int32):
+    """Return the number before `t` of so many, the part of the way to the next, and numbers a side.
+
+    The last is 0 where the nearest number goes on, so that the slope is.
+    """
+    last = wp.float64(count - 1)
+    s = t * last
+    per = last
+    if pixel != 0:
+        per = wp.float64(count)
+        s = t * per - HALF
+        if s < ZERO or s >= last:
+            per = ZERO
+    if count == 1:
+        per = ZERO
+    s = wp.clamp(s, ZERO, last)
+    low = wp.min(wp.int32(s), wp.max(count - 2, 0))
+    return low, s - wp.float64(low), per
+
+
+@wp.func
+def cells_along(raster: DeviceRaster, count: wp.int32):
+    """Return the cells of a grid along an axis of so many numbers."""
+    if raster.pixel != 0:
+        return count
+    return wp.max(count - 1, 1)
+
+
+@wp.func
+def cell_at(t: wp.float64, count: wp.int32):
+    """Return the cell at `t` of so many."""
+    return wp.clamp(wp.int32(t * wp.float64(count)), 0, count - 1)
+
+
+@wp.func
+def placed_cell(
+    t: wp.float64,
+    count: wp.int32,
+    x: wp.float64,
+    axis: DeviceAxis,
+    cell: wp.float64,
+    width: wp.float64,
+):
+    """Return the cell of an unturned grid at `t`, `x` in the world, by the doubles of edges."""
+    n = wp.float64(count)
+    k = wp.floor(t * n + HALF)
+    near = wp.max(axis.near / width, EDGE) * n
+    found = cell_at(t, count)
+    if wp.abs(t * n - k) <= near and k > ZERO and k < n:
+        edge = k / n
+        product, error = exact_product(edge, n)
+        rest = -((product - k) + error) / n
+        found = wp.int32(k)
+        if not is_past_step(x, axis, cell, width, edge, rest):
+            found -= 1
+    return found
+
+
+@wp.func
+def number_at(field: wp.array(dtype=DeviceField), r: DeviceRaster, i: wp.int32, j: wp.int32):
+    """Return the number at a column from the west and a row from the south, or the last one."""
+    row = r.rows - 1 - wp.min(j, r.rows - 1)
+    return field[0].heights[r.first + row * r.columns + wp.min(i, r.columns - 1)]
+
+
+@wp.func
+def counting(field: wp.array(dtype=DeviceField), r: DeviceRaster, i: wp.int32, j: wp.int32):
+    """Return a number, or the mean of its neighbours where it is void."""
+    column = wp.min(i, r.columns - 1)
+    row = wp.min(j, r.rows - 1)
+    z = number_at(field, r, column, row)
+    if not wp.isnan(z):
+        return z
+    total = wp.float64(0.0)
+    count = wp.float64(0.0)
+    for down in range(3):
+        b = row + 1 - down
+        for across in range(3):
+            a = column - 1 + across
+            if a >= 0 and a < r.columns and b >= 0 and b < r.rows:
+                one = number_at(field, r, a, b)
+                if not wp.isnan(one):
+                    total += one
+                    count += ONE
+    return total / count
+
+
+@wp.func
+def is_void_cell(field: wp.array(dtype=DeviceField), r: DeviceRaster, i: wp.int32, j: wp.int32):
+    """Tell whether a cell of a grid has no ground."""
+    void = wp.isnan(number_at(field, r, i, j))
+    if r.pixel == 0:
+        void = void or wp.isnan(number_at(field, r, i + 1, j))
+        void = void or wp.isnan(number_at(field, r, i, j + 1))
+        void = void or wp.isnan(number_at(field, r, i + 1, j + 1))
+    return void
+
+
+@wp.func
+def grid_at(
+    field: wp.array(dtype=DeviceField),
+    index: wp.int32,
+    spot: DeviceSpot,
+    turned: wp.int32,
+    at: wp.vec2d,
+    point: wp.vec2d,
+):
+    """Return value and slopes of a grid of heights at a position in its rectangle."""
+    r = field[0].rasters[index]
+    uv = at
+    if turned != 0:
+        uv = clamp_to_rectangle(at)
+    if r.voids != 0:
+        across = cells_along(r, r.columns)
+        along = cells_along(r, r.rows)
+        i = cell_at(uv[0] + STEP, across)
+        j = cell_at(uv[1] + STEP, along)
+        if turned == 0:
+            i = placed_cell(uv[0], across, point[0], spot.axis_x, spot.cell[0], spot.width[0])
+            j = placed_cell(uv[1], along, point[1], spot.axis_y, spot.cell[1], spot.width[1])
+        if is_void_cell(field, r, i, j):
+            return DeviceShape(True, NAN, NAN, NAN)
+    west, a, per_x = between(uv[0], r.columns, r.pixel)
+    south, b, per_y = between(uv[1], r.rows, r.pixel)
+    z00 = counting(field, r, west, south)
+    z10 = counting(field, r, west + 1, south)
+    z01 = counting(field, r, west, south + 1)
+    z11 = counting(field, r, west + 1, south + 1)
+    value = (ONE - b) * ((ONE - a) * z00 + a * z10) + b * ((ONE - a) * z01 + a * z11)
+    east = (ONE - b) * (z10 - z00) + b * (z11 - z01)
+    north = (ONE - a) * (z01 - z00) + a * (z11 - z10)
+    return DeviceShape(True, value, east * per_x, north * per_y)
+
+
 # Primitives
 
 
@@ -733,6 +885,9 @@ def shape_at(
     shape = DeviceShape(False, ZERO, ZERO, ZERO)
     if kind.combine == RADIAL:
         shape = radial(field, curve_x, uv)
+    elif kind.combine == GRID:
+        if pose.turned == 0 or not is_beyond(uv):
+            shape = grid_at(field, kind.raster, spot, pose.turned, uv, point)
     elif pose.turned == 0:
         cell = spot.cell
         width = spot.width
@@ -886,7 +1041,8 @@ def settle(field: wp.array(dtype=DeviceField), found: ElementSum, x: wp.float64,
         z, slope_x, slope_y = relief_at(field[0].reliefs[ground.surface + 1], x, y)
         ground.height += z
         ground.gradient += wp.vec2d(slope_x, slope_y)
-    ground.friction = field[0].friction[ground.surface + 1]
+    if not wp.isnan(ground.height):
+        ground.friction = field[0].friction[ground.surface + 1]
     return ground
 
 

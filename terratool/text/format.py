@@ -24,6 +24,7 @@ class Layout(Struct):
         items: layout of the values of all other keys, or of the items.
         broken: whether it never goes on one line, unless it is empty.
         rows: whether short members share a line.
+        lined: whether each item of a list has a line of its own, however long.
     """
 
     order: Mapping[str, int] = field(default_factory=dict)
@@ -32,6 +33,7 @@ class Layout(Struct):
     items: Layout | None = None
     broken: bool = False
     rows: bool = False
+    lined: bool = False
 
     def of(self, key: str) -> Layout:
         """Return the layout of a member's value or an item."""
@@ -129,7 +131,9 @@ def _finish(node: _JsonNode) -> None:
     if layout.order and node.open == "{":
         node.members.sort(key=lambda member: layout.order.get(_plain(member[0]), layout.others))
     node.broken = bool(node.members) and (
-        layout.broken or any(value.broken for _, value in node.members)
+        layout.broken
+        or (layout.lined and node.open == "[")
+        or any(value.broken for _, value in node.members)
     )
     inner = sum(value.width + (len(key) + 2 if key else 0) for key, value in node.members)
     padding = 2 if node.open == "{" and node.members else 0
@@ -171,6 +175,9 @@ def _rows(node: _JsonNode, indent: str) -> Iterator[_Line]:
     for place, (key, value) in enumerate(node.members):
         comma = "," if place + 1 < len(node.members) else ""
         before = f"{key}: " if key else ""
+        if node.open == "[" and node.layout is not None and node.layout.lined:
+            yield f"{indent}{_on_one_line(value)}{comma}"
+            continue
         if not _may_share_line(node, key, value):
             if row:
                 yield indent + row

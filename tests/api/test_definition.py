@@ -307,3 +307,32 @@ def test_nothing_is_added_to_what_is_taken_out() -> None:
     for gone in (part, root):
         with pytest.raises(terratool.RequestError, match=says):
             gone.add("box", cell=(1, 1))
+
+
+@pytest.mark.parametrize("dtype", [np.float64, np.float32, np.int16])
+def test_grids_are_arrays_or_lists(dtype: Any) -> None:
+    """Rows from the north; what is no number is void, and masked numbers are."""
+    rows: list[list[Any]] = [[1, 2, 3], [4, 5, 6]]
+    heights = np.array(rows, dtype)
+    if dtype != np.int16:
+        heights[1, 0], rows[1][0] = np.nan, None
+    definition = terratool.Definition(size=(6, 3))
+    definition.primitive("array", grid=heights)
+    definition.primitive("list", grid=[[1, 2, 3], [4, float("nan"), 6]], registration="pixel")
+    definition.primitive("masked", grid=np.ma.masked_equal(np.array([[1, 9], [3, 4]]), 9))
+    types = definition.document["elemTypes"]
+    assert types["array"]["grid"] == rows
+    assert types["list"]["grid"] == [[1, 2, 3], [4, None, 6]]
+    assert types["masked"]["grid"] == [[1, None], [3, 4]]
+    definition.root("array", v_scale=1)
+    terrain = definition.compile()
+    assert terrain.height(6, 3) == 3 and terrain.height(6, 0) == 6
+
+
+@pytest.mark.parametrize("grid", ["rows", [1, 2], {"rows": 1}, 7, np.zeros(3)])
+def test_what_is_no_grid_is_refused_by_the_reader(grid: Any) -> None:
+    definition = terratool.Definition(size=(6, 3))
+    definition.primitive("dem", grid=grid)
+    definition.root("dem")
+    findings = definition.validate()
+    assert any(finding.pointer.startswith("/elemTypes/dem/grid") for finding in findings)

@@ -77,6 +77,8 @@ def steepest_sum(terrain: Terrain) -> float:
             else:
                 c = pieces[first : first + count]
                 steepest = max(steepest, float((c @ (0, 1, 2, 3)).max()) * count)
+    for raster in arrays.curves.rasters:  # no number is greater than 2
+        steepest = max(steepest, 4.0 * float(raster["count"].max()))
     sides = np.maximum(np.minimum(cells[2] - cells[0], cells[3] - cells[1]), 1e-9)
     return float((10 * steepest * np.abs(arrays.elements["scale"]) / sides).sum())
 
@@ -135,7 +137,7 @@ def grids_of(draw: st.DrawFn, definition: dict[str, Any]) -> Grid:
 def test_pixels_are_queries(data: st.DataObject) -> None:
     """Of any terrain, with pixels anywhere, on its edges and beyond them."""
     definition = data.draw(
-        definitions(rutted=data.draw(st.booleans()), free=data.draw(st.booleans()))
+        definitions(rutted=data.draw(st.booleans()), free=data.draw(st.booleans()), gridded=True)
     )
     terrain = terrain_of(definition)
     grid = data.draw(grids_of(definition))
@@ -148,7 +150,7 @@ def test_pixels_are_queries(data: st.DataObject) -> None:
 def test_windows_and_threads_change_nothing(data: st.DataObject) -> None:
     """Whole = windows = threads, bit for bit; also when tiles end within the window."""
     definition = data.draw(
-        definitions(rutted=data.draw(st.booleans()), free=data.draw(st.booleans()))
+        definitions(rutted=data.draw(st.booleans()), free=data.draw(st.booleans()), gridded=True)
     )
     terrain = terrain_of(definition)
     grid = data.draw(grids_of(definition))
@@ -253,7 +255,7 @@ def test_walls_lie_between_different_labels(data: st.DataObject) -> None:
 
     Or they would, close to the wall: then something narrower than a pixel begins and ends there.
     """
-    definition = data.draw(definitions(free=data.draw(st.booleans())))
+    definition = data.draw(definitions(free=data.draw(st.booleans()), gridded=True))
     definition["origin"] = [0, 0]
     terrain = terrain_of(definition)
     count = data.draw(st.sampled_from([7, 10, 37, 64]))
@@ -559,4 +561,4 @@ def test_the_scratch_is_that_of_a_tile(more: bool) -> None:
     painter = Painter(terrain, grid_over(terrain, 0.05), slopes=more, labels=more)
     painter.paint(Window(0, 0, 2000, 2000))
     (used,) = painter._idle
-    assert used.nbytes < (4_100_000 if more else 1_400_000)
+    assert used.nbytes < (4_200_000 if more else 1_400_000)

@@ -180,6 +180,24 @@ def test_thin_posts_do_not_vanish(x: float, y: float, turn: float, side: float, 
     assert far.min() <= 0.025 + 1e-6
 
 
+@given(st.floats(0.1, 5.9), st.floats(0.1, 3.9), st.sampled_from([0.0, 17.0]))
+@settings(max_examples=examples(40), deadline=None)
+def test_narrow_peaks_of_grids_do_not_vanish(x: float, y: float, turn: float) -> None:
+    """A number of 7 × 5 over 2 × 3 cm, in the third column and the second row, marks its cell."""
+    peak = np.zeros((5, 7))
+    peak[1, 2] = 1.0
+    sides = 0.02, 0.03
+    text = text_of(at(x, y, *sides, 0.8, turnDeg=turn, type="peak"))
+    text["elemTypes"] = {**TYPES, "peak": {"grid": peak.tolist()}}
+    found = np.argwhere(cells_of(compiled(text), 0.05) == OCCUPIED)
+    east, north = (2 / 6 - 0.5) * sides[0], (3 / 4 - 0.5) * sides[1]
+    cos, sin = math.cos(math.radians(turn)), math.sin(math.radians(turn))
+    top = np.array([x + east * cos + north * sin, y + north * cos - east * sin])
+    assert 1 <= len(found) <= 4
+    far = np.abs((found[:, ::-1] + 0.5) * 0.05 - top).max(axis=1)
+    assert far.min() <= 0.025 + 1e-6 and far.max() <= 0.025 + 0.02
+
+
 @given(st.floats(0, 180), st.floats(1.2, 4.8), st.floats(1.2, 2.8))
 @settings(max_examples=examples(40), deadline=None)
 def test_thin_walls_have_no_gaps(turn: float, x: float, y: float) -> None:

@@ -196,6 +196,8 @@ class TestPixels:
         "post": {"x": [[0, 0], [0.49, 0], [0.49, 1], [0.51, 1], [0.51, 0], [1, 0]], "y": [0, 1, 0]},
         "wave": {"x": "cos(12*pi*t)", "y": "sin(pi*t)"},
         "box": {"x": [1], "y": [1]},
+        "heights": {"grid": [[0, 0.2, 0, 0.1, 0], [0.3, 1, 0.1, 0.4, 0], [0, 0.5, 0.9, 0.2, 0.1]]},
+        "pixels": {"grid": [[0.1, 0.6, -0.5], [0.3, 0.1, 1]], "registration": "pixel"},
     }
 
     @pytest.mark.parametrize("shape", SHAPES)
@@ -243,6 +245,56 @@ class TestPixels:
             terrain.height(x + dx, y + dy) for dx in (-2e-7, 0, 2e-7) for dy in (-2e-7, 0, 2e-7)
         ]
         assert np.abs(np.array(near) - heights).min(axis=0).max() < 1e-5
+
+    @settings(max_examples=examples(20))
+    @given(data=st.data(), share=shares, turn=st.sampled_from([0.0, 90.0, 33.0]))
+    def test_of_grids_are_those_of_curves(
+        self, data: st.DataObject, share: tuple[float, float], turn: float
+    ) -> None:
+        """Products of two vectors are a grid of heights, cell by cell the same ground."""
+        vectors = st.lists(st.integers(-3, 3), min_size=2, max_size=5)
+        x, y = np.array(data.draw(vectors)), np.array(data.draw(vectors))
+        child = {"type": "shape", "at": [2.2, 1.3], "extent": [2.1, 1.4], "turnDeg": turn}
+        found = []
+        for shape in (
+            {"x": x.tolist(), "y": y.tolist()},
+            {"grid": np.outer(y, x)[::-1].tolist()},
+        ):
+            tree = {"type": "flat", "surface": "soil", "children": [{**child, "vScale": 0.2}]}
+            terrain = terrain_of(
+                {
+                    "size": [5, 3],
+                    "origin": [-2, -1],
+                    "surfTypes": {"soil": FIRM},
+                    "elemTypes": {"flat": {"x": [0]}, "shape": shape},
+                    "elemTree": tree,
+                }
+            )
+            _, ground = crests_of(terrain, 0.07, share)
+            order = np.lexsort(np.round(ground.crests, 5))
+            found.append(np.stack(ground.crests)[:, order])
+        np.testing.assert_allclose(found[0], found[1], atol=1e-5)
+
+    @pytest.mark.parametrize("registration", ["gridline", "pixel"])
+    @given(share=shares)
+    @settings(max_examples=examples(10))
+    def test_the_top_beside_a_void_is_found(
+        self, registration: str, share: tuple[float, float]
+    ) -> None:
+        """Ground rises to where it ends, between pixel centres, and nothing goes on behind."""
+        rows = [[0, 0.5, 1, None, 0], [0, 0.5, 1, None, 0], [0, 0.25, 0.5, None, 0]]
+        shape = {"grid": rows, "registration": registration}
+        terrain = terrain_of(
+            {
+                "size": [5, 3],
+                "origin": [-3, -1.5],
+                "surfTypes": {"soil": FIRM},
+                "elemTypes": {"shape": shape},
+                "elemTree": {"type": "shape", "surface": "soil", "vScale": 1},
+            }
+        )
+        _, ground = crests_of(terrain, 0.07, share)
+        assert ground.crests[2].max() == pytest.approx(1, abs=1e-3)
 
     @given(share=shares)
     @settings(max_examples=examples(10))

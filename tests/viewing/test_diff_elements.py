@@ -432,3 +432,34 @@ def test_many_that_moved_alike_are_matched_in_time() -> None:
     found = compared(old, new)
     assert len(found.elements) == 2000
     assert {(change.kind, change.shift) for change in found.elements} == {("moved", (1.0, 0.0))}
+
+
+def test_numbers_of_a_grid_are_counted() -> None:
+    """However many there are; a grid in place of curves, and another registration, are told."""
+
+    def site(primitive: Json) -> Json:
+        return {
+            "size": [40, 30],
+            "elemTypes": {"dem": primitive},
+            "elemTree": {"type": "dem", "vScale": 1},
+        }
+
+    rows = [[float(i % 7) for i in range(400)] for _ in range(300)]
+    other = copy.deepcopy(rows)
+    other[12][34], other[250][1] = 9.0, None
+    keys = [
+        [(key.key, key.old, key.new) for key in entry.keys]
+        for one, two in (
+            ({"grid": rows}, {"grid": other}),
+            ({"grid": rows}, {"grid": rows, "registration": "pixel"}),
+            ({"x": [1]}, {"grid": rows[:2]}),
+        )
+        for entry in diff(
+            side_of(Source("a.json", json.dumps(site(one)).encode())),
+            side_of(Source("b.json", json.dumps(site(two)).encode())),
+            DiffOptions(),
+        ).difference.entries
+    ]
+    assert keys[0] == [("grid", "400 × 300 numbers", "400 × 300 numbers, of which 2 differ")]
+    assert keys[1] == [("registration", "gridline", "pixel")]
+    assert ("grid", "", "400 × 2 numbers") in keys[2]

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 from msgspec import UNSET
 
 from terratool.definition.cell_kinds import FREE, cell_kinds
-from terratool.definition.curves import problems, shape_of
+from terratool.definition.curves import GridShape, problems, shape_of
 from terratool.definition.exact import Sides, sides
 from terratool.definition.findings import Remark, RemarkBatch
 from terratool.definition.libraries import path_between
@@ -319,6 +319,8 @@ def _hull(primitive: Primitive) -> tuple[Point, ...]:
     between these points lies in the cell if the points do.
     """
     shape = shape_of(primitive)
+    if shape.grid is not None:
+        return tuple(_grid_hull(shape.grid))
     x_at = curve_values(shape.x)
     times = [k / _STEPS for k in range(_STEPS + 1)]
     if shape.y is None:
@@ -338,6 +340,22 @@ def _hull(primitive: Primitive) -> tuple[Point, ...]:
         if column:
             found += [(u - 0.5, column[0] - 0.5), (u - 0.5, column[-1] - 0.5)]
     return tuple(found)
+
+
+def _grid_hull(grid: GridShape) -> Iterator[Point]:
+    """Points around the numbers of a grid that are not 0, as far as these have an effect."""
+    pixel, rows = grid.registration == "pixel", grid.rows[::-1]  # from the south
+    counts = len(rows[0]), len(rows)
+
+    def place(axis: int, number: int) -> float:
+        if not 0 <= number < counts[axis] or counts[axis] == 1:
+            return -0.5 if number < 0 or number < counts[axis] - 1 else 0.5
+        return (number + 0.5) / counts[axis] - 0.5 if pixel else number / (counts[axis] - 1) - 0.5
+
+    for j, row in enumerate(rows):
+        there = [i for i, height in enumerate(row) if height != 0]
+        for i in (there[0] - 1, there[-1] + 1) if there else ():
+            yield from ((place(0, i), place(1, j + side)) for side in (-1, 1))
 
 
 def _hint(tree: Tree, index: int, shape: Turned, around: Sides) -> str:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import chain
 from typing import Any
 
 from msgspec import UNSET, Struct
 
-from terratool.definition.curves import shape_of
+from terratool.definition.curves import GridShape, shape_of
 from terratool.definition.model import GridFile, Primitive, Roughness, Surface, names_of
 from terratool.definition.uses import elements_of
 from terratool.definition.vectors import Vector
@@ -198,7 +199,11 @@ def _primitive_keys(old: Primitive, new: Primitive) -> Iterator[KeyChange]:
     if first.combine != second.combine:
         yield KeyChange("combine", first.combine, second.combine)
     if first.grid != second.grid:
-        yield KeyChange("grid", *_grids(old, new))
+        in_text = (one is None or one.source is None for one in (first.grid, second.grid))
+        if all(in_text):
+            yield from _grid_keys(first.grid, second.grid)
+        else:
+            yield KeyChange("grid", *_grids(old, new))
     for key in ("x", "y"):
         if getattr(first, key) == getattr(second, key):
             continue
@@ -220,7 +225,21 @@ def _grid_text(primitive: Primitive) -> str:
     if isinstance(grid, GridFile):
         band = "" if grid.band_number == 1 else f", band {grid.band_number}"
         return grid.file + band + placed
-    return f"{len(grid):,} rows of {len(grid[0]):,} numbers{placed}"
+    return f"{len(grid[0]):,} × {len(grid):,} numbers{placed}"
+
+
+def _grid_keys(was: GridShape | None, now: GridShape | None) -> Iterator[KeyChange]:
+    """Differences of two grids: how many numbers they have, and how many of these differ."""
+    first, second = ("" if one is None else one.text for one in (was, now))
+    if was is not None and now is not None:
+        if was.registration != now.registration:
+            yield KeyChange("registration", was.registration, now.registration)
+        if was.rows == now.rows:
+            return
+        if first == second:
+            pairs = zip(chain.from_iterable(was.rows), chain.from_iterable(now.rows), strict=True)
+            second += f", of which {sum(a != b for a, b in pairs):,} differ"
+    yield KeyChange("grid", first, second)
 
 
 def _curves(was: Any, now: Any) -> tuple[str, str]:

@@ -1,0 +1,67 @@
+// Painting of grids of heights: where a column of pixels lies is found once, and the numbers around
+// the pixels of a row once for all rows between the same numbers.
+#pragma once
+
+#include "planes.hpp"
+
+namespace terratool {
+
+// Numbers around each pixel of a row, south-west, south-east, north-west and north-east of it.
+struct CornerRows {
+    Out z00, z10, z01, z11;
+    INLINE Corners operator[](std::size_t n) const { return {z00[n], z10[n], z01[n], z11[n]}; }
+    INLINE void put(std::size_t n, const Corners& z) const {
+        z00[n] = z.z00, z10[n] = z.z10, z01[n] = z.z01, z11[n] = z.z11;
+    }
+};
+
+// Add a grid of heights that fills its block of cells.
+template <class Id>
+void paint_raster(
+    const Field& field, Canvas<Id>& canvas, const Painted& p, const BlockPixels& pixels
+) {
+    const auto& [u, v, x, y, part] = pixels;
+    const Element& element = p.element;
+    RasterAt raster(field.curves, p.kind);
+    const Raster& r = raster.raster();
+    auto cell = [&](int axis, double t, double place) {
+        if (!r.voids) return i64(0);
+        Block block = block_of(element, p.pose, axis);
+        return placed_cell(t, raster_cells(r, axis), place, axis_of(p.grid, axis), block);
+    };
+    std::size_t width = u.size();
+    Span<RasterColumn> columns(canvas.columns.data(), width);
+    for (std::size_t n = 0; n < width; ++n)
+        columns[n] = {between(u[n], r.count[X], r.pixel), cell(X, u[n], x[n])};
+    Out a = part_of(canvas.parts, 0, i64(width));
+    for (std::size_t n = 0; n < width; ++n) a[n] = columns[n].at.part;
+    auto scratch = [&](auto& all) { return part_of(all, 0, i64(width)); };
+    CornerRows around{
+        scratch(canvas.fx), scratch(canvas.work_0), scratch(canvas.work_1), scratch(canvas.work_2)
+    };
+    Rates rates(p);
+    i64 low = -1, row_of_cells = -1;
+    for (i64 j = 0; j < count_of(v); ++j) {
+        i64 line = part.south + j, cell_y = cell(Y, v[j], y[j]);
+        Between along = between(v[j], r.count[Y], r.pixel);
+        if (along.low != low || cell_y != row_of_cells) {
+            low = along.low, row_of_cells = cell_y;
+            for (std::size_t n = 0; n < width; ++n)
+                around.put(n, raster.corners(columns[n].at, along, columns[n].cell, cell_y));
+        }
+        fill(canvas.surfaces.row(line, part.west, part.east), Id(p.kind.surface + 1));
+        Out row = canvas.heights.row(line, part.west, part.east);
+        double b = along.part, scale = element.scale, offset = element.offset;
+        for (std::size_t n = 0; n < width; ++n) row[n] += scale * around[n].value(a[n], b) + offset;
+        if (!canvas.slope_x.exists()) continue;
+        Out east = canvas.slope_x.row(line, part.west, part.east);
+        Out north = canvas.slope_y.row(line, part.west, part.east);
+        for (std::size_t n = 0; n < width; ++n) {
+            east[n] += rates.x * (around[n].east(b) * columns[n].at.per);
+            north[n] += rates.y * (around[n].north(a[n]) * along.per);
+        }
+    }
+    if (canvas.labels.exists()) label_block(field, canvas, p, pixels);
+}
+
+}  // namespace terratool
