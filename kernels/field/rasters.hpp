@@ -68,6 +68,11 @@ public:
     // Value and slopes at (u, v), in [0, 1], which lies in a cell.
     INLINE ShapePoint at(UV at, i64 cell_x, i64 cell_y) const {
         if (raster_.voids && is_void(cell_x, cell_y)) return {NAN, NAN, NAN};
+        return filled(at);
+    }
+
+    // The same where a cell beside it is not void.
+    INLINE ShapePoint filled(UV at) const {
         Between x = between(at.u, raster_.count[X], raster_.pixel);
         Between y = between(at.v, raster_.count[Y], raster_.pixel);
         double z00 = counting(x.low, y.low), z10 = counting(x.high, y.low);
@@ -100,25 +105,29 @@ public:
         return found;
     }
 
-private:
-    const Raster& raster_;
-    In heights_;
-
     // The number at column `i` from the west and row `j` from the south.
     INLINE double number(i64 i, i64 j) const {
         return heights_[raster_.first + (raster_.count[Y] - 1 - j) * raster_.count[X] + i];
     }
+
+    // Whether a cell is void.
     bool is_void(i64 i, i64 j) const {
         if (raster_.pixel) return isnan(number(i, j));
         i64 east = min(i + 1, raster_.count[X] - 1), north = min(j + 1, raster_.count[Y] - 1);
         return isnan(number(i, j)) || isnan(number(east, j)) || isnan(number(i, north))
             || isnan(number(east, north));
     }
+
     // The number, or where it is void the mean of its neighbours, from the north-west on.
     INLINE double counting(i64 i, i64 j) const {
         double z = number(i, j);
         return raster_.voids && isnan(z) ? mean_around(i, j) : z;
     }
+
+private:
+    const Raster& raster_;
+    In heights_;
+
     double mean_around(i64 i, i64 j) const {
         double sum = 0.0, count = 0.0;
         for (i64 row = min(j + 1, raster_.count[Y] - 1); row >= max(j - 1, i64(0)); --row)

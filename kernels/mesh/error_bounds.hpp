@@ -142,12 +142,31 @@ inline double radial_error(const Plan& plan, const CoveringElement& covering, co
     return min(chord + slope * outward, top - bottom);
 }
 
+// As element_error, for a grid with a factor of 1.
+// What its linear interpolation misses is no more than for each line, with a and b the distances of
+// the triangle's ends, its jump of the slope times a b / (a + b), as the corners beyond it have
+// together no more weight than a / (a + b); and a quarter of the twist times both sides.
+inline double raster_error(const Plan& plan, const ElementView& e, const Corners& at) {
+    PatchNumbers numbers(RasterAt(plan.field->curves, e.kind));
+    const Raster& r = numbers.raster();
+    double low_u = min3(at[0].u, at[1].u, at[2].u), high_u = max3(at[0].u, at[1].u, at[2].u);
+    double low_v = min3(at[0].v, at[1].v, at[2].v), high_v = max3(at[0].v, at[1].v, at[2].v);
+    NumberStretch s = stretch_of(r, X, low_u, high_u, near_number(r, X, e.frame));
+    NumberStretch t = stretch_of(r, Y, low_v, high_v, near_number(r, Y, e.frame));
+    PatchBounds bounds =
+        plan.pyramids[e.kind.raster].over(numbers, {s.first, s.last + 1, t.first, t.last + 1});
+    double error = bounds.bend[X] * s.bends() + bounds.bend[Y] * t.bends();
+    error += 0.25 * bounds.twist * s.width() * t.width();
+    return max(min(error, bounds.high - bounds.low), 0.0);
+}
+
 // How far at most an element is from a triangle whose corners are on it, in units of the terrain.
 inline double element_error(const Plan& plan, const CoveringElement& covering, const Corners& at) {
     const ElementView e(plan, covering.element);
     double size = abs(e.element.scale);
     if (size == 0.0) return 0.0;
     u8 combine = e.kind.combine;
+    if (combine == GRID) return size * raster_error(plan, e, at);
     if (combine == RADIAL) return size * radial_error(plan, covering, at);
     double near_end = rounding_of(e.frame);
     double low_u = min3(at[0].u, at[1].u, at[2].u), high_u = max3(at[0].u, at[1].u, at[2].u);

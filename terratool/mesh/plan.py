@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from terratool.definition.findings import Bounds
 from terratool.field.bounds import curve_hulls, curve_pieces, curve_weights, largest_heights
-from terratool.field.rasters import refuse_grids
 from terratool.field.records import COMBINE, FieldArrays
 from terratool.field.relief import relief_bounds, worn_reliefs
 from terratool.field.terrain import Terrain
@@ -66,7 +65,6 @@ def plan_of(
     """
     terrain = terrain.written_out
     arrays = terrain.arrays
-    refuse_grids(arrays, "A mesh")
     whole = np.array(terrain.bounds)
     part = whole if bounds is None else np.array(bounds, np.float64)
     part = np.concatenate([np.maximum(part[:2], whole[:2]), np.minimum(part[2:], whole[2:])])
