@@ -92,6 +92,10 @@ INLINE UV place_in_shape(const Plan& plan, i64 index, double x, double y) {
 
 INLINE bool is_raster(const Kind& kind) { return kind.combine == GRID; }
 
+INLINE const Raster& raster_of(const Plan& plan, const Kind& kind) {
+    return plan.field->curves.rasters[kind.raster];
+}
+
 // What is nearer to a number of a grid is at it, in parts of the distance of two numbers.
 INLINE double near_number(const Raster& raster, int axis, const Frame& frame) {
     constexpr double most = 1.0 / 64.0;  // where numbers lie as close as points of the lattice

@@ -149,6 +149,13 @@ INLINE double number_at(const Raster& r, int axis, double t) {
     return r.pixel ? t * double(r.count[axis]) - 0.5 : t * double(r.count[axis] - 1);
 }
 
+// The number nearest to t along an axis, in t; t if all numbers are one.
+INLINE double nearest_number(const Raster& r, int axis, double t) {
+    if (r.count[axis] < 2) return t;
+    double number = clamp(std::nearbyint(number_at(r, axis, t)), 0.0, double(r.count[axis] - 1));
+    return r.pixel ? (number + 0.5) / double(r.count[axis]) : number / double(r.count[axis] - 1);
+}
+
 // The stretch between two t; what lies beyond a number by less than `near`, in numbers, is on it.
 INLINE NumberStretch stretch_of(const Raster& r, int axis, double t0, double t1, double near) {
     double low = number_at(r, axis, clamp(t0, 0.0, 1.0));

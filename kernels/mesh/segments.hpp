@@ -126,7 +126,7 @@ inline Chords find_chords(const Plan& plan) {
         };
         bool plain = is_raster(e.kind) && exists && e.element.grid == 0;
         auto append_numbers = [&](int axis) {
-            const Raster& raster = RasterAt(plan.field->curves, e.kind).raster();
+            const Raster& raster = raster_of(plan, e.kind);
             if (raster.count[axis == X ? Y : X] > 1) return;
             double allowed = share * plan.error / e.frame.weight[X];
             append_raster_chords(plan, e.kind, axis, allowed, chords.ends);
