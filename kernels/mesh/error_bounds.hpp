@@ -350,4 +350,40 @@ inline ErrorAt largest_error(const RegionTriangle& triangle, double enough) {
     return {sure, most.place};
 }
 
+// How far triangles are from regions, and where. It keeps its room from one to the next.
+class TriangleErrors {
+public:
+    TriangleErrors(const Plan& plan, const Regions& regions) : plan_(plan), regions_(regions) {}
+
+    // The error of a triangle on the lattice with these heights; see mesh::largest_error.
+    ErrorAt find(
+        i64 region, const Corners& places, const std::array<double, 3>& heights, double enough
+    ) {
+        auto covering = regions_.covering_of(region);
+        corners_.resize(max(corners_.size(), covering.size()));
+        Corners world;
+        for (int c = 0; c < 3; ++c) {
+            auto [x, y] = places[c];
+            for (std::size_t k = 0; k < covering.size(); ++k)
+                corners_[k][c] = place_in_shape(plan_, covering[k].element, x, y);
+            world[c] = world_place(plan_, x, y);
+        }
+        return largest_error(
+            {plan_,
+             covering,
+             regions_.rut_depths[region],
+             relief_in(plan_, regions_, region),
+             heights,
+             {corners_.data(), covering.size()},
+             world},
+            enough
+        );
+    }
+
+private:
+    const Plan& plan_;
+    const Regions& regions_;
+    std::vector<Corners> corners_;  // where corners are in each element of a region
+};
+
 }  // namespace terratool::mesh

@@ -256,7 +256,8 @@ private:
 class Refinement : public EditableTriangulation {
 public:
     Refinement(const Plan& plan, const Regions& regions, EditableTriangulation triangles)
-        : EditableTriangulation(std::move(triangles)), plan_(plan), regions_(regions) {}
+        : EditableTriangulation(std::move(triangles)), plan_(plan), regions_(regions),
+          errors_(plan, regions) {}
 
     // Refine triangles to an error, at most so many; whether there are more.
     bool refine(double allowed, i64 most) {
@@ -300,35 +301,21 @@ public:
 private:
     const Plan& plan_;
     const Regions& regions_;
-    std::vector<Corners> corners_;  // where corners are in each element of a region
+    TriangleErrors errors_;
     double largest_error_ = 0.0;
 
     double height(i64 t, double x, double y) const {
         return height_in(plan_, regions_, of_[t], x, y);
     }
 
-    // How far a triangle is from its region, and where; see mesh::largest_error.
+    // How far a triangle is from its region, and where.
     ErrorAt error_of(i64 t, double enough) {
-        i64 region = of_[t];
-        auto covering = regions_.covering_of(region);
-        corners_.resize(max(corners_.size(), covering.size()));
-        Corners world;
+        Corners places;
         for (int c = 0; c < 3; ++c) {
             auto [x, y] = point(triangles_[t][c]);
-            for (std::size_t k = 0; k < covering.size(); ++k)
-                corners_[k][c] = place_in_shape(plan_, covering[k].element, double(x), double(y));
-            world[c] = world_place(plan_, double(x), double(y));
+            places[c] = {double(x), double(y)};
         }
-        return mesh::largest_error(
-            {plan_,
-             covering,
-             regions_.rut_depths[region],
-             relief_in(plan_, regions_, region),
-             heights_[t],
-             {corners_.data(), covering.size()},
-             world},
-            enough
-        );
+        return errors_.find(of_[t], places, heights_[t], enough);
     }
 
     struct Longest {
