@@ -201,7 +201,7 @@ def test_any_grids(definition: Json) -> None:
 @settings(max_examples=examples(60))
 @given(strategies.definitions(gridded=True, free=True))
 def test_any_definition(definition: Json) -> None:
-    """Whatever else stands there, but for discs, which are polygons, and cells too small to draw."""
+    """Whatever else stands there, but for discs, and for cells too small to draw."""
     assume(not re.search(r"\d{4}", str(definition["elemTree"])))
     for primitive in definition["elemTypes"].values():
         if primitive.get("combine") == "radial":
@@ -261,6 +261,16 @@ def test_no_spike_is_missed(registration: str, turn: float) -> None:
     ]
     mesh = check(terrain_of(definition), 0.05)
     assert (np.abs(mesh.vertices[:, 2] - 1) < 0.05).sum() >= 40
+
+
+@pytest.mark.parametrize("turned", [False, True])
+@pytest.mark.parametrize("crease", [*range(1, 10), *range(14, 18), *range(30, 34)])
+def test_no_crease_is_missed(crease: int, turned: bool) -> None:
+    """Ground that begins to rise at a number, wherever blocks of numbers end."""
+    rows = np.tile(np.maximum(np.arange(40) - crease, 0.0) / 10, (23, 1))
+    terrain = terrain_of(whole((rows.T if turned else rows).tolist()))
+    mesh = build(terrain, 0.01).mesh
+    assert errors(mesh, terrain, 2000, 0.01).max() <= 0.01
 
 
 def test_no_spike_is_missed_on_a_seam() -> None:
