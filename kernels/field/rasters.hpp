@@ -79,17 +79,20 @@ public:
     // The four numbers around a place that lies in a cell, NaN in a void one.
     INLINE Corners corners(const Between& x, const Between& y, i64 cell_x, i64 cell_y) const {
         if (raster_.voids && is_void(cell_x, cell_y)) return {NAN, NAN, NAN, NAN};
-        return {
-            counting(x.low, y.low), counting(x.high, y.low), counting(x.low, y.high),
-            counting(x.high, y.high)
-        };
+        return around(x, y);
     }
 
     // Value and slopes at (u, v), in [0, 1], which lies in a cell.
     INLINE ShapePoint at(UV at, i64 cell_x, i64 cell_y) const {
+        if (raster_.voids && is_void(cell_x, cell_y)) return {NAN, NAN, NAN};
+        return filled(at);
+    }
+
+    // The same where a cell beside it is not void.
+    INLINE ShapePoint filled(UV at) const {
         Between x = between(at.u, raster_.count[X], raster_.pixel);
         Between y = between(at.v, raster_.count[Y], raster_.pixel);
-        Corners z = corners(x, y, cell_x, cell_y);
+        Corners z = around(x, y);
         return {z.value(x.part, y.part), z.east(y.part) * x.per, z.north(x.part) * y.per};
     }
 
@@ -114,6 +117,27 @@ public:
         return found;
     }
 
+    // The number at column `i` from the west and row `j` from the south.
+    INLINE double number(i64 i, i64 j) const {
+        i64 n = (raster_.count[Y] - 1 - j) * raster_.count[X] + i;
+        if (raster_.single) return double(static_cast<const float*>(numbers_)[n]);
+        return static_cast<const double*>(numbers_)[n];
+    }
+
+    // Whether a cell is void.
+    bool is_void(i64 i, i64 j) const {
+        if (raster_.pixel) return isnan(number(i, j));
+        i64 east = min(i + 1, raster_.count[X] - 1), north = min(j + 1, raster_.count[Y] - 1);
+        return isnan(number(i, j)) || isnan(number(east, j)) || isnan(number(i, north))
+            || isnan(number(east, north));
+    }
+
+    // The number, or where it is void the mean of its neighbours, from the north-west on.
+    INLINE double counting(i64 i, i64 j) const {
+        double z = number(i, j);
+        return raster_.voids && isnan(z) ? mean_around(i, j) : z;
+    }
+
 private:
     const Raster& raster_;
     const void* numbers_;  // float or double, as the raster says
@@ -122,22 +146,12 @@ private:
         return r.file < 0 ? static_cast<const void*>(curves.heights.data() + r.first)
                           : curves.memory->files[r.file].data();
     }
-    // The number at column `i` from the west and row `j` from the south.
-    INLINE double number(i64 i, i64 j) const {
-        i64 n = (raster_.count[Y] - 1 - j) * raster_.count[X] + i;
-        if (raster_.single) return double(static_cast<const float*>(numbers_)[n]);
-        return static_cast<const double*>(numbers_)[n];
-    }
-    bool is_void(i64 i, i64 j) const {
-        if (raster_.pixel) return isnan(number(i, j));
-        i64 east = min(i + 1, raster_.count[X] - 1), north = min(j + 1, raster_.count[Y] - 1);
-        return isnan(number(i, j)) || isnan(number(east, j)) || isnan(number(i, north))
-            || isnan(number(east, north));
-    }
-    // The number, or where it is void the mean of its neighbours, from the north-west on.
-    INLINE double counting(i64 i, i64 j) const {
-        double z = number(i, j);
-        return raster_.voids && isnan(z) ? mean_around(i, j) : z;
+    // The four numbers around a place.
+    INLINE Corners around(const Between& x, const Between& y) const {
+        return {
+            counting(x.low, y.low), counting(x.high, y.low), counting(x.low, y.high),
+            counting(x.high, y.high)
+        };
     }
     double mean_around(i64 i, i64 j) const {
         double sum = 0.0, count = 0.0;

@@ -142,12 +142,31 @@ inline double radial_error(const Plan& plan, const CoveringElement& covering, co
     return min(chord + slope * outward, top - bottom);
 }
 
+// As element_error, for a grid with a factor of 1.
+// What its linear interpolation misses is no more than for each line, with a and b the distances of
+// the triangle's ends, its jump of the slope times a b / (a + b), as the corners beyond it have
+// together no more weight than a / (a + b); and a quarter of the twist times both sides.
+inline double raster_error(const Plan& plan, const ElementView& e, const Corners& at) {
+    PatchNumbers numbers(RasterAt(plan.field->curves, e.kind));
+    const Raster& r = numbers.raster();
+    double low_u = min3(at[0].u, at[1].u, at[2].u), high_u = max3(at[0].u, at[1].u, at[2].u);
+    double low_v = min3(at[0].v, at[1].v, at[2].v), high_v = max3(at[0].v, at[1].v, at[2].v);
+    NumberStretch s = stretch_of(r, X, low_u, high_u, near_number(r, X, e.frame));
+    NumberStretch t = stretch_of(r, Y, low_v, high_v, near_number(r, Y, e.frame));
+    PatchBounds bounds =
+        plan.pyramids[e.kind.raster].over(numbers, {s.first, s.last + 1, t.first, t.last + 1});
+    double error = bounds.bend[X] * s.bends() + bounds.bend[Y] * t.bends();
+    error += 0.25 * bounds.twist * s.width() * t.width();
+    return max(min(error, bounds.high - bounds.low), 0.0);
+}
+
 // How far at most an element is from a triangle whose corners are on it, in units of the terrain.
 inline double element_error(const Plan& plan, const CoveringElement& covering, const Corners& at) {
     const ElementView e(plan, covering.element);
     double size = abs(e.element.scale);
     if (size == 0.0) return 0.0;
     u8 combine = e.kind.combine;
+    if (combine == GRID) return size * raster_error(plan, e, at);
     if (combine == RADIAL) return size * radial_error(plan, covering, at);
     double near_end = rounding_of(e.frame);
     double low_u = min3(at[0].u, at[1].u, at[2].u), high_u = max3(at[0].u, at[1].u, at[2].u);
@@ -330,5 +349,41 @@ inline ErrorAt largest_error(const RegionTriangle& triangle, double enough) {
     if (doubt.error > 0.0) return doubt;
     return {sure, most.place};
 }
+
+// How far triangles are from regions, and where. It keeps its room from one to the next.
+class TriangleErrors {
+public:
+    TriangleErrors(const Plan& plan, const Regions& regions) : plan_(plan), regions_(regions) {}
+
+    // The error of a triangle on the lattice with these heights; see mesh::largest_error.
+    ErrorAt find(
+        i64 region, const Corners& places, const std::array<double, 3>& heights, double enough
+    ) {
+        auto covering = regions_.covering_of(region);
+        corners_.resize(max(corners_.size(), covering.size()));
+        Corners world;
+        for (int c = 0; c < 3; ++c) {
+            auto [x, y] = places[c];
+            for (std::size_t k = 0; k < covering.size(); ++k)
+                corners_[k][c] = place_in_shape(plan_, covering[k].element, x, y);
+            world[c] = world_place(plan_, x, y);
+        }
+        return largest_error(
+            {plan_,
+             covering,
+             regions_.rut_depths[region],
+             relief_in(plan_, regions_, region),
+             heights,
+             {corners_.data(), covering.size()},
+             world},
+            enough
+        );
+    }
+
+private:
+    const Plan& plan_;
+    const Regions& regions_;
+    std::vector<Corners> corners_;  // where corners are in each element of a region
+};
 
 }  // namespace terratool::mesh

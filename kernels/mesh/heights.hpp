@@ -90,6 +90,30 @@ INLINE UV place_in_shape(const Plan& plan, i64 index, double x, double y) {
     return turned(pose_of(*plan.field, plan.field->elements[index]), at.u, at.v);
 }
 
+INLINE bool is_raster(const Kind& kind) { return kind.combine == GRID; }
+
+INLINE const Raster& raster_of(const Plan& plan, const Kind& kind) {
+    return plan.field->curves.rasters[kind.raster];
+}
+
+// What is nearer to a number of a grid is at it, in parts of the distance of two numbers.
+INLINE double near_number(const Raster& raster, int axis, const Frame& frame) {
+    constexpr double most = 1.0 / 64.0;  // where numbers lie as close as points of the lattice
+    return min(rounding_of(frame) * double(raster.count[axis]), most);
+}
+
+// Value of a grid at a place; what is nearest to its rim is at it. Beyond the void it goes on.
+inline double raster_height(const Plan& plan, const Kind& kind, const Frame& frame, UV at) {
+    RasterAt raster(plan.field->curves, kind);
+    auto held = [&](int axis, double t) {
+        double near =
+            near_number(raster.raster(), axis, frame) / double(raster.raster().count[axis]);
+        return t < near ? 0.0 : t > 1.0 - near ? 1.0 : t;
+    };
+    double z = raster.filled({held(X, at.u), held(Y, at.v)}).value;
+    return isnan(z) ? 0.0 : z;
+}
+
 // What an element adds to the height at a place, as it does in the region that it covers.
 INLINE double element_height(const Plan& plan, const CoveringElement& covering, UV at) {
     const Element& element = plan.field->elements[covering.element];
@@ -99,7 +123,9 @@ INLINE double element_height(const Plan& plan, const CoveringElement& covering, 
     auto curve = [&](int axis, double t) {
         return curve_at(plan, curve_of(kind, axis), covering.group[axis], t, near_end);
     };
-    if (kind.combine == RADIAL) {
+    if (is_raster(kind)) {
+        value = raster_height(plan, kind, frame, at);
+    } else if (kind.combine == RADIAL) {
         double t = 0.5 + 0.5 * gauge(at, frame.corners);
         if (t <= frame.straight_from) {
             value = curve(X, t);

@@ -8,6 +8,7 @@
 #include <deque>
 
 #include "error_bounds.hpp"
+#include "segments.hpp"
 
 namespace terratool::mesh {
 
@@ -255,7 +256,8 @@ private:
 class Refinement : public EditableTriangulation {
 public:
     Refinement(const Plan& plan, const Regions& regions, EditableTriangulation triangles)
-        : EditableTriangulation(std::move(triangles)), plan_(plan), regions_(regions) {}
+        : EditableTriangulation(std::move(triangles)), plan_(plan), regions_(regions),
+          errors_(plan, regions) {}
 
     // Refine triangles to an error, at most so many; whether there are more.
     bool refine(double allowed, i64 most) {
@@ -299,35 +301,21 @@ public:
 private:
     const Plan& plan_;
     const Regions& regions_;
-    std::vector<Corners> corners_;  // where corners are in each element of a region
+    TriangleErrors errors_;
     double largest_error_ = 0.0;
 
     double height(i64 t, double x, double y) const {
         return height_in(plan_, regions_, of_[t], x, y);
     }
 
-    // How far a triangle is from its region, and where; see mesh::largest_error.
+    // How far a triangle is from its region, and where.
     ErrorAt error_of(i64 t, double enough) {
-        i64 region = of_[t];
-        auto covering = regions_.covering_of(region);
-        corners_.resize(max(corners_.size(), covering.size()));
-        Corners world;
+        Corners places;
         for (int c = 0; c < 3; ++c) {
             auto [x, y] = point(triangles_[t][c]);
-            for (std::size_t k = 0; k < covering.size(); ++k)
-                corners_[k][c] = place_in_shape(plan_, covering[k].element, double(x), double(y));
-            world[c] = world_place(plan_, double(x), double(y));
+            places[c] = {double(x), double(y)};
         }
-        return mesh::largest_error(
-            {plan_,
-             covering,
-             regions_.rut_depths[region],
-             relief_in(plan_, regions_, region),
-             heights_[t],
-             {corners_.data(), covering.size()},
-             world},
-            enough
-        );
+        return errors_.find(of_[t], places, heights_[t], enough);
     }
 
     struct Longest {
@@ -392,16 +380,70 @@ private:
         return done;
     }
 
+    // The element of a grid that covers a triangle, NONE if none does.
+    i64 raster_over(i64 t) const {
+        for (const CoveringElement& covering : regions_.covering_of(of_[t])) {
+            const Element& element = plan_.field->elements[covering.element];
+            if (element.scale != 0.0 && is_raster(plan_.field->kinds[element.kind]))
+                return covering.element;
+        }
+        return NONE;
+    }
+
+    // The number of a grid that is nearest to a place of a triangle, or the place if none is in it.
+    // A mesh with its vertices there has no lines within its triangles.
+    Barycentric at_number(i64 t, Barycentric place) const {
+        constexpr double near_side = 0.05;  // in heights of the triangle
+        i64 index = raster_over(t);
+        if (index == NONE) return place;
+        const ElementView e(plan_, index);
+        const Raster& r = raster_of(plan_, e.kind);
+        auto [a, b, c] = corners(t);
+        auto [s, k] = place;
+        double ax = double(a.x), ay = double(a.y);
+        double bx = double(b.x) - ax, by = double(b.y) - ay;
+        double cx = double(c.x) - ax, cy = double(c.y) - ay;
+        UV own = place_in_shape(plan_, index, ax + s * bx + k * cx, ay + s * by + k * cy);
+        auto [x, y] =
+            shape_on_lattice(e, {nearest_number(r, X, own.u), nearest_number(r, Y, own.v)});
+        double twice = bx * cy - by * cx;
+        Barycentric found{
+            ((x - ax) * cy - (y - ay) * cx) / twice, (bx * (y - ay) - by * (x - ax)) / twice
+        };
+        return min3(1.0 - found.s - found.r, found.s, found.r) > near_side ? found : place;
+    }
+
+    // Where an edge of a triangle crosses a line of a grid nearest to a share of it, or the share.
+    double at_line(i64 t, i64 e, double share) const {
+        constexpr double near_end = 0.05;  // in lengths of the edge
+        i64 index = raster_over(t);
+        if (index == NONE) return share;
+        const Raster& r = raster_of(plan_, ElementView(plan_, index).kind);
+        Point a = point(triangles_[t][e]), b = point(triangles_[t][next_corner(e)]);
+        UV begin = place_in_shape(plan_, index, double(a.x), double(a.y));
+        UV end = place_in_shape(plan_, index, double(b.x), double(b.y));
+        double best = share, off = INF;
+        auto look = [&](int axis, double from, double to) {
+            double line = nearest_number(r, axis, from + share * (to - from));
+            double at = (line - from) / (to - from);  // infinite or NaN along a line
+            if (!(at > near_end && at < 1.0 - near_end) || abs(at - share) >= off) return;
+            best = at, off = abs(at - share);
+        };
+        if (r.count[X] > 1) look(X, begin.u, end.u);
+        if (r.count[Y] > 1) look(Y, begin.v, end.v);
+        return best;
+    }
+
     // Insert a point in a triangle, at or near a place.
     bool insert_point(i64 t, Barycentric place) {
         constexpr double near_side = 0.05;  // in heights of the triangle: the side is split instead
-        auto [s, r] = place;
+        auto [s, r] = at_number(t, place);
         double q = 1.0 - s - r;
         i64 e = r <= min(q, s) ? 0 : q <= min(s, r) ? 1 : 2;
         const std::array<double, 3> shares{q, s, r};
         double first = shares[e], second = shares[next_corner(e)];
         double share = first + second > 0.0 ? second / (first + second) : 0.5;
-        share = clamp(share, 0.25, 0.75);
+        share = at_line(t, e, clamp(share, 0.25, 0.75));
         if (!is_thin(t)) {
             if (min3(q, s, r) > near_side) {
                 auto [a, b, c] = corners(t);

@@ -103,18 +103,28 @@ struct Coverage {
     bool holds;
     u64 key;  // a hash of how it covers the place
     CoveringElement covering;
-    bool affine;
+    bool affine, gap;
 };
 
 INLINE bool is_in_cell(const Frame& f, double x, double y) {
     return f.low[X] <= x && x < f.high[X] && f.low[Y] <= y && y < f.high[Y];
 }
 
+// Whether a grid is void at a place of its footprint.
+inline bool is_gap(const Plan& plan, const ElementView& e, UV at) {
+    RasterAt raster(plan.field->curves, e.kind);
+    const Raster& r = raster.raster();
+    auto cell = [&](int axis, double t) {
+        return cell_at(clamp(t, 0.0, 1.0), raster_cells(r, axis));
+    };
+    return r.voids && raster.is_void(cell(X, at.u), cell(Y, at.v));
+}
+
 // Whether an element covers a place, and how.
 inline Coverage coverage_at(const Plan& plan, i64 index, double x, double y) {
     const ElementView e(plan, index);
     const Frame& f = e.frame;
-    constexpr Coverage none{false, 0, {0, {0, 0}}, false};
+    constexpr Coverage none{false, 0, {0, {0, 0}}, false, false};
     if (!(e.pose.turned && e.pose.free) && !is_in_cell(f, x, y)) return none;
     UV own = place_in_cell(f, x, y);
     if (e.pose.turned) own = turned(e.pose, own.u, own.v);
@@ -143,16 +153,19 @@ inline Coverage coverage_at(const Plan& plan, i64 index, double x, double y) {
         double fy = curve_at(plan, curve_of(e.kind, Y), y_lines.group, at.v, 0.0);
         side = fx <= fy ? 2 : 1;
     }
+    bool gap = is_raster(e.kind) && is_gap(plan, e, at);
+    if (gap) side = 1;
     u64 passed = u64(x_lines.passed + (y_lines.passed << 32));
     u64 key = hash64(hash64(hash64(SEED, u64(index)), passed), side);
     bool affine = straight;
     if (e.kind.combine == PRODUCT)
         affine = (e.x.constant && e.y.linear) || (e.y.constant && e.x.linear);
     else if (radial) affine = e.x.linear && f.straight_from > 1.0;
+    else if (is_raster(e.kind)) affine = false;
     double faint =
         min(along * e.x.smallest_crease, across > 0.0 ? across * e.y.smallest_crease : INF);
     affine = e.element.scale == 0.0 || (affine && faint > DRAWN * plan.error);
-    return {true, key, {u32(index), {u32(x_lines.group), u32(y_lines.group)}}, affine};
+    return {true, key, {u32(index), {u32(x_lines.group), u32(y_lines.group)}}, affine, gap};
 }
 
 // What elements do at a place all together.
@@ -160,6 +173,7 @@ struct CombinedCoverage {
     u64 key = 1;
     i64 top = NO_ELEMENT;  // that decides the surface
     bool affine = true;    // all are affine
+    bool gap = false;      // one of them is a grid that is void there
 };
 
 constexpr u32 GROUND = ~u32(0);  // in the place of an element: what the root is in
@@ -185,6 +199,7 @@ CombinedCoverage covering_elements(
             all.key += found.key;
             all.top = max(all.top, i64(index));
             all.affine = all.affine && found.affine;
+            all.gap = all.gap || found.gap;
         }
     };
     pending.assign(1, GROUND);
@@ -279,7 +294,7 @@ inline FoundRegions describe_regions(
         });
         found.offsets[r + 1] = count_of(found.covering);
         i64 ground = surface_of(field, all.top);
-        found.voids[r] = is_void(field, all.top), found.affine[r] = all.affine;
+        found.voids[r] = all.gap || is_void(field, all.top), found.affine[r] = all.affine;
         found.polygon_errors[r] = polygon_error - before;
         if (!tracks.find(x, y).empty() && !found.voids[r]) {
             Rut rut = tracks.rut(ground);

@@ -3,64 +3,74 @@
 
 #include <tuple>
 
-#include "heights.hpp"
+#include "error_bounds.hpp"
 
 namespace terratool::mesh {
 
 // Edges of seams are no shorter than so many points of the lattice, where heights need them.
 constexpr i64 SHORTEST_SEAM = 64;
 
-// A seam is a line x = const, or y = const if its `axis` is 1; along it lie these regions.
-struct SeamHeights {
-    const Plan& plan;
-    const Regions& regions;
-    bool on_y;
-    i64 at;
-
-    struct Edge {
-        double begin, end, low, high;  // places on the seam, and heights there
+// A seam is a line x = const, or y = const if its axis is 1; along it lie these regions.
+class SeamHeights {
+public:
+    struct End {
+        double place, height;
     };
+    struct Edge {
+        End begin, end;
+
+        double length() const { return end.place - begin.place; }
+        double middle() const { return 0.5 * (begin.place + end.place); }
+    };
+
+    SeamHeights(const Plan& plan, const Regions& regions, i64 axis, i64 at)
+        : plan_(plan), regions_(regions), on_y_(axis == 1), at_(double(at)),
+          errors_(plan, regions) {}
 
     // Height of a region at a place of the seam, or so far from it.
     double height(i64 region, double place, double offset = 0.0) const {
-        double across = double(at) + offset;
-        return on_y ? height_in(plan, regions, region, place, across)
-                    : height_in(plan, regions, region, across, place);
+        auto [x, y] = on_lattice(place, offset);
+        return height_in(plan_, regions_, region, x, y);
     }
 
     // Whether the chord over an edge is too far off.
-    bool misses(i64 region, const Edge& edge) const {
+    bool misses(i64 region, const Edge& edge) {
         constexpr double share = 0.45;  // so much of the error; triangles beside it have the rest
-        constexpr int tests = 64;
-        auto [begin, end, low, high] = edge;
-        for (int k = 1; k < tests; ++k) {
-            double s = double(k) / double(tests);
-            double z = height(region, begin + s * (end - begin));
-            if (abs(z - (low + s * (high - low))) > share * plan.error) return true;
-        }
-        return false;
+        return is_off(region, edge, edge.end, 0.0, share);
     }
 
     // Whether a triangle over an edge, half as high as it is long, is too far off on some side.
     // Triangles beside the seam would want to be shorter than the edge.
-    bool is_bent(i64 region, const Edge& edge) const {
+    bool is_bent(i64 region, const Edge& edge) {
         constexpr double share = 0.9;  // of the error
-        constexpr int tests = 10;      // a side
-        auto [begin, end, low, high] = edge;
-        double half = 0.5 * (end - begin);
-        for (double side : {-1.0, 1.0}) {
-            double top = height(region, begin + half, side * half);
-            for (int i = 0; i < tests; ++i) {
-                for (int j = 1; j < tests - i; ++j) {
-                    double s = double(i) / double(tests), r = double(j) / double(tests);
-                    double place = begin + s * (end - begin) + r * half;
-                    double z = height(region, place, side * r * half);
-                    if (abs(z - (low + s * (high - low) + r * (top - low))) > share * plan.error)
-                        return true;
-                }
-            }
-        }
+        double half = 0.5 * edge.length(), middle = edge.middle();
+        for (double offset : {-half, half})
+            if (is_off(region, edge, {middle, height(region, middle, offset)}, offset, share))
+                return true;
         return false;
+    }
+
+private:
+    const Plan& plan_;
+    const Regions& regions_;
+    bool on_y_;
+    double at_;
+    TriangleErrors errors_;
+
+    UV on_lattice(double place, double offset) const {
+        return on_y_ ? UV{place, at_ + offset} : UV{at_ + offset, place};
+    }
+
+    // Whether the triangle from an edge to a top, so far from the seam, misses by such a share of
+    // the error somewhere.
+    bool is_off(i64 region, const Edge& edge, End top, double offset, double share) {
+        double enough = share * plan_.error;
+        Corners places{
+            on_lattice(edge.begin.place, 0.0), on_lattice(edge.end.place, 0.0),
+            on_lattice(top.place, offset)
+        };
+        std::array<double, 3> heights{edge.begin.height, edge.end.height, top.height};
+        return errors_.find(region, places, heights, enough).error > enough;
     }
 };
 
@@ -73,10 +83,8 @@ inline std::tuple<std::vector<i64>, Rows<double, 2>> divide_seam(
     Span<const i64> passes, In clearance
 ) {
     constexpr std::size_t deepest = 64;  // so often an edge is halved
-    struct End {
-        double place, height;
-    };
-    SeamHeights profile{plan, regions, axis == 1, at};
+    using End = SeamHeights::End;
+    SeamHeights profile(plan, regions, axis, at);
     std::vector<i64> ends;
     Rows<double, 2> heights;
     std::vector<End> pending;
@@ -92,9 +100,9 @@ inline std::tuple<std::vector<i64>, Rows<double, 2>> divide_seam(
         pending.assign(1, end_at(double(passes[k + 1])));
         while (!pending.empty()) {
             End end = pending.back();
-            SeamHeights::Edge edge{begin.place, end.place, begin.height, end.height};
-            double middle = std::nearbyint(0.5 * (begin.place + end.place));
-            if (!(is_void || regions.affine[region]) && end.place - begin.place >= 2 * SHORTEST_SEAM
+            SeamHeights::Edge edge{begin, end};
+            double middle = std::nearbyint(edge.middle());
+            if (!(is_void || regions.affine[region]) && edge.length() >= 2 * SHORTEST_SEAM
                 && lowest <= middle && middle <= highest && pending.size() < deepest
                 && (profile.misses(region, edge) || profile.is_bent(region, edge))) {
                 pending.push_back(end_at(middle));

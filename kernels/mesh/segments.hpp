@@ -36,6 +36,56 @@ inline double chord_end(
     return low;
 }
 
+// Append where chords over a grid's numbers along an axis end, where the other has one row.
+// No number between their ends is farther from them than `allowed`.
+inline void append_raster_chords(
+    const Plan& plan, const Kind& kind, int axis, double allowed, std::vector<double>& ends
+) {
+    RasterAt raster(plan.field->curves, kind);
+    const Raster& r = raster.raster();
+    i64 count = r.count[axis];
+    double last = r.pixel ? double(count) : double(max(count - 1, i64(1)));
+    double shift = r.pixel ? 0.5 : 0.0;
+    struct End {
+        double t, z;
+    };
+    auto end_at = [&](i64 k) {  // and in a grid of pixels one more on both sides, on the rim
+        double t = clamp((double(k) + shift) / last, 0.0, 1.0);
+        i64 number = clamp(k, i64(0), count - 1);
+        double z = axis == X ? raster.counting(number, 0) : raster.counting(0, number);
+        return End{t, isnan(z) ? 0.0 : z};
+    };
+    i64 k = r.pixel ? -1 : 0, rim = r.pixel ? count : count - 1;
+    End begin = end_at(k), before = begin;
+    double least = -INF, most = INF;  // slopes of chords that are near enough to what they passed
+    while (++k <= rim) {
+        End end = end_at(k);
+        double slope = (end.z - begin.z) / (end.t - begin.t);
+        if (slope < least || slope > most) {
+            ends.push_back(before.t);
+            begin = before, least = -INF, most = INF;
+        }
+        double spread = allowed / (end.t - begin.t);
+        slope = (end.z - begin.z) / (end.t - begin.t);
+        least = max(least, slope - spread), most = min(most, slope + spread);
+        before = end;
+    }
+}
+
+// Bounds of the grids that drawn elements have; see PatchPyramid.
+inline std::vector<PatchPyramid> find_pyramids(const Plan& plan) {
+    const Field& field = *plan.field;
+    std::vector<PatchPyramid> pyramids(field.curves.rasters.size());
+    std::vector<u8> known(pyramids.size());
+    for (std::size_t index = 0; index < plan.frames.size(); ++index) {
+        const Kind& kind = field.kinds[field.elements[index].kind];
+        if (!plan.frames[index].drawn || !is_raster(kind)) continue;
+        if (std::exchange(known[kind.raster], u8(1))) continue;
+        pyramids[kind.raster] = PatchPyramid(PatchNumbers(RasterAt(field.curves, kind)));
+    }
+    return pyramids;
+}
+
 // The chords of all elements.
 inline Chords find_chords(const Plan& plan) {
     constexpr double share = 0.95;        // part of the error that chords may miss a curve by
@@ -74,10 +124,19 @@ inline Chords find_chords(const Plan& plan) {
         auto wants = [&](const Axis& own, const Axis& other) {
             return exists && (own.steep || (lone && other.constant && !own.linear));
         };
+        bool plain = is_raster(e.kind) && exists && e.element.grid == 0;
+        auto append_numbers = [&](int axis) {
+            const Raster& raster = raster_of(plan, e.kind);
+            if (raster.count[axis == X ? Y : X] > 1) return;
+            double allowed = share * plan.error / e.frame.weight[X];
+            append_raster_chords(plan, e.kind, axis, allowed, chords.ends);
+        };
         mark();
+        if (plain) append_numbers(X);
         if (radial ? exists && e.x.ringed : wants(e.x, e.y))
             append(e, curve_of(e.kind, X), e.x, e.frame.weight[X]);
         mark();
+        if (plain) append_numbers(Y);
         if (!radial && wants(e.y, e.x)) append(e, curve_of(e.kind, Y), e.y, e.frame.weight[Y]);
     }
     mark();
@@ -99,6 +158,17 @@ INLINE Position on_lattice(const Frame& f, UV in_cell) {
     return {
         f.low[X] + in_cell.u * (f.high[X] - f.low[X]), f.low[Y] + in_cell.v * (f.high[Y] - f.low[Y])
     };
+}
+
+// Where (u, v) of an element's primitive is.
+INLINE Position shape_on_lattice(const ElementView& e, UV at) {
+    const Pose& pose = e.pose;
+    if (pose.turned) {  // back to the cell
+        double p = at.u - 0.5, q = at.v - 0.5;
+        at.u = 0.5 + p * pose.cos + q * pose.sin_v;
+        at.v = 0.5 + q * pose.cos - p * pose.sin_u;
+    }
+    return on_lattice(e.frame, at);
 }
 
 // A stretch of a segment, in parts of it; none where it ends before it begins.
@@ -204,6 +274,7 @@ public:
             if (is_drawn(plan_, line, across)) draw_in_shape(e, {0.0, line.t}, {1.0, line.t});
         draw_chords(e, false);
         draw_chords(e, true);
+        if (is_raster(e.kind)) draw_gaps(e);
         bool straight = e.x.linear && e.y.linear && e.element.scale != 0.0;
         if (straight && (e.kind.combine == MIN || e.kind.combine == MAX)) draw_ties(e);
     }
@@ -233,16 +304,7 @@ private:
 
     // A segment given in (u, v) of the element's primitive.
     void draw_in_shape(const ElementView& e, UV a, UV b) {
-        const Pose& pose = e.pose;
-        auto place = [&](UV at) {
-            if (pose.turned) {  // back to the cell
-                double p = at.u - 0.5, q = at.v - 0.5;
-                at.u = 0.5 + p * pose.cos + q * pose.sin_v;
-                at.v = 0.5 + q * pose.cos - p * pose.sin_u;
-            }
-            return on_lattice(e.frame, at);
-        };
-        draw_on_lattice(e, e.is_trimmed(), place(a), place(b));
+        draw_on_lattice(e, e.is_trimmed(), shape_on_lattice(e, a), shape_on_lattice(e, b));
     }
 
     // The polygon that stands for a circle of so many radii of the disc.
@@ -331,6 +393,33 @@ private:
             if (kept.low >= kept.high) continue;
             Position a = on_lattice(f, {a0, b0}), b = on_lattice(f, {a1, b1});
             draw_on_lattice(e, true, a.towards(b, kept.low), a.towards(b, kept.high));
+        }
+    }
+
+    // The sides of the void in a grid, each from corner to corner.
+    void draw_gaps(const ElementView& e) {
+        RasterAt raster(plan_.field->curves, e.kind);
+        const Raster& r = raster.raster();
+        if (!r.voids) return;
+        for (int axis : {X, Y}) {
+            i64 lines = raster_cells(r, axis), length = raster_cells(r, axis == X ? Y : X);
+            auto is_void = [&](i64 across, i64 along) {
+                return axis == X ? raster.is_void(across, along) : raster.is_void(along, across);
+            };
+            auto place = [&](i64 line, i64 along) {
+                double t = double(line) / double(lines), s = double(along) / double(length);
+                return axis == X ? UV{t, s} : UV{s, t};
+            };
+            for (i64 line = 1; line < lines; ++line) {
+                i64 begin = 0, side = 0;  // of the line the void is on; none on 0
+                for (i64 k = 0; k <= length; ++k) {
+                    i64 now = 0;
+                    if (k < length) now = i64(is_void(line, k)) - i64(is_void(line - 1, k));
+                    if (now == side) continue;
+                    if (side) draw_in_shape(e, place(line, begin), place(line, k));
+                    begin = k, side = now;
+                }
+            }
         }
     }
 

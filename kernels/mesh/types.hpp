@@ -2,6 +2,7 @@
 #pragma once
 
 #include "../field/frames.hpp"
+#include "raster_bounds.hpp"
 
 namespace terratool::mesh {
 
@@ -115,7 +116,9 @@ struct Plan {
     In bounds;
     double error;
     Outlines outlines;
-    Chords chords;  // found, not given
+    // found, not given
+    Chords chords;
+    std::vector<PatchPyramid> pyramids;  // of each raster, empty where no element is drawn with it
 };
 
 template <class Visit> void visit_arguments(Plan& p, Visit visit) {

@@ -38,6 +38,7 @@ public:
         check();
         nb::gil_scoped_release free;
         arrays_.get().chords = find_chords(plan());
+        arrays_.get().pyramids = find_pyramids(plan());
     }
     const Plan& plan() { return arrays_.get(); }
 

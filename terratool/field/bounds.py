@@ -65,6 +65,14 @@ def _is_edged(arrays: FieldArrays, kind: Any) -> bool:
     return any(bool((side != 0.0).any()) for side in rim)
 
 
+def with_holes(arrays: FieldArrays) -> NDArray[np.bool_]:
+    """Whether elements of each kind may make a hole in the ground, (kinds,)."""
+    holes: NDArray[np.bool_] = arrays.kinds["is_void"] != 0
+    gridded = arrays.kinds["combine"] == COMBINE["grid"]
+    holes[gridded] |= arrays.curves.rasters["voids"][arrays.kinds["raster"][gridded]] != 0
+    return holes
+
+
 def curve_hulls(pieces: Floats) -> Floats:
     """Bernstein coefficients of cubics, (4, n), whose extremes bound each cubic on [0, 1].
 

@@ -10,8 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terratool.definition.findings import Bounds
-from terratool.field.bounds import curve_hulls, curve_pieces, curve_weights, largest_heights
-from terratool.field.rasters import refuse_grids
+from terratool.field.bounds import (
+    curve_hulls,
+    curve_pieces,
+    curve_weights,
+    largest_heights,
+    with_holes,
+)
 from terratool.field.records import COMBINE, FieldArrays
 from terratool.field.relief import relief_bounds, worn_reliefs
 from terratool.field.terrain import Terrain
@@ -66,7 +71,6 @@ def plan_of(
     """
     terrain = terrain.written_out
     arrays = terrain.arrays
-    refuse_grids(arrays, "A mesh")
     whole = np.array(terrain.bounds)
     part = whole if bounds is None else np.array(bounds, np.float64)
     part = np.concatenate([np.maximum(part[:2], whole[:2]), np.minimum(part[2:], whole[2:])])
@@ -127,7 +131,7 @@ def _choose_elements(plan: MeshPlan, largest: NDArray[np.float64], least: float)
     small = near & ((high - low).min(axis=1) < SMALLEST)
     faint = near & ~small & (largest <= least) if least > 0.0 else np.zeros_like(near)
     # a hole is more than a change of heights, and the root is the ground
-    faint &= plan.arrays.kinds["is_void"][kinds] == 0
+    faint &= ~with_holes(plan.arrays)[kinds]
     faint[0] = False
     frames["drawn"] = near & ~small & ~faint
     return PlanLoss(

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from terratool.definition.findings import Bounds
 from terratool.errors import RequestError, WriteError
-from terratool.field.bounds import curve_pieces
+from terratool.field.bounds import curve_pieces, grid_heights
 from terratool.field.records import COMBINE
 from terratool.field.terrain import Terrain, check_bounds, clip_bounds
 from terratool.kernels import mesh as kernels
@@ -59,6 +59,10 @@ _PER_BEND = 4.0
 """Factor of the faces that `faces_of` expects for bent elements."""
 _PER_TWIST = 0.6
 """Factor of the faces that `faces_of` expects for twisted elements."""
+_PER_GRID_BEND, _PER_GRID_TWIST = 0.15, 0.5
+"""Factors of the faces that `faces_of` expects for bends and twists in a grid of heights."""
+_MOST_PER_NUMBER = 2.0
+"""Most faces that `faces_of` expects for a bend at a number of a grid."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,7 +153,8 @@ def faces_of(plan: MeshPlan) -> float:
 
     A curve needs ∫ √(|f''| / 8E) dt chords, a triangle for each two of both directions; a product
     of two straight curves that change by Δx and Δy is a saddle, and needs some ΔxΔy / E. Where the
-    tangent of a curve is vertical there are more.
+    tangent of a curve is vertical there are more. In a grid of heights the bends of a number take
+    no more than two triangles.
     """
     arrays = plan.arrays
     drawn = np.flatnonzero(plan.frames["drawn"])
@@ -165,7 +170,26 @@ def faces_of(plan: MeshPlan) -> float:
     curved = (per_kind[elements["kind"]] * np.abs(elements["scale"])).sum() / plan.error
     count = kernels.count_segments(plan.kernel_plan, drawn)
     ruts = _PER_EDGE * len(plan.outlines.edges)
-    return float(_PER_SEGMENT * count + curved + ruts)
+    return float(_PER_SEGMENT * count + curved + ruts + _faces_of_grids(plan, drawn))
+
+
+def _faces_of_grids(plan: MeshPlan, drawn: NDArray[np.int64]) -> float:
+    """Return the number of faces of the drawn elements that are grids of heights, about."""
+    kinds, elements = plan.arrays.kinds, plan.arrays.elements[drawn]
+    elements = elements[kinds["combine"][elements["kind"]] == COMBINE["grid"]]
+    sizes, copies = np.unique(
+        np.column_stack([elements["kind"], np.abs(elements["scale"])]), axis=0, return_counts=True
+    )
+    total = 0.0
+    for (kind, scale), times in zip(sizes, copies.tolist(), strict=True):
+        heights = scale / plan.error * grid_heights(plan.arrays, kinds[int(kind)])
+        twists = np.abs(np.diff(np.diff(heights, axis=0), axis=1))
+        heights = np.pad(heights, 1, mode="edge")
+        bends = np.abs(np.diff(heights[:, 1:-1], 2, axis=0))
+        bends += np.abs(np.diff(heights[1:-1], 2, axis=1))
+        bent = np.minimum(_PER_GRID_BEND * bends, _MOST_PER_NUMBER)
+        total += times * float(np.nansum(bent) + _PER_GRID_TWIST * np.nansum(twists))
+    return total
 
 
 def build_tile(terrain: Terrain, layout: TileLayout, row: int, column: int) -> BuiltMesh:
