@@ -17,7 +17,7 @@ from terratool.api.reports import ShownComparison, ShownReport
 from terratool.api.showing import ShownTerrain
 from terratool.api.sources import AnyDefinition
 from terratool.api.terrain import AnyPose, AnyVehicle
-from terratool.authoring.curriculum.build import curriculum as curriculum
+from terratool.api.training import curriculum_of as curriculum
 from terratool.definition.crs import CrsValue
 from terratool.definition.findings import Bounds, Finding
 from terratool.definition.keys import Kind

@@ -546,10 +546,9 @@ class UserTerrain(ShownTerrain):
         """
         files = GroundFiles(map, picture, overwrite)
         files.check()
-        driven = _vehicles(vehicles)
+        wanted = fill(DiffOptions, options, vehicles=tuple(_vehicles(vehicles)))
         new = other if isinstance(other, UserTerrain) else load(other)
         before, after = DiffSide(self._checked(), self), DiffSide(new._checked(), new)
-        wanted = fill(DiffOptions, options, vehicles=tuple(driven))
         compared = diff(before, after, wanted)
         files.write(compared, wanted)
         return compared.difference
