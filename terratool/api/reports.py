@@ -1,4 +1,4 @@
-"""Results about vehicles that show themselves: in lines as the command, in notebooks as tables."""
+"""Results that show themselves: in lines as the command, in notebooks as tables."""
 
 from __future__ import annotations
 
@@ -6,11 +6,18 @@ from collections.abc import Iterator
 from dataclasses import fields
 from html import escape
 
+from msgspec import structs
+
 from terratool.report.tables import Table
 from terratool.text.display import printable
 from terratool.traversability.report import comparison, tables, wording
 from terratool.traversability.report.lines import as_lines
 from terratool.traversability.results import Reports, TraversabilityReport, VehicleComparison
+from terratool.viewing.diff import report as diff_report
+from terratool.viewing.diff.results import Comparison, Difference, FileDifference
+
+OTHER = "the other terrain"
+"""Name of the new side of a difference whose sides are of one file."""
 
 
 class ShownReport(TraversabilityReport):
@@ -48,6 +55,32 @@ class ShownComparison(VehicleComparison):
         found += [comparison.shares(self), comparison.surfaces(self)]
         headline = _headline(str(self.verdict), comparison.conclusion(self))
         return f"<div>{headline}{''.join(map(_table, found))}</div>"
+
+
+class ShownDifference(Difference, frozen=True):
+    """A difference that says what it found, in a terminal and in a notebook."""
+
+    def __repr__(self) -> str:
+        old, new = map(printable, (self.old, self.new))
+        return f"<Difference from {old} to {new}: {self._file.status}>"
+
+    def __str__(self) -> str:
+        text = diff_report.as_text(Comparison((self._file,)), diff_report.MOST)
+        return text.replace(diff_report.ALL, "; its attributes have all")
+
+    def _repr_html_(self) -> str:
+        """Lines of the difference, for notebooks."""
+        return f"<pre>{escape(str(self))}</pre>"
+
+    @property
+    def _file(self) -> FileDifference:
+        return FileDifference(self.new, "same" if self.same else "different", self)
+
+
+def shown_difference(found: Difference) -> ShownDifference:
+    """Difference that shows itself, and whose sides have different names."""
+    new = OTHER if found.old == found.new else found.new
+    return ShownDifference(**{**structs.asdict(found), "new": new})
 
 
 def shown(found: Reports) -> ShownReport | ShownComparison:

@@ -15,7 +15,13 @@ from rasterio.transform import Affine
 
 from terratool.api.mapping import AnyMap, any_map
 from terratool.api.options import fill, listed, public, takes
-from terratool.api.reports import ShownComparison, ShownReport, shown
+from terratool.api.reports import (
+    ShownComparison,
+    ShownDifference,
+    ShownReport,
+    shown,
+    shown_difference,
+)
 from terratool.api.showing import ShownTerrain
 from terratool.api.sources import UNNAMED, AnyDefinition, checked_source, roots_of, source_of
 from terratool.api.verbs import INTERNAL, missing
@@ -59,7 +65,6 @@ from terratool.traversability.ruts import (
 )
 from terratool.traversability.vehicle import Vehicle, load_vehicle
 from terratool.viewing.diff.compare import DiffOptions, diff
-from terratool.viewing.diff.results import Difference
 from terratool.viewing.diff.sides import DiffSide
 from terratool.viewing.diff.writing import GroundFiles
 from terratool.viewing.differences import refuse_picture
@@ -527,7 +532,7 @@ class UserTerrain(ShownTerrain):
         picture: str | Path | None = None,
         overwrite: bool = False,
         **options: Any,
-    ) -> Difference:
+    ) -> ShownDifference:
         """Say what differs from here to another terrain, the new one, as `terratool diff` does.
 
         Args:
@@ -550,8 +555,9 @@ class UserTerrain(ShownTerrain):
         new = other if isinstance(other, UserTerrain) else load(other)
         before, after = DiffSide(self._checked(), self), DiffSide(new._checked(), new)
         compared = diff(before, after, wanted)
-        files.write(compared, wanted)
-        return compared.difference
+        found = shown_difference(compared.difference)
+        files.write(replace(compared, difference=found), wanted)
+        return found
 
 
 @takes()
