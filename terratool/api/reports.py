@@ -83,14 +83,14 @@ def shown_difference(found: Difference) -> ShownDifference:
     return ShownDifference(**{**structs.asdict(found), "new": new})
 
 
-def shown(found: Reports) -> ShownReport | ShownComparison:
+def shown_report(found: Reports) -> ShownReport | ShownComparison:
     """Report, or comparison with its reports, that shows itself."""
     if isinstance(found, VehicleComparison):
-        return ShownComparison(tuple(map(_shown_report, found.reports)), found.notes)
-    return _shown_report(found)
+        return ShownComparison(tuple(map(_alone, found.reports)), found.notes)
+    return _alone(found)
 
 
-def _shown_report(report: TraversabilityReport) -> ShownReport:
+def _alone(report: TraversabilityReport) -> ShownReport:
     return ShownReport(*(getattr(report, one.name) for one in fields(report)))
 
 

@@ -180,11 +180,24 @@ def test_any_value_of_a_starter_is_taken_or_refused(kind: str) -> None:
         (lambda t: definition().add("box", cell="ab"),
          "cell is 'ab'. Give column and row, as in cell=(3, 2)."),
         (lambda _: terratool.curriculum(ROUGH, seed="a"), "seed is 'a'. Give a whole number."),
+        (lambda _: terratool.curriculum(5), "spec is 5. Give a Spec, a dictionary, a text or a p"),
         (lambda _: terratool.curriculum(ROUGH, seed=[1]), "seed is [1]. Give a whole number."),
         (lambda _: terratool.curriculum(ROUGH, seed=1.5), "seed is 1.5. Give a whole number."),
         (lambda t: t.to_dem(layers=["height", "surface"])["slope"],
          "The DEM has no band 'slope', but height and surface. Name one of these, or ask for it"),
         (lambda t: t.to_dem()[0], "The DEM has no band 0, but height."),
+        (lambda t: t.scan(SONAR, "24 16 0"),
+         "The pose is '24 16 0'. Give six numbers, x, y, z, yaw, pitch, roll, or rows of them."),
+        (lambda t: t.scan(SONAR, [1, 2]), "The pose is an array of shape (2,). Give six numbers"),
+        (lambda t: t.deform(HUSKY, [("1", 1), (2, 1)]),
+         "Waypoints are [('1', 1), (2, 1)]. Give two or more rows of x and y."),
+        (lambda t: t.deform(HUSKY, (one for one in [(1, 1), (2, 1)])),
+         "Waypoints are of type generator. Give two or more rows of x and y."),
+        (lambda t: t.traversability(HUSKY, waypoints=[("a", 1), (2, 1)]),
+         "Waypoints are ('a', 1). Give two or more rows of x and y."),
+        (lambda t: t.compare(HEIGHTS, transform=5), "Give an Affine or a list of numbers."),
+        (lambda t: terratool.load({"size": object()}),
+         "cannot be written as JSON: it holds a value of type object. Give texts, numbers"),
         (lambda t: t.diff(OTHER, min_change=math.nan), "min_change is nan. Give a number from 0"),
         (lambda t: t.diff(OTHER, min_change=-1), "min_change is -1. Give a number from 0 on."),
         (lambda t: t.diff(OTHER, min_change=math.inf), "min_change is inf. Give a number from 0"),
@@ -235,9 +248,16 @@ def test_heights_are_real_numbers(heights: Any) -> None:
 
 @pytest.mark.parametrize("load", [terratool.load_vehicle, terratool.load_sensor])
 def test_what_is_no_path_is_told(load: Any) -> None:
-    for value in (5, [], None):
+    for value in (5, [], None, ""):
         with pytest.raises(terratool.ReadError, match="is no name of a file"):
             load(value)
+
+
+def test_an_empty_path_is_told() -> None:
+    for load in (terratool.load, terratool.check, terratool.curriculum):
+        with pytest.raises(terratool.ReadError) as error:
+            load("")
+        assert str(error.value) == "'': is no name of a file. Check the path."
 
 
 def test_values_become_what_records_hold() -> None:
