@@ -26,7 +26,7 @@ _HOMES = {
     "import_terrain": "terratool.api.importing:import_terrain_from",
     "import_primitive": "terratool.api.importing:import_primitive_from",
     "map_scans": "terratool.api.mapping:map_scans_of",
-    "curriculum": "terratool.authoring.curriculum.build:curriculum",
+    "curriculum": "terratool.api.training:curriculum_of",
     "Vehicle": "terratool.traversability.vehicle:Vehicle",
     "load_vehicle": "terratool.traversability.vehicle:load_vehicle",
     "Sensor": "terratool.sensing.sensor:Sensor",

@@ -13,11 +13,11 @@ from rasterio.transform import Affine
 from terratool._version import __version__ as __version__
 from terratool.api.importing import AnyHeights
 from terratool.api.mapping import AnyMap
-from terratool.api.reports import ShownComparison, ShownReport
+from terratool.api.reports import ShownComparison, ShownDifference, ShownReport
 from terratool.api.showing import ShownTerrain
 from terratool.api.sources import AnyDefinition
 from terratool.api.terrain import AnyPose, AnyVehicle
-from terratool.authoring.curriculum.build import curriculum as curriculum
+from terratool.api.training import curriculum_of as curriculum
 from terratool.definition.crs import CrsValue
 from terratool.definition.findings import Bounds, Finding
 from terratool.definition.keys import Kind
@@ -49,7 +49,6 @@ from terratool.traversability.route.graph import Preference
 from terratool.traversability.ruts import Deformed
 from terratool.traversability.vehicle import Vehicle as Vehicle
 from terratool.traversability.vehicle import load_vehicle as load_vehicle
-from terratool.viewing.diff.results import Difference
 from terratool.viewing.options import Contours, Line, RenderReport
 from terratool.viewing.terrain_page import TerrainPage
 
@@ -359,7 +358,7 @@ class Terrain(ShownTerrain):
         min_change: float = 0.001,
         bounds: Bounds | None = None,
         resolution: float | None = None,
-    ) -> Difference:
+    ) -> ShownDifference:
         """Say what differs from here to another terrain, the new one, as `terratool diff` does."""
 
 @overload

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from numpy.typing import ArrayLike
 from rasterio.transform import Affine
 
@@ -79,6 +80,8 @@ def any_map(
     if isinstance(given, str | Path):
         return read_map(given)
     sampled = sampled_array(given, transform)
+    if np.isnan(sampled.values).all():
+        raise RequestError("The array has no heights.", "Give a number where there is one.")
     pixels = sampled.grid
     if abs(pixels.dx - pixels.dy) > _SQUARE * pixels.dx:
         raise RequestError(

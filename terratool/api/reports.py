@@ -1,4 +1,4 @@
-"""Results about vehicles that show themselves: in lines as the command, in notebooks as tables."""
+"""Results that show themselves: in lines as the command, in notebooks as tables."""
 
 from __future__ import annotations
 
@@ -6,11 +6,18 @@ from collections.abc import Iterator
 from dataclasses import fields
 from html import escape
 
+from msgspec import structs
+
 from terratool.report.tables import Table
 from terratool.text.display import printable
 from terratool.traversability.report import comparison, tables, wording
 from terratool.traversability.report.lines import as_lines
 from terratool.traversability.results import Reports, TraversabilityReport, VehicleComparison
+from terratool.viewing.diff import report as diff_report
+from terratool.viewing.diff.results import Comparison, Difference, FileDifference
+
+OTHER = "the other terrain"
+"""Name of the new side of a difference whose sides are of one file."""
 
 
 class ShownReport(TraversabilityReport):
@@ -50,14 +57,40 @@ class ShownComparison(VehicleComparison):
         return f"<div>{headline}{''.join(map(_table, found))}</div>"
 
 
-def shown(found: Reports) -> ShownReport | ShownComparison:
+class ShownDifference(Difference, frozen=True):
+    """A difference that says what it found, in a terminal and in a notebook."""
+
+    def __repr__(self) -> str:
+        old, new = map(printable, (self.old, self.new))
+        return f"<Difference from {old} to {new}: {self._file.status}>"
+
+    def __str__(self) -> str:
+        text = diff_report.as_text(Comparison((self._file,)), diff_report.MOST)
+        return text.replace(diff_report.ALL, "; its attributes have all")
+
+    def _repr_html_(self) -> str:
+        """Lines of the difference, for notebooks."""
+        return f"<pre>{escape(str(self))}</pre>"
+
+    @property
+    def _file(self) -> FileDifference:
+        return FileDifference(self.new, "same" if self.same else "different", self)
+
+
+def shown_difference(found: Difference) -> ShownDifference:
+    """Difference that shows itself, and whose sides have different names."""
+    new = OTHER if found.old == found.new else found.new
+    return ShownDifference(**{**structs.asdict(found), "new": new})
+
+
+def shown_report(found: Reports) -> ShownReport | ShownComparison:
     """Report, or comparison with its reports, that shows itself."""
     if isinstance(found, VehicleComparison):
-        return ShownComparison(tuple(map(_shown_report, found.reports)), found.notes)
-    return _shown_report(found)
+        return ShownComparison(tuple(map(_alone, found.reports)), found.notes)
+    return _alone(found)
 
 
-def _shown_report(report: TraversabilityReport) -> ShownReport:
+def _alone(report: TraversabilityReport) -> ShownReport:
     return ShownReport(*(getattr(report, one.name) for one in fields(report)))
 
 

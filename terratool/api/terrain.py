@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -15,15 +14,23 @@ from rasterio.transform import Affine
 
 from terratool.api.mapping import AnyMap, any_map
 from terratool.api.options import fill, listed, public, takes
-from terratool.api.reports import ShownComparison, ShownReport, shown
+from terratool.api.reports import (
+    ShownComparison,
+    ShownDifference,
+    ShownReport,
+    shown_difference,
+    shown_report,
+)
 from terratool.api.showing import ShownTerrain
 from terratool.api.sources import UNNAMED, AnyDefinition, checked_source, roots_of, source_of
+from terratool.api.values import shown
 from terratool.api.verbs import INTERNAL, missing
 from terratool.definition.grid_files import as_written
 from terratool.definition.model import Definition
 from terratool.definition.reader import Checked
 from terratool.errors import RequestError
 from terratool.field.terrain import SHARE_ABOVE
+from terratool.field.types import real_numbers
 from terratool.mesh.export import MeshOptions
 from terratool.mesh.request import AnyMeshReport, MeshRequest, write_mesh_files
 from terratool.output import refuse_existing, refuse_missing_folder
@@ -60,7 +67,6 @@ from terratool.traversability.ruts import (
 )
 from terratool.traversability.vehicle import Vehicle, load_vehicle
 from terratool.viewing.diff.compare import DiffOptions, diff
-from terratool.viewing.diff.results import Difference
 from terratool.viewing.diff.sides import DiffSide
 from terratool.viewing.diff.writing import GroundFiles
 from terratool.viewing.differences import refuse_picture
@@ -366,7 +372,7 @@ class UserTerrain(ShownTerrain):
         places = {"routes": _lines(routes), "waypoints": _ways(waypoints)}
         request = fill(Request, options, **places)
         planned = prepare(self, vehicles, request, map_path=map, overwrite=overwrite)
-        return shown(assess_all(planned, self.name, files))
+        return shown_report(assess_all(planned, self.name, files))
 
     @overload
     def deform(
@@ -529,7 +535,7 @@ class UserTerrain(ShownTerrain):
         picture: str | Path | None = None,
         overwrite: bool = False,
         **options: Any,
-    ) -> Difference:
+    ) -> ShownDifference:
         """Say what differs from here to another terrain, the new one, as `terratool diff` does.
 
         Args:
@@ -548,13 +554,13 @@ class UserTerrain(ShownTerrain):
         """
         files = GroundFiles(map, picture, overwrite)
         files.check()
-        driven = _vehicles(vehicles)
+        wanted = fill(DiffOptions, options, vehicles=tuple(_vehicles(vehicles)))
         new = other if isinstance(other, UserTerrain) else load(other)
         before, after = DiffSide(self._checked(), self), DiffSide(new._checked(), new)
-        wanted = fill(DiffOptions, options, vehicles=tuple(driven))
         compared = diff(before, after, wanted)
-        files.write(compared, wanted)
-        return compared.difference
+        found = shown_difference(compared.difference)
+        files.write(replace(compared, difference=found), wanted)
+        return found
 
 
 @takes()
@@ -611,7 +617,7 @@ def _lines(routes: Any) -> tuple[Line, ...]:
 def _ways(waypoints: Any) -> tuple[Any, ...]:
     """Points of each way, where rows of x and y are one way."""
     points = _numbers(waypoints)
-    is_one = points.ndim == 2 and points.shape[1] == 2
+    is_one = points is not None and points.ndim == 2 and points.shape[1] == 2
     several = isinstance(waypoints, str | Path | Sequence | np.ndarray) and not is_one
     return tuple(map(_points, listed(waypoints) if several else [waypoints]))
 
@@ -621,10 +627,8 @@ def _points(way: Any) -> Any:
     if isinstance(way, str | Path):
         return read_waypoints(way)
     points = _numbers(way)
-    if points.ndim != 2 or points.shape[1] != 2 or len(points) < 2:
-        raise RequestError(
-            f"Waypoints are an array of shape {points.shape}.", "Give two or more rows of x and y."
-        )
+    if points is None or points.ndim != 2 or points.shape[1] != 2 or len(points) < 2:
+        raise RequestError(f"Waypoints are {_form(way)}.", "Give two or more rows of x and y.")
     return points
 
 
@@ -654,18 +658,25 @@ def _poses(pose: Any) -> Poses:
     """Poses of numbers."""
     if isinstance(pose, Poses):
         return pose
-    rows = np.atleast_2d(_numbers(pose))
-    if rows.ndim != 2 or rows.shape[1] != 6 or math.prod(rows.shape) == 0:
+    rows = _numbers(pose)
+    rows = None if rows is None else np.atleast_2d(rows)
+    if rows is None or rows.ndim != 2 or rows.shape[1] != 6 or not len(rows):
         raise RequestError(
-            f"The pose is an array of shape {_numbers(pose).shape}.",
+            f"The pose is {_form(pose)}.",
             "Give six numbers, x, y, z, yaw, pitch, roll, or rows of them.",
         )
     return Poses.join([one_pose(tuple(row)) for row in rows.tolist()])
 
 
-def _numbers(value: Any) -> NDArray[np.float64]:
-    """Array of numbers; an empty one where the value holds something else."""
+def _numbers(value: Any) -> NDArray[np.float64] | None:
+    """Array of numbers; None where the value holds something else."""
     try:
-        return np.asarray(value, np.float64)
+        return real_numbers(np.asarray(value))
     except (TypeError, ValueError, OverflowError):
-        return np.zeros(0)
+        return None
+
+
+def _form(value: Any) -> str:
+    """Value in words, where it is no array of the wanted shape."""
+    numbers = _numbers(value)
+    return shown(value) if numbers is None else f"an array of shape {numbers.shape}"

@@ -27,7 +27,9 @@ _MEANINGS = {
 """Meanings of the numbers of tuples, by the names of their types."""
 _LATE = {"CRS": "rasterio.crs"}
 """Types that records import for type checkers alone, with their modules."""
-_NOUNS: dict[Any, str] = {float: "number", int: "whole number", str: "text", Path: "path"}
+_NOUNS: dict[Any, str] = {
+    float: "number", int: "whole number", str: "text", Path: "path", Mapping: "dictionary",
+}  # fmt: skip
 """Values of plain types in words."""
 
 
@@ -46,7 +48,7 @@ def fitted(name: str, value: Any, annotation: str, home: str) -> Any:
     kind = _type_of(annotation, home) if annotation else Any
     found = _fitting(value, kind)
     if found is _UNFIT:
-        raise RequestError(f"{name} is {_shown(value)}.", _remedy(value, annotation, kind))
+        raise RequestError(f"{name} is {shown(value)}.", _remedy(value, annotation, kind))
     return found
 
 
@@ -138,7 +140,7 @@ _PLAIN: dict[Any, Any] = {float: _number, int: _whole, bool: _flag, str: _text}
 # --- words ----------------------------------------------------------------------------------------
 
 
-def _shown(value: Any) -> str:
+def shown(value: Any) -> str:
     """Value for a message, or its type where that is long or says nothing."""
     if isinstance(value, int) and abs(value) > sys.maxsize:
         return "too large a number"
@@ -176,8 +178,8 @@ def _wanted(kind: Any, several: bool = False) -> str:
         return f"a list of {_wanted(inner[0], several=True)}"
     if kind is bool:
         return "True or False"
-    noun = _NOUNS.get(kind) or getattr(kind, "__name__", str(kind))
-    return f"{noun}s" if several else f"a {noun}"
+    noun = _NOUNS.get(origin or kind) or str(getattr(kind, "__name__", kind))
+    return f"{noun}s" if several else f"{'an' if noun[0] in 'AEIOU' else 'a'} {noun}"
 
 
 def _either(words: list[str]) -> str:

@@ -21,13 +21,11 @@ from terratool.cli.options import (
 from terratool.cli.saying import say, say_json
 from terratool.cli.terminal import StatusLine, load
 from terratool.report.documents import Document
-from terratool.report.numbers import coordinates, located, tenths
-from terratool.report.tables import align
-from terratool.report.wording import count_of
-from terratool.text.display import quote
+from terratool.report.numbers import tenths
+from terratool.sensing.lines import comparison_lines, shown_metres
 
 if TYPE_CHECKING:
-    from terratool.sensing.comparison import Errors, MapComparison
+    from terratool.sensing.comparison import MapComparison
 
 
 @click.command(
@@ -91,7 +89,7 @@ def command(
     if as_json:
         say_json(_document(comparison))
     else:
-        for line in as_text(comparison):
+        for line in comparison_lines(comparison):
             say(line)
     failed = list(_missed_conditions(comparison, max_rmse, min_coverage))
     for line in failed:
@@ -107,7 +105,7 @@ def _missed_conditions(
     if max_rmse is not None and math.isnan(rmse):
         yield f"No height is known in both, so the RMSE is not shown to be within {max_rmse:g} m."
     elif max_rmse is not None and rmse > max_rmse:
-        yield f"The RMSE of {_metres(rmse)} is more than {max_rmse:g} m."
+        yield f"The RMSE of {shown_metres(rmse)} is more than {max_rmse:g} m."
     if min_coverage is not None and math.isnan(coverage):
         yield "The terrain has no ground that could be covered."
     elif min_coverage is not None and coverage < min_coverage:
@@ -196,74 +194,3 @@ def _document(comparison: MapComparison) -> ComparisonDocument:
         ],
         **asdict(comparison.errors),
     )
-
-
-def as_text(comparison: MapComparison) -> Iterator[str]:
-    """Comparison in lines for people."""
-    level, errors, worst = comparison.map.level, comparison.errors, comparison.worst
-    share = f"{tenths(comparison.coverage)} of the ground" if comparison.ground else "no ground"
-    yield (
-        f"{comparison.map.name}: {share}, {comparison.known:,} of "
-        f"{count_of(comparison.ground, 'cell')} of {level.grid.resolution:g} m"
-    )
-    if comparison.beyond:
-        yield f"  Without ground in the terrain: {count_of(comparison.beyond, 'cell')}."
-    if worst is None:
-        yield "  No cell is known in both, so nothing is said of heights."
-        return
-    yield f"  RMSE {_metres(errors.rmse)}, bias {_signed_metres(errors.bias)}."
-    surface = "" if worst.surface is None else f", on {quote(worst.surface)}"
-    # to a tenth of the error, so that the heights show it
-    step = 10.0 * abs(worst.mapped - worst.true) or 1.0
-    mapped, true = (located([height], step, 4) for height in (worst.mapped, worst.true))
-    yield (
-        f"  Worst at {coordinates((worst.x, worst.y))}: {mapped} m in place of {true} m{surface}."
-    )
-    if math.isfinite(comparison.within):
-        yield f"  Within two standard deviations: {tenths(comparison.within)}."
-    yield from _table(
-        ("surface", "ground", "known", "RMSE", "bias", "right surface"),
-        [
-            (
-                quote(one.name) if one.name else "none",
-                f"{one.ground:,}",
-                tenths(one.errors.cells / one.ground),
-                *_pair(one.errors),
-                tenths(one.right / one.named) if one.named else "",
-            )
-            for one in comparison.surfaces
-        ],
-    )
-    if not comparison.distances:
-        yield "  The map does not say from how far it was seen."
-        return
-    yield from _table(
-        ("distance", "cells", "RMSE", "bias"),
-        [
-            (
-                f"{one.low:g} to {one.high:g} m"
-                if math.isfinite(one.high)
-                else f"{one.low:g} m on",
-                f"{one.errors.cells:,}",
-                *_pair(one.errors),
-            )
-            for one in comparison.distances
-        ],
-    )
-
-
-def _pair(errors: Errors) -> tuple[str, str]:
-    return (_metres(errors.rmse), _signed_metres(errors.bias)) if errors.cells else ("", "")
-
-
-def _table(head: tuple[str, ...], rows: list[tuple[str, ...]]) -> Iterator[str]:
-    # the last cell is empty, as a last column would be flush left
-    return (f"  {line}" for line in align([[*row, ""] for row in (head, *rows)]))
-
-
-def _metres(metres: float) -> str:
-    return f"{metres:.4f} m"
-
-
-def _signed_metres(metres: float) -> str:
-    return f"{round(metres, 4) + 0.0:+.4f} m"  # -0.0 + 0.0 is 0.0

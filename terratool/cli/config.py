@@ -17,8 +17,9 @@ from typing import Annotated, Any, NamedTuple, TypeVar
 import msgspec
 from msgspec import Meta, Struct, field
 
+from terratool.cli.config_words import wrong_setting, wrong_table
 from terratool.cli.patterns import hint_on, idle_patterns, is_match
-from terratool.errors import ReadError, RequestError
+from terratool.errors import ReadError, RequestError, TerratoolError
 from terratool.output import is_same_file
 from terratool.report.wording import count_of
 from terratool.text.display import quote
@@ -66,6 +67,21 @@ class FileDrive(NamedTuple):
 
     settings: DriveSettings
     sources: dict[str, str]
+
+    @contextlib.contextmanager
+    def telling(self, name: str) -> Iterator[None]:
+        """Have errors about an attribute within the block say where it is set, if not by options.
+
+        Args:
+            name: name of the attribute.
+        """
+        try:
+            yield
+        except TerratoolError as error:
+            if source := self.sources.get(name):
+                error.message = f"{source}: {error.message.replace('--fail-on', 'fail-on', 1)}"
+                error.args = (error.message,)
+            raise
 
     @property
     def places(self) -> dict[str, Any]:
@@ -298,16 +314,46 @@ def find_config(start: Path) -> Config:
 
 
 def _tables(table: Any) -> Iterator[tuple[str, Any, Any]]:
-    """Yield tables of settings, the whole last, each with words on it and its type."""
+    """Yield tables of settings, the whole last, each with its name and its type."""
     drive = table.get("traversability") if isinstance(table, dict) else None
     files = drive.get("per-file") if isinstance(drive, dict) else None
     if isinstance(files, dict) and len(files) <= _MOST_PATTERNS:
         for pattern, settings in files.items():
-            of = f"[traversability.per-file.{quote(pattern)}]"
-            yield f"{of} has a setting that is", settings, DriveSettings
+            yield f"traversability.per-file.{quote(pattern)}", settings, DriveSettings
     if drive is not None:
-        yield "[traversability] has a setting that is", drive, DriveConfig
-    yield "has a setting that is", table, Config
+        yield "traversability", drive, DriveConfig
+    yield "", table, Config
+
+
+def _refuse_wrong(path: Path, name: str, table: Any, kind: Any) -> None:
+    """Refuse a table of settings that has an unknown one, or one of another type.
+
+    Args:
+        path: file of the settings.
+        name: name of the table; empty for the whole.
+        table: the table.
+        kind: struct that it should be.
+
+    Raises:
+        RequestError: a setting is not taken.
+    """
+    if not isinstance(table, dict):
+        said, hint = wrong_table(name or "tool.terratool", table)
+        raise RequestError(f"{path}: {said}", hint)
+    names = sorted({*kind.__struct_encode_fields__} - {*_OWN_FIELDS})
+    for key in table:
+        if key not in names:
+            hint = f"{guess(key, names)} There are {', '.join(names)}.".lstrip()
+            where = f"[{name}] has" if name else "has"
+            raise RequestError(
+                f"{path}: {where} a setting that is not taken ({quote(key)} is no key).", hint
+            )
+    for one in msgspec.structs.fields(kind):
+        if one.encode_name in table:
+            wrong = wrong_setting(one.encode_name, table[one.encode_name], one.type)
+            if wrong is not None:
+                said, hint = wrong
+                raise RequestError(f"{path}: {name}{'.' * bool(name)}{said}", hint)
 
 
 def read_config(path: Path, named: bool = False) -> Config | None:
@@ -347,16 +393,7 @@ def read_config(path: Path, named: bool = False) -> Config | None:
         table = tool.get("terratool") if isinstance(tool, dict) else None
         if table is None:
             return None
-    for where, part, kind in _tables(table):
-        names = sorted({*kind.__struct_encode_fields__} - {*_OWN_FIELDS})
-        for key in part if isinstance(part, dict) else ():
-            if key not in names:
-                hint = f"{guess(key, names)} There are {', '.join(names)}.".lstrip()
-                raise RequestError(f"{path}: {where} not taken ({quote(key)} is no key).", hint)
-        try:
-            config: Config = msgspec.convert(part, kind)  # the last one is
-        except msgspec.ValidationError as error:
-            raise RequestError(
-                f"{path}: {where} not taken ({error}).", f"There are {', '.join(names)}."
-            ) from error
+    for name, part, kind in _tables(table):
+        _refuse_wrong(path, name, part, kind)
+    config = msgspec.convert(table, Config)
     return msgspec.structs.replace(config, file=str(path), folder=str(path.parent), named=named)

@@ -106,9 +106,11 @@ class GatePlan(Struct, frozen=True):
         own = drive.settings
         paths = own.vehicles or ()
         if paths not in known:
-            known[paths] = tuple(self.vehicles(paths))
+            with drive.telling("vehicles"):
+                known[paths] = tuple(self.vehicles(paths))
         routed = bool(own.routes or self.request.waypoints)
-        conditions = answerable(own.fail_on or (), routed, own.start is not None)
+        with drive.telling("fail_on"):
+            conditions = answerable(own.fail_on or (), routed, own.start is not None)
         checks = [parse(text) for text in conditions]
         request = replace(
             self.request, resolution=own.resolution,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -17,8 +17,7 @@ from terratool.cli.options import (
 from terratool.cli.saying import say, say_json
 from terratool.cli.terminal import StatusLine
 from terratool.report.documents import Document
-from terratool.report.wording import count_of, join_words
-from terratool.text.display import quote
+from terratool.sensing.lines import map_lines
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -27,8 +26,6 @@ if TYPE_CHECKING:
 
 # equal to those of terratool.sensing.robot_map, which is not imported for --help; a test checks
 LEVELS, MOST_LEVELS, SIGMA = 3, 12, 0.02
-_MOST_NAMES = 20
-"""Most names of surfaces that are printed."""
 
 
 @click.command(
@@ -116,7 +113,7 @@ def command(
     if as_json:
         say_json(_document(robot_map, files))
     else:
-        for line in as_text(robot_map, files):
+        for line in map_lines(robot_map, str(files[0]), [file.name for file in files[1:]]):
             say(line)
 
 
@@ -149,20 +146,3 @@ def _document(robot_map: RobotMap, files: list[Path]) -> MapDocument:
         seen=robot_map.seen,
         surfaces=robot_map.surfaces,
     )
-
-
-def as_text(robot_map: RobotMap, files: list[Path]) -> Iterator[str]:
-    """Summary of a map, in lines for people."""
-    grid, cells = robot_map.grid, robot_map.grid.width * robot_map.grid.height
-    yield (
-        f"{files[0]}: {count_of(robot_map.points, 'reading')} in {robot_map.seen:,} of {cells:,} "
-        f"cells of {grid.resolution:g} m"
-    )
-    if files[1:]:
-        yield f"  With it: {join_words([file.name for file in files[1:]])}."
-    names = [quote(name) for name in robot_map.surfaces[:_MOST_NAMES]]
-    if names:
-        more = len(robot_map.surfaces) - len(names)
-        yield f"  Surfaces: {join_words([*names, *([f'{more:,} more'] if more else [])])}."
-    if robot_map.outside:
-        yield f"  Out of the bounds: {count_of(robot_map.outside, 'reading')}."

@@ -240,7 +240,8 @@ def command(
     routes, start, resolution = asked.routes or (), asked.start, asked.resolution
     travels = bool(routes or waypoints)
     # settings are of many terrains
-    wanted = conditions or answerable(asked.fail_on or (), travels, start is not None)
+    with drive.telling("fail_on"):
+        wanted = conditions or answerable(asked.fail_on or (), travels, start is not None)
     checks = [parse(text) for text in wanted]
     lines_only, curves = (
         [path for path in reports if Path(path).suffix.lower() == suffix]
@@ -252,7 +253,8 @@ def command(
     for path in reports:
         renderer_of(path)  # refuses other suffixes
     _refuse_outputs((file, *paths, *waypoints), reports, _maps(map_, paths), overwrite)
-    vehicles = vehicles_of(paths)
+    with drive.telling("vehicles"):
+        vehicles = vehicles_of(paths)
     wants_map = map_ is not None or len(lines_only) + len(curves) < len(reports)
     request = replace(
         base,

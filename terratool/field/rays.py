@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from terratool.errors import RequestError
 from terratool.field.rasters import refuse_grids
+from terratool.field.types import real_numbers
 from terratool.kernels import field as kernels
 
 if TYPE_CHECKING:
@@ -106,9 +107,10 @@ def cast(
     if threads is not None and threads < 1:
         raise RequestError(f"The number of threads is {threads}.", "Give 1 or more.")
     try:
-        origins, directions = np.asarray(origins, np.float64), np.asarray(directions, np.float64)
-        most = np.asarray(max_range, np.float64)
-    except (TypeError, ValueError):
+        origins, directions, most = (
+            real_numbers(np.asarray(one)) for one in (origins, directions, max_range)
+        )
+    except (TypeError, ValueError, OverflowError):
         raise RequestError(
             "An origin, direction or range is no number.", "Give numbers, or arrays of them."
         ) from None

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from decimal import Decimal
+from numbers import Real
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
@@ -108,6 +110,22 @@ class TerrainField(Protocol):
         ...
 
 
+def real_numbers(array: NDArray[Any]) -> NDArray[np.float64]:
+    """An array as float64, masked where it is.
+
+    Raises:
+        TypeError, OverflowError: an item is no real number, such as a text, a date or None, which
+            NumPy would take for some; or too large a one.
+    """
+    plain = np.asarray(array)
+    real = plain.dtype.kind in "biuf" or (
+        plain.dtype.kind == "O" and all(isinstance(one, Real | Decimal) for one in plain.flat)
+    )
+    if not real:
+        raise TypeError("an item is no real number")
+    return array.astype(np.float64, copy=False)
+
+
 def points_of(x: ArrayLike, y: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Coordinates of points as float64 arrays of one shape, which broadcast views may be.
 
@@ -115,8 +133,8 @@ def points_of(x: ArrayLike, y: ArrayLike) -> tuple[NDArray[np.float64], NDArray[
         RequestError: a coordinate is no number, or the shapes do not fit together.
     """
     try:
-        x, y = np.asarray(x, np.float64), np.asarray(y, np.float64)
-    except (TypeError, ValueError):
+        x, y = real_numbers(np.asarray(x)), real_numbers(np.asarray(y))
+    except (TypeError, ValueError, OverflowError):
         raise RequestError(
             "A coordinate is no number.", "Give numbers, or arrays of them."
         ) from None

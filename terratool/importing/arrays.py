@@ -13,6 +13,7 @@ from rasterio.transform import Affine
 
 from terratool.definition.crs import CrsValue
 from terratool.errors import RequestError
+from terratool.field.types import real_numbers
 from terratool.importing.types import PixelGrid, SampledHeights
 from terratool.io.crs import read_crs, spell_crs
 
@@ -62,10 +63,10 @@ def sampled_array(
         crs = heights.crs if crs is None else crs
         heights = heights.heights
     try:
-        masked = np.ma.masked_invalid(np.ma.asarray(heights, np.float64))
+        masked = np.ma.masked_invalid(real_numbers(np.ma.asarray(heights)))
     except (TypeError, ValueError, OverflowError) as error:
         raise RequestError(
-            "The heights are no array of numbers.", "Give one of rows and columns."
+            "The heights are no array of real numbers.", "Give one of rows and columns."
         ) from error
     values = masked.filled(np.nan)
     if values.ndim != 2 or not values.size:

@@ -305,7 +305,16 @@ class DemArrays:
         return np.asarray(self.transform.f + (np.arange(self.shape[0]) + 0.5) * self.transform.e)
 
     def __getitem__(self, band: str) -> NDArray[Any]:
-        """Array of a band by its name."""
+        """Array of a band by its name.
+
+        Raises:
+            RequestError: there is no such band.
+        """
+        if not isinstance(band, str) or band not in self.bands:
+            raise RequestError(
+                f"The DEM has no band {band!r}, but {join_words(list(self.bands))}.",
+                "Name one of these, or ask for it among the layers.",
+            )
         return self.bands[band]
 
     def __array__(

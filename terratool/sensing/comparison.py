@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from html import escape
 from itertools import pairwise
 from typing import Any
 
@@ -15,8 +16,11 @@ from terratool.errors import RequestError
 from terratool.field.terrain import Terrain, check_overlap
 from terratool.raster.geotiff import crs_of
 from terratool.raster.grid import Window
+from terratool.report.wording import count_of
+from terratool.sensing.lines import comparison_lines, shown_metres
 from terratool.sensing.map_files import MapFile
 from terratool.sensing.robot_map import MapLevel
+from terratool.text.display import printable
 
 Floats = NDArray[np.float64]
 
@@ -136,6 +140,18 @@ class MapComparison:
     surfaces: tuple[SurfaceErrors, ...]
     distances: tuple[BandErrors, ...]
     truth: Floats
+
+    def __repr__(self) -> str:
+        said = f"{self.known:,} of {count_of(self.ground, 'cell')}"
+        error = "" if self.worst is None else f", RMSE {shown_metres(self.errors.rmse)}"
+        return f"<MapComparison of {printable(self.map.name)}: {said}{error}>"
+
+    def __str__(self) -> str:
+        return "\n".join(map(printable, comparison_lines(self)))
+
+    def _repr_html_(self) -> str:
+        """Lines of the comparison, for notebooks."""
+        return f"<pre>{escape(str(self))}</pre>"
 
     @property
     def coverage(self) -> float:

@@ -16,6 +16,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from html import escape
 from pathlib import Path
 from typing import Any
 
@@ -28,8 +29,11 @@ from terratool.field.terrain import refuse_empty
 from terratool.io.points import MOST_NAMES
 from terratool.raster.grid import Grid
 from terratool.report.numbers import coordinates
+from terratool.report.wording import count_of
 from terratool.sensing.clouds import Cloud, read_clouds, reader_of
+from terratool.sensing.lines import map_lines
 from terratool.sensing.sensor import Noise
+from terratool.text.display import printable
 from terratool.text.files import is_pipe
 
 Floats = NDArray[np.float64]
@@ -255,6 +259,17 @@ class RobotMap:
         self._numbers: dict[str, int] = {}
         # votes by cell and surface: keys cell << 20 | surface, ascending
         self._voted, self._votes = np.zeros(0, np.int64), np.zeros(0, np.int64)
+
+    def __repr__(self) -> str:
+        sides = f"{self.grid.width:,} × {self.grid.height:,} cells of {self.grid.resolution:g} m"
+        return f"<RobotMap of {sides}: {count_of(self.points, 'reading')}>"
+
+    def __str__(self) -> str:
+        return "\n".join(map(printable, map_lines(self, "the map")))
+
+    def _repr_html_(self) -> str:
+        """Lines of the map, for notebooks."""
+        return f"<pre>{escape(str(self))}</pre>"
 
     @property
     def surfaces(self) -> list[str]:

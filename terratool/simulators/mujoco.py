@@ -250,7 +250,7 @@ def _loss_sentence(
     if found.solids:
         parts.append(f"solids are up to {metres(solids)} off the terrain, square to it")
         if (found.raised or allowed > wanted) and geoms <= most:
-            parts[0] += f", to keep to {count_of(most, 'geom')}"
+            parts[0] += f", to keep to {count_of(most, 'geom')}: --max-geoms N allows more"
         if len({solid.surface for solid in found.solids}) > 1:
             parts.append(f"they reach up to {metres(_SEAM * wanted)} into other surfaces")
     if found.patches:

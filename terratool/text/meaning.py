@@ -113,8 +113,9 @@ def guess(word: object, known: Iterable[str]) -> str:
 def spelled_like(word: str, known: Iterable[str], most: int = 2, least: float = 0.6) -> list[str]:
     """Names whose letters are like those of a word, the likeliest first.
 
-    First come names that have the word as one of theirs, then those that contain it or are
-    contained in it, in the order of `known`, then the most similar ones.
+    First come names of the same letters, then those that have the word as one of theirs, then
+    those that contain it or are contained in it, in the order of `known`, then the most similar
+    ones.
 
     Args:
         word: wrong word, such as "stairs" for "pyramidStairs".
@@ -133,6 +134,7 @@ def spelled_like(word: str, known: Iterable[str], most: int = 2, least: float = 
             inside = len(other) >= _SHORTEST and other in plain
             if name not in found and (plain in other or inside):
                 found.append(name)
+    found.sort(key=lambda name: _letters(name) != plain)
     found += [name for name in get_close_matches(word, names, most, least) if name not in found]
     return found
 

@@ -66,12 +66,14 @@ def read_source(
                 raise OSError("it is closed")
             data = sys.stdin.buffer.read(most + 1)
             name = "<stdin>"
+        elif not name:
+            raise ValueError("it is empty")
         else:
             with open_file(path, named=named) as file:
                 data = read_up_to(file, most + 1)
     except OSError as error:
         raise ReadError.of(name, error) from error
-    except (ValueError, TypeError) as error:  # with NUL in it, or of no type that paths have
+    except (ValueError, TypeError) as error:  # empty, with NUL, or of no type that paths have
         raise ReadError(f"{name!r}: is no name of a file.", "Check the path.") from error
     data = _within_limit(name, data, most, hint)
     packed = data.startswith(GZIP)

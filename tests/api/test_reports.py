@@ -28,6 +28,7 @@ SITE: dict[str, Any] = {
         "children": [{"cellX": 1, "cellY": 0, "type": "slope", "vScale": 8, "surface": "rock"}],
     },
 }  # fmt: skip
+SAND = {"preset": "dry-sand"}
 COARSE = {"resolution": 0.5, "headings": 4}
 LINE = (2.0, 3.0, 5.0, 9.0)
 
@@ -108,6 +109,57 @@ def test_results_have_a_short_text_of_their_own(file: Path) -> None:
     assert repr(terratool.check(file)) == f"<Checked {file}: nothing found>"
     wrong = {**SITE, "siez": 3, "elemTree": {"type": "slop"}}
     assert repr(terratool.check(wrong)) == "<Checked the definition: 2 errors, 2 warnings>"
+
+
+def test_a_difference_prints_what_the_command_prints(
+    file: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(file.parent)
+    wear = [{"cellX": n % 8, "cellY": n // 8, "type": "slope", "vScale": n / 99} for n in range(32)]
+    tree = {**SITE["elemTree"], "cells": [8, 4], "children": wear}
+    Path("new.json").write_text(json.dumps({**SITE, "elemTree": tree}), "utf-8")
+    found = terratool.load("site.json").diff("new.json", vehicles=HUSKY, resolution=0.5)
+    words = ("--vehicle", str(HUSKY), "--resolution", "0.5")
+    printed = call("diff", "site.json", "new.json", *words).out
+    limit = "; --max-changes 0 lists all\n"
+    assert limit in printed and "--" not in str(found)
+    assert str(found) + "\n" == printed.replace(limit, "; its attributes have all\n")
+    assert repr(found) == "<Difference from site.json to new.json: different>"
+    shown_text = TextOf(found._repr_html_()).text
+    assert shown_text == str(found) and pickle.loads(pickle.dumps(found)) == found
+
+
+def test_two_sides_of_one_file_have_names_of_their_own(file: Path) -> None:
+    file.write_text(json.dumps({**SITE, "surfTypes": {"slab": SAND, "rock": SAND}}), "utf-8")
+    terrain = terratool.load(file)
+    driven = terrain.deform(HUSKY, [(2, 3), (6, 3)])
+    found = terrain.diff(driven, resolution=0.5)
+    assert (found.old, found.new) == (str(file), "the other terrain")
+    assert repr(found) == f"<Difference from {file} to the other terrain: different>"
+    assert str(found).startswith("the other terrain: different\n")
+    assert str(terrain.diff(terrain)) == "the other terrain: same terrain"
+    assert repr(terrain.diff(terrain)).endswith(": same>")
+
+
+def test_maps_print_what_the_commands_print(tmp_path: Path, file: Path) -> None:
+    points = [f"{0.5 * n},{0.25 * n},{0.1 + 0.01 * n},slab" for n in range(30)]
+    cloud = tmp_path / "cloud.csv"
+    cloud.write_text("x,y,z,surface\n" + "\n".join(points) + "\n99,99,1,<b>\n", "utf-8")
+    out, bounds = tmp_path / "map.tif", (0, 0, 16, 12)
+    words = ("--resolution", "1", "--bounds", *map(str, bounds))
+    printed = call("map", str(cloud), str(out), "--levels", "1", *words).out
+    made = terratool.map_scans(cloud, resolution=1, bounds=bounds, levels=1)
+    assert str(made) + "\n" == printed.replace(str(out), "the map")
+    assert repr(made) == "<RobotMap of 16 × 12 cells of 1 m: 30 readings>"
+    assert TextOf(made._repr_html_()).text == str(made)
+    terrain = terratool.load(file)
+    printed = call("compare", str(out), str(file)).out
+    found = terrain.compare(out)
+    assert str(found) + "\n" == printed
+    assert str(terrain.compare(made)) + "\n" == printed.replace(str(out), "the map")
+    known = f"{found.known} of 192 cells, RMSE {found.errors.rmse:.4f} m"
+    assert repr(found) == f"<MapComparison of {out}: {known}>"
+    assert TextOf(found._repr_html_()).text == str(found)
 
 
 def test_verdicts_are_words_and_still_numbers() -> None:

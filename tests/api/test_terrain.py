@@ -92,7 +92,7 @@ def test_a_definition_comes_in_any_form(file: Path) -> None:
     [
         ('{"size": 3}', "DefinitionError", "the definition:1:1: TT104"),
         (b"\x1f\x8b\x08 no gzip", "ReadError", "the definition"),
-        ({"size": {1, 2}}, "RequestError", "it holds a set"),
+        ({"size": {1, 2}}, "RequestError", "it holds a value of type set"),
         ("nowhere.json", "ReadError", "nowhere.json: cannot be read"),
         ({"mass": 3, "wheels": {}}, "DefinitionError", "is a vehicle, where a terrain is wanted"),
         (5, "RequestError", "of type int is given. Give the path of a file, JSON as text"),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 import math
 from collections.abc import Callable
+from decimal import Decimal
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -17,9 +18,11 @@ import terratool
 from terratool.api.starting import starter_options
 from terratool.api.values import fitted
 from terratool.authoring.starters.build import KINDS
+from terratool.field.rays import cast
 from tests.commands import ROOT
 
 HUSKY = ROOT / "samples/vehicles/husky-a200.json"
+ROUGH = ROOT / "samples/curricula/rough.json"
 SONAR = ROOT / "samples/sensors/senscomp-6500.json"
 SITE: dict[str, Any] = {
     "size": [4, 3],
@@ -169,13 +172,37 @@ def test_any_value_of_a_starter_is_taken_or_refused(kind: str) -> None:
          "kind is 'foo'. Choose terrain, library, vehicle, curriculum or sensor."),
         (lambda t: terratool.check(SITE, limit=10**30), "limit is too large a number. Give a who"),
         (lambda t: terratool.import_terrain(RAGGED, transform=PLACE, max_error=1),
-         "The heights are no array of numbers. Give one of rows and columns."),
+         "The heights are no array of real numbers. Give one of rows and columns."),
         (lambda t: terratool.import_terrain(HEIGHTS, transform=PLACE, max_error=1, crs=object()),
          "crs is of type object. Give a text, a whole number"),
         (lambda t: terratool.import_terrain(HEIGHTS, transform=PLACE, max_error=1, nodata="x"),
          "nodata is 'x'. Give a number."),
         (lambda t: definition().add("box", cell="ab"),
          "cell is 'ab'. Give column and row, as in cell=(3, 2)."),
+        (lambda _: terratool.curriculum(ROUGH, seed="a"), "seed is 'a'. Give a whole number."),
+        (lambda _: terratool.curriculum(5), "spec is 5. Give a Spec, a dictionary, a text or a p"),
+        (lambda _: terratool.curriculum(ROUGH, seed=[1]), "seed is [1]. Give a whole number."),
+        (lambda _: terratool.curriculum(ROUGH, seed=1.5), "seed is 1.5. Give a whole number."),
+        (lambda t: t.to_dem(layers=["height", "surface"])["slope"],
+         "The DEM has no band 'slope', but height and surface. Name one of these, or ask for it"),
+        (lambda t: t.to_dem()[0], "The DEM has no band 0, but height."),
+        (lambda t: t.scan(SONAR, "24 16 0"),
+         "The pose is '24 16 0'. Give six numbers, x, y, z, yaw, pitch, roll, or rows of them."),
+        (lambda t: t.scan(SONAR, [1, 2]), "The pose is an array of shape (2,). Give six numbers"),
+        (lambda t: t.deform(HUSKY, [("1", 1), (2, 1)]),
+         "Waypoints are [('1', 1), (2, 1)]. Give two or more rows of x and y."),
+        (lambda t: t.deform(HUSKY, (one for one in [(1, 1), (2, 1)])),
+         "Waypoints are of type generator. Give two or more rows of x and y."),
+        (lambda t: t.traversability(HUSKY, waypoints=[("a", 1), (2, 1)]),
+         "Waypoints are ('a', 1). Give two or more rows of x and y."),
+        (lambda t: t.compare(HEIGHTS, transform=5), "Give an Affine or a list of numbers."),
+        (lambda t: terratool.load({"size": object()}),
+         "cannot be written as JSON: it holds a value of type object. Give texts, numbers"),
+        (lambda t: t.diff(OTHER, min_change=math.nan), "min_change is nan. Give a number from 0"),
+        (lambda t: t.diff(OTHER, min_change=-1), "min_change is -1. Give a number from 0 on."),
+        (lambda t: t.diff(OTHER, min_change=math.inf), "min_change is inf. Give a number from 0"),
+        (lambda t: t.compare(np.full((3, 4), np.nan), transform=PLACE),
+         "The array has no heights. Give a number where there is one."),
         (lambda _: terratool.schema("terain"), "no schema 'terain'. Did you mean terrain?"),
     ],
 )  # fmt: skip
@@ -185,11 +212,52 @@ def test_a_wrong_type_is_told_by_the_name_of_the_option(call: Any, says: str) ->
     assert says in str(error.value)
 
 
+@pytest.mark.parametrize(
+    "value",
+    [
+        None, "4", [1, "4"], [1, None], 4j, np.datetime64("2024-01-01"),
+        pytest.param(10**400, id="huge"),
+        np.array(["4"]), np.array([1.0, None]), np.ones(1, complex), np.zeros(1, "m8[s]"),
+    ],
+)  # fmt: skip
+def test_what_is_no_real_number_is_no_coordinate(value: Any) -> None:
+    for asked in ((value, 1), (1, value)):
+        with pytest.raises(terratool.RequestError, match="A coordinate is no number"):
+            terrain().height(*asked)
+    with pytest.raises(terratool.RequestError, match="no number"):
+        cast(terrain(), [[1, 1, value]], [[0, 0, 1]])
+    assert terrain().height(np.array([1, 2.5], object), Decimal(1)).shape == (2,)
+
+
+@pytest.mark.parametrize(
+    "heights",
+    [
+        HEIGHTS + 0j, HEIGHTS.astype("M8[s]"), HEIGHTS.astype("m8[s]"), HEIGHTS.astype(str),
+        np.where(HEIGHTS > 0, HEIGHTS, None), np.ma.masked_less(HEIGHTS + 0j, 0.5),
+    ],
+)  # fmt: skip
+def test_heights_are_real_numbers(heights: Any) -> None:
+    for ask_for in (
+        lambda: terratool.import_terrain(heights, transform=PLACE, max_error=0.1),
+        lambda: terratool.import_primitive(heights, "a", transform=PLACE),
+        lambda: terrain().compare(heights, transform=PLACE),
+    ):
+        with pytest.raises(terratool.RequestError, match="no array of real numbers"):
+            ask_for()
+
+
 @pytest.mark.parametrize("load", [terratool.load_vehicle, terratool.load_sensor])
 def test_what_is_no_path_is_told(load: Any) -> None:
-    for value in (5, [], None):
+    for value in (5, [], None, ""):
         with pytest.raises(terratool.ReadError, match="is no name of a file"):
             load(value)
+
+
+def test_an_empty_path_is_told() -> None:
+    for load in (terratool.load, terratool.check, terratool.curriculum):
+        with pytest.raises(terratool.ReadError) as error:
+            load("")
+        assert str(error.value) == "'': is no name of a file. Check the path."
 
 
 def test_values_become_what_records_hold() -> None:

@@ -491,6 +491,7 @@ def test_what_was_meant_is_guessed(words: tuple[str, ...], meant: str) -> None:
         ("rocks", ("racks", "rock"), "rock"),
         ("ice", ("slice", "nice-ice"), "nice-ice"),
         ("rmap", ("map", "ramp"), "map"),
+        ("nogo-fraction", ("go-fraction", "no-go-fraction"), "no-go-fraction"),
         ("to", ("toe", "station"), "toe"),  # too short to be looked for within others
     ],
 )

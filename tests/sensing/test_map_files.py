@@ -14,12 +14,12 @@ import rasterio
 from numpy.typing import NDArray
 from rasterio.transform import Affine
 
-from terratool.cli.compare import _signed_metres
 from terratool.errors import ReadError, RequestError, WriteError
 from terratool.field.terrain import Terrain
 from terratool.raster.grid import Grid
 from terratool.sensing.clouds import Cloud
 from terratool.sensing.comparison import compare
+from terratool.sensing.lines import signed_metres
 from terratool.sensing.map_files import BANDS, MapOutput, read_map, write_map
 from terratool.sensing.robot_map import MapOptions, RobotMap
 from terratool.sensing.sensor import Noise
@@ -354,7 +354,7 @@ def test_errors_stand_where_they_are(saved: Save, tmp_path: Path) -> None:
 
 
 def test_no_bias_has_no_minus() -> None:
-    assert (_signed_metres(-1e-9), _signed_metres(-0.00126)) == ("+0.0000 m", "-0.0013 m")
+    assert (signed_metres(-1e-9), signed_metres(-0.00126)) == ("+0.0000 m", "-0.0013 m")
 
 
 def test_commands_end_to_end(saved: Save, tmp_path: Path) -> None:

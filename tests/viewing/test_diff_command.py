@@ -18,7 +18,7 @@ from jsonschema import Draft202012Validator
 import terratool
 from terratool.cli import diff
 from terratool.viewing.diff.compare import TOLERANCE
-from terratool.viewing.diff.report import REPORTERS
+from terratool.viewing.diff.report import MOST, REPORTERS
 from tests.commands import COMMAND, ENVIRONMENT, YARD, call
 from tests.viewing.test_diff_elements import CRATE, EDITS, after, give
 from tests.viewing.test_diff_elements import YARD as BEFORE
@@ -469,5 +469,5 @@ def test_outputs_are_refused_before_any_work(pair: tuple[Path, Path], tmp_path: 
 def test_what_help_says_is_what_there_is() -> None:
     """The command names formats and defaults without importing what they are of."""
     default = next(one.default for one in diff.command.params if one.name == "min_change")
-    assert tuple(REPORTERS) == diff.FORMATS
+    assert tuple(REPORTERS) == diff.FORMATS and diff.MOST == MOST
     assert default == TOLERANCE

@@ -7,7 +7,7 @@ from bisect import bisect_left
 from collections.abc import Iterator
 from fractions import Fraction
 from functools import lru_cache, partial
-from itertools import compress, repeat
+from itertools import compress, product, repeat
 from operator import eq
 from typing import Any, NamedTuple
 
@@ -343,7 +343,13 @@ def _hull(primitive: Primitive) -> tuple[Point, ...]:
 
 
 def _grid_hull(grid: GridShape) -> Iterator[Point]:
-    """Points around the numbers of a grid that are not 0, as far as these have an effect."""
+    """Points around the numbers of a grid that are not 0, as far as these have an effect.
+
+    Those of a file are not read: they may be anything anywhere.
+    """
+    if not grid.rows:
+        yield from product((-0.5, 0.5), repeat=2)
+        return
     pixel, rows = grid.registration == "pixel", grid.rows[::-1]  # from the south
     counts = len(rows[0]), len(rows)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -10,7 +11,7 @@ import numpy as np
 from msgspec import structs
 
 from terratool.definition.findings import Bounds
-from terratool.errors import DefinitionError
+from terratool.errors import DefinitionError, RequestError
 from terratool.field.terrain import Terrain
 from terratool.io.crs import shown_crs
 from terratool.raster.geotiff import crs_of
@@ -50,6 +51,10 @@ class DiffOptions:
     resolution: float | None = None
     vehicles: tuple[Vehicle, ...] = ()
     everywhere: bool = False
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.min_change < math.inf:
+            raise RequestError(f"--min-change is {self.min_change:g}.", "Give a number from 0 on.")
 
 
 @dataclass(frozen=True, slots=True)

@@ -25,6 +25,10 @@ from terratool.viewing.diff.results import (
     VerdictChange,
 )
 
+MOST = 20
+"""Default number of lines of a list."""
+ALL = "; --max-changes 0 lists all"
+"""Words behind a list of which some lines are left out."""
 _ALIKE = 3
 """Least number of elements with equal changes that share a line."""
 _NAMED = 3
@@ -95,7 +99,7 @@ def _limit_lines(items: Sequence[Any], most: int, line: Callable[[Any], str]) ->
     shown_items = items[:most] if most else items
     yield from map(line, shown_items)
     if len(items) > len(shown_items):
-        yield f"  … and {len(items) - len(shown_items):,} more; --max-changes 0 lists all"
+        yield f"  … and {len(items) - len(shown_items):,} more{ALL}"
 
 
 def _key(key: KeyChange) -> str:
