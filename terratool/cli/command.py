@@ -180,8 +180,8 @@ def _wrong_number(option: click.Option, words: list[str]) -> str:
             after = spread[place + 1 + len(given) :][:1]
             before = f" before {quote(after[0])}" if after else ""
             return (
-                f"{word} takes {option.nargs} numbers, {wanted}, not {len(given)}{before}. Give all "
-                "of them as separate words."
+                f"{word} takes {option.nargs} numbers, {wanted}, not {len(given)}{before}. Give "
+                "all of them as separate words."
             )
     return ""
 

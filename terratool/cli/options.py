@@ -41,8 +41,8 @@ _NAMED = "output_by_name"
 
 _MADE = (
     ".tif", ".tiff", ".asc", ".png", ".npy", ".vrt", ".geojson", ".gpkg", ".obj", ".wrl", ".x3d",
-    ".glb", ".stl", ".ply", ".usd", ".usda", ".usdc", ".svg", ".pdf", ".pcd", ".las", ".laz", ".npz",
-    ".csv",
+    ".glb", ".stl", ".ply", ".usd", ".usda", ".usdc", ".svg", ".pdf", ".pcd", ".las", ".laz",
+    ".npz", ".csv",
 )  # fmt: skip
 """Suffixes of files that are made of definitions, and are none."""
 
