@@ -136,6 +136,7 @@ def test_a_file_that_is_none_is_told_by_its_reader(tmp_path: Path) -> None:
         (("export-dem", "a.json", "a.tif", "--layer", "heigth"), "Did you mean height?"),
         (("export-dem", "a.json", "a.tif", "--compress", "Zst"), "Did you mean zstd?"),
         (("export-dem", "a.json", "a.tif", "--layer", "qqqqq"), "is not one of"),
+        (("export-sim", "a.json", "out", "--target", "isac"), "Did you mean usd?"),
     ],
 )
 def test_names_that_are_nearly_right_are_guessed_at(arguments: tuple[str, ...], guess: str) -> None:
@@ -187,6 +188,21 @@ def test_words_in_the_wrong_order_are_asked_about(
     assert ran.code == 2 and "--overwrite" not in ran.err
     assert "Is it the other way round?" in ran.err
     assert f"terratool {command} {site} {made}\n" in ran.err
+
+
+def test_a_section_is_a_profile() -> None:
+    ran = call("render", "a.json", "a.png", "--section", 0, 0, 1, 1)
+    assert ran.code == 2 and "Did you mean --profile?" in ran.err
+
+
+@pytest.mark.parametrize("words", [(), ("query",), ("new",), ("new", "stairs")])
+def test_help_is_a_word_too(words: tuple[str, ...]) -> None:
+    """Alone and before a command it gives what --help does."""
+    ran = call("help", *words)
+    assert ran.code == 0 and ran.err == ""
+    assert ran.out == call(*words, "--help").out
+    ran = call("help", "qury")
+    assert ran.code == 2 and "Did you mean query?" in ran.err
 
 
 def test_an_output_before_its_kind_is_put_behind_it() -> None:
