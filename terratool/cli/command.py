@@ -171,12 +171,14 @@ def _wrong_number(option: click.Option, words: list[str]) -> str:
             if not _are_numbers(number):
                 break
             given.append(number)
-        if any("," in number for number in given):
+        few = len(given) < option.nargs
+        # 0,17 in its place is a number with a wrong point
+        if any("," in number if few else number.endswith(",") for number in given):
             return (
                 f"{word} {' '.join(given)} has commas. Give {wanted} as separate words, without "
                 "commas."
             )
-        if len(given) < option.nargs:
+        if few:
             after = spread[place + 1 + len(given) :][:1]
             before = f" before {quote(after[0])}" if after else ""
             return (
