@@ -175,7 +175,7 @@ def test_the_action_passes_its_inputs_as_variables_only() -> None:
     assert all(step["shell"] == "bash" for step in STEPS.values() if "run" in step)
     used = re.findall(r"\$\{\{ inputs\.([\w-]+) }}", (ROOT / "action.yml").read_text())
     assert sorted(used) == sorted(INPUTS)
-    assert [name for name, value in INPUTS.items() if "default" not in value] == ["paths"]
+    assert all("default" in value for value in INPUTS.values())
 
 
 @needs("bash")
@@ -289,6 +289,17 @@ def test_the_action_judges_what_the_settings_name(
         assert last == f"::{first.rpartition(':')[2]}::" and not re.search(r"^::", "\n".join(lines))
         assert "error TD103" in done.stdout
     assert not (workspace / "hit").exists()
+
+
+@needs("bash")
+def test_the_action_takes_paths_and_files_from_the_settings(workspace: Path) -> None:
+    """Without the input paths: it validates what they name, and writes the reports they want."""
+    text = 'paths = ["terrains", "bad, one.json"]\nformats = ["junit=out/terrains.xml"]\n'
+    (workspace / ".terratool.toml").write_text(text)
+    done = step("Validate", workspace)
+    assert (done.returncode, done.stderr) == (1, "")
+    assert "2 files checked" in done.stdout and "::error file=bad%2C one.json" in done.stdout
+    assert '<testsuite name="bad, one.json"' in (workspace / "out" / "terrains.xml").read_text()
 
 
 @needs("bash")
@@ -413,7 +424,6 @@ def test_yaml_of_the_page(text: str) -> None:
     for found in _mappings(yaml.safe_load(text)):
         if str(found.get("uses", "")).startswith("OWNER/terratool@"):
             assert set(found["with"]) <= set(INPUTS)
-            assert "paths" in found["with"]
         for hook in found.get("hooks", []):
             assert hook["id"] in HOOKS
             args = hook.get("args", [])

@@ -65,6 +65,18 @@ class TestLibrary:
                 assert re.search(r"[A-Z]\w+ \d{4}", surface["descr"]), name
 
 
+def test_pages_that_are_named_have_what_is_looked_for() -> None:
+    """The sources of the kit's soils, and Bekker's formula for what deform leaves."""
+    soils = read(ROOT / "samples" / "kit" / "soils.json")
+    (named,) = re.findall(r"docs/[\w-]+\.md", soils["descr"])
+    page = (ROOT / named).read_text("utf-8")
+    presets = {one["preset"] for one in soils["surfTypes"].values() if "preset" in one}
+    assert all(f"| `{preset}` |" in page for preset in presets)
+    text = (ROOT / "docs" / "deform.md").read_text("utf-8")
+    (named,) = re.findall(r"Bekker's formula[^(]*\(\[docs/([\w-]+\.md)\]", text)
+    assert "by Bekker (" in (ROOT / "docs" / named).read_text("utf-8")
+
+
 def placed(path: Path, name: str, size: tuple[float, float], folder: Path) -> Terrain:
     """A terrain of this one part."""
     definition = {

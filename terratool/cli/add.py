@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections import Counter
+from typing import TYPE_CHECKING, Any
 
 import click
 from msgspec import Struct
@@ -19,6 +20,11 @@ from terratool.cli.options import (
 )
 from terratool.cli.saying import say, say_json
 from terratool.report.documents import Document
+from terratool.report.wording import count_of
+
+if TYPE_CHECKING:
+    from terratool.definition.findings import Finding
+    from terratool.definition.reader import Checked
 
 _ALL = 10**9
 _GO_WITH = (
@@ -37,7 +43,7 @@ def _encodable(ctx: click.Context, param: click.Parameter, value: str | None) ->
 
 
 class SaidDocument(Struct, frozen=True):
-    """Finding about an element, as JSON."""
+    """Finding about an element, or one that it brings elsewhere, as JSON."""
 
     line: int
     column: int
@@ -168,16 +174,20 @@ def command(
             f"{coordinates(round(value, 9) for value in own_at)}."
         )
         raise DefinitionError(error.message, hint, error.findings) from error
-    target.write(data, overwrite)
     own = [
         finding
         for finding in checked.findings
         if finding.pointer == pointer or finding.pointer.startswith(f"{pointer}/")
     ]
+    brought = [finding for finding in checked.findings if finding not in own]
+    if brought:
+        before = target.check_change(target.source.data, "nothing", CheckOptions(limit=_ALL))
+        brought = _unknown(brought, before)
+    target.write(data, overwrite)
     if as_json:
         said = [
             SaidDocument(one.line, one.column, one.severity, one.code, one.message, one.hint)
-            for one in own
+            for one in [*own, *brought]
         ]
         say_json(
             AddedDocument(
@@ -192,6 +202,23 @@ def command(
         where = f"{finding.file}:{finding.line}:{finding.column}"
         say(f"{where}: {finding.severity} {finding.code}: {finding.message}", err=True)
         say(f"  {finding.hint}", err=True)
+    if brought:
+        first = brought[0]
+        more = f" (and {count_of(len(brought) - 1, 'more finding')})" if brought[1:] else ""
+        where = f"{first.file}:{first.line}:{first.column}"
+        say(f"{where}: new {first.severity} {first.code}: {first.message}{more}", err=True)
+
+
+def _unknown(findings: list[Finding], before: Checked) -> list[Finding]:
+    """Findings that a check before did not have."""
+    known = Counter((one.code, one.message) for one in before.findings)
+    found = []
+    for one in findings:
+        if known[one.code, one.message]:
+            known[one.code, one.message] -= 1
+        else:
+            found.append(one)
+    return found
 
 
 def _element(values: dict[str, Any]) -> dict[str, Any]:

@@ -85,9 +85,13 @@ class Command(click.Command):
             name = error.option_name
             # what click takes for several short options, as -tr
             name = next((word for word in words if word[:2] == name != word), name)
-            message = f"There is no option {name}. {_guess(self, name)}"
-            raise click.UsageError(message.rstrip(), error.ctx or ctx) from error
+            raise click.UsageError(self.no_option(name), error.ctx or ctx) from error
         except click.UsageError as error:
+            error.ctx = error.ctx or ctx
+            option = _option_of(self, error)
+            wrong = "" if option is None else _wrong_number(option, words)
+            if wrong:
+                raise click.UsageError(wrong, error.ctx) from error
             if error.message.startswith("Got unexpected extra argument") and self._only_says():
                 out = next(
                     (
@@ -104,6 +108,10 @@ class Command(click.Command):
                         error.ctx or ctx,
                     ) from error
             raise
+
+    def no_option(self, name: str) -> str:
+        """Sentences on an option that there is not."""
+        return f"There is no option {name}. {_guess(self, name)}".rstrip()
 
     def _only_says(self) -> bool:
         """Whether the command takes no output."""
@@ -139,6 +147,60 @@ class Command(click.Command):
             return
         formatter.write_paragraph()
         _write_plain(formatter, self.epilog)
+
+
+def _option_of(command: click.Command, error: click.UsageError) -> click.Option | None:
+    """Option of several values that an error is about; None if it is about something else."""
+    options = [one for one in command.params if isinstance(one, click.Option) and one.nargs > 1]
+    if isinstance(error, click.BadParameter):
+        return next((one for one in options if one is error.param), None)
+    name = error.option_name if isinstance(error, click.BadOptionUsage) else ""
+    return next((one for one in options if name in one.opts), None)
+
+
+def _wrong_number(option: click.Option, words: list[str]) -> str:
+    """Sentences on an option without all of its numbers; empty if none lacks any."""
+    names = {*option.opts}
+    wanted = str(option.metavar)
+    spread = [part for word in words for part in _split_off(word, names)]
+    for place, word in enumerate(spread):
+        if word not in names:
+            continue
+        given = []
+        for number in spread[place + 1 : place + 1 + option.nargs]:
+            if not _are_numbers(number):
+                break
+            given.append(number)
+        few = len(given) < option.nargs
+        # 0,17 in its place is a number with a wrong point
+        if any("," in number if few else number.endswith(",") for number in given):
+            return (
+                f"{word} {' '.join(given)} has commas. Give {wanted} as separate words, without "
+                "commas."
+            )
+        if few:
+            after = spread[place + 1 + len(given) :][:1]
+            before = f" before {quote(after[0])}" if after else ""
+            return (
+                f"{word} takes {option.nargs} numbers, {wanted}, not {len(given)}{before}. Give "
+                "all of them as separate words."
+            )
+    return ""
+
+
+def _split_off(word: str, names: set[str]) -> list[str]:
+    """An option and the value behind its =, or else the word itself."""
+    name, sign, value = word.partition("=")
+    return [name, value] if sign and name in names else [word]
+
+
+def _are_numbers(word: str) -> bool:
+    """Whether a word is a number, or several with commas."""
+    try:
+        [float(part) for part in word.split(",") if part]
+    except ValueError:
+        return False
+    return any(c.isalnum() for c in word)
 
 
 def _is_new_file(word: str) -> bool:

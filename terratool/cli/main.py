@@ -99,6 +99,13 @@ class _Lazy(click.Group):
     ) -> tuple[str | None, click.Command | None, list[str]]:
         if ctx.resilient_parsing:  # no error may be printed while a shell completes
             return super().resolve_command(ctx, args)
+        if args and args[0] == "help":
+            args = [*args[1:], "--help"]
+            if len(args) == 1:
+                from terratool.cli.saying import say_block
+
+                say_block(ctx.get_help())
+                ctx.exit()
         if args and args[0] not in _COMMANDS and not args[0].startswith("-"):
             from terratool.text.meaning import guess
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from shlex import quote as quote_word
 from typing import Any
 
 import click
@@ -41,11 +42,8 @@ def _number(text: str | float) -> float:
 class _KindCommand(Command):
     """Command of one kind of terrain; its errors name the kinds that take an unknown option."""
 
-    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        try:
-            return click.Command.parse_args(self, ctx, args)
-        except click.NoSuchOption as error:
-            raise click.UsageError(_no_option(self.name or "", error.option_name), ctx) from error
+    def no_option(self, name: str) -> str:
+        return _no_option(self.name or "", name)
 
 
 def _no_option(kind: str, given: str) -> str:
@@ -74,7 +72,10 @@ class _KindGroup(click.Group):
     ) -> tuple[str | None, click.Command | None, list[str]]:
         known = ctx.resilient_parsing or not args or args[0] in KINDS
         if not known and not args[0].startswith("-"):
-            ctx.fail(f"There is no kind {args[0]!r}. {hint_for(args[0], list(KINDS))}")
+            hint = hint_for(args[0], list(KINDS))
+            if kind := next((word for word in args[1:] if word in KINDS), ""):
+                hint = f"KIND stands before OUT: terratool new {kind} {quote_word(args[0])}"
+            ctx.fail(f"There is no kind {args[0]!r}. {hint}")
         return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from shlex import quote as quote_word
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
@@ -38,6 +39,26 @@ _NAMED = "output_by_name"
 """Name of the parameter of -o, where the output may be the last argument, too."""
 
 
+_MADE = (
+    ".tif", ".tiff", ".asc", ".png", ".npy", ".vrt", ".geojson", ".gpkg", ".obj", ".wrl", ".x3d",
+    ".glb", ".stl", ".ply", ".usd", ".usda", ".usdc", ".svg", ".pdf", ".pcd", ".las", ".laz",
+    ".npz", ".csv",
+)  # fmt: skip
+"""Suffixes of files that are made of definitions, and are none."""
+
+
+def _refuse_swapped(ctx: click.Context, file: object, output: object) -> None:
+    """Refuse a definition as the output of a file that is made of one."""
+    if not (isinstance(file, str) and isinstance(output, str)):
+        return
+    if file.lower().endswith(_MADE) and output.lower().endswith((".json", ".json.gz")):
+        raise click.UsageError(
+            f"{quote(file)} would be read and {quote(output)} written. Is it the other way round? "
+            f"Then write {ctx.command_path} {quote_word(output)} {quote_word(file)}",
+            ctx,
+        )
+
+
 class _Output(click.Argument):
     """Last positional argument, the output, which may stand behind -o instead."""
 
@@ -47,6 +68,7 @@ class _Output(click.Argument):
         """Value of the argument, or else that of -o."""
         value, source = super().consume_value(ctx, opts)
         named = opts.get(_NAMED)
+        _refuse_swapped(ctx, opts.get("file"), named if isinstance(named, str) else value)
         if not isinstance(named, str):
             return value, source
         if isinstance(value, str):

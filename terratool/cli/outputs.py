@@ -42,14 +42,20 @@ class ReportPlan(Struct, frozen=True):
     def of(cls, given: tuple[str, ...], wanted: tuple[str, ...], settings: Config) -> ReportPlan:
         """Plan of the formats that are given, or else of those that settings want.
 
+        One for standard output stands in place of that of the settings, and files in place of their
+        files.
+
         Raises:
             click.UsageError: a format is unknown, or two go to one place.
             RequestError: the settings name a file that they may not.
             WriteError: a file cannot be written.
         """
+        own = any("=" in text for text in given)
+        said = [text for text in given if "=" not in text]
+        said = said or [text for text in wanted if "=" not in text]
         form = None
         outputs = []
-        for text in given or wanted:
+        for text in [*said, *(text for text in (given if own else wanted) if "=" in text)]:
             name, separator, out = text.partition("=")
             if name not in REPORTERS:
                 raise click.UsageError(
@@ -57,9 +63,9 @@ class ReportPlan(Struct, frozen=True):
                     f"{guess(name, REPORTERS)}".rstrip()
                 )
             if separator:
-                out = out if given else settings.output_path(out)
+                out = out if own else settings.output_path(out)
                 refuse_existing(Path(out), overwrite=True)
-                (refuse_missing_folder if given else refuse_unmade_folder)(Path(out))
+                (refuse_missing_folder if own else refuse_unmade_folder)(Path(out))
                 outputs.append((name, out))
             elif form is None:
                 form = name
@@ -71,7 +77,7 @@ class ReportPlan(Struct, frozen=True):
         written = [os.path.realpath(out) for _, out in outputs]
         if len(set(written)) < len(written):
             raise click.UsageError("Two formats go to one file. Give each a file of its own.")
-        return cls(form or "text", tuple(outputs), None if given else settings)
+        return cls(form or "text", tuple(outputs), None if own else settings)
 
     def refuse_outputs(self) -> None:
         """Refuse outputs that settings, which may be a stranger's, may not name.

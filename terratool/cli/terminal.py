@@ -24,7 +24,9 @@ AFTER = 1.0
 TICK = 0.2
 """Time between updates on a terminal, s."""
 EVERY = 10.0
-"""Time between lines of progress where standard error is no terminal, s."""
+"""Time between lines of progress in the first minute where standard error is no terminal, s."""
+LATER = 60.0
+"""Time between lines after that, s."""
 
 
 def short_name(file: str) -> str:
@@ -101,8 +103,13 @@ class StatusLine:
             while not self._ended.wait(wait):
                 with self._writing:
                     self._show() if terminal else self._add_line()
-                wait = TICK if terminal else EVERY
+                wait = TICK if terminal else self._pause()
             self.clear()
+
+    def _pause(self) -> float:
+        """Time to the next line where standard error is no terminal, s."""
+        elapsed = time.monotonic() - self._begin
+        return EVERY if elapsed + 0.5 * EVERY < LATER else LATER
 
     def _show(self) -> None:
         """Write the line on the terminal anew."""

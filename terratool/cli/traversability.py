@@ -315,9 +315,8 @@ def _print_result(
     from terratool.traversability.report.lines import as_lines
 
     reports = result.reports
-    several = len(reports) > 1
     held = [
-        (check.text.strip(), f"{report.vehicle.name}: " * several + why)
+        (check.text.strip(), f"{report.vehicle.name}: " * bool(report.vehicle.name) + why)
         for report in reports
         for check in checks
         if (why := check.why_met(report))

@@ -8,6 +8,8 @@ from collections.abc import Iterable
 _MOST = 3
 _ALIKE = 0.7
 """Least similarity, 0 to 1, of a misspelling: castle is less similar to craters."""
+_NEARLY = 0.85
+"""Least similarity, 0 to 1, of a misspelling of a word of others: isac is like isaac."""
 _SHORTEST = 3
 """Fewest letters of a word that is looked for within others: "to" is in too many."""
 _words = re.compile(r"[A-Z]?[^\W\d_A-Z]+|[A-Z]+(?![a-z])|[0-9]+").findall
@@ -20,6 +22,7 @@ _MEANT = {
     "output": "o out outfile out-file output-file destination dest save write to",
     "overwrite": "force replace clobber yes",
     "extent": "size sides dimensions",
+    "profile": "section cross-section crosssection transect",
     "perspective": "3d 3-d three-d isometric oblique",
     "bounds": "bbox extent region area roi crop clip projwin te rectangle",
     "crs": "epsg srs projection proj t-srs",
@@ -100,7 +103,7 @@ def near_names(word: object, known: Iterable[str]) -> list[str]:
     if len(plain) > 1:
         found += [name for name in names if name.startswith(plain) and name not in found]
     if not found:
-        found = spelled_like(plain, names, 1, _ALIKE)[:1]
+        found = spelled_like(plain, names, 1, _ALIKE)[:1] or _misspelt(plain, names)
     return [names[name] for name in found[:_MOST]]
 
 
@@ -145,6 +148,14 @@ def _with_word(word: str, names: Iterable[str]) -> list[str]:
     if len(plain) < _SHORTEST:
         return []
     return [name for name in names if plain in map(str.lower, _words(name))]
+
+
+def _misspelt(word: str, names: Iterable[str]) -> list[str]:
+    """The name for which a word of others stands that is like a word, or none."""
+    from difflib import get_close_matches
+
+    meant = {other: name for name in names for other in _meant(name)}
+    return [meant[other] for other in get_close_matches(word, meant, 1, _NEARLY)]
 
 
 def _letters(name: str) -> str:

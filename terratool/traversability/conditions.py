@@ -5,17 +5,24 @@ from __future__ import annotations
 import math
 import operator
 import re
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 
 from terratool.errors import RequestError
 from terratool.text.display import quote
 from terratool.text.meaning import spelled_like
-from terratool.traversability.results import Extreme, GroundClass, TraversabilityReport, Verdict
+from terratool.traversability.report.wording import coordinates, ends
+from terratool.traversability.results import (
+    Extreme,
+    GroundClass,
+    Route,
+    TraversabilityReport,
+    Verdict,
+)
 
-_Value = float | None
-"""A value of a figure; None if unknown or meaningless."""
+_Found = tuple[float | None, str]
+"""A value of a figure, None if unknown or meaningless, and words on where it is."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,41 +30,60 @@ class _Figure:
     """A number of a report that conditions may compare with a limit.
 
     Attributes:
-        values: all values of the number in a report; None for one that is unknown or meaningless,
-            such as the length of a route that was not found.
+        values: all values of the number in a report, with words on where they are.
         needs: the part of the report that has it, "map", "route" or "reach"; empty for every
             report.
         unit: unit of the number, for people.
         is_share: whether the number lies between 0 and 1.
     """
 
-    values: Callable[[TraversabilityReport], Iterable[_Value]]
+    values: Callable[[TraversabilityReport], Iterable[_Found]]
     needs: str = ""
     unit: str = ""
     is_share: bool = False
 
 
-def _value(extreme: Extreme | None) -> _Value:
-    """The value of an extreme; None for no extreme."""
-    return None if extreme is None else extreme.value
+def _along(take: Callable[[Route], Extreme | float | None]) -> Callable[..., Iterator[_Found]]:
+    """Function that yields a figure of each route of a report, with the route and its place.
+
+    A route that cannot be driven fails by itself: what is not known of it is left out.
+    """
+
+    def values(report: TraversabilityReport) -> Iterator[_Found]:
+        for route in report.routes:
+            found = take(route)
+            where = f" on the way from {ends(route)}"
+            if isinstance(found, Extreme):
+                yield found.value, f"{where}, at {coordinates(found.place)}"
+            elif found is not None or route.holds:
+                yield found, where
+
+    return values
 
 
-def _steepest(report: TraversabilityReport) -> list[_Value]:
-    """The steepest slope of each route, degrees, without sign."""
-    values = [_value(route.steepest) for route in report.routes]
-    return [None if value is None else math.degrees(abs(value)) for value in values]
+def _steepest(route: Route) -> Extreme | None:
+    """The steepest slope of a route, degrees, without sign."""
+    if (most := route.steepest) is None:
+        return None
+    return replace(most, value=math.degrees(abs(most.value)))
 
 
-def _sinkage(report: TraversabilityReport) -> list[_Value]:
+_softest = _along(lambda route: route.softest)
+
+
+def _sinkage(report: TraversabilityReport) -> Iterator[_Found]:
     """The deepest sinkage of each route, m; without routes, the known sinkage of each surface."""
     if report.routes:
-        return [_value(route.softest) for route in report.routes]
-    return [one.sinkage for one in report.surfaces if one.sinkage is not None]
+        yield from _softest(report)
+        return
+    for one in report.surfaces:
+        if one.sinkage is not None:
+            yield one.sinkage, f" on {quote(one.surface)}"
 
 
-def _fraction(ground: GroundClass, report: TraversabilityReport) -> list[_Value]:
+def _fraction(ground: GroundClass, report: TraversabilityReport) -> list[_Found]:
     """The share of a class in the map's ground, from 0 to 1; None without a map."""
-    return [report.summary.fraction(ground) if report.summary else None]
+    return [(report.summary.fraction(ground) if report.summary else None, "")]
 
 
 FIGURES: dict[str, _Figure] = {
@@ -66,13 +92,13 @@ FIGURES: dict[str, _Figure] = {
         for ground in GroundClass
     },
     "reachable-fraction": _Figure(
-        lambda r: [r.reach.share if r.reach else None], "reach", is_share=True
+        lambda r: [(r.reach.share if r.reach else None, "")], "reach", is_share=True
     ),
-    "route-length": _Figure(lambda r: [route.length for route in r.routes], "route", " m"),
-    "route-time": _Figure(lambda r: [route.time for route in r.routes], "route", " s"),
-    "route-energy": _Figure(lambda r: [route.energy for route in r.routes], "route", " J"),
-    "least-margin": _Figure(lambda r: [_value(route.tightest) for route in r.routes], "route"),
-    "steepest": _Figure(_steepest, "route", "°"),
+    "route-length": _Figure(_along(lambda route: route.length), "route", " m"),
+    "route-time": _Figure(_along(lambda route: route.time), "route", " s"),
+    "route-energy": _Figure(_along(lambda route: route.energy), "route", " J"),
+    "least-margin": _Figure(_along(lambda route: route.tightest), "route"),
+    "steepest": _Figure(_along(_steepest), "route", "°"),
     "sinkage": _Figure(_sinkage, unit=" m"),
 }
 """Figures of a report that conditions may compare, by name."""
@@ -116,18 +142,18 @@ class Condition:
     def why_met(self, report: TraversabilityReport) -> str:
         """Say why a report meets the condition; empty where it does not.
 
-        A condition on an unknown figure, such as the length of a route that was not found, is met:
-        nothing shows that the limit is kept.
+        A condition on an unknown figure is met: nothing shows that the limit is kept. Figures of a
+        route that was not found do not count, as that fails by itself.
         """
         if not self.comparison:
             return _why(self.name, report)
         figure = FIGURES[self.name]
         compare = _OPERATORS[self.comparison]
-        for value in figure.values(report):
+        for value, where in figure.values(report):
             if value is None or math.isnan(value):
-                return f"{self.name} is not known"
+                return f"{self.name} is not known{where}"
             if compare(value, self.limit):
-                return f"{self.name} is {value:.6g}{figure.unit}"
+                return f"{self.name} is {value:.6g}{figure.unit}{where}"
         return ""
 
 

@@ -138,6 +138,7 @@ def _failures(
 ) -> Iterator[Finding]:  # fmt: skip
     """Yield what a report fails on; routes whose ends are blocked fail as such."""
     whose = f"{report.vehicle.name}: " * several
+    mine = f"{report.vehicle.name}: " if report.vehicle.name and not several else ""
     told = partial(_finding, source, whose=whose)
     names = [
         *(f"route {coordinates(route)}" for route in job.request.routes),
@@ -162,7 +163,7 @@ def _failures(
         if why := condition.why_met(report):
             name = text.strip()
             hint = "Change the ground, or the limit."
-            yield told("TD103", f"{name}: {why}.", hint, subject=name)
+            yield told("TD103", f"{name}: {mine}{why}.", hint, subject=name)
 
 
 def _lost(route: Route) -> Route:
@@ -182,9 +183,11 @@ def _finding(
 ) -> Finding:  # fmt: skip
     """Finding at an element, on a subject; `whose` is put before both of its texts."""
     (place,) = positions_of(source.data, offsets(source.data, [Address(pointer)]))
+    says = any(map(str.isalnum, place.excerpt.text))  # a brace does not
     return Finding(
         source.name, code, "error", pointer, place.line, place.column, whose + message, hint,
-        excerpt=place.excerpt, subject=whose + (subject or _NAMES[code]),
+        excerpt=place.excerpt if pointer and says else None,
+        subject=whose + (subject or _NAMES[code]),
     )  # fmt: skip
 
 

@@ -53,3 +53,9 @@ def test_it_is_kept_without_outputs() -> None:
     """So that a change of a cell is one of its lines."""
     for cell in NOTEBOOK["cells"]:
         assert cell.get("outputs", []) == [] and cell.get("execution_count") is None
+
+
+def test_pages_that_name_it_say_what_it_needs() -> None:
+    for page in ("docs/api.md", "docs/samples.md"):
+        text = (ROOT / page).read_text("utf-8")
+        assert "`pip install jupyterlab matplotlib`" in text, page

@@ -241,6 +241,32 @@ def test_a_library_is_used_from_then_on(site: Path, monkeypatch: pytest.MonkeyPa
     assert json.loads(out.read_bytes())["use"] == ["../kit/posts.json", "../kit/other.json"]
 
 
+def test_findings_that_it_brings_elsewhere_are_said_in_a_line(tmp_path: Path) -> None:
+    """Names of the file that hide those of a new library; what was there before is not said."""
+    level = {"type": "flat", "surface": "mud"}
+    kit = {
+        "surfTypes": {"mud": {"preset": "concrete"}, "ice": {"preset": "concrete"}},
+        "elemTypes": {"flat": {"x": [1]}}, "parts": {"stand": level},
+    }  # fmt: skip
+    (tmp_path / "kit.json").write_text(json.dumps(kit))
+    terrain = {
+        "size": [9, 6], "surfTypes": {"ice": {}, "mud": {}}, "elemTypes": {"even": {"x": [1]}},
+        "elemTree": {"type": "even", "surface": "ice", "children": []},
+    }  # fmt: skip
+    path = tmp_path / "site.json"
+    path.write_text(canonical(json.dumps(terrain)))
+    asked = ("add", path, "--part", "stand", "--extent", 1, 1, "--use", tmp_path / "kit.json")
+    ran = call(*asked, "--at", 2, 3)
+    uses, _, brings = ran.err.splitlines()
+    assert (ran.code, uses) == (0, f"{path}: uses kit.json now.")
+    assert "new warning TT718: the surface " in brings and brings.endswith(" (and 1 more finding)")
+    again = call(*asked, "--at", 5, 3)
+    assert again.err == f"{path}: has /elemTree/children/1 now.\n"
+    path.write_text(canonical(json.dumps(terrain)))
+    found = json.loads(call(*asked, "--at", 2, 3, "--json").out)["findings"]
+    assert [one["code"] for one in found] == ["TT718", "TT718"]
+
+
 @pytest.mark.parametrize(
     "text",
     [

@@ -136,9 +136,76 @@ def test_a_file_that_is_none_is_told_by_its_reader(tmp_path: Path) -> None:
         (("export-dem", "a.json", "a.tif", "--layer", "heigth"), "Did you mean height?"),
         (("export-dem", "a.json", "a.tif", "--compress", "Zst"), "Did you mean zstd?"),
         (("export-dem", "a.json", "a.tif", "--layer", "qqqqq"), "is not one of"),
+        (("export-sim", "a.json", "out", "--target", "isac"), "Did you mean usd?"),
     ],
 )
 def test_names_that_are_nearly_right_are_guessed_at(arguments: tuple[str, ...], guess: str) -> None:
     ran = call(*arguments)
     assert ran.code == 2 and guess in ran.err
     assert ("Did you mean" in ran.err) == guess.startswith("Did")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ("traversability a.json --route 1 2 3", "--route takes 4 numbers, X0 Y0 X1 Y1, not 3."),
+        ("traversability a.json --route 1 2 3 --json", 'Y1, not 3 before "--json".'),
+        ("traversability a.json --route 1 2 3 4 --route 5 -6", "X0 Y0 X1 Y1, not 2."),
+        ("traversability --route 1 2 3 a.json --json", 'X0 Y0 X1 Y1, not 3 before "a.json".'),
+        ("traversability a.json --route 1,2,3,4", "Give X0 Y0 X1 Y1 as separate words,"),
+        ("traversability a.json --route=1,2,3,4 --threads 1 --json", "--route 1,2,3,4 has commas."),
+        ("traversability a.json --route 1, 2, 3, 4", "--route 1, 2, 3, 4 has commas."),
+        ("scan a.json b.ply --pose 1 2 3", "6 numbers, X Y Z YAW PITCH ROLL, not 3."),
+        ("add a.json --cell 1", "--cell takes 2 numbers, X Y, not 1."),
+        ("add a.json --cell --type b", '--cell takes 2 numbers, X Y, not 0 before "--type".'),
+        ("new stairs a.json --size 1", "--size takes 2 numbers, X Y, not 1."),
+    ],
+)
+def test_a_wrong_number_of_values_is_told_by_their_names(arguments: str, words: str) -> None:
+    """As the help has them, and the help is that of the command."""
+    ran = call(*arguments.split())
+    assert (ran.code, ran.out) == (2, "") and words in ran.err
+    command = " ".join(arguments.split()[: 2 if arguments.startswith("new") else 1])
+    assert ran.err.endswith(f"terratool {command} --help.\n")
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        "export-dem a.tif site.json", "export-mesh a.GLB site.json.gz", "render a.svg site.json",
+        "scan a.ply site.json --sensor s.json", "export-dem a.tif -o site.json",
+    ],
+)  # fmt: skip
+def test_words_in_the_wrong_order_are_asked_about(
+    arguments: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nobody is told to overwrite a definition."""
+    monkeypatch.chdir(tmp_path)
+    for name in ("site.json", "site.json.gz"):
+        Path(name).write_text("{}", "utf-8")
+    command, made, *others = arguments.split()
+    site = next(word for word in others if word.startswith("site"))
+    ran = call(*arguments.split())
+    assert ran.code == 2 and "--overwrite" not in ran.err
+    assert "Is it the other way round?" in ran.err
+    assert f"terratool {command} {site} {made}\n" in ran.err
+
+
+def test_a_section_is_a_profile() -> None:
+    ran = call("render", "a.json", "a.png", "--section", 0, 0, 1, 1)
+    assert ran.code == 2 and "Did you mean --profile?" in ran.err
+
+
+@pytest.mark.parametrize("words", [(), ("query",), ("new",), ("new", "stairs")])
+def test_help_is_a_word_too(words: tuple[str, ...]) -> None:
+    """Alone and before a command it gives what --help does."""
+    ran = call("help", *words)
+    assert ran.code == 0 and ran.err == ""
+    assert ran.out == call(*words, "--help").out
+    ran = call("help", "qury")
+    assert ran.code == 2 and "Did you mean query?" in ran.err
+
+
+def test_an_output_before_its_kind_is_put_behind_it() -> None:
+    ran = call("new", "a.json", "stairs")
+    assert ran.code == 2 and "terratool new stairs a.json" in ran.err

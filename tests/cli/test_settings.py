@@ -187,6 +187,22 @@ def test_several_formats(project: Path) -> None:
     assert call("validate", "sites", "--format", "json", "--format", "text").code == 2
 
 
+def test_an_option_replaces_formats_of_its_kind(project: Path) -> None:
+    """One for standard output leaves the files of the settings, and a file the standard output."""
+    Path(".terratool.toml").write_text('formats = ["github", "junit=out/a.xml"]\n', "utf-8")
+    for option, begin in (("--format=text", "sites/"), ("--json", "{")):
+        ran = call("validate", "sites", option)
+        assert ran.code == 1 and ran.out.startswith(begin)
+        assert ElementTree.parse("out/a.xml").getroot().tag == "testsuites"
+        Path("out/a.xml").unlink()
+    ran = call("validate", "sites", "--format", "json=b.json")
+    assert ran.code == 1 and ran.out.startswith("::")
+    assert json.loads(Path("b.json").read_text("utf-8"))["findings"]
+    assert not Path("out/a.xml").exists()
+    Path(".terratool.toml").write_text('formats = ["junit=../a.xml"]\n', "utf-8")
+    assert call("validate", "sites", "--format", "github").code == 2
+
+
 def found(*forms: str) -> Any:
     return json.loads(call("validate", "sites", "absent.json", *forms).out)
 

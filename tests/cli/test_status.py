@@ -141,6 +141,25 @@ def test_what_is_soon_done_says_nothing(monkeypatch: pytest.MonkeyPatch) -> None
     assert terminal.AFTER <= 2 and terminal.EVERY <= 10
 
 
+def test_lines_become_rare_after_a_minute(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A log of an hour has some sixty-five of them."""
+    now = 0.0
+
+    class Clock(threading.Event):
+        def wait(self, timeout: float | None = None) -> bool:
+            nonlocal now
+            now += (timeout or 0.0) + 0.01  # no clock is exact
+            return now > 3610.0
+
+    err = stream(monkeypatch, False)
+    monkeypatch.setattr(terminal.time, "monotonic", lambda: now)
+    status = StatusLine("judging")
+    status._begin, status._ended = 0.0, Clock()
+    status._tell()
+    told = [round(float(line.split()[-2])) for line in err.getvalue().splitlines()]
+    assert told[:8] == [10, 20, 30, 40, 50, 60, 120, 180] and len(told) == 65
+
+
 # work waits for what is said of it to be told, however quick it is
 CODE = """
 import sys

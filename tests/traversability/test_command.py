@@ -808,3 +808,22 @@ class TestAssess:
         unknown = assessed(terrain_of(bare), vehicle, inner)
         assert unknown.verdict == Verdict.UNKNOWN
         assert unknown.surfaces[0].missing
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("what", "way"),
+    [("start", (107.235, 54.2, 102, 51)), ("goal", (102, 51, 107.235, 54.2))],
+)
+def test_a_route_may_end_in_the_last_half_of_a_pixel(
+    what: str, way: tuple[float, ...], saved: Saved
+) -> None:
+    """Of sides that pixels do not divide: it is told once that the vehicle cannot stand there."""
+    ground = {"type": "flat", "surface": "floor"}
+    site = saved({**WALLED, "size": [7.24, 4.23], "elemTree": ground})
+    vehicle = saved(VEHICLE, "vehicle.json")
+    ran = drive(site, "--vehicle", vehicle, "--resolution", 0.1, "--route", *way)
+    assert ran.code == 1
+    assert ran.out.startswith("no-go: There is no way from")
+    (line,) = [line for line in ran.err.splitlines() if line.startswith("terratool:")]
+    assert f"cannot stand at the route's {what}" in line

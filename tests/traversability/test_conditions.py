@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from terratool.errors import RequestError
 from terratool.traversability.conditions import FIGURES, WORDS, parse
+from terratool.traversability.report.wording import ends
 from terratool.traversability.results import Verdict
 from tests import reports
 
@@ -63,8 +64,17 @@ def with_verdict(verdict: Verdict, **more: Any) -> Any:
         ("sinkage>0.007", GO, "sinkage is 0.008 m"),  # on the way
         ("sinkage>0.007", reports.KINDS["map"], "sinkage is 0.232 m"),  # of the surfaces
         ("sinkage>0.3", reports.KINDS["map"], ""),
-        # a limit on the length of a way that there is not is not kept
-        ("route-length>1e9", ALL, "route-length is not known"),
+        ("steepest>12", GO, f"° on the way from {ends(reports.WAY)}, at ("),
+        ("route-length>27", GO, f" m on the way from {ends(reports.WAY)}"),
+        ("sinkage>0.007", reports.KINDS["map"], ' m on "'),
+        # a way that there is not fails by itself
+        ("route-length>1e9", ALL, ""),
+        ("steepest>80", reports.report(routes=(reports.NO_WAY,)), ""),
+        (
+            "steepest>80",
+            reports.report(routes=(replace(reports.WAY, steepest=None),)),
+            "steepest is not known on the way from",
+        ),
         ("least-margin<0", reports.report(routes=(reports.WAYPOINTS,)), "least-margin is -inf"),
     ],
 )

@@ -509,11 +509,14 @@ def _nearest_marked(
 
 
 def _cell_inside(terrain: Terrain, survey: Survey, place: Point, what: str) -> Cell:
-    """The cell of a place on the survey.
+    """The cell of a place on the survey, whose pixels may end half a pixel before the terrain.
 
     Raises:
         RequestError: the place lies outside the terrain or the survey.
     """
     part = "the part of the terrain that is looked at"
-    check_inside(what, place, {"the terrain": terrain.bounds, part: survey.grid.bounds})
+    west, south, east, north = survey.grid.bounds
+    half = 0.5 * survey.grid.resolution
+    looked_at = west, south, east + half, north + half
+    check_inside(what, place, {"the terrain": terrain.bounds, part: looked_at})
     return cell_of(survey.grid, *place)
