@@ -57,6 +57,20 @@ struct NumberRange {
     bool voids;
 };
 
+// Four neighbouring numbers; between them the height is bilinear, `a` to the east of the south-west
+// one and `b` to the north of it.
+struct FourNumbers {
+    double z00, z10, z01, z11;
+
+    double value(double a, double b) const {
+        double south = (1.0 - a) * z00 + a * z10, north = (1.0 - a) * z01 + a * z11;
+        return (1.0 - b) * south + b * north;
+    }
+    // Its slopes in a and in b.
+    double east(double b) const { return (1.0 - b) * (z10 - z00) + b * (z11 - z01); }
+    double up(double a) const { return (1.0 - a) * (z01 - z00) + a * (z11 - z10); }
+};
+
 // A grid of heights.
 class RasterAt {
 public:
@@ -68,15 +82,17 @@ public:
     // Value and slopes at (u, v), in [0, 1], which lies in a cell.
     INLINE ShapePoint at(UV at, i64 cell_x, i64 cell_y) const {
         if (raster_.voids && is_void(cell_x, cell_y)) return {NAN, NAN, NAN};
-        Between x = between(at.u, raster_.count[X], raster_.pixel);
-        Between y = between(at.v, raster_.count[Y], raster_.pixel);
-        double z00 = counting(x.low, y.low), z10 = counting(x.high, y.low);
-        double z01 = counting(x.low, y.high), z11 = counting(x.high, y.high);
+        return between_numbers(
+            between(at.u, raster_.count[X], raster_.pixel),
+            between(at.v, raster_.count[Y], raster_.pixel)
+        );
+    }
+
+    // Value and slopes between numbers, whether or not that is void.
+    INLINE ShapePoint between_numbers(Between x, Between y) const {
+        FourNumbers p = patch(x.low, y.low);
         double a = x.part, b = y.part;
-        double south = (1.0 - a) * z00 + a * z10, north = (1.0 - a) * z01 + a * z11;
-        double east = (1.0 - b) * (z10 - z00) + b * (z11 - z01);
-        double up = (1.0 - a) * (z01 - z00) + a * (z11 - z10);
-        return {(1.0 - b) * south + b * north, east * x.per, up * y.per};
+        return {p.value(a, b), p.east(b) * x.per, p.up(a) * y.per};
     }
 
     // The same of a turned element, in whose square nothing has an exact place.
@@ -85,6 +101,21 @@ public:
         i64 i = cell_at(u + STEP, raster_cells(raster_, X));
         i64 j = cell_at(v + STEP, raster_cells(raster_, Y));
         return this->at({u, v}, i, j);
+    }
+
+    // The numbers around what lies to the north-east of one; a void one counts as its neighbours
+    // do.
+    INLINE FourNumbers patch(i64 i, i64 j) const {
+        i64 east = min(i + 1, raster_.count[X] - 1), north = min(j + 1, raster_.count[Y] - 1);
+        return {counting(i, j), counting(east, j), counting(i, north), counting(east, north)};
+    }
+
+    // Whether a cell is void.
+    bool is_void(i64 i, i64 j) const {
+        if (raster_.pixel) return isnan(number(i, j));
+        i64 east = min(i + 1, raster_.count[X] - 1), north = min(j + 1, raster_.count[Y] - 1);
+        return isnan(number(i, j)) || isnan(number(east, j)) || isnan(number(i, north))
+            || isnan(number(east, north));
     }
 
     // What the numbers of a block reach. Between them no height is beyond it, void numbers apart.
@@ -107,12 +138,6 @@ private:
     // The number at column `i` from the west and row `j` from the south.
     INLINE double number(i64 i, i64 j) const {
         return heights_[raster_.first + (raster_.count[Y] - 1 - j) * raster_.count[X] + i];
-    }
-    bool is_void(i64 i, i64 j) const {
-        if (raster_.pixel) return isnan(number(i, j));
-        i64 east = min(i + 1, raster_.count[X] - 1), north = min(j + 1, raster_.count[Y] - 1);
-        return isnan(number(i, j)) || isnan(number(east, j)) || isnan(number(i, north))
-            || isnan(number(east, north));
     }
     // The number, or where it is void the mean of its neighbours, from the north-west on.
     INLINE double counting(i64 i, i64 j) const {
