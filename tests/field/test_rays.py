@@ -50,6 +50,11 @@ SHAPES: Json = {
     "mound": {"x": "cosbell", "combine": "radial"},
     "ball": {"x": "dome", "combine": "radial"},
     "waves": {"x": "sin(6*pi*t)", "y": [[0, 0], [0.3, 1], [1, 0.2]]},
+    "dunes": {"grid": [[0, 0.4, 0.1, 0.7, 0.3], [0.9, 0, 0.6, 1, 0.2], [0.2, 0.5, 0.1, 0, 0.8]]},
+    "pits": {
+        "grid": [[0.3, 0.1, None, 0.6, 0.2], [0.8, 0.5, 0, 1, 0.4], [None, 0.2, 0.7, 0.1, 0.9]],
+        "registration": "pixel",
+    },
 }
 
 
@@ -424,7 +429,9 @@ def test_along_edges_the_ground_is_that_of_the_points_on_them(data: st.DataObjec
         where = f"{origins[n].tolist()} {ways[n].tolist()} {distance}"
         assert np.ptp(np.sign(z - height)[told]) == 0 if told.any() else True, where
         if distance < math.inf and not hits.wall[n]:
-            x, y, z = hits.point[n].tolist()
+            # rounding may put what is met at the rim beyond it
+            x, y = np.clip(hits.point[n, :2], [west, south], [east, north]).tolist()
+            z = float(hits.point[n, 2])
             if oracle.margin(x, y, cells=False) > 1e-6:
                 grounds += 1
                 off = oracle.slack(x, y)
@@ -547,7 +554,9 @@ def test_a_step_in_a_cell_of_a_tenth_of_a_millimetre_far_from_zero_is_a_wall() -
     assert np.allclose(hits.point[:, 1] - origin[1], 0.7 * side, rtol=0, atol=4e-9)
 
 
-@pytest.mark.parametrize("kind", ["stairs", "kerbs", "sum", "trough", "waves", "tower", "ball"])
+@pytest.mark.parametrize(
+    "kind", ["stairs", "kerbs", "sum", "trough", "waves", "tower", "ball", "dunes", "pits"]
+)
 def test_what_is_turned_by_quarters_is_seen_as_from_elsewhere(kind: str) -> None:
     """The rays turned with it meet the same."""
     rng = np.random.default_rng(3)
@@ -594,6 +603,109 @@ def test_the_wall_beside_a_ramp_is_of_the_ramp() -> None:
         beside = terrain.cast(np.column_stack([x, np.full(20, start), x / 30]), [0.01, way, 0.01])
         assert beside.wall.all() and (beside.element == 3).all()
         assert (beside.normal == [0, -way, 0]).all()
+
+
+# Between four numbers 0 0 / 1 1, south and north, that are turned against each other, the height is
+# a + b − 2ab: along the diagonal a = b = t it is 2t − 2t².
+SADDLE: Json = {"saddle": {"grid": [[1, 0], [0, 1]]}}
+
+
+@pytest.mark.parametrize("origin", [[0, 0], [500000, 4649776.5]])
+def test_between_four_numbers_a_ray_meets_a_saddle(origin: list[int]) -> None:
+    """Over 8 × 4: level along both diagonals, up to the height of a quarter of the way."""
+    found = {"size": [8, 4], "origin": origin, "elemTypes": SADDLE, "elemTree": {"type": "saddle"}}
+    terrain = terrain_of(found)
+    west, south = origin
+    near = 1e-14 * max(*origin, 100)
+    up = terrain.cast([west, south, 0.375], [8, 4, 0])
+    assert np.allclose(up.point, [west + 2, south + 1, 0.375], rtol=0, atol=near)
+    # there a = b = 1/4: slopes of 1/2 to the east of 8 and to the north of 4
+    wanted = np.array([-0.5 / 8, -0.5 / 4, 1])
+    assert np.allclose(up.normal, wanted / np.linalg.norm(wanted), rtol=0, atol=1e-9)
+    assert not up.wall and up.element == 0
+    down = terrain.cast([west + 8, south, 0.625], [-8, 4, 0])  # from 1 in the corner, below it
+    assert np.allclose(down.point, [west + 6, south + 1, 0.625], rtol=0, atol=near)
+    assert down.normal[2] < 0
+    assert terrain.cast([west, south, 0.5 + 1e-9], [8, 4, 0]).distance == math.inf
+
+
+HOLED: Json = {"holed": {"grid": [[1, 1, 1, None, 1], [1, 1, 1, 1, 1], [1, 1, 1, 1, 1]]}}
+
+
+@pytest.mark.parametrize(("registration", "low", "high"), [("gridline", 5, 10), ("pixel", 6, 8)])
+def test_rays_go_through_void_numbers(registration: str, low: float, high: float) -> None:
+    """A sheet of 10 × 6 at 1, void in the north from `low` to `high` of x, whatever is on it."""
+    sheet = {"holed": {**HOLED["holed"], "registration": registration}}
+    post = {"type": "box", "at": [7, 5.5], "extent": [1, 0.5], "vScale": 3}
+    terrain = terrain_of(
+        {"size": [10, 6], "elemTypes": {**FLOOR, **sheet},
+         "elemTree": {"type": "holed", "vScale": 1, "children": [post]}}
+    )  # fmt: skip
+    south = 3 if registration == "gridline" else 4
+    x = np.array([low - 1e-6, low + 1e-6, high - 1e-6, min(high, 9.999998) + 1e-6])
+    met = np.array([True, False, False, registration == "pixel"])
+    for z, up in ((3.0, -1.0), (-1.0, 1.0)):
+        lean = [1e-9, 1e-9, up]
+        across = terrain.cast(np.column_stack([x, np.full(4, 5.5), np.full(4, z)]), lean)
+        assert np.array_equal(np.isfinite(across.distance), met)
+        assert not across.wall.any()
+        y = south + np.array([-1e-6, 1e-6])
+        along = terrain.cast(np.column_stack([[7, 7], y, [z, z]]), lean)
+        assert np.isfinite(along.distance).tolist() == [True, False]
+    # level, through the post; aslant, in at one end and out under the sheet, from either side
+    assert terrain.cast([0.5, 5.5, 1.5], [1, 0, 0]).distance == math.inf
+    begins, middle = np.array([7, 5, 1.25]), np.array([7, 5, 1])
+    ways = np.array([[0.1, -1.1, -0.4], [0.1, 1.1, -0.4], [-0.9, 0.1, -0.7], [0.9, 0.1, -0.7]])
+    hits = terrain.cast(begins, ways)
+    out = middle + 0.25 / -ways[:, 2:] * ways[:, :2] @ np.eye(2, 3)
+    holds = (low < out[:, 0]) & (out[:, 0] < high) & (out[:, 1] > south)
+    assert np.array_equal(np.isfinite(hits.distance), ~holds)
+
+
+def test_what_borders_on_void_numbers_has_its_own_slope() -> None:
+    """A ramp up to 4 in the west of a void cell; a ray from above it meets it at the line."""
+    ramp = {"ramp": {"grid": [[0, 2, 4, 9, None], [0, 2, 4, 9, 9], [0, 2, 4, 9, 9]]}}
+    terrain = terrain_of(
+        {"size": [8, 4], "elemTypes": ramp, "elemTree": {"type": "ramp", "vScale": 1}}
+    )
+    for x, slope in ((4 + 1e-9, 2.5), (6 - 1e-9, 2.5), (4 - 1e-9, 1.0)):
+        z = float(terrain.height(x, 3.0))
+        normal = np.array([-slope, 0, 1]) / math.hypot(slope, 1)
+        for way in (np.array([-0.1, 0, -1]), np.array([0.1, 0, -1])):
+            hit = terrain.cast([x, 3.0, z] - way, way)
+            assert abs(hit.point[0] - x) <= 1e-12
+            assert np.allclose(hit.normal, normal, rtol=0, atol=1e-9)
+    begins = terrain.cast([6, 3.0, 9], [-1, 0, 1])  # on the ground, where there is none eastward
+    assert begins.distance == 0
+    towards = np.array([2.5, 0, -1]) / math.hypot(2.5, 1)  # where it comes from
+    assert np.allclose(begins.normal, towards, rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("degrees", [0, 90, 30])
+def test_the_rim_of_a_grid_is_a_wall(degrees: float) -> None:
+    """A block of 4 × 2 in a floor; its heights, on it and beside, are those of queries."""
+    block = {"type": "dunes", "at": [7, 5], "extent": [4, 2], "vScale": 2, "vOffset": 0.5}
+    terrain = with_floor({**block, "turnDeg": degrees})
+    turn = -math.radians(degrees)
+    ahead, left = [
+        np.array([math.cos(turn + q), math.sin(turn + q), 0.0]) for q in (0, math.pi / 2)
+    ]
+    # of the east side the numbers are 0.8, 0.2 and 0.3 from the south: at its middle 0.9 are above
+    middle = np.array([7.0, 5.0, 0.0])
+    for above, met in ((0.88, True), (0.92, False)):
+        hit = terrain.cast(middle + 5 * ahead + [0, 0, above], -ahead)
+        near = abs(hit.distance - 3.0) <= 1e-8
+        assert near == met and (not met or (hit.wall and hit.element == 1))
+        if met:
+            assert np.allclose(hit.normal, ahead, rtol=0, atol=1e-12)
+    # and of the north side 0, 0.4, 0.1, 0.7, 0.3 from the west
+    for aside, number in zip(np.arange(-1, 2), (0.4, 0.1, 0.7), strict=True):
+        start = middle + aside * ahead + 4 * left
+        low, high = (
+            terrain.cast([*start[:2], 0.5 + 2 * number + more], -left) for more in (-0.02, 0.02)
+        )
+        assert low.wall and abs(low.distance - 3.0) <= 1e-8
+        assert not high.wall
 
 
 @pytest.mark.parametrize("origin", [[0, 0], [500000, 4649776.5]])
@@ -930,6 +1042,31 @@ def test_an_index_keeps_in_the_size_of_what_it_is_of() -> None:
     hits = terrain.cast(np.column_stack([x - 1, x, np.full(3, 9.0)]), [1.0, 0.0, -1.0])
     assert not hits.wall.any()
     assert np.allclose(hits.point[:, 2], terrain.height(hits.point[:, 0], x), rtol=0, atol=1e-9)
+
+
+def test_a_large_grid_has_an_index_of_its_size() -> None:
+    """Of 400 × 250 numbers; rays through all of it meet what queries have."""
+    rng = np.random.default_rng(4)
+    heights = rng.uniform(0, 1, (250, 400)).round(2)
+    grid = {"rough": {"grid": heights.tolist(), "registration": "pixel"}}
+    terrain = terrain_of(
+        {"size": [400, 250], "elemTypes": grid, "elemTree": {"type": "rough", "vScale": 1}}
+    )
+    assert terrain.ray_index.nbytes < 2 * heights.nbytes
+    over = terrain.cast([1, 1, 1.001], [398, 248, 0])
+    assert over.distance == math.inf
+    x, y = rng.uniform(10, 390, 500), rng.uniform(10, 240, 500)
+    ways = np.column_stack([rng.uniform(-1, 1, (500, 2)), np.full(500, -0.05)])
+    hits = terrain.cast(np.column_stack([x, y, np.full(500, 1.1)]), ways)
+    met = np.isfinite(hits.distance)
+    assert met.mean() > 0.9 and not hits.wall.any()
+    off = terrain.height(*hits.point[met, :2].T) - hits.point[met, 2]
+    assert np.abs(off).max() <= 1e-12
+    # before that they are above it
+    for part in np.linspace(0.001, 0.999, 400):
+        at = np.column_stack([x, y, np.full(500, 1.1)])[met]
+        at += part * (hits.point[met] - at)
+        assert (at[:, 2] > terrain.height(at[:, 0], at[:, 1])).all()
 
 
 def test_rays_that_begin_on_the_ground_meet_it_there() -> None:

@@ -8,9 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from terratool.errors import RequestError
-from terratool.sensing.poses import Poses, quaternions, read_poses
+from terratool.sensing.poses import Poses, one_pose, quaternions, read_poses
 from terratool.sensing.readings import ReadingStatus, miss_status
 from terratool.sensing.scan import Scan
 from terratool.sensing.sensor import load_sensor
@@ -183,6 +184,51 @@ def test_rays_that_stay_over_one_place_or_leave_over_void() -> None:
     ways = np.array([down / np.linalg.norm(down), up / np.linalg.norm(up)])
     got = miss_status(moat, np.tile([9.0, 5.0, 2.5], (2, 1)), ways)
     assert got.tolist() == [ReadingStatus.VOID, ReadingStatus.OUTSIDE]
+
+
+def test_a_scan_of_a_grid_of_heights_is_what_marching_finds() -> None:
+    """Over 7 × 4 with a hole, a turned tile and a post: steps of 2 mm, then halves of one."""
+    numbers = [[0.2, 0.9, 0.1, 0.6, 0.3], [0.7, 0, 0.5, None, 0.8], [0.1, 0.4, 1, 0.2, 0.5]]
+    tile = {"type": "relief", "at": [5.2, 1.1], "extent": [2, 1.2], "turnDeg": 30, "vScale": 0.4}
+    post = {"type": "post", "at": [1.5, 3], "extent": 0.2, "vScale": 1.4}
+    terrain = terrain_of({
+        "size": [7, 4],
+        "elemTypes": {"relief": {"grid": numbers, "registration": "pixel"},
+                      "post": {"x": [1]}},
+        "elemTree": {"type": "relief", "vScale": 1, "children": [tile, post]},
+    })  # fmt: skip
+    keys = {"elevations": [-75, -50, -35, -22, -6], "azimuths": [3, 351], "azimuthStep": 12}
+    lidar, where = sensor(range=[0.01, 50], lidar=keys), (3.1, 1.9, 1.3)
+    (got,) = Scan(lidar, one_pose((*where, 0.0, 0.0, 0.0))).read(terrain)
+    azimuth, elevation = (
+        angle.ravel()
+        for angle in np.meshgrid(
+            np.radians(np.arange(3, 352, 12)), np.radians(keys["elevations"]), indexing="ij"
+        )
+    )
+    level = np.cos(elevation)
+    ways = np.column_stack([level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)])
+
+    def over(at: NDArray[np.float64]) -> NDArray[np.float64]:
+        """How far above the ground rays are at distances."""
+        points = np.array(where) + at[:, None] * ways
+        return points[:, 2] - terrain.height(points[:, 0], points[:, 1])
+
+    step, met, seen = 2e-3, np.full(len(ways), np.nan), over(np.zeros(len(ways)))
+    for n in range(1, 4_000):
+        here = over(np.full(len(ways), n * step))
+        first = np.isnan(met) & (np.sign(here) * np.sign(seen) == -1)  # NaN in the void
+        met[first] = n * step
+        seen = here
+    low, high, side = met - step, met.copy(), np.sign(over(met - step))
+    for _ in range(50):
+        middle = 0.5 * (low + high)
+        same = np.sign(over(middle)) == side
+        low, high = np.where(same, middle, low), np.where(same, high, middle)
+    assert 0.7 < np.isfinite(met).mean() < 1.0 and got.wall.sum() >= 2
+    np.testing.assert_allclose(got.range, low, rtol=0, atol=2e-9)
+    assert (got.status[np.isnan(met)] != ReadingStatus.RETURN).all()
+    assert ReadingStatus.VOID in got.status
 
 
 def down_keys() -> dict[str, object]:
