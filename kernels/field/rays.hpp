@@ -4,10 +4,11 @@
 // passes the void, or comes from outside, may get below it, and meets it from there. An index, a
 // tree of quarters of the plan, has bounds of the heights in each node and lists the elements that
 // vary in each leaf. In a leaf a ray is cut where it crosses edges of footprints and steps of
-// curves, and lines beside holes of grids of heights. Between two cuts it is over the same elements,
-// all of them smooth but for kinks, and how its height above the ground changes is enclosed by
-// intervals: where it cannot reach 0 there is nothing, where it only rises or falls the one root is
-// found, elsewhere the stretch is halved. Leaves that nothing cuts have those intervals beforehand.
+// curves, and lines beside holes of grids of heights. Between two cuts it is over the same
+// elements, all of them smooth but for kinks, and how its height above the ground changes is
+// enclosed by intervals: where it cannot reach 0 there is nothing, where it only rises or falls the
+// one root is found, elsewhere the stretch is halved. Leaves that nothing cuts have those intervals
+// beforehand.
 #pragma once
 
 #include "ray_ground.hpp"
