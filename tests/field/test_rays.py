@@ -682,6 +682,24 @@ def test_what_borders_on_void_numbers_has_its_own_slope() -> None:
 
 
 @pytest.mark.parametrize("degrees", [0, 90, 30])
+def test_beyond_the_outermost_numbers_of_pixels_the_nearest_goes_on(degrees: float) -> None:
+    """A slope of 8 × 4, 8 down ahead, 1 up to the left; it is level along a quarter at each end."""
+    slope = {"grid": [[8, 0], [7, -1]], "registration": "pixel"}
+    block = {"type": "slope", "at": [10, 6], "extent": [8, 4], "vScale": 1, "turnDeg": degrees}
+    shallow = {"path": [[0, 6], [20, 6]], "width": 30, "depth": 0}  # nothing is known beforehand
+    terrain = with_floor(block, elemTypes={**FLOOR, "slope": slope}, tracks=[shallow])
+    turn = -math.radians(degrees)
+    ahead, left = [np.array([math.cos(turn + q), math.sin(turn + q), 0]) for q in (0, math.pi / 2)]
+    normal = np.array([0, 0, 1]) - 0.5 * left
+    for begins, z in ((-3.9, 7.5), (2.2, -0.5)):  # sinking by 0.05 over 1
+        start = np.array([10.0, 6.0, z + 0.05]) + begins * ahead
+        hit = terrain.cast(start, ahead - [0, 0, 0.05])
+        assert abs(hit.distance - math.hypot(1, 0.05)) <= 1e-12 and not hit.wall
+        assert hit.element == 1
+        assert np.allclose(hit.normal, normal / np.linalg.norm(normal), rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("degrees", [0, 90, 30])
 def test_the_rim_of_a_grid_is_a_wall(degrees: float) -> None:
     """A block of 4 × 2 in a floor; its heights, on it and beside, are those of queries."""
     block = {"type": "dunes", "at": [7, 5], "extent": [4, 2], "vScale": 2, "vOffset": 0.5}
