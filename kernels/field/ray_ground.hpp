@@ -265,7 +265,7 @@ protected:
     }
 
     // Find whether a cell of a grid of heights is void, and which patches it has, if some are.
-    INLINE void hold_cell(Along& a, UV at) const {
+    NEVER_INLINE void hold_cell(Along& a, UV at) const {
         RasterAt heights = raster_of(a);
         const Raster& r = heights.raster();
         if (!r.voids) return;
@@ -273,6 +273,23 @@ protected:
         a.is_void = heights.is_void(i, j);
         // those beside a void one may have numbers that do not count here
         if (!r.pixel) a.x_pieces = {i, i}, a.y_pieces = {j, j};
+    }
+
+    // Value and slopes of a grid of heights at (u, v).
+    NEVER_INLINE ShapePoint raster_shape(const Along& a, UV at) const {
+        RasterAt heights = raster_of(a);
+        return heights.between_numbers(
+            between_in(heights.raster(), X, at.u, a.x_pieces),
+            between_in(heights.raster(), Y, at.v, a.y_pieces)
+        );
+    }
+
+    // Bounds of the slope of a grid of heights along the ray between two distances, unscaled.
+    NEVER_INLINE Range raster_slopes(const Along& a, double r0, double r1) const {
+        RasterAt heights = raster_of(a);
+        NumberWay x(heights.raster(), X, a.u, a.du, a.x_pieces);
+        NumberWay y(heights.raster(), Y, a.v, a.dv, a.y_pieces);
+        return slope_along(heights, x, y, r0, r1);
     }
 
     // Value of an element's primitive at a distance, and its slopes in u and v.
@@ -284,13 +301,7 @@ protected:
             double by = rho > 0.0 ? f.slope / rho : 0.0;
             return {f.value, by * (2.0 * at.u - 1.0), by * (2.0 * at.v - 1.0)};
         }
-        if (a.combine == GRID) {
-            RasterAt heights = raster_of(a);
-            return heights.between_numbers(
-                between_in(heights.raster(), X, at.u, a.x_pieces),
-                between_in(heights.raster(), Y, at.v, a.y_pieces)
-            );
-        }
+        if (a.combine == GRID) return raster_shape(a, at);
         CurvePoint fx = a.x->at(clamp(at.u, 0.0, 1.0), a.x_pieces);
         CurvePoint fy = a.y->at(clamp(at.v, 0.0, 1.0), a.y_pieces);
         return combine(a.combine, fx, fy);
@@ -299,12 +310,7 @@ protected:
     // Bounds of the slope of an element along the ray between two distances.
     INLINE Range slopes(const Along& a, double r0, double r1) const {
         double scale = a.element->scale;
-        if (a.combine == GRID) {
-            RasterAt heights = raster_of(a);
-            NumberWay x(heights.raster(), X, a.u, a.du, a.x_pieces);
-            NumberWay y(heights.raster(), Y, a.v, a.dv, a.y_pieces);
-            return slope_along(heights, x, y, r0, r1) * scale;
-        }
+        if (a.combine == GRID) return raster_slopes(a, r0, r1) * scale;
         double u0 = a.u + a.du * r0, u1 = a.u + a.du * r1, v0 = a.v + a.dv * r0,
                v1 = a.v + a.dv * r1;
         if (a.combine == RADIAL) {
