@@ -24,7 +24,9 @@ from tests.oracle import (
     Expression,
     Oracle,
     Track,
+    cells_of,
     cos_sin,
+    grid_value,
 )
 
 Floats = NDArray[np.float64]
@@ -203,6 +205,45 @@ class BoundedCurve:
         return Span(low, high)
 
 
+class BoundedGrid:
+    """A grid of heights that can be bounded over rectangles.
+
+    Its unit square is parted so that each part is in one cell and between four numbers.
+    """
+
+    def __init__(self, primitive: Any) -> None:
+        parts = 2 if primitive.get("registration") == "pixel" else 1
+        cells = cells_of(primitive)
+        self.counts = [parts * n for n in cells]
+        self.corners = np.empty((*self.counts, 2, 2))  # NaN in what is void
+        for i, j, a, b in np.ndindex(*self.corners.shape):
+            at = (i + a) / self.counts[0], (j + b) / self.counts[1]
+            self.corners[i, j, a, b] = grid_value(primitive, at, (i // parts, j // parts))
+
+    def over(self, u: Span, v: Span, grains: list[Floats]) -> tuple[Span, Flags, Flags]:
+        """Bounds where it has heights; whether it has none anywhere, or may have none somewhere."""
+        sides = [t.wider(grain).cut(0, 1) for t, grain in zip((u, v), grains, strict=True)]
+        low, high = np.full_like(u.low, math.inf), np.full_like(u.low, -math.inf)
+        void = np.zeros(len(low), bool)
+        for i, j in np.ndindex(*self.counts):
+            met, parts = np.ones(len(low), bool), []
+            for k, n, side in zip((i, j), self.counts, sides, strict=True):
+                met &= (side.low <= (k + 1) / n) & (side.high >= k / n)
+                parts.append([np.clip(end * n - k, 0, 1) for end in (side.low, side.high)])
+            (z00, z01), (z10, z11) = self.corners[i, j]
+            if math.isnan(z00):
+                void |= met
+                continue
+            for a in parts[0]:
+                for b in parts[1]:
+                    south, north = z00 + a * (z10 - z00), z01 + a * (z11 - z01)
+                    z = south + b * (north - south)
+                    low = np.where(met, np.minimum(low, z), low)
+                    high = np.where(met, np.maximum(high, z), high)
+        none = low > high
+        return Span(np.where(none, 0, low), np.where(none, 0, high)), none, void
+
+
 @dataclass(frozen=True)
 class Stretches:
     """Stretches of rays, in arrays of one length.
@@ -322,6 +363,7 @@ class BoundedElement:
         cos, sin = cos_sin(element.node.get("turnDeg", 0))
         self.cos, self.sin = float(cos), float(sin)
         self.curves = [BoundedCurve(curve) for curve in element.curves]
+        self.grid = BoundedGrid(element.primitive) if "grid" in element.primitive else None
         self.combine = element.combine
         # by the oracle's law of heights: the factor and the offset
         self.offset = oracle._height(element, 0.0)
@@ -379,14 +421,26 @@ class BoundedElement:
         least = np.minimum(np.hypot(u0 + nearest * du, v0 + nearest * dv), np.minimum(*ends))
         return Span(2 * least, 2 * np.maximum(*ends))
 
+    def grains(self, grain: Floats) -> list[Floats]:
+        """How far rounding can move u and v."""
+        soft = STEP_TOLERANCE if self.radial or self.turned else 0.0
+        return [1.5 * grain / side + ROUNDING + soft for side in self.sides]
+
+    def of_grid(self, local: tuple[Ends, Ends], grain: Floats) -> tuple[Span, Flags, Flags]:
+        """Bounds of its grid of heights; whether it is void all along, or may be somewhere."""
+        assert self.grid is not None
+        u, v = (spanned(ends) + 0.5 for ends in local)
+        return self.grid.over(u, v, self.grains(grain))
+
     def height(self, local: tuple[Ends, Ends], grain: Floats) -> tuple[Span, Floats]:
         """Bounds of what it adds where it is, and how far its curves may be off."""
-        soft = STEP_TOLERANCE if self.radial or self.turned else 0.0
-        grains = [1.5 * grain / side + ROUNDING + soft for side in self.sides]
+        grains = self.grains(grain)
         x, y = self.curves
         if self.radial:
             first = x.over(self.rho(local) * 0.5 + 0.5, 2 * np.maximum(*grains))
             shape, error = first, x.error
+        elif self.grid:
+            shape, error = self.of_grid(local, grain)[0], 0.0
         else:
             spans = [spanned(ends) + 0.5 for ends in local]
             first, second = x.over(spans[0], grains[0]), y.over(spans[1], grains[1])
@@ -488,6 +542,7 @@ class RayOracle:
         low, high, off = (np.zeros(len(s)) for _ in range(3))
         top, one = np.full(len(s), -1), np.ones(len(s), bool)
         worn = np.ones(len(s), np.int64)  # bits of the surfaces that there may be
+        all_void, any_void = (np.zeros(len(s), bool) for _ in range(2))
         for number, element in enumerate(self.elements):
             met = element.near(lines)
             if not len(met):
@@ -496,6 +551,10 @@ class RayOracle:
             local = element.local(here)
             sure, misses = element.footprint(here, local)
             z, rounding = element.height(local, here.grain)
+            if element.grid:
+                _, none, holes = element.of_grid(local, here.grain)
+                all_void[met] |= sure & none
+                any_void[met] |= ~misses & holes
             met, sure, rounding = met[~misses], sure[~misses], rounding[~misses]
             least, most = z.low[~misses], z.high[~misses]
             low[met] += np.where(sure, least, np.minimum(least, 0.0))
@@ -510,7 +569,8 @@ class RayOracle:
             for k, name in enumerate(self.surfaces)
             if name is not None and self.oracle.surfaces[name].get("void", False)
         )
-        all_void, any_void = worn & ~voids == 0, worn & voids != 0
+        all_void |= worn & ~voids == 0
+        any_void |= worn & voids != 0
         z = Span(low, high)
         z, worn, top, one = self.rutted(lines, z, worn, top, one)
         z = self.roughened(lines, z, worn)

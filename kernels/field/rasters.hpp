@@ -79,7 +79,7 @@ public:
     // The four numbers around a place that lies in a cell, NaN in a void one.
     INLINE Corners corners(const Between& x, const Between& y, i64 cell_x, i64 cell_y) const {
         if (raster_.voids && is_void(cell_x, cell_y)) return {NAN, NAN, NAN, NAN};
-        return around(x, y);
+        return patch(x.low, y.low);
     }
 
     // Value and slopes at (u, v), in [0, 1], which lies in a cell.
@@ -90,9 +90,15 @@ public:
 
     // The same where a cell beside it is not void.
     INLINE ShapePoint filled(UV at) const {
-        Between x = between(at.u, raster_.count[X], raster_.pixel);
-        Between y = between(at.v, raster_.count[Y], raster_.pixel);
-        Corners z = around(x, y);
+        return between_numbers(
+            between(at.u, raster_.count[X], raster_.pixel),
+            between(at.v, raster_.count[Y], raster_.pixel)
+        );
+    }
+
+    // Value and slopes between numbers, whether or not that is void.
+    INLINE ShapePoint between_numbers(Between x, Between y) const {
+        Corners z = patch(x.low, y.low);
         return {z.value(x.part, y.part), z.east(y.part) * x.per, z.north(x.part) * y.per};
     }
 
@@ -102,6 +108,21 @@ public:
         i64 i = cell_at(u + STEP, raster_cells(raster_, X));
         i64 j = cell_at(v + STEP, raster_cells(raster_, Y));
         return this->at({u, v}, i, j);
+    }
+
+    // The numbers around what lies to the north-east of one; a void one counts as its neighbours
+    // do.
+    INLINE Corners patch(i64 i, i64 j) const {
+        i64 east = min(i + 1, raster_.count[X] - 1), north = min(j + 1, raster_.count[Y] - 1);
+        return {counting(i, j), counting(east, j), counting(i, north), counting(east, north)};
+    }
+
+    // Whether a cell is void.
+    bool is_void(i64 i, i64 j) const {
+        if (raster_.pixel) return isnan(number(i, j));
+        i64 east = min(i + 1, raster_.count[X] - 1), north = min(j + 1, raster_.count[Y] - 1);
+        return isnan(number(i, j)) || isnan(number(east, j)) || isnan(number(i, north))
+            || isnan(number(east, north));
     }
 
     // What the numbers of a block reach. Between them no height is beyond it, void numbers apart.
@@ -124,14 +145,6 @@ public:
         return static_cast<const double*>(numbers_)[n];
     }
 
-    // Whether a cell is void.
-    bool is_void(i64 i, i64 j) const {
-        if (raster_.pixel) return isnan(number(i, j));
-        i64 east = min(i + 1, raster_.count[X] - 1), north = min(j + 1, raster_.count[Y] - 1);
-        return isnan(number(i, j)) || isnan(number(east, j)) || isnan(number(i, north))
-            || isnan(number(east, north));
-    }
-
     // The number, or where it is void the mean of its neighbours, from the north-west on.
     INLINE double counting(i64 i, i64 j) const {
         double z = number(i, j);
@@ -145,13 +158,6 @@ private:
     INLINE static const void* numbers_of(const Curves& curves, const Raster& r) {
         return r.file < 0 ? static_cast<const void*>(curves.heights.data() + r.first)
                           : curves.memory->files[r.file].data();
-    }
-    // The four numbers around a place.
-    INLINE Corners around(const Between& x, const Between& y) const {
-        return {
-            counting(x.low, y.low), counting(x.high, y.low), counting(x.low, y.high),
-            counting(x.high, y.high)
-        };
     }
     double mean_around(i64 i, i64 j) const {
         double sum = 0.0, count = 0.0;

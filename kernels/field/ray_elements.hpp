@@ -2,7 +2,7 @@
 // ends and steps, and bounds of what it adds over a rectangle of the plan.
 #pragma once
 
-#include "curve_bounds.hpp"
+#include "raster_bounds.hpp"
 
 namespace terratool::rays {
 
@@ -59,6 +59,8 @@ struct Part {
     bool cuts = false;       // whether edges or steps lie in it, or along its sides
     i64 lines = 0;           // edges and steps that cut the rectangle
     i64 straight = 0;        // those of `lines` that lie along an axis
+    i64 patches = 0;         // of a grid of heights, that meet it
+    bool voids = false;      // whether some of those may be void
     Range height{0.0, 0.0};  // what it adds
 };
 
@@ -79,6 +81,8 @@ public:
     INLINE const Curve& curve(u32 kind, int axis) const {
         return curves_[curve_of_kind_[kind][axis]];
     }
+
+    RasterAt raster(u32 kind) const { return {field.curves, field.kinds[kind]}; }
 
     // Where a step of a curve of an element that is not skew stands.
     INLINE Line step_line(const Placed& placed, int curve, double t) const {
@@ -154,7 +158,16 @@ public:
         auto [u, v] = places[index].frame.at(x, y);
         double shape;
         if (how == RADIAL) shape = a.at(min(0.5 + 0.5 * radius({u, v}), 1.0), a.all()).value;
-        else {
+        else if (how == GRID) {
+            RasterAt heights = raster(element.kind);
+            const Raster& r = heights.raster();
+            shape = heights
+                        .between_numbers(
+                            between_in(r, X, u, NumberAxis(r, X).patches()),
+                            between_in(r, Y, v, NumberAxis(r, Y).patches())
+                        )
+                        .value;
+        } else {
             CurvePoint by_u = a.at(clamp(u, 0.0, 1.0), a.all());
             shape = combine(how, by_u, b.at(clamp(v, 0.0, 1.0), b.all())).value;
         }
@@ -280,7 +293,7 @@ private:
         return true;
     }
 
-    // The same of an element of two curves.
+    // The same of an element of two curves, or of a grid of heights.
     bool add_surface(u32 index, Range u, Range v, const Cell& plan, Part& part, bool& fills) const {
         const u32 kind = field.elements[index].kind;
         const bool skew = places[index].skew;
@@ -291,6 +304,14 @@ private:
             }
         }
         fills = part.lines == 0;
+        if (field.kinds[kind].combine == GRID) {
+            RasterAt heights = raster(kind);
+            PatchBlock block(heights, in_surface(u), in_surface(v));
+            part.height = block.values();
+            part.patches = block.patches(), part.voids = block.has_voids();
+            part.cuts = part.voids;
+            return true;
+        }
         CurveRange both[2];
         for (int axis : {X, Y}) {
             const Curve& own = curve(kind, axis);
@@ -322,6 +343,10 @@ private:
         const u32 kind = field.elements[index].kind;
         const u8 how = field.kinds[kind].combine;
         auto [u, v] = uv_of(index, plan);
+        if (how == GRID) {
+            RasterAt heights = raster(kind);
+            return PatchBlock(heights, in_surface(u), in_surface(v)).slopes();
+        }
         const Curve& x = curve(kind, X);
         if (how == RADIAL) {
             Disc disc = disc_of(u, v);

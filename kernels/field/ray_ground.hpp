@@ -34,7 +34,8 @@ struct Along {
     u32 index;
     u8 combine;
     bool cuts, active;
-    PieceRange x_pieces, y_pieces;
+    bool is_void = false;           // where it is active
+    PieceRange x_pieces, y_pieces;  // of curves; or which patches of a grid of heights
 };
 
 // How far the ray is above the ground, and the slopes of that.
@@ -91,8 +92,15 @@ protected:
         a.v = v, a.dv = f.v_x * ray_->dx + f.v_y * ray_->dy;
         a.cuts = (entry & CUT) != 0, a.active = true;
         a.x_pieces = a.x->all(), a.y_pieces = a.y->all();
+        if (a.combine == GRID) {
+            const Raster& raster = raster_of(a).raster();
+            a.x_pieces = NumberAxis(raster, X).patches();
+            a.y_pieces = NumberAxis(raster, Y).patches();
+        }
         return a;
     }
+
+    RasterAt raster_of(const Along& a) const { return index_.elements.raster(a.element->kind); }
 
     // What rounding may add to u and v.
     INLINE UV slack_of(const Frame& f) const {
@@ -138,13 +146,13 @@ protected:
                 double at = (t - from) / way;
                 put({at, off / abs(way) + ROUNDING * abs(at), normal, weight});
             };
-            auto steps = steps_over(axis == X ? *a.x : *a.y, from, way, off, part);
-            if (!skew) {
-                for (double t : steps) put_line(index_.elements.step_line(*a.placed, axis, t));
-            } else if (way != 0.0) {
-                put_t(-EDGE), put_t(1.0 + EDGE);
-                for (double t : steps) put_t(t);
-            }
+            auto put_step = [&](double t) {
+                if (!skew) put_line(index_.elements.step_line(*a.placed, axis, t));
+                else if (way != 0.0) put_t(t);
+            };
+            if (skew && way != 0.0) put_t(-EDGE), put_t(1.0 + EDGE);
+            if (a.combine == GRID) return for_void_edges(a, axis, from, way, off, part, put_step);
+            for (double t : steps_over(axis == X ? *a.x : *a.y, from, way, off, part)) put_step(t);
         };
         put_of_curve(X, a.u, a.du, slack.u, {f.u_x, f.u_y});
         put_of_curve(Y, a.v, a.dv, slack.v, {f.v_x, f.v_y});
@@ -158,6 +166,21 @@ protected:
         if (curve.steps.empty() || part.low == -INF) return curve.steps;
         double more = 1e-9 + 8.0 * off;
         return curve.steps_in(part * way + Range{from - more, from + more});
+    }
+
+    // Call put(t) for the lines between cells of a grid of heights, some of which are void, that
+    // may be met in a part of the ray. Looked at everywhere they are left out: none is a wall.
+    template <class Put>
+    void for_void_edges(
+        const Along& a, int axis, double from, double way, double off, Range part, Put put
+    ) const {
+        RasterAt heights = raster_of(a);
+        if (!heights.raster().voids || part.low == -INF) return;
+        double more = 1e-9 + 8.0 * off, count = double(raster_cells(heights.raster(), axis));
+        Range t = clamped(part * way + Range{from - more, from + more}, 0.0, 1.0);
+        for (double k = max(floor(t.low * count), 1.0); k <= min(t.high * count + 1.0, count - 1.0);
+             k += 1.0)
+            put(k / count);
     }
 
     // Where the ray's line crosses a circle around the middle of a disc.
@@ -236,8 +259,37 @@ protected:
         double ahead = step_ahead(*a.placed);
         double more_u = a.du == 0.0 ? ahead + 1e-15 * (1.0 + abs(f.u_0)) : 0.0;
         double more_v = a.dv == 0.0 ? ahead + 1e-15 * (1.0 + abs(f.v_0)) : 0.0;
-        a.x_pieces = a.x->stretch(at.u + more_u), a.y_pieces = a.y->stretch(at.v + more_v);
+        if (a.combine == GRID) hold_cell(a, {at.u + more_u, at.v + more_v});
+        else a.x_pieces = a.x->stretch(at.u + more_u), a.y_pieces = a.y->stretch(at.v + more_v);
         return true;
+    }
+
+    // Find whether a cell of a grid of heights is void, and which patches it has, if some are.
+    NEVER_INLINE void hold_cell(Along& a, UV at) const {
+        RasterAt heights = raster_of(a);
+        const Raster& r = heights.raster();
+        if (!r.voids) return;
+        i64 i = cell_at(at.u, raster_cells(r, X)), j = cell_at(at.v, raster_cells(r, Y));
+        a.is_void = heights.is_void(i, j);
+        // those beside a void one may have numbers that do not count here
+        if (!r.pixel) a.x_pieces = {i, i}, a.y_pieces = {j, j};
+    }
+
+    // Value and slopes of a grid of heights at (u, v).
+    NEVER_INLINE ShapePoint raster_shape(const Along& a, UV at) const {
+        RasterAt heights = raster_of(a);
+        return heights.between_numbers(
+            between_in(heights.raster(), X, at.u, a.x_pieces),
+            between_in(heights.raster(), Y, at.v, a.y_pieces)
+        );
+    }
+
+    // Bounds of the slope of a grid of heights along the ray between two distances, unscaled.
+    NEVER_INLINE Range raster_slopes(const Along& a, double r0, double r1) const {
+        RasterAt heights = raster_of(a);
+        NumberWay x(heights.raster(), X, a.u, a.du, a.x_pieces);
+        NumberWay y(heights.raster(), Y, a.v, a.dv, a.y_pieces);
+        return slope_along(heights, x, y, r0, r1);
     }
 
     // Value of an element's primitive at a distance, and its slopes in u and v.
@@ -249,6 +301,7 @@ protected:
             double by = rho > 0.0 ? f.slope / rho : 0.0;
             return {f.value, by * (2.0 * at.u - 1.0), by * (2.0 * at.v - 1.0)};
         }
+        if (a.combine == GRID) return raster_shape(a, at);
         CurvePoint fx = a.x->at(clamp(at.u, 0.0, 1.0), a.x_pieces);
         CurvePoint fy = a.y->at(clamp(at.v, 0.0, 1.0), a.y_pieces);
         return combine(a.combine, fx, fy);
@@ -257,6 +310,7 @@ protected:
     // Bounds of the slope of an element along the ray between two distances.
     INLINE Range slopes(const Along& a, double r0, double r1) const {
         double scale = a.element->scale;
+        if (a.combine == GRID) return raster_slopes(a, r0, r1) * scale;
         double u0 = a.u + a.du * r0, u1 = a.u + a.du * r1, v0 = a.v + a.dv * r0,
                v1 = a.v + a.dv * r1;
         if (a.combine == RADIAL) {

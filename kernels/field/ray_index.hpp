@@ -92,6 +92,7 @@ private:
         i64 straight = 0;        // edges and steps in it along an axis
         i64 cutting = 0;         // edges, steps and segments in the node
         double finest = INF;     // least distance between two of `cutting` of one element
+        i64 patches = 0;         // of the grid of heights that has the most in it
 
         bool is_bare() const { return entries.empty() && segments.empty(); }
     };
@@ -121,14 +122,15 @@ private:
             u32 index = entry & ~CUT;
             Part part = elements.part_of(index, own.plan);
             if (!part.meets) continue;
-            if (!part.lines && part.height.low == part.height.high) {
+            if (!part.lines && !part.voids && part.height.low == part.height.high) {
                 own.base += part.height.low;
                 own.top = max(own.top, i32(index));
                 continue;
             }
             own.entries.push_back(index | (part.cuts ? CUT : 0));
             own.height = own.height + part.height;
-            own.voids |= is_void_kind(i32(index));
+            own.voids |= part.voids || is_void_kind(i32(index));
+            own.patches = max(own.patches, part.patches);
             own.rough = max(own.rough, relief_on(surface_of(field, index)));
             size += max(abs(part.height.low), abs(part.height.high));
             if (!part.lines) continue;
@@ -159,10 +161,10 @@ private:
     bool is_void_kind(i32 index) const { return field.kinds[field.elements[index].kind].is_void; }
 
     // Whether a node is to be quartered: where edges or steps along an axis cut it, at which it can
-    // be parted; where too much else does, or more than one thing and it is large beside that; or
-    // where heights are far from a plane.
+    // be parted; where too much else does, or more than one thing and it is large beside that;
+    // where a grid of heights has many patches; or where heights are far from a plane.
     bool is_crowded(const Pending& pending, int depth) const {
-        constexpr i64 few = 4;
+        constexpr i64 few = 4, many_patches = 64;
         constexpr int bent_until = 7;
         constexpr double bent = 0.02;  // heights from a plane beside the shorter side
         // the shorter side of a node that few or more things cut, beside `finest`
@@ -173,6 +175,7 @@ private:
         if (side < least_) return false;
         double beside = pending.cutting > few ? crowded : large;
         if (side > beside * pending.finest && pending.cutting > 1) return true;
+        if (pending.patches > many_patches) return true;
         if (depth >= bent_until || pending.entries.empty()) return false;
         Slab slab = slab_of(pending);
         return slab.high - slab.low > bent * side;
@@ -188,7 +191,8 @@ private:
         height = level[0].height;
         quarters.emplace_back().put(0, height);
         // so many quarters, and so many entries that wait, keep the tree in the size of the field
-        i64 most = (i64(1) << 16) + count_of(field.elements), most_waiting = 32 * most;
+        i64 most = (i64(1) << 16) + count_of(field.elements) + count_of(field.curves.heights) / 32;
+        i64 most_waiting = 32 * most;
         std::vector<u32> parents{0};  // of the level: where their nodes are, in quarters
         for (int depth = 0; !level.empty(); ++depth) {
             std::vector<Pending> next;

@@ -4,10 +4,11 @@
 // passes the void, or comes from outside, may get below it, and meets it from there. An index, a
 // tree of quarters of the plan, has bounds of the heights in each node and lists the elements that
 // vary in each leaf. In a leaf a ray is cut where it crosses edges of footprints and steps of
-// curves. Between two cuts it is over the same elements, all of them smooth but for kinks, and how
-// its height above the ground changes is enclosed by intervals: where it cannot reach 0 there is
-// nothing, where it only rises or falls the one root is found, elsewhere the stretch is halved.
-// Leaves that nothing cuts have those intervals beforehand.
+// curves, and lines beside holes of grids of heights. Between two cuts it is over the same
+// elements, all of them smooth but for kinks, and how its height above the ground changes is
+// enclosed by intervals: where it cannot reach 0 there is nothing, where it only rises or falls the
+// one root is found, elsewhere the stretch is halved. Leaves that nothing cuts have those intervals
+// beforehand.
 #pragma once
 
 #include "ray_ground.hpp"
@@ -378,11 +379,14 @@ private:
     bool cross_stretch(const Leaf& leaf, double from, double to) {
         double middle = 0.5 * (from + to);
         Stretch ground{leaf.base, i64(leaf.top)};
+        bool voids = false;
         for (Along& a : along_) {
             if (a.cuts) a.active = holds_middle(a, middle);
-            if (a.active) ground.top = max(ground.top, i64(a.index));
+            if (!a.active) continue;
+            ground.top = max(ground.top, i64(a.index));
+            voids |= a.is_void;
         }
-        if (is_void(field_, ground.top)) {
+        if (voids || is_void(field_, ground.top)) {
             side_ = NOWHERE;
             return false;
         }

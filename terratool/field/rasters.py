@@ -12,20 +12,7 @@ from numpy.typing import NDArray
 from terratool.definition.curves import GridShape
 from terratool.definition.grid_files import GridSource
 from terratool.errors import RequestError
-from terratool.field.records import RASTER, FieldArrays, MappedGrids
-
-
-def refuse_grids(arrays: FieldArrays, what: str) -> None:
-    """Refuse a field with grids of heights for what does not know them, such as "A mesh".
-
-    Raises:
-        RequestError: an element of the field is a grid.
-    """
-    if len(arrays.curves.rasters):
-        raise RequestError(
-            f"{what} cannot be made of a terrain whose primitives are grids of heights.",
-            "Describe the ground by curves: import-terrain makes rows of a DEM.",
-        )
+from terratool.field.records import RASTER, MappedGrids
 
 
 class RasterStore:

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from terratool.errors import RequestError
-from terratool.field.rasters import refuse_grids
 from terratool.field.types import real_numbers
 from terratool.kernels import field as kernels
 
@@ -50,7 +49,6 @@ def ray_index(terrain: TerrainField) -> kernels.RayIndex:
     It holds bounds of heights and marks of changes. A million elements take some five seconds of
     one processor, and 370 bytes each.
     """
-    refuse_grids(terrain.arrays, "An index of rays")
     return kernels.RayIndex(terrain.field, terrain.cells())
 
 

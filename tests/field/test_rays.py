@@ -50,6 +50,11 @@ SHAPES: Json = {
     "mound": {"x": "cosbell", "combine": "radial"},
     "ball": {"x": "dome", "combine": "radial"},
     "waves": {"x": "sin(6*pi*t)", "y": [[0, 0], [0.3, 1], [1, 0.2]]},
+    "dunes": {"grid": [[0, 0.4, 0.1, 0.7, 0.3], [0.9, 0, 0.6, 1, 0.2], [0.2, 0.5, 0.1, 0, 0.8]]},
+    "pits": {
+        "grid": [[0.3, 0.1, None, 0.6, 0.2], [0.8, 0.5, 0, 1, 0.4], [None, 0.2, 0.7, 0.1, 0.9]],
+        "registration": "pixel",
+    },
 }
 
 
@@ -349,7 +354,7 @@ def test_rays_over_thin_posts_and_walls_agree_with_the_format() -> None:
 @given(st.data())
 def test_rays_agree_with_the_format(data: st.DataObject) -> None:
     definition = data.draw(
-        definitions(rutted=data.draw(st.booleans()), free=data.draw(st.booleans()))
+        definitions(rutted=data.draw(st.booleans()), free=data.draw(st.booleans()), gridded=True)
     )
     # narrower ones are as narrow as what tells edges from rounding
     assume(all(track["width"] >= 1e-6 for track in definition.get("tracks", [])))
@@ -361,7 +366,7 @@ def test_rays_agree_with_the_format(data: st.DataObject) -> None:
 def test_upright_rays_meet_the_height_to_the_last_bit(data: st.DataObject) -> None:
     """On all edges and corners too, from above and from below."""
     definition = data.draw(
-        definitions(rutted=data.draw(st.booleans()), free=data.draw(st.booleans()))
+        definitions(rutted=data.draw(st.booleans()), free=data.draw(st.booleans()), gridded=True)
     )
     terrain = terrain_of(definition)
     x, y = np.array(landmarks(definition)[:80]).T
@@ -386,10 +391,13 @@ def test_along_edges_the_ground_is_that_of_the_points_on_them(data: st.DataObjec
 
     Nothing is known of what is beside such a plane, only the heights in it.
     """
-    definition = data.draw(definitions(free=data.draw(st.booleans())))
+    definition = data.draw(definitions(free=data.draw(st.booleans()), gridded=True))
     for surface in definition.get("surfTypes", {}).values():
         surface.pop("roughness", None)
         surface.pop("void", None)  # through which a ray may get below the ground
+    for primitive in definition["elemTypes"].values():
+        if "grid" in primitive:
+            primitive["grid"] = [[z or 0 for z in row] for row in primitive["grid"]]
     terrain = terrain_of(definition)
     rng = np.random.default_rng(data.draw(st.integers(0, 2**32)))
     origins, ways = aimed(rng, terrain, RAYS)
@@ -421,7 +429,9 @@ def test_along_edges_the_ground_is_that_of_the_points_on_them(data: st.DataObjec
         where = f"{origins[n].tolist()} {ways[n].tolist()} {distance}"
         assert np.ptp(np.sign(z - height)[told]) == 0 if told.any() else True, where
         if distance < math.inf and not hits.wall[n]:
-            x, y, z = hits.point[n].tolist()
+            # rounding may put what is met at the rim beyond it
+            x, y = np.clip(hits.point[n, :2], [west, south], [east, north]).tolist()
+            z = float(hits.point[n, 2])
             if oracle.margin(x, y, cells=False) > 1e-6:
                 grounds += 1
                 off = oracle.slack(x, y)
@@ -544,7 +554,9 @@ def test_a_step_in_a_cell_of_a_tenth_of_a_millimetre_far_from_zero_is_a_wall() -
     assert np.allclose(hits.point[:, 1] - origin[1], 0.7 * side, rtol=0, atol=4e-9)
 
 
-@pytest.mark.parametrize("kind", ["stairs", "kerbs", "sum", "trough", "waves", "tower", "ball"])
+@pytest.mark.parametrize(
+    "kind", ["stairs", "kerbs", "sum", "trough", "waves", "tower", "ball", "dunes", "pits"]
+)
 def test_what_is_turned_by_quarters_is_seen_as_from_elsewhere(kind: str) -> None:
     """The rays turned with it meet the same."""
     rng = np.random.default_rng(3)
@@ -591,6 +603,127 @@ def test_the_wall_beside_a_ramp_is_of_the_ramp() -> None:
         beside = terrain.cast(np.column_stack([x, np.full(20, start), x / 30]), [0.01, way, 0.01])
         assert beside.wall.all() and (beside.element == 3).all()
         assert (beside.normal == [0, -way, 0]).all()
+
+
+# Between four numbers 0 0 / 1 1, south and north, that are turned against each other, the height is
+# a + b − 2ab: along the diagonal a = b = t it is 2t − 2t².
+SADDLE: Json = {"saddle": {"grid": [[1, 0], [0, 1]]}}
+
+
+@pytest.mark.parametrize("origin", [[0, 0], [500000, 4649776.5]])
+def test_between_four_numbers_a_ray_meets_a_saddle(origin: list[int]) -> None:
+    """Over 8 × 4: level along both diagonals, up to the height of a quarter of the way."""
+    found = {"size": [8, 4], "origin": origin, "elemTypes": SADDLE, "elemTree": {"type": "saddle"}}
+    terrain = terrain_of(found)
+    west, south = origin
+    near = 1e-14 * max(*origin, 100)
+    up = terrain.cast([west, south, 0.375], [8, 4, 0])
+    assert np.allclose(up.point, [west + 2, south + 1, 0.375], rtol=0, atol=near)
+    # there a = b = 1/4: slopes of 1/2 to the east of 8 and to the north of 4
+    wanted = np.array([-0.5 / 8, -0.5 / 4, 1])
+    assert np.allclose(up.normal, wanted / np.linalg.norm(wanted), rtol=0, atol=1e-9)
+    assert not up.wall and up.element == 0
+    down = terrain.cast([west + 8, south, 0.625], [-8, 4, 0])  # from 1 in the corner, below it
+    assert np.allclose(down.point, [west + 6, south + 1, 0.625], rtol=0, atol=near)
+    assert down.normal[2] < 0
+    assert terrain.cast([west, south, 0.5 + 1e-9], [8, 4, 0]).distance == math.inf
+
+
+HOLED: Json = {"holed": {"grid": [[1, 1, 1, None, 1], [1, 1, 1, 1, 1], [1, 1, 1, 1, 1]]}}
+
+
+@pytest.mark.parametrize(("registration", "low", "high"), [("gridline", 5, 10), ("pixel", 6, 8)])
+def test_rays_go_through_void_numbers(registration: str, low: float, high: float) -> None:
+    """A sheet of 10 × 6 at 1, void in the north from `low` to `high` of x, whatever is on it."""
+    sheet = {"holed": {**HOLED["holed"], "registration": registration}}
+    post = {"type": "box", "at": [7, 5.5], "extent": [1, 0.5], "vScale": 3}
+    terrain = terrain_of(
+        {"size": [10, 6], "elemTypes": {**FLOOR, **sheet},
+         "elemTree": {"type": "holed", "vScale": 1, "children": [post]}}
+    )  # fmt: skip
+    south = 3 if registration == "gridline" else 4
+    x = np.array([low - 1e-6, low + 1e-6, high - 1e-6, min(high, 9.999998) + 1e-6])
+    met = np.array([True, False, False, registration == "pixel"])
+    for z, up in ((3.0, -1.0), (-1.0, 1.0)):
+        lean = [1e-9, 1e-9, up]
+        across = terrain.cast(np.column_stack([x, np.full(4, 5.5), np.full(4, z)]), lean)
+        assert np.array_equal(np.isfinite(across.distance), met)
+        assert not across.wall.any()
+        y = south + np.array([-1e-6, 1e-6])
+        along = terrain.cast(np.column_stack([[7, 7], y, [z, z]]), lean)
+        assert np.isfinite(along.distance).tolist() == [True, False]
+    # level, through the post; aslant, in at one end and out under the sheet, from either side
+    assert terrain.cast([0.5, 5.5, 1.5], [1, 0, 0]).distance == math.inf
+    begins, middle = np.array([7, 5, 1.25]), np.array([7, 5, 1])
+    ways = np.array([[0.1, -1.1, -0.4], [0.1, 1.1, -0.4], [-0.9, 0.1, -0.7], [0.9, 0.1, -0.7]])
+    hits = terrain.cast(begins, ways)
+    out = middle + 0.25 / -ways[:, 2:] * ways[:, :2] @ np.eye(2, 3)
+    holds = (low < out[:, 0]) & (out[:, 0] < high) & (out[:, 1] > south)
+    assert np.array_equal(np.isfinite(hits.distance), ~holds)
+
+
+def test_what_borders_on_void_numbers_has_its_own_slope() -> None:
+    """A ramp up to 4 in the west of a void cell; a ray from above it meets it at the line."""
+    ramp = {"ramp": {"grid": [[0, 2, 4, 9, None], [0, 2, 4, 9, 9], [0, 2, 4, 9, 9]]}}
+    terrain = terrain_of(
+        {"size": [8, 4], "elemTypes": ramp, "elemTree": {"type": "ramp", "vScale": 1}}
+    )
+    for x, slope in ((4 + 1e-9, 2.5), (6 - 1e-9, 2.5), (4 - 1e-9, 1.0)):
+        z = float(terrain.height(x, 3.0))
+        normal = np.array([-slope, 0, 1]) / math.hypot(slope, 1)
+        for way in (np.array([-0.1, 0, -1]), np.array([0.1, 0, -1])):
+            hit = terrain.cast([x, 3.0, z] - way, way)
+            assert abs(hit.point[0] - x) <= 1e-12
+            assert np.allclose(hit.normal, normal, rtol=0, atol=1e-9)
+    begins = terrain.cast([6, 3.0, 9], [-1, 0, 1])  # on the ground, where there is none eastward
+    assert begins.distance == 0
+    towards = np.array([2.5, 0, -1]) / math.hypot(2.5, 1)  # where it comes from
+    assert np.allclose(begins.normal, towards, rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("degrees", [0, 90, 30])
+def test_beyond_the_outermost_numbers_of_pixels_the_nearest_goes_on(degrees: float) -> None:
+    """A slope of 8 × 4, 8 down ahead, 1 up to the left; it is level along a quarter at each end."""
+    slope = {"grid": [[8, 0], [7, -1]], "registration": "pixel"}
+    block = {"type": "slope", "at": [10, 6], "extent": [8, 4], "vScale": 1, "turnDeg": degrees}
+    shallow = {"path": [[0, 6], [20, 6]], "width": 30, "depth": 0}  # nothing is known beforehand
+    terrain = with_floor(block, elemTypes={**FLOOR, "slope": slope}, tracks=[shallow])
+    turn = -math.radians(degrees)
+    ahead, left = [np.array([math.cos(turn + q), math.sin(turn + q), 0]) for q in (0, math.pi / 2)]
+    normal = np.array([0, 0, 1]) - 0.5 * left
+    for begins, z in ((-3.9, 7.5), (2.2, -0.5)):  # sinking by 0.05 over 1
+        start = np.array([10.0, 6.0, z + 0.05]) + begins * ahead
+        hit = terrain.cast(start, ahead - [0, 0, 0.05])
+        assert abs(hit.distance - math.hypot(1, 0.05)) <= 1e-12 and not hit.wall
+        assert hit.element == 1
+        assert np.allclose(hit.normal, normal / np.linalg.norm(normal), rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("degrees", [0, 90, 30])
+def test_the_rim_of_a_grid_is_a_wall(degrees: float) -> None:
+    """A block of 4 × 2 in a floor; its heights, on it and beside, are those of queries."""
+    block = {"type": "dunes", "at": [7, 5], "extent": [4, 2], "vScale": 2, "vOffset": 0.5}
+    terrain = with_floor({**block, "turnDeg": degrees})
+    turn = -math.radians(degrees)
+    ahead, left = [
+        np.array([math.cos(turn + q), math.sin(turn + q), 0.0]) for q in (0, math.pi / 2)
+    ]
+    # of the east side the numbers are 0.8, 0.2 and 0.3 from the south: at its middle 0.9 are above
+    middle = np.array([7.0, 5.0, 0.0])
+    for above, met in ((0.88, True), (0.92, False)):
+        hit = terrain.cast(middle + 5 * ahead + [0, 0, above], -ahead)
+        near = abs(hit.distance - 3.0) <= 1e-8
+        assert near == met and (not met or (hit.wall and hit.element == 1))
+        if met:
+            assert np.allclose(hit.normal, ahead, rtol=0, atol=1e-12)
+    # and of the north side 0, 0.4, 0.1, 0.7, 0.3 from the west
+    for aside, number in zip(np.arange(-1, 2), (0.4, 0.1, 0.7), strict=True):
+        start = middle + aside * ahead + 4 * left
+        low, high = (
+            terrain.cast([*start[:2], 0.5 + 2 * number + more], -left) for more in (-0.02, 0.02)
+        )
+        assert low.wall and abs(low.distance - 3.0) <= 1e-8
+        assert not high.wall
 
 
 @pytest.mark.parametrize("origin", [[0, 0], [500000, 4649776.5]])
@@ -929,6 +1062,31 @@ def test_an_index_keeps_in_the_size_of_what_it_is_of() -> None:
     assert np.allclose(hits.point[:, 2], terrain.height(hits.point[:, 0], x), rtol=0, atol=1e-9)
 
 
+def test_a_large_grid_has_an_index_of_its_size() -> None:
+    """Of 400 × 250 numbers; rays through all of it meet what queries have."""
+    rng = np.random.default_rng(4)
+    heights = rng.uniform(0, 1, (250, 400)).round(2)
+    grid = {"rough": {"grid": heights.tolist(), "registration": "pixel"}}
+    terrain = terrain_of(
+        {"size": [400, 250], "elemTypes": grid, "elemTree": {"type": "rough", "vScale": 1}}
+    )
+    assert terrain.ray_index.nbytes < 2 * heights.nbytes
+    over = terrain.cast([1, 1, 1.001], [398, 248, 0])
+    assert over.distance == math.inf
+    x, y = rng.uniform(10, 390, 500), rng.uniform(10, 240, 500)
+    ways = np.column_stack([rng.uniform(-1, 1, (500, 2)), np.full(500, -0.05)])
+    hits = terrain.cast(np.column_stack([x, y, np.full(500, 1.1)]), ways)
+    met = np.isfinite(hits.distance)
+    assert met.mean() > 0.9 and not hits.wall.any()
+    off = terrain.height(*hits.point[met, :2].T) - hits.point[met, 2]
+    assert np.abs(off).max() <= 1e-12
+    # before that they are above it
+    for part in np.linspace(0.001, 0.999, 400):
+        at = np.column_stack([x, y, np.full(500, 1.1)])[met]
+        at += part * (hits.point[met] - at)
+        assert (at[:, 2] > terrain.height(at[:, 0], at[:, 1])).all()
+
+
 def test_rays_that_begin_on_the_ground_meet_it_there() -> None:
     terrain = with_floor(BOX)
     ways = [[1, 0, 0], [0, 0, 1], [0.3, 0.2, -1], [1, 2, 3], [0, -1, 1e-9], [0, 0, -1]]
@@ -1141,7 +1299,7 @@ def test_threads_change_no_bit_and_neither_does_pickling() -> None:
 def test_bounds_of_the_slow_reading_hold(data: st.DataObject) -> None:
     """At points of stretches of any length the ground is that of the oracle."""
     definition = data.draw(
-        definitions(rutted=data.draw(st.booleans()), free=data.draw(st.booleans()))
+        definitions(rutted=data.draw(st.booleans()), free=data.draw(st.booleans()), gridded=True)
     )
     oracle, terrain = RayOracle(definition), terrain_of(definition)
     rng = np.random.default_rng(data.draw(st.integers(0, 2**32)))

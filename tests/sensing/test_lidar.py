@@ -8,9 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from terratool.errors import RequestError
-from terratool.sensing.poses import Poses, quaternions, read_poses
+from terratool.sensing.poses import Poses, one_pose, quaternions, read_poses
 from terratool.sensing.readings import ReadingStatus, miss_status
 from terratool.sensing.scan import Scan
 from terratool.sensing.sensor import load_sensor
@@ -183,6 +184,50 @@ def test_rays_that_stay_over_one_place_or_leave_over_void() -> None:
     ways = np.array([down / np.linalg.norm(down), up / np.linalg.norm(up)])
     got = miss_status(moat, np.tile([9.0, 5.0, 2.5], (2, 1)), ways)
     assert got.tolist() == [ReadingStatus.VOID, ReadingStatus.OUTSIDE]
+
+
+def test_a_scan_of_a_grid_of_heights_is_what_marching_finds() -> None:
+    """Over 7 × 4 with a hole, a turned tile and a post; steps of 0.5 mm, then halves of one."""
+    numbers = [[0.2, 0.9, 0.1, 0.6, 0.3], [0.7, 0, 0.5, None, 0.8], [0.1, 0.4, 1, 0.2, 0.5]]
+    tile = {"type": "relief", "at": [5.2, 1.1], "extent": [2, 1.2], "turnDeg": 30, "vScale": 0.4}
+    post = {"type": "post", "at": [1.5, 3], "extent": 0.2, "vScale": 1.4}
+    terrain = terrain_of({
+        "size": [7, 4],
+        "elemTypes": {"relief": {"grid": numbers, "registration": "pixel"},
+                      "post": {"x": [1]}},
+        "elemTree": {"type": "relief", "vScale": 1, "children": [tile, post]},
+    })  # fmt: skip
+    keys = {"elevations": [-75, -50, -35, -22, -6], "azimuths": [3, 351], "azimuthStep": 12}
+    lidar, where = sensor(range=[0.01, 50], lidar=keys), (3.1, 1.9, 1.3)
+    (got,) = Scan(lidar, one_pose((*where, 0.0, 0.0, 0.0))).read(terrain)
+    azimuth, elevation = (
+        angle.ravel()
+        for angle in np.meshgrid(
+            np.radians(np.arange(3, 352, 12)), np.radians(keys["elevations"]), indexing="ij"
+        )
+    )
+    level = np.cos(elevation)
+    ways = np.column_stack([level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)])
+
+    def over(at: NDArray[np.float64]) -> NDArray[np.float64]:
+        """How far above the ground rays are, at some distances each."""
+        x, y, z = (where[k] + at * ways[:, k, None] for k in range(3))
+        return z - terrain.height(x, y)
+
+    at = np.tile(5e-4 * np.arange(10_000), (len(ways), 1))
+    sides = np.sign(over(at))
+    turns = sides[:, 1:] * sides[:, :-1] == -1  # NaN in the void
+    first, met = turns.argmax(axis=1)[:, None], turns.any(axis=1)
+    low, high = (np.take_along_axis(at, first + n, axis=1) for n in (0, 1))
+    side = np.take_along_axis(sides, first, axis=1)
+    for _ in range(50):
+        middle = 0.5 * (low + high)
+        same = np.sign(over(middle)) == side
+        low, high = np.where(same, middle, low), np.where(same, high, middle)
+    assert 0.7 < met.mean() < 1.0 and got.wall.sum() >= 2
+    np.testing.assert_allclose(got.range[met], low[met, 0], rtol=0, atol=2e-9)
+    assert np.array_equal(met, got.status == ReadingStatus.RETURN)
+    assert ReadingStatus.VOID in got.status
 
 
 def down_keys() -> dict[str, object]:
