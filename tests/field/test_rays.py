@@ -325,9 +325,11 @@ def compared(definition: Json, rng: np.random.Generator, count: int) -> Counter[
     readings = oracle.march(rays, most)
     around = beside(oracle, rays, readings) if told_from_rounding(terrain) else {}
     found: Counter[str] = Counter()
+    finest = finest_cell(terrain)
     for n, reading in enumerate(readings):
         hit = RayHits(*(getattr(hits, member.name)[n] for member in fields(hits)))
-        ray = Ray(rays.origins[n], rays.ways[n], reading, around.get(n))
+        told = reading.least < 1e-3 * finest  # of edges of narrow cells, what is beside which
+        ray = Ray(rays.origins[n], rays.ways[n], reading, around.get(n) if told else None)
         found.update(judged(terrain, oracle, hit, ray))
     return found
 
