@@ -280,7 +280,7 @@ def terrains(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_the_tables_are_found() -> None:
     files = [row.file for row in rows()]
-    assert len(files) == 75
+    assert len(files) == 83
     assert {*files} >= {"first.json", "parts.json", "places.json", "edges.json"}
 
 

@@ -194,7 +194,7 @@ def _take(ctx: click.Context, handed: _GitWords) -> None:
         help="Take the last three words, whatever they look like: path, old file, new file.",
     ),
     click.option(
-        "--as",
+        "--read-as",
         "called",
         metavar="PATH",
         help="Look for the libraries of both files from PATH on, as if both stood there.",
@@ -245,7 +245,7 @@ def command(
         raise click.UsageError("Standard input is read once. Name a file for one of the two.")
     folders = not git and are_folders(old, new)
     if folders and (map_ or picture or called):
-        option = "--map" if map_ else "--picture" if picture else "--as"
+        option = "--map" if map_ else "--picture" if picture else "--read-as"
         raise click.UsageError(f"{option} is for two files, and these are folders.")
     written = [out for _, out in outputs] + [out for out in (map_, picture) if out]
     ground = GroundFiles(map_, picture, overwrite)

@@ -172,7 +172,7 @@ def commands(n: str) -> dict[str, list[list[Any]]]:
         ],
         "diff": [
             [d, f"./{n}-no.json"], [d, f"./{n}-x.json"], [d, d], [d, "/dev/null"],
-            [d, "/dev/null", "--as", n],
+            [d, "/dev/null", "--read-as", n],
             ["--git", n, d, "0" * 40, "100644", f"./{n}-x.json", "0" * 40, "100644"],
             ["--git", n, d, "0" * 40, "100644", "/dev/null", ".", "."],
             [".", "."], [".", ".", "--format", "markdown"],

@@ -237,7 +237,7 @@ def test_an_empty_folder_name_is_refused(yard: str) -> None:
         (["--target", "mujoco", "--max-error", "inf"], 2, "Give a finite height above 0"),
         (["--target", "nav2", "--max-slope", "90"], 2, "Give degrees above 0 and below 90."),
         (["--target", "mujoco", "--origin", "here"], 2, "'here' is not one of"),
-        (["--target", "mujoco", "--origin-at", "1", "2"], 2, "requires 3 arguments"),
+        (["--target", "mujoco", "--origin-at", "1", "2"], 2, "takes 3 numbers, X Y Z, not 2."),
         (["--target", "mujoco", "--origin-at", "1", "2", "inf"], 2, "inf is no finite number"),
         (
             ["--target", "usd", "--origin", "world", "--origin-at", "1", "2", "3"],

@@ -240,7 +240,7 @@ def test_git_hands_over_seven_arguments(pair: tuple[Path, Path], tmp_path: Path)
     ran = call("diff", "--git", new, old, *hexes, new, *hexes)
     assert ran.code == 0
     assert "cut 0 m³, fill 24 m³" in ran.out
-    assert call("diff", "--as", new, old, new).out == ran.out
+    assert call("diff", "--read-as", new, old, new).out == ran.out
     ran = call("diff", old, new)
     assert ran.code == 1
     assert "TT701" in ran.err
@@ -270,7 +270,7 @@ def test_git_itself_says_what_an_edit_did(tmp_path: Path) -> None:
         done = subprocess.run(
             ["git", "-c", "user.name=a", "-c", "user.email=a@b.c",
              "-c", f"diff.terrain.command={program} diff --git",
-             "-c", f'difftool.terratool.cmd={program} diff --as "$MERGED" "$LOCAL" "$REMOTE"',
+             "-c", f'difftool.terratool.cmd={program} diff --read-as "$MERGED" "$LOCAL" "$REMOTE"',
              *words],
             cwd=repo, env={**ENVIRONMENT, **alone}, capture_output=True, text=True, timeout=60,
             check=True,

@@ -330,8 +330,8 @@ def test_folders_of_a_difftool(repository: Repository) -> None:
 
 @pytest.mark.slow
 def test_a_difftool_of_before(repository: Repository) -> None:
-    """Who still has `--as PATH OLD NEW`, without a word for git, is told what to write."""
-    old = 'diff --as "$MERGED" "$LOCAL" "$REMOTE"'
+    """Who still has `--read-as PATH OLD NEW`, without a word for git, is told what to write."""
+    old = 'diff --read-as "$MERGED" "$LOCAL" "$REMOTE"'
     repository.put(b"plain.json", terrain(1))
     repository.put(b"--overwrite", terrain(1))
     repository.commit()
@@ -353,7 +353,7 @@ HEX = "0" * 40, "100644"
         ["--git"], ["--difftool"], ["--git", "a", "b"], ["--git", "a", "b", *HEX, "c", *HEX, "d"],
         ["a", "--git", "b", "c", *HEX, "d", *HEX], ["--git", "a", "b", *HEX, "c", *HEX, "d", "e"],
         ["--difftool", "x", "--difftool", "b", "c", "d"], ["--difftool", "a"],
-        ["--as", "--git", "a", "b", "c", "d"],
+        ["--read-as", "--git", "a", "b", "c", "d"],
     ],
     ids=" ".join,
 )  # fmt: skip

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from terratool.definition.expression import NAMED
-from terratool.field.records import COMBINE
+from terratool.definition.model import COMBINES
 from terratool.viewing.render import render
 from tests.commands import ROOT
 from tests.viewing.pictures import pixels_of
@@ -28,7 +28,7 @@ SLOW = "sample-planetary-site.png"
 def test_the_format_shows_every_curve_and_combination() -> None:
     """Those with a name, a vector, knots and an expression."""
     wanted = [f"curve-{name}.png" for name in (*NAMED, "vector", "knots", "expression")]
-    wanted += [f"combine-{name}.png" for name in COMBINE]
+    wanted += [f"combine-{name}.png" for name in COMBINES]
     shown = re.findall(
         r"images/((?:curve|combine)-[a-z]+\.png)", (ROOT / "docs/format.md").read_text()
     )
