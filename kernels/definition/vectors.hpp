@@ -1,6 +1,8 @@
 // Long vectors of a JSON text, read at the speed of memory rather than of Python.
 #pragma once
 
+#include <cstring>
+
 #include "decimals.hpp"
 
 namespace terratool::definition {
@@ -11,31 +13,34 @@ INLINE bool is_json_space(u8 c) { return c == ' ' || c == '\n' || c == '\r' || c
 // count of each, one after the other.
 inline std::vector<i64> find_vectors(Span<const u8> text, i64 least) {
     std::vector<i64> found;
-    i64 end = count_of(text), at = 0;
-    auto pass_space = [&] {
-        while (at < end && is_json_space(text[at])) ++at;
-    };
+    i64 end = count_of(text);
     auto is_of_vector = [](u8 c) {
         return (c >= '0' && c <= '9') || c == ',' || c == '.' || c == '-' || c == '+' || c == 'e'
             || c == 'E' || is_json_space(c);
     };
-    while (at < end) {
-        if (text[at++] != '"') continue;
-        i64 begin = at;
-        for (; at < end && text[at] != '"'; ++at) at += text[at] == '\\';
-        bool is_curve = at - begin == 1 && (text[begin] == 'x' || text[begin] == 'y');
-        ++at;
-        if (!is_curve) continue;
+    // whether a bracket stands behind the key; within a text its quotes would have backslashes
+    auto is_behind_key = [&](i64 at) {
+        auto before = [&] { return at > 0 ? text[at - 1] : u8(0); };
+        auto pass_space = [&] {
+            while (is_json_space(before())) --at;
+        };
         pass_space();
-        if (at >= end || text[at] != ':') continue;
-        ++at;
+        if (before() != ':') return false;
+        --at;
         pass_space();
-        if (at >= end || text[at] != '[') continue;
-        i64 first = at++, count = 1;
-        for (; at < end && is_of_vector(text[at]); ++at) count += text[at] == ',';
-        if (at >= end || text[at] != ']') continue;
-        ++at;
-        if (count >= least) found.insert(found.end(), {first, at, count});
+        if (at < 3 || text[at - 1] != '"' || text[at - 3] != '"') return false;
+        return (text[at - 2] == 'x' || text[at - 2] == 'y') && (at == 3 || text[at - 4] != '\\');
+    };
+    for (i64 at = 0; at < end; ++at) {
+        const void* next = std::memchr(text.data() + at, '[', std::size_t(end - at));
+        if (!next) break;
+        i64 first = static_cast<const u8*>(next) - text.data(), count = 1;
+        at = first;
+        if (!is_behind_key(first)) continue;
+        for (++at; at < end && is_of_vector(text[at]); ++at) count += text[at] == ',';
+        if (at < end && text[at] == ']' && count >= least)
+            found.insert(found.end(), {first, at + 1, count});
+        else --at;  // it may be a bracket itself
     }
     return found;
 }
