@@ -15,31 +15,34 @@ struct CornerRows {
     }
 };
 
-// Add a grid of heights that fills its block of cells.
-template <class Id>
-void paint_raster(
-    const Field& field, Canvas<Id>& canvas, const Painted& p, const BlockPixels& pixels
+// What grids are painted into: planes of a canvas, and scratch of it for the pixels of a row.
+struct RasterCanvas {
+    TileOf<double>&heights, &slope_x, &slope_y;
+    Span<RasterColumn> columns;
+    Out parts;
+    CornerRows around;
+};
+
+// Add heights and slopes of a grid of heights that fills its block of cells.
+NEVER_INLINE inline void add_raster(
+    const Field& field, const RasterCanvas& canvas, const Painted& p, const BlockPixels& pixels
 ) {
     const auto& [u, v, x, y, part] = pixels;
-    const Element& element = p.element;
     RasterAt raster(field.curves, p.kind);
     const Raster& r = raster.raster();
     auto cell = [&](int axis, double t, double place) {
         if (!r.voids) return i64(0);
-        Block block = block_of(element, p.pose, axis);
+        Block block = block_of(p.element, p.pose, axis);
         return placed_cell(t, raster_cells(r, axis), place, axis_of(p.grid, axis), block);
     };
     std::size_t width = u.size();
-    Span<RasterColumn> columns(canvas.columns.data(), width);
-    for (std::size_t n = 0; n < width; ++n)
+    const auto& [heights, slope_x, slope_y, columns, a, around] = canvas;
+    for (std::size_t n = 0; n < width; ++n) {
         columns[n] = {between(u[n], r.count[X], r.pixel), cell(X, u[n], x[n])};
-    Out a = part_of(canvas.parts, 0, i64(width));
-    for (std::size_t n = 0; n < width; ++n) a[n] = columns[n].at.part;
-    auto scratch = [&](auto& all) { return part_of(all, 0, i64(width)); };
-    CornerRows around{
-        scratch(canvas.fx), scratch(canvas.work_0), scratch(canvas.work_1), scratch(canvas.work_2)
-    };
+        a[n] = columns[n].at.part;
+    }
     Rates rates(p);
+    double scale = p.element.scale, offset = p.element.offset;
     i64 low = -1, row_of_cells = -1;
     for (i64 j = 0; j < count_of(v); ++j) {
         i64 line = part.south + j, cell_y = cell(Y, v[j], y[j]);
@@ -49,18 +52,39 @@ void paint_raster(
             for (std::size_t n = 0; n < width; ++n)
                 around.put(n, raster.corners(columns[n].at, along, columns[n].cell, cell_y));
         }
-        fill(canvas.surfaces.row(line, part.west, part.east), Id(p.kind.surface + 1));
-        Out row = canvas.heights.row(line, part.west, part.east);
-        double b = along.part, scale = element.scale, offset = element.offset;
+        Out row = heights.row(line, part.west, part.east);
+        double b = along.part;
         for (std::size_t n = 0; n < width; ++n) row[n] += scale * around[n].value(a[n], b) + offset;
-        if (!canvas.slope_x.exists()) continue;
-        Out east = canvas.slope_x.row(line, part.west, part.east);
-        Out north = canvas.slope_y.row(line, part.west, part.east);
+        if (!slope_x.exists()) continue;
+        Out east = slope_x.row(line, part.west, part.east);
+        Out north = slope_y.row(line, part.west, part.east);
         for (std::size_t n = 0; n < width; ++n) {
             east[n] += rates.x * (around[n].east(b) * columns[n].at.per);
             north[n] += rates.y * (around[n].north(a[n]) * along.per);
         }
     }
+}
+
+// Add a grid of heights that fills its block of cells.
+template <class Id>
+void paint_raster(
+    const Field& field, Canvas<Id>& canvas, const Painted& p, const BlockPixels& pixels
+) {
+    const Rectangle& part = pixels.part;
+    auto scratch = [&](auto& all) { return part_of(all, 0, count_of(pixels.u)); };
+    add_raster(
+        field,
+        {canvas.heights,
+         canvas.slope_x,
+         canvas.slope_y,
+         {canvas.columns.data(), pixels.u.size()},
+         scratch(canvas.parts),
+         {scratch(canvas.fx), scratch(canvas.work_0), scratch(canvas.work_1),
+          scratch(canvas.work_2)}},
+        p, pixels
+    );
+    for (i64 line = part.south; line < part.north; ++line)
+        fill(canvas.surfaces.row(line, part.west, part.east), Id(p.kind.surface + 1));
     if (canvas.labels.exists()) label_block(field, canvas, p, pixels);
 }
 

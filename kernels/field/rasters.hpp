@@ -103,7 +103,7 @@ public:
     }
 
     // The same of a turned element, in whose square nothing has an exact place.
-    INLINE ShapePoint at(UV at) const {
+    NEVER_INLINE ShapePoint at(UV at) const {
         double u = clamp(at.u, 0.0, 1.0), v = clamp(at.v, 0.0, 1.0);
         i64 i = cell_at(u + STEP, raster_cells(raster_, X));
         i64 j = cell_at(v + STEP, raster_cells(raster_, Y));
@@ -159,7 +159,7 @@ private:
         return r.file < 0 ? static_cast<const void*>(curves.heights.data() + r.first)
                           : curves.memory->files[r.file].data();
     }
-    double mean_around(i64 i, i64 j) const {
+    NEVER_INLINE double mean_around(i64 i, i64 j) const {
         double sum = 0.0, count = 0.0;
         for (i64 row = min(j + 1, raster_.count[Y] - 1); row >= max(j - 1, i64(0)); --row)
             for (i64 c = max(i - 1, i64(0)); c <= min(i + 1, raster_.count[X] - 1); ++c)
@@ -169,7 +169,7 @@ private:
 };
 
 // Value of an unturned grid, and its slopes in u and v, at (x, y) in the world.
-inline ShapePoint placed_raster(
+NEVER_INLINE inline ShapePoint placed_raster(
     const Curves& curves, const Kind& kind, const Element& element, const Pose& pose,
     const Grid& grid, UV at, double x, double y
 ) {
