@@ -38,6 +38,7 @@ Dictionary = Literal["surfTypes", "elemTypes", "parts"]
 _Problem = tuple[str, str, str]
 """Code, message and hint on a path."""
 _Value = TypeVar("_Value", Surface, Primitive, Element)
+_Read = TypeVar("_Read")
 
 
 class SourceDocument(Struct, eq=False, dict=True):
@@ -405,44 +406,23 @@ class Shelf:
         return self._grids[key]
 
     def _survey(self, said: str, real: str, band: int) -> GridSource | _Problem:
-        try:
-            mode = Path(real).stat().st_mode
-            if not stat.S_ISREG(mode):
-                what = "a folder" if stat.S_ISDIR(mode) else "no regular file"
-                return "TT312", f"the raster {said} is {what}.", "Name a raster, as a GeoTIFF."
-            return survey_grid(real, band)
-        except FileNotFoundError:
-            hint = "Check the path; it begins at the folder of this file."
-            return "TT312", f"there is no raster {said}.", hint
-        except (OSError, ValueError) as error:
-            why = reason(error) if isinstance(error, OSError) else "its name cannot be one"
-            return "TT312", f"the raster {said} cannot be read ({why}).", "Check the path."
-        except ReadError as error:
-            return (
-                "TT312",
-                f"the raster {said} {error.message.removeprefix(real + ': ')}",
-                error.hint,
-            )
+        wanted = "Name a raster, as a GeoTIFF."
+        return _read_file(
+            "TT312", f"raster {said}", wanted, real, lambda _: survey_grid(real, band)
+        )
 
     def _load(self, name: str, real: str) -> SourceDocument | _Problem:
         said = quote(name)
-        try:
-            status = Path(real).stat()
-            if not stat.S_ISREG(status.st_mode):
-                what = "a folder" if stat.S_ISDIR(status.st_mode) else "no regular file"
-                return "TT701", f"the library {said} is {what}.", "Name a JSON file."
-            if status.st_size > self._room:
+
+        def read(size: int) -> Source:
+            if size > self._room:
                 raise ReadError(f"{real}: holds more than 1 GiB, with those before.", _SMALLER)
-            source = read_source(real, self._room, _SMALLER, named=False)
-            self._room -= source.size
-        except FileNotFoundError:
-            hint = "Check the path; it begins at the folder of this file."
-            return "TT701", f"there is no library {said}.", hint
-        except (OSError, ValueError) as error:
-            why = reason(error) if isinstance(error, OSError) else "its name cannot be one"
-            return "TT701", f"the library {said} cannot be read ({why}).", "Check the path."
-        except ReadError as error:
-            return "TT701", f"the library {said} {error.message.partition(': ')[2]}", error.hint
+            return read_source(real, self._room, _SMALLER, named=False)
+
+        source = _read_file("TT701", f"library {said}", "Name a JSON file.", real, read)
+        if not isinstance(source, Source):
+            return source
+        self._room -= source.size
         document = self._read(Source(name, source.data, source.packed, source.marked))
         document.real = real
         looks = document_kind(source.data)
@@ -457,6 +437,29 @@ class Shelf:
                 'A library has "surfTypes", "elemTypes" and "parts", and no "size" or "elemTree".',
             )
         return document
+
+
+def _read_file(
+    code: str, named: str, wanted: str, real: str, read: Callable[[int], _Read]
+) -> _Read | _Problem:
+    """Result of `read` for a regular file, of so many bytes; code, message and hint if it fails."""
+    try:
+        status = Path(real).stat()
+        if not stat.S_ISREG(status.st_mode):
+            what = "a folder" if stat.S_ISDIR(status.st_mode) else "no regular file"
+            return code, f"the {named} is {what}.", wanted
+        return read(status.st_size)
+    except FileNotFoundError:
+        return (
+            code,
+            f"there is no {named}.",
+            "Check the path; it begins at the folder of this file.",
+        )
+    except (OSError, ValueError) as error:
+        why = reason(error) if isinstance(error, OSError) else "its name cannot be one"
+        return code, f"the {named} cannot be read ({why}).", "Check the path."
+    except ReadError as error:
+        return code, f"the {named} {error.message.removeprefix(real + ': ')}", error.hint
 
 
 def plain_path(folder: str, path: str) -> str:
