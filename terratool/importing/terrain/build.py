@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import zlib
 from collections import Counter
-from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -40,10 +39,12 @@ from terratool.importing.terrain.methods import (
     write_rows,
 )
 from terratool.importing.terrain.request import (
+    MOST_IN_MEMORY,
     NO_GROUND,
     GroundSurface,
     ImportOptions,
     ImportReport,
+    Progress,
     fill_gaps,
     head_of,
     refuse_pixels,
@@ -73,14 +74,10 @@ _SAMPLED = 1 << 18
 _SEARCHED = 1 << 22
 """Pixels of a DEM above which it is searched for structures only if a sample has some."""
 
-MOST_IN_MEMORY = 1 << 24
-"""Most pixels of a DEM that is held in memory; larger ones are read by rows, twice."""
-
 _ROWS = 256
 _VOID = int(np.iinfo(np.int64).max)
 """Class number of pixels without a height."""
 Floats = NDArray[np.float64]
-Progress = Callable[[int], object]
 
 
 @dataclass(frozen=True, slots=True)
@@ -306,8 +303,7 @@ def _plan_import(
 
     def without(found: _FoundStructures, rest: Floats | None, low: float) -> _WritingPlan:
         step = step_for(options.max_error - found.deviation, highest)
-        # the lowest height, to a digit much finer than a step; never -0
-        rounding = HeightRounding(step, round(low, 2 - math.floor(math.log10(step))) + 0.0)
+        rounding = HeightRounding.above(low, step)
         return _WritingPlan(
             found, rest, smallest(_samples(source, rest), rounding, methods), rounding
         )

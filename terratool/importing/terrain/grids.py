@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import gzip
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -17,10 +16,12 @@ from rasterio.transform import Affine
 
 from terratool.definition.layout import canonical
 from terratool.errors import ReadError, RequestError
-from terratool.importing.terrain.methods import step_for
+from terratool.importing.terrain.methods import HeightRounding, step_for
 from terratool.importing.terrain.request import (
+    MOST_IN_MEMORY,
     ImportOptions,
     ImportReport,
+    Progress,
     fill_gaps,
     head_of,
     refuse_pixels,
@@ -39,11 +40,6 @@ from terratool.io.geotiff import (
 )
 from terratool.output import refuse_existing, whole_file
 from terratool.text.packing import pack
-
-Progress = Callable[[int], object]
-
-MOST_FILLED = 1 << 24
-"""Most pixels of a DEM whose gaps are filled, which takes all of it in memory."""
 
 _CODES: tuple[tuple[type, int], ...] = ((np.uint16, 65_535), (np.int32, 2**31 - 1))
 """Types of whole numbers of steps, with the number of each that stands for none."""
@@ -73,8 +69,7 @@ class _Coding:
             RequestError: the error is not above 0, or doubles cannot keep it at such heights.
         """
         step = step_for(max_error, max(abs(low), abs(high)))
-        # to a digit much finer than a step; never -0
-        base = round(low, 2 - math.floor(math.log10(step))) + 0.0
+        base = HeightRounding.above(low, step).base
         for kind, none in _CODES:
             if (high - base) / step < none - 1:
                 return cls(np.dtype(kind), step, base, none)
@@ -164,9 +159,9 @@ def _filled(source: HeightSource) -> SampledHeights:
         RequestError: the source is too large for that.
     """
     grid = source.grid
-    if grid.rows * grid.columns > MOST_FILLED:
+    if grid.rows * grid.columns > MOST_IN_MEMORY:
         raise RequestError(
-            f"Gaps of more than {MOST_FILLED:,} pixels are not filled.",
+            f"Gaps of more than {MOST_IN_MEMORY:,} pixels are not filled.",
             "Leave out --fill, and they are void; or fill them with gdal_fillnodata.",
         )
     return SampledHeights(grid, fill_gaps(source.read(0, grid.rows)), source.notes)

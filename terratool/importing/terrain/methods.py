@@ -126,6 +126,11 @@ class HeightRounding:
     step: float
     base: float
 
+    @classmethod
+    def above(cls, low: float, step: float) -> HeightRounding:
+        """Rounding to steps above the lowest height, this to a digit much finer than a step."""
+        return cls(step, round(low, 2 - math.floor(math.log10(step))) + 0.0)  # never -0
+
 
 def step_for(max_error: float, highest: float) -> float:
     """Return the largest step of three digits that keeps rounded heights within an error.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
@@ -25,6 +25,9 @@ MOST_AS_ROWS = 2_000_000
 _NARROWEST = 2.0**-40
 """Least ratio of a pixel's side to the largest coordinate; below it doubles round pixels away."""
 
+MOST_IN_MEMORY = 1 << 24
+"""Most pixels of a DEM that is held in memory; larger ones are read by rows, twice."""
+
 REACH = 512
 """Distance in pixels within which GDAL looks for heights to fill a gap."""
 
@@ -32,6 +35,7 @@ NO_GROUND = "void"
 """Name of the surface of pixels without a height."""
 
 Floats = NDArray[np.float64]
+Progress = Callable[[int], object]
 
 
 @dataclass(frozen=True, slots=True)
