@@ -69,8 +69,18 @@ def _guess(command: click.Command, word: str) -> str:
     names = [name for one in options for name in (*one.opts, *one.secondary_opts)]
     found = guess(word, [name for name in names if name.startswith("--")])
     if not found and near_names(word, ["--output"]):
+        writing = [one.opts[0] for one in options if _writes_files(one)]
+        if writing:
+            return f"Files are written by {' or '.join(writing)}."
         return "What the command says goes to standard output. Write > FILE in place of it."
     return found
+
+
+def _writes_files(option: click.Option) -> bool:
+    """Whether an option of a command without an output of its own names files to write."""
+    return option.opts[0] in ("--report", "--picture", "--format") and (
+        option.multiple or option.metavar != "FORM"
+    )
 
 
 class Command(click.Command):

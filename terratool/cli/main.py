@@ -100,7 +100,7 @@ class _Lazy(click.Group):
         if ctx.resilient_parsing:  # no error may be printed while a shell completes
             return super().resolve_command(ctx, args)
         if args and args[0] == "help":
-            args = [*args[1:], "--help"]
+            args = [*(word for word in args if word != "help"), "--help"]
             if len(args) == 1:
                 from terratool.cli.saying import say_block
 

@@ -39,19 +39,19 @@ _NAMED = "output_by_name"
 """Name of the parameter of -o, where the output may be the last argument, too."""
 
 
-_MADE = (
-    ".tif", ".tiff", ".asc", ".png", ".npy", ".vrt", ".geojson", ".gpkg", ".obj", ".wrl", ".x3d",
-    ".glb", ".stl", ".ply", ".usd", ".usda", ".usdc", ".svg", ".pdf", ".pcd", ".las", ".laz",
-    ".npz", ".csv",
-)  # fmt: skip
-"""Suffixes of files that are made of definitions, and are none."""
+_DEFINITION = (".json", ".json.gz")
+"""Suffixes of definitions."""
+_WRITE_DEFINITIONS = frozenset(["bundle", "deform"])
+"""Commands that make a definition of another."""
 
 
 def _refuse_swapped(ctx: click.Context, file: object, output: object) -> None:
-    """Refuse a definition as the output of a file that is made of one."""
+    """Refuse a definition as the output of a file that has the name of none."""
     if not (isinstance(file, str) and isinstance(output, str)):
         return
-    if file.lower().endswith(_MADE) and output.lower().endswith((".json", ".json.gz")):
+    if file == "-" or ctx.command.name in _WRITE_DEFINITIONS:
+        return
+    if output.lower().endswith(_DEFINITION) and not file.lower().endswith(_DEFINITION):
         raise click.UsageError(
             f"{quote(file)} would be read and {quote(output)} written. Is it the other way round? "
             f"Then write {ctx.command_path} {quote_word(output)} {quote_word(file)}",

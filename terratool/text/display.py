@@ -9,6 +9,8 @@ from collections.abc import Sequence
 from msgspec import Struct
 
 _digits = re.compile("[0-9]+").findall
+_LONGEST_NUMBER = 4096
+"""Most bits of a whole number whose digits are counted: Python refuses to write very long ones."""
 _NEAR = 0.8
 """Least similarity, 0 to 1 as difflib counts, at which one name is taken for another."""
 
@@ -73,6 +75,8 @@ def quote(value: object) -> str:
     if isinstance(value, str):
         return f'"{printable(value[:60])}{"…" if len(value) > 60 else ""}"'
     if isinstance(value, int):
+        if value.bit_length() > _LONGEST_NUMBER:
+            return "a number of over a thousand digits"
         digits = str(abs(value))
         text = digits if len(digits) < 20 else f"{digits[0]}.{digits[1:4]}…e+{len(digits) - 1}"
         return "-" * (value < 0) + text

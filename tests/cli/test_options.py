@@ -174,6 +174,7 @@ def test_a_wrong_number_of_values_is_told_by_their_names(arguments: str, words: 
     [
         "export-dem a.tif site.json", "export-mesh a.GLB site.json.gz", "render a.svg site.json",
         "scan a.ply site.json --sensor s.json", "export-dem a.tif -o site.json",
+        "export-dem a.img site.json", "export-sim out/world site.json",
     ],
 )  # fmt: skip
 def test_words_in_the_wrong_order_are_asked_about(

@@ -543,6 +543,9 @@ LAYERS_AND_TARGETS = {
     [
         (("info", SAMPLE, "--geojson", "el.geojson"), "standard output. Write > el.geojson"),
         (("info", SAMPLE, "--geojson", "e l.geojson"), "Write > 'e l.geojson' in place of it."),
+        (("validate", SAMPLE, "-o", "r.sarif"), "Files are written by --format."),
+        (("traversability", SAMPLE, "-o", "r.html"), "Files are written by --report or --format."),
+        (("rules", "-o", "r.md"), "standard output. Write > FILE"),
         (("rules", "TT201", "x"), "unexpected extra argument (x)"),
         (("export-dem", SAMPLE, "o.tif", "-tr", 1, 1), "no option -tr. Did you mean --resolution?"),
         (("export-dem", SAMPLE, "o.tif", "--tr", 1), "no option --tr. Did you mean --resolution?"),

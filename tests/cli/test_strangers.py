@@ -302,6 +302,7 @@ def test_a_link_of_another_project_is_passed_over(here: Path, tmp_path: Path) ->
 KEY = '"k"'
 HARD = {
     "digits": "max-findings = " + "9" * 5000,
+    "hexadecimal": "strict = 0x" + "f" * 5000,
     "digits of a float": "max-step = " + "9" * 4200,
     "digits beyond": "paths = [" + "9" * 10**5 + "]",
     "nested": "paths = " + "[" * 10**5,

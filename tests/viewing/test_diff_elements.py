@@ -278,6 +278,21 @@ def said(change: ElementChange) -> tuple[Any, ...]:
     return change.kind, change.place.pointer, shift, keys
 
 
+def test_one_value_of_a_long_vector_is_a_change() -> None:
+    """Long vectors are arrays, whose text does not have their values; and -0 is 0."""
+    old, new, zero = (copy.deepcopy(YARD) for _ in range(3))
+    # longer than what is looked at for vectors
+    old["descr"] = new["descr"] = zero["descr"] = "a" * 100_000
+    for yard in (old, new, zero):
+        yard["elemTypes"]["wedge"] = {"x": [0.0, *([0.5] * 1998), 1.0]}
+    new["elemTypes"]["wedge"]["x"][700] = 0.75
+    zero["elemTypes"]["wedge"]["x"][0] = -0.0
+    found = compared(old, new)
+    assert [(one.name, one.kind) for one in found.entries] == [("wedge", "changed")]
+    assert "of which 1 differ" in found.entries[0].keys[0].new
+    assert not compared(old, zero).entries
+
+
 @pytest.mark.parametrize("edit", EDITS, ids=lambda edit: edit.name)
 def test_an_edit_is_told_as_what_it_is(edit: Edit) -> None:
     """In the elements that it touched, and in no others; with the volumes that follow."""

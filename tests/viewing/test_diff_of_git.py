@@ -330,7 +330,7 @@ def test_folders_of_a_difftool(repository: Repository) -> None:
 
 @pytest.mark.slow
 def test_a_difftool_of_before(repository: Repository) -> None:
-    """Who still has `--read-as PATH OLD NEW`, without a word for git, is told what to write."""
+    """Who has `--read-as PATH OLD NEW`, without a word for git, is told what to write."""
     old = 'diff --read-as "$MERGED" "$LOCAL" "$REMOTE"'
     repository.put(b"plain.json", terrain(1))
     repository.put(b"--overwrite", terrain(1))

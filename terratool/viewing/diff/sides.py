@@ -128,7 +128,7 @@ def shape_key(primitive: Primitive) -> Any:
     shape = shape_of(primitive)
     if shape.grid is not None:
         return shape.combine, grid_digest(shape.grid)
-    return shape.combine, repr(shape.x), repr(shape.y)
+    return shape.combine, shape.x, shape.y
 
 
 def surface_key(surface: Surface) -> Any:
