@@ -35,7 +35,7 @@ from terratool.importing.primitive.insert import (
 from terratool.importing.primitive.reading import read_patch
 from terratool.importing.sources import open_source
 from terratool.importing.terrain.build import import_terrain
-from terratool.importing.terrain.grids import raster_path
+from terratool.importing.terrain.grids import outputs_of
 from terratool.importing.terrain.request import ImportOptions, ImportReport
 from terratool.importing.types import HeightSource, SampledHeights, SourceOptions
 from terratool.output import is_same_file, refuse_existing, refuse_missing_folder
@@ -91,8 +91,9 @@ def import_terrain_from(
     if output is not None:
         refuse_name(output)
         _refuse_same(output, source, wanted.surfaces)
-        _refuse_same(raster_path(Path(output)), source, wanted.surfaces)
         with _opened(source, transform, options) as heights:
+            for written in outputs_of(output, wanted, heights.grid):
+                _refuse_same(written, source, wanted.surfaces)
             return import_terrain(heights, output, wanted, overwrite)
     if wanted.as_ == "grid":
         raise RequestError(

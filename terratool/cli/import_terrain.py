@@ -26,6 +26,8 @@ from terratool.report.numbers import per_cent
 from terratool.report.wording import count_of
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from terratool.importing.terrain.request import ImportReport
 
 # equal to the names in terratool.importing.terrain.methods, which is not imported for --help
@@ -113,26 +115,22 @@ def command(source: str, output: str, overwrite: bool, as_json: bool, **values: 
     """
     from pathlib import Path
 
-    from terratool.errors import RequestError
     from terratool.importing.sources import open_source
     from terratool.importing.terrain.build import import_terrain
-    from terratool.importing.terrain.grids import raster_path
+    from terratool.importing.terrain.grids import outputs_of
     from terratool.importing.terrain.request import ImportOptions
-    from terratool.output import is_same_file
     from terratool.text.source import refuse_name
 
     refuse_name(output)
     chosen = options_of(values)
-    for name in (source, values["surfaces"]):
-        for written in (output, str(raster_path(Path(output)))):
-            if name and is_same_file(name, written):
-                raise RequestError(
-                    f"{written}: is the same file as {name}.", "Give the definition another name."
-                )
+    surfaces = values["surfaces"]
+    _refuse_same(Path(output), source, surfaces)
     options = ImportOptions(title=Path(source).name, allow_remote=chosen.allow_remote, **values)
     with contextlib.ExitStack() as stack:
         with StatusLine(f"reading {short_name(source)}"):
             heights = stack.enter_context(open_source(source, chosen))
+        for written in outputs_of(output, options, heights.grid):
+            _refuse_same(written, source, surfaces)
         pixels = heights.grid.rows * heights.grid.columns
         with StatusLine("reading and writing", 2 * pixels) as progress:
             report = import_terrain(heights, output, options, overwrite, progress)
@@ -143,6 +141,19 @@ def command(source: str, output: str, overwrite: bool, as_json: bool, **values: 
         say(note, err=True)
     for line in as_text(report, output):
         say(line)
+
+
+def _refuse_same(written: Path, *names: str | None) -> None:
+    """Refuse to write over a file that is read."""
+    from terratool.errors import RequestError
+    from terratool.output import is_same_file
+
+    for name in names:
+        if name and is_same_file(name, written):
+            raise RequestError(
+                f"{name}: is read, and {written.name} would be written over it.",
+                "Give the definition another name.",
+            )
 
 
 class ImportErrors(Struct, frozen=True):
@@ -160,6 +171,8 @@ class ImportDocument(Document, frozen=True, kw_only=True):
 
     file: str
     bytes: int
+    raster: str | None
+    raster_bytes: int | None
     width: int
     height: int
     pixel: tuple[float, float]
@@ -183,6 +196,8 @@ def _document(report: ImportReport, output: str) -> ImportDocument:
     return ImportDocument(
         file=output,
         bytes=report.size,
+        raster=None if report.raster is None else str(report.raster),
+        raster_bytes=report.raster_size or None,
         width=grid.columns,
         height=grid.rows,
         pixel=(grid.dx, grid.dy),
@@ -208,6 +223,10 @@ def _document(report: ImportReport, output: str) -> ImportDocument:
     )
 
 
+def _share(size: int, pixels: int) -> str:
+    return f"{8 * size / pixels:.3g} bits a pixel"
+
+
 def as_text(report: ImportReport, output: str) -> Iterator[str]:
     """Report in lines for people."""
     from terratool.importing.terrain.request import MOST_AS_ROWS
@@ -230,9 +249,14 @@ def as_text(report: ImportReport, output: str) -> Iterator[str]:
         how = f", by {report.method.sentence} in steps of {report.step:g} {unit}"
     if report.relief:
         share = f" ({per_cent(error.largest / report.relief)} of the relief)"
-    yield f"{output}: {report.size:,} bytes, {8 * report.size / pixels:.3g} bits a pixel{how}"
-    if report.raster is not None:
-        yield f"{report.raster}: the heights, beside it"
+    if report.raster is None:
+        yield f"{output}: {report.size:,} bytes, {_share(report.size, pixels)}{how}"
+    else:
+        yield f"{output}: {report.size:,} bytes{how}"
+        yield (
+            f"{report.raster}: the heights, {report.raster_size:,} bytes, "
+            f"{_share(report.raster_size, pixels)}"
+        )
     at = " at {:.10g} {:.10g}".format(*error.where) if error.where and error.largest else ""
     rms = f"{error.rms:.4g} {unit} RMS"
     yield f"Error at the pixels: at most {error.largest:.4g} {unit}{share}{at}, {rms}"

@@ -13,7 +13,6 @@ from terratool.definition.expression import Expression, ExpressionError
 from terratool.definition.findings import Remark
 from terratool.definition.grid_files import GridSource, LinkedGrid
 from terratool.definition.model import (
-    REGISTRATIONS,
     CurveValue,
     GridFile,
     GridRows,
@@ -267,7 +266,7 @@ def shape_of(primitive: Primitive) -> Shape:
     """Curves of a valid primitive, with copies and omissions resolved."""
     if primitive.grid is not UNSET:
         one = SampledCurve((1.0,))
-        return Shape(one, one, "grid", _grid_of(primitive.grid, primitive.registration))
+        return Shape(one, one, "grid", _grid_of(primitive.grid, primitive.registered))
     combine = "product" if primitive.combine is UNSET else str(primitive.combine)
     if combine == "radial":
         return Shape(read_curve(primitive.x, "x"), None, combine)  # type: ignore[arg-type]
@@ -276,11 +275,11 @@ def shape_of(primitive: Primitive) -> Shape:
     return Shape(x, y, combine)
 
 
-def _grid_of(grid: GridRows | GridFile, given: str | UnsetType) -> GridShape:
+def _grid_of(grid: GridRows | GridFile, registration: str) -> GridShape:
     if isinstance(grid, GridFile):
         source = grid.source if isinstance(grid, LinkedGrid) else None
-        return GridShape((), REGISTRATIONS[1] if given is UNSET else given, source)
-    return GridShape(grid, REGISTRATIONS[0] if given is UNSET else given)
+        return GridShape((), registration, source)
+    return GridShape(grid, registration)
 
 
 def _resolve(own: CurveValue | UnsetType, other: CurveValue | UnsetType, key: str) -> Curve:

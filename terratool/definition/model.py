@@ -180,6 +180,13 @@ class Primitive(Struct, frozen=True, forbid_unknown_fields=True, rename="camel",
     registration: str | UnsetType = UNSET
     grid: GridRows | GridFile | UnsetType = UNSET
 
+    @property
+    def registered(self) -> str:
+        """Registration of the grid: by lines for rows in the text, by pixels for a file."""
+        if self.registration is UNSET:
+            return REGISTRATIONS[isinstance(self.grid, GridFile)]
+        return self.registration
+
 
 class Repeat(Struct, frozen=True, forbid_unknown_fields=True, rename="camel", gc=False):
     """Copies of an element in rows: the copy at (i, j) is moved by i and j steps.

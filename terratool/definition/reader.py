@@ -54,7 +54,13 @@ from terratool.definition.rules.base import (
 from terratool.definition.sensor import SensorText
 from terratool.definition.tree import ROOT, Tree, complete, flatten
 from terratool.definition.uses import Uses
-from terratool.definition.vectors import LEAST, LiftedText, lift_vectors, vector_of
+from terratool.definition.vectors import (
+    LEAST,
+    LiftedText,
+    Vector,
+    lift_vectors,
+    vector_of,
+)
 from terratool.definition.vehicle import VehicleText
 from terratool.errors import DefinitionError
 from terratool.report.wording import count_of
@@ -611,8 +617,11 @@ def _in_range(definition: Library, tree: Tree) -> bool:
     for primitive in definition.primitives.values():
         if primitive.combine is not msgspec.UNSET and primitive.combine not in COMBINES:
             return False
-        curves = (primitive.x, primitive.y)
-        ranged += [(set(curve), KEYS[Primitive]["x"]) for curve in curves if type(curve) is tuple]
+        curves: tuple[Any, ...] = (primitive.x, primitive.y)
+        for curve in curves:
+            if isinstance(curve, tuple | Vector):
+                numbers = {*curve.extremes()} if isinstance(curve, Vector) else set(curve)
+                ranged.append((numbers, KEYS[Primitive]["x"]))
         if primitive.registration not in (msgspec.UNSET, *REGISTRATIONS):
             return False
         if isinstance(primitive.grid, GridFile):

@@ -61,6 +61,10 @@ class Vector(Sequence[float]):
     def __reduce__(self) -> tuple[Any, ...]:
         return Vector, (self.array,)
 
+    def extremes(self) -> tuple[float, float]:
+        """Return the least and the largest value."""
+        return float(self.array.min()), float(self.array.max())
+
     def index(self, value: float, *ends: int) -> int:
         """Return the index of the first of the values that is equal to one."""
         if ends:
@@ -74,7 +78,7 @@ class Vector(Sequence[float]):
 def range_of(values: Sequence[float]) -> tuple[float, float]:
     """Least and largest of the values of a curve."""
     if isinstance(values, Vector):
-        return float(values.array.min()), float(values.array.max())
+        return values.extremes()
     return min(values), max(values)
 
 

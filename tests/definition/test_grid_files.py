@@ -145,7 +145,8 @@ def test_validation_reads_no_pixels(folder: Path) -> None:
 @pytest.mark.parametrize(
     ("size", "turn", "registration", "told"),
     [
-        ([30, 40], 0, "pixel", False), ([40, 30], 0, "pixel", True), ([40, 30], 90, "pixel", False),
+        ([30, 40], 0, "pixel", False), ([40, 30], 0, "pixel", True),
+        ([40, 30], 90, "pixel", True), ([30, 40], 90, "pixel", False),
         ([20, 20], 0, "gridline", False), ([30, 40], 0, "gridline", True),
     ],
 )  # fmt: skip
@@ -168,6 +169,40 @@ def test_a_raster_that_is_not_north_up_is_told(folder: Path) -> None:
     geotiff(folder / "south.tif", HEIGHTS, side=(2, -2))
     (finding,) = findings_of(folder, {"file": "south.tif"})
     assert finding.code == "TT314" and "north up" in finding.message
+
+
+def test_what_a_library_has_is_told_at_the_element(folder: Path) -> None:
+    """Of the raster itself, whether it lies north up, the library tells."""
+    geotiff(folder / "dem.tif", HEIGHTS, side=(2, 2), crs="EPSG:32632")
+    (folder / "lib.json").write_text('{"elemTypes": {"dem": {"grid": {"file": "dem.tif"}}}}')
+    root = {"type": "flat", "vScale": 1, "children": [
+        {"at": [5, 5], "extent": [3, 4], "type": "dem", "vScale": 1},
+        {"at": [25, 5], "extent": [3, 2], "type": "dem", "vScale": 1},
+    ]}  # fmt: skip
+    main = {
+        "size": 40, "crs": "EPSG:32633", "use": ["lib.json"],
+        "elemTypes": {"flat": {"x": [0]}}, "elemTree": root,
+    }  # fmt: skip
+    (folder / "main.json").write_text(json.dumps(main), encoding="utf-8")
+    found = check(read_source(folder / "main.json")).findings
+    assert {(one.code, one.pointer) for one in found if one.code in ("TT314", "TT315")} == {
+        ("TT314", "/elemTree/children/0/type"), ("TT315", "/elemTree/children/0/type"),
+    }  # fmt: skip
+
+
+def test_a_default_height_of_a_raster_is_a_factor(folder: Path) -> None:
+    """Its heights are not read."""
+    geotiff(folder / "dem.tif", HEIGHTS, side=(2, 2))
+    main = {
+        "size": [30, 20], "elemTypes": {"d": {"grid": {"file": "dem.tif"}}},
+        "elemTree": {"type": "d", "cells": 10, "children": [
+            {"cellX": 0, "cellY": 0, "span": [3, 3], "type": "d"}
+        ]},
+    }  # fmt: skip
+    (folder / "main.json").write_text(json.dumps(main), encoding="utf-8")
+    (note,) = (one for one in check(read_source(folder / "main.json")).findings
+               if one.code == "TT214")  # fmt: skip
+    assert "this one has the heights of its raster times 1." in note.message
 
 
 def test_another_reference_system_is_told(folder: Path) -> None:

@@ -133,6 +133,15 @@ def test_findings_and_model_are_those_of_the_whole_text(x: str, more: str) -> No
     assert one.definition == other.definition
 
 
+@pytest.mark.parametrize("count", [999, vectors.LEAST, 60_000])
+@pytest.mark.parametrize("long", [0, math.inf])
+def test_long_vectors_have_the_range_of_short_ones(count: int, long: float) -> None:
+    text = terrain(json.dumps([0.5] * (count - 1) + [1e31]))
+    with mock.patch.object(vectors, "_LONG", long):
+        (finding,) = (one for one in read(text).findings if one.severity == "error")
+    assert finding.code == "TT106" and finding.pointer == f"/elemTypes/b/x/{count - 1}"
+
+
 def test_long_vectors_are_arrays_on_either_way() -> None:
     """So that they are equal whichever way they came, and never equal to a shorter one."""
     one = curve(read(terrain(f"[{LONG}]")))

@@ -128,12 +128,27 @@ def test_no_source_is_replaced(dem: Path) -> None:
             "import-terrain", source, dem.with_name("site.json"), "--max-error", 0.25,
             "--as", "grid", *more,
         )  # fmt: skip
-        assert ran.code == 2 and "is the same file as" in ran.err
+        assert ran.code == 2 and "would be written over it" in ran.err
     with pytest.raises(terratool.WriteError, match="is the same file as"):
         terratool.import_terrain(
             source, dem.with_name("site.json"), max_error=0.25, as_="grid", overwrite=True
         )
     assert source.read_bytes() == before
+    # where no raster is written, it is a source as any other
+    ran = run("import-terrain", source, dem.with_name("site.json"), "--max-error", 0.25)
+    assert (ran.code, ran.err) == (0, "")
+    terratool.import_terrain(source, dem.with_name("b.json"), max_error=0.25)
+
+
+def test_sizes_are_those_of_the_files(dem: Path) -> None:
+    out, raster = imported(dem), dem.with_name("site-heights.tif")
+    arguments = "import-terrain", dem, out, "--max-error", 0.25, "--as", "grid", "--overwrite"
+    ran, document = run(*arguments), json.loads(run(*arguments, "--json").out)
+    assert f"{out}: {out.stat().st_size:,} bytes" in ran.out
+    assert f"{raster}: the heights, {raster.stat().st_size:,} bytes" in ran.out
+    assert (document["bytes"], document["raster"], document["raster_bytes"]) == (
+        out.stat().st_size, str(raster), raster.stat().st_size
+    )  # fmt: skip
 
 
 def test_files_that_exist_stay(dem: Path) -> None:

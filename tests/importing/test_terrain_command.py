@@ -226,7 +226,7 @@ def test_the_source_is_not_overwritten_by_another_name(dem, tmp_path):
     link.symlink_to(dem)
     ran = run("import-terrain", dem, link, "--max-error", 0.1, "--overwrite")
     assert ran.code == 2
-    assert "same file" in ran.err
+    assert "written over it" in ran.err
     assert dem.read_bytes() == before
 
 

@@ -72,10 +72,20 @@ reader_rule(
 
 
 def _sources(subject: Subject) -> Iterator[tuple[str, GridSource]]:
-    """Names of the file's own primitives that are rasters, and what was found."""
-    for name, primitive in subject.definition.primitives.items():
+    """Names of primitives that are rasters, the file's own and others that are used, and these."""
+    own = subject.definition.primitives
+    used = (name for name in subject.tree.distinct("type") if name in subject.primitives)
+    for name in dict.fromkeys([*own, *sorted(used)]):
+        primitive = subject.primitives[name]
         if isinstance(primitive.grid, LinkedGrid):
             yield name, primitive.grid.source
+
+
+def _place(subject: Subject, name: str) -> tuple[str, int]:
+    """Pointer of a raster's path, or the element at which it begins: the first one that has it."""
+    if name in subject.definition.primitives:
+        return f"/elemTypes/{escape(name)}/grid/file", -1
+    return "/type", subject.tree.column("type").index(name)
 
 
 @rule("TT314", "grid-aspect", "warning")
@@ -116,22 +126,20 @@ def grid_aspect(subject: Subject) -> Iterator[Remark]:
         if source.upright:
             upright[name] = _proportions(subject, name, source)
             continue
-        yield Remark(
-            f"/elemTypes/{escape(name)}/grid/file",
-            "the raster does not lie north up; its first row is taken as the north.",
-            "Resample it with gdalwarp.",
-        )
+        if name in subject.definition.primitives:  # that of a library is told of there
+            yield Remark(
+                f"/elemTypes/{escape(name)}/grid/file",
+                "the raster does not lie north up; its first row is taken as the north.",
+                "Resample it with gdalwarp.",
+            )
     tree = subject.tree
-    turns = tree.column("turn_deg") if upright else ()
-    for index, (name, turn) in enumerate(zip(tree.column("type"), turns, strict=False)):
+    for index, name in enumerate(tree.column("type") if upright else ()):
         if name not in upright or tree.roots[tree.root_of[index]] != ROOT:
             continue
         cell = tree.rectangle(index, subject.definition)
         if cell is None:
             continue
-        wide, tall = cell[2] - cell[0], cell[3] - cell[1]
-        if turn is not UNSET and turn % 180 == 90 and tree.value("at", index) is UNSET:
-            wide, tall = tall, wide
+        wide, tall = cell[2] - cell[0], cell[3] - cell[1]  # a turn leaves them as they are
         wanted = upright[name]
         if abs(wide - wanted * tall) > _NEAR * max(wide, wanted * tall):
             yield Remark(
@@ -145,7 +153,7 @@ def grid_aspect(subject: Subject) -> Iterator[Remark]:
 
 def _proportions(subject: Subject, name: str, source: GridSource) -> float:
     """Width of a raster by its height, from its outer numbers or from its outer edges."""
-    less = subject.definition.primitives[name].registration == "gridline"
+    less = subject.primitives[name].registered == "gridline"
     columns, rows = max(source.columns - less, 1), max(source.rows - less, 1)
     return (source.aspect or 1.0) * columns / rows
 
@@ -184,9 +192,11 @@ def grid_crs(subject: Subject) -> Iterator[Remark]:
     for name, source in _sources(subject):
         its = authority_code(source.crs) if source.crs else None
         if own is not None and its is not None and its != own:
+            pointer, element = _place(subject, name)
             yield Remark(
-                f"/elemTypes/{escape(name)}/grid/file",
+                pointer,
                 f"the raster is in {its.authority}:{its.code}, the terrain in "
                 f"{own.authority}:{own.code}.",
                 "Project the raster with gdalwarp -t_srs, or correct the crs.",
+                element=element,
             )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from bisect import bisect
 from collections.abc import Iterable, Iterator, Sequence
 from functools import cached_property
@@ -115,8 +116,8 @@ def default_height(subject: Subject) -> Iterator[Remark]:
     count = 1 + sum(1 for _ in elements)
     yield Remark(
         "",
-        f'"vScale" is missing in {count_of(count, "element")}: by its cell this one is '
-        f"{default * max(low, high, key=abs):.4g} high.",
+        f'"vScale" is missing in {count_of(count, "element")}: by its cell this one '
+        f"{_effect(default, low, high)}.",
         "Write what is meant, or let terratool format --explicit write what holds now.",
         element=first,
     )
@@ -196,15 +197,21 @@ class _ElementScales:
         theirs = quote(low) if low == high else f"{quote(low)} to {quote(high)}"
         for index in own:
             default = self._default(index)
-            least, most = (default * value for value in self._ranges[self._types[index]])
-            tallest = max(least, most, key=abs)
             yield Remark(
                 "",
-                f'"vScale" is missing: the default here, {default:.4g}, makes the element '
-                f"{tallest:.4g} high, while its neighbours have {theirs}.",
+                f'"vScale" is missing: by the default here, {default:.4g}, the element '
+                f"{_effect(default, *self._ranges[self._types[index]])}, while its neighbours have "
+                f"{theirs}.",
                 f"Write the vScale that is meant; {default:.9g} is what it has now.",
                 element=index,
             )
+
+
+def _effect(scale: float, low: float, high: float) -> str:
+    """Effect of a scale on a primitive from `low` to `high`, in words; NaN where it is unknown."""
+    if math.isnan(low):
+        return f"has the heights of its raster times {scale:.4g}"
+    return f"is {scale * max(low, high, key=abs):.4g} high"
 
 
 def _same(one: float, other: float) -> bool:

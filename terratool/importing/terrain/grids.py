@@ -27,7 +27,13 @@ from terratool.importing.terrain.request import (
     refuse_pixels,
 )
 from terratool.importing.terrain.writing import MeasuredError
-from terratool.importing.types import HeightSource, SampledHeights, SampleRange, sample_range
+from terratool.importing.types import (
+    HeightSource,
+    PixelGrid,
+    SampledHeights,
+    SampleRange,
+    sample_range,
+)
 from terratool.io.bands import Bands
 from terratool.io.crs import read_crs
 from terratool.io.geotiff import (
@@ -93,6 +99,12 @@ def raster_path(output: Path) -> Path:
     return output.with_name(f"{output.name.removesuffix('.gz').removesuffix('.json')}-heights.tif")
 
 
+def outputs_of(output: str | Path, options: ImportOptions, grid: PixelGrid) -> tuple[Path, ...]:
+    """Files that an import of some pixels writes: the definition, and the raster of a grid."""
+    output = Path(output)
+    return (output, raster_path(output)) if options.makes_grid(grid) else (output,)
+
+
 def import_grid(
     source: HeightSource,
     output: str | Path,
@@ -146,9 +158,10 @@ def import_grid(
         unknown=known.unknown,
         structures={},
         surfaces={},
-        size=output.stat().st_size + raster.stat().st_size,
+        size=output.stat().st_size,
         notes=source.notes,
         raster=raster,
+        raster_size=raster.stat().st_size,
     )
 
 

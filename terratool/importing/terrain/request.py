@@ -175,6 +175,7 @@ class ImportReport:
         size: size of the file in bytes.
         notes: sentences about the source.
         raster: raster of the heights beside the file; None where they stand in the text.
+        raster_size: size of the raster in bytes.
     """
 
     grid: PixelGrid
@@ -190,6 +191,7 @@ class ImportReport:
     size: int
     notes: tuple[str, ...]
     raster: Path | None = None
+    raster_size: int = 0
 
     @property
     def walls(self) -> bool:
