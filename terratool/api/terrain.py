@@ -510,7 +510,8 @@ class UserTerrain(ShownTerrain):
             overwrite: whether the picture may exist already.
 
         Raises:
-            RequestError: the map misses the terrain, has another reference system, or is too fine.
+            RequestError: the map misses the terrain, has another reference system, or is too fine;
+                or a transform stands beside what is no array.
             ReadError: the file cannot be read.
             WriteError: the picture exists already, or cannot be written.
         """

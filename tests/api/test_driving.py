@@ -183,6 +183,19 @@ def test_heights_of_ones_own_are_compared_where_they_lie(file: Path) -> None:
         terrain.compare(dem.heights)
 
 
+def test_a_transform_is_refused_where_the_map_has_its_own(file: Path, tmp_path: Path) -> None:
+    terrain = terratool.load(file)
+    dem, map_file, cloud = terrain.to_dem(), tmp_path / "map.tif", tmp_path / "cloud.npz"
+    terrain.write_dem(map_file, resolution=1)
+    terrain.write_scan(cloud, LIDAR, POSE, on_ground=1.2)
+    made = terratool.map_scans(cloud, resolution=0.5)
+    for given, what in ((map_file, "a file is named"), (made, "a map of map_scans is given")):
+        terrain.compare(given)
+        with pytest.raises(terratool.RequestError) as error:
+            terrain.compare(given, transform=dem.transform)
+        assert str(error.value) == f"A transform is about arrays, but {what}. Leave it out."
+
+
 def test_errors_of_a_map_are_drawn_as_the_command_draws_them(file: Path, tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
     terrain = terratool.load(file)
