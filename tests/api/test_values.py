@@ -43,6 +43,7 @@ WRONG: dict[str, Any] = {
     "minus": -1, "path": Path("none/there"), "ragged": RAGGED, "infinite": math.inf,
     "words": ["a"], "huge": 10**400, "tiny": 1e-300, "fine": 1e-6, "dict": {"a": 1}, "yes": True,
     "array": np.array([1.5, 2.5]), "four": (1, 2, 3, 2.5), "line": [(1, 1), (1, 2)],
+    "set": {1, 2.5}, "generator": (one for one in [1, 2]),
 }  # fmt: skip
 RARE = [*WRONG][[*WRONG].index("ragged") + 1 :]
 """Values that only all tests of a night try."""
@@ -166,6 +167,15 @@ def test_any_value_of_a_starter_is_taken_or_refused(kind: str) -> None:
         (lambda t: t.traversability(HUSKY, headings=0), "The number of headings is 0. Give a mul"),
         (lambda t: t.traversability(HUSKY, routes=[(1, 2, 3)]), "Give x0, y0, x1, y1, all of them"),
         (lambda t: t.traversability(HUSKY, waypoints=5), "Give two or more rows of x and y."),
+        (lambda t: t.traversability(HUSKY, routes=(one for one in [(0, 1, 3, 1)])),
+         "routes is of type generator. Make a list of it."),
+        (lambda t: t.view(vehicle=HUSKY, routes=zip([0], [1], [3], [1])),
+         "routes is of type zip. Make a list of it."),
+        (lambda t: t.traversability(HUSKY, routes=[{0, 1, 2, 3}]), "Give x0, y0, x1, y1, all of"),
+        (lambda t: t.traversability(HUSKY, report=iter(["a.md"])), "Make a list of it."),
+        (lambda t: t.to_dem(bounds={0, 1, 2, 3}), "bounds is {0, 1, 2, 3}. Make a list of it."),
+        (lambda t: t.to_dem(layers={"slope": 1}.keys()), "Make a list of it."),
+        (lambda t: t.view(height={1}), "height is {1}. Give a whole number."),
         (lambda t: t.view(height="x"), "height is 'x'. Give a whole number."),
         (lambda t: terratool.check(SITE, kind="vehicel"), "Did you mean vehicle?"),
         (lambda t: terratool.check(SITE, kind="foo"),
@@ -179,6 +189,8 @@ def test_any_value_of_a_starter_is_taken_or_refused(kind: str) -> None:
          "nodata is 'x'. Give a number."),
         (lambda t: definition().add("box", cell="ab"),
          "cell is 'ab'. Give column and row, as in cell=(3, 2)."),
+        (lambda t: terratool.Definition(size=3, descr=(one for one in "a")),
+         "Definition's descr is of type generator. Give texts, numbers, lists or dictionaries."),
         (lambda _: terratool.curriculum(ROUGH, seed="a"), "seed is 'a'. Give a whole number."),
         (lambda _: terratool.curriculum(5), "spec is 5. Give a Spec, a dictionary, a text or a p"),
         (lambda _: terratool.curriculum(ROUGH, seed=[1]), "seed is [1]. Give a whole number."),
