@@ -86,6 +86,25 @@ def test_ruts_are_written_as_the_command_writes_them(file: Path, tmp_path: Path)
     assert json.loads(file.read_text("utf-8")) == SITE
 
 
+def test_what_a_drive_reads_is_not_overwritten(file: Path) -> None:
+    """But the terrain itself; the command says the same. Other names are those of definitions."""
+    terrain = terratool.load(file)
+    vehicle = file.with_name("vehicle.json")
+    way = file.with_name("way.csv").rename(file.with_name("way.json"))
+    for output in (vehicle, way):
+        before = output.read_bytes()
+        words = ["--vehicle", vehicle, "--waypoints", way, "-o", output, "--overwrite"]
+        told = call("deform", file, *words).err
+        with pytest.raises(terratool.WriteError, match="is read, too, as") as error:
+            terrain.deform(vehicle, way, output, overwrite=True)
+        assert error.value.message in told and output.read_bytes() == before
+    with pytest.raises(terratool.RequestError, match="is no name of a definition"):
+        terrain.deform(vehicle, WAY, file.with_name("driven.jsn"))
+    assert not file.with_name("driven.jsn").exists()
+    terrain.deform(vehicle, WAY, file, overwrite=True)
+    assert terratool.load(file).tracks == 4
+
+
 def test_libraries_are_found_after_a_drive(file: Path, tmp_path: Path) -> None:
     (tmp_path / "kit").mkdir()
     kit = {"elemTypes": {"slope": SITE["elemTypes"]["slope"]}}
