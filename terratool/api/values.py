@@ -103,7 +103,7 @@ def _items(value: Any) -> list[Any] | None:
 
 
 def unpacked(value: Any) -> Any:
-    """Value of Python for a number or an array of NumPy, others as they are."""
+    """Value of Python for a number or an array of NumPy; others as they are."""
     return value.tolist() if hasattr(value, "tolist") else value
 
 
