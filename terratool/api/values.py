@@ -19,6 +19,8 @@ from terratool.text.meaning import guess
 
 _UNFIT = object()
 """Stands for a value that is not of a type."""
+_LARGEST = 2**63 - 1
+"""Largest whole number that options take."""
 _LONGEST = 60
 """Most characters of a value in a message."""
 _MEANINGS = {
@@ -121,7 +123,7 @@ def _whole(value: Any) -> Any:
     plain = unpacked(value)
     if isinstance(plain, bool) or not isinstance(plain, int):
         return _UNFIT
-    return plain if abs(plain) <= sys.maxsize else _UNFIT
+    return plain if abs(plain) <= _LARGEST else _UNFIT
 
 
 def _flag(value: Any) -> Any:
@@ -144,7 +146,7 @@ _PLAIN: dict[Any, Any] = {float: _number, int: _whole, bool: _flag, str: _text}
 
 def shown(value: Any) -> str:
     """Value for a message, or its type where that is long or says nothing."""
-    if isinstance(value, int) and abs(value) > sys.maxsize:
+    if isinstance(value, int) and abs(value) > _LARGEST:
         return "too large a number"
     text = repr(value)
     if len(text) > _LONGEST or text.startswith("<") or "\n" in text:
@@ -161,6 +163,8 @@ def _remedy(value: Any, annotation: str, kind: Any) -> str:
     meaning = next((words for name, words in _MEANINGS.items() if name in annotation), None)
     if meaning is not None:
         return f"Give {meaning}, all of them numbers."
+    if int in alternatives and isinstance(value, int) and abs(value) > _LARGEST:
+        return "Give a whole number up to 2^63 - 1 in size."
     parts = [one for one in (get_args(kind) or [kind]) if one is not NoneType]
     if get_origin(kind) is Literal:
         parts = [kind]
