@@ -13,7 +13,7 @@ from typing import Any
 from terratool.api.options import NamedOption, public, refuse_unknown, takes, takes_options
 from terratool.api.sources import UNNAMED, checked_source, json_of
 from terratool.api.terrain import UserTerrain
-from terratool.api.values import fitted
+from terratool.api.values import fitted, shown, unpacked
 from terratool.definition.findings import Finding
 from terratool.definition.key import Key
 from terratool.definition.keys import KEYS
@@ -103,7 +103,7 @@ def members_of(kind: type, what: str, given: Mapping[str, Any]) -> dict[str, Any
         given: values by names in snake case; x_why is x-why.
 
     Raises:
-        RequestError: a name is no key.
+        RequestError: a name is no key, or a value cannot be copied.
     """
     keys = dict(names_of(kind))
     refuse_unknown(what, (name for name in given if not name.startswith(_FREE)), keys)
@@ -118,24 +118,26 @@ def members_of(kind: type, what: str, given: Mapping[str, Any]) -> dict[str, Any
             value = _grid_rows(value)
         if isinstance(value, str | Path) and (key == "x-ignore" or _is_paths(kind, key)):
             value = [value]
-        found[key] = copy.deepcopy(value)
+        try:
+            found[key] = copy.deepcopy(value)
+        except TypeError as error:  # a generator
+            raise RequestError(
+                f"{what}'s {key} is {shown(value)}.", "Give texts, numbers, lists or dictionaries."
+            ) from error
     return found
 
 
 def _grid_rows(value: Any) -> Any:
     """Rows of a grid as the text has them, of lists or an array; NaN is void."""
-    rows = _plain(value)
-    return [_grid_row(_plain(row)) for row in rows] if isinstance(rows, list | tuple) else rows
+    rows = unpacked(value)
+    return [_grid_row(unpacked(row)) for row in rows] if isinstance(rows, list | tuple) else rows
 
 
 def _grid_row(row: Any) -> Any:
     if not isinstance(row, list | tuple):
         return row  # refused by whoever reads the text
-    return [None if isinstance(one, float) and math.isnan(one) else one for one in row]
-
-
-def _plain(value: Any) -> Any:
-    return value.tolist() if hasattr(value, "tolist") else value
+    items = map(unpacked, row)
+    return [None if isinstance(one, float) and math.isnan(one) else one for one in items]
 
 
 def _is_paths(kind: type, key: str) -> bool:

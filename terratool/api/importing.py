@@ -13,6 +13,7 @@ from typing import Any, overload
 from numpy.typing import ArrayLike
 from rasterio.transform import Affine
 
+from terratool.api.mapping import refuse_transform
 from terratool.api.options import fill, options_of, takes
 from terratool.api.sources import source_of
 from terratool.api.terrain import UserTerrain, load
@@ -165,7 +166,7 @@ def import_primitive_from(
     if output is not None:
         _refuse_same(output, source)
     if isinstance(source, str | Path):
-        _refuse_transform(transform)
+        refuse_transform(transform)
         patch, wanted = read_patch(str(source), fill(SourceOptions, options), wanted)
     else:
         patch = _array(source, transform, options)
@@ -206,12 +207,6 @@ def _refuse_same(output: str | Path, *sources: object) -> None:
             raise WriteError(f"{output}: is the same file as {one}.", "Choose another name.")
 
 
-def _refuse_transform(transform: object) -> None:
-    """Refuse a transform beside a file, which has its own."""
-    if transform is not None:
-        raise RequestError("A transform is about arrays, but a file is named.", "Leave it out.")
-
-
 @contextlib.contextmanager
 def _opened(
     source: AnyHeights, transform: Affine | Sequence[float] | None, options: dict[str, Any]
@@ -220,7 +215,7 @@ def _opened(
     if not isinstance(source, str | Path):
         yield _array(source, transform, options)
         return
-    _refuse_transform(transform)
+    refuse_transform(transform)
     with open_source(str(source), fill(SourceOptions, options)) as heights:
         yield heights
 

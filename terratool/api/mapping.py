@@ -59,6 +59,16 @@ def map_scans_of(
     return made
 
 
+def refuse_transform(transform: object, what: str = "a file is named") -> None:
+    """Refuse a transform beside a file or a map, which have their own.
+
+    Raises:
+        RequestError: there is a transform.
+    """
+    if transform is not None:
+        raise RequestError(f"A transform is about arrays, but {what}.", "Leave it out.")
+
+
 def any_map(
     given: AnyMap, level: int = 0, transform: Affine | Sequence[float] | None = None
 ) -> MapFile:
@@ -71,13 +81,16 @@ def any_map(
 
     Raises:
         ReadError: the file cannot be read.
-        RequestError: there is no such level, or an array has no place or pixels that are oblong.
+        RequestError: there is no such level, an array has no place or pixels that are oblong, or
+            there is a transform for what is no array.
     """
     if isinstance(given, RobotMap):
+        refuse_transform(transform, "a map of map_scans is given")
         return map_of(given, level)
     if level:
         raise RequestError("A level is about maps of map_scans.", "Leave it out.")
     if isinstance(given, str | Path):
+        refuse_transform(transform)
         return read_map(given)
     sampled = sampled_array(given, transform)
     if np.isnan(sampled.values).all():

@@ -18,6 +18,8 @@ from terratool.viewing.diff.results import Comparison, Difference, FileDifferenc
 
 OTHER = "the other terrain"
 """Name of the new side of a difference whose sides are of one file."""
+_REST = "; its attributes have all"
+"""Words behind a list of which some lines are left out."""
 
 
 class ShownReport(TraversabilityReport):
@@ -65,8 +67,7 @@ class ShownDifference(Difference, frozen=True):
         return f"<Difference from {old} to {new}: {self._file.status}>"
 
     def __str__(self) -> str:
-        text = diff_report.as_text(Comparison((self._file,)), diff_report.MOST)
-        return text.replace(diff_report.ALL, "; its attributes have all")
+        return diff_report.as_text(Comparison((self._file,)), diff_report.MOST, _REST)
 
     def _repr_html_(self) -> str:
         """Lines of the difference, for notebooks."""
@@ -74,7 +75,7 @@ class ShownDifference(Difference, frozen=True):
 
     @property
     def _file(self) -> FileDifference:
-        return FileDifference(self.new, "same" if self.same else "different", self)
+        return FileDifference.of(self.new, self)
 
 
 def shown_difference(found: Difference) -> ShownDifference:

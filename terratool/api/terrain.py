@@ -33,7 +33,7 @@ from terratool.field.terrain import SHARE_ABOVE
 from terratool.field.types import real_numbers
 from terratool.mesh.export import MeshOptions
 from terratool.mesh.request import AnyMeshReport, MeshRequest, write_mesh_files
-from terratool.output import refuse_existing, refuse_missing_folder
+from terratool.output import is_same_file
 from terratool.raster.dem import (
     AnyDemReport,
     DemArrays,
@@ -53,7 +53,7 @@ from terratool.simulators.export import SimulatorReport, plan_export
 from terratool.simulators.options import SceneOptions
 from terratool.simulators.options import refuse_idle as refuse_idle_targets
 from terratool.simulators.targets import choose_targets
-from terratool.text.source import Source
+from terratool.text.source import Source, refuse_name
 from terratool.traversability.assess import Request
 from terratool.traversability.compare import names_of, prepare
 from terratool.traversability.route.waypoints import read_waypoints
@@ -62,6 +62,7 @@ from terratool.traversability.ruts import (
     DeformOptions,
     check_path,
     deform,
+    refuse_output,
     with_tracks,
     write_deformed,
 )
@@ -406,15 +407,18 @@ class UserTerrain(ShownTerrain):
 
         Raises:
             RequestError: the path is too short, leaves the terrain or its ground, or lies on a
-                surface without a sinkage; or an option makes no sense.
+                surface without a sinkage; an option makes no sense; or the name of the file is that
+                of no definition.
             MissedError: a wheel would sink by its radius or more.
             ReadError, DefinitionError: a file cannot be read, or has errors.
-            WriteError: the file exists, or cannot be written.
+            WriteError: the file exists, is the vehicle's or that of the waypoints, or cannot be
+                written.
         """
         wanted = fill(DeformOptions, options)
         if output is not None:
-            refuse_existing(Path(output), overwrite)
-            refuse_missing_folder(Path(output))
+            if not is_same_file(output, self.source.name):
+                refuse_name(output)
+            refuse_output(output, (vehicle, waypoints), overwrite)
         way = _points(waypoints)
         check_path(way, self.bounds)
         deformed = deform(self._checked(), _vehicle(vehicle), way, wanted)
@@ -510,7 +514,8 @@ class UserTerrain(ShownTerrain):
             overwrite: whether the picture may exist already.
 
         Raises:
-            RequestError: the map misses the terrain, has another reference system, or is too fine.
+            RequestError: the map misses the terrain, has another reference system, or is too fine;
+                or a transform stands beside what is no array.
             ReadError: the file cannot be read.
             WriteError: the picture exists already, or cannot be written.
         """

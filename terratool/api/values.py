@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import functools
 import sys
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterator, Mapping, MappingView, Sequence, Set
 from importlib import import_module
 from pathlib import Path
 from types import NoneType, SimpleNamespace, UnionType
@@ -19,6 +19,8 @@ from terratool.text.meaning import guess
 
 _UNFIT = object()
 """Stands for a value that is not of a type."""
+_LARGEST = 2**63 - 1
+"""Largest whole number that options take."""
 _LONGEST = 60
 """Most characters of a value in a message."""
 _MEANINGS = {
@@ -93,20 +95,22 @@ def _all_fitting(items: list[Any], kinds: Sequence[Any]) -> Any:
 
 
 def _items(value: Any) -> list[Any] | None:
-    """Items of a list, an array or what else can be gone through; None for texts and others."""
-    plain = _unpacked(value)
-    if isinstance(plain, str | bytes | Mapping) or not isinstance(plain, Iterable):
-        return None
-    return list(plain)
+    """Items of a list, an array or another sequence; None for texts and others.
+
+    A set has no order, and an iterator would be used up by the first of several types.
+    """
+    plain = unpacked(value)
+    is_list = isinstance(plain, Sequence) and not isinstance(plain, str | bytes)
+    return list(plain) if is_list else None
 
 
-def _unpacked(value: Any) -> Any:
-    """Value of Python for a number or an array of NumPy, others as they are."""
+def unpacked(value: Any) -> Any:
+    """Value of Python for a number or an array of NumPy; others as they are."""
     return value.tolist() if hasattr(value, "tolist") else value
 
 
 def _number(value: Any) -> Any:
-    plain = _unpacked(value)
+    plain = unpacked(value)
     if isinstance(plain, bool) or not isinstance(plain, int | float):
         return _UNFIT
     try:
@@ -116,14 +120,14 @@ def _number(value: Any) -> Any:
 
 
 def _whole(value: Any) -> Any:
-    plain = _unpacked(value)
+    plain = unpacked(value)
     if isinstance(plain, bool) or not isinstance(plain, int):
         return _UNFIT
-    return plain if abs(plain) <= sys.maxsize else _UNFIT
+    return plain if abs(plain) <= _LARGEST else _UNFIT
 
 
 def _flag(value: Any) -> Any:
-    plain = _unpacked(value)
+    plain = unpacked(value)
     return plain if isinstance(plain, bool) else _UNFIT
 
 
@@ -142,7 +146,7 @@ _PLAIN: dict[Any, Any] = {float: _number, int: _whole, bool: _flag, str: _text}
 
 def shown(value: Any) -> str:
     """Value for a message, or its type where that is long or says nothing."""
-    if isinstance(value, int) and abs(value) > sys.maxsize:
+    if isinstance(value, int) and abs(value) > _LARGEST:
         return "too large a number"
     text = repr(value)
     if len(text) > _LONGEST or text.startswith("<") or "\n" in text:
@@ -152,9 +156,15 @@ def shown(value: Any) -> str:
 
 def _remedy(value: Any, annotation: str, kind: Any) -> str:
     """Sentence on what to give in place of a value."""
+    alternatives = get_args(kind) if get_origin(kind) in (Union, UnionType) else [kind]
+    takes_items = any(get_origin(one) in (tuple, Sequence) for one in alternatives)
+    if takes_items and isinstance(value, Set | Iterator | MappingView):
+        return "Make a list of it."
     meaning = next((words for name, words in _MEANINGS.items() if name in annotation), None)
     if meaning is not None:
         return f"Give {meaning}, all of them numbers."
+    if int in alternatives and isinstance(value, int) and abs(value) > _LARGEST:
+        return "Give a whole number up to 2^63 - 1 in size."
     parts = [one for one in (get_args(kind) or [kind]) if one is not NoneType]
     if get_origin(kind) is Literal:
         parts = [kind]

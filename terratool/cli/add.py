@@ -45,12 +45,19 @@ def _encodable(ctx: click.Context, param: click.Parameter, value: str | None) ->
 class SaidDocument(Struct, frozen=True):
     """Finding about an element, or one that it brings elsewhere, as JSON."""
 
+    file: str
+    pointer: str
     line: int
     column: int
     severity: str
     code: str
     message: str
     hint: str
+
+    @classmethod
+    def of(cls, finding: Finding) -> SaidDocument:
+        """Return the JSON of a finding."""
+        return cls(*(getattr(finding, name) for name in cls.__struct_fields__))
 
 
 class AddedDocument(Document, frozen=True, kw_only=True):
@@ -185,10 +192,7 @@ def command(
         brought = _unknown(brought, before)
     target.write(data, overwrite)
     if as_json:
-        said = [
-            SaidDocument(one.line, one.column, one.severity, one.code, one.message, one.hint)
-            for one in [*own, *brought]
-        ]
+        said = list(map(SaidDocument.of, [*own, *brought]))
         say_json(
             AddedDocument(
                 file=str(target.output), pointer=pointer, libraries=libraries, findings=said

@@ -101,21 +101,23 @@ def command(
     from pathlib import Path
 
     from terratool.definition.reader import load_checked
-    from terratool.errors import RequestError, WriteError
-    from terratool.output import is_same_file, refuse_existing, refuse_missing_folder
+    from terratool.errors import RequestError
+    from terratool.output import is_same_file
     from terratool.traversability.route.waypoints import read_waypoints
-    from terratool.traversability.ruts import DeformOptions, check_path, deform, write_deformed
+    from terratool.traversability.ruts import (
+        DeformOptions,
+        check_path,
+        deform,
+        refuse_output,
+        write_deformed,
+    )
 
     if output is None:
         if file == "-":
             raise RequestError("Standard input cannot be changed.", "Name a file by -o OUT.")
         output = file
-    for source in (options["vehicle"], waypoints):
-        if source and is_same_file(output, source):
-            raise WriteError(f"{output}: is read, too, as {source}.", "Choose another name.")
     overwrite = overwrite or is_same_file(output, file)
-    refuse_existing(Path(output), overwrite)
-    refuse_missing_folder(Path(output))
+    refuse_output(output, (options["vehicle"], waypoints), overwrite)
     vehicle = vehicle_from(options)
     wanted = DeformOptions(**options)
     path = read_waypoints(waypoints)

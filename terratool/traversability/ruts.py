@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -20,10 +21,10 @@ from terratool.definition.libraries import known_names
 from terratool.definition.model import Surface, Track, middle_of
 from terratool.definition.presets import preset_of
 from terratool.definition.reader import Checked, CheckOptions, check, refusal
-from terratool.errors import DefinitionError, MissedError, RequestError
+from terratool.errors import DefinitionError, MissedError, RequestError, WriteError
 from terratool.field.terrain import Terrain
 from terratool.field.types import OUTSIDE
-from terratool.output import is_same_file
+from terratool.output import is_same_file, refuse_existing, refuse_missing_folder
 from terratool.report.numbers import coordinates
 from terratool.text.display import quote
 from terratool.text.edit import set_member
@@ -436,6 +437,24 @@ def with_tracks(source: Source, deformed: Deformed, output: str | Path) -> Sourc
     text = with_moved_paths(source, output)
     data = set_member(text, "", "tracks", tracks, TERRAIN).apply(text)
     return msgspec.structs.replace(source, name=str(output), data=data)
+
+
+def refuse_output(output: str | Path, inputs: Iterable[object], overwrite: bool) -> None:
+    """Refuse a file that a drive cannot write, before it is computed.
+
+    Args:
+        output: file to write.
+        inputs: vehicle and waypoints, of which paths are files that stay as they are.
+        overwrite: whether the output may exist.
+
+    Raises:
+        WriteError: the output is read, exists, or has no folder.
+    """
+    for one in inputs:
+        if isinstance(one, str | Path) and is_same_file(output, one):
+            raise WriteError(f"{output}: is read, too, as {one}.", "Choose another name.")
+    refuse_existing(Path(output), overwrite)
+    refuse_missing_folder(Path(output))
 
 
 def write_deformed(

@@ -319,10 +319,12 @@ def test_grids_are_arrays_or_lists(dtype: Any) -> None:
     definition = terratool.Definition(size=(6, 3))
     definition.primitive("array", grid=heights)
     definition.primitive("list", grid=[[1, 2, 3], [4, float("nan"), 6]], registration="pixel")
+    definition.primitive("single", grid=[[1, 2], [np.float32(3), np.float32("nan")]])
     definition.primitive("masked", grid=np.ma.masked_equal(np.array([[1, 9], [3, 4]]), 9))
     types = definition.document["elemTypes"]
     assert types["array"]["grid"] == rows
     assert types["list"]["grid"] == [[1, 2, 3], [4, None, 6]]
+    assert types["single"]["grid"] == [[1, 2], [3, None]]
     assert types["masked"]["grid"] == [[1, None], [3, 4]]
     definition.root("array", v_scale=1)
     terrain = definition.compile()

@@ -86,6 +86,25 @@ def test_ruts_are_written_as_the_command_writes_them(file: Path, tmp_path: Path)
     assert json.loads(file.read_text("utf-8")) == SITE
 
 
+def test_what_a_drive_reads_is_not_overwritten(file: Path) -> None:
+    """But the terrain itself; the command says the same. Other names are those of definitions."""
+    terrain = terratool.load(file)
+    vehicle = file.with_name("vehicle.json")
+    way = file.with_name("way.csv").rename(file.with_name("way.json"))
+    for output in (vehicle, way):
+        before = output.read_bytes()
+        words = ["--vehicle", vehicle, "--waypoints", way, "-o", output, "--overwrite"]
+        told = call("deform", file, *words).err
+        with pytest.raises(terratool.WriteError, match="is read, too, as") as error:
+            terrain.deform(vehicle, way, output, overwrite=True)
+        assert error.value.message in told and output.read_bytes() == before
+    with pytest.raises(terratool.RequestError, match="is no name of a definition"):
+        terrain.deform(vehicle, WAY, file.with_name("driven.jsn"))
+    assert not file.with_name("driven.jsn").exists()
+    terrain.deform(vehicle, WAY, file, overwrite=True)
+    assert terratool.load(file).tracks == 4
+
+
 def test_libraries_are_found_after_a_drive(file: Path, tmp_path: Path) -> None:
     (tmp_path / "kit").mkdir()
     kit = {"elemTypes": {"slope": SITE["elemTypes"]["slope"]}}
@@ -181,6 +200,19 @@ def test_heights_of_ones_own_are_compared_where_they_lie(file: Path) -> None:
         terrain.compare(dem.heights, transform=oblong)
     with pytest.raises(terratool.RequestError, match="The array has no place in the world"):
         terrain.compare(dem.heights)
+
+
+def test_a_transform_is_refused_where_the_map_has_its_own(file: Path, tmp_path: Path) -> None:
+    terrain = terratool.load(file)
+    dem, map_file, cloud = terrain.to_dem(), tmp_path / "map.tif", tmp_path / "cloud.npz"
+    terrain.write_dem(map_file, resolution=1)
+    terrain.write_scan(cloud, LIDAR, POSE, on_ground=1.2)
+    made = terratool.map_scans(cloud, resolution=0.5)
+    for given, what in ((map_file, "a file is named"), (made, "a map of map_scans is given")):
+        terrain.compare(given)
+        with pytest.raises(terratool.RequestError) as error:
+            terrain.compare(given, transform=dem.transform)
+        assert str(error.value) == f"A transform is about arrays, but {what}. Leave it out."
 
 
 def test_errors_of_a_map_are_drawn_as_the_command_draws_them(file: Path, tmp_path: Path) -> None:

@@ -27,7 +27,7 @@ VERBS: dict[str, tuple[str, dict[str, str]]] = {
     "traversability": ("traversability", {"reports": "report", "map_": "map"}),
     "write_scan": ("scan", {"sensor_file": "sensor", "poses": "pose", "path_file": "poses"}),
     "diff": ("diff", {"map_": "map"}),
-    "deform": ("deform", {"path_file": "path"}),
+    "deform": ("deform", {}),
     "map_scans": ("map", {"sensor_file": "sensor"}),
     "compare": ("compare", {"map_": "map"}),
     "import_terrain": ("import-terrain", {}),

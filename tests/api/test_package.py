@@ -15,6 +15,7 @@ from typing import Any
 import pytest
 
 import terratool
+from terratool.api.verbs import VERBS
 from terratool.cli.main import _COMMANDS
 from tests import stubs
 from tests.commands import ENVIRONMENT, ROOT, SAMPLE
@@ -191,3 +192,10 @@ def test_a_type_checker_knows_the_options(tmp_path: Path) -> None:
     )  # fmt: skip
     found = {tuple(found) for found in re.findall(r"^(\w+)\.py:(\d+): error", done.stdout, re.M)}
     assert found == {("wrong", str(line)) for line in (3, 4, 6, 7, 8, 9)}, done.stdout
+
+
+def test_the_page_names_the_commands_without_a_verb() -> None:
+    text = (ROOT / "docs/api.md").read_text("utf-8")
+    for name, words in VERBS.items():
+        if words.startswith("the command, "):
+            assert f"`{name}`" in text.rpartition("## Below the verbs")[2], name

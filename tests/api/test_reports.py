@@ -115,15 +115,17 @@ def test_a_difference_prints_what_the_command_prints(
     file: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(file.parent)
+    limit = "; --max-changes 0 lists all"
     wear = [{"cellX": n % 8, "cellY": n // 8, "type": "slope", "vScale": n / 99} for n in range(32)]
+    wear[0]["descr"] = f"x{limit}"
     tree = {**SITE["elemTree"], "cells": [8, 4], "children": wear}
     Path("new.json").write_text(json.dumps({**SITE, "elemTree": tree}), "utf-8")
     found = terratool.load("site.json").diff("new.json", vehicles=HUSKY, resolution=0.5)
     words = ("--vehicle", str(HUSKY), "--resolution", "0.5")
     printed = call("diff", "site.json", "new.json", *words).out
-    limit = "; --max-changes 0 lists all\n"
-    assert limit in printed and "--" not in str(found)
-    assert str(found) + "\n" == printed.replace(limit, "; its attributes have all\n")
+    # of what the command says only the end of a list is another, no description
+    assert f"{limit}\n" in printed and f'"x{limit}"' in printed
+    assert str(found) + "\n" == printed.replace(f"{limit}\n", "; its attributes have all\n")
     assert repr(found) == "<Difference from site.json to new.json: different>"
     shown_text = TextOf(found._repr_html_()).text
     assert shown_text == str(found) and pickle.loads(pickle.dumps(found)) == found

@@ -43,6 +43,7 @@ WRONG: dict[str, Any] = {
     "minus": -1, "path": Path("none/there"), "ragged": RAGGED, "infinite": math.inf,
     "words": ["a"], "huge": 10**400, "tiny": 1e-300, "fine": 1e-6, "dict": {"a": 1}, "yes": True,
     "array": np.array([1.5, 2.5]), "four": (1, 2, 3, 2.5), "line": [(1, 1), (1, 2)],
+    "set": {1, 2.5}, "generator": (one for one in [1, 2]),
 }  # fmt: skip
 RARE = [*WRONG][[*WRONG].index("ragged") + 1 :]
 """Values that only all tests of a night try."""
@@ -79,7 +80,8 @@ VERBS: dict[str, tuple[Callable[[], Verb], dict[str, Any]]] = {
     "render": (lambda: terrain().render, {"pixels": 200, "bare": True}),
     "perspective": (lambda: terrain().render,
                     {"pixels": 200, "bare": True, "perspective": True}),
-    "profile": (lambda: terrain().render, {"pixels": 600, "profile": (0, 1, 4, 1)}),
+    "profile": (lambda: terrain().render,
+                {"pixels": 600, "profile": (0, 0.5, 4, 0.5), "exaggeration": 1.0}),
     "view": (lambda: terrain().view, {"max_error": 0.1, "height": 90}),
     "traversability": (lambda: terrain().traversability,
                        {"vehicle": HUSKY, "resolution": 0.5, "headings": 4}),
@@ -88,7 +90,8 @@ VERBS: dict[str, tuple[Callable[[], Verb], dict[str, Any]]] = {
     "scan": (lambda: terrain().scan, {"sensor": SONAR, "pose": POSE}),
     "write_scan": (lambda: terrain().write_scan,
                    {"output": "a.csv", "sensor": SONAR, "pose": POSE, "on_ground": 1, **SURE}),
-    "deform": (lambda: terrain().deform, {"vehicle": HUSKY, "path": [(1, 1.5), (2, 1.5)], **SURE}),
+    "deform": (lambda: terrain().deform,
+               {"vehicle": HUSKY, "waypoints": [(1, 1.5), (2, 1.5)], **SURE}),
     "compare": (lambda: terrain().compare, {"map": HEIGHTS, "transform": PLACE, **SURE}),
     "map_scans": (lambda: terratool.map_scans, {"scans": "cloud.csv", "resolution": 1, **SURE}),
     "diff": (lambda: terrain().diff, {"other": OTHER, "resolution": 0.5, **SURE}),
@@ -132,6 +135,7 @@ def test_any_value_of_any_option_is_taken_or_refused(
     monkeypatch.chdir(tmp_path)
     Path("cloud.csv").write_text("x,y,z\n2,3,4\n2.5,3,4\n", "utf-8")
     make, given = VERBS[verb]
+    make()(**given)  # a row that is refused by itself would try nothing
     for option in inspect.signature(make()).parameters:
         ask(make(), given, option, WRONG[value])
 
@@ -166,11 +170,24 @@ def test_any_value_of_a_starter_is_taken_or_refused(kind: str) -> None:
         (lambda t: t.traversability(HUSKY, headings=0), "The number of headings is 0. Give a mul"),
         (lambda t: t.traversability(HUSKY, routes=[(1, 2, 3)]), "Give x0, y0, x1, y1, all of them"),
         (lambda t: t.traversability(HUSKY, waypoints=5), "Give two or more rows of x and y."),
+        (lambda t: t.traversability(HUSKY, routes=(one for one in [(0, 1, 3, 1)])),
+         "routes is of type generator. Make a list of it."),
+        (lambda t: t.view(vehicle=HUSKY, routes=zip([0], [1], [3], [1], strict=True)),
+         "routes is of type zip. Make a list of it."),
+        (lambda t: t.traversability(HUSKY, routes=[{0, 1, 2, 3}]), "Give x0, y0, x1, y1, all of"),
+        (lambda t: t.traversability(HUSKY, report=iter(["a.md"])), "Make a list of it."),
+        (lambda t: t.to_dem(bounds={0, 1, 2, 3}), "bounds is {0, 1, 2, 3}. Make a list of it."),
+        (lambda t: t.to_dem(layers={"slope": 1}.keys()), "Make a list of it."),
+        (lambda t: t.view(height={1}), "height is {1}. Give a whole number."),
         (lambda t: t.view(height="x"), "height is 'x'. Give a whole number."),
         (lambda t: terratool.check(SITE, kind="vehicel"), "Did you mean vehicle?"),
         (lambda t: terratool.check(SITE, kind="foo"),
          "kind is 'foo'. Choose terrain, library, vehicle, curriculum or sensor."),
         (lambda t: terratool.check(SITE, limit=10**30), "limit is too large a number. Give a who"),
+        (lambda t: t.scan(SONAR, POSE, on_ground=1, seed=2**63),
+         "seed is too large a number. Give a whole number up to 2^63 - 1 in size."),
+        (lambda _: terratool.curriculum(ROUGH, seed=2**62),
+         "Give one from 0 to 9,007,199,254,740,992."),
         (lambda t: terratool.import_terrain(RAGGED, transform=PLACE, max_error=1),
          "The heights are no array of real numbers. Give one of rows and columns."),
         (lambda t: terratool.import_terrain(HEIGHTS, transform=PLACE, max_error=1, crs=object()),
@@ -179,6 +196,8 @@ def test_any_value_of_a_starter_is_taken_or_refused(kind: str) -> None:
          "nodata is 'x'. Give a number."),
         (lambda t: definition().add("box", cell="ab"),
          "cell is 'ab'. Give column and row, as in cell=(3, 2)."),
+        (lambda t: terratool.Definition(size=3, descr=(one for one in "a")),
+         "Definition's descr is of type generator. Give texts, numbers, lists or dictionaries."),
         (lambda _: terratool.curriculum(ROUGH, seed="a"), "seed is 'a'. Give a whole number."),
         (lambda _: terratool.curriculum(5), "spec is 5. Give a Spec, a dictionary, a text or a p"),
         (lambda _: terratool.curriculum(ROUGH, seed=[1]), "seed is [1]. Give a whole number."),

@@ -264,7 +264,23 @@ def test_findings_that_it_brings_elsewhere_are_said_in_a_line(tmp_path: Path) ->
     assert again.err == f"{path}: has /elemTree/children/1 now.\n"
     path.write_text(canonical(json.dumps(terrain)))
     found = json.loads(call(*asked, "--at", 2, 3, "--json").out)["findings"]
-    assert [one["code"] for one in found] == ["TT718", "TT718"]
+    assert [(one["code"], one["file"], one["pointer"]) for one in found] == [
+        ("TT718", str(path), "/surfTypes/ice"), ("TT718", str(path), "/surfTypes/mud"),
+    ]  # fmt: skip
+
+
+def test_what_it_hides_is_said_without_a_library(tmp_path: Path) -> None:
+    path = tmp_path / "site.json"
+    tree = {"type": "box", "surface": "sand", "cells": [2, 1], "vScale": 1}
+    terrain = {
+        "size": [9, 6], "elemTypes": {"box": {"x": [1]}}, "elemTree": tree,
+        "surfTypes": {"sand": {"preset": "dry-sand"}, "rock": {"preset": "concrete"}},
+    }  # fmt: skip
+    path.write_text(canonical(json.dumps(terrain)))
+    ran = call("add", path, "--type", "box", "--surface", "rock", "--v-scale", 1, "--cell", 0, 0,
+               "--span", 2, 1, "--json")  # fmt: skip
+    found = json.loads(ran.out)["findings"]
+    assert [(one["code"], one["pointer"]) for one in found] == [("TT209", "/elemTree")]
 
 
 @pytest.mark.parametrize(

@@ -218,14 +218,14 @@ def _grids(old: Primitive, new: Primitive) -> tuple[str, str]:
 
 
 def _grid_text(primitive: Primitive) -> str:
-    grid = primitive.grid
-    if grid is UNSET:
+    grid, shape = primitive.grid, shape_of(primitive).grid
+    if shape is None:
         return ""
     placed = "" if primitive.registration is UNSET else f", {primitive.registration}"
     if isinstance(grid, GridFile):
         band = "" if grid.band_number == 1 else f", band {grid.band_number}"
         return grid.file + band + placed
-    return f"{len(grid[0]):,} × {len(grid):,} numbers{placed}"
+    return f"{shape.text}{placed}"
 
 
 def _grid_keys(was: GridShape | None, now: GridShape | None) -> Iterator[KeyChange]:

@@ -97,8 +97,7 @@ def _pair(
     compared = diff(reading.side(old), reading.side(new), options, progress)
     if on_compared is not None:
         on_compared(compared)
-    found = compared.difference
-    return FileDifference(name, "same" if found.same else "different", found)
+    return FileDifference.of(name, compared.difference)
 
 
 def _lone_file(old: str, new: str, name: str, reading: ReadOptions) -> FileDifference:

@@ -45,15 +45,21 @@ _STATUS: dict[FileStatus, str] = {
 }  # fmt: skip
 
 
-def as_text(comparison: Comparison, most: int) -> str:
-    """Text for people: the differences in each file, and a summary of several."""
+def as_text(comparison: Comparison, most: int, rest: str = ALL) -> str:
+    """Text for people: the differences in each file, and a summary of several.
+
+    Args:
+        comparison: results for all files.
+        most: most lines of a list, 0 for all.
+        rest: words behind a list of which some lines are left out.
+    """
     lines: list[str] = []
     several = len(comparison.files) > 1
     for file in comparison.files:
         if several and file.status == "same" and not _notes(file):
             continue
         lines.append(f"{printable(file.file)}: {_STATUS[file.status]}")
-        lines += (f"  {printable(line)}" for line in _lines(file, most))
+        lines += (f"  {printable(line)}" for line in _lines(file, most, rest))
     if several:
         lines.append(_summary_line(comparison))
     return "\n".join(lines)
@@ -72,34 +78,36 @@ def _summary_line(comparison: Comparison) -> str:
     return f"{count_of(len(comparison.files), 'terrain')}: {', '.join(counts)}."
 
 
-def _lines(file: FileDifference, most: int) -> Iterator[str]:
+def _lines(file: FileDifference, most: int, rest: str = ALL) -> Iterator[str]:
     if file.message:
         yield file.message
     if file.hint:
         yield file.hint
     if file.difference is not None:
-        yield from lines_of(file.difference, most)
+        yield from lines_of(file.difference, most, rest)
 
 
-def lines_of(found: Difference, most: int) -> Iterator[str]:
-    """Differences in lines; a list has at most `most` of them, 0 for all."""
+def lines_of(found: Difference, most: int, rest: str = ALL) -> Iterator[str]:
+    """Differences in lines; a list has at most `most`, 0 for all, and words for the rest."""
     for key in found.frame:
         yield _key(key)
-    yield from _limit_lines(found.entries, most, _entry)
-    yield from _limit_lines(_groups([*found.elements, *found.tracks]), most, _group)
+    yield from _limit_lines(found.entries, most, _entry, rest)
+    yield from _limit_lines(_groups([*found.elements, *found.tracks]), most, _group, rest)
     if found.ground is not None:
         yield from _ground(found.ground)
     for verdict in found.verdicts:
-        yield from _verdict(verdict, most)
+        yield from _verdict(verdict, most, rest)
     for note in found.notes:
         yield f"note: {note}"
 
 
-def _limit_lines(items: Sequence[Any], most: int, line: Callable[[Any], str]) -> Iterator[str]:
+def _limit_lines(
+    items: Sequence[Any], most: int, line: Callable[[Any], str], rest: str
+) -> Iterator[str]:
     shown_items = items[:most] if most else items
     yield from map(line, shown_items)
     if len(items) > len(shown_items):
-        yield f"  … and {len(items) - len(shown_items):,} more{ALL}"
+        yield f"  … and {len(items) - len(shown_items):,} more{rest}"
 
 
 def _key(key: KeyChange) -> str:
@@ -227,7 +235,7 @@ def _ground(ground: GroundChange) -> Iterator[str]:
     yield f"  compared at the centres of {grid}"
 
 
-def _verdict(verdict: VerdictChange, most: int) -> Iterator[str]:
+def _verdict(verdict: VerdictChange, most: int, rest: str) -> Iterator[str]:
     name = verdict.vehicle
     if not verdict.flips:
         yield f"{name}: all verdicts are the same, on pixels of {verdict.grid.resolution:.4g} m"
@@ -243,6 +251,7 @@ def _verdict(verdict: VerdictChange, most: int) -> Iterator[str]:
             f"  {flip.old} → {flip.new}: {per_cent(flip.share)}, {flip.area:.4g} m², as at "
             f"{located((flip.x, flip.y), verdict.grid.resolution)}"
         ),
+        rest,
     )
     if any(_UNKNOWN in (flip.old, flip.new) for flip in verdict.flips):
         yield f"  {_UNKNOWN}: a surface lacks a figure of its soil; validate names it (TT401)"

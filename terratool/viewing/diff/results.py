@@ -281,6 +281,11 @@ class FileDifference(Struct, frozen=True):
     message: str = ""
     hint: str = ""
 
+    @staticmethod
+    def of(file: str, found: Difference) -> FileDifference:
+        """Result for two files that could be read."""
+        return FileDifference(file, "same" if found.same else "different", found)
+
 
 class Comparison(Struct, frozen=True):
     """Results for all files."""
