@@ -37,7 +37,7 @@ def found(*children: Json) -> set[str]:
 def test_gravel_beside_kerbs() -> None:
     (finding,) = found_in(terrain([child(0, 0.02), child(1), child(2, 0.05)]), "TT212")
     assert finding.pointer == "/elemTree/children/1"
-    assert "the default here, 0.1, makes the element 0.07 high" in finding.message
+    assert "by the default here, 0.1, the element is 0.07 high" in finding.message
     assert "0.02 to 0.05" in finding.message
     assert finding.bounds == (3, 4, 6, 8)
 
