@@ -358,7 +358,8 @@ def _add_primitives(make: _Maker, field: Any, arrays: FieldArrays) -> None:
     field.rests = make.array(curves.rests, wp.float64)
     field.curve_bins = make.array(curves.bins, wp.int32)
     rasters, first = curves.rasters, curves.rasters["first"].copy()
-    heights, end = [curves.heights], curves.heights.size
+    heights: list[NDArray[np.floating[Any]]] = [curves.heights]
+    end = curves.heights.size
     for file in range(len(curves.mapped.sources)):
         heights.append(curves.mapped.numbers(file).ravel())
         first[rasters["file"] == file] = end
