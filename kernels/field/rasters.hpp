@@ -150,6 +150,13 @@ public:
         return static_cast<const double*>(numbers_)[n];
     }
 
+    // Call visit(the numbers of row `j` from the south), of float or double.
+    template <class Visit> INLINE void visit_row(i64 j, Visit visit) const {
+        i64 n = (raster_.count[Y] - 1 - j) * raster_.count[X];
+        if (raster_.single) visit(static_cast<const float*>(numbers_) + n);
+        else visit(static_cast<const double*>(numbers_) + n);
+    }
+
     // The number, or where it is void the mean of its neighbours, from the north-west on.
     INLINE double counting(i64 i, i64 j) const {
         double z = number(i, j);
