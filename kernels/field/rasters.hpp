@@ -69,7 +69,8 @@ struct NumberRange {
 class RasterAt {
 public:
     RasterAt(const Curves& curves, const Kind& kind)
-        : raster_(curves.rasters[kind.raster]), numbers_(numbers_of(curves, raster_)) {}
+        : raster_(curves.rasters[kind.raster]), numbers_(numbers_of(curves, raster_)),
+          blocks_(raster_.file < 0 ? nullptr : curves.memory->blocks[raster_.file].get()) {}
 
     const Raster& raster() const { return raster_; }
 
@@ -145,14 +146,17 @@ public:
 
     // The number at column `i` from the west and row `j` from the south.
     INLINE double number(i64 i, i64 j) const {
-        i64 n = (raster_.count[Y] - 1 - j) * raster_.count[X] + i;
+        i64 row = raster_.count[Y] - 1 - j, n = row * raster_.count[X] + i;
+        if (blocks_) blocks_->need(row, i, i);
         if (raster_.single) return double(static_cast<const float*>(numbers_)[n]);
         return static_cast<const double*>(numbers_)[n];
     }
 
-    // Call visit(the numbers of row `j` from the south), of float or double.
-    template <class Visit> INLINE void visit_row(i64 j, Visit visit) const {
-        i64 n = (raster_.count[Y] - 1 - j) * raster_.count[X];
+    // Call visit(the numbers from column `first` to `last` of row `j` from the south), of float or
+    // double.
+    template <class Visit> INLINE void visit_row(i64 j, i64 first, i64 last, Visit visit) const {
+        i64 row = raster_.count[Y] - 1 - j, n = row * raster_.count[X] + first;
+        if (blocks_) blocks_->need(row, first, last);
         if (raster_.single) visit(static_cast<const float*>(numbers_) + n);
         else visit(static_cast<const double*>(numbers_) + n);
     }
@@ -165,7 +169,8 @@ public:
 
 private:
     const Raster& raster_;
-    const void* numbers_;  // float or double, as the raster says
+    const void* numbers_;       // float or double, as the raster says
+    const GridBlocks* blocks_;  // null where all are in memory
 
     INLINE static const void* numbers_of(const Curves& curves, const Raster& r) {
         return r.file < 0 ? static_cast<const void*>(curves.heights.data() + r.first)

@@ -1,6 +1,10 @@
 // The arrays of a compiled field. terratool/field/records.py says what their members mean.
 #pragma once
 
+#include <atomic>
+#include <functional>
+#include <memory>
+
 #include "../exact.hpp"
 
 namespace terratool {
@@ -60,9 +64,37 @@ struct Raster {
     u8 pixel, voids, single;
 };
 
+// Which blocks of a file's heights are in memory, and how another gets there.
+struct GridBlocks {
+    int shift[2];  // of a column and row from the north to those of its block
+    i64 across;
+    std::function<void(i64)> load;
+    mutable std::vector<std::atomic<u8>> loaded;
+
+    // Whether there are blocks for so many columns and rows.
+    bool has(i64 columns, i64 rows) const {
+        i64 last_column = (columns - 1) >> shift[X], last_row = (rows - 1) >> shift[Y];
+        return last_column < across && last_row * across + last_column < i64(loaded.size());
+    }
+
+    // Have some heights of a row in memory; what `load` throws comes out here.
+    INLINE void need(i64 row, i64 first, i64 last) const {
+        i64 begin = (row >> shift[Y]) * across;
+        for (i64 n = begin + (first >> shift[X]); n <= begin + (last >> shift[X]); ++n)
+            if (!loaded[n].load(std::memory_order_acquire)) fetch(n);
+    }
+
+private:
+    NEVER_INLINE void fetch(i64 n) const {
+        load(n);
+        loaded[n].store(1, std::memory_order_release);
+    }
+};
+
 // The memory of files with heights of grids; who holds it keeps it.
 struct GridBytes {
     std::vector<Span<const u8>> files;
+    std::vector<std::unique_ptr<GridBlocks>> blocks;  // null where all heights are in memory
 };
 
 struct Grid {

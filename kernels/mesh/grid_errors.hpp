@@ -107,10 +107,8 @@ private:
             for (i64 i = first; i <= last; i += step)
                 found = max(found, off(raster_.counting(i, row), plane(i)));
         } else {
-            raster_.visit_row(row, [&](const auto* numbers) {
-                found =
-                    max(found,
-                        furthest(numbers + first, i32(last - first + 1), plane(first), rise));
+            raster_.visit_row(row, first, last, [&](const auto* numbers) {
+                found = max(found, furthest(numbers, i32(last - first + 1), plane(first), rise));
             });
         }
         if (!(found > most_.error)) return;

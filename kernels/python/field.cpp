@@ -25,12 +25,27 @@ void reliefs(Span<const Relief> relief, In x, In y, Out height, Matrix<double> g
 
 }  // namespace
 
-KeptGridMemory::KeptGridMemory(nb::handle files) {
+KeptGridMemory::KeptGridMemory(nb::handle files, nb::handle blocks) {
     for (nb::handle file : files) {
         Sizes sizes;
         Argument<Span<const u8>> bytes(file, Where{"GridMemory", "files[_]", sizes});
         bytes_.files.push_back(bytes.get());
         held_.push_back(std::move(bytes.buffer));
+    }
+    for (nb::handle reader : blocks) {
+        bytes_.blocks.push_back(nullptr);
+        if (reader.is_none()) continue;
+        auto attribute = [&](const char* name) { return nb::cast<i64>(reader.attr(name)); };
+        auto load = [kept = nb::borrow(reader)](i64 block) {
+            nb::gil_scoped_acquire held;
+            kept.attr("load")(block);
+        };
+        bytes_.blocks.back().reset(new GridBlocks{
+            {int(attribute("shift_x")), int(attribute("shift_y"))},
+            attribute("across"),
+            load,
+            std::vector<std::atomic<u8>>(std::size_t(attribute("count")))
+        });
     }
 }
 
@@ -61,12 +76,16 @@ void KeptField::check() {
         check_index(k.combine != GRID || k.raster < f.curves.rasters.size(), "a grid of heights");
     for (const Raster& r : f.curves.rasters) {
         i64 most = count_of(f.curves.heights);
-        check_index(r.file < count_of(f.curves.memory->files), "the file of a grid");
+        const GridBytes& memory = *f.curves.memory;
+        check_index(r.file < count_of(memory.files), "the file of a grid");
+        check_index(memory.files.size() == memory.blocks.size(), "readers of blocks");
         check_index(r.file >= 0 || !r.single, "the type of a grid");
         if (r.file >= 0) {
-            Span<const u8> bytes = f.curves.memory->files[r.file];
+            Span<const u8> bytes = memory.files[r.file];
             most = count_of(bytes) / i64(r.single ? sizeof(float) : sizeof(double));
             check_index(reinterpret_cast<std::uintptr_t>(bytes.data()) % 8 == 0, "aligned numbers");
+            const GridBlocks* blocks = memory.blocks[r.file].get();
+            check_index(!blocks || blocks->has(r.count[X], r.count[Y]), "the blocks of a grid");
         }
         bool is_some = r.count[X] > 0 && r.count[Y] > 0 && r.count[X] <= most;
         check_index(is_some && r.count[Y] <= most / r.count[X], "the heights of a grid");
@@ -161,7 +180,7 @@ void bind_field(nb::module_ m) {
     );
 
     nb::class_<KeptGridMemory>(m, "GridMemory", "Memory of files with heights of grids.")
-        .def(nb::init<nb::handle>(), "files"_a);
+        .def(nb::init<nb::handle, nb::handle>(), "files"_a, "blocks"_a);
     nb::class_<KeptField>(m, "Field", "A compiled field: its arrays, checked once.")
         .def(nb::init<nb::handle>(), "arrays"_a);
 

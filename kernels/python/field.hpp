@@ -6,10 +6,11 @@
 
 namespace terratool::python {
 
-// Memory of files with heights of grids as Python knows it, each an array of bytes.
+// Memory of files with heights of grids as Python knows it: an array of bytes for each, and what
+// reads its blocks, or None where all are there.
 class KeptGridMemory {
 public:
-    explicit KeptGridMemory(nb::handle files);
+    KeptGridMemory(nb::handle files, nb::handle blocks);
     KeptGridMemory(const KeptGridMemory&) = delete;
     const GridBytes& bytes() { return bytes_; }
 

@@ -229,7 +229,9 @@ class MappedGrids:
             from terratool.io.grid_files import numbers_of
 
             self._grids = tuple(map(numbers_of, sources))
-        self.memory = kernels.GridMemory([grid.data for grid in self._grids])
+        self.memory = kernels.GridMemory(
+            [grid.data for grid in self._grids], [grid.blocks for grid in self._grids]
+        )
 
     def __reduce__(self) -> tuple[Any, ...]:
         return MappedGrids, (self.sources,)
