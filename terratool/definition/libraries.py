@@ -100,6 +100,16 @@ class SourceDocument(Struct, eq=False, dict=True):
             "parts": model.assemblies,
         }
 
+    @property
+    def rasters(self) -> list[GridSource]:
+        """Rasters of the primitives of the document and of all its libraries."""
+        return [
+            primitive.grid.source
+            for document in (self, *self.all_libraries)
+            for primitive in document.model.primitives.values()
+            if isinstance(primitive.grid, LinkedGrid)
+        ]
+
     def _walk_libraries(self) -> Iterator[SourceDocument]:
         seen = {id(self)}
         pending = [iter(self.uses)]
