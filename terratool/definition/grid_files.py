@@ -17,13 +17,15 @@ class FileIdentity(Struct, frozen=True):
         device: number of its file system.
         inode: number in that.
         size: bytes.
-        changed: time of the last change, ns.
+        modified: time of the last change of its bytes, ns.
+        changed: time of the last change of its bytes, its owner or its mode, ns.
         ends: digest of its first and last bytes.
     """
 
     device: int
     inode: int
     size: int
+    modified: int
     changed: int
     ends: str
 

@@ -56,7 +56,12 @@ def identity_of(path: str) -> FileIdentity:
     except OSError as error:
         raise ReadError.of(path, error) from error
     return FileIdentity(
-        status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns, ends.hexdigest()
+        device=status.st_dev,
+        inode=status.st_ino,
+        size=status.st_size,
+        modified=status.st_mtime_ns,
+        changed=status.st_ctime_ns,
+        ends=ends.hexdigest(),
     )
 
 

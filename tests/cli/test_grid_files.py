@@ -159,7 +159,7 @@ def test_the_summary_of_a_library_says_the_range_of_a_raster(site: Path) -> None
 def test_the_cache_is_listed_and_cleared(site: Path) -> None:
     load(site)
     grids = site.parents[1] / "cache" / "terratool" / "grids"
-    size = sum(path.stat().st_size for path in grids.iterdir())
+    size = sum(path.stat().st_size for path in grids.glob("*.grid"))
     assert call("cache").out == f"{grids}: 2 rasters, {size:,} bytes\n"
     listed = json.loads(call("cache", "--clear", "--json").out)
     assert (listed["files"], listed["bytes"], listed["cleared"]) == (2, size, True)
