@@ -118,7 +118,10 @@ def test_a_bundle_follows_no_link_where_its_copy_goes(site: Path) -> None:
     assert (there / "dem.tif").is_symlink()
 
 
-def test_a_change_that_is_written_elsewhere_leads_to_the_same_raster(site: Path) -> None:
+@pytest.mark.parametrize("key", ["file", "f\\u0069le"])
+def test_a_change_that_is_written_elsewhere_leads_to_the_same_raster(site: Path, key: str) -> None:
+    """However the text spells its keys."""
+    site.write_text(site.read_text().replace('"file"', f'"{key}"'))
     out = site.parents[1] / "there" / "more.json"
     words = ["--type", "dem", "--cell", 0, 0, "--v-scale", 0, "--library-root", site.parents[1]]
     ran = call("add", site, *words, "-o", out)
