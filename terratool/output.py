@@ -201,6 +201,12 @@ def _remove_leftovers(folder: Path) -> None:
                 shutil.rmtree(entry.path, ignore_errors=True)
 
 
+def is_being_written(name: str) -> bool:
+    """Whether a name is that of a temporary of a process of this machine that is running."""
+    match = _temporary(name)
+    return match is not None and _is_running(int(match[1]))
+
+
 def _is_running(process: int) -> bool:
     """Whether a process of this machine is running; True where that cannot be known."""
     if os.name != "posix":  # elsewhere signal 0 is not harmless

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import filecmp
+import os
 import shutil
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -18,6 +20,14 @@ from terratool.cli.options import (
 )
 from terratool.cli.saying import say, say_json, write_definition
 from terratool.cli.terminal import StatusLine, short_name
+from terratool.errors import WriteError
+from terratool.output import (
+    is_same_file,
+    os_errors,
+    refuse_existing,
+    refuse_missing_folder,
+    whole_file,
+)
 from terratool.report.documents import Document
 from terratool.report.wording import count_of
 
@@ -48,15 +58,13 @@ def command(file: str, output: str, expanded: bool, overwrite: bool, as_json: bo
     is the same to the last bit. OUT is gzipped if its name ends with .gz; - is standard output.
 
     A raster of heights becomes rows if it has few numbers. Others are copied beside OUT, unless
-    they lie there.
+    they lie there. A copy replaces no file, --overwrite or not.
 
     With --expand, what is scattered or turned may stand where no decimal is that a float tells. It
     is written at the nearest one, so that its edges may be one float off, and counted.
     """
     from terratool.definition.bundle import bundle
     from terratool.definition.reader import load_checked
-    from terratool.errors import WriteError
-    from terratool.output import is_same_file, refuse_existing, refuse_missing_folder
     from terratool.text.source import Source, write_source
 
     shown = output == "-"
@@ -68,12 +76,16 @@ def command(file: str, output: str, expanded: bool, overwrite: bool, as_json: bo
         for library in checked.libraries:
             if is_same_file(output, library.name):
                 raise WriteError(f"{output}: is a library of {file}.", "Choose another name.")
+        for raster in checked.document.rasters if checked.document is not None else ():
+            if is_same_file(output, raster.path):
+                raise WriteError(f"{output}: is a raster of {file}.", "Choose another name.")
         status.say("writing out" if expanded else "bundling")
-        folder = None if shown else str(Path(output).parent)
-        text, rounded, rasters = bundle(checked, expanded=expanded, folder=folder)
+        named = None if shown else output
+        text, rounded, rasters = bundle(checked, expanded=expanded, output=named)
         packed = output.lower().endswith(".gz")
-        for name, source in rasters.items():
-            _copy(source, Path(output).with_name(name), overwrite)
+        copies = {Path(output).with_name(name): source for name, source in rasters.items()}
+        for path, source in [one for one in copies.items() if not _is_there(*one)]:
+            _copy(source, path)
         if not shown:
             write_source(Source(file, text.encode(), packed), output, overwrite)
     if rounded:
@@ -100,17 +112,33 @@ def command(file: str, output: str, expanded: bool, overwrite: bool, as_json: bo
     say(f"{output}: {Path(output).stat().st_size:,} bytes{used}")
 
 
-def _copy(source: GridSource, path: Path, overwrite: bool) -> None:
+def _is_there(path: Path, source: GridSource) -> bool:
+    """Whether a copy of a raster is there already, as of an earlier bundle.
+
+    Raises:
+        WriteError: something else is there.
+    """
+    if not os.path.lexists(path):
+        return False
+    with os_errors(path):
+        if path.is_symlink() or not path.is_file() or not filecmp.cmp(path, source.path, False):
+            raise WriteError(
+                f"{path}: is another file than the raster that would be copied there.",
+                "Write the bundle into another folder, or move that file.",
+            )
+    return True
+
+
+def _copy(source: GridSource, path: Path) -> None:
     """Copy a raster, whole or not at all.
 
     Raises:
-        WriteError: the file exists, or cannot be written.
+        WriteError: a file has come there, or it cannot be written.
         ReadError: the raster has changed since its header was read.
     """
     from terratool.io.grid_files import refuse_change
-    from terratool.output import whole_file
 
-    with whole_file(path, overwrite) as part:
+    with whole_file(path, named=False) as part:
         shutil.copyfile(source.path, part)
         refuse_change(source)
 

@@ -27,7 +27,8 @@ def command(clear: bool, as_json: bool) -> None:
     """Say where the rasters of grids of heights are kept unpacked, and how much they take.
 
     A raster that a definition names as the grid of a primitive is unpacked once. What was used
-    least recently goes by itself, so that all takes no more than 8 GiB.
+    least recently goes by itself, so that all takes no more than 8 GiB. What a killed process left
+    counts, too.
     """
     from terratool.io import grid_cache
 

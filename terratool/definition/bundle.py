@@ -45,7 +45,7 @@ class Bundle(NamedTuple):
     rasters: Mapping[str, GridSource] = {}
 
 
-def bundle(checked: Checked, *, expanded: bool = False, folder: str | None = None) -> Bundle:
+def bundle(checked: Checked, *, expanded: bool = False, output: str | None = None) -> Bundle:
     """Bundle a terrain with all it needs of its libraries, and nothing that it does not need.
 
     Values keep their spelling, and the text gets the canonical layout. Grids of few numbers in
@@ -54,8 +54,8 @@ def bundle(checked: Checked, *, expanded: bool = False, folder: str | None = Non
     Args:
         checked: a terrain without errors.
         expanded: whether parts and copies are written out, too; elements then lose x- keys.
-        folder: folder of the text, beside which larger rasters are copied that do not lie in it;
-            None for the current one, where paths may lead out of it.
+        output: file of the text, beside which larger rasters are copied that do not lie there or
+            below; None for one in the current folder, where paths may lead out of it.
 
     Raises:
         DefinitionError: the terrain has errors.
@@ -81,7 +81,7 @@ def bundle(checked: Checked, *, expanded: bool = False, folder: str | None = Non
         }
         members["elemTree"] = Raw("".join(_element(tree)).encode())
         rounded = _count_inexact(tree, max(checked.terrain.extent))
-    rasters = _Rasters(folder)
+    rasters = _Rasters(output, document.rasters)
     for dictionary in DICTIONARIES:
         entries = _entry_texts(uses, dictionary, needed[dictionary])
         if dictionary == "elemTypes":
@@ -102,14 +102,19 @@ class _Rasters:
     """Rasters of a bundle.
 
     Args:
-        folder: folder of the text, as in `bundle`.
+        output: file of the text, as in `bundle`.
+        known: all rasters that the terrain and its libraries name.
 
     Attributes:
         copied: rasters that have to be copied, by their names beside the text.
     """
 
-    def __init__(self, folder: str | None) -> None:
-        self._folder = None if folder is None else os.path.realpath(folder)
+    def __init__(self, output: str | None, known: Iterable[GridSource]) -> None:
+        self._beside = output is not None
+        text = Path(output or "-")
+        self._folder = Path(os.path.realpath(text.parent))
+        paths = (Path(source.path) for source in known)
+        self._taken = {text.name} | {path.name for path in paths if path.parent == self._folder}
         self.copied: dict[str, GridSource] = {}
 
     def taken_in(self, text: Raw, primitive: Primitive) -> Raw:
@@ -121,7 +126,7 @@ class _Rasters:
         if grid.source.columns * grid.source.rows <= _FEW:
             rows = [[_whole(height) for height in row] for row in rows_of(grid.source)]
             members["grid"] = Raw(msgspec.json.encode(rows))
-            members.setdefault("registration", Raw(b'"pixel"'))
+            members["registration"] = Raw(msgspec.json.encode(primitive.registered))
         else:
             path = json.dumps(self._path(grid.source), ensure_ascii=False).encode()
             named = _members(bytes(members["grid"])) | {"file": Raw(path)}
@@ -130,13 +135,12 @@ class _Rasters:
 
     def _path(self, source: GridSource) -> str:
         """Path of a raster for the text, which may be a copy's."""
-        around = self._folder or os.path.realpath(".")
-        path = os.path.relpath(source.path, around).replace(os.sep, "/")
-        if self._folder is None or not path.startswith("../"):
+        path = os.path.relpath(source.path, self._folder).replace(os.sep, "/")
+        if not self._beside or not path.startswith("../"):
             return path
         own = Path(path)
         name, number = own.name, 2
-        while self.copied.get(name, source).path != source.path:
+        while name in self._taken or self.copied.get(name, source).path != source.path:
             name, number = f"{own.stem}-{number}{own.suffix}", number + 1
         self.copied[name] = source
         return name

@@ -291,8 +291,6 @@ def _paths(data: bytes) -> list[tuple[str, str]]:
         (f"/use/{index}", path)
         for index, path in enumerate(msgspec.json.decode(uses, type=list[str]))
     ]
-    if b'"file"' not in data:
-        return found
     primitives = value_at(data, "/elemTypes") or b"{}"
     for name, one in msgspec.json.decode(primitives, type=dict[str, _Gridded]).items():
         if bytes(one.grid).startswith(b"{"):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from importlib import import_module
+from typing import Protocol
 
 from msgspec import Struct, structs
 
@@ -17,13 +18,15 @@ class FileIdentity(Struct, frozen=True):
         device: number of its file system.
         inode: number in that.
         size: bytes.
-        changed: time of the last change, ns.
+        modified: time of the last change of its bytes, ns.
+        changed: time of the last change of its bytes, its owner or its mode, ns.
         ends: digest of its first and last bytes.
     """
 
     device: int
     inode: int
     size: int
+    modified: int
     changed: int
     ends: str
 
@@ -59,18 +62,27 @@ class LinkedGrid(GridFile, frozen=True, rename="camel", kw_only=True):
     source: GridSource
 
 
-def survey_grid(path: str, band: int) -> GridSource:
-    """Read what the header of a raster says of a band.
+class Rasters(Protocol):
+    """Rasters that a definition and its libraries name, with limits on all of them."""
 
-    Args:
-        path: path without links.
-        band: number of the band, from 1.
+    def source(self, path: str, band: int) -> GridSource:
+        """Band of a raster, whose header is read once.
 
-    Raises:
-        ReadError: the file is no raster with such a band of heights.
-    """
+        Args:
+            path: path without links.
+            band: number of the band, from 1.
+
+        Raises:
+            ReadError: the file is no raster with such a band of heights, changes meanwhile, or
+                claims too much; or there are too many.
+        """
+        ...
+
+
+def no_rasters() -> Rasters:
+    """Return rasters of which none was asked for yet."""
     # by its name: rasters are opened by what stands upon definitions, and NumPy comes with it
-    found: GridSource = import_module("terratool.io.grid_files").survey(path, band)
+    found: Rasters = import_module("terratool.io.grid_files").Headers()
     return found
 
 

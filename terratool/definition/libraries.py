@@ -14,7 +14,7 @@ from msgspec import Struct, field, structs
 
 from terratool.definition.decode import Decoded
 from terratool.definition.findings import Remark, RemarkLog
-from terratool.definition.grid_files import GridSource, LinkedGrid, survey_grid
+from terratool.definition.grid_files import GridSource, LinkedGrid, Rasters, no_rasters
 from terratool.definition.keys import Kind, document_kind
 from terratool.definition.model import Element, GridFile, Library, Primitive, Surface
 from terratool.errors import ReadError, reason
@@ -99,6 +99,16 @@ class SourceDocument(Struct, eq=False, dict=True):
             "elemTypes": model.primitives,
             "parts": model.assemblies,
         }
+
+    @property
+    def rasters(self) -> list[GridSource]:
+        """Rasters of the primitives of the document and of all its libraries."""
+        return [
+            primitive.grid.source
+            for document in (self, *self.all_libraries)
+            for primitive in document.model.primitives.values()
+            if isinstance(primitive.grid, LinkedGrid)
+        ]
 
     def _walk_libraries(self) -> Iterator[SourceDocument]:
         seen = {id(self)}
@@ -402,14 +412,15 @@ class Shelf:
             return "TT313", *wrong
         key = real_path(str(Path(user.folder, grid.file))), grid.band_number
         if key not in self._grids:
-            self._grids[key] = self._survey(quote(grid.file), *key)
+            named, wanted = f"raster {quote(grid.file)}", "Name a raster, as a GeoTIFF."
+            self._grids[key] = _read_file(
+                "TT312", named, wanted, key[0], lambda _: self._rasters.source(*key)
+            )
         return self._grids[key]
 
-    def _survey(self, said: str, real: str, band: int) -> GridSource | _Problem:
-        wanted = "Name a raster, as a GeoTIFF."
-        return _read_file(
-            "TT312", f"raster {said}", wanted, real, lambda _: survey_grid(real, band)
-        )
+    @cached_property
+    def _rasters(self) -> Rasters:
+        return no_rasters()
 
     def _load(self, name: str, real: str) -> SourceDocument | _Problem:
         said = quote(name)

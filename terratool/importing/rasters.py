@@ -24,7 +24,7 @@ from terratool.importing.types import PixelGrid, SourceOptions, sample_range
 from terratool.io.crs import read_crs, spell_crs
 from terratool.io.expat import EntityError, tree_of
 from terratool.io.guards import HARMLESS, is_placed, transform_of
-from terratool.io.opening import gdal_errors, open_local
+from terratool.io.opening import gdal_errors, open_local, refuse_band
 from terratool.raster.layers import LAYERS
 from terratool.report.numbers import coordinates
 from terratool.text.files import open_file
@@ -190,8 +190,6 @@ def _band(name: str, file: Any, band: int | None) -> int:
             f"{name}: has no band of its own" + (f", but holds {inner}." if inner else "."),
             "Name one of these." if inner else "Name a raster of heights.",
         )
-    if band is not None and not 1 <= band <= file.count:
-        raise RequestError(f"{name}: has no band {band}.", f"Its bands are 1 to {file.count}.")
     if band is None and any(kind in _COLORS for kind in file.colorinterp):
         raise ReadError(
             f"{name}: is a picture ({', '.join(kind.name for kind in file.colorinterp)}), "
@@ -207,11 +205,8 @@ def _band(name: str, file: Any, band: int | None) -> int:
                 "Choose one with --band.",
             )
         band = alpha.index(False) + 1
-    band = band or 1
-    if "complex" in file.dtypes[band - 1]:
-        raise ReadError(
-            f"{name}: holds complex numbers, not heights.", "Name a raster of real numbers."
-        )
+    band = 1 if band is None else band
+    refuse_band(name, file.dtypes, band, missing=RequestError)
     return band
 
 

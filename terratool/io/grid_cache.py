@@ -1,8 +1,10 @@
 """Cache of unpacked grids of heights: files that processes map, in a folder of the user.
 
-A file has a head, the heights row by row from the north, and a checksum of each piece of them. It
-appears whole or not at all, is never changed, and is named after the raster and its state. Those
-least recently used go when all take more than `MOST_BYTES`.
+A file has a head, and the heights row by row from the north. It appears whole or not at all, is
+never changed, and is named after the raster and its state. It is read against its checksum once,
+and again when the file system says that it is another or was changed: a mark beside it keeps the
+state in which it was found whole. Those least recently used go when all take more than
+`MOST_BYTES`.
 """
 
 from __future__ import annotations
@@ -10,9 +12,11 @@ from __future__ import annotations
 import contextlib
 import mmap
 import os
+import shutil
 import stat
+import time
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
@@ -21,20 +25,25 @@ from msgspec import Struct
 
 from terratool.definition.grid_files import GridSource
 from terratool.errors import WriteError
-from terratool.output import free_bytes, os_errors, whole_file
+from terratool.output import PART, free_bytes, is_being_written, os_errors, whole_file
 
 MOST_BYTES = 8 << 30
-"""Most bytes of all files of the cache together; one that is larger stands alone."""
+"""Most bytes of all files of the cache together, and of one of them."""
 _ENDING = ".grid"
-_MAGIC = b"terratool grid 1\n"
+_MARK = ".whole"
+"""Ending, after the name of a file, of its mark."""
+_MAGIC = b"terratool grid 2\n"
 _PAGE = 4096
 """Divisor of the offset at which heights begin, for maps."""
-PIECE = 1 << 22
-"""Bytes of heights with one checksum."""
-_CHECKED = 4 * PIECE
-"""Most bytes of heights that are checked whole when they are mapped."""
+_PIECE = 1 << 20
+"""Bytes that are read at a time for a checksum."""
+_SETTLED = 2 * 10**9
+"""Least time since the last change of a file, ns, after which it is marked: file systems count time
+in steps of up to 2 s."""
 _SPARE = 512
 """Bytes that numbers in a head may grow by when they become known."""
+_READ = os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
+_MAKE = os.O_WRONLY | os.O_CREAT | os.O_TRUNC | getattr(os, "O_NOFOLLOW", 0)
 
 
 class GridFacts(Struct, frozen=True):
@@ -63,10 +72,10 @@ class GridFacts(Struct, frozen=True):
 
 
 class _Head(Struct, frozen=True):
-    """Head of a file of the cache: facts, their checksum, and that of the checksums of pieces."""
+    """Head of a file of the cache: facts on the heights, and the checksum of these."""
 
     facts: GridFacts
-    pieces: int
+    sum: int
 
 
 class MappedGrid(NamedTuple):
@@ -116,34 +125,31 @@ def _own_folder(make: bool = False) -> Path | None:
 
 
 class _Opened(NamedTuple):
-    """File of the cache that is open, its head, and the offset of its heights."""
+    """File of the cache that is open, its mark, its head, and the offset of its heights."""
 
     file: BinaryIO
+    mark: Path
     head: _Head
     begin: int
 
 
-@contextlib.contextmanager
-def _opened(key: str) -> Iterator[_Opened | None]:
-    """Open a file of the cache for the block; None where there is none that is whole and ours."""
+def _open(key: str) -> _Opened | None:
+    """Open a file of the cache; None where there is none that has a head and is this user's."""
     place = _own_folder()
-    flags = os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
-    try:
-        number = -1 if place is None else os.open(place / (key + _ENDING), flags)
-    except OSError:
-        number = -1
-    if number < 0:
-        yield None
-        return
-    with open(number, "rb") as file:
-        try:
-            yield _read_head(file)
-        except OSError:
-            yield None
+    if place is None:
+        return None
+    with contextlib.suppress(OSError), contextlib.ExitStack() as stack:
+        path = place / (key + _ENDING)
+        file = stack.enter_context(os.fdopen(os.open(path, _READ), "rb"))
+        found = _read_head(file, path)
+        if found is not None:
+            stack.pop_all()
+        return found
+    return None
 
 
-def _read_head(file: BinaryIO) -> _Opened | None:
-    """Read the head of a file; None where the file is not whole, or not this user's."""
+def _read_head(file: BinaryIO, path: Path) -> _Opened | None:
+    """Read the head of a file; None where it has none, or is not this user's."""
     status = os.fstat(file.fileno())
     if not stat.S_ISREG(status.st_mode) or not _is_ours(status, 0o022):
         return None
@@ -158,9 +164,11 @@ def _read_head(file: BinaryIO) -> _Opened | None:
         head = msgspec.json.decode(text.rstrip(), type=_Head)
     except msgspec.MsgspecError:  # of another version
         return None
-    begin, size = _begin(length), head.facts.nbytes
-    whole = status.st_size == begin + size + 4 * _pieces(size)
-    return _Opened(file, head, begin) if whole else None
+    return _Opened(file, _mark_of(path), head, _begin(length))
+
+
+def _mark_of(path: Path) -> Path:
+    return path.with_name(path.name + _MARK)
 
 
 def _begin(length: int) -> int:
@@ -168,50 +176,86 @@ def _begin(length: int) -> int:
     return -(-(len(_MAGIC) + 8 + length) // _PAGE) * _PAGE
 
 
-def _pieces(size: int) -> int:
-    return -(-size // PIECE)
-
-
 def facts(key: str) -> GridFacts | None:
     """Return what is known of the heights of a key; None where they are not in the cache."""
-    with _opened(key) as found:
-        return None if found is None else found.head.facts
+    found = _open(key)
+    if found is None:
+        return None
+    with found.file:
+        return found.head.facts
 
 
 def mapped(key: str) -> MappedGrid | None:
     """Map the heights of a key; None where they are not in the cache, or are damaged there."""
-    with _opened(key) as found:
-        if found is None:
-            return None
-        grid = _map(found)
-        if grid is not None:
-            with contextlib.suppress(OSError):
-                os.utime(found.file.fileno())
-        return grid
-
-
-def _map(found: _Opened) -> MappedGrid | None:
-    """Map the heights of an open file; None where checksums do not agree."""
     import numpy as np
 
-    size = found.head.facts.nbytes
+    found = _open(key)
+    if found is None:
+        return None
+    with found.file as file:
+        try:
+            if not _is_marked(found) and not _is_whole(found):
+                return None
+            memory = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
+        except (OSError, ValueError):
+            return None
+    return MappedGrid(np.frombuffer(memory, np.uint8)[found.begin :], found.head.facts)
+
+
+class _State(NamedTuple):
+    """State of a file that tells whether it is the same one, and was not changed since."""
+
+    device: int
+    inode: int
+    size: int
+    modified: int
+    changed: int
+
+    @classmethod
+    def of(cls, file: BinaryIO) -> _State:
+        """State of an open file."""
+        now = os.fstat(file.fileno())
+        return cls(now.st_dev, now.st_ino, now.st_size, now.st_mtime_ns, now.st_ctime_ns)
+
+
+def _is_marked(found: _Opened) -> bool:
+    """Whether the mark of a file says that it was whole in its state; the mark is used now."""
     try:
-        bytes_ = np.frombuffer(mmap.mmap(found.file.fileno(), 0, access=mmap.ACCESS_READ), np.uint8)
-    except (OSError, ValueError):
-        return None
-    data, sums = bytes_[found.begin :][:size], bytes_[found.begin + size :].tobytes()
-    if zlib.crc32(sums) != found.head.pieces:
-        return None
-    if size <= _CHECKED and _sums(data) != sums:
-        return None
-    return MappedGrid(data, found.head.facts)
+        with os.fdopen(os.open(found.mark, _READ), "rb") as mark:
+            status = os.fstat(mark.fileno())
+            if not stat.S_ISREG(status.st_mode) or not _is_ours(status, 0o022):
+                return False
+            if mark.read(_PAGE) != msgspec.json.encode(_State.of(found.file)):
+                return False
+            with contextlib.suppress(OSError):
+                os.utime(mark.fileno())
+    except OSError:
+        return False
+    return True
 
 
-def _sums(data: Any) -> bytes:
-    """Checksums of the pieces of heights."""
-    return b"".join(
-        zlib.crc32(data[at : at + PIECE]).to_bytes(4, "little") for at in range(0, len(data), PIECE)
-    )
+def _is_whole(found: _Opened) -> bool:
+    """Whether the heights of an open file have their checksum; if so, it is marked."""
+    state, now = _State.of(found.file), time.time_ns()
+    if _sum(found.file, found.begin) != found.head.sum:
+        return False
+    # a change soon after another one may have the same time
+    if now - max(state.modified, state.changed) > _SETTLED:
+        with (
+            contextlib.suppress(OSError),  # without a mark it is read again
+            os.fdopen(os.open(found.mark, _MAKE, 0o600), "wb") as mark,
+        ):
+            mark.write(msgspec.json.encode(state))
+    return True
+
+
+def _sum(file: BinaryIO, begin: int) -> int:
+    """Checksum of a file from an offset to its end."""
+    found = 0
+    file.seek(begin)
+    while piece := file.read(_PIECE):
+        found = zlib.crc32(piece, found)
+    return found
 
 
 Put = Callable[[int, bytes | memoryview], None]
@@ -227,7 +271,7 @@ def keep(key: str, expected: GridFacts, write: Callable[[Put], GridFacts]) -> Ma
         write: function that writes all heights, and returns the facts on them.
     """
     place = _own_folder(make=True)
-    if place is None:
+    if place is None or expected.nbytes > MOST_BYTES:
         return None
     try:
         if free_bytes(place) < 2 * expected.nbytes:
@@ -242,7 +286,7 @@ def keep(key: str, expected: GridFacts, write: Callable[[Put], GridFacts]) -> Ma
 
 def _write(part: Path, expected: GridFacts, write: Callable[[Put], GridFacts]) -> None:
     """Write a file of the cache."""
-    length, size = len(msgspec.json.encode(expected)) + _SPARE, expected.nbytes
+    length = len(msgspec.json.encode(expected)) + _SPARE
     begin = _begin(length)
     number = os.open(part, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o600)
     with open(number, "r+b") as file:
@@ -253,20 +297,17 @@ def _write(part: Path, expected: GridFacts, write: Callable[[Put], GridFacts]) -
 
         found = write(put)
         file.flush()
-        sums = b""
-        file.seek(begin)
-        for at in range(0, size, PIECE):
-            sums += zlib.crc32(file.read(min(PIECE, size - at))).to_bytes(4, "little")
-        file.seek(begin + size)
-        file.write(sums)
-        text = msgspec.json.encode(_Head(found, zlib.crc32(sums))).ljust(length)
+        text = msgspec.json.encode(_Head(found, _sum(file, begin))).ljust(length)
         file.seek(0)
         file.write(_MAGIC + length.to_bytes(4, "little") + zlib.crc32(text).to_bytes(4, "little"))
         file.write(text)
 
 
 class CachedFile(NamedTuple):
-    """File of the cache, its size in bytes, and when it was last used, ns."""
+    """File of the cache, its size in bytes, and when it was last used, ns.
+
+    What a process left behind that was killed as it wrote is a folder.
+    """
 
     path: Path
     nbytes: int
@@ -274,14 +315,35 @@ class CachedFile(NamedTuple):
 
 
 def files() -> list[CachedFile]:
-    """Return the files of the cache, the least recently used first."""
+    """Return the files of the cache, the least recently used first.
+
+    What a running process of this machine is writing is none of them.
+    """
     place, found = _own_folder(), []
     with contextlib.suppress(OSError):
-        for entry in os.scandir(place) if place is not None else ():
-            if entry.name.endswith(_ENDING) and entry.is_file(follow_symlinks=False):
-                status = entry.stat(follow_symlinks=False)
-                found.append(CachedFile(Path(entry.path), status.st_size, status.st_mtime_ns))
+        for path in place.iterdir() if place is not None else ():
+            left = path.name.startswith(PART) and not is_being_written(path.name)
+            if left or path.name.endswith(_ENDING):
+                with contextlib.suppress(FileNotFoundError):
+                    found.append(_listed(path))
     return sorted(found, key=lambda one: (one.used, one.path))
+
+
+def _listed(path: Path) -> CachedFile:
+    """File of the cache, with what is in it where it is a folder."""
+    mark = _mark_of(path)
+    inside = path.rglob("*") if path.is_dir() and not path.is_symlink() else ()
+    size = sum(one.lstat().st_size for one in (path, *inside) if not one.is_dir())
+    return CachedFile(path, size, (mark if mark.exists() else path).lstat().st_mtime_ns)
+
+
+def _remove(one: CachedFile) -> None:
+    """Remove a file of the cache with its mark."""
+    if one.path.is_dir() and not one.path.is_symlink():
+        shutil.rmtree(one.path)
+        return
+    one.path.unlink(missing_ok=True)
+    _mark_of(one.path).unlink(missing_ok=True)
 
 
 def _trim(place: Path, newest: str) -> None:
@@ -292,7 +354,7 @@ def _trim(place: Path, newest: str) -> None:
         if total <= MOST_BYTES:
             return
         if one.path != place / newest:
-            one.path.unlink(missing_ok=True)
+            _remove(one)
             total -= one.nbytes
 
 
@@ -305,5 +367,5 @@ def clear() -> list[CachedFile]:
     listed = files()
     for one in listed:
         with os_errors(one.path):
-            one.path.unlink(missing_ok=True)
+            _remove(one)
     return listed

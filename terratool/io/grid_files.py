@@ -10,18 +10,21 @@ import contextlib
 import hashlib
 import math
 import os
+import tempfile
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import msgspec
 from msgspec import structs
 
 from terratool.definition.grid_files import FileIdentity, GridSource
 from terratool.definition.model import LARGEST, GridRows
-from terratool.errors import ReadError
+from terratool.errors import ReadError, reason
 from terratool.io import grid_cache
 from terratool.io.grid_cache import GridFacts, MappedGrid, Put
-from terratool.report.wording import count_of
+from terratool.processes import memory_bytes
 from terratool.text.files import open_file
 
 if TYPE_CHECKING:
@@ -34,9 +37,15 @@ _OWN_BYTES = {
     "GDAL_DISABLE_READDIR_ON_OPEN": "EMPTY_DIR", "GDAL_PAM_ENABLED": "NO",
     "AAIGRID_DATATYPE": "Float64", "GDAL_CACHEMAX": 1 << 26,
 }  # fmt: skip
-"""Options of GDAL with which it looks for no other file beside a raster."""
+"""Options of GDAL with which it looks for no other file beside a raster, and caches few blocks."""
+MAX_GRIDS = 1000
+"""Most bands of rasters that a definition and its libraries may name."""
+MAX_EMPTY_PIXELS = 1 << 27
+"""Most pixels of all these together that the bytes of the files do not account for."""
+PIXELS_A_BYTE = 64
+"""Pixels that a byte of a raster accounts for."""
 _PIECE = 1 << 22
-"""Most pixels that are read at a time, but for one block of the file."""
+"""Most pixels that are read at a time."""
 _SINGLE = frozenset(["float16", "float32", "int8", "uint8", "int16", "uint16"])
 """Types of numbers that float32 holds."""
 
@@ -56,7 +65,12 @@ def identity_of(path: str) -> FileIdentity:
     except OSError as error:
         raise ReadError.of(path, error) from error
     return FileIdentity(
-        status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns, ends.hexdigest()
+        device=status.st_dev,
+        inode=status.st_ino,
+        size=status.st_size,
+        modified=status.st_mtime_ns,
+        changed=status.st_ctime_ns,
+        ends=ends.hexdigest(),
     )
 
 
@@ -65,28 +79,118 @@ def _key(path: str, band: int, identity: FileIdentity) -> str:
     return hashlib.blake2b(msgspec.json.encode((path, band, identity)), digest_size=20).hexdigest()
 
 
-def survey(path: str, band: int) -> GridSource:
-    """Read what the header of a raster says of a band.
+class Headers:
+    """Headers of the rasters that a definition and its libraries name, each opened once."""
 
-    Args:
-        path: path without links.
-        band: number of the band, from 1.
+    def __init__(self) -> None:
+        self._read: dict[str, _Header] = {}
+        self._count = 0
+        self._empty = MAX_EMPTY_PIXELS
+
+    def source(self, path: str, band: int) -> GridSource:
+        """Band of a raster.
+
+        Args:
+            path: path without links.
+            band: number of the band, from 1.
+
+        Raises:
+            ReadError: the file is no raster with such a band of heights, changes meanwhile, or
+                claims too much; or there are too many.
+        """
+        self._count += 1
+        if self._count > MAX_GRIDS:
+            raise ReadError(
+                f"{path}: is one of more than {MAX_GRIDS:,} bands of rasters that are named.",
+                "Put several rasters into one, as with gdal_merge.py.",
+            )
+        if path not in self._read:
+            self._read[path] = _Header(path)
+        header = self._read[path]
+        found = header.source(band)
+        more = header.take(found)
+        if more > self._empty:
+            from terratool.io.guards import STORE_ALL, claim
+
+            raise claim(path, found.columns, found.rows, found.identity.size, STORE_ALL)
+        self._empty -= more
+        return found
+
+
+class _Header:
+    """Header of a raster, which is read if the cache lacks a band of it.
 
     Raises:
-        ReadError: the file is no raster with such a band of heights, or changes meanwhile.
+        ReadError: the file cannot be read.
     """
-    identity = identity_of(path)
-    known = grid_cache.facts(_key(path, band, identity))
-    if known is not None:
-        return known.source
-    from terratool.io.crs import spell_crs
 
-    with _opened(path, band) as file:
-        aspect, upright = _posture(file)
-        crs = spell_crs(file.crs, [])
-        source = GridSource(path, band, identity, file.width, file.height, aspect, upright, crs)
-    refuse_change(source)
-    return source
+    def __init__(self, path: str) -> None:
+        self._path, self._identity = path, identity_of(path)
+        self._pixels = 0
+
+    def source(self, band: int) -> GridSource:
+        """Return what the header says of a band.
+
+        Raises:
+            ReadError: the file is no raster with such a band of heights, or changes meanwhile.
+        """
+        known = grid_cache.facts(_key(self._path, band, self._identity))
+        if known is not None:
+            return known.source
+        bands = self._bands
+        if isinstance(bands, ReadError):
+            raise bands
+        from terratool.io.opening import refuse_band
+
+        refuse_band(self._path, bands.dtypes, band)
+        if bands.palettes[band - 1]:
+            raise ReadError(
+                f"{self._path}: holds colours of a palette in band {band}, not heights.",
+                "Name a band of heights.",
+            )
+        return structs.replace(bands.first, band=band)
+
+    def take(self, source: GridSource) -> int:
+        """Count the pixels of a band, and return how many its file's bytes do not account for."""
+        held = PIXELS_A_BYTE * self._identity.size
+        before = max(0, self._pixels - held)
+        self._pixels += source.columns * source.rows
+        return max(0, self._pixels - held) - before
+
+    @cached_property
+    def _bands(self) -> _Bands | ReadError:
+        """All bands, or why there are none."""
+        from rasterio.enums import ColorInterp
+
+        from terratool.io.crs import spell_crs
+
+        try:
+            with _opened(self._path) as file:
+                aspect, upright = _posture(file)
+                first = GridSource(
+                    path=self._path,
+                    band=1,
+                    identity=self._identity,
+                    columns=file.width,
+                    rows=file.height,
+                    aspect=aspect,
+                    upright=upright,
+                    crs=spell_crs(file.crs, []),
+                )
+                palettes = tuple(kind is ColorInterp.palette for kind in file.colorinterp)
+                found = _Bands(first, file.dtypes, palettes)
+            refuse_change(first)
+        except ReadError as error:
+            return error
+        return found
+
+
+class _Bands(NamedTuple):
+    """Bands of a raster: the first one, and of each its type and whether it has a palette."""
+
+    first: GridSource
+    dtypes: tuple[str, ...]
+    palettes: tuple[bool, ...]
 
 
 def _posture(file: Any) -> tuple[float | None, bool]:
@@ -114,38 +218,40 @@ def refuse_change(source: GridSource) -> None:
 
 
 @contextlib.contextmanager
-def _opened(path: str, band: int) -> Iterator[Any]:
+def _opened(path: str) -> Iterator[Any]:
     """Open a raster for the block, of which only its own bytes are read.
 
-    Raises:
-        ReadError: the file is no raster with such a band of heights.
-    """
-    from rasterio.enums import ColorInterp
+    GDAL gets a link to it that is alone in a folder, and so finds no file beside it.
 
+    Raises:
+        ReadError: the file is no raster.
+    """
     from terratool.io.opening import gdal_errors, open_local
 
-    with open_local(path, allow_remote=False, **_OWN_BYTES) as file, gdal_errors(path):
-        if file.driver == "VRT" or [os.path.realpath(name) for name in file.files] != [path]:
+    with contextlib.ExitStack() as stack:
+        try:
+            folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="terratool-"))
+            alone = Path(folder, Path(path).name)
+            alone.symlink_to(path)
+        except OSError as error:
             raise ReadError(
-                f"{path}: takes its numbers from other files.",
-                "Make a GeoTIFF of it with gdal_translate.",
-            )
-        if not 1 <= band <= file.count:
-            raise ReadError(
-                f"{path}: has {count_of(file.count, 'band')}, and no band {band}.",
-                "Name a band that is there, counted from 1." if file.count else "Name a raster.",
-            )
-        if "complex" in file.dtypes[band - 1]:
-            raise ReadError(
-                f"{path}: holds complex numbers in band {band}, not heights.",
-                "Name a band of real numbers.",
-            )
-        if file.colorinterp[band - 1] is ColorInterp.palette:
-            raise ReadError(
-                f"{path}: holds colours of a palette in band {band}, not heights.",
-                "Name a band of heights.",
-            )
-        yield file
+                f"{path}: needs a folder for temporaries to be opened ({reason(error)}).",
+                "Name one by the variable TMPDIR.",
+            ) from error
+        named = str(alone)
+        try:
+            with open_local(named, allow_remote=False, **_OWN_BYTES) as file, gdal_errors(named):
+                own = [os.path.realpath(name) for name in file.files] == [path]
+                if file.driver == "VRT" or not own:
+                    raise ReadError(
+                        f"{path}: takes its numbers from other files.",
+                        "Make a GeoTIFF of it with gdal_translate.",
+                    )
+                yield file
+        except ReadError as error:
+            here = str(Path(path).parent)
+            said = (text.replace(folder, here) for text in (error.message, error.hint))
+            raise ReadError(*said) from error
 
 
 # --- numbers --------------------------------------------------------------------------------------
@@ -162,11 +268,27 @@ def numbers_of(source: GridSource) -> MappedGrid:
     found = grid_cache.mapped(key)
     if found is not None and found.facts.source == source:
         return found
-    with _opened(source.path, source.band) as file:
+    with _opened(source.path) as file:
         band = _Band(file, source)
-        found = grid_cache.keep(key, band.expected, band.write) or band.in_memory()
-    refuse_change(source)
+        found = grid_cache.keep(key, band.expected, band.write)
+        if found is None:
+            refuse_size(band.expected)
+            found = band.in_memory()
     return found
+
+
+def refuse_size(facts: GridFacts) -> None:
+    """Refuse heights that the cache cannot have, and that take more than half of the memory.
+
+    Raises:
+        ReadError: there is no room for the heights.
+    """
+    if facts.nbytes > memory_bytes() / 2:
+        raise ReadError(
+            f"{facts.source.path}: its heights take {facts.nbytes:,} bytes, for which there is no "
+            "room.",
+            f"Make room for twice that in {grid_cache.folder()}, or take a coarser raster.",
+        )
 
 
 def rows_of(source: GridSource) -> GridRows:
@@ -204,7 +326,11 @@ class _Band:
         self.expected = GridFacts(source, single, -LARGEST, LARGEST, voids=True, edged=True)
 
     def write(self, put: Put) -> GridFacts:
-        """Write all heights by a function of offset and bytes, and return the facts on them."""
+        """Write all heights by a function of offset and bytes, and return the facts on them.
+
+        Raises:
+            ReadError: the file has changed since its header was read, or is broken.
+        """
         import numpy as np
 
         columns, size = self._file.width, 4 if self.expected.single else 8
@@ -218,6 +344,7 @@ class _Band:
             rows = heights.reshape(1, -1) if window.width == columns else heights
             for row, numbers in enumerate(rows, window.row_off):
                 put((row * columns + window.col_off) * size, numbers.data.cast("B"))
+        refuse_change(self.expected.source)
         low, high = (low, high) if low <= high else (0.0, 0.0)
         return structs.replace(self.expected, low=low, high=high, voids=voids, edged=edged)
 
@@ -245,16 +372,24 @@ class _Band:
         return MappedGrid(data, facts)
 
     def _windows(self) -> Iterator[Window]:
-        """Yield windows of whole blocks that cover the band, of about `_PIECE` pixels."""
+        """Yield windows that cover the band, of `_PIECE` pixels at most: whole blocks, or parts."""
         from rasterio.windows import Window
+
+        def parts(begin: int, end: int, most: int) -> Iterator[tuple[int, int]]:
+            return ((at, min(most, end - at)) for at in range(begin, end, most))
 
         width, height = self._file.width, self._file.height
         rows, columns = self._file.block_shapes[self._number - 1]
         across = max(1, _PIECE // (rows * columns)) * columns
         down = max(1, _PIECE // (rows * width)) * rows if across >= width else rows
-        for row in range(0, height, down):
-            for column in range(0, width, across):
-                yield Window(column, row, min(across, width - column), min(down, height - row))
+        # a block larger than a piece is read in parts, one after the other, as GDAL keeps it
+        wide = min(across, width, _PIECE)
+        tall = max(1, _PIECE // wide)
+        for row, below in parts(0, height, down):
+            for column, beside in parts(0, width, across):
+                for top, high in parts(row, row + below, tall):
+                    for left, long in parts(column, column + beside, wide):
+                        yield Window(left, top, long, high)
 
     def _heights(self, window: Window) -> tuple[NDArray[Any], bool]:
         """Heights in a window, and whether some are void."""

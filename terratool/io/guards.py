@@ -11,6 +11,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import rasterio
 from affine import Affine
 
@@ -42,9 +43,11 @@ _PROBED_PIXELS = 1 << 24
 _PROBE_BYTES = 400 << 20
 _PROBE_SECONDS = 60
 _CLASSIC = b"CDF"
+_PNG_END, _PNG_TAIL = b"IEND", 4096
+"""Name of the last chunk of a PNG, and bytes at its end in which that is looked for."""
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 _HINT = "Check the file with gdalinfo -checksum, or fetch it again."
-_STORE_ALL = (
+STORE_ALL = (
     "If it really has so many, store all of them: "
     "gdal_translate -co COMPRESS=NONE -co BIGTIFF=IF_SAFER OLD NEW.tif."
 )
@@ -76,7 +79,16 @@ def refuse_claims(name: str, file: Any) -> None:
     archived = not any(Path(part).is_file() for part in file.files)
     most, hint = _most_pixels(file, size, archived)
     if file.width * file.height > most:
-        raise _claim(name, file.width, file.height, size, UNPACK if archived else hint)
+        raise claim(name, file.width, file.height, size, UNPACK if archived else hint)
+    if file.driver == "PNG" and not archived:
+        with open_file(file.files[0]) as png:
+            png.seek(max(0, size - _PNG_TAIL))
+            if _PNG_END not in png.read():  # GDAL reads what is missing as 0
+                raise ReadError(f"{name}: has no end.", _CUT_SHORT)
+
+
+def _bytes_of(dtype: str) -> int:
+    return int(np.dtype(dtype).itemsize)
 
 
 def size_on_disk(file: Any) -> int | None:
@@ -139,14 +151,14 @@ def _most_pixels(file: Any, size: int, archived: bool) -> tuple[int, str]:
     most = max(HARMLESS, size * (RAW if raw else PACKED))
     if file.driver == "netCDF" and not archived:
         with open_file(file.files[0]) as begin:
-            if begin.read(8).startswith(_CLASSIC):
-                return size, _CUT_SHORT  # classic netCDF stores every number
+            if begin.read(8).startswith(_CLASSIC):  # it stores every number
+                return size // max(1, sum(map(_bytes_of, file.dtypes))), _CUT_SHORT
     if file.driver == "GTiff":
         # blocks may be missing, but the index lists all; GDAL reads block by block
         rows, columns = file.block_shapes[0] if file.count else (1, 1)
         if rows * columns <= most:
             most = max(most, size // _INDEX_BYTES * rows * columns)
-    return most, _CUT_SHORT if raw else _STORE_ALL
+    return most, _CUT_SHORT if raw else STORE_ALL
 
 
 def refuse_surfer_claims(name: str, head: bytes) -> None:
@@ -160,10 +172,11 @@ def refuse_surfer_claims(name: str, head: bytes) -> None:
         counts = [int(word) if word.isdigit() else 0 for word in words[1:3]]
         size = Path(name).stat().st_size
         if counts[0] * counts[1] > max(HARMLESS, RAW * size):
-            raise _claim(name, counts[0], counts[1], size, _CUT_SHORT)
+            raise claim(name, counts[0], counts[1], size, _CUT_SHORT)
 
 
-def _claim(name: str, width: int, height: int, size: int, hint: str) -> ReadError:
+def claim(name: str, width: int, height: int, size: int, hint: str) -> ReadError:
+    """Error for a raster of so many bytes that claims too many pixels."""
     return ReadError(f"{name}: claims {width:,} × {height:,} pixels, but has {size:,} bytes.", hint)
 
 

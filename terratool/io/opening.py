@@ -7,7 +7,7 @@ import os
 import re
 import sys
 import warnings
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 from xml.parsers.expat import ExpatError
@@ -26,7 +26,7 @@ from rasterio.io import DatasetReader
 from rasterio.windows import Window
 
 from terratool.definition.crs import names_file
-from terratool.errors import ReadError, interruption
+from terratool.errors import ReadError, TerratoolError, interruption
 from terratool.io.expat import EntityError, tree_of
 from terratool.io.guards import (
     UNPACK,
@@ -36,6 +36,7 @@ from terratool.io.guards import (
     refuse_claims,
     refuse_surfer_claims,
 )
+from terratool.report.wording import count_of
 from terratool.text.files import is_regular, open_file
 
 DRIVERS = (
@@ -164,6 +165,33 @@ def open_local(name: str, *, allow_remote: bool, **environment: Any) -> Iterator
             if file.driver == _LISTED:
                 file.read(1, window=Window(0, 0, 1, file.height))
         yield file
+
+
+def refuse_band(
+    name: str, dtypes: Sequence[str], band: int, missing: type[TerratoolError] = ReadError
+) -> None:
+    """Refuse a band that a raster does not have, or that holds no real numbers.
+
+    Args:
+        name: name of the raster, for messages.
+        dtypes: types of the numbers of its bands.
+        band: number of the band, from 1.
+        missing: error for a band that the raster does not have.
+
+    Raises:
+        TerratoolError: the raster does not have the band; the one that `missing` names.
+        ReadError: the band holds complex numbers.
+    """
+    if not 1 <= band <= len(dtypes):
+        raise missing(
+            f"{name}: has {count_of(len(dtypes), 'band')}, and no band {band}.",
+            "Name a band that is there, counted from 1." if dtypes else "Name a raster.",
+        )
+    if "complex" in dtypes[band - 1]:
+        raise ReadError(
+            f"{name}: holds complex numbers in band {band}, not heights.",
+            "Name a band of real numbers.",
+        )
 
 
 @contextlib.contextmanager

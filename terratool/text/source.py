@@ -43,6 +43,16 @@ class Source(Struct, frozen=True):
         """Size of the text in bytes."""
         return len(self.data)
 
+    @property
+    def file_bytes(self) -> bytes:
+        """Bytes of a file of the text, as gzip and with a byte order mark if the source says so."""
+        data = _BOM + self.data if self.marked else self.data
+        if not self.packed:
+            return data
+        import gzip
+
+        return pack(data, partial(gzip.compress, mtime=0))
+
 
 def read_source(
     path: str | Path, most: int = MAX_BYTES, hint: str = _SPLIT, *, named: bool = True
@@ -91,14 +101,9 @@ def write_source(source: Source, path: str | Path, overwrite: bool) -> None:
     Raises:
         WriteError: the file cannot be written, or exists already and must not be overwritten.
     """
-    data = _BOM + source.data if source.marked else source.data
-    if source.packed:
-        import gzip
-
-        data = pack(data, partial(gzip.compress, mtime=0))
     own = is_same_file(path, source.name)
     with whole_file(path, overwrite) as part:
-        part.write_bytes(data)
+        part.write_bytes(source.file_bytes)
         if own:
             shutil.copymode(path, part)
 

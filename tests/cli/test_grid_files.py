@@ -67,15 +67,61 @@ def test_a_bundle_beside_the_raster_copies_nothing_and_replaces_no_file(site: Pa
     assert written["elemTypes"]["hill"]["grid"]["file"] == "kit/dem.tif"
     there = site.parents[1] / "there"
     (there / "dem.tif").write_text("mine")
-    ran = call("bundle", site, there / "all.json")
-    assert ran.code == 3 and "exists already" in ran.err
-    assert (there / "dem.tif").read_text() == "mine" and not (there / "all.json").exists()
-    listed = json.loads(call("bundle", site, there / "all.json", "--overwrite", "--json").out)
-    assert listed["rasters"] == ["dem.tif"]
-    assert np.array_equal(heights(there / "all.json"), heights(site), equal_nan=True)
+    for more in ([], ["--overwrite"]):
+        ran = call("bundle", site, there / "all.json", *more)
+        assert ran.code == 3 and "is another file than the raster" in ran.err
+        assert (there / "dem.tif").read_text() == "mine" and not (there / "all.json").exists()
+    (there / "dem.tif").unlink()
+    for more in ([], ["--overwrite"]):  # the second one finds the copy of the first
+        listed = json.loads(call("bundle", site, there / "all.json", "--json", *more).out)
+        assert listed["rasters"] == ["dem.tif"]
+        assert np.array_equal(heights(there / "all.json"), heights(site), equal_nan=True)
 
 
-def test_a_change_that_is_written_elsewhere_leads_to_the_same_raster(site: Path) -> None:
+def test_a_bundle_replaces_no_raster_of_its_own_terrain(site: Path) -> None:
+    """Neither one in the output's folder with the name of a copy, nor one that is the output."""
+    geotiff(site.parent / "dem.tif", LARGE[::-1])  # is copied nowhere, as it lies there
+    aside = site.parent / "aside"
+    aside.mkdir()
+    site.rename(aside / "site.json")
+    moved = json.loads((aside / "site.json").read_text())
+    moved["use"] = ["../kit/kit.json"]
+    moved["elemTypes"] = {
+        "third": {"grid": {"file": "../there/all.json"}}, "dem": {"grid": {"file": "../dem.tif"}},
+    }  # fmt: skip
+    (site.parent / "there").mkdir()
+    geotiff(site.parent / "there" / "all.json", LARGE * 2)
+    moved["elemTree"]["children"].append({"type": "third", "cellX": 0, "cellY": 0, "vScale": 1})
+    (aside / "site.json").write_text(json.dumps(moved))
+    out, roots = site.parent / "kit" / "all.json", ["--library-root", site.parent]
+    rasters = [*sorted(site.parent.rglob("*.tif")), site.parent / "there" / "all.json"]
+    before = [path.read_bytes() for path in rasters]
+    ran = call("bundle", aside / "site.json", out, *roots, "--overwrite")
+    assert ran.code == 0, ran.err
+    named = {name: one["grid"]["file"] for name, one in
+             json.loads(out.read_text())["elemTypes"].items()}  # fmt: skip
+    assert named == {"third": "all-2.json", "dem": "dem-2.tif", "hill": "dem.tif"}
+    assert [path.read_bytes() for path in rasters] == before
+    x, y = np.meshgrid(np.linspace(0.01, 6.98, 41), np.linspace(0.02, 3.97, 31))
+    wanted = Terrain(load_checked(aside / "site.json", (str(site.parent),))).height(x, y)
+    assert np.array_equal(load(out).height(x, y), wanted)
+    ran = call("bundle", aside / "site.json", site.parent / "dem.tif", *roots, "--overwrite")
+    assert ran.code == 3 and "is a raster of" in ran.err
+    assert [path.read_bytes() for path in rasters] == before
+
+
+def test_a_bundle_follows_no_link_where_its_copy_goes(site: Path) -> None:
+    there = site.parents[1] / "there"
+    (there / "dem.tif").symlink_to(site.parent / "kit" / "dem.tif")
+    ran = call("bundle", site, there / "all.json", "--overwrite")
+    assert ran.code == 3 and "is another file than the raster" in ran.err
+    assert (there / "dem.tif").is_symlink()
+
+
+@pytest.mark.parametrize("key", ["file", "f\\u0069le"])
+def test_a_change_that_is_written_elsewhere_leads_to_the_same_raster(site: Path, key: str) -> None:
+    """However the text spells its keys."""
+    site.write_text(site.read_text().replace('"file"', f'"{key}"'))
     out = site.parents[1] / "there" / "more.json"
     words = ["--type", "dem", "--cell", 0, 0, "--v-scale", 0, "--library-root", site.parents[1]]
     ran = call("add", site, *words, "-o", out)
@@ -116,7 +162,7 @@ def test_the_summary_of_a_library_says_the_range_of_a_raster(site: Path) -> None
 def test_the_cache_is_listed_and_cleared(site: Path) -> None:
     load(site)
     grids = site.parents[1] / "cache" / "terratool" / "grids"
-    size = sum(path.stat().st_size for path in grids.iterdir())
+    size = sum(path.stat().st_size for path in grids.glob("*.grid"))
     assert call("cache").out == f"{grids}: 2 rasters, {size:,} bytes\n"
     listed = json.loads(call("cache", "--clear", "--json").out)
     assert (listed["files"], listed["bytes"], listed["cleared"]) == (2, size, True)

@@ -70,6 +70,30 @@ def test_the_terrain_is_the_dem(dem: Path) -> None:
     assert np.isnan(edges).tolist() == [True, False, True, False]
 
 
+def test_a_raster_of_several_tiles_has_overviews_that_change_nothing(tmp_path: Path) -> None:
+    """Means, at 2, 4 … of the pixels down to one tile; no height of the terrain is one of them."""
+    heights = np.random.default_rng(2).uniform(0, 9, (130, 1030)).astype(np.float32)
+    geotiff(tmp_path / "dem.tif", heights, corner=(0, 260))
+    out = imported(tmp_path / "dem.tif")
+    with rasterio.open(tmp_path / "site-heights.tif") as file:
+        assert file.overviews(1) == [2, 4]
+        numbers = file.read(1)
+    with rasterio.open(tmp_path / "site-heights.tif", overview_level=0) as half:
+        means = numbers.reshape(65, 2, 515, 2).mean((1, 3))
+        assert np.abs(half.read(1) - means).max() <= 0.5
+    x, y = np.meshgrid(1 + 2 * np.arange(1030), 259 - 2 * np.arange(130))
+    found = load(out).height(x, y)
+    assert np.abs(found - heights).max() <= 0.25
+    root = json.loads(out.read_text())["elemTree"]
+    assert np.abs(found - (numbers * root["vScale"] + root["vOffset"])).max() < 1e-9
+
+
+def test_a_raster_of_one_tile_has_no_overviews(dem: Path) -> None:
+    imported(dem)
+    with rasterio.open(dem.with_name("site-heights.tif")) as file:
+        assert file.overviews(1) == []
+
+
 def test_gaps_are_filled_if_asked_for(dem: Path) -> None:
     terrain = load(imported(dem, "--fill"))
     filled = terrain.height(400007, 4999995)

@@ -183,7 +183,7 @@ def test_one_band_of_several(tmp_path):
     np.testing.assert_array_equal(read(name, band=2)[1], -HEIGHTS[::-1])
     with pytest.raises(RequestError, match="--band"):
         read(name)
-    with pytest.raises(RequestError, match="1 to 2"):
+    with pytest.raises(RequestError, match="has 2 bands, and no band 3"):
         read(name, band=3)
 
 

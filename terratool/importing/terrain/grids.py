@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import gzip
 import math
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -45,7 +43,8 @@ from terratool.io.geotiff import (
     tile_options,
 )
 from terratool.output import refuse_existing, whole_file
-from terratool.text.packing import pack
+from terratool.raster.overviews import add_overviews, factors
+from terratool.text.source import Source
 
 _CODES: tuple[tuple[type, int], ...] = ((np.uint16, 65_535), (np.int32, 2**31 - 1))
 """Types of whole numbers of steps, with the number of each that stands for none."""
@@ -142,11 +141,10 @@ def import_grid(
     coding = _Coding.of(options.max_error, known.low, known.high)
     error = MeasuredError(grid)
     text = _definition(source, options, raster.name, coding)
-    if output.name.endswith(".gz"):
-        text = pack(text, partial(gzip.compress, mtime=0))
+    packed = output.name.endswith(".gz")
     with whole_file(output, overwrite) as definition, whole_file(raster, overwrite) as part:
         _write_raster(part, source, coding, error, work)
-        definition.write_bytes(text)
+        definition.write_bytes(Source(output.name, text, packed).file_bytes)
     return ImportReport(
         grid=grid,
         options=options,
@@ -207,6 +205,11 @@ def _strips(rows: int) -> list[tuple[int, int]]:
 def _write_raster(
     path: Path, source: HeightSource, coding: _Coding, error: MeasuredError, work: Progress
 ) -> None:
+    """Write the numbers of all heights, with means of them at a half, a quarter, … of the pixels.
+
+    A grid reads none of these; programs that show a map are quick by them, and means show relief
+    without the grain of single pixels.
+    """
     grid = source.grid
     bands = Bands(("height",), (grid.unit,), coding.dtype, empty=coding.none)
     options = tile_options(coding.dtype, Compression())
@@ -227,6 +230,8 @@ def _write_raster(
             file.write(numbers[::-1][None], row)
             row += count
             work(count * grid.columns)
+    if factors(grid.columns, grid.rows):
+        add_overviews(path, bands, threads=1)
 
 
 def _definition(source: HeightSource, options: ImportOptions, name: str, coding: _Coding) -> bytes:
