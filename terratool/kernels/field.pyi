@@ -25,7 +25,7 @@ def check_records(
 class GridMemory:
     """Memory of files with heights of grids."""
 
-    def __init__(self, files: object) -> None: ...
+    def __init__(self, files: object, blocks: object) -> None: ...
 
 class Field:
     """A compiled field: its arrays, checked once."""
