@@ -188,10 +188,11 @@ def _lines(s: TerrainSummary) -> list[str]:
             f"{tracks.length:.6g} long together"
         )
     if height.low is None:
-        lines.append("height         none, all is void")
+        lines.append(f"height         {'none, all is void' if height.points else 'not looked at'}")
     else:
         low, high = without_noise(height.low, height.high or 0.0)
         lines.append(f"height         {low:.6g} to {high:.6g}, at {height.points:,} points")
+    lines += [f"               {note}" for note in height.notes]
     for number, rough in enumerate(s.roughness):
         lines.append(
             f"{'' if number else 'roughness':15}{printable(rough.surface)}: rms {rough.rms:.6g}, "

@@ -44,6 +44,7 @@ class GridSource(Struct, frozen=True):
         upright: whether rows run from north to south and columns from west to east, or no place is
             said.
         crs: reference system as a definition spells it; None for none.
+        overview: index of the overview whose pixels are meant, from 0; None for the band itself.
     """
 
     path: str
@@ -54,6 +55,7 @@ class GridSource(Struct, frozen=True):
     aspect: float | None = None
     upright: bool = True
     crs: str | None = None
+    overview: int | None = None
 
 
 class LinkedGrid(GridFile, frozen=True, rename="camel", kw_only=True):

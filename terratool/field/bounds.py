@@ -293,22 +293,26 @@ def _grid_lines(arrays: FieldArrays, kind: Any, axis: str) -> Floats:
     """Return the lines of numbers across an axis of a grid as rows, (4, n), as in `CrestLines`.
 
     The drop of a line is the largest change of slope along it, without sign; of a grid with void
-    numbers it is infinite, and there are lines on the edges of pixels, too.
+    numbers, and of one that is read by blocks, it is infinite; with void numbers there are lines on
+    the edges of pixels, too.
     """
-    numbers, raster = grid_numbers(arrays, kind), arrays.curves.rasters[kind["raster"]]
-    along = numbers.T if axis == "x" else numbers[::-1]  # from the west or south
-    count = len(along)
+    raster = arrays.curves.rasters[kind["raster"]]
+    count = int(raster["count"]["xy".index(axis)])
     beyond = bool(raster["pixel"]) or count == 1  # the outermost numbers go on
     if beyond:
         t, spacing = np.concatenate([[0.0], (np.arange(count) + 0.5) / count, [1.0]]), 1.0 / count
     else:
         t, spacing = np.linspace(0.0, 1.0, count), 1.0 / (count - 1)
     edges = np.arange(1, count) / count if raster["voids"] and raster["pixel"] else np.zeros(0)
-    if raster["voids"]:
-        t, drop = np.concatenate([t, edges]), np.full(len(t) + len(edges), np.inf)
-    else:
+    wall = np.zeros(len(t) + len(edges))
+    t, drop = np.concatenate([t, edges]), np.full(len(wall), np.inf)
+    if raster["file"] >= 0 and not arrays.curves.mapped.is_whole(raster["file"]):
+        wall[(t == 0.0) | (t == 1.0)] = _grid_size(arrays, kind)
+        return np.stack([t, drop, np.zeros(len(t)), wall])
+    numbers = grid_numbers(arrays, kind)
+    along = numbers.T if axis == "x" else numbers[::-1]  # from the west or south
+    if not raster["voids"]:
         drop = _largest_bends(along, beyond) / spacing
-    wall = np.zeros(len(t))
     for end, line in ((0.0, along[0]), (1.0, along[-1])):
         wall[t == end] = np.fmax.reduce(np.abs(line), initial=0.0)
     return np.stack([t, drop, np.zeros(len(t)), wall])

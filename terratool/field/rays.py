@@ -48,7 +48,11 @@ def ray_index(terrain: TerrainField) -> kernels.RayIndex:
 
     It holds bounds of heights and marks of changes. A million elements take some five seconds of
     one processor, and 370 bytes each.
+
+    Raises:
+        RequestError: a raster of the terrain is too large.
     """
+    terrain.arrays.curves.mapped.refuse_blocks("Rays")
     return kernels.RayIndex(terrain.field, terrain.cells())
 
 

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terratool.definition.grid_files import GridSource
+from terratool.errors import RequestError
 from terratool.kernels import field as kernels
 
 if TYPE_CHECKING:
@@ -239,8 +240,10 @@ class MappedGrids:
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, MappedGrids) or len(self._grids) != len(other._grids):
             return False
-        pairs = zip(self._grids, other._grids, strict=True)
-        return all(np.array_equal(one.data, another.data) for one, another in pairs)
+        if self.sources == other.sources:
+            return True
+        files = range(len(self._grids))
+        return all(np.array_equal(self.numbers(n), other.numbers(n), True) for n in files)
 
     def __hash__(self) -> int:
         return len(self._grids)
@@ -259,9 +262,33 @@ class MappedGrids:
         """Return what is known of the heights of a file by its index."""
         return self._grids[file].facts
 
+    def is_whole(self, file: int) -> bool:
+        """Return whether all heights of a file are in memory or mapped, so that all are known."""
+        return self._grids[file].blocks is None
+
+    def refuse_blocks(self, doing: str) -> None:
+        """Refuse heights that are not all known for what needs all, such as "Rays".
+
+        Raises:
+            RequestError: a file is read by blocks.
+        """
+        for file, source in enumerate(self.sources):
+            if not self.is_whole(file):
+                raise RequestError(
+                    f"{doing} need all {source.columns:,} × {source.rows:,} pixels of "
+                    f"{source.path}, which are too many.",
+                    "Crop it with gdal_translate -projwin, or make it coarser with -tr.",
+                )
+
     def numbers(self, file: int) -> NDArray[np.floating[Any]]:
-        """Heights of a file, (rows, columns) from the north, float32 or float64; NaN if void."""
-        data, facts = self._grids[file]
+        """Heights of a file, (rows, columns) from the north, float32 or float64; NaN if void.
+
+        Raises:
+            ReadError: the file is read by blocks, and not all can be read.
+        """
+        data, facts, blocks = self._grids[file]
+        if blocks is not None:
+            blocks.load_all()
         kind = np.float32 if facts.single else np.float64
         found: NDArray[Any] = data.view(kind).reshape(facts.source.rows, facts.source.columns)
         return found

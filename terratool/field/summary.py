@@ -12,6 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from terratool.definition.findings import Bounds
 from terratool.definition.model import Pair, Range, ranges_of
+from terratool.errors import ReadError
+from terratool.field.coarse import coarse, reads_all
 from terratool.field.grid_numbers import extremes, grid_numbers
 from terratool.field.records import COMBINE, FieldArrays
 from terratool.field.terrain import Terrain, clip_bounds
@@ -57,14 +59,16 @@ class HeightSummary(Struct, frozen=True):
     The numbers of grids of heights are looked at as well.
 
     Attributes:
-        low: lowest height; None where all is void.
-        high: highest height; None where all is void.
-        points: number of points.
+        low: lowest height; None where all is void, or no point was looked at.
+        high: highest height; None where all is void, or no point was looked at.
+        points: number of points; 0 where a raster is too large, and has no overview.
+        notes: sentences on the rasters that were seen by an overview.
     """
 
     low: float | None
     high: float | None
     points: Count
+    notes: tuple[str, ...] = ()
 
 
 class RoughnessSummary(Struct, frozen=True):
@@ -155,7 +159,7 @@ def summarise(terrain: Terrain) -> TerrainSummary:
         tracks=TrackSummary(
             terrain.tracks, len(tracks.segments), float(track_lengths(tracks).sum())
         ),
-        height=HeightSummary(*height_range(terrain)),
+        height=_heights(terrain),
         roughness=[
             RoughnessSummary(name, **{"seed": 0} | to_builtins(rough))
             for name, surface in terrain.surface_types.items()
@@ -169,16 +173,30 @@ def summarise(terrain: Terrain) -> TerrainSummary:
     )
 
 
+def _heights(terrain: Terrain) -> HeightSummary:
+    """Heights of a whole terrain, of which large rasters are seen by overviews."""
+    try:
+        seen, notes = coarse(terrain)
+    except ReadError as error:
+        return HeightSummary(None, None, 0, (error.message,))
+    return HeightSummary(*height_range(seen), notes)
+
+
 def height_range(
     terrain: Terrain, bounds: Bounds | None = None
 ) -> tuple[float | None, float | None, int]:
-    """Lowest and highest height at sample points, and the number of points; None if all is void.
+    """Lowest and highest height at sample points, and the number of points.
+
+    The heights are None where all is void, and where the rectangle holds too much of a raster that
+    is read by blocks: then there are no points.
 
     Args:
         terrain: the terrain.
         bounds: rectangle that overlaps the terrain; the whole terrain if None.
     """
     part = clip_bounds(terrain, bounds)
+    if not reads_all(terrain, bounds):
+        return None, None, 0
     cells, room = _cells_in(terrain, part)
     points = [
         _grid_points(part, room // 2),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from copy import copy
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -21,7 +22,7 @@ from terratool.definition.sharing import blueprint
 from terratool.definition.uses import Uses
 from terratool.errors import RequestError
 from terratool.field.compile import Compiled, compile_definition
-from terratool.field.records import FieldArrays, align_arrays
+from terratool.field.records import CurveArrays, FieldArrays, align_arrays
 from terratool.field.sharing import Tally, compile_shared, refuse_piled
 from terratool.field.types import PointSamples, points_of
 from terratool.kernels import field as kernels
@@ -124,6 +125,10 @@ def batch_heights(
     return out
 
 
+_CACHED = ("field", "written_out", "ray_index", "_document_order")
+"""Attributes of a terrain that follow from the others."""
+
+
 class Terrain:
     """A compiled terrain.
 
@@ -196,11 +201,19 @@ class Terrain:
         return kernels.Field(self.arrays)
 
     def __getstate__(self) -> dict[str, Any]:
-        dropped = "field", "written_out", "ray_index", "_document_order"
-        return {name: value for name, value in vars(self).items() if name not in dropped}
+        return {name: value for name, value in vars(self).items() if name not in _CACHED}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         vars(self).update(state, _compiled=align_arrays(state["_compiled"]))
+
+    def with_curves(self, curves: CurveArrays) -> Terrain:
+        """Return this terrain, whose parts are written out or all shared, with other curves."""
+        other = copy(self)
+        for name in _CACHED:
+            vars(other).pop(name, None)
+        other._source = None
+        other._compiled = self._compiled._replace(arrays=self.arrays._replace(curves=curves))
+        return other
 
     @property
     def bounds(self) -> Bounds:

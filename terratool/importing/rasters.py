@@ -168,7 +168,7 @@ def open_raster(name: str, options: SourceOptions) -> Iterator[RasterHeights]:
         ReadError: the file cannot be read, or is no raster of heights.
         RequestError: the band, bounds or window are not in the raster.
     """
-    cache = {"GDAL_CACHEMAX": _CACHE_BYTES, "AAIGRID_DATATYPE": "Float64"}
+    cache: dict[str, Any] = {"GDAL_CACHEMAX": _CACHE_BYTES, "AAIGRID_DATATYPE": "Float64"}
     with contextlib.ExitStack() as stack:
         file = stack.enter_context(open_local(name, allow_remote=options.allow_remote, **cache))
         about: list[str] = []

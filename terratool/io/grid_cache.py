@@ -25,6 +25,7 @@ from msgspec import Struct
 
 from terratool.definition.grid_files import GridSource
 from terratool.errors import WriteError
+from terratool.io.grid_blocks import GridBlocks
 from terratool.output import PART, free_bytes, is_being_written, os_errors, whole_file
 
 MOST_BYTES = 8 << 30
@@ -84,10 +85,12 @@ class MappedGrid(NamedTuple):
     Attributes:
         data: (bytes,) uint8, numbers row by row from the north.
         facts: what is known of them.
+        blocks: reader of the blocks that are not yet in `data`; None where all are there.
     """
 
     data: Any
     facts: GridFacts
+    blocks: GridBlocks | None = None
 
 
 def folder() -> Path:

@@ -23,6 +23,7 @@ from terratool.definition.grid_files import FileIdentity, GridSource
 from terratool.definition.model import LARGEST, GridRows
 from terratool.errors import ReadError, reason
 from terratool.io import grid_cache
+from terratool.io.grid_blocks import GridBlocks, block_shape
 from terratool.io.grid_cache import GridFacts, MappedGrid, Put
 from terratool.processes import memory_bytes
 from terratool.text.files import open_file
@@ -40,10 +41,17 @@ _OWN_BYTES = {
 """Options of GDAL with which it looks for no other file beside a raster, and caches few blocks."""
 MAX_GRIDS = 1000
 """Most bands of rasters that a definition and its libraries may name."""
+MAX_PIXELS = 1 << 36
+"""Most pixels of a band."""
+MOST_UNPACKED = 1 << 28
+"""Most pixels of a band that is unpacked as a whole; a larger one is read by blocks."""
 MAX_EMPTY_PIXELS = 1 << 27
-"""Most pixels of all these together that the bytes of the files do not account for."""
+"""Most pixels of all unpacked bands together that the bytes of the files do not account for."""
 PIXELS_A_BYTE = 64
 """Pixels that a byte of a raster accounts for."""
+_MOST_BY_BLOCKS = 1e7
+"""Largest height, without sign, of a raster of floats that is read by blocks: walls and the
+rounding of sums are told from it before all heights are known."""
 _PIECE = 1 << 22
 """Most pixels that are read at a time."""
 _SINGLE = frozenset(["float16", "float32", "int8", "uint8", "int16", "uint16"])
@@ -74,9 +82,10 @@ def identity_of(path: str) -> FileIdentity:
     )
 
 
-def _key(path: str, band: int, identity: FileIdentity) -> str:
-    """Name in the cache of a band of a file in one state."""
-    return hashlib.blake2b(msgspec.json.encode((path, band, identity)), digest_size=20).hexdigest()
+def _key(path: str, band: int, identity: FileIdentity, overview: int | None = None) -> str:
+    """Name in the cache of a band of a file in one state, or of an overview of it."""
+    meant = msgspec.json.encode((path, band, identity, overview))
+    return hashlib.blake2b(meant, digest_size=20).hexdigest()
 
 
 class Headers:
@@ -108,8 +117,9 @@ class Headers:
             self._read[path] = _Header(path)
         header = self._read[path]
         found = header.source(band)
-        more = header.take(found)
-        if more > self._empty:
+        pixels = found.columns * found.rows
+        more = 0 if pixels > MOST_UNPACKED else header.take(found)
+        if more > self._empty or pixels > MAX_PIXELS:
             from terratool.io.guards import STORE_ALL, claim
 
             raise claim(path, found.columns, found.rows, found.identity.size, STORE_ALL)
@@ -218,8 +228,8 @@ def refuse_change(source: GridSource) -> None:
 
 
 @contextlib.contextmanager
-def _opened(path: str) -> Iterator[Any]:
-    """Open a raster for the block, of which only its own bytes are read.
+def _opened(path: str, overview: int | None = None) -> Iterator[Any]:
+    """Open a raster, or an overview of it, for the block; only its own bytes are read.
 
     GDAL gets a link to it that is alone in a folder, and so finds no file beside it.
 
@@ -240,7 +250,8 @@ def _opened(path: str) -> Iterator[Any]:
             ) from error
         named = str(alone)
         try:
-            with open_local(named, allow_remote=False, **_OWN_BYTES) as file, gdal_errors(named):
+            opened = open_local(named, allow_remote=False, overview=overview, **_OWN_BYTES)
+            with opened as file, gdal_errors(named):
                 own = [os.path.realpath(name) for name in file.files] == [path]
                 if file.driver == "VRT" or not own:
                     raise ReadError(
@@ -264,17 +275,41 @@ def numbers_of(source: GridSource) -> MappedGrid:
         ReadError: the file has changed since its header was read, or is broken.
     """
     refuse_change(source)
-    key = _key(source.path, source.band, source.identity)
+    key = _key(source.path, source.band, source.identity, source.overview)
     found = grid_cache.mapped(key)
     if found is not None and found.facts.source == source:
         return found
-    with _opened(source.path) as file:
+    with _opened(source.path, source.overview) as file:
         band = _Band(file, source)
+        if source.columns * source.rows > MOST_UNPACKED:
+            return band.by_blocks()
         found = grid_cache.keep(key, band.expected, band.write)
         if found is None:
             refuse_size(band.expected)
             found = band.in_memory()
     return found
+
+
+def overview_of(source: GridSource, most: int) -> GridSource:
+    """Return the finest overview of a band that has at most so many pixels.
+
+    Raises:
+        ReadError: the file has changed since its header was read, is broken, or has no such
+            overview.
+    """
+    refuse_change(source)
+    with _opened(source.path) as file:
+        count = len(file.overviews(source.band))
+    for overview in range(count):
+        with _opened(source.path, overview) as file:
+            columns, rows = file.width, file.height
+        if columns * rows <= most:
+            return structs.replace(source, columns=columns, rows=rows, overview=overview)
+    raise ReadError(
+        f"{source.path}: has {source.columns:,} × {source.rows:,} pixels, and no overview of at "
+        f"most {most:,} that could be shown.",
+        "Make overviews with gdaladdo -r average, or ask for a part of the terrain.",
+    )
 
 
 def refuse_size(facts: GridFacts) -> None:
@@ -299,7 +334,9 @@ def rows_of(source: GridSource) -> GridRows:
     """
     import numpy as np
 
-    data, facts = numbers_of(source)
+    data, facts, blocks = numbers_of(source)
+    if blocks is not None:
+        blocks.load_all()
     numbers = data.view(np.float32 if facts.single else np.float64)
     return tuple(
         tuple(None if math.isnan(z) else z for z in row)
@@ -370,6 +407,50 @@ class _Band:
 
         facts = self.write(put)
         return MappedGrid(data, facts)
+
+    def by_blocks(self) -> MappedGrid:
+        """Return all heights, of which blocks are read when they are asked for.
+
+        Raises:
+            ReadError: the system has no addresses for so many, or the band is stored in one piece.
+        """
+        from rasterio.windows import Window
+
+        source, own = self.expected.source, self._file.block_shapes[self._number - 1]
+        if own[0] * own[1] > MOST_UNPACKED:
+            raise ReadError(
+                f"{source.path}: has {own[1]:,} × {own[0]:,} pixels in one block.",
+                "Make tiles of it with gdal_translate -co TILED=YES.",
+            )
+        low, high = self._limits()
+        facts = structs.replace(self.expected, low=low, high=high)
+
+        def read(column: int, row: int, columns: int, rows: int) -> NDArray[Any]:
+            with _opened(source.path, source.overview) as file:
+                window = Window(column, row, columns, rows)
+                heights, _ = _Band(file, source)._heights(window)
+            refuse_change(source)
+            if (heights < low).any() or (heights > high).any():
+                raise ReadError(
+                    f"{source.path}: has heights beyond {high:,.0f}, which is too much for a "
+                    "raster that is read by blocks.",
+                    "Store it as whole numbers with a scale, or mark them as nodata.",
+                )
+            return heights
+
+        blocks = GridBlocks(facts, block_shape(source.columns, source.rows, own), read)
+        return MappedGrid(blocks.data, facts, blocks)
+
+    def _limits(self) -> tuple[float, float]:
+        """Least and greatest height that its type of numbers has."""
+        import numpy as np
+
+        kind = np.dtype(self._file.dtypes[self._number - 1])
+        if kind.kind == "f":
+            return -_MOST_BY_BLOCKS, _MOST_BY_BLOCKS
+        info, (scale, offset) = np.iinfo(kind), self._scale
+        low, high = sorted(float(n) * scale + offset for n in (info.min, info.max))
+        return low, high
 
     def _windows(self) -> Iterator[Window]:
         """Yield windows that cover the band, of `_PIECE` pixels at most: whole blocks, or parts."""

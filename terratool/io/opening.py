@@ -119,12 +119,15 @@ _DOMAINS = (None, "", "IMAGE_STRUCTURE")
 
 
 @contextlib.contextmanager
-def open_local(name: str, *, allow_remote: bool, **environment: Any) -> Iterator[Any]:
+def open_local(
+    name: str, *, allow_remote: bool, overview: int | None = None, **environment: Any
+) -> Iterator[Any]:
     """Open a raster by rasterio for the block, after checks of its files and its size.
 
     Args:
         name: path, or another name that GDAL opens.
         allow_remote: whether the raster may lie on a network or refer to remote files.
+        overview: index of the overview to open in place of the raster, from 0.
         environment: GDAL configuration options.
 
     Raises:
@@ -151,7 +154,8 @@ def open_local(name: str, *, allow_remote: bool, **environment: Any) -> Iterator
         warnings.simplefilter("ignore", NodataShadowWarning)
         with gdal_errors(name):
             # rasterio.open accepts only one driver
-            file = stack.enter_context(DatasetReader(_parse_path(place), driver=drivers))
+            level = {} if overview is None else {"overview_level": overview}
+            file = stack.enter_context(DatasetReader(_parse_path(place), driver=drivers, **level))
             # GDAL opens the file that this domain names, wherever it lies, to list files
             if not allow_remote and file.tags(ns="OVERVIEWS"):
                 raise ReadError(

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from terratool.field.coarse import coarse
 from terratool.field.terrain import Terrain
 from terratool.output import refuse_existing, refuse_missing_folder, whole_file
 from terratool.traversability.judge import Judge
@@ -90,8 +91,11 @@ def png_of(terrain: Terrain, options: RenderOptions | None = None) -> bytes:
 def _draw(terrain: Terrain, options: RenderOptions, progress: Progress = lambda _: None) -> Drawn:
     """Draw a section, a perspective or a plan, within `settings`."""
     judge = None if options.vehicle is None else Judge.of(options.vehicle)
+    terrain, notes = coarse(terrain, options.bounds)
     if options.profile is not None:
-        return draw_section(terrain, options, progress)
-    if options.perspective:
-        return draw_perspective(terrain, options, judge, progress)
-    return draw_plan(terrain, options, judge, progress)
+        drawn = draw_section(terrain, options, progress)
+    elif options.perspective:
+        drawn = draw_perspective(terrain, options, judge, progress)
+    else:
+        drawn = draw_plan(terrain, options, judge, progress)
+    return drawn._replace(notes=(*drawn.notes, *notes))
