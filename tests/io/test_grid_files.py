@@ -43,9 +43,9 @@ def opened(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     names = []
     openings = grid_files._opened
 
-    def counted(path: str) -> Any:
+    def counted(path: str, overview: int | None = None) -> Any:
         names.append(Path(path).name)
-        return openings(path)
+        return openings(path, overview)
 
     monkeypatch.setattr(grid_files, "_opened", counted)
     return names
@@ -56,7 +56,7 @@ def source_of(path: Path, band: int = 1) -> GridSource:
 
 
 def heights_of(path: Path, band: int = 1) -> NDArray[np.floating[Any]]:
-    data, facts = numbers_of(source_of(path, band))
+    data, facts, _ = numbers_of(source_of(path, band))
     kind = np.float32 if facts.single else np.float64
     found: NDArray[Any] = data.view(kind).reshape(facts.source.rows, facts.source.columns)
     return found
@@ -310,7 +310,7 @@ def test_the_bytes_are_the_same_whence_they_come(
         if name == "in memory":
             grid_cache.clear()
             monkeypatch.setenv("XDG_CACHE_HOME", "/dev/null")
-        data, facts = numbers_of(source_of(tmp_path / "dem.tif"))
+        data, facts, _ = numbers_of(source_of(tmp_path / "dem.tif"))
         assert data.tobytes() == heights.tobytes(), name
         known = np.nanmin(heights), np.nanmax(heights), True, True
         assert (facts.low, facts.high, facts.voids, facts.edged) == known, name
