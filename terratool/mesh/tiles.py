@@ -60,10 +60,9 @@ _PER_BEND = 4.0
 """Factor of the faces that `faces_of` expects for bent elements."""
 _PER_TWIST = 0.6
 """Factor of the faces that `faces_of` expects for twisted elements."""
-_PER_GRID_BEND, _PER_GRID_TWIST = 0.15, 0.5
-"""Factors of the faces that `faces_of` expects for bends and twists in a grid of heights."""
-_MOST_PER_NUMBER = 2.0
-"""Most faces that `faces_of` expects for a bend at a number of a grid."""
+_BENT, _PER_BENT, _PER_GRID_TWIST = 2.0, 1.5, 0.5
+"""Bend or twist at a number of a grid, in errors, from which on `faces_of` counts it, and faces of
+each bend and per twist: within a factor of 2 of what meshes of fractal ground have."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,8 +153,7 @@ def faces_of(plan: MeshPlan) -> float:
 
     A curve needs ∫ √(|f''| / 8E) dt chords, a triangle for each two of both directions; a product
     of two straight curves that change by Δx and Δy is a saddle, and needs some ΔxΔy / E. Where the
-    tangent of a curve is vertical there are more. In a grid of heights the bends of a number take
-    no more than two triangles.
+    tangent of a curve is vertical there are more.
     """
     arrays = plan.arrays
     drawn = np.flatnonzero(plan.frames["drawn"])
@@ -183,22 +181,40 @@ def _faces_of_grids(plan: MeshPlan, drawn: NDArray[np.int64]) -> float:
     )
     total = 0.0
     for (kind, scale), times in zip(sizes, copies.tolist(), strict=True):
-        numbers = grid_numbers(plan.arrays, kinds[int(kind)])
-        total += times * sum(
-            _faces_of_rows(numbers, rows, scale / plan.error) for rows in row_blocks(numbers)
+        total += times * _faces_of_grid(
+            grid_numbers(plan.arrays, kinds[int(kind)]), scale / plan.error
         )
     return total
 
 
-def _faces_of_rows(numbers: Numbers, rows: slice, scale: float) -> float:
-    """Return the number of faces of some rows of a grid, about, of heights beside the error."""
+def _faces_of_grid(numbers: Numbers, scale: float) -> float:
+    """Return the number of faces of a grid, about, by a factor that makes the error 1.
+
+    Of every second number, every fourth and so on those count beside which the ground bends by more
+    than the error allows.
+    """
+    faces = 2.0 + sum(_faces_of_twists(numbers, rows, scale) for rows in row_blocks(numbers))
+    while numbers.size > 4:
+        bent = sum(_count_bent(numbers, rows, _BENT / scale) for rows in row_blocks(numbers))
+        faces += _PER_BENT * bent
+        numbers = numbers[:: 2 if len(numbers) > 2 else 1, :: 2 if numbers.shape[1] > 2 else 1]
+    return faces
+
+
+def _count_bent(numbers: Numbers, rows: slice, most: float) -> int:
+    """Count the numbers in some rows at which slopes along both axes change by more than `most`."""
     around = np.clip(np.arange(rows.start - 1, rows.stop + 1), 0, len(numbers) - 1)
-    heights = np.pad(scale * numbers[around].astype(np.float64), ((0, 0), (1, 1)), mode="edge")
+    heights = np.pad(numbers[around].astype(np.float64), ((0, 0), (1, 1)), mode="edge")
     bends = np.abs(np.diff(heights[:, 1:-1], 2, axis=0))
     bends += np.abs(np.diff(heights[1:-1], 2, axis=1))
-    bent = np.minimum(_PER_GRID_BEND * bends, _MOST_PER_NUMBER)
-    twists = np.abs(np.diff(np.diff(heights[1:, 1:-1], axis=0), axis=1))
-    return float(np.nansum(bent) + _PER_GRID_TWIST * np.nansum(twists))
+    return int((bends > most).sum())
+
+
+def _faces_of_twists(numbers: Numbers, rows: slice, scale: float) -> float:
+    """Return the number of faces that twisted patches beside some rows need, about."""
+    heights = numbers[rows.start : rows.stop + 1].astype(np.float64)
+    twists = scale * np.abs(np.diff(np.diff(heights, axis=0), axis=1))
+    return _PER_GRID_TWIST * float(twists[twists > _BENT].sum())
 
 
 def build_tile(terrain: Terrain, layout: TileLayout, row: int, column: int) -> BuiltMesh:

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 from msgspec import UNSET
 
 from terratool.definition.presets import friction_of, preset_of, property_of
+from terratool.errors import RequestError
 from terratool.field.terrain import Terrain
 from terratool.mesh.build import GREY, build
 from terratool.mesh.export import BudgetedMesh, MeshOptions, collapse_degenerate, loss_of, no_ground
@@ -25,6 +26,8 @@ from terratool.mesh.formats.common import (
 from terratool.mesh.loss import MeshLoss
 from terratool.mesh.normals import with_normals
 from terratool.mesh.origin import zero_of
+from terratool.mesh.plan import plan_of
+from terratool.mesh.tiles import faces_of
 from terratool.mesh.types import BuiltMesh, Mesh
 from terratool.raster.grid import Grid
 from terratool.report.numbers import metres
@@ -32,6 +35,9 @@ from terratool.report.wording import count_of
 from terratool.simulators.cells import cell_grid
 from terratool.simulators.options import SceneOptions
 from terratool.traversability.judge import CellVerdict, Judge
+
+_MOST_FACES, _MANY_FACES = 20_000_000, 2_000_000
+"""Most faces of a mesh, about, and those that are proposed in place of more."""
 
 
 class Material(NamedTuple):
@@ -85,14 +91,33 @@ class Scene:
         """Return the mesh within an error, units of the terrain.
 
         Raises:
-            RequestError: there is no ground.
+            RequestError: there is no ground, or its mesh would be too large.
         """
         self.say(f"meshing within {metres(error)}")
+        self._refuse_faces(error)
         built = collapse_degenerate(build(self.terrain, error))
         if not len(built.mesh.faces):
             raise no_ground()
         self.say(f"{count_of(len(built.mesh.faces), 'face')} within {metres(error)}")
         return built
+
+    def _refuse_faces(self, error: float) -> None:
+        """Refuse a mesh of far more faces than simulators take, before it is made.
+
+        Raises:
+            RequestError: the mesh would be too large.
+        """
+        faces = faces_of(plan_of(self.terrain, error)[0])
+        if faces <= _MOST_FACES:
+            return
+        wider = error
+        while faces_of(plan_of(self.terrain, wider)[0]) > _MANY_FACES:
+            wider *= 4.0
+        raise RequestError(
+            f"Within {metres(error)} the ground has about {faces:,.0f} triangles, which no "
+            "simulator takes.",
+            f"Give --max-error {wider:.2g}, or export a part of the terrain.",
+        )
 
     @cached_property
     def mesh(self) -> Mesh:
