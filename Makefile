@@ -99,6 +99,7 @@ bench: $(VENV)/.installed-bench-$(VARIANTS)  ## Measure speed and memory, as rat
 	$(BIN)/python benchmarks/scaling.py
 	$(BIN)/python benchmarks/meshing.py
 	$(BIN)/python benchmarks/importing.py
+	$(BIN)/python benchmarks/grids.py
 	$(BIN)/python benchmarks/reading.py
 	$(BIN)/python benchmarks/zbuffer.py
 	$(BIN)/python benchmarks/rutting.py

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from terratool.field.grid_numbers import Numbers, grid_numbers, is_edged, row_blocks
+from terratool.field.grid_numbers import grid_numbers, is_edged
 from terratool.field.records import COMBINE, FieldArrays
 from terratool.field.relief import worn_reliefs
 from terratool.kernels import field as kernels
@@ -292,49 +292,26 @@ def _curve_lines(starts: Floats, pieces: Floats) -> Floats:
 def _grid_lines(arrays: FieldArrays, kind: Any, axis: str) -> Floats:
     """Return the lines of numbers across an axis of a grid as rows, (4, n), as in `CrestLines`.
 
-    The drop of a line is the largest change of slope along it, without sign; of a grid with void
-    numbers, and of one that is read by blocks, it is infinite; with void numbers there are lines on
-    the edges of pixels, too.
+    The drop of each is infinite: it is looked at where a line is met. With void numbers there are
+    lines on the edges of pixels, too.
     """
     raster = arrays.curves.rasters[kind["raster"]]
     count = int(raster["count"]["xy".index(axis)])
-    beyond = bool(raster["pixel"]) or count == 1  # the outermost numbers go on
-    if beyond:
-        t, spacing = np.concatenate([[0.0], (np.arange(count) + 0.5) / count, [1.0]]), 1.0 / count
+    edges = np.zeros(0)
+    if raster["pixel"] or count == 1:  # the outermost numbers go on
+        t = np.concatenate([[0.0], (np.arange(count) + 0.5) / count, [1.0]])
+        edges = np.arange(1, count) / count if raster["voids"] else edges
     else:
-        t, spacing = np.linspace(0.0, 1.0, count), 1.0 / (count - 1)
-    edges = np.arange(1, count) / count if raster["voids"] and raster["pixel"] else np.zeros(0)
-    wall = np.zeros(len(t) + len(edges))
-    t, drop = np.concatenate([t, edges]), np.full(len(wall), np.inf)
+        t = np.linspace(0.0, 1.0, count)
+    t, wall = np.concatenate([t, edges]), np.zeros(len(t) + len(edges))
     if raster["file"] >= 0 and not arrays.curves.mapped.is_whole(raster["file"]):
         wall[(t == 0.0) | (t == 1.0)] = _grid_size(arrays, kind)
-        return np.stack([t, drop, np.zeros(len(t)), wall])
-    numbers = grid_numbers(arrays, kind)
-    along = numbers.T if axis == "x" else numbers[::-1]  # from the west or south
-    if not raster["voids"]:
-        drop = _largest_bends(along, beyond) / spacing
-    for end, line in ((0.0, along[0]), (1.0, along[-1])):
-        wall[t == end] = np.fmax.reduce(np.abs(line), initial=0.0)
-    return np.stack([t, drop, np.zeros(len(t)), wall])
-
-
-def _largest_bends(along: Numbers, beyond: bool) -> Floats:
-    """Largest change of the difference of neighbours at each row of numbers, without sign.
-
-    Args:
-        along: numbers, (n, m), that follow one another down columns, with level ground at the ends.
-        beyond: whether the first and last row go on by one more at each end, so that n + 2 have
-            changes.
-    """
-    most = np.zeros(len(along) + 2 * beyond)
-    for columns in row_blocks(along.T):
-        block = along[:, columns].astype(np.float64)
-        if beyond:
-            block = np.concatenate([block[:1], block, block[-1:]])
-        level = np.zeros((1, block.shape[1]))
-        steps = np.concatenate([level, np.diff(block, axis=0), level])
-        most = np.maximum(most, np.abs(np.diff(steps, axis=0)).max(axis=1))
-    return most
+    else:
+        numbers = grid_numbers(arrays, kind)
+        rim = (numbers[:, 0], numbers[:, -1]) if axis == "x" else (numbers[-1], numbers[0])
+        for end, side in zip((0.0, 1.0), rim, strict=True):
+            wall[t == end] = np.fmax.reduce(np.abs(side), initial=0.0)
+    return np.stack([t, np.full(len(t), np.inf), np.zeros(len(t)), wall])
 
 
 def _bends_at_knots(lengths: Floats, pieces: Floats, begin: Floats, end: Floats) -> Floats:
