@@ -307,6 +307,40 @@ def rows_of(source: GridSource) -> GridRows:
     )
 
 
+class BandReading(NamedTuple):
+    """Meaning of the numbers of a band.
+
+    Attributes:
+        scale: factor and offset.
+        nodata: number that stands for none; None without one.
+        masked: whether a mask leaves some out.
+    """
+
+    scale: tuple[float, float]
+    nodata: float | None
+    masked: bool
+
+    @classmethod
+    def of(cls, file: Any, band: int) -> BandReading:
+        """Meaning of the numbers of a band, from 1, of an open rasterio dataset."""
+        flags = [flag.name for flag in file.mask_flag_enums[band - 1]]
+        return cls(
+            (file.scales[band - 1], file.offsets[band - 1]),
+            file.nodatavals[band - 1],
+            "per_dataset" in flags or "alpha" in flags,
+        )
+
+
+def reading_of(source: GridSource) -> BandReading:
+    """Meaning of the numbers of a band, by the file's own bytes.
+
+    Raises:
+        ReadError: the file is broken.
+    """
+    with _opened(source.path) as file:
+        return BandReading.of(file, source.band)
+
+
 class _Band:
     """Band of an open raster, whose numbers become heights."""
 
@@ -314,15 +348,12 @@ class _Band:
         import numpy as np
 
         self._file, self._number = file, source.band
-        self._scale = file.scales[source.band - 1], file.offsets[source.band - 1]
+        self._scale, self._nodata, self._masked = BandReading.of(file, source.band)
         kind = np.dtype(file.dtypes[source.band - 1])
         single = self._scale == (1.0, 0.0) and kind.name in _SINGLE
-        self._nodata: Any = file.nodatavals[source.band - 1]
         if self._nodata is not None and kind.kind == "f":
             with np.errstate(over="ignore"):
                 self._nodata = kind.type(self._nodata)
-        flags = [flag.name for flag in file.mask_flag_enums[source.band - 1]]
-        self._masked = "per_dataset" in flags or "alpha" in flags
         self.expected = GridFacts(source, single, -LARGEST, LARGEST, voids=True, edged=True)
 
     def write(self, put: Put) -> GridFacts:
