@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import msgspec
 from msgspec import structs
 
-from terratool.definition.grid_files import FileIdentity, GridSource
+from terratool.definition.grid_files import FileIdentity, GridSource, Ranges
 from terratool.definition.model import LARGEST, GridRows
 from terratool.errors import ReadError, reason
 from terratool.io import grid_cache
@@ -291,20 +291,41 @@ def refuse_size(facts: GridFacts) -> None:
         )
 
 
+def _array_of(grid: MappedGrid) -> NDArray[Any]:
+    """Heights of a grid, (rows, columns) from the north, NaN where there is none."""
+    import numpy as np
+
+    kind = np.float32 if grid.facts.single else np.float64
+    found: NDArray[Any] = grid.data.view(kind)
+    return found.reshape(grid.facts.source.rows, grid.facts.source.columns)
+
+
 def rows_of(source: GridSource) -> GridRows:
     """Read all heights of a band as rows from the north, None where there is none.
 
     Raises:
         ReadError: the file has changed since its header was read, or is broken.
     """
-    import numpy as np
-
-    data, facts = numbers_of(source)
-    numbers = data.view(np.float32 if facts.single else np.float64)
     return tuple(
         tuple(None if math.isnan(z) else z for z in row)
-        for row in numbers.reshape(source.rows, source.columns).tolist()
+        for row in _array_of(numbers_of(source)).tolist()
     )
+
+
+def ranges_of(source: GridSource) -> Ranges:
+    """Read the ranges of all heights of a band and of those on its rim, and whether some are void.
+
+    Raises:
+        ReadError: the file has changed since its header was read, or is broken.
+    """
+    import numpy as np
+
+    grid = numbers_of(source)
+    heights, facts = _array_of(grid), grid.facts
+    around = np.concatenate([heights[0], heights[-1], heights[:, 0], heights[:, -1]])
+    known = around[~np.isnan(around)]
+    rim = (float(known.min()), float(known.max())) if known.size else (0.0, 0.0)
+    return (facts.low, facts.high), rim, facts.voids
 
 
 class BandReading(NamedTuple):

@@ -140,6 +140,12 @@ def test_validation_reads_no_pixels(folder: Path) -> None:
     checked = load_checked(folder / "main.json")
     with pytest.raises(ReadError, match=r"damaged\.tif: cannot be read as a raster"):
         Terrain(checked)
+    options = CheckOptions(max_step=0.1)
+    (told,) = check(read_source(folder / "main.json"), options).findings
+    assert (told.code, told.pointer) == ("TT211", "/elemTypes/d/grid/file")
+    assert told.message.startswith(
+        'no step of "d" is known: the raster "damaged.tif" cannot be read as a raster ('
+    )
     assert not list((folder.parent / "cache" / "terratool" / "grids").iterdir())
 
 
@@ -170,6 +176,62 @@ def test_a_raster_that_is_not_north_up_is_told(folder: Path) -> None:
     geotiff(folder / "south.tif", HEIGHTS, side=(2, -2))
     (finding,) = findings_of(folder, {"file": "south.tif"})
     assert finding.code == "TT314" and "north up" in finding.message
+
+
+SIDES = "north", "east", "south", "west"
+RIMS = {
+    "low": [[0, 0, 0], [0, 9, 0], [0, 0, 0], [0, 0, 0]],
+    "north": [[0, 0.3, 0], [0, 9, 0], [0, 0, 0], [0, 0, 0]],
+    "east": [[0, 0, 0], [0, 9, 0], [0, 0, -0.3], [0, 0, 0]],
+    "south": [[0, 0, 0], [0, 9, 0], [0, 0, 0], [0, 0.3, 0]],
+    "west": [[0, 0, 0], [0, 9, 0], [0.3, 0, 0], [0, 0, 0]],
+    "small": [[0.1, 0, None], [0, 9, 0], [0, 0, 0.1], [0, 0, 0]],
+    "zero": [[0, 0, 0]] * 4,
+    "void": [[None, None, None]] * 4,
+    "zero with a void": [[0, 0, 0], [0, None, 0], [0, 0, 0], [0, 0, 0]],
+}
+
+
+@pytest.mark.parametrize("kind", ["float32", "float64"])
+@pytest.mark.parametrize("rows", RIMS.values(), ids=RIMS)
+def test_with_a_largest_step_rasters_are_looked_at_as_rows_are(
+    folder: Path, rows: list[list[float | None]], kind: str
+) -> None:
+    """Their rims, their ranges and their voids; own ones and those of a library."""
+    geotiff(folder / "dem.tif", np.array(rows, kind))
+    found = []
+    for number, grid in enumerate((rows, {"file": "dem.tif"}, {"file": "dem.tif"})):
+        types = {"dem": {"grid": grid, "registration": "pixel"}}
+        child = {
+            "cellX": 1,
+            "cellY": 0,
+            "span": [2, 2],
+            "type": "dem",
+            "vScale": 0.9,
+            "turnDeg": 180,
+        }
+        main: dict[str, Any] = {
+            "size": [12, 6], "elemTypes": {"level": {"x": [1]}},
+            "elemTree": {"type": "level", "vScale": 1, "cells": [4, 2], "children": [child]},
+        }  # fmt: skip
+        if number < 2:
+            main["elemTypes"] |= types
+        else:
+            (folder / "lib.json").write_text(json.dumps({"elemTypes": types}))
+            main["use"] = ["lib.json"]
+        (folder / "main.json").write_text(json.dumps(main))
+        for most in (0.2, None):
+            told = check(read_source(folder / "main.json"), CheckOptions(max_step=most)).findings
+            found.append([(one.code, one.pointer, one.message) for one in told])
+    limited, _, same, unread, of_library, _ = (
+        [one for one in told if one[0] not in ("TT314", "TT310")] for told in found
+    )
+    assert same == limited
+    assert of_library == [one for one in limited if not one[1].startswith("/elemTypes/dem")]
+    assert unread == [], "nothing is read without a limit"
+    codes = {code for code, *_ in limited}
+    assert ("TT211" in codes) == any(rows == RIMS[side] for side in SIDES)
+    assert ("TT308" in codes) == (rows == RIMS["zero"])
 
 
 def test_what_a_library_has_is_told_at_the_element(folder: Path) -> None:

@@ -97,7 +97,7 @@ def _types(root: Root) -> set[Any]:
     return set(map(root.tree.column("type").__getitem__, elements_of(root)))
 
 
-def _place(subject: Subject, name: str) -> tuple[str, int]:
+def raster_place(subject: Subject, name: str) -> tuple[str, int]:
     """Pointer of a raster's path, or the element at which it begins: the first one that has it."""
     if name in subject.definition.primitives:
         return f"/elemTypes/{escape(name)}/grid/file", -1
@@ -260,7 +260,7 @@ def grid_crs(subject: Subject) -> Iterator[Remark]:
     for name, source in _sources(subject):
         its = authority_code(source.crs) if source.crs else None
         if own is not None and its is not None and its != own:
-            pointer, element = _place(subject, name)
+            pointer, element = raster_place(subject, name)
             yield Remark(
                 pointer,
                 f"the raster is in {its.authority}:{its.code}, the terrain in "
