@@ -85,7 +85,7 @@ def import_terrain_from(
         RequestError: an option makes no sense, alone or for the source.
         WriteError: the file cannot be written.
     """
-    if options.get("max_error") is None:
+    if options.get("max_error") is None and not options.get("link"):
         raise RequestError("Nothing says how far heights may be off.", "Give max_error.")
     wanted = fill(ImportOptions, options, title=_title(source))
     wanted.check()
@@ -96,9 +96,10 @@ def import_terrain_from(
             for written in outputs_of(output, wanted, heights.grid):
                 _refuse_same(written, source, wanted.surfaces)
             return import_terrain(heights, output, wanted, overwrite)
-    if wanted.as_ == "grid":
+    if wanted.as_ == "grid" or wanted.link:
         raise RequestError(
-            "A grid is a raster beside a file, and no file is named.", "Name one, or leave out as_."
+            "A grid is a raster beside a file, and no file is named.",
+            f"Name one, or leave out {'link' if wanted.link else 'as_'}.",
         )
     wanted = replace(wanted, as_="rows")
     with tempfile.TemporaryDirectory(prefix="terratool-") as folder:

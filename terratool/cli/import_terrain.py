@@ -47,9 +47,8 @@ _METHODS = ("rows", "columns", "nodal-rows", "nodal-columns", "hats")
     click.option(
         "--max-error",
         type=float,
-        required=True,
         metavar="E",
-        help="How far heights may be off, in their units.",
+        help="How far heights may be off, in their units.  [required without --link]",
     ),
     click.option(
         "--as",
@@ -59,11 +58,16 @@ _METHODS = ("rows", "columns", "nodal-rows", "nodal-columns", "hats")
         help="rows of curves in the text, or a grid: a raster beside it.  "
         "[default: rows up to 2,000,000 pixels]",
     ),
+    click.option(
+        "--link",
+        is_flag=True,
+        help="Make a grid of SOURCE itself, a raster beside OUT or below; nothing else is written.",
+    ),
     click.option("--fill", is_flag=True, help="Fill what is nodata, rather than leave it void."),
     click.option(
         "--structures/--no-structures",
-        default=True,
-        help="Whether to look for boxes, ramps and hills.",
+        default=None,
+        help="Whether to look for boxes, ramps and hills.  [default: up to 4,194,304 pixels]",
     ),
     click.option(
         "--walls",
@@ -121,6 +125,9 @@ def command(source: str, output: str, overwrite: bool, as_json: bool, **values: 
     from terratool.importing.terrain.request import ImportOptions
     from terratool.text.source import refuse_name
 
+    if values["max_error"] is None and not values["link"]:
+        raise click.UsageError("Missing option '--max-error'.")
+    values["max_error"] = values["max_error"] or 0.0
     refuse_name(output)
     chosen = options_of(values)
     surfaces = values["surfaces"]
@@ -229,19 +236,26 @@ def _share(size: int, pixels: int) -> str:
 
 def as_text(report: ImportReport, output: str) -> Iterator[str]:
     """Report in lines for people."""
-    from terratool.importing.terrain.request import MOST_AS_ROWS
+    from terratool.importing.terrain.request import MOST_AS_ROWS, MOST_IN_MEMORY, MOST_SEARCHED
 
     grid, error, unit = report.grid, report.error, report.grid.unit
     pixels = grid.rows * grid.columns
     size = f"{grid.dx:g}" if grid.dx == grid.dy else f"{grid.dx:g} × {grid.dy:g}"
     filled = ", filled" if report.options.fill else ""
-    if report.raster is not None and report.options.as_ is None:
+    options = report.options
+    if report.raster is not None and options.as_ is None and not options.link:
         yield f"More than {MOST_AS_ROWS:,} pixels: a grid is made of them; --as rows makes rows"
     what = f", {report.unknown:,} without a height{filled}" if report.unknown else ""
     yield f"{grid.columns} × {grid.rows} pixels of {size}{what}"
     if report.structures:
         found = ", ".join(f"{count} {kind}" for kind, count in report.structures.items())
         yield f"Structures: {found}"
+    elif report.raster is None and options.structures is None and not options.searches(grid):
+        does = "; --structures does" if pixels <= MOST_IN_MEMORY else ""
+        yield f"More than {MOST_SEARCHED:,} pixels: boxes, ramps and hills are not looked for{does}"
+    if options.link:
+        yield f"{output}: {report.size:,} bytes, a grid of {report.raster} itself"
+        return
     how = share = ""
     if report.raster is not None:
         how = f", as a grid in steps of {report.step:g} {unit}"
@@ -262,7 +276,7 @@ def as_text(report: ImportReport, output: str) -> Iterator[str]:
     yield f"Error at the pixels: at most {error.largest:.4g} {unit}{share}{at}, {rms}"
     if report.walls:
         yield (
-            f"Everywhere else within {report.options.max_error:g} {unit}, but for gaps of a pixel "
+            f"Everywhere else within {options.max_error:g} {unit}, but for gaps of a pixel "
             "where structures have upright walls or sharp edges."
         )
     else:

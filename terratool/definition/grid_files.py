@@ -98,6 +98,20 @@ def rows_of(source: GridSource) -> GridRows:
     return found
 
 
+Ranges = tuple[tuple[float, float], tuple[float, float], bool]
+"""Least and greatest height of a grid, those on its rim, and whether some heights are void."""
+
+
+def ranges_of(source: GridSource) -> Ranges:
+    """Read the ranges of all heights of a band and of those on its rim, and whether some are void.
+
+    Raises:
+        ReadError: the file has changed since its header was read, or is broken.
+    """
+    found: Ranges = import_module("terratool.io.grid_files").ranges_of(source)
+    return found
+
+
 def as_written(definition: Definition) -> Definition:
     """Definition as a text in the current folder would have it, without what was found."""
     linked = {

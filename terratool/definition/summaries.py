@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from functools import lru_cache
 from itertools import pairwise
 
-from msgspec import Struct
+from msgspec import Struct, structs
 
 from terratool.definition import expression
 from terratool.definition.curves import (
@@ -19,6 +19,7 @@ from terratool.definition.curves import (
     SampledCurve,
     shape_of,
 )
+from terratool.definition.grid_files import GridSource, ranges_of
 from terratool.definition.model import Pair, Primitive
 from terratool.definition.vectors import is_mirrored, range_of
 
@@ -154,7 +155,7 @@ def curve_values(curve: Curve) -> Callable[[float], float]:
 class GridSummary(Struct, frozen=True):
     """Summary of a grid: ranges of all its heights, and of those on its rim, and its voids.
 
-    Of a file the ranges are NaN, and no void is known.
+    Of a file that is not read the ranges are NaN, and no void is known.
     """
 
     whole: Range
@@ -191,6 +192,15 @@ def summarise_shape(primitive: Primitive) -> ShapeSummary:
         return ShapeSummary(one, one, shape.combine, _of_grid(shape.grid))
     y = None if shape.y is None else summarise_curve(shape.y)
     return ShapeSummary(summarise_curve(shape.x), y, shape.combine)
+
+
+def with_heights(summary: ShapeSummary, source: GridSource) -> ShapeSummary:
+    """Summary of a grid in a file, whose heights are read for it.
+
+    Raises:
+        ReadError: the file has changed since its header was read, or is broken.
+    """
+    return structs.replace(summary, grid=GridSummary(*ranges_of(source)))
 
 
 def value_range(summary: ShapeSummary) -> Range:

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import msgspec
 from msgspec import structs
 
-from terratool.definition.grid_files import FileIdentity, GridSource
+from terratool.definition.grid_files import FileIdentity, GridSource, Ranges
 from terratool.definition.model import LARGEST, GridRows
 from terratool.errors import ReadError, reason
 from terratool.io import grid_cache
@@ -326,22 +326,81 @@ def refuse_size(facts: GridFacts) -> None:
         )
 
 
+def _array_of(grid: MappedGrid) -> NDArray[Any]:
+    """Heights of a grid, (rows, columns) from the north, NaN where there is none."""
+    import numpy as np
+
+    if grid.blocks is not None:
+        grid.blocks.load_all()
+    kind = np.float32 if grid.facts.single else np.float64
+    found: NDArray[Any] = grid.data.view(kind)
+    return found.reshape(grid.facts.source.rows, grid.facts.source.columns)
+
+
 def rows_of(source: GridSource) -> GridRows:
     """Read all heights of a band as rows from the north, None where there is none.
 
     Raises:
         ReadError: the file has changed since its header was read, or is broken.
     """
-    import numpy as np
-
-    data, facts, blocks = numbers_of(source)
-    if blocks is not None:
-        blocks.load_all()
-    numbers = data.view(np.float32 if facts.single else np.float64)
     return tuple(
         tuple(None if math.isnan(z) else z for z in row)
-        for row in numbers.reshape(source.rows, source.columns).tolist()
+        for row in _array_of(numbers_of(source)).tolist()
     )
+
+
+def ranges_of(source: GridSource) -> Ranges:
+    """Read the ranges of all heights of a band and of those on its rim, and whether some are void.
+
+    A raster that is read by blocks is not looked at: its ranges are 0.
+
+    Raises:
+        ReadError: the file has changed since its header was read, or is broken.
+    """
+    import numpy as np
+
+    grid = numbers_of(source)
+    if grid.blocks is not None:
+        return (0.0, 0.0), (0.0, 0.0), True
+    heights, facts = _array_of(grid), grid.facts
+    around = np.concatenate([heights[0], heights[-1], heights[:, 0], heights[:, -1]])
+    known = around[~np.isnan(around)]
+    rim = (float(known.min()), float(known.max())) if known.size else (0.0, 0.0)
+    return (facts.low, facts.high), rim, facts.voids
+
+
+class BandReading(NamedTuple):
+    """Meaning of the numbers of a band.
+
+    Attributes:
+        scale: factor and offset.
+        nodata: number that stands for none; None without one.
+        masked: whether a mask leaves some out.
+    """
+
+    scale: tuple[float, float]
+    nodata: float | None
+    masked: bool
+
+    @classmethod
+    def of(cls, file: Any, band: int) -> BandReading:
+        """Meaning of the numbers of a band, from 1, of an open rasterio dataset."""
+        flags = [flag.name for flag in file.mask_flag_enums[band - 1]]
+        return cls(
+            (file.scales[band - 1], file.offsets[band - 1]),
+            file.nodatavals[band - 1],
+            "per_dataset" in flags or "alpha" in flags,
+        )
+
+
+def reading_of(source: GridSource) -> BandReading:
+    """Meaning of the numbers of a band, by the file's own bytes.
+
+    Raises:
+        ReadError: the file is broken.
+    """
+    with _opened(source.path) as file:
+        return BandReading.of(file, source.band)
 
 
 class _Band:
@@ -351,15 +410,12 @@ class _Band:
         import numpy as np
 
         self._file, self._number = file, source.band
-        self._scale = file.scales[source.band - 1], file.offsets[source.band - 1]
+        self._scale, self._nodata, self._masked = BandReading.of(file, source.band)
         kind = np.dtype(file.dtypes[source.band - 1])
         single = self._scale == (1.0, 0.0) and kind.name in _SINGLE
-        self._nodata: Any = file.nodatavals[source.band - 1]
         if self._nodata is not None and kind.kind == "f":
             with np.errstate(over="ignore"):
                 self._nodata = kind.type(self._nodata)
-        flags = [flag.name for flag in file.mask_flag_enums[source.band - 1]]
-        self._masked = "per_dataset" in flags or "alpha" in flags
         self.expected = GridFacts(source, single, -LARGEST, LARGEST, voids=True, edged=True)
 
     def write(self, put: Put) -> GridFacts:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from terratool.definition.bundle import bundle
 from terratool.definition.findings import Finding
 from terratool.definition.grid_files import LinkedGrid
 from terratool.definition.reader import CheckOptions, check, load_checked
@@ -139,6 +140,12 @@ def test_validation_reads_no_pixels(folder: Path) -> None:
     checked = load_checked(folder / "main.json")
     with pytest.raises(ReadError, match=r"damaged\.tif: cannot be read as a raster"):
         Terrain(checked)
+    options = CheckOptions(max_step=0.1)
+    (told,) = check(read_source(folder / "main.json"), options).findings
+    assert (told.code, told.pointer) == ("TT211", "/elemTypes/d/grid/file")
+    assert told.message.startswith(
+        'no step of "d" is known: the raster "damaged.tif" cannot be read as a raster ('
+    )
     assert not list((folder.parent / "cache" / "terratool" / "grids").iterdir())
 
 
@@ -162,13 +169,69 @@ def test_the_proportions_of_a_cell_are_compared(
     }  # fmt: skip
     (folder / "main.json").write_text(json.dumps(definition), encoding="utf-8")
     codes = [finding.code for finding in check(read_source(folder / "main.json")).findings]
-    assert ("TT314" in codes) is told
+    assert codes.count("TT314") == told
 
 
 def test_a_raster_that_is_not_north_up_is_told(folder: Path) -> None:
     geotiff(folder / "south.tif", HEIGHTS, side=(2, -2))
     (finding,) = findings_of(folder, {"file": "south.tif"})
     assert finding.code == "TT314" and "north up" in finding.message
+
+
+SIDES = "north", "east", "south", "west"
+RIMS = {
+    "low": [[0, 0, 0], [0, 9, 0], [0, 0, 0], [0, 0, 0]],
+    "north": [[0, 0.3, 0], [0, 9, 0], [0, 0, 0], [0, 0, 0]],
+    "east": [[0, 0, 0], [0, 9, 0], [0, 0, -0.3], [0, 0, 0]],
+    "south": [[0, 0, 0], [0, 9, 0], [0, 0, 0], [0, 0.3, 0]],
+    "west": [[0, 0, 0], [0, 9, 0], [0.3, 0, 0], [0, 0, 0]],
+    "small": [[0.1, 0, None], [0, 9, 0], [0, 0, 0.1], [0, 0, 0]],
+    "zero": [[0, 0, 0]] * 4,
+    "void": [[None, None, None]] * 4,
+    "zero with a void": [[0, 0, 0], [0, None, 0], [0, 0, 0], [0, 0, 0]],
+}
+
+
+@pytest.mark.parametrize("kind", ["float32", "float64"])
+@pytest.mark.parametrize("rows", RIMS.values(), ids=RIMS)
+def test_with_a_largest_step_rasters_are_looked_at_as_rows_are(
+    folder: Path, rows: list[list[float | None]], kind: str
+) -> None:
+    """Their rims, their ranges and their voids; own ones and those of a library."""
+    geotiff(folder / "dem.tif", np.array(rows, kind))
+    found = []
+    for number, grid in enumerate((rows, {"file": "dem.tif"}, {"file": "dem.tif"})):
+        types = {"dem": {"grid": grid, "registration": "pixel"}}
+        child = {
+            "cellX": 1,
+            "cellY": 0,
+            "span": [2, 2],
+            "type": "dem",
+            "vScale": 0.9,
+            "turnDeg": 180,
+        }
+        main: dict[str, Any] = {
+            "size": [12, 6], "elemTypes": {"level": {"x": [1]}},
+            "elemTree": {"type": "level", "vScale": 1, "cells": [4, 2], "children": [child]},
+        }  # fmt: skip
+        if number < 2:
+            main["elemTypes"] |= types
+        else:
+            (folder / "lib.json").write_text(json.dumps({"elemTypes": types}))
+            main["use"] = ["lib.json"]
+        (folder / "main.json").write_text(json.dumps(main))
+        for most in (0.2, None):
+            told = check(read_source(folder / "main.json"), CheckOptions(max_step=most)).findings
+            found.append([(one.code, one.pointer, one.message) for one in told])
+    limited, _, same, unread, of_library, _ = (
+        [one for one in told if one[0] not in ("TT314", "TT310")] for told in found
+    )
+    assert same == limited
+    assert of_library == [one for one in limited if not one[1].startswith("/elemTypes/dem")]
+    assert unread == [], "nothing is read without a limit"
+    codes = {code for code, *_ in limited}
+    assert ("TT211" in codes) == any(rows == RIMS[side] for side in SIDES)
+    assert ("TT308" in codes) == (rows == RIMS["zero"])
 
 
 def test_what_a_library_has_is_told_at_the_element(folder: Path) -> None:
@@ -188,6 +251,117 @@ def test_what_a_library_has_is_told_at_the_element(folder: Path) -> None:
     assert {(one.code, one.pointer) for one in found if one.code in ("TT314", "TT315")} == {
         ("TT314", "/elemTree/children/0/type"), ("TT315", "/elemTree/children/0/type"),
     }  # fmt: skip
+
+
+def parted(folder: Path, turn: float, where: str) -> list[tuple[str, str]]:
+    """What is told of a part with a raster of 3 × 2, in a cell of 6 × 2 and in a free one.
+
+    The part divides its cell into three: of the first cell each is 2 × 2.
+    """
+    geotiff(folder / "dem.tif", HEIGHTS, side=(2, 2), crs="EPSG:32632")
+    kit = {
+        "elemTypes": {"dem": {"grid": {"file": "dem.tif"}}},
+        "parts": {
+            "field": {"type": "flat", "vScale": 1, "cells": [3, 1], "children": [
+                {"cellX": 1, "cellY": 0, "type": "dem", "vScale": 1}]},
+            "unused": {"type": "dem", "vScale": 1},
+            "around": {"type": "flat", "vScale": 1, "children": [
+                {"at": [3, 2], "extent": [6, 4], "part": "field"}]},
+        },
+    }  # fmt: skip
+    main: dict[str, Any] = {
+        "size": [24, 16], "crs": "EPSG:32632", "elemTypes": {"flat": {"x": [1]}},
+        "elemTree": {"type": "flat", "vScale": 1, "cells": [4, 8], "children": [
+            {"cellX": 0, "cellY": 0, "part": "field", "turnDeg": turn},
+            {"at": [12, 8], "extent": [9, 2], "part": "field", "turnDeg": turn},
+            {"at": [20, 8], "extent": [6, 4], "part": "around"},
+        ]},
+    }  # fmt: skip
+    if where == "library":
+        kit["elemTypes"]["flat"] = {"x": [1]}
+        main["use"] = ["lib.json"]
+        main["elemTypes"] = {"level": {"x": [1]}}
+        main["elemTree"]["type"] = "level"
+        (folder / "lib.json").write_text(json.dumps(kit))
+    else:
+        main["elemTypes"] |= kit["elemTypes"]
+        main["parts"] = kit["parts"]
+    (folder / "main.json").write_text(json.dumps(main), encoding="utf-8")
+    found = check(read_source(folder / "main.json")).findings
+    return [(one.pointer, one.message) for one in found if one.code == "TT314"]
+
+
+def test_a_raster_in_a_part_is_held_against_each_size_of_it(folder: Path) -> None:
+    """Of 6 × 2 the cell is 2 × 2; of 9 × 2 it is 3 × 2, and as it should be."""
+    ((pointer, said),) = parted(folder, 0, "own")
+    assert pointer == "/parts/field/children/0/type"
+    assert said.startswith("the cell is 2 × ") and "1.5 times as wide as tall" in said
+    assert 'where the part "field" stands in 6 × ' in said
+
+
+def test_a_raster_in_a_part_of_a_library_is_told_where_the_part_stands(folder: Path) -> None:
+    told = parted(folder, 0, "library")
+    assert {pointer for pointer, _ in told} == {
+        "/elemTree/children/0/part", "/elemTree/children/2/part",
+    }  # fmt: skip
+    assert all("in lib.json#/parts/field/children/0, the cell is 2 × " in said for _, said in told)
+
+
+def test_a_part_that_lies_has_cells_that_lie(folder: Path) -> None:
+    """The raster turns in a cell with exchanged sides: of 9 × 2 it is 9 × 2/3."""
+    told = parted(folder, 90, "library")
+    assert {pointer: said.split(",")[1].strip() for pointer, said in told} == {
+        "/elemTree/children/0/part": "the cell is 6 × 0.666667",
+        "/elemTree/children/1/part": "the cell is 9 × 0.666667",
+        "/elemTree/children/2/part": "the cell is 2 × 4",
+    }
+
+
+@pytest.mark.parametrize("turn", [0, 90, 180, 270])
+def test_what_is_told_of_parts_is_told_of_them_written_out(
+    folder: Path, turn: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of the same cells."""
+    told = parted(folder, turn, "library")
+    monkeypatch.setattr("terratool.definition.bundle._FEW", 0)
+    checked = load_checked(folder / "main.json")
+    out = folder / "expanded.json"
+    out.write_text(bundle(checked, expanded=True, output=str(out)).text)
+    found = [one.message for one in check(read_source(out)).findings if one.code == "TT314"]
+    cells = sorted({message.split(",")[0] for message in found})
+    assert cells == sorted({message.split(", ")[1] for _, message in told})
+
+
+@pytest.mark.parametrize("nested", [False, True])
+def test_another_reference_system_in_a_part_of_a_library_is_told(
+    folder: Path, nested: bool
+) -> None:
+    """At the element through which the part stands in the terrain; not that of an unused part."""
+    geotiff(folder / "dem.tif", HEIGHTS, crs="EPSG:32632")
+    geotiff(folder / "other.tif", HEIGHTS, crs="EPSG:32631")
+    kit = {
+        "elemTypes": {
+            "dem": {"grid": {"file": "dem.tif"}}, "other": {"grid": {"file": "other.tif"}},
+            "flat": {"x": [1]},
+        },
+        "parts": {
+            "field": {"type": "dem", "vScale": 1},
+            "around": {"type": "flat", "vScale": 1, "children": [
+                {"cellX": 0, "cellY": 0, "part": "field"}]},
+            "unused": {"type": "other", "vScale": 1},
+        },
+    }  # fmt: skip
+    (folder / "lib.json").write_text(json.dumps(kit))
+    main = {
+        "size": 40, "crs": "EPSG:32633", "use": ["lib.json"], "elemTypes": {"level": {"x": [1]}},
+        "elemTree": {"type": "level", "vScale": 1, "cells": 4, "children": [
+            {"cellX": 1, "cellY": 1, "type": "level", "vScale": 1},
+            {"cellX": 2, "cellY": 0, "part": "around" if nested else "field"},
+        ]},
+    }  # fmt: skip
+    (folder / "main.json").write_text(json.dumps(main), encoding="utf-8")
+    found = check(read_source(folder / "main.json")).findings
+    assert [one.pointer for one in found if one.code == "TT315"] == ["/elemTree/children/1/part"]
 
 
 def test_a_default_height_of_a_raster_is_a_factor(folder: Path) -> None:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import gzip
 import json
+import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -133,6 +135,7 @@ def test_large_ones_become_grids_by_themselves(dem: Path, monkeypatch: pytest.Mo
         (["--method", "rows"], "--method is about rows, and a grid is asked for."),
         (["--cells", "pixels"], "--cells is about rows"),
         (["--walls"], "--walls is about rows"),
+        (["--structures"], "--structures is about rows"),
         (["--max-error", "0"], "The largest error is 0."),
     ],
 )
@@ -202,3 +205,130 @@ def test_numbers_have_room_for_all_steps(tmp_path: Path, relief: float, dtype: s
         root = json.loads(out.read_text())["elemTree"]
         ours = root["vScale"] * file.read(1).astype(float) + root["vOffset"]
     assert np.abs(ours - heights).max() <= error
+
+
+# --- links ----------------------------------------------------------------------------------------
+
+
+def linked(dem: Path, out: Path, *more: Any) -> Any:
+    return run("import-terrain", dem, out, "--link", *more)
+
+
+@pytest.mark.parametrize("below", ["", "data/north"])
+@pytest.mark.parametrize("kind", ["float64", "int16"])
+def test_a_link_is_the_source_itself(dem: Path, below: str, kind: str) -> None:
+    """Its heights to the last bit that pixels have; nothing is written but the definition."""
+    heights = HEIGHTS.astype(kind)
+    second = heights + heights.dtype.type(1)
+    heights[2, 3] = second[4, 1] = -999
+    folder = dem.parent / "site"
+    (folder / below).mkdir(parents=True)
+    geotiff(
+        folder / below / "dem.tif", np.stack([heights, second]), corner=CORNER,
+        crs="EPSG:32633", nodata=-999, band={"scales": (0.5, 0.25), "offsets": (3, -7)},
+    )  # fmt: skip
+    before = (folder / below / "dem.tif").read_bytes()
+    out = folder / "site.json.gz"
+    ran = linked(folder / below / "dem.tif", out, "--band", 2, "--preset", "dry-sand")
+    assert (ran.code, ran.err) == (0, "")
+    assert ran.out.splitlines() == [
+        "9 × 6 pixels of 2, 1 without a height",
+        f"{out}: {out.stat().st_size:,} bytes, a grid of {folder / below / 'dem.tif'} itself",
+    ]
+    written = json.loads(gzip.decompress(out.read_bytes()))
+    assert (written["size"], written["origin"]) == ([18.0, 12.0], [400000.0, 4999988.0])
+    assert written["crs"] == "EPSG:32633" and "imported within" not in written["descr"]
+    file = f"{below}/dem.tif".removeprefix("/")
+    assert written["elemTypes"] == {"ground": {"grid": {"file": file, "band": 2}}}
+    x, y = np.meshgrid(400001 + 2 * np.arange(9), 4999999 - 2 * np.arange(6))
+    wanted = np.where(second == -999, np.nan, second * 0.25 - 7)
+    assert np.allclose(load(out).height(x, y), wanted, rtol=0, atol=1e-9, equal_nan=True)
+    assert (folder / below / "dem.tif").read_bytes() == before
+    assert sorted(path.name for path in folder.rglob("*") if path.is_file()) == [
+        "dem.tif", "site.json.gz",
+    ]  # fmt: skip
+
+
+def test_a_link_says_what_the_source_has(dem: Path) -> None:
+    """As JSON: no error, and how many pixels have no height."""
+    out = dem.with_name("site.json")
+    document = json.loads(linked(dem, out, "--json").out)
+    assert (document["raster"], document["raster_bytes"]) == (str(dem), dem.stat().st_size)
+    assert (document["nodata"], document["error"]["largest"], document["step"]) == (1, 0, 0)
+    assert document["relief"] == pytest.approx(float(HEIGHTS.max() - HEIGHTS.min()))
+    assert json.loads(out.read_text())["elemTypes"]["ground"]["grid"] == {"file": "dem.tif"}
+    assert linked(dem, out).code == 3, "it exists"
+    assert terratool.import_terrain(dem, out, link=True, overwrite=True).bound == 0
+
+
+@pytest.mark.parametrize(
+    ("more", "says"),
+    [
+        (["--max-error", 0.1], "--max-error is about heights that are written"),
+        (["--fill"], "--fill is about heights that are written"),
+        (["--as", "rows"], "A link makes a grid, and rows are asked for."),
+        (["--walls"], "--walls is about rows"),
+        (["--structures"], "--structures is about rows"),
+        (["--crs", "EPSG:32632"], "--crs resamples heights"),
+        (["--window", 0, 0, 3, 3], "--window or --bounds takes a part"),
+        (["--bounds", 400000, 4999990, 400018, 5000000], "--window or --bounds takes a part"),
+        (["--nodata", 0], "--nodata leaves some out"),
+    ],
+)
+def test_what_makes_other_heights_is_refused_of_a_link(
+    dem: Path, more: list[Any], says: str
+) -> None:
+    ran = linked(dem, dem.with_name("site.json"), *more)
+    assert ran.code == 2 and says in ran.err and "Leave out --" in ran.err, ran.err
+    assert sorted(path.name for path in dem.parent.iterdir()) == ["dem.tif"]
+
+
+def test_a_source_that_lies_elsewhere_is_not_linked(dem: Path) -> None:
+    """Nor is one to which a link leads from there."""
+    out = dem.parent / "site" / "site.json"
+    out.parent.mkdir()
+    (out.parent / "link.tif").symlink_to(dem)
+    for source in (dem, out.parent / "link.tif"):
+        ran = linked(source, out)
+        assert ran.code == 2 and "does not lie in the folder of site.json" in ran.err
+        assert not out.exists()
+
+
+def test_sources_that_are_no_rasters_are_not_linked(dem: Path, tmp_path: Path) -> None:
+    (tmp_path / "mesh.obj").write_text("v 0 0 0\nv 1 0 1\nv 0 1 2\nv 1 1 3\nf 1 2 4 3\n")
+    with zipfile.ZipFile(tmp_path / "a.zip", "w") as archive:
+        archive.write(dem, "dem.tif")
+    for source, more in (
+        (tmp_path / "mesh.obj", ["--resolution", 0.1]), (f"zip://{tmp_path}/a.zip!dem.tif", []),
+    ):  # fmt: skip
+        ran = run("import-terrain", source, tmp_path / "a.json", "--link", *more)
+        assert ran.code == 2 and "Only the file of a raster can be linked." in ran.err, ran.err
+    with pytest.raises(terratool.RequestError, match="Only the file of a raster"):
+        terratool.import_terrain(
+            HEIGHTS, tmp_path / "a.json", transform=(1, 0, 0, 0, -1, 0), link=True
+        )
+    with pytest.raises(terratool.RequestError, match="Name one, or leave out link"):
+        terratool.import_terrain(dem, link=True)
+
+
+def test_a_raster_that_a_grid_reads_otherwise_is_not_linked(dem: Path) -> None:
+    """By a file beside it, or as its rows run to the north."""
+    beside = dem.with_name("dem.tif.aux.xml")
+    band = '<PAMDataset><PAMRasterBand band="1">{}</PAMRasterBand></PAMDataset>'
+    beside.write_text(band.format("<Scale>2</Scale>"))
+    ran = linked(dem, dem.with_name("site.json"))
+    assert ran.code == 3 and "has its nodata, scale or mask in a file beside it" in ran.err
+    beside.write_text(band.format("<Description>heights</Description>"))
+    assert linked(dem, dem.with_name("site.json")).code == 0
+    beside.unlink()
+    geotiff(dem, HEIGHTS, side=(2, -2))
+    ran = linked(dem, dem.with_name("other.json"))
+    assert ran.code == 3 and "does not lie north up" in ran.err
+    assert not dem.with_name("other.json").exists()
+
+
+def test_a_largest_error_is_asked_for_without_a_link(dem: Path) -> None:
+    ran = run("import-terrain", dem, dem.with_name("site.json"))
+    assert ran.code == 2 and "Missing option '--max-error'" in ran.err
+    with pytest.raises(terratool.RequestError, match="Nothing says how far"):
+        terratool.import_terrain(dem)

@@ -13,7 +13,7 @@ import rasterio
 from terratool.field.terrain import load
 from terratool.importing import rasters
 from terratool.importing.sources import open_source
-from terratool.importing.terrain import build
+from terratool.importing.terrain import build, request
 from terratool.importing.terrain.build import import_terrain
 from terratool.importing.terrain.request import ImportOptions
 from tests.commands import ROOT, SAMPLE
@@ -289,6 +289,40 @@ def test_with_walls_no_bound_is_claimed_between_the_pixels(tmp_path):
         report = json.loads(ran.out)
         assert report["structures"] == {"box": 1}
         assert (report["error"]["bound"] is None) == report["walls"] == bool(walls)
+
+
+@pytest.mark.parametrize(
+    ("searched", "held", "more", "found", "said"),
+    [
+        (1200, 9999, [], True, None),
+        (1199, 9999, [], False, "; --structures does"),
+        (1199, 9999, ["--structures"], True, None),
+        (1199, 9999, ["--walls"], True, None),
+        (1199, 9999, ["--no-structures"], False, None),
+        (1199, 9999, ["--walls", "--no-structures"], False, None),
+        (1100, 1199, [], False, ""),
+        (1100, 1199, ["--structures"], None, "Leave out --structures"),
+        (1100, 1199, ["--walls"], None, "Leave out --walls"),
+    ],
+)
+def test_many_pixels_are_searched_for_structures_where_asked(
+    tmp_path, monkeypatch, searched, held, more, found, said
+):
+    """And a line says if they are not."""
+    monkeypatch.setattr(request, "MOST_SEARCHED", searched)
+    monkeypatch.setattr(request, "MOST_IN_MEMORY", held)
+    heights = np.zeros((30, 40))
+    heights[5:15, 8:25] = 3.0
+    path = geotiff(tmp_path / "dem.tif", heights)
+    ran = run("import-terrain", path, tmp_path / "a.json", "--max-error", 0.1, *more)
+    if found is None:
+        assert ran.code == 2 and said in ran.err and not (tmp_path / "a.json").exists()
+        return
+    assert ran.code == 0 and ("Structures: 1 box" in ran.out) == found
+    line = f"More than {searched:,} pixels: boxes, ramps and hills are not looked for"
+    assert ("boxes" in ran.out) == (said is not None)
+    if said is not None:
+        assert f"{line}{said}" in ran.out.splitlines()
 
 
 def test_an_existing_file_is_kept_unless_told(dem, tmp_path):

@@ -12,15 +12,17 @@ from msgspec import UNSET, Struct, UnsetType
 from terratool.definition.curriculum import CurriculumText
 from terratool.definition.curves import CurveError, problems
 from terratool.definition.findings import Owner, Remark, RemarkBatch, Severity
+from terratool.definition.grid_files import LinkedGrid
 from terratool.definition.keys import SLOTS, Kind
 from terratool.definition.libraries import Clash, Named, SourceDocument, clashes_of, known_names
 from terratool.definition.model import Definition, Primitive, Surface
 from terratool.definition.part_sizes import PartSizes, sizes_of_places
 from terratool.definition.sensor import SensorText
-from terratool.definition.summaries import ShapeSummary, summarise_shape
+from terratool.definition.summaries import ShapeSummary, summarise_shape, with_heights
 from terratool.definition.tree import Tree
 from terratool.definition.uses import Uses
 from terratool.definition.vehicle import AxleText, VehicleText, WheelsText, WheelText
+from terratool.errors import ReadError
 
 
 class _Subject(Struct, frozen=True, dict=True, kw_only=True):
@@ -108,14 +110,31 @@ class Subject(_Subject, frozen=True, kw_only=True):
             for name in self.tree.distinct("type") - {UNSET}
             if name not in self.definition.primitives and name in self.primitives
         }
-        theirs = {name: summarise_shape(p) for name, p in others.items() if not problems(p)}
+        theirs = {name: self._summary(name, p) for name, p in others.items() if not problems(p)}
         return self.own_summaries | theirs
 
     @cached_property
     def own_summaries(self) -> dict[str, ShapeSummary]:
         """Summaries of the primitives that stand in the file itself, except those with errors."""
         primitives = self.definition.primitives.items()
-        return {name: summarise_shape(p) for name, p in primitives if name not in self.curve_errors}
+        return {
+            name: self._summary(name, p) for name, p in primitives if name not in self.curve_errors
+        }
+
+    @cached_property
+    def unread(self) -> dict[str, ReadError]:
+        """Errors of rasters whose heights were wanted for summaries, by name of the primitive."""
+        return {}
+
+    def _summary(self, name: str, primitive: Primitive) -> ShapeSummary:
+        """Summary of a primitive; the heights of a raster are read where steps have a limit."""
+        summary, grid = summarise_shape(primitive), primitive.grid
+        if self.max_step is not None and isinstance(grid, LinkedGrid):
+            try:
+                return with_heights(summary, grid.source)
+            except ReadError as error:
+                self.unread[name] = error
+        return summary
 
 
 def _lacks(document: SourceDocument) -> bool:

@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 from msgspec import UNSET
 
 from terratool.definition.findings import Remark
 from terratool.definition.grid_files import GridSource, LinkedGrid
+from terratool.definition.libraries import path_between
+from terratool.definition.model import Pair
+from terratool.definition.part_sizes import Cells, PartSize, PartSizes, SizeLimits
 from terratool.definition.rules.base import Subject, reader_rule, rule
 from terratool.definition.tree import ROOT
+from terratool.definition.uses import Root, elements_of
 from terratool.text.display import escape, quote
 
 _NEAR = 0.01
@@ -75,19 +80,33 @@ reader_rule(
 
 def _sources(subject: Subject) -> Iterator[tuple[str, GridSource]]:
     """Names of primitives that are rasters, the file's own and others that are used, and these."""
-    own = subject.definition.primitives
-    used = (name for name in subject.tree.distinct("type") if name in subject.primitives)
-    for name in dict.fromkeys([*own, *sorted(used)]):
+    if not subject.document.rasters:
+        return
+    uses = subject.uses
+    roots = [] if uses.circles else list(map(uses.part, uses.parts_in_use))
+    used = subject.tree.distinct("type").union(*map(_types, roots))
+    others = sorted(name for name in used - {UNSET} if name in subject.primitives)
+    for name in dict.fromkeys([*subject.definition.primitives, *others]):
         primitive = subject.primitives[name]
         if isinstance(primitive.grid, LinkedGrid):
             yield name, primitive.grid.source
 
 
-def _place(subject: Subject, name: str) -> tuple[str, int]:
+def _types(root: Root) -> set[Any]:
+    """Types of the elements of a part."""
+    return set(map(root.tree.column("type").__getitem__, elements_of(root)))
+
+
+def raster_place(subject: Subject, name: str) -> tuple[str, int]:
     """Pointer of a raster's path, or the element at which it begins: the first one that has it."""
     if name in subject.definition.primitives:
         return f"/elemTypes/{escape(name)}/grid/file", -1
-    return "/type", subject.tree.column("type").index(name)
+    own = subject.tree.column("type")
+    if name in own:
+        return "/type", own.index(name)
+    uses = subject.uses
+    leading = uses.parts_leading_to(lambda root: name in _types(root))
+    return "/part", next(use.element for use in uses.within(uses.root) if use.part in leading)
 
 
 @rule("TT314", "grid-aspect", "warning")
@@ -96,7 +115,9 @@ def grid_aspect(subject: Subject) -> Iterator[Remark]:
 
     The place of a raster is not used: its first row is the north of the cell, its first column the
     west. Where it says how wide and tall its pixels are, the cell has the proportions of all of
-    them. Elements in parts are not looked at, nor are rasters in degrees.
+    them. Rasters in degrees are not looked at. A part is looked at in the sizes that it stands in,
+    up to 1,000 of these, with 20,000 cells in all. What it has is told of once, in the part; if
+    that is in a library, where the part stands.
 
     Fails:
 
@@ -142,15 +163,60 @@ def grid_aspect(subject: Subject) -> Iterator[Remark]:
         if cell is None:
             continue
         wide, tall = cell[2] - cell[0], cell[3] - cell[1]  # a turn leaves them as they are
-        wanted = upright[name]
-        if abs(wide - wanted * tall) > _NEAR * max(wide, wanted * tall):
-            yield Remark(
-                "/type",
-                f"the cell is {wide:.6g} × {tall:.6g}, and the raster of {quote(name)} is "
-                f"{wanted:.4g} times as wide as tall.",
-                "Give the element a cell of these proportions.",
-                element=index,
-            )
+        stretched = _stretched(name, (wide, tall), upright[name])
+        if stretched:
+            yield Remark("/type", f"{stretched}.", _MEND, element=index)
+    yield from _in_parts(subject, upright)
+
+
+_MEND = "Give the element a cell of these proportions."
+
+
+def _stretched(name: str, cell: Pair, wanted: float) -> str:
+    """Words on a cell that has other proportions than its raster; empty where it has them."""
+    wide, tall = cell
+    if abs(wide - wanted * tall) <= _NEAR * max(wide, wanted * tall):
+        return ""
+    return (
+        f"the cell is {wide:.6g} × {tall:.6g}, and the raster of {quote(name)} is {wanted:.4g} "
+        "times as wide as tall"
+    )
+
+
+def _in_parts(subject: Subject, upright: dict[str, float]) -> Iterator[Remark]:
+    """Yield remarks on elements of parts, in the sizes that these stand in."""
+    uses = subject.uses
+    if not upright or not uses.has_root or uses.circles or subject.definition.size is UNSET:
+        return
+
+    def look(cells: Cells) -> Iterator[tuple[int, str, int]]:
+        root = cells.root
+        for index in elements_of(root) if root != uses.root else ():
+            name = root.tree.value("type", index)
+            if name in upright:
+                yield cells.number(index), name, index
+
+    sizes = PartSizes(uses, set(uses.parts_in_use), look, SizeLimits(1_000, 20_000))
+    told: set[int] = set()
+    seen: set[PartSize] = set()
+    for alike in sizes.alike():
+        size, name = alike.size, str(alike.key)
+        lengths, cell = (each.turn_by(size.lies).lengths for each in (alike.sides, size.sides))
+        stretched = _stretched(name, lengths, upright[name])
+        own = alike.root.tree is subject.tree
+        mark = id(alike.elements) if own else id(sizes.found[size])
+        if not stretched or mark in told:
+            continue
+        told.add(mark)
+        where = f"where the part {quote(size.part)} stands in {cell[0]:.6g} × {cell[1]:.6g}"
+        if own:
+            for index in alike.elements:
+                yield Remark("/type", f"{stretched}, {where}.", _MEND, element=index)
+            continue
+        library = path_between(subject.document, alike.root.home)
+        place = f"{library}#{alike.root.tree.pointer(alike.elements[0])}"
+        for user in sizes.elements_leading_to(size, seen):
+            yield Remark("/part", f"in {place}, {stretched}, {where}.", _MEND, element=user)
 
 
 def _proportions(subject: Subject, name: str, source: GridSource) -> float:
@@ -194,7 +260,7 @@ def grid_crs(subject: Subject) -> Iterator[Remark]:
     for name, source in _sources(subject):
         its = authority_code(source.crs) if source.crs else None
         if own is not None and its is not None and its != own:
-            pointer, element = _place(subject, name)
+            pointer, element = raster_place(subject, name)
             yield Remark(
                 pointer,
                 f"the raster is in {its.authority}:{its.code}, the terrain in "

@@ -9,7 +9,9 @@ from msgspec import UNSET
 
 from terratool.definition.cell_kinds import cell_kinds, shares_of
 from terratool.definition.findings import Remark
+from terratool.definition.grid_files import LinkedGrid
 from terratool.definition.rules.base import Subject, rule
+from terratool.definition.rules.grids import raster_place
 from terratool.definition.summaries import (
     Range,
     ShapeSummary,
@@ -59,7 +61,8 @@ def tall_step(subject: Subject) -> Iterator[Remark]:
     edge of the terrain is no step. Where a turned element is cut off by its cell, the step is taken
     to be as tall as the shape has it anywhere, which can be too much. What stands in a part is
     looked at as if the part covered the terrain, unturned and with the factor 1: TT213 says what is
-    cut off where a part is turned. Without --max-step nothing is looked at.
+    cut off where a part is turned. The heights of rasters are read. Without --max-step nothing is
+    looked at.
 
     Fails with --max-step 0.15:
 
@@ -89,6 +92,17 @@ def tall_step(subject: Subject) -> Iterator[Remark]:
     if limit is None:
         return
     walls = {name: _walls(summary) for name, summary in subject.summaries.items()}
+    for name, error in subject.unread.items():
+        pointer, element = raster_place(subject, name)
+        grid = subject.primitives[name].grid
+        assert isinstance(grid, LinkedGrid)
+        why = error.message.removeprefix(f"{grid.source.path}: ")
+        yield Remark(
+            pointer,
+            f"no step of {quote(name)} is known: the raster {quote(grid.file)} {why}",
+            error.hint,
+            element=element,
+        )
     tree = subject.tree
     columns = (tree.column(key) for key in ("type", "v_scale", "v_offset", "turn_deg"))
     width, height = subject.definition.extent

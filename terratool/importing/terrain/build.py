@@ -26,6 +26,7 @@ from terratool.importing.structure.structures import (
     primitive_of,
 )
 from terratool.importing.terrain.grids import import_grid
+from terratool.importing.terrain.linking import link_grid
 from terratool.importing.terrain.methods import (
     HeightRounding,
     Method,
@@ -70,9 +71,6 @@ from terratool.text.display import quote
 _SAMPLE = 192
 _SAMPLED = 1 << 18
 """Pixels of a DEM above which only samples are used to choose the method."""
-
-_SEARCHED = 1 << 22
-"""Pixels of a DEM above which it is searched for structures only if a sample has some."""
 
 _ROWS = 256
 _VOID = int(np.iinfo(np.int64).max)
@@ -142,10 +140,12 @@ def import_terrain(
         WriteError: the file cannot be written.
     """
     if options.makes_grid(source.grid):
-        return import_grid(source, output, options, overwrite, progress)
+        write = link_grid if options.link else import_grid
+        return write(source, output, options, overwrite, progress)
     work = progress or (lambda _: None)
     _refuse_size(source.grid)
     options.check()
+    options.searches(source.grid)
     output = Path(output)
     refuse_existing(output, overwrite)
     summary = summarise_source(source, options, work)
@@ -309,7 +309,7 @@ def _plan_import(
         )
 
     whole = without(_FoundStructures(), heights, summary.low)
-    if heights is None or not (options.structures and _is_promising(source, heights, options)):
+    if heights is None or not options.searches(source.grid):
         return whole
     found = _find(heights, options)
     if found.heights is None:
@@ -348,14 +348,6 @@ def _samples(source: HeightSource, heights: Floats | None) -> list[Floats]:
         row, column = (rows - side) * part_y // 4, (columns - side) * part_x // 4
         squares.append(np.ascontiguousarray(read(row, side)[:, column : column + side]))
     return squares
-
-
-def _is_promising(source: HeightSource, heights: Floats, options: ImportOptions) -> bool:
-    """Tell whether a DEM may have structures: a large one if some squares of it have."""
-    if heights.size <= _SEARCHED:
-        return True
-    squares = _samples(source, heights)
-    return any(find_structures(square, options.max_error, options.walls) for square in squares)
 
 
 def _find(heights: Floats, options: ImportOptions) -> _FoundStructures:

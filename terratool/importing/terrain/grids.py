@@ -101,7 +101,8 @@ def raster_path(output: Path) -> Path:
 def outputs_of(output: str | Path, options: ImportOptions, grid: PixelGrid) -> tuple[Path, ...]:
     """Files that an import of some pixels writes: the definition, and the raster of a grid."""
     output = Path(output)
-    return (output, raster_path(output)) if options.makes_grid(grid) else (output,)
+    written = options.makes_grid(grid) and not options.link
+    return (output, raster_path(output)) if written else (output,)
 
 
 def import_grid(
@@ -137,10 +138,11 @@ def import_grid(
     grid = source.grid
     if options.fill:
         source = _filled(source)
-    known = _range(source, work)
+    known = height_range(source, work)
     coding = _Coding.of(options.max_error, known.low, known.high)
     error = MeasuredError(grid)
-    text = _definition(source, options, raster.name, coding)
+    root = {"vScale": coding.step, "vOffset": coding.base}
+    text = grid_text(source.grid, options, {"file": raster.name}, root)
     packed = output.name.endswith(".gz")
     with whole_file(output, overwrite) as definition, whole_file(raster, overwrite) as part:
         _write_raster(part, source, coding, error, work)
@@ -178,8 +180,12 @@ def _filled(source: HeightSource) -> SampledHeights:
     return SampledHeights(grid, fill_gaps(source.read(0, grid.rows)), source.notes)
 
 
-def _range(source: HeightSource, work: Progress) -> SampleRange:
-    """Range of all heights of a source.
+def height_range(source: HeightSource, work: Progress) -> SampleRange:
+    """Range of all heights of a source, which is read by rows.
+
+    Args:
+        source: the DEM.
+        work: gets numbers of pixels done.
 
     Raises:
         ReadError: there is no height.
@@ -234,12 +240,22 @@ def _write_raster(
         add_overviews(path, bands, threads=1)
 
 
-def _definition(source: HeightSource, options: ImportOptions, name: str, coding: _Coding) -> bytes:
-    root: dict[str, Any] = {"type": "ground", "vScale": coding.step, "vOffset": coding.base}
-    found: dict[str, Any] = dict(head_of(source.grid, options))
+def grid_text(
+    pixels: PixelGrid, options: ImportOptions, grid: dict[str, Any], root: dict[str, Any]
+) -> bytes:
+    """Text of a definition of one grid.
+
+    Args:
+        pixels: pixels of the DEM.
+        options: options of the import.
+        grid: raster, as a definition names it.
+        root: members of the root beside its type and its surface.
+    """
+    root = {"type": "ground", **root}
+    found: dict[str, Any] = dict(head_of(pixels, options))
     if options.ground is not None:
         found["surfTypes"] = {options.ground.name: options.ground.surface}
         root["surface"] = options.ground.name
-    found["elemTypes"] = {"ground": {"grid": {"file": name}}}
+    found["elemTypes"] = {"ground": {"grid": grid}}
     found["elemTree"] = root
     return canonical(msgspec.json.encode(found).decode()).encode()

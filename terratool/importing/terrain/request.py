@@ -28,6 +28,9 @@ _NARROWEST = 2.0**-40
 MOST_IN_MEMORY = 1 << 24
 """Most pixels of a DEM that is held in memory; larger ones are read by rows, twice."""
 
+MOST_SEARCHED = 1 << 22
+"""Most pixels of a DEM that is searched for structures where nothing is said."""
+
 REACH = 512
 """Distance in pixels within which GDAL looks for heights to fill a gap."""
 
@@ -61,11 +64,12 @@ class ImportOptions:
     """Options for importing a DEM.
 
     Attributes:
-        max_error: largest error, in units of the heights.
+        max_error: largest error, in units of the heights; 0 with `link` alone.
         methods: names of the methods that may be tried: rows, columns, nodal-rows, nodal-columns
             and hats, or methods themselves; all if empty.
         fill: whether unknown heights are filled rather than void.
-        structures: whether to look for boxes, ramps and hills.
+        structures: whether to look for boxes, ramps and hills; if None, up to `MOST_SEARCHED`
+            pixels, and where there are to be walls.
         walls: whether structures get upright walls where the DEM has a gap of a pixel.
         surfaces: name of a raster of classes, or None.
         title: name of the source, for the description.
@@ -77,12 +81,13 @@ class ImportOptions:
         preset: soil of that surface; None leaves its figures to the user.
         as_: what is made of the heights: "rows" of curves in the text, or a "grid", a raster beside
             it; rows up to `MOST_AS_ROWS` pixels if None, and wherever another option is about rows.
+        link: whether the grid is the source itself, a raster beside the definition or below.
     """
 
-    max_error: float
+    max_error: float = 0.0
     methods: Sequence[str | Method] = ()
     fill: bool = False
-    structures: bool = True
+    structures: bool | None = None
     walls: bool = False
     surfaces: str | None = None
     title: str = ""
@@ -91,12 +96,14 @@ class ImportOptions:
     surface: str | None = None
     preset: str | None = None
     as_: Literal["rows", "grid"] | None = None
+    link: bool = False
 
     @property
     def of_rows(self) -> list[str]:
         """Options given that are about rows, as the command spells them."""
         given = {
             "--method": bool(self.methods), "--walls": self.walls,
+            "--structures": self.structures is True,
             "--cells": self.cells != "half-pixels", "--surfaces": self.surfaces is not None,
         }  # fmt: skip
         return [name for name, one in given.items() if one]
@@ -109,14 +116,34 @@ class ImportOptions:
         """
         if self.as_ not in (None, "rows", "grid"):
             raise RequestError(f"A DEM cannot be made {self.as_!r}.", "Choose rows or grid.")
-        if self.as_ == "grid" and self.of_rows:
+        if self.link and self.as_ == "rows":
+            raise RequestError("A link makes a grid, and rows are asked for.", "Leave out --link.")
+        if (self.as_ == "grid" or self.link) and self.of_rows:
             raise RequestError(
                 f"{self.of_rows[0]} is about rows, and a grid is asked for.",
                 f"Leave out {self.of_rows[0]}, or ask for rows.",
             )
         if self.as_ is None:
-            return grid.rows * grid.columns > MOST_AS_ROWS and not self.of_rows
+            large = grid.rows * grid.columns > MOST_AS_ROWS and not self.of_rows
+            return large or self.link
         return self.as_ == "grid"
+
+    def searches(self, grid: PixelGrid) -> bool:
+        """Return whether heights of some pixels are searched for boxes, ramps and hills.
+
+        Raises:
+            RequestError: they are to be, and are too many.
+        """
+        pixels = grid.rows * grid.columns
+        if self.structures is None and not self.walls:
+            return pixels <= MOST_SEARCHED
+        wanted = self.structures is not False
+        if wanted and pixels > MOST_IN_MEMORY:
+            raise RequestError(
+                f"Structures among more than {MOST_IN_MEMORY:,} pixels are not looked for.",
+                f"Leave out {'--structures' if self.structures else '--walls'}, or import a part.",
+            )
+        return wanted
 
     @property
     def pixels(self) -> bool:
@@ -154,7 +181,14 @@ class ImportOptions:
             )
         _ = self.tried
         _refuse_ground(self.ground)
-        step_for(self.max_error, 0.0)  # refuse a bad error before reading
+        if not self.link:
+            step_for(self.max_error, 0.0)  # refuse a bad error before reading
+        elif self.max_error or self.fill:
+            option = "--max-error" if self.max_error else "--fill"
+            raise RequestError(
+                f"{option} is about heights that are written, and a link to the source is wanted.",
+                f"Leave out {option} or --link.",
+            )
 
 
 @dataclass(frozen=True, slots=True)
@@ -234,9 +268,9 @@ def head_of(grid: PixelGrid, options: ImportOptions) -> dict[str, Any]:
     pixel = f"{grid.dx:.12g}"
     if grid.dx != grid.dy:
         pixel += f" × {grid.dy:.12g}"
+    within = "" if options.link else f", imported within {options.max_error:g} {grid.unit}"
     head: dict[str, Any] = {
-        "descr": f"{options.title or 'A DEM'}, imported within {options.max_error:g} "
-        f"{grid.unit}; pixels of {pixel}",
+        "descr": f"{options.title or 'A DEM'}{within}; pixels of {pixel}",
         "size": list(grid.size),
         "origin": [grid.west, grid.south],
     }
