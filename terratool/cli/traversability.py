@@ -277,7 +277,7 @@ def _judge_many(
     from terratool.cli.gate import GatePlan, judge_many
     from terratool.cli.options import has_roughness, library_roots
     from terratool.cli.outputs import ReportPlan
-    from terratool.raster.export import thread_count
+    from terratool.tasks import thread_count
 
     reports = ReportPlan.of(formats, settings.traversability.formats, settings)
     plan = GatePlan(files, reports, settings, own, base, vehicles, library_roots(), has_roughness())

@@ -14,12 +14,12 @@ from terratool.raster.grid import Grid, Window
 from terratool.raster.grid_map_bag import MOST_BYTES, TOPIC, GridMap, Layers, write_grid_maps
 from terratool.raster.loss import LossCounts, LossFinder, RasterLoss
 from terratool.raster.painter import Painter
-from terratool.raster.prefetch import prefetch, processors
 from terratool.report.numbers import metres
 from terratool.report.wording import count_of
 from terratool.simulators.cells import cell_grid
 from terratool.simulators.scene import Scene
 from terratool.simulators.targets import WrittenFiles
+from terratool.tasks import prefetch, processors
 from terratool.traversability.results import GroundClass
 
 MOST = 1024

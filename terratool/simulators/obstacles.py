@@ -19,7 +19,7 @@ from terratool.field.walls import WallFinders
 from terratool.kernels import field as kernels
 from terratool.raster.grid import Grid, Window
 from terratool.raster.painter import Painter
-from terratool.raster.prefetch import prefetch, processors
+from terratool.tasks import prefetch, processors
 
 FREE, OCCUPIED, UNKNOWN = 0, 100, -1
 """Values of cells, those of `nav_msgs/OccupancyGrid`."""

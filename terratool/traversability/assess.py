@@ -16,10 +16,10 @@ from terratool.field.footprints import geojson_head
 from terratool.field.relief import relief_bounds
 from terratool.field.terrain import Terrain, check_overlap
 from terratool.io.geotiff import TILE
-from terratool.raster.export import thread_count
 from terratool.raster.grid import DEFAULT_PIXELS, Grid, Window, grid_over
 from terratool.report.numbers import coordinates, per_cent, pixels
 from terratool.report.wording import join_words
+from terratool.tasks import thread_count
 from terratool.text.display import quote
 from terratool.traversability.map import MapBuilder, begin_of, default_resolution, stream_map
 from terratool.traversability.map_files import MapFiles, refuse_map

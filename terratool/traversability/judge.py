@@ -112,7 +112,7 @@ class Judge:
             RequestError: the cells are too coarse or too fine for the vehicle, or the terrain is in
                 degrees.
         """
-        from terratool.raster.prefetch import processors
+        from terratool.tasks import processors
         from terratool.traversability.map import MapBuilder, stream_map
         from terratool.traversability.report.wording import lacking_of
         from terratool.traversability.soil import missing_of, turnings

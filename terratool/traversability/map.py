@@ -17,7 +17,7 @@ from terratool.io.geotiff import TILE
 from terratool.kernels import traversability as kernels
 from terratool.raster.grid import DEFAULT_PIXELS, Grid, Window
 from terratool.raster.painter import id_type
-from terratool.raster.prefetch import prefetch
+from terratool.tasks import prefetch
 from terratool.traversability.map_files import MapBands, MapFiles, empty_bands
 from terratool.traversability.results import (
     CHANCE_BOUNDS,

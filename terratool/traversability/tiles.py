@@ -10,10 +10,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from terratool.field.terrain import Terrain
 from terratool.kernels import traversability as kernels
-from terratool.raster.export import thread_count
 from terratool.raster.grid import Grid, Window
 from terratool.raster.painter import id_type
-from terratool.raster.prefetch import prefetch
+from terratool.tasks import prefetch, thread_count
 from terratool.traversability.results import HEADINGS, Survey
 from terratool.traversability.survey import SoilSamples, Surveyor, WindowMeasures
 from terratool.traversability.vehicle import Vehicle

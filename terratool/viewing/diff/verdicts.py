@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from terratool.definition.findings import Bounds
 from terratool.field.terrain import Terrain
-from terratool.raster.export import thread_count
 from terratool.raster.grid import Grid, Window
+from terratool.tasks import thread_count
 from terratool.traversability.assess import Request, chosen_resolution, prepare_assessment
 from terratool.traversability.map import stream_map
 from terratool.traversability.results import GroundClass
