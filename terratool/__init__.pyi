@@ -167,6 +167,7 @@ class Terrain(ShownTerrain):
         origin: Origin = "local",
         normals: bool = True,
         tile_faces: int | None = None,
+        dask: str | None = None,
         elevation_grid: bool = False,
         resolution: float | None = None,
     ) -> AnyMeshReport:
