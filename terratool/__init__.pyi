@@ -272,6 +272,7 @@ class Terrain(ShownTerrain):
         headings: int | None = None,
         mapped: bool = True,
         threads: int | None = None,
+        dask: str | None = None,
         samples: int = 256,
         seed: int = 0,
         routes_of: str = "",

@@ -112,6 +112,7 @@ class Judge:
             RequestError: the cells are too coarse or too fine for the vehicle, or the terrain is in
                 degrees.
         """
+        from terratool.cluster import Threads
         from terratool.tasks import processors
         from terratool.traversability.map import MapBuilder, stream_map
         from terratool.traversability.report.wording import lacking_of
@@ -127,7 +128,7 @@ class Judge:
             done += more
             progress(f"judging {vehicle.name}, {100 * done // total} %")
 
-        stream_map(surveyor, builder, None, processors(), report)
+        stream_map(surveyor, builder, None, Threads(processors()), report)
         classes, _ = builder.classes(None, vehicle.area)
         classes[~builder.ground] = GroundClass.UNKNOWN
         counts = np.bincount(classes.ravel(), minlength=len(GroundClass)).tolist()

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terratool.errors import RequestError
+from terratool.field.records import align_arrays
 from terratool.field.terrain import Terrain
 from terratool.kernels import traversability as kernels
 from terratool.raster.grid import Grid, Window
@@ -326,6 +327,11 @@ class Surveyor:
         if samples is not None:
             self._on_samples = kernels.VehicleOnSamples(params, samples)
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _surveyor_of, (
+            self.terrain, self.vehicle, self.grid, self.headings, self.samples,
+        )  # fmt: skip
+
     def windows(self, window: Window) -> Iterator[Window]:
         """Cut a window into windows that are small enough to be measured at once."""
         side = max(math.isqrt(_FINE_PIXELS) // self._parts - 2 * self._halo, 16)
@@ -459,6 +465,13 @@ class Surveyor:
         out_x = (x - to_west < west - near) | (x + to_east > east + near)
         out_y = (y - to_south < south - near) | (y + to_north > north + near)
         return np.asarray(out_y[:, None] | out_x[None, :])
+
+
+def _surveyor_of(
+    terrain: Terrain, vehicle: Vehicle, grid: Grid, headings: int, samples: SoilSamples | None
+) -> Surveyor:
+    """Surveyor on a worker, where it is made anew."""
+    return Surveyor(terrain, vehicle, grid, headings, align_arrays(samples))
 
 
 class BodyPart(NamedTuple):
