@@ -41,8 +41,12 @@ _PATIENCE = 60
 _AHEAD = 2
 """Tasks queued at the scheduler per worker thread, so that no thread idles."""
 
-_HELD = 8
-"""Most tasks per worker thread that were begun before the oldest one whose result is not taken."""
+_HELD = 4
+"""Most tasks per worker thread that are begun while an older one is not done, so that memory has
+room for their results."""
+
+_ALIGNMENT = 8
+"""Divisor of addresses of arrays."""
 
 _LOST = 5
 """Most consecutive losses of tasks together with all workers that hold what these share."""
@@ -155,8 +159,17 @@ class Parcel:
         with self._opening:
             if self._packed is not None:
                 text, buffers = self._packed
-                self._content, self._packed = pickle.loads(text, buffers=buffers), None
+                self._content = pickle.loads(text, buffers=map(_aligned, buffers))
+                self._packed = None
             return self._content
+
+
+def _aligned(buffer: Any) -> Any:
+    """Bytes of an array at an address that kernels can read; Dask receives them at any address."""
+    import numpy as np
+
+    found = np.frombuffer(buffer, np.uint8)
+    return found if found.ctypes.data % _ALIGNMENT == 0 else found.copy()
 
 
 def _arrived(version: str, text: bytes, buffers: list[pickle.PickleBuffer]) -> Parcel:
@@ -166,10 +179,13 @@ def _arrived(version: str, text: bytes, buffers: list[pickle.PickleBuffer]) -> P
     return parcel
 
 
-def _perform(parcel: Parcel, job: Any) -> Any:
-    """Do a task on a worker."""
+def _perform(parcel: Parcel, job: bytes) -> bytes:
+    """Do a task on a worker; job and result are pickled.
+
+    Dask would hand over arrays as they were received: read-only, and at any address.
+    """
     do, common = parcel.open()
-    return do(common, job)
+    return pickle.dumps(do(common, pickle.loads(job)), 5)
 
 
 class Cluster:
@@ -210,16 +226,17 @@ class Cluster:
             ) from error
         completed = as_completed(loop=self._client.loop)
         waiting: dict[str, tuple[int, T, Future]] = {}
-        ready: dict[int, tuple[T, Future]] = {}
+        ready: dict[int, R] = {}
         lost = wanted = 0
 
         def submit() -> None:
             threads = max(1, sum(self._client.nthreads().values()))
             room = min(_AHEAD * threads, _HELD * threads - len(ready)) - len(waiting)
-            least = 0 if waiting else 1  # workers may have gone while their results are held
+            least = 0 if waiting else 1  # workers may have gone, but the oldest task is wanted
             for number, job in islice(jobs, max(least, room)):
                 key = f"task-{number}-{uuid4().hex}"
-                future = self._client.submit(_perform, parcel, job, key=key, pure=False)
+                packed = pickle.dumps(job, 5)
+                future = self._client.submit(_perform, parcel, packed, key=key, pure=False)
                 waiting[key] = number, job, future
                 completed.add(future)
 
@@ -229,18 +246,14 @@ class Cluster:
                 again: list[tuple[int, T]] = []
                 for future in batch:
                     number, job, _ = waiting.pop(future.key)
-                    if future.status in ("finished", "error"):
-                        ready[number], lost = (job, future), 0
-                    else:
+                    try:
+                        if future.status not in ("finished", "error"):
+                            raise CancelledError
+                        ready[number], lost = _result(future, work, job), 0
+                    except CancelledError:
                         again.append((number, job))
                 while ready and (wanted in ready or not work.ordered):
-                    number = wanted if work.ordered else next(iter(ready))
-                    job, future = ready.pop(number)
-                    try:
-                        result: R = _result(future, work, job)
-                    except CancelledError:  # lost after it was done
-                        again.append((number, job))
-                        break
+                    result = ready.pop(wanted if work.ordered else next(iter(ready)))
                     wanted += 1
                     yield result
                 if again:  # all workers that held the parcel are gone
@@ -259,7 +272,7 @@ class Cluster:
                 work.stop()
             raise
         finally:
-            left = [future for *_, future in chain(waiting.values(), ready.values())]
+            left = [future for *_, future in waiting.values()]
             with contextlib.suppress(Exception):  # the scheduler may be gone
                 self._client.cancel(left)
 
@@ -279,7 +292,7 @@ def _result(future: Future, work: Work[Any, T, R], job: T) -> R:
     from distributed.comm import CommClosedError
 
     try:
-        result: R = future.result()
+        result: R = pickle.loads(future.result())
     except (TerratoolError, CommClosedError, CancelledError):
         raise  # of the last two, one means that our own connection is lost
     except KilledWorker as error:

@@ -168,8 +168,8 @@ class TestWorkers:
             assert list(crew.run(sums(), range(20))) == list(range(100, 120))
         assert 20 < (tmp_path / "log").stat().st_size <= 20 + 2
 
-    def test_results_that_nobody_has_taken_are_made_again(self) -> None:
-        """All workers are gone, and what the tasks have in common with them."""
+    def test_all_workers_are_killed(self) -> None:
+        """And what the tasks have in common is gone with them: it is sent once more."""
         work = Work(process, None, name=str)
         with local_cluster(1) as found, crew_of(found.scheduler_address, 1) as crew:
             results = crew.run(work, range(12))

@@ -19,7 +19,7 @@ from terratool.cluster import crew_of
 from terratool.definition.findings import Bounds
 from terratool.errors import RequestError, WriteError
 from terratool.field.bounds import curve_pieces, grid_heights
-from terratool.field.records import COMBINE, align_arrays
+from terratool.field.records import COMBINE
 from terratool.field.terrain import Terrain, check_bounds, clip_bounds
 from terratool.kernels import mesh as kernels
 from terratool.mesh.build import coarse_mesh, finish
@@ -252,10 +252,8 @@ def _builder_of(
     *options: Any,
 ) -> TileBuilder:
     """Builder on a worker, with a plan of attributes that do not follow from the terrain."""
-    own = {name: align_arrays(value) for name, value in plan.items()}
-    whole = MeshPlan(field=terrain.field, arrays=terrain.arrays, **own)
-    seams = ([align_arrays(seam) for seam in side] for side in (columns, rows))
-    return TileBuilder(terrain, TileLayout(whole, loss, *seams), *options)
+    whole = MeshPlan(field=terrain.field, arrays=terrain.arrays, **plan)
+    return TileBuilder(terrain, TileLayout(whole, loss, columns, rows), *options)
 
 
 class TileMesh(NamedTuple):

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terratool.errors import RequestError
-from terratool.field.records import align_arrays
 from terratool.field.terrain import Terrain
 from terratool.kernels import traversability as kernels
 from terratool.raster.grid import Grid, Window
@@ -328,9 +327,7 @@ class Surveyor:
             self._on_samples = kernels.VehicleOnSamples(params, samples)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _surveyor_of, (
-            self.terrain, self.vehicle, self.grid, self.headings, self.samples,
-        )  # fmt: skip
+        return Surveyor, (self.terrain, self.vehicle, self.grid, self.headings, self.samples)
 
     def windows(self, window: Window) -> Iterator[Window]:
         """Cut a window into windows that are small enough to be measured at once."""
@@ -465,13 +462,6 @@ class Surveyor:
         out_x = (x - to_west < west - near) | (x + to_east > east + near)
         out_y = (y - to_south < south - near) | (y + to_north > north + near)
         return np.asarray(out_y[:, None] | out_x[None, :])
-
-
-def _surveyor_of(
-    terrain: Terrain, vehicle: Vehicle, grid: Grid, headings: int, samples: SoilSamples | None
-) -> Surveyor:
-    """Surveyor on a worker, where it is made anew."""
-    return Surveyor(terrain, vehicle, grid, headings, align_arrays(samples))
 
 
 class BodyPart(NamedTuple):

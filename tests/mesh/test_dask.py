@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import pickle
 import sys
 from pathlib import Path
 from typing import Any
@@ -15,7 +14,7 @@ from terratool.errors import RequestError
 from terratool.mesh.export import MeshOptions
 from terratool.mesh.request import MeshRequest
 from terratool.mesh.tiles import TileBuilder, TileCount, lay_out
-from tests.clusters import files_in, kill_in_mid_task
+from tests.clusters import arrived, files_in, kill_in_mid_task
 from tests.conftest import terrain_of
 from tests.meshes import SITE, exported_tiles
 
@@ -38,11 +37,7 @@ def test_a_builder_that_arrives_is_as_good(shift: int) -> None:
     terrain = terrain_of(TRACKED)
     layout = lay_out(terrain, 0.01, TileCount(rows=2, columns=3))
     builder = TileBuilder(terrain, layout, MeshOptions(0.01, origin="center"), True)
-    buffers: list[pickle.PickleBuffer] = []
-    sent = pickle.dumps(builder, 5, buffer_callback=buffers.append)
-    frames = [bytes(shift) + bytes(buffer) for buffer in buffers]
-    arrived = pickle.loads(sent, buffers=[memoryview(frame)[shift:] for frame in frames])
-    own, its = builder.build((1, 1)), arrived.build((1, 1))
+    own, its = (one.build((1, 1)) for one in (builder, arrived(builder, shift)))
     assert built_alike(own, its) and len(own.mesh.faces) > 20
     assert np.array_equal(own.mesh.normals.corners, its.mesh.normals.corners)
 

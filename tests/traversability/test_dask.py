@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import pickle
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -18,7 +17,7 @@ from terratool.raster.grid import Window, grid_over
 from terratool.traversability.assess import Request, assess, prepare_assessment
 from terratool.traversability.ranges import draw, soil_samples
 from terratool.traversability.survey import Surveyor
-from tests.clusters import files_in, kill_in_mid_task
+from tests.clusters import arrived, files_in, kill_in_mid_task
 from tests.commands import call
 from tests.conftest import terrain_of
 from tests.mosaics import SITE
@@ -71,11 +70,8 @@ def test_a_surveyor_that_arrives_is_as_good(shift: int) -> None:
     assert draws is not None
     grid = grid_over(terrain, 0.2)
     surveyor = Surveyor(terrain, ROVER, grid, 8, soil_samples(terrain, ROVER, draws))
-    buffers: list[pickle.PickleBuffer] = []
-    sent = pickle.dumps(surveyor, 5, buffer_callback=buffers.append)
-    frames = [bytes(shift) + bytes(buffer) for buffer in buffers]
-    arrived = pickle.loads(sent, buffers=[memoryview(frame)[shift:] for frame in frames])
-    own, its = (one.measure(Window(3, 5, 20, 30)) for one in (surveyor, arrived))
+    surveyors = surveyor, arrived(surveyor, shift)
+    own, its = (one.measure(Window(3, 5, 20, 30)) for one in surveyors)
     for name in ("heights", "verdict", "reason", "numbers", "clearance", "chance"):
         assert np.array_equal(getattr(own, name), getattr(its, name), equal_nan=True), name
     assert len(np.unique(own.chance)) > 2

@@ -77,6 +77,8 @@ class ImportOptions:
         preset: soil of that surface; None leaves its figures to the user.
         as_: what is made of the heights: "rows" of curves in the text, or a "grid", a raster beside
             it; rows up to `MOST_AS_ROWS` pixels if None, and wherever another option is about rows.
+        dask: address of a Dask scheduler whose workers make rows, or "local" for as many processes
+            on this machine as there are processors; None for none.
     """
 
     max_error: float
@@ -91,6 +93,7 @@ class ImportOptions:
     surface: str | None = None
     preset: str | None = None
     as_: Literal["rows", "grid"] | None = None
+    dask: str | None = None
 
     @property
     def of_rows(self) -> list[str]:
@@ -114,9 +117,15 @@ class ImportOptions:
                 f"{self.of_rows[0]} is about rows, and a grid is asked for.",
                 f"Leave out {self.of_rows[0]}, or ask for rows.",
             )
+        as_grid = self.as_ == "grid"
         if self.as_ is None:
-            return grid.rows * grid.columns > MOST_AS_ROWS and not self.of_rows
-        return self.as_ == "grid"
+            as_grid = grid.rows * grid.columns > MOST_AS_ROWS and not self.of_rows
+        if as_grid and self.dask is not None:
+            raise RequestError(
+                "--dask is about rows, and the pixels become a grid.",
+                "Leave out --dask, or ask for rows by --as rows.",
+            )
+        return as_grid
 
     @property
     def pixels(self) -> bool:
