@@ -189,6 +189,7 @@ class Terrain(ShownTerrain):
         max_slope: float = 20.0,
         max_step: float = 0.1,
         resolution: float | None = None,
+        dask: str | None = None,
     ) -> tuple[SimulatorReport, ...]:
         """Write the terrain for simulators, as `terratool export-sim` does."""
 

@@ -18,6 +18,7 @@ from terratool.traversability.results import GroundClass
 from terratool.traversability.vehicle import Vehicle, load_vehicle
 
 if TYPE_CHECKING:
+    from terratool.cluster import Crew
     from terratool.traversability.survey import Surveyor
 
 
@@ -99,14 +100,16 @@ class Judge:
         return Surveyor(terrain, self.vehicle, grid)
 
     def verdict(
-        self, terrain: Terrain, grid: Grid, progress: Callable[[str], object]
-    ) -> CellVerdict:
+        self, terrain: Terrain, grid: Grid, progress: Callable[[str], object],
+        crew: Crew | None = None,
+    ) -> CellVerdict:  # fmt: skip
         """Judge the cells of a grid at `HEADINGS` headings.
 
         Args:
             terrain: the ground, with all parts written out.
             grid: the cells.
             progress: called with words that say how many percent are done.
+            crew: crew that judges; as many threads as processors if None.
 
         Raises:
             RequestError: the cells are too coarse or too fine for the vehicle, or the terrain is in
@@ -128,7 +131,7 @@ class Judge:
             done += more
             progress(f"judging {vehicle.name}, {100 * done // total} %")
 
-        stream_map(surveyor, builder, None, Threads(processors()), report)
+        stream_map(surveyor, builder, None, crew or Threads(processors()), report)
         classes, _ = builder.classes(None, vehicle.area)
         classes[~builder.ground] = GroundClass.UNKNOWN
         counts = np.bincount(classes.ravel(), minlength=len(GroundClass)).tolist()

@@ -17,7 +17,7 @@ from terratool.field.terrain import Terrain, check_bounds, clip_bounds
 from terratool.io.crs import shown_crs
 from terratool.io.geotiff import TILE
 from terratool.kernels import traversability as kernels
-from terratool.raster.grid import DEFAULT_PIXELS, Grid, Window
+from terratool.raster.grid import DEFAULT_PIXELS, Grid, Window, window_name
 from terratool.raster.painter import id_type
 from terratool.tasks import Work
 from terratool.traversability.map_files import MapBands, MapFiles, empty_bands
@@ -44,7 +44,7 @@ from terratool.traversability.route.reach import (
     place_in,
 )
 from terratool.traversability.survey import Surveyor, WindowMeasures, coarsest_resolution
-from terratool.traversability.tiles import named, part_of
+from terratool.traversability.tiles import part_of
 from terratool.traversability.turning import Turning
 from terratool.traversability.vehicle import Vehicle
 
@@ -380,7 +380,7 @@ def stream_map(
 ) -> None:
     """Judge a grid tile by tile: give each to the builder, and its bands to the files."""
     tiles = list(builder.grid.windows(TILE, TILE))
-    work = Work(_judge_tile, surveyor, name=named)
+    work = Work(_judge_tile, surveyor, name=window_name)
     with contextlib.closing(crew.run(work, tiles)) as judged:
         for window, found in zip(tiles, judged, strict=True):
             whole = empty_bands((window.height, window.width), builder.sampled)

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from terratool.cluster import Crew, Threads
 from terratool.field.terrain import Terrain
 from terratool.kernels import traversability as kernels
-from terratool.raster.grid import Grid, Window
+from terratool.raster.grid import Grid, Window, window_name
 from terratool.raster.painter import id_type
 from terratool.tasks import Work, thread_count
 from terratool.traversability.results import HEADINGS, Survey
@@ -250,7 +250,7 @@ class SurveyTiles:
             return
         assert self._surveyor is not None
         windows = [inner for window in wanted for inner in self._surveyor.windows(window)]
-        work = Work(_measure, (self._surveyor, self._take is not None), name=named)
+        work = Work(_measure, (self._surveyor, self._take is not None), name=window_name)
         crew = crew or Threads(self._threads)
         with contextlib.closing(crew.run(work, windows)) as measured:
             for window, found in zip(windows, measured, strict=True):
@@ -269,11 +269,6 @@ def _measure(common: tuple[Surveyor, bool], window: Window) -> WindowMeasures:
     """Measure a window, with the probability of go where samples count."""
     surveyor, sampled = common
     return surveyor.measure(window, sampled=sampled)
-
-
-def named(window: Window) -> str:
-    """Name of a window in messages."""
-    return f"cells from row {window.row}, column {window.column} on"
 
 
 def part_of(window: Window) -> Any:
