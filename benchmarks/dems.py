@@ -11,7 +11,7 @@ from terratool.field.terrain import Terrain
 from terratool.raster.geotiff import transform_of
 from terratool.raster.grid import Grid, grid_over
 from terratool.raster.painter import Painter
-from terratool.raster.prefetch import processors
+from terratool.tasks import processors
 
 
 def ready(terrain: Terrain, grid: Grid) -> np.ndarray:

@@ -23,7 +23,7 @@ from terratool.raster.export import RasterRequest, export_dem
 from terratool.raster.geotiff import transform_of
 from terratool.raster.grid import Grid, Window, grid_over
 from terratool.raster.overviews import factors
-from terratool.raster.prefetch import processors
+from terratool.tasks import processors
 from terratool.text.source import Source
 
 OVERWRITE = RasterRequest(overviews=False, overwrite=True)

@@ -16,6 +16,7 @@ from scipy.ndimage import label
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
+from terratool.cluster import Threads
 from terratool.definition.reader import check
 from terratool.field.terrain import Terrain
 from terratool.raster.grid import Grid, grid_over
@@ -131,7 +132,7 @@ def apart(terrain: Terrain) -> None:
     west, south, east, north = terrain.bounds
     grid = grid_over(terrain, default_resolution(terrain, MARS)[0])
     surveyor = Surveyor(terrain, MARS, grid)
-    stream_map(surveyor, MapBuilder(terrain, surveyor, keep=False), None, 2)
+    stream_map(surveyor, MapBuilder(terrain, surveyor, keep=False), None, Threads(2))
     surveyed = survey_all(terrain, MARS, route_grid(terrain, MARS)[0])
     ends = ((west + 30.0, north - 30.0), (east - 40.0, south + 40.0))
     plan_route(terrain, MARS, surveyed, *ends)

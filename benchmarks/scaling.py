@@ -16,9 +16,9 @@ import terrains
 from measure import line, medians
 from painting import busy, on_two_threads
 
+from terratool.cluster import local_cluster
 from terratool.definition.reader import check
 from terratool.field.terrain import Terrain
-from terratool.raster.dask import local_cluster
 from terratool.raster.export import RasterRequest, export_dem
 from terratool.raster.grid import Grid, grid_over
 from terratool.raster.mosaic import TILE_SIZE, export_mosaic

@@ -167,6 +167,7 @@ class Terrain(ShownTerrain):
         origin: Origin = "local",
         normals: bool = True,
         tile_faces: int | None = None,
+        dask: str | None = None,
         elevation_grid: bool = False,
         resolution: float | None = None,
     ) -> AnyMeshReport:
@@ -188,6 +189,7 @@ class Terrain(ShownTerrain):
         max_slope: float = 20.0,
         max_step: float = 0.1,
         resolution: float | None = None,
+        dask: str | None = None,
     ) -> tuple[SimulatorReport, ...]:
         """Write the terrain for simulators, as `terratool export-sim` does."""
 
@@ -271,6 +273,7 @@ class Terrain(ShownTerrain):
         headings: int | None = None,
         mapped: bool = True,
         threads: int | None = None,
+        dask: str | None = None,
         samples: int = 256,
         seed: int = 0,
         routes_of: str = "",
@@ -809,6 +812,7 @@ def import_terrain(
     preset: str | None = None,
     as_: Literal["rows", "grid"] | None = None,
     link: bool = False,
+    dask: str | None = None,
     bounds: Bounds | None = None,
     window: tuple[int, int, int, int] | None = None,
     band: int | None = None,
@@ -839,6 +843,7 @@ def import_terrain(
     preset: str | None = None,
     as_: Literal["rows", "grid"] | None = None,
     link: bool = False,
+    dask: str | None = None,
     bounds: Bounds | None = None,
     window: tuple[int, int, int, int] | None = None,
     band: int | None = None,

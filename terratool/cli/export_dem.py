@@ -11,6 +11,7 @@ from msgspec import UNSET, Struct, UnsetType
 from terratool.cli.command import Command, option_group
 from terratool.cli.options import (
     WordChoice,
+    dask_option,
     json_option,
     library_root_option,
     optional_output_argument,
@@ -117,11 +118,7 @@ COMPRESSIONS = ("zstd", "deflate", "lzw", "lerc", "none")
     click.option(
         "--tile-size", type=int, metavar="PIXELS", help="Side of a tile.  [default: 4096]"
     ),
-    click.option(
-        "--dask",
-        metavar="ADDRESS|local",
-        help="Let the workers of a Dask scheduler make the tiles.",
-    ),
+    dask_option("make the tiles"),
     click.option(
         "--threads", type=click.IntRange(1), metavar="N", help="[default: one a processor]"
     ),

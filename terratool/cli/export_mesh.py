@@ -10,6 +10,7 @@ import click
 
 from terratool.cli.command import Command, option_group
 from terratool.cli.options import (
+    dask_option,
     json_option,
     library_root_option,
     origin_from,
@@ -86,6 +87,7 @@ def _options(*more: Callable[[Any], Any]) -> Callable[[_Function], _Function]:
                         help="Write tiles of about N faces each into a folder: OUT without its "
                         "suffix. They fit each other; its tiles.json lists them.",
                     ),
+                    dask_option("make the tiles"),
                 ),
                 option_group(
                     "What it has",

@@ -9,6 +9,7 @@ from msgspec import Struct
 
 from terratool.cli.command import Command, option_group
 from terratool.cli.options import (
+    dask_option,
     json_option,
     library_root_option,
     origin_from,
@@ -91,6 +92,7 @@ from terratool.simulators.targets import TARGETS, choose_targets
         metavar="R",
         help="Side of a cell.  [default: 0.05, or coarser where that is too many]",
     ),
+    dask_option("look at the cells"),
     vehicle_option,
     click.option(
         "--max-slope",

@@ -12,6 +12,7 @@ from msgspec import Struct
 from terratool.cli.command import Command, option_group
 from terratool.cli.options import (
     WordChoice,
+    dask_option,
     json_option,
     options_of,
     output_argument,
@@ -90,6 +91,7 @@ _METHODS = ("rows", "columns", "nodal-rows", "nodal-columns", "hats")
         metavar="KIND",
         help="half-pixels make the smallest file; to pixels elements are easily added.",
     ),
+    dask_option("write and measure rows"),
 )
 @option_group(
     "What it wears",

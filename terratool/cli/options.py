@@ -148,6 +148,13 @@ def json_option(text: str = "Say what was written as JSON.") -> Callable[[_Comma
     return click.option("--json", "as_json", is_flag=True, help=text)
 
 
+def dask_option(text: str) -> Callable[[_Command], _Command]:
+    """Decorator that adds --dask to a command; the text says what workers make."""
+    return click.option(
+        "--dask", metavar="ADDRESS|local", help=f"Let the workers of a Dask scheduler {text}."
+    )
+
+
 def origin_options(command: _Command) -> _Command:
     """Add --origin and --origin-at to a command; `origin_from` makes one value of them."""
     for option in (

@@ -11,6 +11,7 @@ from terratool.cli.command import Command, option_group
 from terratool.cli.options import (
     WHEEL,
     WordChoice,
+    dask_option,
     json_option,
     library_root_option,
     overwrite_option,
@@ -161,6 +162,7 @@ SAMPLES = (256, 16, 1024)  # default, least, most
     click.option(
         "--threads", type=click.IntRange(1), metavar="N", help="[default: one a processor]"
     ),
+    dask_option("judge the ground"),
 )
 @wheel_options
 @overwrite_option()
@@ -186,6 +188,7 @@ def command(
     formats: tuple[str, ...],
     config_file: str | None,
     threads: int | None,
+    dask: str | None,
     overwrite: bool,
     as_json: bool,
     **values: Any,
@@ -222,6 +225,7 @@ def command(
     base = Request(
         waypoints=tuple(map(read_waypoints, waypoints)), returns=returns, prefer=prefer,
         bounds=bounds, headings=headings, samples=samples, seed=seed, threads=threads,
+        dask=dask,
     )  # fmt: skip
 
     def vehicles_of(paths: tuple[str, ...]) -> list[Vehicle]:
@@ -229,7 +233,7 @@ def command(
 
     forms = formats + ("json",) * as_json
     if len(files) != 1 or is_folder(files[0]) or forms not in ((), ("text",), ("json",)):
-        for option, given in (("--report", reports), ("--map", map_)):
+        for option, given in (("--report", reports), ("--map", map_), ("--dask", dask)):
             if given:
                 raise click.UsageError(f"{option} is of one terrain. Name one FILE, or drop it.")
         return _judge_many(files, forms, settings, own, base, vehicles_of)
@@ -277,7 +281,7 @@ def _judge_many(
     from terratool.cli.gate import GatePlan, judge_many
     from terratool.cli.options import has_roughness, library_roots
     from terratool.cli.outputs import ReportPlan
-    from terratool.raster.export import thread_count
+    from terratool.tasks import thread_count
 
     reports = ReportPlan.of(formats, settings.traversability.formats, settings)
     plan = GatePlan(files, reports, settings, own, base, vehicles, library_roots(), has_roughness())

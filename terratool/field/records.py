@@ -235,7 +235,7 @@ class MappedGrids:
         )
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return MappedGrids, (self.sources,)
+        return _mapped_anew, (self.sources,)
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, MappedGrids) or len(self._grids) != len(other._grids):
@@ -292,6 +292,15 @@ class MappedGrids:
         kind = np.float32 if facts.single else np.float64
         found: NDArray[Any] = data.view(kind).reshape(facts.source.rows, facts.source.columns)
         return found
+
+
+def _mapped_anew(sources: Sequence[GridSource]) -> MappedGrids:
+    """Heights of grids that a process mapped, perhaps one of another machine."""
+    if sources:
+        from terratool.io.grid_files import found_here
+
+        sources = tuple(map(found_here, sources))
+    return MappedGrids(sources)
 
 
 class CurveArrays(NamedTuple):

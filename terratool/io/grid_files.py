@@ -14,6 +14,7 @@ import tempfile
 from collections.abc import Iterator
 from functools import cached_property
 from pathlib import Path
+from socket import gethostname
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import msgspec
@@ -225,6 +226,29 @@ def refuse_change(source: GridSource) -> None:
             f"{source.path}: has changed since its header was read.",
             "Begin again when it is written to its end.",
         )
+
+
+def found_here(source: GridSource) -> GridSource:
+    """Band of a raster that another process described, with the state of its file seen from here.
+
+    Machines number file systems, and some of these files, each in a way of its own.
+
+    Raises:
+        ReadError: the file cannot be read here, or is not in the state that was described.
+    """
+    hint = "Let all machines see the same file under this name."
+    try:
+        found = identity_of(source.path)
+    except ReadError as error:
+        raise ReadError(f"{gethostname()}: {error.message}", hint) from error
+    there = structs.replace(source.identity, device=found.device, inode=found.inode)
+    if found != there:
+        raise ReadError(
+            f"{source.path}: has changed since its header was read, or is another file on "
+            f"{gethostname()}.",
+            hint,
+        )
+    return structs.replace(source, identity=found)
 
 
 @contextlib.contextmanager

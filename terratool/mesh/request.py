@@ -23,12 +23,14 @@ class MeshRequest(MeshOptions):
     Attributes:
         tile_faces: number of faces, about, of each tile of a mesh that is too large for one file;
             None for one file.
+        dask: address of a Dask scheduler whose workers build the tiles, or "local"; None for none.
         elevation_grid: whether a .wrl has a grid of heights instead of faces; walls become ramps.
         resolution: distance between the nodes of such a grid, in units of the terrain; chosen if
             None.
     """
 
     tile_faces: int | None = None
+    dask: str | None = None
     elevation_grid: bool = False
     resolution: float | None = None
 
@@ -53,6 +55,7 @@ class MeshRequest(MeshOptions):
             f"--origin {self.origin}": isinstance(self.origin, str) and self.origin != "local",
             "--origin-at": not isinstance(self.origin, str),
             "--tile-faces": self.tile_faces is not None,
+            "--dask": self.dask is not None,
             "--no-normals": not self.normals,
         }
         for name in filter(given.get, given):
@@ -65,6 +68,10 @@ class MeshRequest(MeshOptions):
             raise RequestError(
                 f"{output}: has no normals anyway.",
                 "Leave out --no-normals, which is about an .obj.",
+            )
+        if self.dask is not None and self.tile_faces is None:
+            raise RequestError(
+                "--dask is about tiles, but a single file is asked for.", "Add --tile-faces N."
             )
         self.check(tiles=self.tile_faces is not None)
         if self.tile_faces is None:
@@ -113,5 +120,6 @@ def write_mesh_files(
         request,
         TileCount(request.tile_faces),
         overwrite=overwrite,
+        dask=request.dask,
         progress=lambda done, tiles, faces: progress(f"{done} of {tiles} tiles, {faces:,} faces"),
     )

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import math
 import re
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -14,6 +15,7 @@ import numpy as np
 from msgspec import UNSET
 from numpy.typing import NDArray
 
+from terratool.cluster import crew_of
 from terratool.definition.findings import Bounds
 from terratool.errors import RequestError, WriteError
 from terratool.field.bounds import curve_pieces
@@ -35,7 +37,7 @@ from terratool.mesh.normals import with_normals
 from terratool.mesh.origin import zero_of
 from terratool.mesh.plan import plan_of
 from terratool.mesh.seams import Seam, boundary_of, cut_segments, lay_seams
-from terratool.mesh.types import BuiltMesh, MeshPlan, PlanLoss
+from terratool.mesh.types import BuiltMesh, Mesh, MeshPlan, PlanLoss
 from terratool.output import (
     os_errors,
     refuse_existing,
@@ -43,6 +45,7 @@ from terratool.output import (
     stop_on_signals,
     whole_file,
 )
+from terratool.tasks import Work, processors
 
 TILE_FACES = 1_000_000
 """Default number of faces of a tile, about."""
@@ -232,12 +235,57 @@ def build_tile(terrain: Terrain, layout: TileLayout, row: int, column: int) -> B
     return finish(terrain, whole, layout.loss, coarse, boundary)
 
 
-def build_tiles(terrain: Terrain, layout: TileLayout) -> Iterator[tuple[int, int, BuiltMesh]]:
-    """Yield row, column and mesh of each tile, row by row from the north-west, one at a time."""
-    rows, columns = layout.shape
-    for row in range(rows):
-        for column in range(columns):
-            yield row, column, build_tile(terrain, layout, row, column)
+class TileBuilder:
+    """Builder of tiles for files, which is pickled without what follows from the terrain.
+
+    Args:
+        terrain: terrain of the tiles, with all parts written out.
+        layout: division of the terrain.
+        options: options of the mesh.
+        normals: whether tiles have normals.
+    """
+
+    def __init__(
+        self, terrain: Terrain, layout: TileLayout, options: MeshOptions, normals: bool
+    ) -> None:
+        self._terrain, self._layout = terrain, layout
+        self._options, self._normals = options, normals
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        plan = self._layout.plan
+        own = {
+            one.name: getattr(plan, one.name)
+            for one in fields(MeshPlan)
+            if one.name not in ("field", "arrays")
+        }
+        return _builder_of, (self._terrain, own, *self._layout[1:], self._options, self._normals)
+
+    def build(self, place: tuple[int, int]) -> TileMesh:
+        """Mesh the tile in a row and column."""
+        whole = build_tile(self._terrain, self._layout, *place)
+        built = collapse_degenerate(self._options.moved(whole, self._terrain))
+        has_normals = self._normals and len(built.mesh.faces) > 0
+        return TileMesh(with_normals(built) if has_normals else built.mesh, built.error)
+
+
+def _builder_of(
+    terrain: Terrain,
+    plan: dict[str, Any],
+    loss: PlanLoss,
+    columns: list[Seam],
+    rows: list[Seam],
+    *options: Any,
+) -> TileBuilder:
+    """Builder on a worker, with a plan of attributes that do not follow from the terrain."""
+    whole = MeshPlan(field=terrain.field, arrays=terrain.arrays, **plan)
+    return TileBuilder(terrain, TileLayout(whole, loss, columns, rows), *options)
+
+
+class TileMesh(NamedTuple):
+    """Mesh of a tile as its file has it, and the bound of its distance from the terrain along z."""
+
+    mesh: Mesh
+    error: float
 
 
 class MeshTile(NamedTuple):
@@ -302,12 +350,14 @@ def export_tiles(
     count: TileCount = TileCount(),
     *,
     overwrite: bool = False,
+    dask: str | None = None,
     progress: Callable[[int, int, int], object] | None = None,
 ) -> MeshTilesReport:
     """Write the mesh of a terrain as tiles that fit each other to the last bit, and an index.
 
     Vertices on a seam are the same in both tiles, and so are the edges between them. One tile at a
-    time is in memory. The index is written last, so that where it is, all tiles are whole.
+    time is in memory. The index is written last, so that where it is, all tiles are whole. Files
+    are the same, byte for byte, whoever builds the tiles.
 
     Args:
         terrain: terrain to write.
@@ -316,13 +366,15 @@ def export_tiles(
         options: options of the mesh; a limit of faces and a solid are refused.
         count: number of tiles.
         overwrite: whether tiles and an index may exist; they are removed.
+        dask: address of a Dask scheduler whose workers build the tiles, or "local" for as many
+            processes on this machine as there are processors; None for the calling thread.
         progress: function that is called with the number of tiles that are done, of all tiles, and
             of faces so far; it may raise to stop.
 
     Raises:
-        RequestError: an option makes no sense, or there is no ground, no format of the suffix, or
-            no place for a seam.
-        WriteError: a tile or index exists, or cannot be written.
+        RequestError: an option makes no sense, or there is no ground, no format of the suffix,
+            no place for a seam, or no Dask.
+        WriteError: a tile or index exists, or cannot be written, or no Dask scheduler answers.
     """
     options.check(tiles=True)
     folder = Path(folder).absolute()
@@ -331,25 +383,34 @@ def export_tiles(
     form = mesh_format(Path(f"mesh{suffix}"), options.world)
     _refuse_folder(folder, overwrite)
     wanted, chosen = options.error_for(terrain)
+    terrain = terrain.written_out
     layout = lay_out(terrain, wanted, count, options.bounds)
     rows, columns = layout.shape
+    places = [(row, column) for row in range(rows) for column in range(columns)]
     tiles: list[MeshTile] = []
     zero = (*layout.plan.origin.tolist(), 0.0)
     if options.origin != "local":
         zero = zero_of(options.origin, clip_bounds(terrain, options.bounds))
-    with stop_on_signals():
+    work = Work(
+        TileBuilder.build,
+        TileBuilder(terrain, layout, options, form.normals and options.normals),
+        name=lambda place: f"tile {place[0]}, {place[1]}",
+        smaller="ask for fewer --tile-faces",
+    )
+    with (
+        stop_on_signals(),
+        crew_of(dask, 0, processors()) as crew,
+        contextlib.closing(crew.run(work, places)) as built,
+    ):
         _prepare(folder)
         faces, walls, error, rounding, standing = 0, 0, 0.0, 0.0, WallSummary()
-        for row, column, whole in build_tiles(terrain, layout):
-            built = collapse_degenerate(options.moved(whole, terrain))
-            mesh, error = built.mesh, max(error, built.error)
+        for (row, column), (mesh, bound) in zip(places, built, strict=True):
+            error = max(error, bound)
             written: tuple[Path, ...] = ()
             if len(mesh.faces):
                 rounding = max(rounding, rounding_of(mesh))
                 standing = join_walls(standing, wall_summary(mesh))
                 path = folder / f"mesh_{row:02}_{column:02}{suffix}"
-                if form.normals and options.normals:
-                    mesh = with_normals(built)
                 written = write_mesh(
                     mesh, path, overwrite, terrain.descr, options.world, named=False
                 )
@@ -359,7 +420,7 @@ def export_tiles(
             faces += len(mesh.faces)
             walls += int(mesh.walls.sum())
             if progress is not None:
-                progress(len(tiles), rows * columns, faces)
+                progress(len(tiles), len(places), faces)
         if not faces:
             raise RequestError(f"{folder}: there is no ground to be written.")
         report = MeshTilesReport(

@@ -16,8 +16,8 @@ from terratool.errors import RequestError
 from terratool.field.terrain import Terrain
 from terratool.raster.grid import Window, grid_over
 from terratool.raster.painter import Painter
-from terratool.raster.prefetch import prefetch, processors
 from terratool.report.numbers import coordinates
+from terratool.tasks import prefetch, processors
 
 _HALVINGS = 32
 """Halvings of the way between two nodes; the place of a contour is off by 2⁻³² of it."""

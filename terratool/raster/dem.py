@@ -30,7 +30,6 @@ from terratool.raster.export import (
     RasterReport,
     RasterRequest,
     export_dem,
-    thread_count,
 )
 from terratool.raster.geotiff import crs_of, transform_of
 from terratool.raster.grid import (
@@ -43,9 +42,10 @@ from terratool.raster.grid import (
 )
 from terratool.raster.layers import layers_named
 from terratool.raster.mosaic import TILE_SIZE, export_mosaic
-from terratool.raster.prefetch import WindowMaker, prefetch, windows_of
 from terratool.raster.tiles import INDEX
+from terratool.raster.windows import WindowMaker, windows_of
 from terratool.report.wording import join_words
+from terratool.tasks import prefetch, thread_count
 
 if TYPE_CHECKING:
     import xarray

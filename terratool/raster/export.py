@@ -31,9 +31,10 @@ from terratool.raster.grid import Grid, Window
 from terratool.raster.layers import LayerBands, SurfaceValues, files_of, layers_named
 from terratool.raster.loss import LossFinder, RasterLoss
 from terratool.raster.overviews import OVERVIEWS_FROM, factors, is_averaged_by_gdal
-from terratool.raster.prefetch import WindowMaker, prefetch, processors, windows_of
 from terratool.raster.statistics import RasterStatistics, StatisticsSum
+from terratool.raster.windows import WindowMaker, windows_of
 from terratool.raster.writers import Storage, open_writer
+from terratool.tasks import prefetch, thread_count
 from terratool.text.meaning import guess
 
 DTYPES = ("float32", "float64")
@@ -377,17 +378,6 @@ def paths_of(path: Path, files: Sequence[LayerBands]) -> list[Path]:
         for bands in files[1:]
     )
     return [path, *(path.with_name(f"{path.stem}-{name}{path.suffix}") for name in names)]
-
-
-def thread_count(threads: int | None) -> int:
-    """Number of threads as requested, or the number of processors for None.
-
-    Raises:
-        RequestError: the number is below 1.
-    """
-    if threads is not None and threads < 1:
-        raise RequestError(f"The number of threads is {threads}.", "Give 1 or more.")
-    return threads or processors()
 
 
 def _ranges(

@@ -61,6 +61,11 @@ class Window:
         return slice(row, row + self.height), slice(column, column + self.width)
 
 
+def window_name(window: Window) -> str:
+    """Name of a window in messages."""
+    return f"cells from row {window.row}, column {window.column} on"
+
+
 @dataclass(frozen=True, slots=True)
 class Grid:
     """Square pixels counted from a south-west corner, rows stored from the north.

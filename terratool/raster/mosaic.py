@@ -6,8 +6,7 @@ import contextlib
 import hashlib
 import math
 import os
-import threading
-from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from collections.abc import Generator, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -16,6 +15,7 @@ from xml.etree.ElementTree import Element, SubElement
 import msgspec
 import numpy as np
 
+from terratool.cluster import crew_of
 from terratool.errors import RequestError
 from terratool.field.records import scalar_columns
 from terratool.field.terrain import Terrain
@@ -39,7 +39,6 @@ from terratool.raster.export import (
     paths_of,
     refuse_full_disk,
     report_of,
-    thread_count,
 )
 from terratool.raster.formats import RasterFormat, plain_coding
 from terratool.raster.geotiff import (
@@ -51,7 +50,6 @@ from terratool.raster.geotiff import (
 )
 from terratool.raster.grid import Grid
 from terratool.raster.journal import Journal, journal_of
-from terratool.raster.prefetch import prefetch
 from terratool.raster.statistics import RasterStatistics, StatisticsSum
 from terratool.raster.tiles import (
     INDEX,
@@ -64,6 +62,7 @@ from terratool.raster.tiles import (
     checksum,
     remove_scratch,
 )
+from terratool.tasks import Work, thread_count
 
 TILE_SIZE = 4096
 """Default side of a tile, pixels."""
@@ -73,9 +72,6 @@ _TYPES = {
     "float32": "Float32", "float64": "Float64",
 }  # fmt: skip
 """Data types of a .vrt by NumPy's name."""
-
-MakeTiles = Callable[[TileMaker, Iterable[Job]], Generator[Done, None, None]]
-"""Function that makes tiles, yielded in any order."""
 
 
 def export_mosaic(
@@ -129,7 +125,7 @@ def export_mosaic(
     threads = thread_count(request.threads)
     with (
         stop_on_signals(),
-        _by_threads_or_dask(threads, dask) as make_tiles,
+        crew_of(dask, threads) as crew,
         journal_of(folder, request_of(terrain, tiling), overwrite) as journal,
         contextlib.ExitStack() as stack,
     ):
@@ -150,7 +146,8 @@ def export_mosaic(
         stack.enter_context(remove_if_abandoned(scratch))
         stack.callback(remove_scratch, scratch)
         tiler = TileMaker(terrain, tiling, scratch)
-        statistics, kept = _add_up(make_tiles(tiler, jobs), tiling, jobs, journal, progress)
+        made = crew.run(_work(tiler), jobs)
+        statistics, kept = _add_up(made, tiling, jobs, journal, progress)
         _write_indexes(indexes, tiler, statistics, journal)
     tiles = MosaicSummary(given, tile_size, tiling.rows, tiling.columns, kept, len(jobs) - kept)
     error = compression.max_z_error
@@ -248,37 +245,17 @@ def _add_up(
     return total.total(), kept
 
 
-@contextlib.contextmanager
-def _by_threads_or_dask(threads: int, dask: str | None) -> Iterator[MakeTiles]:
-    """Choose the function that makes tiles; a Dask connection lasts for the block."""
-    if dask is None:
-        yield partial(make_by_threads, threads=threads)
-        return
-    from terratool.raster.dask import connect, make_by_dask
-
-    with connect(dask, threads) as client:
-        yield partial(make_by_dask, client, address=dask)
-
-
-class _StoppedError(Exception):
-    """Raised in a thread to abandon its tile when the run ends."""
-
-
-def make_by_threads(
-    tiler: TileMaker, jobs: Iterable[Job], threads: int
-) -> Generator[Done, None, None]:
-    """Make tiles by threads, one tile per thread at a time, yielded in order."""
-    stopped = threading.Event()
-
-    def check(_pixels: int) -> None:
-        if stopped.is_set():
-            raise _StoppedError
-
-    def make(job: Job) -> Done:
-        number, tile, known = job
-        return number, *tiler.make(tile, known, check)
-
-    return prefetch(make, jobs, threads, stopped.set)
+def _work(tiler: TileMaker) -> Work[TileMaker, Job, Done]:
+    """Work of making tiles, which workers write themselves."""
+    return Work(
+        TileMaker.make,
+        tiler,
+        name=lambda job: f"tile {job[1].row}, {job[1].column}",
+        smaller="take a smaller --tile-size",
+        stop=partial(remove_scratch, tiler.scratch),
+        resumes=True,
+        ordered=False,
+    )
 
 
 def _write_indexes(

@@ -7,7 +7,7 @@ import hashlib
 import math
 import re
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -24,8 +24,8 @@ from terratool.raster.export import fill_files, paths_of
 from terratool.raster.formats import RasterFormat
 from terratool.raster.grid import Grid, Window
 from terratool.raster.layers import LayerBands
-from terratool.raster.prefetch import WindowMaker
 from terratool.raster.statistics import RasterStatistics
+from terratool.raster.windows import WindowMaker
 from terratool.raster.writers import Storage
 from terratool.text.files import open_file
 
@@ -164,36 +164,18 @@ class TileMaker:
         tiling = self.tiling
         return WindowMaker(self.terrain, tiling.grid, tiling.files, tiling.losses)
 
-    def make(
-        self,
-        tile: RasterTile,
-        known: FinishedTile | None = None,
-        progress: Callable[[int], object] | None = None,
-    ) -> tuple[FinishedTile, bool]:
+    def make(self, job: Job) -> Done:
         """Make a tile in the calling thread, unless its files match an earlier record.
 
-        Args:
-            tile: tile to be made.
-            known: record of an earlier run; None for none.
-            progress: called with the number of pixels of each window; may raise to stop.
-
-        Returns:
-            The record of the tile, and whether its files were kept.
-
         Raises:
-            WriteError: a file cannot be written, or this machine does not see the folder.
-            RequestError: values exceed their data type, or the version of terratool differs.
+            WriteError: a file cannot be written, this machine does not see the folder, or the run
+                has ended.
+            RequestError: values exceed their data type.
         """
-        tiling = self.tiling
-        if tiling.version != __version__:
-            raise RequestError(
-                f"{gethostname()}: has terratool {__version__}, but the mosaic is of "
-                f"{tiling.version}.",
-                "Install the same version for all workers.",
-            )
+        tiling, (number, tile, known) = self.tiling, job
         paths = tiling.paths(tile)
         if known and all(map(is_complete, paths, known.files)):
-            return known, True
+            return number, known, True
         self.check()
         storage = Storage(RasterFormat("GTiff"), tiling.compression)
         with contextlib.ExitStack() as stack:
@@ -201,11 +183,11 @@ class TileMaker:
                 stack.enter_context(whole_file(path, True, COMPANIONS, self.scratch, named=False))
                 for path in paths
             ]
-            filled = fill_files(parts, self.maker, storage, window=tile.window, progress=progress)
+            filled = fill_files(parts, self.maker, storage, window=tile.window, progress=self.check)
             files = tuple(
                 FileState(part.name, part.stat().st_size, checksum(part)) for part in parts
             )
-        return FinishedTile(tile.row, tile.column, files, filled.statistics), False
+        return number, FinishedTile(tile.row, tile.column, files, filled.statistics), False
 
     def check(self, _pixels: int = 0) -> None:
         """Check that the run still goes on.

@@ -7,13 +7,14 @@ import hashlib
 import json
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from msgspec import UNSET, Struct, UnsetType
 
 from terratool._version import __version__
+from terratool.cluster import crew_of
 from terratool.errors import ReadError, WriteError
 from terratool.field.terrain import Terrain
 from terratool.mesh.formats.common import is_ascii_word, lines_of, plain_names
@@ -31,6 +32,7 @@ from terratool.report.numbers import coordinates
 from terratool.simulators.options import SceneOptions
 from terratool.simulators.scene import Material, Scene
 from terratool.simulators.targets import Target, WrittenFiles, choose_targets, refuse_uninstalled
+from terratool.tasks import processors
 from terratool.text.display import printable
 from terratool.text.files import is_regular, open_file
 from terratool.traversability.judge import Judge
@@ -82,7 +84,13 @@ class ExportPlan:
         for target in self.targets.values():
             target.check(scene)
         reports = []
-        with os_errors(self.folder), stop_on_signals(), _make_folder(self.folder):
+        with (
+            os_errors(self.folder),
+            stop_on_signals(),
+            crew_of(self.options.dask, processors()) as crew,
+            _make_folder(self.folder),
+        ):
+            scene = replace(scene, crew=crew)
             for key, target in self.targets.items():
                 with part_folder(self.folder) as part:
                     written = target.write(scene, part)
@@ -138,10 +146,12 @@ def export_simulators(
         progress: function that is called with a phrase at each step.
 
     Raises:
-        RequestError: a target is unknown or not installed, or an option makes no sense.
+        RequestError: a target is unknown or not installed, or an option makes no sense, or Dask is
+            asked for and not installed.
         ReadError: the definition's or the vehicle's file cannot be read.
         DefinitionError: the vehicle's file has errors.
-        WriteError: a folder is there already, holds something else, or cannot be written.
+        WriteError: a folder is there already, holds something else, or cannot be written; or no
+            Dask scheduler answers.
     """
     plan = plan_export(folder, targets, options, source=source, overwrite=overwrite)
     return plan.write(terrain, progress or (lambda _: None))

@@ -9,17 +9,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terratool.errors import RequestError
+from terratool.field.terrain import Terrain
 from terratool.io.geotiff import TILE
-from terratool.raster.grid import Grid, Window
+from terratool.raster.grid import Grid, Window, window_name
 from terratool.raster.grid_map_bag import MOST_BYTES, TOPIC, GridMap, Layers, write_grid_maps
 from terratool.raster.loss import LossCounts, LossFinder, RasterLoss
 from terratool.raster.painter import Painter
-from terratool.raster.prefetch import prefetch, processors
 from terratool.report.numbers import metres
 from terratool.report.wording import count_of
 from terratool.simulators.cells import cell_grid
 from terratool.simulators.scene import Scene
 from terratool.simulators.targets import WrittenFiles
+from terratool.tasks import Work
 from terratool.traversability.results import GroundClass
 
 MOST = 1024
@@ -135,17 +136,35 @@ class _LayerWindow(NamedTuple):
     lost: LossCounts
 
 
-def _sample_layers(scene: Scene, grid: Grid) -> tuple[Layers, RasterLoss]:
-    """Return layers at cell middles by name, (height, width) from the north; and their loss."""
-    terrain, zero = scene.terrain, scene.zero[2]
-    finder = LossFinder(terrain, grid)
-    painter = Painter(terrain, grid, np.float64, slopes=True, labels=finder.for_walls)
-    frictions, colors = _surface_tables(scene)
+class LayerSampler:
+    """Sampler of layers at the middles of cells; several threads may use one at a time.
 
-    def sample(window: Window) -> _LayerWindow:
-        whole = finder.with_neighbours(window)
-        planes = painter.paint(whole)
-        lost = finder.of(window, planes)
+    Args:
+        terrain: the ground.
+        grid: the cells.
+        zero: height of the zero of the files.
+        frictions: (surfaces + 1,) float32 frictions by surface index + 1.
+        colors: (surfaces + 1,) float32 colours by surface index + 1.
+    """
+
+    def __init__(
+        self, terrain: Terrain, grid: Grid, zero: float,
+        frictions: NDArray[np.float32], colors: NDArray[np.float32],
+    ) -> None:  # fmt: skip
+        self._given = terrain, grid, zero, frictions, colors
+        self.finder = LossFinder(terrain, grid)
+        labels = self.finder.for_walls
+        self._painter = Painter(terrain, grid, np.float64, slopes=True, labels=labels)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return LayerSampler, self._given
+
+    def sample(self, window: Window) -> _LayerWindow:
+        """Sample the layers of a window."""
+        *_, zero, frictions, colors = self._given
+        whole = self.finder.with_neighbours(window)
+        planes = self._painter.paint(whole)
+        lost = self.finder.of(window, planes)
         planes = planes.part(*window.within(whole))
         assert planes.surfaces is not None
         assert planes.slope_x is not None and planes.slope_y is not None
@@ -161,14 +180,19 @@ def _sample_layers(scene: Scene, grid: Grid) -> tuple[Layers, RasterLoss]:
         bands[:, np.isnan(planes.heights)] = np.nan
         return _LayerWindow(window, bands, lost)
 
+
+def _sample_layers(scene: Scene, grid: Grid) -> tuple[Layers, RasterLoss]:
+    """Return layers at cell middles by name, (height, width) from the north; and their loss."""
+    sampler = LayerSampler(scene.terrain, grid, scene.zero[2], *_surface_tables(scene))
+    work = Work(LayerSampler.sample, sampler, name=window_name)
     out = np.empty((len(_NAMES), grid.height, grid.width), np.float32)
     lost = LossCounts()
-    for window, bands, more in prefetch(sample, grid.windows(TILE, TILE), processors()):
+    for window, bands, more in scene.crew.run(work, grid.windows(TILE, TILE)):
         rows = slice(window.row, window.row + window.height)
         out[:, rows, window.column : window.column + window.width] = bands
         lost += more
     nodata = int(np.isnan(out[0]).sum())
-    return dict(zip(_NAMES, out, strict=True)), finder.statement(lost, nodata)
+    return dict(zip(_NAMES, out, strict=True)), sampler.finder.statement(lost, nodata)
 
 
 def _surface_tables(scene: Scene) -> tuple[NDArray[np.float32], NDArray[np.float32]]:

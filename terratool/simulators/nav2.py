@@ -69,7 +69,8 @@ def write(scene: Scene, folder: Path) -> WrittenFiles:
     side = metres(grid.resolution)
     if verdict is None:
         scene.say("looking for slopes and walls")
-        cells = occupancy(terrain, grid, DrivingLimits.of(options.max_slope, options.max_step))
+        driven = DrivingLimits.of(options.max_slope, options.max_step)
+        cells = occupancy(terrain, grid, driven, scene.crew)
         by: dict[str, Any] = {"max_slope": options.max_slope, "max_step": options.max_step}
         limits = f"slopes of {options.max_slope:g}° and steps of {metres(options.max_step)}"
         notes = _LIMITS_NOTE.format(

@@ -8,18 +8,19 @@ found by its crests. Heights come from the terrain itself, not from a raster of 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from terratool.cluster import Crew, Threads
 from terratool.field.bounds import crest_lines, curve_weights
 from terratool.field.terrain import Terrain
 from terratool.field.walls import WallFinders
 from terratool.kernels import field as kernels
-from terratool.raster.grid import Grid, Window
+from terratool.raster.grid import Grid, Window, window_name
 from terratool.raster.painter import Painter
-from terratool.raster.prefetch import prefetch, processors
+from terratool.tasks import Work, processors
 
 FREE, OCCUPIED, UNKNOWN = 0, 100, -1
 """Values of cells, those of `nav_msgs/OccupancyGrid`."""
@@ -73,17 +74,26 @@ class _WindowObstacles(NamedTuple):
     walls: Points
 
 
-def occupancy(terrain: Terrain, grid: Grid, limits: DrivingLimits) -> NDArray[np.int8]:
+def occupancy(
+    terrain: Terrain, grid: Grid, limits: DrivingLimits, crew: Crew | None = None
+) -> NDArray[np.int8]:
     """Return `FREE`, `OCCUPIED` or `UNKNOWN` for each cell, (height, width), from the north.
 
     A cell is occupied if it has a slope that is too steep or a wall that is too high, be it
     narrower than the cell. A wall on the line between two cells is that of the upper one. Other
     cells are unknown if void or the outside reaches into them.
+
+    Args:
+        terrain: the ground.
+        grid: the cells.
+        limits: slopes and steps that can be driven.
+        crew: crew that looks for obstacles; as many threads as processors if None.
     """
-    finder = ObstacleFinder(terrain, grid, limits)
+    crew = crew or Threads(processors())
+    work = Work(ObstacleFinder.find, ObstacleFinder(terrain, grid, limits), name=window_name)
     out = np.empty((grid.height, grid.width), np.int8)
     walls = []
-    for found in prefetch(finder.find, grid.windows(_WINDOW, _WINDOW), processors()):
+    for found in crew.run(work, grid.windows(_WINDOW, _WINDOW)):
         row, column = found.window.row, found.window.column
         cells = np.where(found.unknown, np.int8(UNKNOWN), np.int8(FREE))
         cells[found.steep] = OCCUPIED
@@ -121,6 +131,9 @@ class ObstacleFinder:
         self._finders = WallFinders(terrain)
         self._lines = crest_lines(terrain.arrays)
         self._weights = curve_weights(terrain.arrays)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return ObstacleFinder, (self._terrain, self._grid, self._limits)
 
     def find(self, window: Window) -> _WindowObstacles:
         """Return the obstacles in the cells of a window."""

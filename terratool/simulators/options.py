@@ -29,6 +29,7 @@ _ABOUT = {
     "max_slope": ["nav2"],
     "max_step": ["nav2"],
     "resolution": ["nav2", "grid-map"],
+    "dask": ["nav2", "grid-map"],
 }
 """Targets that use an option, by the option's name."""
 _IN_PLACE_OF = {"max_geoms": "flex", "max_slope": "vehicle", "max_step": "vehicle"}
@@ -52,6 +53,8 @@ class SceneOptions:
         max_slope: Nav2: steepest slope that can be driven without a vehicle, above 0 and below 90°.
         max_step: Nav2: highest step that can be driven without a vehicle, from 0 on.
         resolution: Nav2 and grid_map: side of a cell; chosen by the size of the terrain if None.
+        dask: Nav2 and grid_map: address of a Dask scheduler whose workers look at the cells, or
+            "local" for as many processes on this machine as there are processors; None for none.
     """
 
     max_error: float = DEFAULT_ERROR
@@ -64,6 +67,7 @@ class SceneOptions:
     max_slope: float = MAX_SLOPE
     max_step: float = MAX_STEP
     resolution: float | None = None
+    dask: str | None = None
 
     def check(self) -> None:
         """Refuse numbers that make no sense for any terrain.

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, NamedTuple
 
 from msgspec import UNSET
 
+from terratool.cluster import Crew, Threads
 from terratool.definition.presets import friction_of, preset_of, property_of
 from terratool.errors import RequestError
 from terratool.field.terrain import Terrain
@@ -34,6 +35,7 @@ from terratool.report.numbers import metres
 from terratool.report.wording import count_of
 from terratool.simulators.cells import cell_grid
 from terratool.simulators.options import SceneOptions
+from terratool.tasks import processors
 from terratool.traversability.judge import CellVerdict, Judge
 
 _MOST_FACES, _MANY_FACES = 20_000_000, 2_000_000
@@ -70,6 +72,7 @@ class Scene:
         options: options of the files.
         say: function that is called with a phrase at each step.
         judge: judge by the vehicle that the options name; None without a vehicle.
+        crew: crew that looks at windows of cells.
     """
 
     terrain: Terrain
@@ -77,6 +80,7 @@ class Scene:
     options: SceneOptions
     say: Callable[[str], object] = lambda _: None
     judge: Judge | None = None
+    crew: Crew = field(default_factory=lambda: Threads(processors()))
 
     @cached_property
     def built_mesh(self) -> BuiltMesh:
@@ -158,7 +162,7 @@ class Scene:
         """
         if self.judge is None:
             return None
-        return self.judge.verdict(self.terrain, self.cells(), self.say)
+        return self.judge.verdict(self.terrain, self.cells(), self.say, self.crew)
 
     @property
     def zero(self) -> tuple[float, float, float]:

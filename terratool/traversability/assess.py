@@ -11,15 +11,17 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from terratool.cluster import crew_of
 from terratool.definition.findings import Bounds
+from terratool.errors import RequestError
 from terratool.field.footprints import geojson_head
 from terratool.field.relief import relief_bounds
 from terratool.field.terrain import Terrain, check_overlap
 from terratool.io.geotiff import TILE
-from terratool.raster.export import thread_count
 from terratool.raster.grid import DEFAULT_PIXELS, Grid, Window, grid_over
 from terratool.report.numbers import coordinates, per_cent, pixels
 from terratool.report.wording import join_words
+from terratool.tasks import thread_count
 from terratool.text.display import quote
 from terratool.traversability.map import MapBuilder, begin_of, default_resolution, stream_map
 from terratool.traversability.map_files import MapFiles, refuse_map
@@ -101,6 +103,8 @@ class Request:
         mapped: whether the whole ground is to be judged; without routes, or with a start, it always
             is.
         threads: number of threads; as many as there are processors if None.
+        dask: address of a Dask scheduler whose workers judge the map, or "local" for as many
+            processes as threads; None for none.
         samples: number of samples of the soils, where their figures are ranges.
         seed: seed of the generator that draws the samples.
         routes_of, start_of: where routes and start were asked for, in words; empty for the user.
@@ -117,6 +121,7 @@ class Request:
     headings: int | None = None
     mapped: bool = True
     threads: int | None = None
+    dask: str | None = None
     samples: int = SAMPLES
     seed: int = 0
     routes_of: str = ""
@@ -225,6 +230,8 @@ def prepare_assessment(
     if request.headings is not None:
         refuse_headings(request.headings)
     thread_count(request.threads)
+    if request.dask is not None and not request.maps:
+        raise RequestError("--dask is about maps, but only routes are asked for.", "Add --map OUT.")
     check_places(request, terrain.bounds)
     draws = draw(terrain, request.samples, request.seed)
     grid, routes, headings, notes = _grids(terrain, vehicle, request, map_path is not None)
@@ -495,15 +502,16 @@ def _judge_map(
         files = MapFiles(
             stack, terrain, builder.grid, builder.sampled, Path(map_path), overwrite, threads
         )
-    if prepared.shares_survey:
-        assert prepared.tiles is not None
-        prepared.tiles.progress = progress
-        prepared.tiles.complete()
-        if files:
-            for window in builder.grid.windows(TILE, TILE):
-                files.write(window, builder.bands(window))
-    else:
-        stream_map(prepared.surveyor, builder, files, threads, progress)
+    with crew_of(prepared.request.dask, threads) as crew:
+        if prepared.shares_survey:
+            assert prepared.tiles is not None
+            prepared.tiles.progress = progress
+            prepared.tiles.complete(crew=crew)
+        else:
+            stream_map(prepared.surveyor, builder, files, crew, progress)
+    if files and prepared.shares_survey:
+        for window in builder.grid.windows(TILE, TILE):
+            files.write(window, builder.bands(window))
     tell: Callable[[float], object] | None = None
     if progress:
         pixels, told = builder.ground.size, progress

@@ -18,6 +18,7 @@ from terratool.traversability.results import GroundClass
 from terratool.traversability.vehicle import Vehicle, load_vehicle
 
 if TYPE_CHECKING:
+    from terratool.cluster import Crew
     from terratool.traversability.survey import Surveyor
 
 
@@ -99,20 +100,23 @@ class Judge:
         return Surveyor(terrain, self.vehicle, grid)
 
     def verdict(
-        self, terrain: Terrain, grid: Grid, progress: Callable[[str], object]
-    ) -> CellVerdict:
+        self, terrain: Terrain, grid: Grid, progress: Callable[[str], object],
+        crew: Crew | None = None,
+    ) -> CellVerdict:  # fmt: skip
         """Judge the cells of a grid at `HEADINGS` headings.
 
         Args:
             terrain: the ground, with all parts written out.
             grid: the cells.
             progress: called with words that say how many percent are done.
+            crew: crew that judges; as many threads as processors if None.
 
         Raises:
             RequestError: the cells are too coarse or too fine for the vehicle, or the terrain is in
                 degrees.
         """
-        from terratool.raster.prefetch import processors
+        from terratool.cluster import Threads
+        from terratool.tasks import processors
         from terratool.traversability.map import MapBuilder, stream_map
         from terratool.traversability.report.wording import lacking_of
         from terratool.traversability.soil import missing_of, turnings
@@ -127,7 +131,7 @@ class Judge:
             done += more
             progress(f"judging {vehicle.name}, {100 * done // total} %")
 
-        stream_map(surveyor, builder, None, processors(), report)
+        stream_map(surveyor, builder, None, crew or Threads(processors()), report)
         classes, _ = builder.classes(None, vehicle.area)
         classes[~builder.ground] = GroundClass.UNKNOWN
         counts = np.bincount(classes.ravel(), minlength=len(GroundClass)).tolist()

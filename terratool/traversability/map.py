@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from terratool.cluster import Crew
 from terratool.definition.findings import Bounds
 from terratool.errors import RequestError
 from terratool.field.terrain import Terrain, check_bounds, clip_bounds
 from terratool.io.crs import shown_crs
 from terratool.io.geotiff import TILE
 from terratool.kernels import traversability as kernels
-from terratool.raster.grid import DEFAULT_PIXELS, Grid, Window
+from terratool.raster.grid import DEFAULT_PIXELS, Grid, Window, window_name
 from terratool.raster.painter import id_type
-from terratool.raster.prefetch import prefetch
+from terratool.tasks import Work
 from terratool.traversability.map_files import MapBands, MapFiles, empty_bands
 from terratool.traversability.results import (
     CHANCE_BOUNDS,
@@ -138,8 +140,60 @@ def default_resolution(
     return min(resolution, shortest), f"{most} pixels on the longer side"
 
 
+class WindowParts(NamedTuple):
+    """Parts of the measures of a window that a map keeps, (height, width) unless said otherwise.
+
+    Attributes:
+        bands: bands for files.
+        ground: bool, whether there is ground.
+        surfaces: index of the surface and one, 0 for none.
+        bits: headings with which the vehicle drives, as bits.
+        onward: the same if the ground went on beyond the rim.
+        heights: (rows, columns) float32 heights of the pixels of the preview in the window, m.
+    """
+
+    bands: MapBands
+    ground: NDArray[np.bool_]
+    surfaces: NDArray[Any]
+    bits: Bits
+    onward: Bits
+    heights: NDArray[np.float32]
+
+    @classmethod
+    def of(cls, surveyor: Surveyor, window: Window, measures: WindowMeasures) -> WindowParts:
+        """Take what a map keeps of the measures of a window of a surveyor's grid."""
+        ground = ~np.isnan(measures.heights)
+        drives = (measures.verdict == Verdict.GO) | (measures.verdict == Verdict.CAUTION)
+        drives &= np.isfinite(measures.numbers[:, kernels.ENERGY])
+        stride = _stride(surveyor.grid)
+        rows, columns = _thinned(window, stride)
+        at = np.ix_(rows * stride - window.row, columns * stride - window.column)
+        return cls(
+            map_bands(measures, surveyor.is_inside(window)),
+            ground,
+            measures.surfaces,
+            heading_bits(drives & ground),
+            heading_bits((measures.onward != 0) & ground),
+            measures.heights[at],
+        )
+
+
+def _stride(grid: Grid) -> int:
+    """Pixels of a map for each pixel of its preview, along each side."""
+    return -(-max(grid.height, grid.width) // PICTURE)
+
+
+def _thinned(window: Window, stride: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Rows and columns of a preview whose pixels lie in a window of the map."""
+    rows, columns = (
+        np.arange(-(-first // stride), -(-(first + count) // stride))
+        for first, count in ((window.row, window.height), (window.column, window.width))
+    )
+    return rows, columns
+
+
 class MapBuilder:
-    """A map that is built from windows, which several threads may bring in any order.
+    """A map that is built from windows, in any order.
 
     Memory is 6 bytes for each pixel, two bytes more for over 8 headings; 61 bytes where all bands
     are kept, and 4 more where soils are sampled.
@@ -167,34 +221,28 @@ class MapBuilder:
         self.surfaces = np.zeros(flat, id_type(terrain))
         self.bits, self.onward = np.zeros((2, *flat), bits_type(self.headings))
         self._able = np.array([turn.possible for turn in turns], np.bool_)
-        self._stride = -(-max(flat) // PICTURE)
+        self._stride = _stride(grid)
         self._heights = np.full(
             tuple(-(-side // self._stride) for side in flat), np.nan, np.float32
         )
 
-    def take(self, window: Window, measures: WindowMeasures) -> MapBands:
-        """Add the measures of a window to the map; return its bands for files."""
-        bands, part = map_bands(measures, self._surveyor.is_inside(window)), part_of(window)
+    def take(self, window: Window, measures: WindowMeasures) -> None:
+        """Add the measures of a window to the map."""
+        self.add(window, WindowParts.of(self._surveyor, window, measures))
+
+    def add(self, window: Window, parts: WindowParts) -> None:
+        """Add what a map keeps of a window."""
+        bands, part = parts.bands, part_of(window)
         self.verdict[part], self.reason[part] = bands.verdict[0], bands.classes[1]
         self.worst[part] = bands.classes[0]
         if self.chance is not None:
             self.chance[part] = bands.numbers[-1]
-        self.ground[part], self.surfaces[part] = ~np.isnan(measures.heights), measures.surfaces
-        drives = (measures.verdict == Verdict.GO) | (measures.verdict == Verdict.CAUTION)
-        drives &= np.isfinite(measures.numbers[:, kernels.ENERGY])
-        self.bits[part] = heading_bits(drives & self.ground[part])
-        self.onward[part] = heading_bits((measures.onward != 0) & self.ground[part])
+        self.ground[part], self.surfaces[part] = parts.ground, parts.surfaces
+        self.bits[part], self.onward[part] = parts.bits, parts.onward
         if self.kept is not None:
             for whole, pixels in zip(self.kept, bands, strict=True):
                 whole[:, *part] = pixels
-        rows, columns = (
-            np.arange(-(-first // self._stride), -(-(first + count) // self._stride))
-            for first, count in ((window.row, window.height), (window.column, window.width))
-        )
-        if len(rows) and len(columns):
-            at = np.ix_(rows * self._stride - window.row, columns * self._stride - window.column)
-            self._heights[np.ix_(rows, columns)] = measures.heights[at]
-        return bands
+        self._heights[np.ix_(*_thinned(window, self._stride))] = parts.heights
 
     def bands(self, window: Window) -> MapBands:
         """Bands of a window that were kept."""
@@ -327,27 +375,34 @@ def stream_map(
     surveyor: Surveyor,
     builder: MapBuilder,
     files: MapFiles | None,
-    threads: int,
+    crew: Crew,
     progress: Callable[[int], object] | None = None,
 ) -> None:
     """Judge a grid tile by tile: give each to the builder, and its bands to the files."""
+    tiles = list(builder.grid.windows(TILE, TILE))
+    work = Work(_judge_tile, surveyor, name=window_name)
+    with contextlib.closing(crew.run(work, tiles)) as judged:
+        for window, found in zip(tiles, judged, strict=True):
+            whole = empty_bands((window.height, window.width), builder.sampled)
+            for inner, parts in found:
+                builder.add(inner, parts)
+                local = Window(
+                    inner.row - window.row, inner.column - window.column, inner.height, inner.width
+                )
+                for target, pixels in zip(whole, parts.bands, strict=True):
+                    target[:, *part_of(local)] = pixels
+            if files:
+                files.write(window, whole)
+            if progress:
+                progress(window.height * window.width)
 
-    def judge_tile(window: Window) -> tuple[Window, MapBands]:
-        whole = empty_bands((window.height, window.width), builder.sampled)
-        for inner in surveyor.windows(window):
-            bands = builder.take(inner, surveyor.measure(inner))
-            local = Window(
-                inner.row - window.row, inner.column - window.column, inner.height, inner.width
-            )
-            for target, pixels in zip(whole, bands, strict=True):
-                target[:, *part_of(local)] = pixels
-        return window, whole
 
-    for window, bands in prefetch(judge_tile, builder.grid.windows(TILE, TILE), threads):
-        if files:
-            files.write(window, bands)
-        if progress:
-            progress(window.height * window.width)
+def _judge_tile(surveyor: Surveyor, window: Window) -> list[tuple[Window, WindowParts]]:
+    """Judge a tile in windows that are small enough to be measured at once."""
+    return [
+        (inner, WindowParts.of(surveyor, inner, surveyor.measure(inner)))
+        for inner in surveyor.windows(window)
+    ]
 
 
 def begin_of(builder: MapBuilder, start: tuple[float, float] | None) -> Bits | None:

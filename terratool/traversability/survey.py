@@ -326,6 +326,9 @@ class Surveyor:
         if samples is not None:
             self._on_samples = kernels.VehicleOnSamples(params, samples)
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Surveyor, (self.terrain, self.vehicle, self.grid, self.headings, self.samples)
+
     def windows(self, window: Window) -> Iterator[Window]:
         """Cut a window into windows that are small enough to be measured at once."""
         side = max(math.isqrt(_FINE_PIXELS) // self._parts - 2 * self._halo, 16)

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from terratool.cluster import Crew, Threads
 from terratool.field.terrain import Terrain
 from terratool.kernels import traversability as kernels
-from terratool.raster.export import thread_count
-from terratool.raster.grid import Grid, Window
+from terratool.raster.grid import Grid, Window, window_name
 from terratool.raster.painter import id_type
-from terratool.raster.prefetch import prefetch
+from terratool.tasks import Work, thread_count
 from terratool.traversability.results import HEADINGS, Survey
 from terratool.traversability.survey import SoilSamples, Surveyor, WindowMeasures
 from terratool.traversability.vehicle import Vehicle
@@ -110,7 +111,7 @@ class SurveyTiles:
     Args:
         surveyor: surveyor of a vehicle on a terrain, on the cells of the survey.
         threads: number of threads; as many as there are processors if None.
-        take: called, by several threads, with each window that is computed and its measures.
+        take: called with each window that is computed and its measures.
     """
 
     def __init__(
@@ -182,12 +183,20 @@ class SurveyTiles:
         self._make([self._window(r, c, 1) for r, c in wanted])
         return [r * width + c for r, c in wanted]
 
-    def complete(self, rows: ArrayLike = (), columns: ArrayLike = ()) -> Survey:
-        """Compute the tiles that hold cells, if not yet known; all tiles if no cells are given."""
+    def complete(
+        self, rows: ArrayLike = (), columns: ArrayLike = (), crew: Crew | None = None
+    ) -> Survey:
+        """Compute the tiles that hold cells, if not yet known; all tiles if no cells are given.
+
+        Args:
+            rows: (n,) rows of cells.
+            columns: (n,) columns of cells.
+            crew: crew that measures; threads of the survey's own if None.
+        """
         held = np.zeros_like(self.known)
         tiles = (np.asarray(cells, np.int64) // self.side for cells in (rows, columns))
         held[tuple(tiles)] = True
-        self._make(list(self._runs(~self.known & (held if held.any() else ~held))))
+        self._make(list(self._runs(~self.known & (held if held.any() else ~held))), crew)
         return self.survey
 
     @property
@@ -235,28 +244,31 @@ class SurveyTiles:
             for first, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
                 yield self._window(row, first, end - first)
 
-    def _make(self, wanted: list[Window]) -> None:
+    def _make(self, wanted: list[Window], crew: Crew | None = None) -> None:
         """Compute windows of whole tiles, and mark these as known."""
         if not wanted:
             return
         assert self._surveyor is not None
         windows = [inner for window in wanted for inner in self._surveyor.windows(window)]
-        for window in prefetch(self._measure, windows, self._threads):
-            if self.progress:
-                self.progress(window.height * window.width)
+        work = Work(_measure, (self._surveyor, self._take is not None), name=window_name)
+        crew = crew or Threads(self._threads)
+        with contextlib.closing(crew.run(work, windows)) as measured:
+            for window, found in zip(windows, measured, strict=True):
+                _store(self.survey, part_of(window), found)
+                if self._take is not None:
+                    self._take(window, found)
+                if self.progress:
+                    self.progress(window.height * window.width)
         for window in wanted:
             row, column = window.row // self.side, window.column // self.side
             rows, columns = -(-window.height // self.side), -(-window.width // self.side)
             self.known[row : row + rows, column : column + columns] = True
 
-    def _measure(self, window: Window) -> Window:
-        """Measure a window and store it; windows do not overlap, so threads do not collide."""
-        assert self._surveyor is not None
-        found = self._surveyor.measure(window, sampled=self._take is not None)
-        _store(self.survey, part_of(window), found)
-        if self._take is not None:
-            self._take(window, found)
-        return window
+
+def _measure(common: tuple[Surveyor, bool], window: Window) -> WindowMeasures:
+    """Measure a window, with the probability of go where samples count."""
+    surveyor, sampled = common
+    return surveyor.measure(window, sampled=sampled)
 
 
 def part_of(window: Window) -> Any:

@@ -22,8 +22,8 @@ from terratool.mesh.formats.common import NO_COLOR
 from terratool.raster.grid import Grid, grid_over
 from terratool.raster.layers import LAYERS, LayerBands, SurfaceValues, layer_painter
 from terratool.raster.painter import Painter, Planes
-from terratool.raster.prefetch import prefetch, processors
 from terratool.report.wording import join_words
+from terratool.tasks import prefetch, processors
 from terratool.text.display import quote
 from terratool.text.meaning import guess
 from terratool.traversability.judge import Judge

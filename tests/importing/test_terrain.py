@@ -584,7 +584,7 @@ def test_structures_that_turn_out_badly_are_given_up(tmp_path, monkeypatch):
     borders = Checker.check_borders
 
     def alarmed(self, written, step):
-        if self.always:
+        if self.parts.always:
             raise BoundError("by the test")
         borders(self, written, step)
 

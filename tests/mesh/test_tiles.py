@@ -23,7 +23,6 @@ from terratool.mesh.tiles import (
     TileCount,
     TileLayout,
     build_tile,
-    build_tiles,
     faces_of,
     lay_out,
 )
@@ -47,7 +46,9 @@ from tests.meshes import (
 
 
 def tiles_of(terrain: Terrain, layout: TileLayout) -> dict[tuple[int, int], Mesh]:
-    return {(row, column): tile.mesh for row, column, tile in build_tiles(terrain, layout)}
+    rows, columns = layout.shape
+    places = [(row, column) for row in range(rows) for column in range(columns)]
+    return {place: build_tile(terrain, layout, *place).mesh for place in places}
 
 
 def union(meshes: list[Mesh]) -> Mesh:

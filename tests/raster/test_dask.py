@@ -12,7 +12,6 @@ import sys
 import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -20,9 +19,10 @@ import numpy as np
 import pytest
 import rasterio
 
+from terratool import cluster as ours
 from terratool.errors import RequestError, WriteError
 from terratool.io.geotiff import Compression
-from terratool.raster import dask as ours
+from terratool.raster import mosaic as mosaics
 from terratool.raster.export import RasterReport
 from terratool.raster.grid import Grid, grid_over
 from terratool.raster.layers import files_of, layers_named
@@ -157,7 +157,7 @@ def test_what_is_killed_leaves_no_word_of_its_processes() -> None:
     """As where a command takes too long to end after a signal."""
     code = """
 import os
-from terratool.raster.dask import local_cluster
+from terratool.cluster import local_cluster
 if __name__ == "__main__":
     kept = local_cluster(2)
     os._exit(3)
@@ -194,15 +194,15 @@ class TestSent:
     def test_the_terrain_travels_once(self, tmp_path: Path, monkeypatch: Any) -> None:
         """A tile takes no more than its place, however large the terrain."""
         sizes = []
-        make = ours._make
+        perform = ours._perform
 
         class Client(distributed.Client):  # type: ignore[misc, name-defined]
             def scatter(self, data: Any, **options: Any) -> Any:
-                sizes.append(("terrain", len(pickle.dumps(data))))
+                sizes.append(("terrain", len(pickle.dumps(data, 5))))
                 return super().scatter(data, **options)
 
             def submit(self, function: Any, terrain: Any, *arguments: Any, **options: Any) -> Any:
-                assert function is make and isinstance(terrain, distributed.Future)
+                assert function is perform and isinstance(terrain, distributed.Future)
                 sizes.append(("tile", len(pickle.dumps(arguments))))
                 return super().submit(function, terrain, *arguments, **options)
 
@@ -211,17 +211,11 @@ class TestSent:
         assert [what for what, _ in sizes] == ["terrain"] + ["tile"] * 6
         assert max(size for what, size in sizes if what == "tile") < 1000
 
-    def test_another_version(self, tmp_path: Path) -> None:
-        tiler = self.tiler(tmp_path)
-        tiler.tiling = replace(tiler.tiling, version="0.0.1")
-        with pytest.raises(RequestError, match=r"but the mosaic is of 0\.0\.1"):
-            tiler.make(next(tiler.tiling.tiles()))
-
     def test_a_folder_that_is_not_shared(self, tmp_path: Path) -> None:
         """Or from which the run has gone that wanted the tile: nothing may be written then."""
         tiler = self.tiler(tmp_path / "not" / "here")
         with pytest.raises(WriteError, match="is not seen, or no longer written"):
-            tiler.make(next(tiler.tiling.tiles()))
+            tiler.make((0, next(tiler.tiling.tiles()), None))
         assert list(tmp_path.iterdir()) == []
 
 
@@ -334,9 +328,8 @@ class TestWrong:
 class _Deadly:
     """A tiler that ends its process."""
 
-    check = None
-
-    def make(self, *_: object) -> None:
+    @property
+    def tiling(self) -> None:
         os.kill(os.getpid(), signal.SIGKILL)
 
 
@@ -357,9 +350,8 @@ def test_jobs_are_taken_when_there_is_room(tmp_path: Path) -> None:
             yield number, tile, None
 
     done = 0
-    with ours.connect("local", 1) as client, contextlib.closing(
-        ours.make_by_dask(client, TileMaker(terrain, tiling, tmp_path), jobs(), "local")
-    ) as made:  # fmt: skip
+    work = mosaics._work(TileMaker(terrain, tiling, tmp_path))
+    with ours.crew_of("local", 1) as crew, contextlib.closing(crew.run(work, jobs())) as made:
         for _ in made:
             most = max(most, len(taken) - done)
             done += 1

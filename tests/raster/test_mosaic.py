@@ -373,7 +373,7 @@ class TestAnother:
             raise WriteError("The disk is lost.")
 
         with monkeypatch.context() as patch, pytest.raises(WriteError, match="is lost"):
-            patch.setattr("terratool.raster.mosaic.make_by_threads", lost)
+            patch.setattr("terratool.raster.mosaic._work", lost)
             mosaic(tmp_path / "a")
         assert [path.name for path in (tmp_path / "a").iterdir()] == [NAME]
         report = mosaic(tmp_path / "a", tile_size=1024)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from terratool.cluster import Threads
 from terratool.field.terrain import Terrain
 from terratool.raster.grid import Grid, grid_over
 from terratool.traversability.assess import Request, assess, prepare_assessment
@@ -88,7 +89,7 @@ def classes_of(
     builder = MapBuilder(
         terrain, Surveyor(terrain, vehicle, grid), False, turnings(terrain, vehicle)
     )
-    stream_map(builder._surveyor, builder, None, 1)
+    stream_map(builder._surveyor, builder, None, Threads(1))
     classes, _ = builder.classes(begin_of(builder, start), vehicle.area)
     return classes
 

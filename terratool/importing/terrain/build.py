@@ -14,6 +14,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from terratool.cluster import Crew, crew_of
 from terratool.errors import ReadError, RequestError
 from terratool.importing.rasters import ClassRaster, open_classes
 from terratool.importing.structure.finding import find_structures
@@ -57,6 +58,7 @@ from terratool.importing.terrain.writing import (
     Chunk,
     ElementText,
     MeasuredError,
+    PartPainter,
     TextSpool,
     Writer,
     element,
@@ -65,7 +67,8 @@ from terratool.importing.terrain.writing import (
 )
 from terratool.importing.types import HeightSource, PixelGrid, sample_range
 from terratool.kernels import importing as kernels
-from terratool.output import refuse_existing, whole_file
+from terratool.output import refuse_existing, stop_on_signals, whole_file
+from terratool.tasks import processors
 from terratool.text.display import quote
 
 _SAMPLE = 192
@@ -148,15 +151,16 @@ def import_terrain(
     options.searches(source.grid)
     output = Path(output)
     refuse_existing(output, overwrite)
-    summary = summarise_source(source, options, work)
-    plan = _plan_import(source, summary, options)
-    try:
-        return _write_definition(source, output, summary, plan, options, overwrite, work)
-    except BoundError:
-        if not plan.found.texts:
-            raise
-    plan = _plan_import(source, summary, replace(options, structures=False))
-    return _write_definition(source, output, summary, plan, options, overwrite, work)
+    with stop_on_signals(), crew_of(options.dask, 0, processors()) as crew:
+        summary = summarise_source(source, options, work)
+        plan = _plan_import(source, summary, options, crew)
+        job = _WritingJob(source, output, summary, options, overwrite, work, crew)
+        try:
+            return job.write(plan)
+        except BoundError:
+            if not plan.found.texts:
+                raise
+        return job.write(_plan_import(source, summary, replace(options, structures=False), crew))
 
 
 def _refuse_size(grid: PixelGrid) -> None:
@@ -294,7 +298,7 @@ def _surface(raster: ClassRaster | None, number: int) -> tuple[str, dict[str, An
 
 
 def _plan_import(
-    source: HeightSource, summary: SourceSummary, options: ImportOptions
+    source: HeightSource, summary: SourceSummary, options: ImportOptions, crew: Crew
 ) -> _WritingPlan:
     """Decide whether structures are subtracted, and which method makes the smallest file."""
     highest = max(abs(summary.low), abs(summary.high))
@@ -304,9 +308,8 @@ def _plan_import(
     def without(found: _FoundStructures, rest: Floats | None, low: float) -> _WritingPlan:
         step = step_for(options.max_error - found.deviation, highest)
         rounding = HeightRounding.above(low, step)
-        return _WritingPlan(
-            found, rest, smallest(_samples(source, rest), rounding, methods), rounding
-        )
+        method = smallest(_samples(source, rest), rounding, methods, crew)
+        return _WritingPlan(found, rest, method, rounding)
 
     whole = without(_FoundStructures(), heights, summary.low)
     if heights is None or not options.searches(source.grid):
@@ -403,96 +406,98 @@ def _texts(structures: tuple[Structure, ...], pixels: bool) -> list[ElementText]
 # --- writing -------------------------------------------------------------------------------------
 
 
-def _write_definition(
-    source: HeightSource,
-    output: Path,
-    summary: SourceSummary,
-    plan: _WritingPlan,
-    options: ImportOptions,
-    overwrite: bool,
-    work: Progress,
-) -> ImportReport:
-    """Write and measure the definition as it was planned.
+@dataclass(frozen=True, slots=True)
+class _WritingJob:
+    """Writing of a definition, whatever the plan.
 
-    Raises:
-        BoundError: the error is larger than allowed; no file appears.
+    Attributes:
+        source: the DEM.
+        output: file to write.
+        summary: results of the first reading.
+        options: options of the import.
+        overwrite: whether the file may exist already.
+        work: gets numbers of pixels done.
+        crew: crew that makes texts, paints and compresses them.
     """
-    grid, found = source.grid, plan.found
-    error = MeasuredError(grid)
-    with whole_file(output, overwrite) as path:
-        with sink_for(path, output.name, grid.rows * grid.columns) as sink:
-            writer = Writer(sink, head_of(grid, options))
-            writer.write(ElementText(FLAT, b""), *found.texts)
-            deviation = None if options.walls and found.kinds else found.deviation
-            transposed = plan.method.kind == "columns"
-            added = found.heights.T if found.heights is not None and transposed else found.heights
-            checker = Checker(
-                grid,
-                plan.rounding.base,
-                found.texts,
-                added,
-                transposed,
-                deviation,
-                error,
-                options.pixels,
-            )
-            _write_heights(writer, source, summary, plan, checker, work)
-            rows = writer.count - len(found.texts)
-            root = root_of(grid.rows, grid.columns, plan.rounding.base, options.pixels)
-            if options.ground is not None:
-                root["surface"] = options.ground.name
-            writer.finish(summary.surface_types, root, summary.cover, options.pixels)
-        bound = error.largest + found.deviation
-        if not bound <= options.max_error:
-            raise BoundError(f"an error of {bound:g} came about")
-        size = path.stat().st_size
-    return ImportReport(
-        grid=grid,
-        options=options,
-        method=plan.method if rows else None,
-        step=plan.rounding.step,
-        relief=summary.high - summary.low,
-        error=error,
-        bound=bound,
-        unknown=summary.unknown,
-        structures=found.kinds,
-        surfaces=summary.surfaces,
-        size=size,
-        notes=summary.notes,
-    )
 
+    source: HeightSource
+    output: Path
+    summary: SourceSummary
+    options: ImportOptions
+    overwrite: bool
+    work: Progress
+    crew: Crew
 
-def _write_heights(
-    writer: Writer,
-    source: HeightSource,
-    summary: SourceSummary,
-    plan: _WritingPlan,
-    checker: Checker,
-    work: Progress,
-) -> None:
-    """Write the heights without structures, each part once it was measured."""
-    rows, columns = source.grid.rows, source.grid.columns
-    if plan.method.kind == "hats":
-        assert plan.rest is not None
-        assert summary.heights is not None
-        levels = hats_of(plan.rest, plan.rounding)
-        step, pixels = plan.rounding.step, plan.method.pixels
-        hats = list(hat_texts(levels, (rows, columns), step, pixels))
-        checker.check_whole(hats, summary.heights)
-        writer.write(*hats)
-        work(rows * columns)
-        return
-    read: Read = source.read
-    shape = rows, columns
-    if plan.rest is not None:
-        read = rows_of(np.ascontiguousarray(plan.rest.T) if checker.transposed else plan.rest)
-    if checker.transposed:
-        shape = columns, rows
+    def write(self, plan: _WritingPlan) -> ImportReport:
+        """Write and measure the definition as it was planned.
 
-    def check(chunk: Chunk) -> None:
-        checker.check_chunk(chunk)
-        work((len(chunk.heights) - (chunk.first > 0)) * shape[1])
+        Raises:
+            BoundError: the error is larger than allowed; no file appears.
+        """
+        source, summary, options = self.source, self.summary, self.options
+        grid, found = source.grid, plan.found
+        error = MeasuredError(grid)
+        with whole_file(self.output, self.overwrite) as path:
+            with sink_for(path, self.output.name, grid.rows * grid.columns, self.crew) as sink:
+                writer = Writer(sink, head_of(grid, options))
+                writer.write(ElementText(FLAT, b""), *found.texts)
+                deviation = None if options.walls and found.kinds else found.deviation
+                transposed, base = plan.method.kind == "columns", plan.rounding.base
+                added = found.heights
+                if added is not None and transposed:
+                    added = added.T
+                painter = PartPainter(grid, base, found.texts, transposed, options.pixels)
+                self._write_heights(writer, plan, Checker(painter, added, deviation, error))
+                rows = writer.count - len(found.texts)
+                root = root_of(grid.rows, grid.columns, base, options.pixels)
+                if options.ground is not None:
+                    root["surface"] = options.ground.name
+                writer.finish(summary.surface_types, root, summary.cover, options.pixels)
+            bound = error.largest + found.deviation
+            if not bound <= options.max_error:
+                raise BoundError(f"an error of {bound:g} came about")
+            size = path.stat().st_size
+        return ImportReport(
+            grid=grid,
+            options=options,
+            method=plan.method if rows else None,
+            step=plan.rounding.step,
+            relief=summary.high - summary.low,
+            error=error,
+            bound=bound,
+            unknown=summary.unknown,
+            structures=found.kinds,
+            surfaces=summary.surfaces,
+            size=size,
+            notes=summary.notes,
+        )
 
-    written = write_rows(writer, read, shape, plan.method, plan.rounding, check)
-    if not checker.pixels:
-        checker.check_borders(written, plan.rounding.step)
+    def _write_heights(self, writer: Writer, plan: _WritingPlan, checker: Checker) -> None:
+        """Write the heights without structures, each part once it was measured."""
+        rows, columns = self.source.grid.rows, self.source.grid.columns
+        if plan.method.kind == "hats":
+            assert plan.rest is not None
+            assert self.summary.heights is not None
+            levels = hats_of(plan.rest, plan.rounding)
+            step, pixels = plan.rounding.step, plan.method.pixels
+            hats = list(hat_texts(levels, (rows, columns), step, pixels))
+            checker.check_whole(hats, self.summary.heights)
+            writer.write(*hats)
+            self.work(rows * columns)
+            return
+        read: Read = self.source.read
+        shape, painter = (rows, columns), checker.parts
+        if plan.rest is not None:
+            read = rows_of(np.ascontiguousarray(plan.rest.T) if painter.transposed else plan.rest)
+        if painter.transposed:
+            shape = columns, rows
+
+        def check(chunk: Chunk) -> None:
+            checker.check_chunk(chunk)
+            self.work((len(chunk.heights) - (chunk.first > 0)) * shape[1])
+
+        written = write_rows(
+            writer, read, shape, plan.method, plan.rounding, check, painter, self.crew
+        )
+        if not painter.pixels:
+            checker.check_borders(written, plan.rounding.step)

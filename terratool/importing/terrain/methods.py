@@ -19,7 +19,9 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_left
+from collections import deque
 from collections.abc import Callable, Iterator
+from contextlib import closing
 from dataclasses import dataclass
 from decimal import ROUND_FLOOR, Decimal
 from itertools import pairwise
@@ -27,10 +29,12 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from terratool.cluster import Crew, Threads
 from terratool.errors import RequestError
 from terratool.importing.terrain.writing import (
     Chunk,
     ElementText,
+    PartPainter,
     SizeCounter,
     TextSpool,
     Writer,
@@ -41,6 +45,7 @@ from terratool.importing.terrain.writing import (
 )
 from terratool.kernels import importing as kernels
 from terratool.report.wording import join_words
+from terratool.tasks import Work
 from terratool.text.meaning import guess
 
 BLOCK = 64
@@ -62,6 +67,9 @@ _FINEST = 2.0**-48
 
 Ints = NDArray[np.int64]
 Floats = NDArray[np.float64]
+
+_ALONE = Threads(0)
+"""Crew of the calling thread alone."""
 
 Read = Callable[[int, int], Floats]
 """Reader of rows: of `count` rows from a first one on, (count, columns) float64."""
@@ -283,13 +291,43 @@ class RowBlock:
         first: the southernmost row.
         spacing: rows from one nodal row to the next.
         counts: (rows, columns) int64, steps above the base, or above the mean of two other rows.
-        levels: (rows, columns) float64, the rounded heights.
     """
 
     first: int
     spacing: int
     counts: Ints
-    levels: Floats
+
+
+@dataclass(frozen=True, slots=True)
+class BlockWriter:
+    """Writer of the texts of blocks, which also paints them.
+
+    Attributes:
+        nodal: all nodal rows of the DEM, ascending.
+        rows: number of rows of the DEM.
+        pixels: whether elements cover whole pixels.
+        transposed: whether columns are written.
+        unit: scale of the elements.
+        painter: painter that shows what was written; None where nobody looks.
+    """
+
+    nodal: list[int]
+    rows: int
+    pixels: bool
+    transposed: bool
+    unit: float
+    painter: PartPainter | None
+
+    def write(self, block: RowBlock) -> tuple[list[ElementText], Floats | None]:
+        """Return the texts of a block's rows, and what they are, as in `Chunk`."""
+        texts = [
+            entry.text(self.transposed, self.unit)
+            for entry in _row_elements(block, self.nodal, self.rows, self.pixels)
+        ]
+        if self.painter is None:
+            return texts, None
+        rows, columns = block.counts.shape
+        return texts, self.painter.paint_chunk(texts, block.first, (rows, columns))
 
 
 def write_rows(
@@ -299,6 +337,8 @@ def write_rows(
     method: Method,
     rounding: HeightRounding,
     check: Callable[[Chunk], object] | None = None,
+    painter: PartPainter | None = None,
+    crew: Crew = _ALONE,
 ) -> WrittenRows:
     """Write a DEM by rows, or by columns.
 
@@ -308,7 +348,9 @@ def write_rows(
         shape: number of rows and columns; of columns and rows if columns are written.
         method: method of writing.
         rounding: rounding of the heights.
-        check: gets each block before it is written.
+        check: gets each block before it is written, painted by `painter`.
+        painter: painter of blocks; None without a check.
+        crew: crew that makes texts of blocks, and paints them.
 
     Returns:
         The heights at the ends of the rows, for checks of the outer half pixels.
@@ -319,28 +361,39 @@ def write_rows(
     transposed = method.kind == "columns"
     # midway between two pixels the mean height has half steps
     unit = rounding.step / 2 if method.pixels else rounding.step
-    above = heights = None
     # neighbouring blocks share a row
-    for first, last in reversed(list(pairwise(cuts(rows, BLOCK))) or [(0, 0)]):
-        # the shared row was read with the block to the north
-        new = read(first, last - first + (heights is None))
-        heights = new if heights is None else np.concatenate([new, heights[:1]])
-        block = _round_block(heights, first, method.spacing, rounding, above)
-        entries = _row_elements(block, nodal, rows, method.pixels)
-        chunk = Chunk(first, heights, [entry.text(transposed, unit) for entry in entries])
-        if check:
-            check(chunk)
-        writer.beyond |= bool(block.counts.min() < 0 or block.counts.max() > 1)
-        shared = b'"%s-%d"' % (
-            b"column" if transposed else b"row",
-            last,
-        )  # the row that the block to the north has written
-        writer.write(
-            *(t for t in chunk.texts if above is None or not t.primitive.startswith(shared))
-        )
-        ends[:, first : last + 1] = block.levels[:, [0, -1]].T
-        counts[:, first : last + 1] = block.counts[:, [0, -1]].T
-        above = block.counts[0]
+    spans = list(reversed(list(pairwise(cuts(rows, BLOCK))) or [(0, 0)]))
+    waiting: deque[Floats] = deque()
+
+    def blocks() -> Iterator[RowBlock]:
+        """Read and round blocks, each by the one to the north."""
+        above = heights = None
+        for first, last in spans:
+            # the shared row was read with the block to the north
+            new = read(first, last - first + (heights is None))
+            heights = new if heights is None else np.concatenate([new, heights[:1]])
+            block, levels = _round_block(heights, first, method.spacing, rounding, above)
+            writer.beyond |= bool(block.counts.min() < 0 or block.counts.max() > 1)
+            ends[:, first : last + 1] = levels[:, [0, -1]].T
+            counts[:, first : last + 1] = block.counts[:, [0, -1]].T
+            above = block.counts[0]
+            waiting.append(heights)
+            yield block
+
+    work = Work(
+        BlockWriter.write,
+        BlockWriter(nodal, rows, method.pixels, transposed, unit, painter),
+        name=lambda block: f"{method.kind} from {block.first} on",
+    )
+    with closing(crew.run(work, blocks())) as made:
+        for (first, last), (texts, ours) in zip(spans, made, strict=True):
+            heights = waiting.popleft()
+            if check and ours is not None:
+                check(Chunk(first, heights, ours))
+            # the row that the block to the north has written
+            shared = b'"%s-%d"' % (b"column" if transposed else b"row", last)
+            is_first = last == rows - 1
+            writer.write(*(t for t in texts if is_first or not t.primitive.startswith(shared)))
     outer = [
         entry.text(transposed, unit)
         for entry in _outer_elements(counts, nodal, method.spacing, columns)
@@ -352,8 +405,8 @@ def write_rows(
 
 def _round_block(
     heights: Floats, first: int, spacing: int, rounding: HeightRounding, above: Ints | None
-) -> RowBlock:
-    """Round a block of rows.
+) -> tuple[RowBlock, Floats]:
+    """Round a block of rows; also return the rounded heights, (rows, columns) float64.
 
     Args:
         heights: (rows, columns), NaN where unknown.
@@ -367,7 +420,7 @@ def _round_block(
     kernels.round_rows(
         np.ascontiguousarray(heights), size, rounding.step, rounding.base, above, counts, levels
     )
-    return RowBlock(first, size, counts, levels)
+    return RowBlock(first, size, counts), levels
 
 
 def _row_elements(
@@ -572,7 +625,10 @@ def _between(levels: Floats, old: Ints, new: Ints, axis: int) -> Floats:
 
 
 def smallest(
-    parts: list[Floats], rounding: HeightRounding, methods: tuple[Method, ...] = METHODS
+    parts: list[Floats],
+    rounding: HeightRounding,
+    methods: tuple[Method, ...] = METHODS,
+    crew: Crew = _ALONE,
 ) -> Method:
     """Return the method by which parts of a DEM take the fewest bytes when compressed.
 
@@ -580,13 +636,25 @@ def smallest(
         parts: (rows, columns) each, row 0 the southernmost, NaN where unknown.
         rounding: rounding of the heights.
         methods: methods to try.
+        crew: crew that tries them.
     """
-    best, fewest = methods[0], -1
-    for method in methods:
-        size = sum(size_of(part, method, rounding, fewest) for part in parts)
-        if fewest < 0 or size < fewest:
-            best, fewest = method, size
-    return best
+    sizes: dict[Method, int] = {}
+    # hats last, as of these a lower bound may do
+    for hats in (False, True):
+        tried = [method for method in methods if (method.kind == "hats") == hats]
+        jobs = [(method, index) for method in tried for index in range(len(parts))]
+        common = parts, rounding, min(sizes.values(), default=-1)
+        work = Work(_size_of_part, common, name=lambda job: f"trial of {job[0].sentence}")
+        for (method, _), size in zip(jobs, crew.run(work, jobs), strict=True):
+            sizes[method] = sizes.get(method, 0) + size
+    return min(methods, key=sizes.__getitem__)
+
+
+def _size_of_part(common: tuple[list[Floats], HeightRounding, int], job: tuple[Method, int]) -> int:
+    """Return the size of a part by its index, as `size_of` does."""
+    parts, rounding, most = common
+    method, index = job
+    return size_of(parts[index], method, rounding, most)
 
 
 def size_of(heights: Floats, method: Method, rounding: HeightRounding, most: int = -1) -> int:

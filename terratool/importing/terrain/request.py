@@ -82,6 +82,8 @@ class ImportOptions:
         as_: what is made of the heights: "rows" of curves in the text, or a "grid", a raster beside
             it; rows up to `MOST_AS_ROWS` pixels if None, and wherever another option is about rows.
         link: whether the grid is the source itself, a raster beside the definition or below.
+        dask: address of a Dask scheduler whose workers make rows, or "local" for as many processes
+            on this machine as there are processors; None for none.
     """
 
     max_error: float = 0.0
@@ -97,6 +99,7 @@ class ImportOptions:
     preset: str | None = None
     as_: Literal["rows", "grid"] | None = None
     link: bool = False
+    dask: str | None = None
 
     @property
     def of_rows(self) -> list[str]:
@@ -123,10 +126,15 @@ class ImportOptions:
                 f"{self.of_rows[0]} is about rows, and a grid is asked for.",
                 f"Leave out {self.of_rows[0]}, or ask for rows.",
             )
-        if self.as_ is None:
-            large = grid.rows * grid.columns > MOST_AS_ROWS and not self.of_rows
-            return large or self.link
-        return self.as_ == "grid"
+        as_grid = self.link or self.as_ == "grid"
+        if self.as_ is None and not as_grid:
+            as_grid = grid.rows * grid.columns > MOST_AS_ROWS and not self.of_rows
+        if as_grid and self.dask is not None:
+            raise RequestError(
+                "--dask is about rows, and the pixels become a grid.",
+                "Leave out --dask, or ask for rows by --as rows.",
+            )
+        return as_grid
 
     def searches(self, grid: PixelGrid) -> bool:
         """Return whether heights of some pixels are searched for boxes, ramps and hills.

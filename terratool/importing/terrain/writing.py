@@ -6,7 +6,7 @@ import json
 import math
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple, Protocol
@@ -15,6 +15,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from terratool.cluster import Crew
 from terratool.definition.model import Definition
 from terratool.errors import WriteError
 from terratool.field.terrain import Terrain
@@ -22,6 +23,7 @@ from terratool.importing.sampling import paint_pixels
 from terratool.importing.types import PixelGrid
 from terratool.kernels import importing as kernels
 from terratool.raster.grid import Window
+from terratool.tasks import Work
 from terratool.text.packing import pack
 
 _PIECE = 1 << 22
@@ -193,40 +195,53 @@ class SizeCounter:
 
 
 @contextmanager
-def sink_for(path: Path, name: str, pixels: int) -> Iterator[TextSink]:
-    """Open a file for text, compressed if its name ends in .gz; equal text makes equal bytes."""
+def sink_for(path: Path, name: str, pixels: int, crew: Crew) -> Iterator[TextSink]:
+    """Open a file for text, compressed if its name ends in .gz; equal text makes equal bytes.
+
+    Args:
+        path: file to write.
+        name: name that the file will have.
+        pixels: number of pixels of the DEM.
+        crew: crew that compresses the text, piece by piece, when all of it is there.
+    """
     with open(path, "wb") as file:
         if not name.endswith(".gz"):
             yield file
             return
-        sink = _GzipSink(file, _BEST if pixels <= _SMALL else _QUICK)
-        yield sink
-        sink.finish()
+        # it has no name that would be moved beside the file
+        with tempfile.TemporaryFile(dir=path.parent) as spool:
+            sink = _PieceSink(spool)
+            yield sink
+            level = _BEST if pixels <= _SMALL else _QUICK
+            work = Work(_pack_piece, level, name=lambda piece: f"{len(piece)} bytes of text")
+            with closing(crew.run(work, sink.pieces())) as packed:
+                file.writelines(packed)
 
 
-class _GzipSink:
-    """A sink that compresses text piece by piece, each piece as a member of the gzip."""
+def _pack_piece(level: int, text: bytes) -> bytes:
+    """Compress a piece of text as a member of a gzip."""
+    import deflate
 
-    def __init__(self, file: BinaryIO, level: int) -> None:
+    return pack(text, lambda part: deflate.gzip_compress(part, level))
+
+
+class _PieceSink:
+    """A sink that keeps its text in a file, in pieces that end with a text that was written."""
+
+    def __init__(self, file: BinaryIO) -> None:
         self._file = file
-        self._level = level
-        self._text = bytearray()
+        self._lengths = [0]
 
     def write(self, text: bytes) -> None:
         """Add some text."""
-        self._text += text
-        if len(self._text) >= _PIECE:
-            self.finish()
+        if self._lengths[-1] >= _PIECE:
+            self._lengths.append(0)
+        self._lengths[-1] += self._file.write(text)
 
-    def finish(self) -> None:
-        """Write the text that is left."""
-        import deflate
-
-        if self._text:
-            self._file.write(
-                pack(bytes(self._text), lambda text: deflate.gzip_compress(text, self._level))
-            )
-        self._text = bytearray()
+    def pieces(self) -> Iterator[bytes]:
+        """Yield the pieces, none of them empty."""
+        self._file.seek(0)
+        yield from map(self._file.read, filter(None, self._lengths))
 
 
 # --- what was written against the DEM ------------------------------------------------------------
@@ -234,17 +249,18 @@ class _GzipSink:
 
 @dataclass(frozen=True, slots=True)
 class Chunk:
-    """A block of rows as text, with its heights.
+    """A block of rows, and its heights as they were written.
 
     Attributes:
         first: the southernmost row.
         heights: (rows, columns) float64, heights of the source, without structures.
-        texts: texts of the rows.
+        ours: (rows, columns) float64, what the texts of the rows add up to at the pixel centres,
+            with all that belongs to every part; see `PartPainter.paint_chunk`.
     """
 
     first: int
     heights: Floats
-    texts: list[ElementText]
+    ours: Floats
 
 
 @dataclass(frozen=True, slots=True)
@@ -310,9 +326,9 @@ class MeasuredError:
         return math.sqrt(float(self._sums[0]) / self.count) if self.count else 0.0
 
 
-@dataclass(slots=True)
-class Checker:
-    """Compiles parts of a definition, and measures their error against the DEM.
+@dataclass(frozen=True, slots=True)
+class PartPainter:
+    """Painter of parts of a definition.
 
     Pixels are 1 × 1 with the origin at 0 here, so that all centres and edges are doubles. At large
     coordinates these are rounded, which beside a wall would count as an error.
@@ -321,92 +337,45 @@ class Checker:
         grid: the pixels.
         base: height without any element.
         always: texts of elements that belong to every part, besides the rows.
-        added: (rows, columns) float64, or (columns, rows) where columns are written: heights that
-            these elements add at the pixel centres; None if there are none.
         transposed: whether columns are written.
-        deviation: largest error of structures in the outer half pixels; None if it is unknown
-            because they have upright walls.
-        error: error measured so far.
         pixels: whether elements lie in a grid of pixels; then rows include the outer half pixels.
-        last: first row of each block, and the heights of the last pixel of its rows, which the
-            outer elements carry.
     """
 
     grid: PixelGrid
     base: float
     always: list[ElementText]
-    added: Floats | None
     transposed: bool
-    deviation: float | None
-    error: MeasuredError
     pixels: bool = False
-    last: list[tuple[int, Floats]] = field(default_factory=list)
 
-    def check_chunk(self, chunk: Chunk) -> None:
-        """Measure a block of rows, or of columns, without the last pixel of each."""
-        first, count = chunk.first, len(chunk.heights)
-        wanted = chunk.heights
-        if self.added is not None:
-            wanted = wanted + self.added[first : first + count]
-        # the next block to the south has the first row of this one, too
-        skip = int(first > 0)
-        wanted, first, count = wanted[skip:], first + skip, count - skip
-        across = wanted.shape[1]
-        if not self.pixels:
-            self.last.append((first, wanted[:, -1].copy()))
-            across -= 1
-        if not across:
-            return
-        if self.transposed:
-            ours = self._paint(chunk.texts, 0, first, across, count).T
-        else:
-            ours = self._paint(chunk.texts, first, 0, count, across)
-        self._add(wanted[:, :across], ours, first, 0)
-
-    def check_borders(self, written: WrittenRows, step: float) -> None:
-        """Measure the outer half pixels.
+    def paint_chunk(self, texts: list[ElementText], first: int, shape: tuple[int, int]) -> Floats:
+        """Paint a block of rows, or of columns, but its first one where another block has it, too.
 
         Args:
-            written: heights that they have to meet, and the elements there.
-            step: unit to which heights were rounded.
+            texts: texts of the rows.
+            first: the southernmost row.
+            shape: number of rows and columns of the block.
 
-        Raises:
-            BoundError: the outer half pixels do not meet the rows.
+        Returns:
+            (rows, columns) float64; the last column is left out where the outer elements carry it.
         """
-        along_x = self.grid.rows if self.transposed else self.grid.columns
-        alone = self.deviation is None or self.added is None
-        terrain = self._compile(written.outer if alone else [*self.always, *written.outer])
-        ends = written.ends
-        whole = ends if self.added is None else ends + self.added[:, [0, -1]].T
-        along = np.arange(ends.shape[1]) + 0.5
-        for across, wanted in zip((0.25, along_x - 0.25), ends if alone else whole, strict=True):
-            x, y = (along, across) if self.transposed else (across, along)
-            slack = _CRACK * step + 1e-12 * float(np.abs(wanted).max(initial=0.0))
-            slack += 0.0 if alone else self.deviation or 0.0
-            if not float(np.abs(terrain.height(x, y) - wanted).max()) <= slack:
-                raise BoundError("the outer half pixels do not meet the rows")
-        for first, column in self.last:
-            ours = whole[1, first : first + len(column)]
-            self._add(column[:, np.newaxis], ours[:, np.newaxis], first, along_x - 1)
-
-    def check_whole(self, texts: list[ElementText], wanted: Floats) -> None:
-        """Measure a definition that was written all at once against (rows, columns) heights."""
-        self.error.add(wanted, self._paint(texts, 0, 0, *wanted.shape), 0)
-
-    def _add(self, wanted: Floats, ours: Floats, first: int, across: int) -> None:
+        skip = int(first > 0)
+        first, count, across = first + skip, shape[0] - skip, shape[1] - (not self.pixels)
+        if not across:
+            return np.empty((count, 0))
         if self.transposed:
-            self.error.add(wanted.T, ours.T, across, first)
-        else:
-            self.error.add(wanted, ours, first, across)
+            return np.asarray(self.paint(texts, 0, first, across, count).T)
+        return self.paint(texts, first, 0, count, across)
 
-    def _paint(
+    def paint(
         self, texts: list[ElementText], row: int, column: int, height: int, width: int
     ) -> Floats:
+        """Paint texts, and those that belong to every part, from a row and column on."""
         shape = self.grid.rows, self.grid.columns
         window = Window(shape[0] - row - height, column, height, width)
-        return paint_pixels(self._compile([*self.always, *texts]), shape, window)
+        return paint_pixels(self.compile([*self.always, *texts]), shape, window)
 
-    def _compile(self, texts: list[ElementText]) -> Terrain:
+    def compile(self, texts: list[ElementText]) -> Terrain:
+        """Compile the definition of some texts alone."""
         grid = self.grid
         head = msgspec.json.encode({"size": [grid.columns, grid.rows]})
         root = msgspec.json.encode(root_of(grid.rows, grid.columns, self.base, self.pixels))
@@ -418,6 +387,80 @@ class Checker:
             b",".join(text.element for text in texts if text.element),
         )
         return Terrain(msgspec.json.decode(text, type=Definition))
+
+
+@dataclass(slots=True)
+class Checker:
+    """Measures the error of parts of a definition against the DEM.
+
+    Attributes:
+        parts: painter of the parts.
+        added: (rows, columns) float64, or (columns, rows) where columns are written: heights that
+            these elements add at the pixel centres; None if there are none.
+        deviation: largest error of structures in the outer half pixels; None if it is unknown
+            because they have upright walls.
+        error: error measured so far.
+        last: first row of each block, and the heights of the last pixel of its rows, which the
+            outer elements carry.
+    """
+
+    parts: PartPainter
+    added: Floats | None
+    deviation: float | None
+    error: MeasuredError
+    last: list[tuple[int, Floats]] = field(default_factory=list)
+
+    def check_chunk(self, chunk: Chunk) -> None:
+        """Measure a block of rows, or of columns, without the last pixel of each."""
+        first, count = chunk.first, len(chunk.heights)
+        wanted = chunk.heights
+        if self.added is not None:
+            wanted = wanted + self.added[first : first + count]
+        # the next block to the south has the first row of this one, too
+        skip = int(first > 0)
+        wanted, first = wanted[skip:], first + skip
+        if not self.parts.pixels:
+            self.last.append((first, wanted[:, -1].copy()))
+        across = chunk.ours.shape[1]
+        if across:
+            self._add(wanted[:, :across], chunk.ours, first, 0)
+
+    def check_borders(self, written: WrittenRows, step: float) -> None:
+        """Measure the outer half pixels.
+
+        Args:
+            written: heights that they have to meet, and the elements there.
+            step: unit to which heights were rounded.
+
+        Raises:
+            BoundError: the outer half pixels do not meet the rows.
+        """
+        parts = self.parts
+        along_x = parts.grid.rows if parts.transposed else parts.grid.columns
+        alone = self.deviation is None or self.added is None
+        terrain = parts.compile(written.outer if alone else [*parts.always, *written.outer])
+        ends = written.ends
+        whole = ends if self.added is None else ends + self.added[:, [0, -1]].T
+        along = np.arange(ends.shape[1]) + 0.5
+        for across, wanted in zip((0.25, along_x - 0.25), ends if alone else whole, strict=True):
+            x, y = (along, across) if parts.transposed else (across, along)
+            slack = _CRACK * step + 1e-12 * float(np.abs(wanted).max(initial=0.0))
+            slack += 0.0 if alone else self.deviation or 0.0
+            if not float(np.abs(terrain.height(x, y) - wanted).max()) <= slack:
+                raise BoundError("the outer half pixels do not meet the rows")
+        for first, column in self.last:
+            ours = whole[1, first : first + len(column)]
+            self._add(column[:, np.newaxis], ours[:, np.newaxis], first, along_x - 1)
+
+    def check_whole(self, texts: list[ElementText], wanted: Floats) -> None:
+        """Measure a definition that was written all at once against (rows, columns) heights."""
+        self.error.add(wanted, self.parts.paint(texts, 0, 0, *wanted.shape), 0)
+
+    def _add(self, wanted: Floats, ours: Floats, first: int, across: int) -> None:
+        if self.parts.transposed:
+            self.error.add(wanted.T, ours.T, across, first)
+        else:
+            self.error.add(wanted, ours, first, across)
 
 
 def root_of(rows: int, columns: int, base: float, pixels: bool) -> dict[str, Any]:

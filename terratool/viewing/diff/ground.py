@@ -19,7 +19,7 @@ from terratool.errors import RequestError
 from terratool.field.terrain import Terrain, check_bounds
 from terratool.raster.grid import Grid, Window, default_resolution, grid_over
 from terratool.raster.painter import Painter
-from terratool.raster.prefetch import prefetch, processors
+from terratool.tasks import prefetch, processors
 from terratool.viewing.diff.regions import hull, intersection
 from terratool.viewing.diff.results import ComparedGrid, GroundChange, LargestChange, SurfaceArea
 

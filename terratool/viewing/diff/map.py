@@ -16,8 +16,8 @@ from terratool.raster.export import refuse_full_disk
 from terratool.raster.formats import raster_format
 from terratool.raster.geotiff import RasterExtent, terrain_tiff
 from terratool.raster.grid import Grid, default_resolution, grid_over
-from terratool.raster.prefetch import processors
 from terratool.raster.statistics import band_statistics
+from terratool.tasks import processors
 from terratool.viewing.diff.ground import Both, paint_windows
 
 BANDS = Bands(("new less old height", "surface differs"), ("m", ""), np.dtype(np.float32))

@@ -8,7 +8,7 @@ import numpy as np
 
 from terratool.io.geotiff import TILE
 from terratool.raster.grid import Grid, Window, grid_over
-from terratool.raster.prefetch import processors
+from terratool.tasks import processors
 from terratool.viewing.diff.ground import Both, ComparedWindow, paint_windows
 from terratool.viewing.diff.results import Difference
 from terratool.viewing.differences import (

@@ -7,10 +7,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from terratool.cluster import Threads
 from terratool.definition.findings import Bounds
 from terratool.field.terrain import Terrain
-from terratool.raster.export import thread_count
 from terratool.raster.grid import Grid, Window
+from terratool.tasks import processors
 from terratool.traversability.assess import Request, chosen_resolution, prepare_assessment
 from terratool.traversability.map import stream_map
 from terratool.traversability.results import GroundClass
@@ -76,7 +77,7 @@ def _judge(terrain: Terrain, vehicle: Vehicle, request: Request, progress: Progr
     assert builder is not None
     if progress is not None:
         progress.say("judging", prepared.pixels)
-    stream_map(prepared.surveyor, builder, None, thread_count(None), progress)
+    stream_map(prepared.surveyor, builder, None, Threads(processors()), progress)
     classes, _ = builder.classes(None, vehicle.area)
     return _Map(builder.grid, classes, builder.ground)
 

@@ -1,16 +1,14 @@
-"""Windows of a raster, painted by threads ahead of the thread that writes them."""
+"""Windows of a raster, to be painted by threads ahead of the thread that writes them."""
 
 from __future__ import annotations
 
 import contextlib
 import math
-import os
 from collections import deque
-from collections.abc import Callable, Generator, Iterable, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import chain
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,16 +25,6 @@ from terratool.raster.statistics import RasterStatistics, band_statistics
 
 _WINDOW_BYTES = 1 << 22
 """Approximate bytes of the pixels of a window over all files."""
-
-T = TypeVar("T")
-R = TypeVar("R")
-
-
-def processors() -> int:
-    """Number of processors that this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -181,36 +169,3 @@ def windows_of(window: Window, files: Sequence[Bands]) -> list[Window]:
     """Divide a window into windows one tile high, as wide as `_WINDOW_BYTES` permits."""
     most = _WINDOW_BYTES // (TILE * sum(bands.pixel_bytes for bands in files))
     return list(window.cut(TILE, max(1, most // TILE) * TILE))
-
-
-def prefetch(
-    function: Callable[[T], R],
-    items: Iterable[T],
-    threads: int,
-    stop: Callable[[], object] | None = None,
-) -> Generator[R, None, None]:
-    """Yield `function` of each item, in order, computed by threads a few items ahead.
-
-    Args:
-        function: function of an item.
-        items: items, taken one by one as threads become free.
-        threads: number of threads; 0 for the calling thread alone.
-        stop: called at the end, before busy threads are awaited.
-    """
-    if not threads:
-        yield from map(function, items)
-        return
-    with ThreadPoolExecutor(threads) as pool:
-        waiting: deque[Future[R]] = deque()
-        try:
-            for item in items:
-                waiting.append(pool.submit(function, item))
-                if len(waiting) > threads:
-                    yield waiting.popleft().result()
-            while waiting:
-                yield waiting.popleft().result()
-        finally:
-            for future in waiting:
-                future.cancel()
-            if stop:
-                stop()
