@@ -40,7 +40,7 @@ _OWN_BYTES = {
 """Options of GDAL with which it looks for no other file beside a raster, and caches few blocks."""
 MAX_GRIDS = 1000
 """Most bands of rasters that a definition and its libraries may name."""
-MAX_EMPTY_PIXELS = 1 << 27
+MAX_EMPTY_PIXELS = 1 << 26
 """Most pixels of all these together that the bytes of the files do not account for."""
 PIXELS_A_BYTE = 64
 """Pixels that a byte of a raster accounts for."""
@@ -372,9 +372,6 @@ class _Band:
         self._scale, self._nodata, self._masked = BandReading.of(file, source.band)
         kind = np.dtype(file.dtypes[source.band - 1])
         single = self._scale == (1.0, 0.0) and kind.name in _SINGLE
-        if self._nodata is not None and kind.kind == "f":
-            with np.errstate(over="ignore"):
-                self._nodata = kind.type(self._nodata)
         self.expected = GridFacts(source, single, -LARGEST, LARGEST, voids=True, edged=True)
 
     def write(self, put: Put) -> GridFacts:
