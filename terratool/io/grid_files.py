@@ -46,7 +46,9 @@ MAX_PIXELS = 1 << 36
 """Most pixels of a band."""
 MOST_UNPACKED = 1 << 28
 """Most pixels of a band that is unpacked as a whole; a larger one is read by blocks."""
-MAX_EMPTY_PIXELS = 1 << 27
+MOST_EMPTY = 1 << 24
+"""Most pixels beyond what the bytes of its file account for of a band that is unpacked."""
+MAX_EMPTY_PIXELS = 1 << 26
 """Most pixels of all unpacked bands together that the bytes of the files do not account for."""
 PIXELS_A_BYTE = 64
 """Pixels that a byte of a raster accounts for."""
@@ -118,14 +120,19 @@ class Headers:
             self._read[path] = _Header(path)
         header = self._read[path]
         found = header.source(band)
-        pixels = found.columns * found.rows
-        more = 0 if pixels > MOST_UNPACKED else header.take(found)
-        if more > self._empty or pixels > MAX_PIXELS:
+        more = 0 if _is_by_blocks(found) else header.take(found)
+        if more > self._empty or found.columns * found.rows > MAX_PIXELS:
             from terratool.io.guards import STORE_ALL, claim
 
             raise claim(path, found.columns, found.rows, found.identity.size, STORE_ALL)
         self._empty -= more
         return found
+
+
+def _is_by_blocks(source: GridSource) -> bool:
+    """Whether a band is too large to be unpacked as a whole, beside the bytes of its file, too."""
+    held = PIXELS_A_BYTE * source.identity.size + MOST_EMPTY
+    return source.columns * source.rows > min(MOST_UNPACKED, held)
 
 
 class _Header:
@@ -305,7 +312,7 @@ def numbers_of(source: GridSource) -> MappedGrid:
         return found
     with _opened(source.path, source.overview) as file:
         band = _Band(file, source)
-        if source.columns * source.rows > MOST_UNPACKED:
+        if _is_by_blocks(source):
             return band.by_blocks()
         found = grid_cache.keep(key, band.expected, band.write)
         if found is None:
@@ -437,9 +444,6 @@ class _Band:
         self._scale, self._nodata, self._masked = BandReading.of(file, source.band)
         kind = np.dtype(file.dtypes[source.band - 1])
         single = self._scale == (1.0, 0.0) and kind.name in _SINGLE
-        if self._nodata is not None and kind.kind == "f":
-            with np.errstate(over="ignore"):
-                self._nodata = kind.type(self._nodata)
         self.expected = GridFacts(source, single, -LARGEST, LARGEST, voids=True, edged=True)
 
     def write(self, put: Put) -> GridFacts:

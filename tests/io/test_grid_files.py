@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 import rasterio
 import rasterio.shutil
+from msgspec import structs
 from numpy.typing import NDArray
 from rasterio.crs import CRS
 from rasterio.transform import Affine
@@ -192,6 +193,51 @@ def test_no_piece_is_larger_than_it_may_be(
     monkeypatch.setattr(grid_files._Band, "_heights", spied)
     assert np.array_equal(heights_of(tmp_path / "dem.tif"), heights)
     assert max(sizes) <= 70 and sum(sizes) == heights.size
+
+
+def test_facts_are_those_of_all_pieces(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What only the first pieces have counts, too: extremes, a void, and a rim that is not 0."""
+    monkeypatch.setattr(grid_files, "_PIECE", 8)
+    heights = np.zeros((12, 9), np.float32)
+    heights[1:-1, 1:-1] = 2
+    heights[1, 1:4] = -7, 30, np.nan
+    for name, rim in (("level", 0), ("edged", 0.5)):
+        heights[0, 2] = rim
+        geotiff(tmp_path / f"{name}.tif", heights)
+        facts = numbers_of(source_of(tmp_path / f"{name}.tif")).facts
+        assert (facts.low, facts.high, facts.voids, facts.edged) == (-7, 30, True, rim > 0)
+    heights[1, 3] = 2
+    geotiff(tmp_path / "whole.tif", heights)
+    assert not numbers_of(source_of(tmp_path / "whole.tif")).facts.voids
+
+
+@pytest.mark.parametrize("nodata", [0.1, -9999.7, -3.4028234663852886e38, 7])
+def test_nodata_is_rounded_as_the_numbers_are(tmp_path: Path, nodata: float) -> None:
+    heights = HEIGHTS.copy()
+    heights[2, 3] = nodata
+    heights[4, 1] = np.nextafter(heights[2, 3], np.float32(0), dtype=np.float32)
+    geotiff(tmp_path / "dem.tif", heights, nodata=nodata)
+    found = heights_of(tmp_path / "dem.tif")
+    wanted = np.isnan(found) & (np.abs(heights) <= 1e30)
+    assert wanted.sum() == (abs(nodata) < 1e30) and np.isnan(found[2, 3])
+
+
+def test_a_raster_that_is_void_ranges_from_0_to_0(tmp_path: Path) -> None:
+    """From the cache, too, which keeps no infinite numbers."""
+    geotiff(tmp_path / "dem.tif", np.full((3, 4), np.nan))
+    for _ in range(2):
+        facts = numbers_of(source_of(tmp_path / "dem.tif")).facts
+        assert (facts.low, facts.high, facts.voids, facts.edged) == (0, 0, True, True)
+
+
+def test_heights_are_unpacked_anew_where_the_header_is_read_otherwise(tmp_path: Path) -> None:
+    """As by another version of GDAL: the facts are those of the source that was asked for."""
+    geotiff(tmp_path / "dem.tif", HEIGHTS)
+    source = source_of(tmp_path / "dem.tif")
+    numbers_of(source)
+    other = structs.replace(source, crs="EPSG:32633")
+    assert numbers_of(other).facts.source == other
+    assert np.array_equal(heights_of(tmp_path / "dem.tif"), HEIGHTS)
 
 
 # --- files beside it ------------------------------------------------------------------------------

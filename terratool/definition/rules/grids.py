@@ -30,8 +30,8 @@ reader_rule(
     no file beside it, no net. A band holds real numbers; a palette and complex numbers are no
     heights. NaN, infinite numbers and ones beyond 1e30 in size are void.
 
-    Its header is held against its size: all rasters together have at most 134,217,728 pixels beyond
-    64 for each byte of their files. A definition and its libraries name at most 1,000 bands.
+    Its header is held against its size: all rasters that are unpacked as a whole have together at
+    most 67,108,864 pixels beyond 64 for each byte of their files. A definition and its libraries name at most 1,000 bands.
 
     Fails:
 
