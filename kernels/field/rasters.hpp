@@ -72,7 +72,9 @@ struct NumberRange {
 class RasterAt {
 public:
     RasterAt(const Curves& curves, const Kind& kind)
-        : raster_(curves.rasters[kind.raster]), numbers_(numbers_of(curves, raster_)) {}
+        : RasterAt(curves, curves.rasters[kind.raster]) {}
+    RasterAt(const Curves& curves, const Raster& raster)
+        : raster_(raster), numbers_(numbers_of(curves, raster)) {}
 
     const Raster& raster() const { return raster_; }
 

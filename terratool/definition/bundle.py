@@ -73,7 +73,7 @@ def bundle(checked: Checked, *, expanded: bool = False, folder: str | None = Non
 
         tree = expand(uses).tree
         # a surface given to a part is not worn where the part's elements have their own
-        worn = tree.distinct("surface") | track_surfaces(checked.terrain)
+        worn = tree.worn | track_surfaces(checked.terrain)
         needed = {
             "surfTypes": {name: None for name in needed["surfTypes"] if name in worn},
             "elemTypes": needed["elemTypes"],

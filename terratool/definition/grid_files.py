@@ -1,13 +1,14 @@
-"""Rasters beside a definition that hold the heights of grids: what their headers say of them."""
+"""Rasters beside a definition, of heights or of classes: what their headers say of them."""
 
 from __future__ import annotations
 
 import os
 from importlib import import_module
 
-from msgspec import Struct, structs
+from msgspec import UNSET, Struct, structs
 
-from terratool.definition.model import Definition, GridFile, GridRows
+from terratool.definition.model import Definition, GridFile, GridRows, SurfaceGrid
+from terratool.definition.tree import complete, flatten
 
 
 class FileIdentity(Struct, frozen=True):
@@ -41,6 +42,7 @@ class GridSource(Struct, frozen=True):
         upright: whether rows run from north to south and columns from west to east, or no place is
             said.
         crs: reference system as a definition spells it; None for none.
+        classes: whether it is read for classes, which may have a palette, rather than for heights.
     """
 
     path: str
@@ -51,6 +53,7 @@ class GridSource(Struct, frozen=True):
     aspect: float | None = None
     upright: bool = True
     crs: str | None = None
+    classes: bool = False
 
 
 class LinkedGrid(GridFile, frozen=True, rename="camel", kw_only=True):
@@ -59,18 +62,28 @@ class LinkedGrid(GridFile, frozen=True, rename="camel", kw_only=True):
     source: GridSource
 
 
-def survey_grid(path: str, band: int) -> GridSource:
+class LinkedSurfaceGrid(SurfaceGrid, frozen=True, rename="camel", kw_only=True):
+    """Raster of classes that was found."""
+
+    source: GridSource
+
+    def __hash__(self) -> int:
+        return hash((self.source, frozenset(self.names.items())))
+
+
+def survey_grid(path: str, band: int, classes: bool = False) -> GridSource:
     """Read what the header of a raster says of a band.
 
     Args:
         path: path without links.
         band: number of the band, from 1.
+        classes: whether it is to hold classes rather than heights.
 
     Raises:
-        ReadError: the file is no raster with such a band of heights.
+        ReadError: the file is no raster with such a band.
     """
     # by its name: rasters are opened by what stands upon definitions, and NumPy comes with it
-    found: GridSource = import_module("terratool.io.grid_files").survey(path, band)
+    found: GridSource = import_module("terratool.io.grid_files").survey(path, band, classes)
     return found
 
 
@@ -91,9 +104,23 @@ def as_written(definition: Definition) -> Definition:
         for name, primitive in definition.primitives.items()
         if isinstance(grid := primitive.grid, LinkedGrid)
     }
-    if not linked:
+    if linked:
+        definition = structs.replace(definition, elem_types=definition.primitives | linked)
+    tree = flatten(definition)
+    classes = tree.distinct("surface_grid") - {UNSET}
+    if not classes:
         return definition
-    return structs.replace(definition, elem_types=definition.primitives | linked)
+    written = {
+        grid: SurfaceGrid(
+            file=_from_here(grid.source.path) if isinstance(grid, LinkedSurfaceGrid) else grid.file,
+            band=grid.band,
+            names=grid.names,
+        )
+        for grid in classes
+    }
+    tree.replace("surface_grid", written)
+    tree.elements.clear()
+    return complete(definition, tree)
 
 
 def _from_here(path: str) -> str:

@@ -10,13 +10,25 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, Literal, TypeVar
 
-from msgspec import Struct, field, structs
+from msgspec import UNSET, Struct, field, structs
 
 from terratool.definition.decode import Decoded
 from terratool.definition.findings import Remark, RemarkLog
-from terratool.definition.grid_files import GridSource, LinkedGrid, survey_grid
+from terratool.definition.grid_files import (
+    GridSource,
+    LinkedGrid,
+    LinkedSurfaceGrid,
+    survey_grid,
+)
 from terratool.definition.keys import Kind, document_kind
-from terratool.definition.model import Element, GridFile, Library, Primitive, Surface
+from terratool.definition.model import (
+    Element,
+    GridFile,
+    Library,
+    Primitive,
+    Surface,
+    SurfaceGrid,
+)
 from terratool.errors import ReadError, reason
 from terratool.text.display import escape, quote
 from terratool.text.source import Source, read_source, real_path
@@ -311,7 +323,7 @@ class Shelf:
         self._roots = [real_path(root) for root in (".", *roots)]
         self._read = read
         self._documents: dict[str, SourceDocument | _Problem] = {}
-        self._grids: dict[tuple[str, int], GridSource | _Problem] = {}
+        self._grids: dict[tuple[str, int, bool], GridSource | _Problem] = {}
         self._room = MAX_BYTES
         self.files: dict[str, None] = {}
 
@@ -328,6 +340,7 @@ class Shelf:
                 continue
             user.linked = True
             self._link_grids(user, base)
+            self._link_classes(user, base)
             paths = user.model.library_paths
             count += len(paths)
             for index, path in enumerate(paths):
@@ -395,21 +408,38 @@ class Shelf:
                 pointer = f"/elemTypes/{escape(name)}/grid/file"
                 user.problems.append((code, Remark(pointer, message, hint)))
 
+    def _link_classes(self, user: SourceDocument, base: str) -> None:
+        """Look for the rasters of classes of a file's own elements, which get what was found."""
+        tree, linked = user.decoded.tree, {}
+        for grid in sorted(
+            tree.distinct("surface_grid") - {UNSET}, key=tree.column("surface_grid").index
+        ):
+            found = self._source(user, grid, base)
+            if isinstance(found, GridSource):
+                linked[grid] = LinkedSurfaceGrid(
+                    file=grid.file, band=grid.band, names=grid.names, source=found
+                )
+            else:
+                code, message, hint = found
+                element = tree.column("surface_grid").index(grid)
+                remark = Remark("/surfaceGrid/file", message, hint, element=element)
+                user.problems.append((code, remark))
+        if linked:
+            tree.replace("surface_grid", linked)
+
     def _source(self, user: SourceDocument, grid: GridFile, base: str) -> GridSource | _Problem:
         """Raster of a grid; code, message and hint where there is none."""
         wrong = self._refusal(user, grid.file, base, "raster")
         if wrong is not None:
             return "TT313", *wrong
-        key = real_path(str(Path(user.folder, grid.file))), grid.band_number
+        real, classes = real_path(str(Path(user.folder, grid.file))), isinstance(grid, SurfaceGrid)
+        key = real, grid.band_number, classes
         if key not in self._grids:
-            self._grids[key] = self._survey(quote(grid.file), *key)
+            wanted = "Name a raster, as a GeoTIFF."
+            self._grids[key] = _read_file(
+                "TT312", f"raster {quote(grid.file)}", wanted, real, lambda _: survey_grid(*key)
+            )
         return self._grids[key]
-
-    def _survey(self, said: str, real: str, band: int) -> GridSource | _Problem:
-        wanted = "Name a raster, as a GeoTIFF."
-        return _read_file(
-            "TT312", f"raster {said}", wanted, real, lambda _: survey_grid(real, band)
-        )
 
     def _load(self, name: str, real: str) -> SourceDocument | _Problem:
         said = quote(name)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_left, insort
-from collections.abc import Container, Iterable, Iterator, Sequence
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from fractions import Fraction
 from functools import cached_property
 from heapq import heappop, heappush
@@ -138,6 +138,22 @@ class Tree(Struct, frozen=True, dict=True):
         if name not in self._distinct:
             self._distinct[name] = set(self.column(name))
         return self._distinct[name]
+
+    def replace(self, name: str, values: Mapping[Any, Any]) -> None:
+        """Replace values of an attribute of all elements by others, in the column and in these."""
+        column = self.column(name)
+        for index, value in enumerate(column):
+            if value in values:
+                column[index] = values[value]
+                if self.elements:
+                    structs.force_setattr(self.elements[index], name, values[value])
+        self._distinct.pop(name, None)
+
+    @property
+    def worn(self) -> set[Any]:
+        """Names of the surfaces of elements, by themselves or by classes; `UNSET` where one has none."""
+        grids = self.distinct("surface_grid") - {UNSET}
+        return self.distinct("surface").union(*(grid.names.values() for grid in grids))
 
     def count_lacking(self, name: str) -> int:
         """Number of elements without an attribute."""

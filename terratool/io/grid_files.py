@@ -1,6 +1,6 @@
-"""Rasters whose bands are grids of heights of a definition: their headers, and their numbers.
+"""Rasters whose bands are grids of a definition: their headers, and their numbers.
 
-Numbers become heights once: scaled, NaN where there is none, float32 where that holds all of them
+Numbers become heights, or classes, once: scaled, NaN where there is none, float32 where that holds all of them
 and float64 elsewhere. They are kept in the cache, whence processes map them.
 """
 
@@ -60,31 +60,35 @@ def identity_of(path: str) -> FileIdentity:
     )
 
 
-def _key(path: str, band: int, identity: FileIdentity) -> str:
+def _key(path: str, band: int, identity: FileIdentity, classes: bool) -> str:
     """Name in the cache of a band of a file in one state."""
-    return hashlib.blake2b(msgspec.json.encode((path, band, identity)), digest_size=20).hexdigest()
+    what = path, band, identity, classes
+    return hashlib.blake2b(msgspec.json.encode(what), digest_size=20).hexdigest()
 
 
-def survey(path: str, band: int) -> GridSource:
+def survey(path: str, band: int, classes: bool = False) -> GridSource:
     """Read what the header of a raster says of a band.
 
     Args:
         path: path without links.
         band: number of the band, from 1.
+        classes: whether it is to hold classes rather than heights.
 
     Raises:
-        ReadError: the file is no raster with such a band of heights, or changes meanwhile.
+        ReadError: the file is no raster with such a band, or changes meanwhile.
     """
     identity = identity_of(path)
-    known = grid_cache.facts(_key(path, band, identity))
+    known = grid_cache.facts(_key(path, band, identity, classes))
     if known is not None:
         return known.source
     from terratool.io.crs import spell_crs
 
-    with _opened(path, band) as file:
+    with _opened(path, band, classes) as file:
         aspect, upright = _posture(file)
         crs = spell_crs(file.crs, [])
-        source = GridSource(path, band, identity, file.width, file.height, aspect, upright, crs)
+        source = GridSource(
+            path, band, identity, file.width, file.height, aspect, upright, crs, classes
+        )
     refuse_change(source)
     return source
 
@@ -114,11 +118,11 @@ def refuse_change(source: GridSource) -> None:
 
 
 @contextlib.contextmanager
-def _opened(path: str, band: int) -> Iterator[Any]:
+def _opened(path: str, band: int, classes: bool) -> Iterator[Any]:
     """Open a raster for the block, of which only its own bytes are read.
 
     Raises:
-        ReadError: the file is no raster with such a band of heights.
+        ReadError: the file is no raster with such a band of classes, or else of heights.
     """
     from rasterio.enums import ColorInterp
 
@@ -137,10 +141,11 @@ def _opened(path: str, band: int) -> Iterator[Any]:
             )
         if "complex" in file.dtypes[band - 1]:
             raise ReadError(
-                f"{path}: holds complex numbers in band {band}, not heights.",
+                f"{path}: holds complex numbers in band {band}, not "
+                f"{'classes' if classes else 'heights'}.",
                 "Name a band of real numbers.",
             )
-        if file.colorinterp[band - 1] is ColorInterp.palette:
+        if not classes and file.colorinterp[band - 1] is ColorInterp.palette:
             raise ReadError(
                 f"{path}: holds colours of a palette in band {band}, not heights.",
                 "Name a band of heights.",
@@ -158,11 +163,11 @@ def numbers_of(source: GridSource) -> MappedGrid:
         ReadError: the file has changed since its header was read, or is broken.
     """
     refuse_change(source)
-    key = _key(source.path, source.band, source.identity)
+    key = _key(source.path, source.band, source.identity, source.classes)
     found = grid_cache.mapped(key)
     if found is not None and found.facts.source == source:
         return found
-    with _opened(source.path, source.band) as file:
+    with _opened(source.path, source.band, source.classes) as file:
         band = _Band(file, source)
         found = grid_cache.keep(key, band.expected, band.write) or band.in_memory()
     refuse_change(source)

@@ -84,7 +84,6 @@ def compare(shared: Terrain, plain: Terrain, seed: int = 0) -> None:
     np.testing.assert_array_equal(one.height, other.height)
     np.testing.assert_array_equal(one.normal, other.normal)
     np.testing.assert_array_equal(shared.surface(x, y), plain.surface(x, y))
-    np.testing.assert_array_equal(shared.surface_of(one.element), one.surface)
     assert shared.element(x, y).tolist() == plain.element(x, y).tolist()
     assert shared.elements == plain.elements
     assert shared.levels == plain.levels
@@ -337,7 +336,6 @@ def test_more_elements_than_a_number_holds() -> None:
         assert pointer is not None
         plain = Terrain(checked(branch(definition, pointer)))
         assert plain.height(x[n], y[n]) == found.height[n]
-    np.testing.assert_array_equal(terrain.surface_of(found.element), found.surface)
     grid = Grid(0.0, 0.0, 10.0, 100, 100)
     painted = Painter(terrain, grid).paint(grid.whole).heights
     columns, rows = np.meshgrid(grid.columns(grid.whole), grid.rows(grid.whole))
@@ -361,7 +359,7 @@ def test_tracks_come_behind_all_elements() -> None:
     terrain = Terrain(checked(definition))
     at = terrain.sample(500.0, 500.5)
     assert terrain.pointer(int(at.element)) == "/tracks/0"
-    assert terrain.surface_of(np.array([at.element])).tolist() == [at.surface]
+    assert terrain.surfaces[at.surface] == "rock"
 
 
 def test_what_is_not_composed_is_never_shared() -> None:

@@ -1,17 +1,20 @@
-"""Rules on grids whose heights stand in rasters beside the text."""
+"""Rules on rasters beside the text, of the heights of grids or of classes."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 
 from msgspec import UNSET
 
 from terratool.definition.findings import Remark
 from terratool.definition.grid_files import GridSource, LinkedGrid
+from terratool.definition.model import CLASS
 from terratool.definition.rules.base import Subject, reader_rule, rule
 from terratool.definition.tree import ROOT
 from terratool.text.display import escape, quote
 
+_is_class = re.compile(CLASS).fullmatch
 _NEAR = 0.01
 """Share by which the aspect of a raster and that of a cell may differ."""
 
@@ -24,7 +27,7 @@ reader_rule(
     Paths begin at the folder of the file that names the raster. Of it only its own bytes are read:
     no file beside it, no net. A band holds real numbers; a palette and complex numbers are no
     heights. Its header is held against its size. NaN, infinite numbers and ones beyond 1e30 in size
-    are void.
+    are void. The raster of a surfaceGrid obeys the same rules, but its classes may have a palette.
 
     Fails:
 
@@ -69,6 +72,53 @@ reader_rule(
     To mend: put the raster beside the terrain, and write its path from there.
     """,
 )
+
+
+@rule("TT316", "surface-class")
+def surface_class(subject: Subject) -> Iterator[Remark]:
+    """A key among the names of a surfaceGrid is no class, a whole number.
+
+    Classes are written as 1 or -2, in quotes as all keys of JSON, without a leading zero and with
+    15 digits at most. A class that the raster does not have is no error.
+
+    Fails:
+
+        classes.tif: 2 × 2 pixels of 5 × 5 in EPSG:32632
+
+        {
+          "size": 10, "surfTypes": {"sand": {"preset": "dry-sand"}}, "elemTypes": {"b": {"x": [1]}},
+          "elemTree": {
+            "type": "b", "surfaceGrid": {"file": "classes.tif", "names": {"1.5": "sand"}}
+          }
+        }
+
+    Passes:
+
+        classes.tif: 2 × 2 pixels of 5 × 5 in EPSG:32632
+
+        {
+          "size": 10, "surfTypes": {"sand": {"preset": "dry-sand"}}, "elemTypes": {"b": {"x": [1]}},
+          "elemTree": {
+            "type": "b", "surfaceGrid": {"file": "classes.tif", "names": {"1": "sand"}}
+          }
+        }
+
+    To mend: write the number that the raster has where the surface is.
+    """
+    wrong = {
+        grid: [key for key in grid.names if not _is_class(key)]
+        for grid in subject.tree.distinct("surface_grid") - {UNSET}
+    }
+    strange = {grid for grid, keys in wrong.items() if keys}
+    for index, grid in subject.tree.elements_with("surface_grid", strange):
+        for key in wrong[grid]:
+            yield Remark(
+                f"/surfaceGrid/names/{escape(key)}",
+                f"{quote(key)} is no class.",
+                'Write a whole number in quotes, as "1".',
+                on_key=True,
+                element=index,
+            )
 
 
 def _sources(subject: Subject) -> Iterator[tuple[str, GridSource]]:
