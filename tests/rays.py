@@ -25,8 +25,8 @@ from tests.oracle import (
     Oracle,
     Track,
     cells_of,
-    counts_of,
     cos_sin,
+    counts_of,
     grid_value,
 )
 

@@ -11,8 +11,8 @@ from typing import Any
 
 from hypothesis import strategies as st
 
-from tests.decimals import meant
 from tests.classes import CLASSES, NUMBERS
+from tests.decimals import meant
 from tests.oracle import cells_of, counts_of
 
 Json = dict[str, Any]

@@ -90,6 +90,11 @@ def cover(blocks: Sequence[Block], target: Block) -> bool:
     return True
 
 
+def with_classes(surfaces: set[Any], grids: Iterable[Any]) -> set[Any]:
+    """Names of surfaces, and of those that classes of rasters stand for, `UNSET` for none."""
+    return surfaces.union(*(grid.names.values() for grid in grids if grid is not UNSET))
+
+
 class Tree(Struct, frozen=True, dict=True):
     """Elements of a terrain or a library, level by level, in document order within a level.
 
@@ -151,9 +156,8 @@ class Tree(Struct, frozen=True, dict=True):
 
     @property
     def worn(self) -> set[Any]:
-        """Names of the surfaces of elements, by themselves or by classes; `UNSET` where one has none."""
-        grids = self.distinct("surface_grid") - {UNSET}
-        return self.distinct("surface").union(*(grid.names.values() for grid in grids))
+        """Names of the surfaces of elements, their own and those of classes; `UNSET` for none."""
+        return with_classes(self.distinct("surface"), self.distinct("surface_grid"))
 
     def count_lacking(self, name: str) -> int:
         """Number of elements without an attribute."""

@@ -14,7 +14,7 @@ from terratool.definition.chains import Chain, Chains
 from terratool.definition.exact import Exact, ExactSide, Sides, rest_of, rests_of, side, sides
 from terratool.definition.model import DEFAULT_CELLS, Definition, Element, pair_of
 from terratool.definition.scatter_areas import area_of, copies_over
-from terratool.definition.tree import ROOT, Tree
+from terratool.definition.tree import ROOT, Tree, with_classes
 from terratool.definition.turning import turn_block
 from terratool.definition.uses import Root, Uses
 
@@ -137,10 +137,9 @@ class Written(NamedTuple):
 
     @property
     def worn(self) -> set[Any]:
-        """Names of the surfaces of elements, by themselves or by classes; `UNSET` where one has none."""
-        grids = self.different(self.rows.surface_grid) - {UNSET}
-        own = self.different(self.rows.surface)
-        return own.union(*(grid.names.values() for grid in grids))
+        """Names of the surfaces of elements, their own and those of classes; `UNSET` for none."""
+        rows = self.rows
+        return with_classes(self.different(rows.surface), self.different(rows.surface_grid))
 
     def tree(self) -> Tree:
         """Elements as a tree, as a text would give it."""

@@ -25,6 +25,7 @@ from terratool.raster.grid import Grid
 from terratool.raster.painter import Painter
 from terratool.text.source import Source, read_source
 from tests.budget import examples
+from tests.classes import class_folder
 from tests.filesets import FileSet, file_sets, save
 
 ALWAYS = -1
@@ -118,15 +119,15 @@ def compare_pixels(shared: Terrain, plain: Terrain, seed: int = 0) -> None:
 
 
 @settings(max_examples=EXAMPLES)
-@given(files=file_sets(), seed=st.integers(0, 99))
+@given(files=file_sets(classed=True), seed=st.integers(0, 99))
 def test_shared_parts_answer_as_those_written_out(files: FileSet, seed: int) -> None:
     """Heights, normals, surfaces, names and pixels are the same to the bit."""
     with tempfile.TemporaryDirectory() as folder:
-        options = CheckOptions(warnings=False, library_roots=(folder,))
+        options = CheckOptions(warnings=False, library_roots=(folder, str(class_folder())))
         found = check(read_source(save(files, Path(folder))), options)
-    assume(found.terrain is not None)
-    plain = Terrain(found, share_above=math.inf)
-    shared = Terrain(found, share_above=ALWAYS)
+        assume(found.terrain is not None)
+        plain = Terrain(found, share_above=math.inf)
+        shared = Terrain(found, share_above=ALWAYS)
     assume(shared.is_shared)
     compare(shared, plain, seed)
     compare_pixels(shared, plain, seed)
