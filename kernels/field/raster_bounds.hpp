@@ -28,7 +28,7 @@ struct NumberAxis {
 INLINE Between between_in(const Raster& r, int axis, double t, PieceRange patches) {
     Between found = between(clamp(t, 0.0, 1.0), r.count[axis], r.pixel);
     i64 low = clamp(found.low, patches.first, patches.last);
-    return {low, low + 1, clamp(found.part + double(found.low - low), 0.0, 1.0), found.per};
+    return {low, clamp(found.part + double(found.low - low), 0.0, 1.0), found.per};
 }
 
 // What a rectangle of the unit square holds along an axis: which patches, from where in the first

@@ -38,7 +38,8 @@ NEVER_INLINE inline void add_raster(
     std::size_t width = u.size();
     const auto& [heights, slope_x, slope_y, columns, a, around] = canvas;
     for (std::size_t n = 0; n < width; ++n) {
-        columns[n] = {between(u[n], r.count[X], r.pixel), cell(X, u[n], x[n])};
+        i64 cell_x = cell(X, u[n], x[n]);
+        columns[n] = {raster.along(X, u[n], cell_x), cell_x};
         a[n] = columns[n].at.part;
     }
     Rates rates(p);
@@ -46,7 +47,7 @@ NEVER_INLINE inline void add_raster(
     i64 low = -1, row_of_cells = -1;
     for (i64 j = 0; j < count_of(v); ++j) {
         i64 line = part.south + j, cell_y = cell(Y, v[j], y[j]);
-        Between along = between(v[j], r.count[Y], r.pixel);
+        Between along = raster.along(Y, v[j], cell_y);
         if (along.low != low || cell_y != row_of_cells) {
             low = along.low, row_of_cells = cell_y;
             for (std::size_t n = 0; n < width; ++n)

@@ -10,10 +10,10 @@
 
 namespace terratool {
 
-// Two neighbouring numbers along an axis, and how far between them a place is; `per` is the numbers
-// to a side of the square, 0 where the nearest number goes on.
+// The lesser of two neighbouring numbers along an axis, and how far between them a place is; `per`
+// is the numbers to a side of the square, 0 where the nearest number goes on.
 struct Between {
-    i64 low, high;
+    i64 low;
     double part, per;
 };
 
@@ -23,10 +23,7 @@ INLINE Between between(double t, i64 count, bool pixel) {
     bool goes_on = count == 1 || (pixel && (s < 0.0 || s >= last));
     s = clamp(s, 0.0, last);
     i64 low = min(i64(s), max(count - 2, i64(0)));
-    return {
-        low, min(low + 1, count - 1), s - double(low),
-        goes_on ? 0.0 : (pixel ? double(count) : last)
-    };
+    return {low, s - double(low), goes_on ? 0.0 : (pixel ? double(count) : last)};
 }
 
 // Four numbers, and the height between them at a part of the way east and north.
@@ -78,6 +75,14 @@ public:
 
     const Raster& raster() const { return raster_; }
 
+    // The numbers about t along an axis, which lies in a cell; those of another one, which is on
+    // the far side of an edge, may be void.
+    INLINE Between along(int axis, double t, i64 cell) const {
+        Between found = between(t, raster_.count[axis], raster_.pixel);
+        if (!raster_.voids || raster_.pixel) return found;
+        return {cell, clamp(found.part + double(found.low - cell), 0.0, 1.0), found.per};
+    }
+
     // The four numbers around a place that lies in a cell, NaN in a void one.
     INLINE Corners corners(const Between& x, const Between& y, i64 cell_x, i64 cell_y) const {
         if (raster_.voids && is_void(cell_x, cell_y)) return {NAN, NAN, NAN, NAN};
@@ -87,7 +92,7 @@ public:
     // Value and slopes at (u, v), in [0, 1], which lies in a cell.
     INLINE ShapePoint at(UV at, i64 cell_x, i64 cell_y) const {
         if (raster_.voids && is_void(cell_x, cell_y)) return {NAN, NAN, NAN};
-        return filled(at);
+        return between_numbers(along(X, at.u, cell_x), along(Y, at.v, cell_y));
     }
 
     // The same where a cell beside it is not void.
@@ -145,6 +150,13 @@ public:
         i64 n = (raster_.count[Y] - 1 - j) * raster_.count[X] + i;
         if (raster_.single) return double(static_cast<const float*>(numbers_)[n]);
         return static_cast<const double*>(numbers_)[n];
+    }
+
+    // Call visit(the numbers of row `j` from the south), of float or double.
+    template <class Visit> INLINE void visit_row(i64 j, Visit visit) const {
+        i64 n = (raster_.count[Y] - 1 - j) * raster_.count[X];
+        if (raster_.single) visit(static_cast<const float*>(numbers_) + n);
+        else visit(static_cast<const double*>(numbers_) + n);
     }
 
     // The number, or where it is void the mean of its neighbours, from the north-west on.

@@ -10,8 +10,9 @@
 // of u. At a crease the slope jumps by J, which adds up to J/4 times that range.
 #pragma once
 
-#include "lattice.hpp"
+#include "grid_errors.hpp"
 #include "heights.hpp"
+#include "lattice.hpp"
 
 namespace terratool::mesh {
 
@@ -153,8 +154,8 @@ inline double raster_error(const Plan& plan, const ElementView& e, const Corners
     double low_v = min3(at[0].v, at[1].v, at[2].v), high_v = max3(at[0].v, at[1].v, at[2].v);
     NumberStretch s = stretch_of(r, X, low_u, high_u, near_number(r, X, e.frame));
     NumberStretch t = stretch_of(r, Y, low_v, high_v, near_number(r, Y, e.frame));
-    PatchBounds bounds =
-        plan.pyramids[e.kind.raster].over(numbers, {s.first, s.last + 1, t.first, t.last + 1});
+    PatchBounds bounds = plan.pyramids.of(e.kind.raster, numbers)
+                             .over(numbers, {s.first, s.last + 1, t.first, t.last + 1});
     double error = bounds.bend[X] * s.bends() + bounds.bend[Y] * t.bends();
     error += 0.25 * bounds.twist * s.width() * t.width();
     return max(min(error, bounds.high - bounds.low), 0.0);
@@ -237,24 +238,6 @@ inline double relief_error(const Relief& relief, const Corners& world) {
     return relief.scale * min(error, 0.125 * (bend + change * radius * squared));
 }
 
-// A place in a triangle by barycentric coordinates: those of its corners b and c.
-struct Barycentric {
-    double s, r;
-
-    INLINE Barycentric half_way(Barycentric to) const {
-        return {0.5 * (s + to.s), 0.5 * (r + to.r)};
-    }
-    INLINE UV in(const Corners& at) const {
-        double q = 1.0 - s - r;
-        return {q * at[0].u + s * at[1].u + r * at[2].u, q * at[0].v + s * at[1].v + r * at[2].v};
-    }
-};
-
-struct ErrorAt {
-    double error;
-    Barycentric place;
-};
-
 // A triangle in its region: its heights, and where its corners are in each covering element.
 struct RegionTriangle {
     const Plan& plan;
@@ -294,6 +277,34 @@ struct RegionTriangle {
                 relief_error(*relief, {part[0].in(world), part[1].in(world), part[2].in(world)});
         return total > enough ? INF : total;
     }
+
+    // The covering element that is a grid, if all else is plain in the triangle; -1 for none.
+    i64 only_grid() const {
+        auto is_grid = [&](const CoveringElement& one) {
+            const Element& element = plan.field->elements[one.element];
+            return is_raster(plan.field->kinds[element.kind]) && element.scale != 0.0;
+        };
+        if (relief || std::count_if(covering.begin(), covering.end(), is_grid) != 1) return -1;
+        i64 found = -1;
+        for (i64 k = 0; k < count_of(covering); ++k) {
+            if (is_grid(covering[k])) found = k;
+            else if (element_error(plan, covering[k], corners[k]) > 0.0) return -1;
+        }
+        return found;
+    }
+
+    // The largest error of a triangle where all but one grid is plain; see GridTriangle::largest.
+    ErrorAt from_grid(i64 grid, double enough) const {
+        const ElementView e(plan, covering[grid].element);
+        std::array<double, 3> own;
+        for (int c = 0; c < 3; ++c) {
+            own[c] = heights[c] + rut_depth - e.element.offset;
+            for (i64 k = 0; k < i64(covering.size()); ++k)
+                if (k != grid) own[c] -= element_height(plan, covering[k], corners[k][c]);
+        }
+        RasterAt raster(plan.field->curves, e.kind);
+        return GridTriangle(raster, corners[grid], own, e.element.scale).largest(enough);
+    }
 };
 
 // How far a triangle is from its region, and where.
@@ -310,8 +321,10 @@ inline ErrorAt largest_error(const RegionTriangle& triangle, double enough) {
         std::array<double, 3> errors;  // there
         int depth;
     };
+    const std::array<Barycentric, 3> whole{{{0.0, 0.0}, {1.0, 0.0}, {0.0, 1.0}}};
+    if (i64 grid = triangle.only_grid(); grid >= 0) return triangle.from_grid(grid, enough);
     std::array<Part, 3 * deepest + 4> parts;
-    parts[0] = {{{{0.0, 0.0}, {1.0, 0.0}, {0.0, 1.0}}}, {0.0, 0.0, 0.0}, 0};
+    parts[0] = {whole, {0.0, 0.0, 0.0}, 0};
     i64 pending = 1;
     ErrorAt most{0.0, {0.0, 0.0}};   // the largest error found
     double sure = 0.0;               // no less than all errors that were looked into

@@ -5,6 +5,9 @@
 // difference.
 #pragma once
 
+#include <memory>
+#include <mutex>
+
 #include "../field/rasters.hpp"
 
 namespace terratool::mesh {
@@ -125,6 +128,26 @@ private:
         const PatchBounds& at(i64 i, i64 j) const { return blocks[j * columns + i]; }
     };
     std::vector<Level> levels_;
+};
+
+// The pyramids of all grids of a field, each made by the first that asks for it.
+class PatchPyramids {
+public:
+    PatchPyramids() = default;
+    explicit PatchPyramids(std::size_t rasters) : made_(std::make_unique<Made[]>(rasters)) {}
+
+    const PatchPyramid& of(u32 raster, const PatchNumbers& numbers) const {
+        Made& made = made_[raster];
+        std::call_once(made.once, [&] { made.pyramid = PatchPyramid(numbers); });
+        return made.pyramid;
+    }
+
+private:
+    struct Made {
+        std::once_flag once;
+        PatchPyramid pyramid;
+    };
+    std::unique_ptr<Made[]> made_;
 };
 
 // A stretch along an axis of a grid, in numbers, and the first and last patch there.

@@ -73,20 +73,6 @@ inline void append_raster_chords(
     }
 }
 
-// Bounds of the grids that drawn elements have; see PatchPyramid.
-inline std::vector<PatchPyramid> find_pyramids(const Plan& plan) {
-    const Field& field = *plan.field;
-    std::vector<PatchPyramid> pyramids(field.curves.rasters.size());
-    std::vector<u8> known(pyramids.size());
-    for (std::size_t index = 0; index < plan.frames.size(); ++index) {
-        const Kind& kind = field.kinds[field.elements[index].kind];
-        if (!plan.frames[index].drawn || !is_raster(kind)) continue;
-        if (std::exchange(known[kind.raster], u8(1))) continue;
-        pyramids[kind.raster] = PatchPyramid(PatchNumbers(RasterAt(field.curves, kind)));
-    }
-    return pyramids;
-}
-
 // The chords of all elements.
 inline Chords find_chords(const Plan& plan) {
     constexpr double share = 0.95;        // part of the error that chords may miss a curve by

@@ -118,7 +118,7 @@ struct Plan {
     Outlines outlines;
     // found, not given
     Chords chords;
-    std::vector<PatchPyramid> pyramids;  // of each raster, empty where no element is drawn with it
+    PatchPyramids pyramids;
 };
 
 template <class Visit> void visit_arguments(Plan& p, Visit visit) {

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from terratool.field.grid_numbers import Numbers, grid_numbers, is_edged, row_blocks
 from terratool.field.records import COMBINE, FieldArrays
 from terratool.field.relief import worn_reliefs
 from terratool.kernels import field as kernels
@@ -36,23 +37,13 @@ def curve_pieces(arrays: FieldArrays, kind: Any, axis: str) -> tuple[Floats, Flo
     return starts, pieces * lengths[:, None] ** np.arange(4)
 
 
-def grid_heights(arrays: FieldArrays, kind: Any) -> Floats:
-    """Heights of the grid of a kind, (rows, columns), from the north; NaN for void ones."""
-    raster = arrays.curves.rasters[kind["raster"]]
-    if raster["file"] >= 0:
-        return arrays.curves.mapped.numbers(raster["file"]).astype(np.float64, copy=False)
-    columns, rows = map(int, raster["count"])
-    first = int(raster["first"])
-    return arrays.curves.heights[first : first + rows * columns].reshape(rows, columns)
-
-
 def _grid_size(arrays: FieldArrays, kind: Any) -> float:
     """Largest height of the grid of a kind, without sign; 0 where all are void."""
     file = int(arrays.curves.rasters["file"][kind["raster"]])
     if file >= 0:
         facts = arrays.curves.mapped.facts(file)
         return max(-facts.low, facts.high)
-    return float(np.nanmax(np.abs(grid_heights(arrays, kind)), initial=0.0))
+    return float(np.nanmax(np.abs(grid_numbers(arrays, kind)), initial=0.0))
 
 
 def _is_edged(arrays: FieldArrays, kind: Any) -> bool:
@@ -60,9 +51,7 @@ def _is_edged(arrays: FieldArrays, kind: Any) -> bool:
     file = int(arrays.curves.rasters["file"][kind["raster"]])
     if file >= 0:
         return arrays.curves.mapped.facts(file).edged
-    heights = grid_heights(arrays, kind)
-    rim = heights[0], heights[-1], heights[:, 0], heights[:, -1]
-    return any(bool((side != 0.0).any()) for side in rim)
+    return is_edged(grid_numbers(arrays, kind))
 
 
 def with_holes(arrays: FieldArrays) -> NDArray[np.bool_]:
@@ -308,25 +297,42 @@ def _grid_lines(arrays: FieldArrays, kind: Any, axis: str) -> Floats:
     The drop of a line is the largest change of slope along it, without sign; of a grid with void
     numbers it is infinite, and there are lines on the edges of pixels, too.
     """
-    heights, raster = grid_heights(arrays, kind), arrays.curves.rasters[kind["raster"]]
-    along = heights[::-1].T if axis == "x" else heights[::-1]  # from the west or south
+    numbers, raster = grid_numbers(arrays, kind), arrays.curves.rasters[kind["raster"]]
+    along = numbers.T if axis == "x" else numbers[::-1]  # from the west or south
     count = len(along)
-    if raster["pixel"] or count == 1:
-        t = np.concatenate([[0.0], (np.arange(count) + 0.5) / count, [1.0]])
-        along, spacing = np.concatenate([along[:1], along, along[-1:]]), 1.0 / count
+    beyond = bool(raster["pixel"]) or count == 1  # the outermost numbers go on
+    if beyond:
+        t, spacing = np.concatenate([[0.0], (np.arange(count) + 0.5) / count, [1.0]]), 1.0 / count
     else:
         t, spacing = np.linspace(0.0, 1.0, count), 1.0 / (count - 1)
-    slopes = np.diff(along, axis=0) / spacing
-    level = np.zeros((1, along.shape[1]))
-    changes = np.abs(np.diff(np.concatenate([level, slopes, level]), axis=0))
-    drop, wall = changes.max(axis=1), np.zeros(len(t))
+    edges = np.arange(1, count) / count if raster["voids"] and raster["pixel"] else np.zeros(0)
     if raster["voids"]:
-        edges = np.arange(1, count) / count if raster["pixel"] else np.zeros(0)
         t, drop = np.concatenate([t, edges]), np.full(len(t) + len(edges), np.inf)
-        wall = np.zeros(len(t))
+    else:
+        drop = _largest_bends(along, beyond) / spacing
+    wall = np.zeros(len(t))
     for end, line in ((0.0, along[0]), (1.0, along[-1])):
         wall[t == end] = np.fmax.reduce(np.abs(line), initial=0.0)
     return np.stack([t, drop, np.zeros(len(t)), wall])
+
+
+def _largest_bends(along: Numbers, beyond: bool) -> Floats:
+    """Largest change of the difference of neighbours at each row of numbers, without sign.
+
+    Args:
+        along: numbers, (n, m), that follow one another down columns, with level ground at the ends.
+        beyond: whether the first and last row go on by one more at each end, so that n + 2 have
+            changes.
+    """
+    most = np.zeros(len(along) + 2 * beyond)
+    for columns in row_blocks(along.T):
+        block = along[:, columns].astype(np.float64)
+        if beyond:
+            block = np.concatenate([block[:1], block, block[-1:]])
+        level = np.zeros((1, block.shape[1]))
+        steps = np.concatenate([level, np.diff(block, axis=0), level])
+        most = np.maximum(most, np.abs(np.diff(steps, axis=0)).max(axis=1))
+    return most
 
 
 def _bends_at_knots(lengths: Floats, pieces: Floats, begin: Floats, end: Floats) -> Floats:

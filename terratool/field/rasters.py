@@ -48,6 +48,7 @@ class RasterStore:
         mapped = MappedGrids(tuple(self._files))
         rasters = np.zeros(len(self._known), RASTER)
         heights: list[NDArray[np.float64]] = [np.zeros(0)]
+        first = 0
         for raster, grid in zip(rasters, self._known, strict=True):
             raster["pixel"] = grid.registration == "pixel"
             if grid.source is not None:
@@ -57,9 +58,10 @@ class RasterStore:
                 raster["count"] = grid.source.columns, grid.source.rows
                 continue
             own = np.array(grid.rows, np.float64)  # None becomes NaN
-            raster["file"], raster["first"] = -1, sum(map(len, heights))
+            raster["file"], raster["first"] = -1, first
             raster["voids"], raster["count"] = np.isnan(own).any(), own.shape[::-1]
             heights.append(own.ravel())
+            first += own.size
         return rasters, np.concatenate(heights), mapped
 
 

@@ -256,6 +256,11 @@ class MappedGrids:
         return len(self._grids)
 
     @property
+    def count(self) -> int:
+        """Number of all heights."""
+        return sum(source.columns * source.rows for source in self.sources)
+
+    @property
     def nbytes(self) -> int:
         """Bytes of all heights, whether in memory or not."""
         return sum(grid.facts.nbytes for grid in self._grids)

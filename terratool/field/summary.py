@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from terratool.definition.findings import Bounds
 from terratool.definition.model import Pair, Range, ranges_of
-from terratool.field.bounds import grid_heights
+from terratool.field.grid_numbers import extremes, grid_numbers
 from terratool.field.records import COMBINE, FieldArrays
 from terratool.field.terrain import Terrain, clip_bounds
 from terratool.field.tracks import track_lengths
@@ -23,6 +23,8 @@ _ALONG = 512
 """Points of the height grid along the longer side."""
 _WORK = 50_000_000
 """Most elements evaluated to find the range of heights; where many overlap, points are fewer."""
+_NUMBERS = 100
+"""Points for each place of a number of a grid: what lies beside it is looked at, too."""
 _INSET = 64
 """Distance from an edge, in spacings of floats, within which a height sets no extreme."""
 _THINNEST = 1e-3
@@ -182,7 +184,7 @@ def height_range(
         _grid_points(part, room // 2),
         _element_points(cells[:, :: max(1, -(-9 * cells.shape[1] // max(room // 2, 9)))]),
         _track_points(terrain, part),
-        _number_points(terrain, part, room // 4),
+        _number_points(terrain, part, room // _NUMBERS),
     ]
     x, y, inner_x, inner_y = (np.concatenate(columns) for columns in zip(*points, strict=True))
     heights, beside = terrain.height(x, y), terrain.height(inner_x, inner_y)
@@ -271,10 +273,14 @@ def _number_points(terrain: Terrain, part: Bounds, most: int) -> _Points:
     if whole is not None:
         kinds, elements, poses = whole.arrays.kinds, whole.arrays.elements, whole.arrays.poses
         shown = np.flatnonzero(kinds["combine"][elements["kind"]] == COMBINE["grid"])
+        shown = shown[:: max(1, -(-len(shown) // max(most // 2, 1)))]  # two of each count
         cells = whole.cells()
+        places = {
+            kind: _numbers_of(whole.arrays, kinds[kind], max(2, most // len(shown)))
+            for kind in np.unique(elements["kind"][shown]).tolist()
+        }
         for element, cell in zip(elements[shown], cells[:, shown].T, strict=True):
-            kind = kinds[element["kind"]]
-            u, v = _numbers_of(whole.arrays, kind, max(2, most // len(shown)))
+            u, v = places[int(element["kind"])]
             pose = poses[element["pose"]]
             w, h = cell[2:] - cell[:2]
             cos, sin = pose["cos"], pose["sin_v"] * (1.0 if pose["free"] else w / h)
@@ -290,9 +296,9 @@ def _number_points(terrain: Terrain, part: Bounds, most: int) -> _Points:
 
 def _numbers_of(arrays: FieldArrays, kind: Any, most: int) -> NDArray[np.float64]:
     """Positions u and v of the numbers of a grid, (2, n), and of the edges of void pixels."""
-    heights, raster = grid_heights(arrays, kind)[::-1], arrays.curves.rasters[kind["raster"]]
+    numbers, raster = grid_numbers(arrays, kind), arrays.curves.rasters[kind["raster"]]
     along = []
-    for count in heights.shape[::-1]:
+    for count in numbers.shape[::-1]:
         if raster["pixel"] or count == 1:
             t = (np.arange(count) + 0.5) / count
             edges = np.arange(count + 1) / count
@@ -304,12 +310,16 @@ def _numbers_of(arrays: FieldArrays, kind: Any, most: int) -> NDArray[np.float64
         return np.stack(np.meshgrid(u, v)).reshape(2, -1)
     step = math.ceil(math.sqrt(u.size * v.size / most))
     some = np.stack(np.meshgrid(u[::step], v[::step])).reshape(2, -1)
-    if np.isnan(heights).all():
+    found = extremes(numbers)
+    if found is None:
         return some
-    ends = np.unravel_index([np.nanargmin(heights), np.nanargmax(heights)], heights.shape)
-    if raster["voids"] and raster["pixel"]:
-        ends = tuple(2 * end + 1 for end in ends)
-    return np.hstack([some, np.stack([u[ends[1]], v[ends[0]]])])
+    rows, columns = np.transpose(found)
+    rows = len(numbers) - 1 - rows  # from the south
+    if len(v) > len(numbers):  # edges lie between
+        rows = 2 * rows + 1
+    if len(u) > numbers.shape[1]:
+        columns = 2 * columns + 1
+    return np.hstack([some, np.stack([u[columns], v[rows]])])
 
 
 def _beside(at: NDArray[np.float64], cell: ArrayLike, bounds: Bounds) -> list[NDArray[np.float64]]:

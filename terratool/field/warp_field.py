@@ -259,11 +259,9 @@ def _struct_of(
     from terratool.field.warp_kernels import DeviceField, DeviceRelief
 
     curves, tracks = arrays.curves, arrays.tracks
-    indexed = (
-        arrays.elements, arrays.offsets, arrays.entries, curves.pieces, curves.heights,
-        tracks.entries,
-    )  # fmt: skip
-    most = max(array.size for array in indexed)
+    indexed = arrays.elements, arrays.offsets, arrays.entries, curves.pieces, tracks.entries
+    heights = curves.heights.size + curves.mapped.count
+    most = max(heights, *(array.size for array in indexed))
     if most > _LARGEST:
         raise RequestError(
             f"The terrain has tables of {most} entries, and devices count to {_LARGEST}.",
@@ -361,15 +359,22 @@ def _add_primitives(make: _Maker, field: Any, arrays: FieldArrays) -> None:
     field.knots = make.array(curves.knots, wp.float64)
     field.rests = make.array(curves.rests, wp.float64)
     field.curve_bins = make.array(curves.bins, wp.int32)
-    rasters = curves.rasters
+    rasters, first = curves.rasters, curves.rasters["first"].copy()
+    heights: list[NDArray[np.floating[Any]]] = [curves.heights]
+    end = curves.heights.size
+    for file in range(len(curves.mapped.sources)):
+        heights.append(curves.mapped.numbers(file).ravel())
+        first[rasters["file"] == file] = end
+        end += heights[-1].size
     field.rasters = make.structs(
         DeviceRaster,
         rasters,
-        "first pixel voids",
+        "pixel voids",
+        first=first,
         columns=rasters["count"][:, 0],
         rows=rasters["count"][:, 1],
     )
-    field.heights = make.array(curves.heights, wp.float64)
+field.heights = make.array(np.concatenate(heights, dtype=np.float64), wp.float64)
     classes = arrays.classes
     field.classes = make.structs(DeviceClasses, classes.grids, "raster first count")
     field.class_numbers = make.array(classes.numbers, wp.float64)

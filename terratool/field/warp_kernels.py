@@ -637,6 +637,8 @@ def grid_at(
     uv = at
     if turned != 0:
         uv = clamp_to_rectangle(at)
+    west, a, per_x = between(uv[0], r.columns, r.pixel)
+    south, b, per_y = between(uv[1], r.rows, r.pixel)
     if r.voids != 0:
         across = cells_along(r, r.columns)
         along = cells_along(r, r.rows)
@@ -647,8 +649,11 @@ def grid_at(
             j = placed_cell(uv[1], along, point[1], spot.axis_y, spot.cell[1], spot.width[1])
         if is_void_cell(field, r, i, j):
             return DeviceShape(True, NAN, NAN, NAN)
-    west, a, per_x = between(uv[0], r.columns, r.pixel)
-    south, b, per_y = between(uv[1], r.rows, r.pixel)
+        if r.pixel == 0:  # the numbers of another cell, across an edge, may be void
+            a = wp.clamp(a + wp.float64(west - i), ZERO, ONE)
+            b = wp.clamp(b + wp.float64(south - j), ZERO, ONE)
+            west = i
+            south = j
     z00 = counting(field, r, west, south)
     z10 = counting(field, r, west + 1, south)
     z01 = counting(field, r, west, south + 1)

@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from terratool.definition.findings import Bounds
 from terratool.errors import RequestError, WriteError
-from terratool.field.bounds import curve_pieces, grid_heights
+from terratool.field.bounds import curve_pieces
+from terratool.field.grid_numbers import Numbers, grid_numbers, row_blocks
 from terratool.field.records import COMBINE
 from terratool.field.terrain import Terrain, check_bounds, clip_bounds
 from terratool.kernels import mesh as kernels
@@ -182,14 +183,22 @@ def _faces_of_grids(plan: MeshPlan, drawn: NDArray[np.int64]) -> float:
     )
     total = 0.0
     for (kind, scale), times in zip(sizes, copies.tolist(), strict=True):
-        heights = scale / plan.error * grid_heights(plan.arrays, kinds[int(kind)])
-        twists = np.abs(np.diff(np.diff(heights, axis=0), axis=1))
-        heights = np.pad(heights, 1, mode="edge")
-        bends = np.abs(np.diff(heights[:, 1:-1], 2, axis=0))
-        bends += np.abs(np.diff(heights[1:-1], 2, axis=1))
-        bent = np.minimum(_PER_GRID_BEND * bends, _MOST_PER_NUMBER)
-        total += times * float(np.nansum(bent) + _PER_GRID_TWIST * np.nansum(twists))
+        numbers = grid_numbers(plan.arrays, kinds[int(kind)])
+        total += times * sum(
+            _faces_of_rows(numbers, rows, scale / plan.error) for rows in row_blocks(numbers)
+        )
     return total
+
+
+def _faces_of_rows(numbers: Numbers, rows: slice, scale: float) -> float:
+    """Return the number of faces of some rows of a grid, about, of heights beside the error."""
+    around = np.clip(np.arange(rows.start - 1, rows.stop + 1), 0, len(numbers) - 1)
+    heights = np.pad(scale * numbers[around].astype(np.float64), ((0, 0), (1, 1)), mode="edge")
+    bends = np.abs(np.diff(heights[:, 1:-1], 2, axis=0))
+    bends += np.abs(np.diff(heights[1:-1], 2, axis=1))
+    bent = np.minimum(_PER_GRID_BEND * bends, _MOST_PER_NUMBER)
+    twists = np.abs(np.diff(np.diff(heights[1:, 1:-1], axis=0), axis=1))
+    return float(np.nansum(bent) + _PER_GRID_TWIST * np.nansum(twists))
 
 
 def build_tile(terrain: Terrain, layout: TileLayout, row: int, column: int) -> BuiltMesh:

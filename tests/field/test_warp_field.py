@@ -5,6 +5,7 @@ The terrain itself is held to the format elsewhere; a few answers are known by h
 
 from __future__ import annotations
 
+import json
 import math
 import re
 import subprocess
@@ -25,6 +26,7 @@ from terratool.text.source import Source
 from tests.budget import examples
 from tests.commands import ROOT
 from tests.conftest import terrain_of, text_of
+from tests.rasters import geotiff
 from tests.strategies import SURFACES, definitions, landmarks, points, rims
 
 wp = pytest.importorskip("warp", reason="warp-lang is not installed")
@@ -127,6 +129,35 @@ class TestEquality:
         drawn = data.draw(st.lists(points(definition), min_size=4, max_size=12))
         x, y = np.array(landmarks(definition)[:200] + rims(definition) + drawn).T
         assert_same(terrain_of(definition), x, y)
+
+    def test_grids_of_files(self, tmp_path: Path) -> None:
+        """Two grids of one file, another file, and rows between them, with void cells."""
+        rng = np.random.default_rng(5)
+        for number, shape in enumerate([(4, 7), (9, 3)]):
+            heights = rng.uniform(-3, 9, shape).astype([np.float32, np.float64][number])
+            heights[1, 2] = np.nan
+            geotiff(tmp_path / f"{number}.tif", heights)
+        files = [
+            {"file": "0.tif"},
+            [[1, 2], [None, 4], [5, 6]],
+            {"file": "1.tif"},
+            {"file": "0.tif"},
+        ]
+        types = {f"g{n}": {"grid": file} for n, file in enumerate(files)}
+        types["g3"]["registration"] = "gridline"
+        children = [{"cellX": n, "cellY": 0, "type": f"g{n}", "vScale": 1} for n in range(4)]
+        children[2] |= {"turnDeg": 20}
+        root = {"type": "flat", "cells": [4, 1], "children": children}
+        definition = {
+            "size": [40, 10],
+            "elemTypes": {"flat": {"x": [0]}, **types},
+            "elemTree": root,
+        }
+        (tmp_path / "site.json").write_text(json.dumps(definition))
+        terrain = load(tmp_path / "site.json")
+        x, y = rng.uniform(0, 40, 3000), rng.uniform(0, 10, 3000)
+        assert np.isnan(terrain.height(x, y)).any()
+        assert_same(terrain, x, y)
 
     @pytest.mark.parametrize("place", [{"at": [20, 30]}, {"cellX": 0, "cellY": 0}], ids=str)
     def test_just_beyond_a_turned_rectangle(self, place: Any) -> None:
