@@ -97,7 +97,9 @@ def _one_of(*keys: str, by: str = "anyOf") -> Json:
 
 _GIVEN = {"$ref": "#/$defs/given"}
 _RADIAL = _needs("combine", combine={"const": "radial"})
-_TYPE_OR_PART = {"oneOf": [_needs("type"), _needs("part", surfaceGrid=False, cells=False, children=False)]}
+_TYPE_OR_PART = {
+    "oneOf": [_needs("type"), _needs("part", surfaceGrid=False, cells=False, children=False)]
+}
 _IN_A_CELL = _needs(
     "cellX", "cellY", at=False, extent=False,
     repeat={"properties": {"step": {"items": {"type": "integer"}}}},

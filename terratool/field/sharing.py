@@ -331,9 +331,7 @@ def _often(draft: _Draft, roots: int) -> list[int]:
     return often
 
 
-def _columns(
-    draft: _Draft, plan: Blueprint, classes: Ints
-) -> tuple[Columns, Columns, Floats]:
+def _columns(draft: _Draft, plan: Blueprint, classes: Ints) -> tuple[Columns, Columns, Floats]:
     """Elements as columns, first copies alone and rows of copies as blocks, and their factors.
 
     Args:

@@ -342,9 +342,7 @@ def _add_primitives(make: _Maker, field: Any, arrays: FieldArrays) -> None:
     from terratool.field.warp_kernels import DeviceClasses, DeviceCurve, DeviceKind, DeviceRaster
 
     kinds, curves = arrays.kinds, arrays.curves
-    field.kinds = make.structs(
-        DeviceKind, kinds, "surface combine is_void special raster classes"
-    )
+    field.kinds = make.structs(DeviceKind, kinds, "surface combine is_void special raster classes")
     field.curves = make.structs(
         DeviceCurve,
         kinds,
@@ -374,7 +372,7 @@ def _add_primitives(make: _Maker, field: Any, arrays: FieldArrays) -> None:
         columns=rasters["count"][:, 0],
         rows=rasters["count"][:, 1],
     )
-field.heights = make.array(np.concatenate(heights, dtype=np.float64), wp.float64)
+    field.heights = make.array(np.concatenate(heights, dtype=np.float64), wp.float64)
     classes = arrays.classes
     field.classes = make.structs(DeviceClasses, classes.grids, "raster first count")
     field.class_numbers = make.array(classes.numbers, wp.float64)

@@ -185,7 +185,9 @@ class Scene:
             return [self.material(part.surface) for part in self.parts]
         terrain, counts = self.terrain, self.terrain.count_by_surface()
         worn = {index for index, count in enumerate(counts.values()) if count}
-        worn.update(terrain.arrays.classes.surfaces.tolist(), terrain.arrays.tracks.surface.tolist())
+        worn.update(
+            terrain.arrays.classes.surfaces.tolist(), terrain.arrays.tracks.surface.tolist()
+        )
         worn.discard(-1)  # tracks that leave the ground its own surface
         is_void = [surface.void is True for surface in terrain.surface_types.values()]
         found = [self.material(index) for index in sorted(worn) if not is_void[index]]
