@@ -584,7 +584,8 @@ TERRAIN_KEYS: dict[Shape, dict[str, Key]] = {
             'an object { "file": "classes.tif", "names": { "1": "sand" } }', "members"
         ).describe(
             "Raster of classes over the element's footprint, in place of its surface where it has "
-            "a class that names knows.", {"file": "classes.tif", "names": {"1": "sand", "2": "rock"}},
+            "a class that names knows.",
+            {"file": "classes.tif", "names": {"1": "sand", "2": "rock"}},
         ),
         "vScale": _NUMBER.describe(
             "Factor on the curves, may be negative; left out: side of its cell / side of the "

@@ -87,10 +87,6 @@ class SharedMember(NamedTuple):
         copy = bisect_right(self.firsts, number) - 1
         return copy, number - self.firsts[copy]
 
-    def row_of(self, copy: int) -> int:
-        """Return the index in the field of a copy."""
-        return self.element if self.places is None else self.element + copy
-
     def family_of(self, copy: int) -> int:
         """Return the index of the family in a copy; -1 for none."""
         return int(self.families[0 if self.places is None else copy])
@@ -364,7 +360,7 @@ def _columns(draft: _Draft, plan: Blueprint, classes: Ints) -> tuple[Columns, Co
         turn=np.fmod(floats([node.turn for node in nodes], 0.0), 360.0),
         type=draft.spread([types[name] for name in named], np.int64),
         surface=draft.spread([surfaces[node.surface] for node in nodes], np.int64),
-        classes=draft.spread(classes, np.int64),
+        classes=draft.spread(classes.tolist(), np.int64),
         free=free,
         place=np.cumsum(free) - 1,
     )

@@ -1,7 +1,7 @@
 """Rasters whose bands are grids of a definition: their headers, and their numbers.
 
-Numbers become heights, or classes, once: scaled, NaN where there is none, float32 where that holds all of them
-and float64 elsewhere. They are kept in the cache, whence processes map them.
+Numbers become heights, or classes, once: scaled, NaN where there is none, float32 where that holds
+all of them and float64 elsewhere. They are kept in the cache, whence processes map them.
 """
 
 from __future__ import annotations

@@ -8,13 +8,17 @@ from collections.abc import Iterator
 from msgspec import UNSET
 
 from terratool.definition.findings import Remark
-from terratool.definition.grid_files import GridSource, LinkedGrid
+from terratool.definition.grid_files import GridSource, LinkedGrid, LinkedSurfaceGrid
 from terratool.definition.model import CLASS
 from terratool.definition.rules.base import Subject, reader_rule, rule
 from terratool.definition.tree import ROOT
 from terratool.text.display import escape, quote
 
 _is_class = re.compile(CLASS).fullmatch
+_NOT_UPRIGHT = (
+    "the raster does not lie north up; its first row is taken as the north.",
+    "Resample it with gdalwarp.",
+)
 _NEAR = 0.01
 """Share by which the aspect of a raster and that of a cell may differ."""
 
@@ -144,7 +148,8 @@ def grid_aspect(subject: Subject) -> Iterator[Remark]:
 
     The place of a raster is not used: its first row is the north of the cell, its first column the
     west. Where it says how wide and tall its pixels are, the cell has the proportions of all of
-    them. Elements in parts are not looked at, nor are rasters in degrees.
+    them. Elements in parts are not looked at, nor are rasters in degrees. The raster of a
+    surfaceGrid is looked at likewise.
 
     Fails:
 
@@ -177,28 +182,48 @@ def grid_aspect(subject: Subject) -> Iterator[Remark]:
             upright[name] = _proportions(subject, name, source)
             continue
         if name in subject.definition.primitives:  # that of a library is told of there
-            yield Remark(
-                f"/elemTypes/{escape(name)}/grid/file",
-                "the raster does not lie north up; its first row is taken as the north.",
-                "Resample it with gdalwarp.",
-            )
+            yield Remark(f"/elemTypes/{escape(name)}/grid/file", *_NOT_UPRIGHT)
     tree = subject.tree
     for index, name in enumerate(tree.column("type") if upright else ()):
-        if name not in upright or tree.roots[tree.root_of[index]] != ROOT:
+        if name in upright:
+            raster = f"the raster of {quote(name)}"
+            yield from _stretched(subject, index, "/type", raster, upright[name])
+    for index, grid in tree.elements_with("surface_grid", _class_grids(subject)):
+        source, here = grid.source, "/surfaceGrid/file"
+        if source.aspect is None or (source.crs and is_geographic(source.crs)):
             continue
-        cell = tree.rectangle(index, subject.definition)
-        if cell is None:
+        if source.upright:
+            wanted = source.aspect * source.columns / source.rows
+            yield from _stretched(subject, index, here, "the raster of classes", wanted)
             continue
-        wide, tall = cell[2] - cell[0], cell[3] - cell[1]  # a turn leaves them as they are
-        wanted = upright[name]
-        if abs(wide - wanted * tall) > _NEAR * max(wide, wanted * tall):
-            yield Remark(
-                "/type",
-                f"the cell is {wide:.6g} × {tall:.6g}, and the raster of {quote(name)} is "
-                f"{wanted:.4g} times as wide as tall.",
-                "Give the element a cell of these proportions.",
-                element=index,
-            )
+        yield Remark(here, *_NOT_UPRIGHT, element=index)
+
+
+def _stretched(
+    subject: Subject, index: int, pointer: str, raster: str, wanted: float
+) -> Iterator[Remark]:
+    """Remark on an element of the terrain whose cell has other proportions than a raster."""
+    tree = subject.tree
+    if tree.roots[tree.root_of[index]] != ROOT:
+        return
+    cell = tree.rectangle(index, subject.definition)
+    if cell is None:
+        return
+    wide, tall = cell[2] - cell[0], cell[3] - cell[1]  # a turn leaves them as they are
+    if abs(wide - wanted * tall) > _NEAR * max(wide, wanted * tall):
+        yield Remark(
+            pointer,
+            f"the cell is {wide:.6g} × {tall:.6g}, and {raster} is {wanted:.4g} times as wide as "
+            "tall.",
+            "Give the element a cell of these proportions.",
+            element=index,
+        )
+
+
+def _class_grids(subject: Subject) -> set[LinkedSurfaceGrid]:
+    """Rasters of classes that were found."""
+    grids = subject.tree.distinct("surface_grid")
+    return {grid for grid in grids if isinstance(grid, LinkedSurfaceGrid)}
 
 
 def _proportions(subject: Subject, name: str, source: GridSource) -> float:
@@ -239,10 +264,15 @@ def grid_crs(subject: Subject) -> Iterator[Remark]:
 
     crs = subject.definition.crs
     own = None if crs is UNSET else authority_code(crs)
-    for name, source in _sources(subject):
+    column = subject.tree.column("surface_grid")
+    places = [(*_place(subject, name), source) for name, source in _sources(subject)]
+    places += [
+        ("/surfaceGrid/file", element, grid.source)
+        for element, grid in sorted((column.index(grid), grid) for grid in _class_grids(subject))
+    ]
+    for pointer, element, source in places:
         its = authority_code(source.crs) if source.crs else None
         if own is not None and its is not None and its != own:
-            pointer, element = _place(subject, name)
             yield Remark(
                 pointer,
                 f"the raster is in {its.authority}:{its.code}, the terrain in "

@@ -10,7 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from terratool.field.terrain import PointSamples, Terrain
+from terratool.field.terrain import Terrain
+from terratool.field.types import PointSamples
 from terratool.report.numbers import coordinates
 from terratool.text.display import quote
 from terratool.traversability.limits import level_demand
@@ -233,7 +234,7 @@ def _world_places(
 
 
 def _wall_spot(terrain: Terrain, vehicle: Vehicle, pose: Pose, cell: float) -> _Spot:
-    """The place of the largest difference of heights, on its higher side; in a hole on the lower."""
+    """The place where heights differ most, on its higher side, or the lower one in a hole."""
     xs, ys = _rectangle_lattice(vehicle, pose, cell)
     found = terrain.sample(xs, ys)
     height, element = found.height, found.element
