@@ -7,8 +7,8 @@ from importlib import import_module
 
 from msgspec import UNSET, Struct, structs
 
-from terratool.definition.model import Definition, GridFile, GridRows, SurfaceGrid
-from terratool.definition.tree import complete, flatten
+from terratool.definition.model import Definition, Element, GridFile, GridRows, SurfaceGrid
+from terratool.definition.tree import Tree, complete, flatten
 
 
 class FileIdentity(Struct, frozen=True):
@@ -118,9 +118,9 @@ def as_written(definition: Definition) -> Definition:
         )
         for grid in classes
     }
-    tree.replace("surface_grid", written)
-    tree.elements.clear()
-    return complete(definition, tree)
+    columns = {name: tree.column(name) for name in Element.__struct_fields__ if name != "children"}
+    columns["surface_grid"] = [written.get(grid, grid) for grid in tree.column("surface_grid")]
+    return complete(definition, Tree([], tree.families, tree.levels, columns, tree.roots))
 
 
 def _from_here(path: str) -> str:

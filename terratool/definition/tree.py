@@ -159,6 +159,11 @@ class Tree(Struct, frozen=True, dict=True):
         """Names of the surfaces of elements, their own and those of classes; `UNSET` for none."""
         return with_classes(self.distinct("surface"), self.distinct("surface_grid"))
 
+    def wears(self, index: int, surfaces: set[str]) -> bool:
+        """Whether an element has one of some surfaces, its own or that of a class."""
+        own = {self.value("surface", index)}
+        return not with_classes(own, (self.value("surface_grid", index),)).isdisjoint(surfaces)
+
     def count_lacking(self, name: str) -> int:
         """Number of elements without an attribute."""
         key = f"lacking {name}"

@@ -445,6 +445,13 @@ class FieldArrays(NamedTuple):
         groups = self.curves, self.classes, self.tracks, self.shared
         return sum(array.nbytes for array in (*own, *(one for group in groups for one in group)))
 
+    def worn_by(self, kind: Any) -> list[int]:
+        """Surface indices that a kind has, of itself and by classes, each once and ascending."""
+        own = {int(kind["surface"])} - {-1}
+        if kind["classes"] >= 0:
+            own.update(self.classes.of(kind).surfaces.tolist())
+        return sorted(own)
+
     @property
     def worn(self) -> NDArray[np.int32]:
         """Surface indices of kinds, of classes and of tracks, (n,) int32; -1 for none."""

@@ -479,11 +479,10 @@ class Terrain:
         return counts
 
     def count_by_surface(self) -> dict[str, int]:
-        """Number of elements with each surface, whether their own or inherited."""
+        """Number of elements with each surface: their own, inherited, or by classes of a raster."""
         counts = dict.fromkeys(self.surfaces, 0)
-        surfaces = self.arrays.kinds["surface"].tolist()
-        for surface, count in zip(surfaces, self._by_kind, strict=True):
-            if surface >= 0:
+        for kind, count in zip(self.arrays.kinds, self._by_kind, strict=True):
+            for surface in self.arrays.worn_by(kind):
                 counts[self.surfaces[surface]] += count
         return counts
 

@@ -8,7 +8,6 @@ from msgspec import UNSET
 
 from terratool.definition.findings import Bounds
 from terratool.definition.model import Track
-from terratool.definition.tree import Tree, with_classes
 from terratool.definition.uses import elements_of
 from terratool.viewing.diff.elements import RawChange
 from terratool.viewing.diff.places import ComparedPlace, child_place, reach_of
@@ -46,7 +45,7 @@ def users(
             if any(
                 tree.value("part", index) in parts
                 or tree.value("type", index) in primitives
-                or _wears(tree, index, surfaces)
+                or tree.wears(index, surfaces)
                 for index in elements_of(root)
             ):
                 parts.add(name)
@@ -60,12 +59,6 @@ def users(
     return _users(side, surfaces, wanted)
 
 
-def _wears(tree: Tree, index: int, surfaces: set[str]) -> bool:
-    """Whether an element has one of some surfaces, itself or by classes."""
-    grids = (tree.value("surface_grid", index),)
-    return not with_classes({tree.value("surface", index)}, grids).isdisjoint(surfaces)
-
-
 def _users(
     side: DiffSide, surfaces: set[str], wanted: Sequence[tuple[str, set[str]]]
 ) -> Iterator[Bounds]:
@@ -74,7 +67,7 @@ def _users(
     while pending:
         index, at = pending.pop()
         named = any(tree.value(key, index) in names for key, names in wanted)
-        if named or _wears(tree, index, surfaces):
+        if named or tree.wears(index, surfaces):
             yield reach_of(tree, index, at)
             continue  # its children lie in its rectangle
         pending += (
