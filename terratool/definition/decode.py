@@ -619,7 +619,7 @@ class _Decoder:
                     column[index] = UNSET
                     unfit.add(index)
                     continue
-            elif its in NEVER and self._found.full("TT105"):
+            elif its in NEVER and wanted.kind != "members" and self._found.full("TT105"):
                 wrong_types += 1
                 column[index] = UNSET
                 unfit.add(index)
