@@ -97,7 +97,7 @@ class ImportOptions:
         """Options given that are about rows, as the command spells them."""
         given = {
             "--method": bool(self.methods), "--walls": self.walls,
-            "--cells": self.cells != "half-pixels", "--surfaces": self.surfaces is not None,
+            "--cells": self.cells != "half-pixels",
         }  # fmt: skip
         return [name for name, one in given.items() if one]
 
@@ -176,6 +176,8 @@ class ImportReport:
         notes: sentences about the source.
         raster: raster of the heights beside the file; None where they stand in the text.
         raster_size: size of the raster in bytes.
+        classes: raster of the classes beside the file; None where there are none, or they stand in
+            the text.
     """
 
     grid: PixelGrid
@@ -192,11 +194,43 @@ class ImportReport:
     notes: tuple[str, ...]
     raster: Path | None = None
     raster_size: int = 0
+    classes: Path | None = None
 
     @property
     def walls(self) -> bool:
         """Whether there are structures with upright walls."""
         return self.options.walls and bool(self.structures)
+
+
+def add_ground(
+    ground: GroundSurface, types: dict[str, dict[str, Any]], counts: dict[str, int], grid: PixelGrid
+) -> None:
+    """Add the surface of the root to those of classes, with all pixels that have no class.
+
+    Args:
+        ground: surface of the root.
+        types: members of surfaces by name, to which it is added.
+        counts: number of pixels of each of these, likewise.
+        grid: the pixels.
+
+    Raises:
+        RequestError: a class has the same name, and a preset is given.
+    """
+    if ground.name in types and ground.preset is not None:
+        raise RequestError(
+            f"The classes have a surface {quote(ground.name)} already, with a soil of its own.",
+            "Leave out --preset, or choose another --surface.",
+        )
+    types.setdefault(ground.name, ground.surface)
+    bare = grid.rows * grid.columns - sum(counts.values())
+    if bare:
+        counts[ground.name] = counts.get(ground.name, 0) + bare
+
+
+def lacking_note(name: str, lacking: int, ground: GroundSurface | None) -> tuple[str, ...]:
+    """Sentence on pixels for which a raster has no class, if there are any."""
+    bare = f"the surface {quote(ground.name)}" if ground else "no surface"
+    return (f"{name} has no class for {lacking:,} pixels: {bare}.",) if lacking else ()
 
 
 def _refuse_ground(ground: GroundSurface | None) -> None:
