@@ -159,6 +159,37 @@ def test_rays_meet_the_surface_of_the_class(data: st.DataObject) -> None:
             assert hits.point[n, 2] == pytest.approx(wanted.z, abs=1e-9)
 
 
+def test_rays_meet_ruts_and_reliefs_class_by_class() -> None:
+    """Along a rut that is as deep as each class lets a wheel sink, and beside it."""
+    grid = {"file": "row.tif", "names": {"1": "rock", "2": "clods"}}
+    track = {"path": [[0.1, 2], [6.9, 2]], "width": 1, "load": 1}
+    terrain = terrain_of(yard({"surfaceGrid": grid}, tracks=[track]))
+    x = np.linspace(0.3, 6.5, 60)
+    origins = np.column_stack([x - 0.2, np.where(np.arange(60) % 2, 2.1, 0.7), np.full(60, 1.1)])
+    hits = terrain.cast(origins, [1.0, 0.01, -0.5])
+    assert np.isfinite(hits.distance).all()
+    clear = ~hits.wall & (np.abs(hits.point[:, 0] * 4 / 7 % 1 - 0.5) < 0.499)
+    assert clear.sum() > 50
+    found = terrain.sample(hits.point[clear, 0], hits.point[clear, 1])
+    assert np.abs(hits.point[clear, 2] - found.height).max() < 1e-9
+    assert (hits.surface[clear] == found.surface).all()
+    assert len(np.unique(np.round(found.height, 2))) >= 3
+
+
+def test_labels_part_classes_whose_reliefs_differ() -> None:
+    """So that walls between reliefs are looked for; where nothing is rough there is no need."""
+    names = {"1": "rock", "2": "clods"}
+    definition = yard({"surfaceGrid": {"file": "row.tif", "names": names}})
+    pixels = Grid(0, 0, 0.25, 16, 28)
+    planes = Painter(terrain_of(definition), pixels, labels=True).paint(pixels.whole)
+    assert planes.labels is not None and planes.surfaces is not None
+    borders = np.diff(planes.surfaces.astype(int), axis=1) != 0
+    assert borders.any() and ((np.diff(planes.labels.astype(int), axis=1) != 0) == borders).all()
+    smooth = terrain_of(definition, roughness=False)
+    labels = Painter(smooth, pixels, labels=True).paint(pixels.whole).labels
+    assert labels is not None and len(np.unique(labels)) == 1
+
+
 def test_a_ray_falls_through_a_class_without_ground() -> None:
     """And meets what is behind the hole from below, the rim of which is no wall."""
     terrain = terrain_of(yard({"surfaceGrid": OBLONG}))
