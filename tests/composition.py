@@ -150,6 +150,7 @@ class Reading:
         said = [one["descr"] for one, _ in [*stands, (root, home)] if "descr" in one]
         found |= {"descr": said[0]} if said else {}
         found |= {} if surface is None else {"surface": surface}
+        found |= {"surfaceGrid": root["surfaceGrid"]} if "surfaceGrid" in root else {}
         below = Around(home, factor, quarters, around.sides, name, around.pointer)
         children = [
             child

@@ -96,8 +96,16 @@ def text_of(value: Any) -> str:
 
 
 def terrain_of(definition: dict[str, Any], *, roughness: bool = True) -> Terrain:
-    """The terrain of a definition that must be valid; with reliefs or without."""
-    checked = check(Source("test.json", text_of(definition).encode()))
+    """The terrain of a definition that must be valid; with reliefs or without.
+
+    It lies beside the rasters of tests/classes.py, if it has any.
+    """
+    text, name = text_of(definition), "test.json"
+    if '"surfaceGrid"' in text:
+        from tests.classes import class_folder
+
+        name = str(class_folder() / name)
+    checked = check(Source(name, text.encode()))
     assert checked.definition is not None, checked.findings
     return Terrain(checked, roughness=roughness)
 

@@ -12,6 +12,7 @@ from typing import Any
 from hypothesis import strategies as st
 
 from tests import composition
+from tests.classes import class_folder
 from tests.scattering import drawn_sizes
 from tests.strategies import (
     SURFACES,
@@ -26,6 +27,7 @@ from tests.strategies import (
     origins,
     places,
     sizes,
+    surface_grids,
     thousandths,
     tracks,
     turns,
@@ -96,6 +98,7 @@ class Names:
     surfaces: list[str]
     parts: list[str]
     tilted: set[str]
+    classed: bool
     frames: dict[str, Frame] = field(default_factory=dict)
 
 
@@ -194,6 +197,8 @@ def nodes(
         names.frames[found["part"]] = within.joined(names.frames.get(found["part"]))
         return found
     found["type"] = draw(st.sampled_from(names.types))
+    if names.surfaces and names.classed:
+        optionally(draw, found, "surfaceGrid", surface_grids(names.surfaces))
     if not free:
         optionally(draw, found, "turnDeg", quarters if level else turns())
     elif not quarter:
@@ -232,8 +237,11 @@ def _path(user: str, library: str) -> str:
 
 
 @st.composite
-def file_sets(draw: Draw) -> FileSet:
-    """A terrain, and up to three libraries, each of which uses the next one and maybe others."""
+def file_sets(draw: Draw, *, classed: bool = False) -> FileSet:
+    """A terrain, and up to three libraries, each of which uses the next one and maybe others.
+
+    With rasters of classes if `classed`.
+    """
     order = [MAIN, *LIBRARIES[: draw(st.integers(0, 3))]]
     files: dict[str, Json] = {file: {} for file in order}
     main = files[MAIN]
@@ -265,7 +273,8 @@ def file_sets(draw: Draw) -> FileSet:
 
     def drawn(k: int, later: list[str], frame: Frame, levels: int, *, level: bool) -> Json:
         inner = [name for name in known("parts", k) if name in later]
-        names = Names(known("elemTypes", k), known("surfTypes", k), inner, tilted, frames)
+        types, surfaces = known("elemTypes", k), known("surfTypes", k)
+        names = Names(types, surfaces, inner, tilted, classed, frames)
         return draw(nodes(names, {}, frame, levels, level=level))
 
     x, y = composition.both(main["size"])
@@ -316,9 +325,12 @@ def _once(value: Any) -> Any:
 
 
 def save(files: FileSet, folder: Path) -> Path:
-    """Write the files below a folder; the path of the terrain."""
+    """Write the files below a folder, and links to rasters of classes; the path of the terrain."""
     for name, text in files.texts.items():
         path = folder / name
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(text, encoding="utf-8")
+        for raster in class_folder().iterdir() if '"surfaceGrid"' in text else ():
+            if not (path.parent / raster.name).exists():
+                (path.parent / raster.name).symlink_to(raster)
     return folder / MAIN

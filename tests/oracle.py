@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from tests.classes import CLASSES
 from tests.decimals import meant
 
 WORD = 1 << 64
@@ -153,6 +154,11 @@ def steps(curve: Any) -> list[float]:
     return [s0 for (s0, _), (s1, _) in pairwise(knots) if s0 == s1]
 
 
+def counts_of(rows: Any) -> tuple[int, int]:
+    """Numbers along x and along y of rows."""
+    return len(rows[0]), len(rows)
+
+
 def cells_of(primitive: Any) -> tuple[int, int]:
     """Cells along x and y of a grid of heights: what is void is void by cells; one without."""
     rows = primitive.get("grid")
@@ -259,6 +265,9 @@ class Element:
         self.grid: list[int] = cells if isinstance(cells, list) else [cells, cells]
         self.primitive = primitive
         self.cells = cells_of(primitive)
+        classes = node.get("surfaceGrid")
+        self.classes = CLASSES[classes["file"]] if classes else None
+        self.names: dict[str, str] = classes["names"] if classes else {}
         x, y = primitive.get("x"), primitive.get("y")
         self.curves = (y if x == [] else x, x if y == [] else y)
         self.combine: str = primitive.get("combine", "product")
@@ -318,16 +327,31 @@ class Element:
 
         return curve_value(self.curves[axis], clamp(t + nudge), passed)
 
-    def cell_at(self, axis: int, x: float, y: float) -> int:
-        """The cell of the grid of heights along an axis that holds a point."""
-        t, p, side, n = self.along(axis, x, y), (x, y)[axis], self.cell[axis], self.cells[axis]
+    def cell_at(self, axis: int, x: float, y: float, n: int) -> int:
+        """The cell, of so many along an axis, that holds a point."""
+        t, p, side = clamp(self.uv(x, y)[axis]), (x, y)[axis], self.cell[axis]
 
         def passed(k: int) -> bool:
-            if self.turned:
+            if self.radial or self.turned:
                 return t >= k / n - STEP_TOLERANCE
             return p >= float(side.low + Fraction(k, n) * side.length)
 
         return max(k for k in range(n) if k == 0 or passed(k))
+
+    def worn(self, x: float, y: float) -> str | None:
+        """The surface at a point of the footprint: that of the class there, or its own."""
+        if self.classes is None:
+            return self.surface
+        column, row = (
+            self.cell_at(axis, x, y, n) for axis, n in enumerate(counts_of(self.classes))
+        )
+        name: str | None = self.names.get(str(self.classes[-1 - row][column]), self.surface)
+        return name
+
+    def class_cuts(self, axis: int) -> list[float]:
+        """Where pixels of classes begin along an axis."""
+        count = counts_of(self.classes)[axis] if self.classes else 1
+        return [k / count for k in range(1, count)]
 
     def cuts(self, axis: int) -> list[float]:
         """Where something may change at once along an axis: steps, and edges of what is void."""
@@ -337,7 +361,7 @@ class Element:
     def shape(self, x: float, y: float, nudge_x: float = 0.0, nudge_y: float = 0.0) -> float:
         if "grid" in self.primitive:
             u, v = (clamp(self.along(k, x, y) + n) for k, n in enumerate((nudge_x, nudge_y)))
-            cell = self.cell_at(0, x, y), self.cell_at(1, x, y)
+            cell = self.cell_at(0, x, y, self.cells[0]), self.cell_at(1, x, y, self.cells[1])
             return grid_value(self.primitive, (u, v), cell)
         first = self.value(0, x, y, nudge_x)
         return first if self.radial else COMBINES[self.combine](first, self.value(1, x, y, nudge_y))
@@ -431,10 +455,11 @@ class Oracle:
         if not covering:
             return self._rough(Answer(0.0, None, None), x, y)
         winner = max(reversed(covering), key=lambda element: element.level)
-        if winner.surface is not None and self.surfaces[winner.surface].get("void", False):
-            return Answer(math.nan, winner.surface, winner.pointer)
+        worn = winner.worn(x, y)
+        if worn is not None and self.surfaces[worn].get("void", False):
+            return Answer(math.nan, worn, winner.pointer)
         z = math.fsum(self._height(element, element.shape(x, y)) for element in covering)
-        return self._rough(Answer(z, winner.surface, winner.pointer), x, y)
+        return self._rough(Answer(z, worn, winner.pointer), x, y)
 
     def _rough(self, elements: Answer, x: float, y: float) -> Answer:
         """What tracks, and then the relief of the surface, make of what the elements are."""
@@ -501,6 +526,11 @@ class Oracle:
                 for s in element.cuts(axis) if element.covers(x, y) else []:
                     if soft:
                         note(abs(element.along(axis, x, y) - s), *element.cell)
+                    elif cells:
+                        note(side.gap(p, s), side)
+                for s in element.class_cuts(axis) if element.covers(x, y) else []:
+                    if soft:
+                        note(abs(element.uv(x, y)[axis] - s), *element.cell)
                     elif cells:
                         note(side.gap(p, s), side)
         return min(found)

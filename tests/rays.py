@@ -26,6 +26,7 @@ from tests.oracle import (
     Track,
     cells_of,
     cos_sin,
+    counts_of,
     grid_value,
 )
 
@@ -348,6 +349,7 @@ class BoundedElement:
     def __init__(self, element: Element, oracle: Oracle) -> None:
         self.pointer, self.level = element.pointer, element.level
         self.surface = element.surface
+        self.classes, self.names = element.classes, element.names
         self.radial, self.turned = element.radial, element.turned
         self.trimmed = not element.whole
         # the rim of the terrain trims nothing: rays are looked at inside of it alone
@@ -431,6 +433,24 @@ class BoundedElement:
         assert self.grid is not None
         u, v = (spanned(ends) + 0.5 for ends in local)
         return self.grid.over(u, v, self.grains(grain))
+
+    def worn(self, local: tuple[Ends, Ends], grain: Floats, surfaces: list[str | None]) -> Ints:
+        """Bits of the surfaces that it may wear."""
+        own = 1 << surfaces.index(self.surface)
+        if self.classes is None:
+            return np.full(len(grain), own)
+        found, counts = np.zeros(len(grain), np.int64), counts_of(self.classes)
+        spans = [
+            (spanned(ends) + 0.5).wider(slack).cut(0, 1)
+            for ends, slack in zip(local, self.grains(grain), strict=True)
+        ]
+        for place in np.ndindex(*counts):
+            name = self.names.get(str(self.classes[-1 - place[1]][place[0]]), self.surface)
+            met = np.ones(len(grain), bool)
+            for k, count, span in zip(place, counts, spans, strict=True):
+                met &= (span.low <= (k + 1) / count) & (span.high >= k / count)
+            found |= np.where(met, 1 << surfaces.index(name), 0)
+        return found
 
     def height(self, local: tuple[Ends, Ends], grain: Floats) -> tuple[Span, Floats]:
         """Bounds of what it adds where it is, and how far its curves may be off."""
@@ -562,8 +582,8 @@ class RayOracle:
             off[met] += rounding
             top[met[sure]] = number
             one[met] = sure
-            bit = 1 << self.surfaces.index(element.surface)
-            worn[met] = np.where(sure, bit, worn[met] | bit)
+            bits = element.worn(local, here.grain, self.surfaces)[~misses]
+            worn[met] = np.where(sure, bits, worn[met] | bits)
         voids = sum(
             1 << k
             for k, name in enumerate(self.surfaces)

@@ -11,8 +11,9 @@ from typing import Any
 
 from hypothesis import strategies as st
 
+from tests.classes import CLASSES, NUMBERS
 from tests.decimals import meant
-from tests.oracle import cells_of
+from tests.oracle import cells_of, counts_of
 
 Json = dict[str, Any]
 Draw = st.DrawFn
@@ -200,6 +201,13 @@ def free_places(draw: Draw, sides: Sides) -> tuple[Json, Sides]:
     return found, (extent[0], extent[1])
 
 
+def surface_grids(surfaces: list[str]) -> st.SearchStrategy[Json]:
+    """Rasters of classes, some of which stand for surfaces."""
+    numbers = st.sampled_from([*map(str, NUMBERS), "8"])
+    names = st.dictionaries(numbers, st.sampled_from(surfaces), max_size=4)
+    return st.fixed_dictionaries({"file": st.sampled_from(sorted(CLASSES)), "names": names})
+
+
 @st.composite
 def elements(
     draw: Draw,
@@ -211,11 +219,14 @@ def elements(
     *,
     huge: bool,
     free: bool,
+    classed: bool,
 ) -> Json:
     """An element in its place, a cell with these sides, with up to `levels` levels below it."""
     found: Json = {"type": draw(st.sampled_from(types)), **place}
     if surfaces:
         optionally(draw, found, "surface", st.sampled_from(surfaces))
+        if classed:
+            optionally(draw, found, "surfaceGrid", surface_grids(surfaces))
     optionally(draw, found, "vScale", st.sampled_from([0, 1, -1]) | numbers(-5, 5))
     optionally(draw, found, "vOffset", numbers(-10, 10))
     if "at" not in place:
@@ -235,8 +246,13 @@ def elements(
             span = below.get("span", [1, 1])
             own = sides[0] * span[0] / grid[0], sides[1] * span[1] / grid[1]
         children.append(
-            draw(elements(types, surfaces, levels - 1, below, own, huge=huge, free=free))
-        )
+            draw(
+                elements(
+                    types, surfaces, levels - 1, below, own,
+                    huge=huge, free=free, classed=classed,
+                )
+            )
+        )  # fmt: skip
     spelled = draw(st.booleans())
     if children or spelled:
         found["children"] = children
@@ -274,12 +290,17 @@ def tracks(draw: Draw, definition: Json) -> Json:
 
 @st.composite
 def definitions(
-    draw: Draw, *, rutted: bool = False, free: bool = False, gridded: bool = False
+    draw: Draw,
+    *,
+    rutted: bool = False,
+    free: bool = False,
+    gridded: bool = False,
+    classed: bool = False,
 ) -> Json:
     """Valid definitions, of at most four levels and 31 elements.
 
     With tracks if `rutted`, with elements at free places if `free`, with grids of heights if
-    `gridded`.
+    `gridded`, with rasters of classes if `classed`.
     """
     types = {f"p{k}": draw(primitives(gridded=gridded)) for k in range(draw(st.integers(1, 4)))}
     surfaces = draw(st.lists(st.sampled_from(sorted(SURFACES)), max_size=4, unique=True))
@@ -293,7 +314,9 @@ def definitions(
     found["elemTypes"] = types
     (_, x), (_, y) = box(found)
     sides = float(x), float(y)
-    found["elemTree"] = draw(elements(list(types), surfaces, 3, {}, sides, huge=True, free=free))
+    found["elemTree"] = draw(
+        elements(list(types), surfaces, 3, {}, sides, huge=True, free=free, classed=classed)
+    )
     if rutted:
         found["tracks"] = [draw(tracks(found)) for _ in range(draw(st.integers(0, 4)))]
     return deepcopy(found)  # tests change what they are given
@@ -346,8 +369,10 @@ def marks(definition: Json, limit: int = 40) -> list[Marks]:
         for axis, (low, length) in enumerate(sides):
             n = grid[axis]
             lines = [Fraction(k, n) for k in sorted({1, n // 2, n - 1} - {0, n})]
-            held = cells_of(primitive)[axis]
-            lines += [Fraction(k, held) for k in range(1, held)]
+            counts = [cells_of(primitive)[axis]]
+            if "surfaceGrid" in node:
+                counts.append(counts_of(CLASSES[node["surfaceGrid"]["file"]])[axis])
+            lines += [Fraction(k, count) for count in counts for k in range(1, count)]
             for part in [Fraction(0), Fraction(1), *lines, *steps[axis]]:
                 coordinates[axis].extend(near(low + part * length))
             coordinates[axis].extend(float(low + Fraction(k, 2) * length / n) for k in (1, n))

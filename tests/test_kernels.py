@@ -313,6 +313,7 @@ def test_an_index_of_rays_is_made_of_a_field_and_its_cells() -> None:
 def test_dtypes_that_are_not_the_structs_are_refused() -> None:
     """Member by member: a name, a type or a place that differs."""
     from terratool.field.records import (
+        CLASS_GRID,
         COPIES,
         ELEMENT,
         FREE_BINS,
@@ -331,7 +332,9 @@ def test_dtypes_that_are_not_the_structs_are_refused() -> None:
     wider = np.dtype([*ELEMENT.descr, ("more", np.float64)])
     other = np.dtype([*most, kind, ("grid", np.int32)])
     apart = np.dtype([("cell", np.uint16), ("cell_y", np.uint16), *ELEMENT.descr[1:]])
-    others = (GRID, POSE, PLACE, FREE_BINS, KIND, RASTER, SEGMENT, MEMBER, COPIES, RELIEF)
+    others = (
+        GRID, POSE, PLACE, FREE_BINS, KIND, RASTER, CLASS_GRID, SEGMENT, MEMBER, COPIES, RELIEF,
+    )  # fmt: skip
     for wrong in (swapped, wider, other, apart):
         with pytest.raises(TypeError, match="is not the struct of the kernels"):
             kernels.field.check_records(wrong, *others)

@@ -63,11 +63,11 @@ void paint_block(
     for (i64 r = part.south; r < part.north; ++r) {
         double factor = fy[r - part.south];
         Out row = canvas.heights.row(r, part.west, part.east);
-        fill(canvas.surfaces.row(r, part.west, part.east), Id(p.kind.surface + 1));
         if (lay) lay_products(row, fx, scale * factor, offset);
         else add_row(p.kind.combine, row, fx, factor, scale, offset);
     }
     if (canvas.slope_x.exists()) slope_block(field, canvas, p, pixels, lay);
+    wear_block(field, canvas, p, pixels);
     if (canvas.labels.exists()) label_block(field, canvas, p, pixels);
 }
 
@@ -126,7 +126,7 @@ void paint_runs(
             In run = u.subspan(begin, stop - begin);
             i64 column = part.west + begin;
             Out row = canvas.heights.row(r, column, part.west + stop);
-            fill(canvas.surfaces.row(r, column, part.west + stop), Id(kind.surface + 1));
+            wear_run(field, canvas, p, run, at, r, column);
             if (kind.special) add_special(field, canvas, p, run, at, row);
             else if (level) add_constant(row, constant);
             else if (changes * step < seldom) add_turned_pieces(row, run, at, step, pieces, p);
@@ -608,7 +608,7 @@ template <class Id>
 Found find_elements(const Field& field, double x, double y, Canvas<Id>& canvas) {
     if (!is_shared(field)) return descend<true>(field, x, y, canvas.stack);
     SharedDescent<true> found(field, x, y, canvas.shared_stack);
-    return {found.z, found.top.element, found.slope_x, found.slope_y};
+    return {found.z, found.top.element, found.slope_x, found.slope_y, found.top.pixel};
 }
 
 // Ask the descent about the pixels that were left to it.
@@ -623,7 +623,7 @@ void descend_left(
             if (!isnan(canvas.heights(r, c))) continue;
             Found found = find_elements(field, x[c], y[r], canvas);
             canvas.heights(r, c) = found.z;
-            canvas.surfaces(r, c) = Id(surface_of(field, found.top) + 1);
+            canvas.surfaces(r, c) = Id(worn_of(field, found).surface + 1);
             if (sloped) {
                 canvas.slope_x(r, c) = found.slope_x;
                 canvas.slope_y(r, c) = found.slope_y;

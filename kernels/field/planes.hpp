@@ -1,4 +1,5 @@
-// A tile of pixels that stays in the cache, and two planes of it: slopes and region labels.
+// A tile of pixels that stays in the cache, and three planes of it: surfaces, slopes and region
+// labels.
 #pragma once
 
 #include "rows.hpp"
@@ -114,6 +115,59 @@ template <class Id> struct Canvas {
 
 template <std::size_t n> INLINE Out part_of(std::array<double, n>& all, i64 begin, i64 end) {
     return {all.data() + begin, std::size_t(end - begin)};
+}
+
+// Surfaces, as the descent finds them
+
+// Surfaces of an unturned element with classes over its block of cells.
+template <class Id>
+NEVER_INLINE void wear_classes(
+    const Field& field, Canvas<Id>& canvas, const Painted& p, const BlockPixels& pixels
+) {
+    const auto& [u, v, x, y, part] = pixels;
+    ClassesAt classes(field, p.kind);
+    auto pixel = [&](int axis, double t, double place) {
+        return exact_pixel(classes, p.element, p.pose, p.grid, axis, t, place);
+    };
+    for (std::size_t n = 0; n < u.size(); ++n) canvas.columns[n].cell = pixel(X, u[n], x[n]);
+    i64 before = -1;
+    for (i64 line = part.south; line < part.north; ++line) {
+        i64 j = pixel(Y, v[line - part.south], y[line - part.south]);
+        auto row = canvas.surfaces.row(line, part.west, part.east);
+        if (j == before) {
+            std::ranges::copy(canvas.surfaces.row(line - 1, part.west, part.east), row.begin());
+            continue;
+        }
+        before = j;
+        for (std::size_t n = 0; n < row.size(); ++n)
+            row[n] = Id(classes.at(canvas.columns[n].cell, j).surface + 1);
+    }
+}
+
+// Surfaces of an unturned element that fills its block of cells.
+template <class Id>
+INLINE void wear_block(
+    const Field& field, Canvas<Id>& canvas, const Painted& p, const BlockPixels& pixels
+) {
+    if (has_classes(p.kind)) return wear_classes(field, canvas, p, pixels);
+    const Rectangle& part = pixels.part;
+    for (i64 line = part.south; line < part.north; ++line)
+        fill(canvas.surfaces.row(line, part.west, part.east), Id(p.kind.surface + 1));
+}
+
+// Surfaces of a turned or radial element along a run of pixels that it holds.
+template <class Id>
+INLINE void wear_run(
+    const Field& field, Canvas<Id>& canvas, const Painted& p, In u, double v, i64 line, i64 column
+) {
+    auto row = canvas.surfaces.row(line, column, column + count_of(u));
+    if (!has_classes(p.kind)) return fill(row, Id(p.kind.surface + 1));
+    ClassesAt classes(field, p.kind);
+    for (std::size_t n = 0; n < u.size(); ++n) {
+        UV at = p.pose.turned ? turned(p.pose, u[n], v) : UV{u[n], v};
+        Worn worn = classes.at(classes.cell(X, at.u, STEP), classes.cell(Y, at.v, STEP));
+        row[n] = Id(worn.surface + 1);
+    }
 }
 
 // Slopes: dz/dx and dz/dy of each element, added as its heights are
@@ -250,7 +304,8 @@ void slope_run(
 // in 2³² where an edge and another change within one pixel. Sums wrap around.
 
 // What tells numbers apart that are drawn for different things.
-constexpr u64 ALONG = u64(1) << 62, ACROSS = u64(1) << 63, LEFT_TO_DESCENT = u64(3) << 62;
+constexpr u64 ALONG = u64(1) << 62, ACROSS = u64(1) << 63, LEFT_TO_DESCENT = u64(3) << 62,
+              CLASSED = u64(1) << 61;
 
 // The same in 32 bits, and never 0.
 INLINE u32 hash32(u64 key) { return u32(hash64(key)) | 1; }
@@ -281,6 +336,15 @@ INLINE u32 mark_of_piece(i64 index, u64 along, i64 piece) {
     return hash32((u64(index) << 20) + u64(piece) + along);
 }
 
+// Add what tells the classes of an element apart, whose surfaces were painted, where a wall may
+// stand between these.
+template <class Id>
+INLINE void label_classes(Canvas<Id>& canvas, const Painted& p, i64 line, i64 begin, i64 end) {
+    if (!has_classes(p.kind) || canvas.nonzero_edges[p.element.kind] != WHATEVER_SCALE) return;
+    for (i64 c = begin; c < end; ++c)
+        canvas.labels(line, c) += mark_of_piece(p.index, CLASSED, canvas.surfaces(line, c));
+}
+
 // The label of a pixel that is left to the descent: its own, whatever lies beside it.
 INLINE u32 label_left(i64 row, i64 column) {
     return hash32(LEFT_TO_DESCENT + (u64(row) << 31) + u64(column));
@@ -293,6 +357,8 @@ void label_block(
 ) {
     const auto& [u, v, x, y, part] = pixels;
     const auto& [index, element, kind, pose, grid] = p;
+    for (i64 line = part.south; line < part.north; ++line)
+        label_classes(canvas, p, line, part.west, part.east);
     u32 common = mark_of(p, canvas.nonzero_edges);
     bool steps = has_steps(kind) && element.scale != 0.0;
     if (!steps && common == 0) return;
@@ -329,6 +395,7 @@ void label_run(
     const Field& field, Canvas<Id>& canvas, const Painted& p, In u, double v, i64 line, i64 column
 ) {
     const auto& [index, element, kind, pose, grid] = p;
+    label_classes(canvas, p, line, column, column + count_of(u));
     Span<u32> row = canvas.labels.row(line, column, column + count_of(u));
     if (u32 common = mark_of(p, canvas.nonzero_edges)) add_constant(row, common);
     if (!has_steps(kind) || element.scale == 0.0) return;

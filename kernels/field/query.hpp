@@ -1,6 +1,7 @@
 // The descent: which elements hold a point, and what they add up to.
 #pragma once
 
+#include "classes.hpp"
 #include "frames.hpp"
 #include "roughness.hpp"
 #include "tracks.hpp"
@@ -236,11 +237,23 @@ INLINE Footprint free_shape(
     return {true, f};
 }
 
+// The pixel of a free element with classes that a point of its footprint lies in.
+NEVER_INLINE inline ClassPixel free_pixel(
+    const Field& field, const Grid& grid, i64 index, const ExactPlace& exact, UV from,
+    const DescentPoint& p
+) {
+    const Element& element = field.elements[index];
+    const Pose& square = field.poses[element.pose];
+    Pose pose = free_pose(square, exact.near);
+    UV at = free_place_in_shape(exact.near, square, from);
+    return pixel_of(field, index, element, pose, free_frame(grid, exact), at, p.x, p.y);
+}
+
 // Add an element of a free grid of any kind, if it holds a point; its grids are left to wait.
 template <bool sloped>
 INLINE void add_free_element(
     const Field& field, const Grid& grid, i64 index, UV from, const DescentPoint& p, LeafSum& sum,
-    Stack& stack, std::size_t& pending
+    ClassPixel& pixel, Stack& stack, std::size_t& pending
 ) {
     const Element& element = field.elements[index];
     ExactPlace exact = exact_place(field, place_of(element));
@@ -259,6 +272,8 @@ INLINE void add_free_element(
     if (!holds) return;
     sum.z += element.scale * f.value + element.offset;
     sum.top = max(sum.top, index);
+    if (sum.top == index && has_classes(field.kinds[element.kind])) [[unlikely]]
+        pixel = free_pixel(field, grid, index, exact, from, p);
     if constexpr (sloped) {
         sum.slope_x += element.scale * f.du * (1.0 / place.extent[X]);
         sum.slope_y += element.scale * f.dv * (1.0 / place.extent[Y]);
@@ -277,8 +292,8 @@ INLINE Span<const u32> free_entries(const Field& field, const Grid& grid, UV fro
 // Add the elements of a free grid that hold a point; the grids that they have are left to wait.
 template <bool sloped>
 FreeSum add_free(
-    const Field& field, const Grid& grid, const DescentPoint p, LeafSum sum, Stack& stack,
-    std::size_t pending
+    const Field& field, const Grid& grid, const DescentPoint p, LeafSum sum, ClassPixel& pixel,
+    Stack& stack, std::size_t pending
 ) {
     UV from{from_parent(grid, X, p.x, p.from_x), from_parent(grid, Y, p.y, p.from_y)};
     auto entries = free_entries(field, grid, from);
@@ -286,36 +301,40 @@ FreeSum add_free(
         sum = add_free_leaves<sloped>(field, grid, entries, from, p, sum);
     } else {
         for (u32 index : entries)
-            add_free_element<sloped>(field, grid, index, from, p, sum, stack, pending);
+            add_free_element<sloped>(field, grid, index, from, p, sum, pixel, stack, pending);
     }
     return {sum, pending};
 }
 
-INLINE bool is_void(const Field& field, i64 top) {
-    return field.voids && top >= 0 && field.kinds[field.elements[top].kind].is_void != 0;
-}
+struct Found {  // of the elements at a point; the top one decides the surface
+    double z;
+    i64 top;
+    double slope_x, slope_y;
+    ClassPixel pixel{};  // of the top one, where it has classes
+};
 
-// Index of the surface of an element, -1 for none.
-INLINE i64 surface_of(const Field& field, i64 top) {
-    return top < 0 ? -1 : i64(field.kinds[field.elements[top].kind].surface);
+INLINE Worn worn_of(const Field& field, const Found& found) {
+    return worn_of(field, found.top, found.pixel);
 }
 
 INLINE bool has_tracks(const Field& field) { return !field.tracks.masks.empty(); }
 
-// The height of the elements, NaN in the void.
+// The height of the elements, NaN in the void, where no class decides.
 INLINE double height_or_void(const Field& field, double z, i64 top) {
-    return is_void(field, top) ? NaN : z;
+    return field.voids && worn_of(field, top, {}).is_void ? NaN : z;
 }
 
-// The ground at a point where the elements have a height and a top element, and no void is: first
-// the rut is taken from it, then the relief of the surface that is there then is added.
+// The ground at a point where the elements have a height and a surface, and no void is: first the
+// rut is taken from it, then the relief of the surface that is there then is added.
 template <bool sloped> struct Ground {
     double z;
     i64 surface_track = -1;               // the track that decides the surface, -1 for none
     double slope_x = 0.0, slope_y = 0.0;  // of the relief
 
-    INLINE Ground(const Field& field, double height, i64 top, double x, double y) : z(height) {
-        i64 surface = surface_of(field, top);
+    i64 surface;  // that is there then
+
+    INLINE Ground(const Field& field, double height, i64 worn, double x, double y)
+        : z(height), surface(worn) {
         if (has_tracks(field)) {
             Rut rut = rut_at(field.tracks, x, y, surface);
             z -= rut.depth, surface_track = rut.surface_track;
@@ -329,21 +348,19 @@ template <bool sloped> struct Ground {
 };
 
 // What of the height of the elements is left by tracks, reliefs and the void.
-INLINE double settled(const Field& field, double z, i64 top, double x, double y) {
-    if (is_void(field, top)) return NaN;
-    return has_tracks(field) || has_reliefs(field) ? Ground<false>(field, z, top, x, y).z : z;
+INLINE double settled(const Field& field, double z, const Worn& worn, double x, double y) {
+    if (worn.is_void) return NaN;
+    bool bare = !has_tracks(field) && !has_reliefs(field);
+    return bare ? z : Ground<false>(field, z, worn.surface, x, y).z;
+}
+INLINE double settled(const Field& field, const Found& found, double x, double y) {
+    return surfaces_matter(field) ? settled(field, found.z, worn_of(field, found), x, y) : found.z;
 }
 
 struct Begun {  // the root's height and slopes, and the place in the root's grid
     double z, slope_x, slope_y;
     i64 i, j;
     double in_x, in_y;
-};
-
-struct Found {  // of the elements at a point; the top one decides the surface
-    double z;
-    i64 top;
-    double slope_x, slope_y;
 };
 
 // Height, top element and gradient at a point inside the bounds, tracks apart.
@@ -354,6 +371,7 @@ INLINE Found descend(const Field& field, double x, double y, Stack& stack, Begun
     bool placed = begun;
     double from_x = 0.0, from_y = 0.0;
     i64 top = begun ? 0 : NO_ELEMENT;
+    ClassPixel pixel;
     std::size_t pending = 0;
     u64 g = begun ? 1 : 0, descended = 0;
     double below_x = 0.0, below_y = 0.0;
@@ -363,7 +381,8 @@ INLINE Found descend(const Field& field, double x, double y, Stack& stack, Begun
             placed = false;
             if (descended) stack[pending++] = {std::exchange(descended, 0), below_x, below_y};
             FreeSum found = add_free<sloped>(
-                field, grid, {x, y, from_x, from_y}, {z, slope_x, slope_y, top}, stack, pending
+                field, grid, {x, y, from_x, from_y}, {z, slope_x, slope_y, top}, pixel, stack,
+                pending
             );
             z = found.sum.z, top = found.sum.top, pending = found.pending;
             slope_x = found.sum.slope_x, slope_y = found.sum.slope_y;
@@ -373,7 +392,7 @@ INLINE Found descend(const Field& field, double x, double y, Stack& stack, Begun
                 auto waiting = stack[--pending];
                 g = waiting.grid, from_x = waiting.from_x, from_y = waiting.from_y;
             } else {
-                return {z, top, slope_x, slope_y};
+                return {z, top, slope_x, slope_y, pixel};
             }
             continue;
         }
@@ -428,6 +447,8 @@ INLINE Found descend(const Field& field, double x, double y, Stack& stack, Begun
                     special_shape(field.curves, kind, element, pose, grid, at, x, y);
                 if (!holds) continue;
                 f = shape;
+                if (has_classes(kind) && i64(index) >= top) [[unlikely]]
+                    pixel = pixel_of(field, i64(index), element, pose, grid, at, x, y);
             } else {
                 if (is_beyond(at)) continue;
                 CurvePoint fx = even_curve(field.curves.pieces, kind, X, at.u);
@@ -450,7 +471,7 @@ INLINE Found descend(const Field& field, double x, double y, Stack& stack, Begun
             auto waiting = stack[--pending];
             g = waiting.grid, from_x = waiting.from_x, from_y = waiting.from_y;
         } else {
-            return {z, top, slope_x, slope_y};
+            return {z, top, slope_x, slope_y, pixel};
         }
     }
 }
@@ -463,8 +484,7 @@ INLINE bool is_inside(In bounds, double x, double y) {
 // Height at a point; NaN outside and in the void.
 inline double height_at(const Field& field, double x, double y, Stack& stack) {
     if (!is_inside(field.bounds, x, y)) return NaN;
-    Found found = descend<false>(field, x, y, stack);
-    return settled(field, found.z, found.top, x, y);
+    return settled(field, descend<false>(field, x, y, stack), x, y);
 }
 
 // Positions along one axis of a grid, in whole cells and parts of them; vectorised.
@@ -505,7 +525,8 @@ public:
     // Whether the root of a field can be evaluated so.
     static bool is_possible(const Field& field) {
         const Element& root = field.elements[0];
-        if (!root.grid || root.pose || field.kinds[root.kind].combine == RADIAL) return false;
+        const Kind& kind = field.kinds[root.kind];
+        if (!root.grid || root.pose || kind.combine == RADIAL || has_classes(kind)) return false;
         for (u64 g = 1;; ++g) {
             if (field.grids[g].local) return false;  // where the place in the world says nothing
             if (!field.grids[g].more) return true;
@@ -584,8 +605,9 @@ constexpr i64 COMPLETE = -2;
 // Take the ruts from the heights of a batch of points, and add the reliefs.
 inline void settle_batch(const Field& field, In x, In y, const Scratch& scratch, Out out) {
     for (std::size_t n = 0; n < x.size(); ++n) {
-        if (scratch.top[n] != COMPLETE && !isnan(out[n]))
-            out[n] = Ground<false>(field, out[n], scratch.top[n], x[n], y[n]).z;
+        if (scratch.top[n] == COMPLETE || isnan(out[n])) continue;
+        i64 surface = worn_of(field, scratch.top[n], {}).surface;
+        out[n] = Ground<false>(field, out[n], surface, x[n], y[n]).z;
     }
 }
 
@@ -597,8 +619,9 @@ inline void lower_batch(const Field& field, In x, In y, Scratch& scratch, Out ou
     i64 found = find_near_tracks(field.tracks, x, y, u, v, near);
     for (i64 k = 0; k < found; ++k) {
         u32 n = near[k];
-        if (scratch.top[n] != COMPLETE && !isnan(out[n]))
-            out[n] -= rut_at(field.tracks, x[n], y[n], surface_of(field, scratch.top[n])).depth;
+        if (scratch.top[n] == COMPLETE || isnan(out[n])) continue;
+        i64 surface = worn_of(field, scratch.top[n], {}).surface;
+        out[n] -= rut_at(field.tracks, x[n], y[n], surface).depth;
     }
 }
 
@@ -675,8 +698,10 @@ inline void batch_heights(const Field& field, In x, In y, Scratch& scratch, Out 
                 continue;
             }
             Found found = descend<false, true>(field, x[n], y[n], scratch.stack, batch.begun(n));
-            out[n] = height_or_void(field, found.z, found.top);
-            scratch.top[n] = found.top;
+            bool classed = is_classed(field, found.top);
+            out[n] = classed ? settled(field, found, x[n], y[n])
+                             : height_or_void(field, found.z, found.top);
+            scratch.top[n] = classed ? COMPLETE : found.top;
         }
         return;
     }
@@ -727,22 +752,26 @@ inline void heights(const Field& field, In x, In y, Out out) {
     }
 }
 
-// Everything at points: `height` (n,), `top` (n,), `gradient` (n, 2).
+// Everything at points: `height` (n,), `top` (n,), `surface` (n,), `gradient` (n, 2).
 // The top element decides the surface, or the track does: the number of elements and its index; -1
-// where there is none, -2 outside. Height and gradient are NaN outside and in the void.
+// where there is none, -2 outside. The surface is -1 for none. Height and gradient are NaN outside
+// and in the void.
 inline void samples(
-    const Field& field, In x, In y, Out height, Span<i64> top, Matrix<double> gradient
+    const Field& field, In x, In y, Out height, Span<i64> top, Span<i32> surface,
+    Matrix<double> gradient
 ) {
     Scratch scratch(field);
     auto put = [&](std::size_t n, const Found& found) {
         top[n] = found.top;
-        if (is_void(field, found.top)) return;
+        Worn worn = worn_of(field, found);
+        surface[n] = i32(worn.surface);
+        if (worn.is_void) return;
         height[n] = found.z;
         gradient(n, 0) = found.slope_x;
         gradient(n, 1) = found.slope_y;
         if (!has_tracks(field) && !has_reliefs(field)) return;
-        Ground<true> ground(field, found.z, found.top, x[n], y[n]);
-        height[n] = ground.z;
+        Ground<true> ground(field, found.z, worn.surface, x[n], y[n]);
+        height[n] = ground.z, surface[n] = i32(ground.surface);
         if (ground.surface_track >= 0) top[n] = count_of(field.elements) + ground.surface_track;
         gradient(n, 0) += ground.slope_x;
         gradient(n, 1) += ground.slope_y;
@@ -753,6 +782,7 @@ inline void samples(
     };
     std::ranges::fill(height, NaN);
     std::ranges::fill(top, -2);
+    std::ranges::fill(surface, -1);
     gradient.fill(NaN);
     bool in_batches = PointBatch<true>::is_possible(field);
     visit_batches(x.size(), [&](std::size_t begin, std::size_t count) {

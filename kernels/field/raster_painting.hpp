@@ -71,7 +71,6 @@ template <class Id>
 void paint_raster(
     const Field& field, Canvas<Id>& canvas, const Painted& p, const BlockPixels& pixels
 ) {
-    const Rectangle& part = pixels.part;
     auto scratch = [&](auto& all) { return part_of(all, 0, count_of(pixels.u)); };
     add_raster(
         field,
@@ -84,8 +83,7 @@ void paint_raster(
           scratch(canvas.work_2)}},
         p, pixels
     );
-    for (i64 line = part.south; line < part.north; ++line)
-        fill(canvas.surfaces.row(line, part.west, part.east), Id(p.kind.surface + 1));
+    wear_block(field, canvas, p, pixels);
     if (canvas.labels.exists()) label_block(field, canvas, p, pixels);
 }
 

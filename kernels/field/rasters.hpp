@@ -69,8 +69,10 @@ struct NumberRange {
 class RasterAt {
 public:
     RasterAt(const Curves& curves, const Kind& kind)
-        : raster_(curves.rasters[kind.raster]), numbers_(numbers_of(curves, raster_)),
-          blocks_(raster_.file < 0 ? nullptr : curves.memory->blocks[raster_.file].get()) {}
+        : RasterAt(curves, curves.rasters[kind.raster]) {}
+    RasterAt(const Curves& curves, const Raster& raster)
+        : raster_(raster), numbers_(numbers_of(curves, raster)),
+          blocks_(raster.file < 0 ? nullptr : curves.memory->blocks[raster.file].get()) {}
 
     const Raster& raster() const { return raster_; }
 

@@ -158,6 +158,29 @@ protected:
         put_of_curve(Y, a.v, a.dv, slack.v, {f.v_x, f.v_y});
     }
 
+    // The same for the edges of pixels of classes that it may cross in a part of the ray, where
+    // surfaces matter.
+    template <class Put> void find_class_crossings(const Along& a, Range part, Put put) const {
+        const Kind& kind = field_.kinds[a.element->kind];
+        if (!has_classes(kind) || !surfaces_matter(field_)) return;
+        constexpr double weight = 1e-300;  // less than that of any edge of an element
+        const auto& [cell, f, skew, trims] = *a.placed;
+        const UV slack = slack_of(f);
+        ClassesAt classes(field_, kind);
+        auto put_edges = [&](int axis, double from, double way, double off, Gradient normal) {
+            if (way == 0.0) return;
+            double more = 1e-9 + 8.0 * off, count = double(classes.count(axis));
+            Range t = clamped(part * way + Range{from - more, from + more}, 0.0, 1.0);
+            for (double k = max(floor(t.low * count), 1.0);
+                 k <= min(t.high * count + 1.0, count - 1.0); k += 1.0) {
+                double at = (k / count - from) / way;
+                put({at, off / abs(way) + ROUNDING * abs(at), normal, weight});
+            }
+        };
+        put_edges(X, a.u, a.du, slack.u, {f.u_x, f.u_y});
+        put_edges(Y, a.v, a.dv, slack.v, {f.v_x, f.v_y});
+    }
+
     // The steps of a curve that may be met in a part of the ray, which is at `from` + `way` r in
     // it.
     static Span<const double> steps_over(

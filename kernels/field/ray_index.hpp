@@ -4,7 +4,7 @@
 
 #include <numeric>
 
-#include "ray_elements.hpp"
+#include "ray_classes.hpp"
 
 namespace terratool::rays {
 
@@ -122,22 +122,26 @@ private:
             u32 index = entry & ~CUT;
             Part part = elements.part_of(index, own.plan);
             if (!part.meets) continue;
-            if (!part.lines && !part.voids && part.height.low == part.height.high) {
+            const Kind& kind = field.kinds[field.elements[index].kind];
+            ClassPart classes = class_part(elements, index, own.plan);
+            bool alike = !has_classes(kind) || !surfaces_matter(field);
+            bool level = part.height.low == part.height.high;
+            if (!part.lines && !part.voids && alike && level) {
                 own.base += part.height.low;
                 own.top = max(own.top, i32(index));
                 continue;
             }
-            own.entries.push_back(index | (part.cuts ? CUT : 0));
+            own.entries.push_back(index | (part.cuts || classes.differs ? CUT : 0));
             own.height = own.height + part.height;
-            own.voids |= part.voids || is_void_kind(i32(index));
-            own.patches = max(own.patches, part.patches);
-            own.rough = max(own.rough, relief_on(surface_of(field, index)));
+            own.voids |= part.voids || classes.voids;
+            own.patches = max3(own.patches, part.patches, classes.pixels);
+            own.rough = max(own.rough, relief_on(kind));
             size += max(abs(part.height.low), abs(part.height.high));
             if (!part.lines) continue;
             own.cutting += part.lines, own.straight += part.straight;
-            u32 kind = field.elements[index].kind;
             double steps = 1.0;
-            for (int axis : {X, Y}) steps += double(elements.curve(kind, axis).steps.size());
+            for (int axis : {X, Y})
+                steps += double(elements.curve(field.elements[index].kind, axis).steps.size());
             const Cell& cell = elements.places[index].cell;
             own.finest = min(own.finest, min(cell.wide(), cell.tall()) / steps);
         }
@@ -145,7 +149,7 @@ private:
             if (meets(field.tracks.segments[s], own.plan)) own.segments.push_back(s);
         own.cutting += count_of(own.segments);
         own.voids |= own.top >= 0 && is_void_kind(own.top);
-        own.rough = max(own.rough, relief_on(surface_of(field, own.top)));
+        own.rough = max(own.rough, relief_on(worn_of(field, own.top, {}).surface));
         double deepest = 0.0;
         if (!own.segments.empty()) deepest = deepest_, own.rough = max(own.rough, rough_);
         double rounding = 1e-12 * (size + abs(own.base)) + 1e-300;
@@ -156,6 +160,16 @@ private:
 
     double relief_on(i64 surface) const {
         return has_reliefs(field) ? HIGHEST_RELIEF * abs(relief_of(field, surface).scale) : 0.0;
+    }
+
+    // The highest relief that an element of a kind may wear.
+    double relief_on(const Kind& kind) const {
+        double found = relief_on(i64(kind.surface));
+        if (!has_classes(kind)) return found;
+        const ClassGrid& grid = field.classes.grids[kind.classes];
+        for (i64 surface : field.classes.surfaces.subspan(grid.first, grid.count))
+            found = max(found, relief_on(surface));
+        return found;
     }
 
     bool is_void_kind(i32 index) const { return field.kinds[field.elements[index].kind].is_void; }

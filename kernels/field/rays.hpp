@@ -21,6 +21,7 @@ struct Hit {
     double x = NaN, y = NaN, z = NaN;
     double normal[3] = {NaN, NaN, NaN};
     bool wall = false;
+    ClassPixel pixel{};  // of the element, where it is known and has classes
 };
 
 // Of an element: that it is not known, nor, in the second, whether there is a void instead.
@@ -103,12 +104,13 @@ private:
     Hit cast_upright(double most) {
         if (!is_inside(field_.bounds, ray_->x, ray_->y)) return hit_;
         Found found = descend<true>(field_, ray_->x, ray_->y, stack_);
-        if (is_void(field_, found.top)) return hit_;
-        Ground<true> ground(field_, found.z, found.top, ray_->x, ray_->y);
+        Worn worn = worn_of(field_, found);
+        if (worn.is_void) return hit_;
+        Ground<true> ground(field_, found.z, worn.surface, ray_->x, ray_->y);
         double distance = (ground.z - ray_->z) / ray_->dz;
         if (!(0.0 <= distance && distance <= most)) return hit_;
         hit_.distance = distance;
-        hit_.top = found.top;
+        hit_.top = found.top, hit_.pixel = found.pixel;
         if (ground.surface_track >= 0) hit_.top = count_of(field_.elements) + ground.surface_track;
         hit_.x = ray_->x, hit_.y = ray_->y, hit_.z = ground.z;
         put_normal({found.slope_x + ground.slope_x, found.slope_y + ground.slope_y});
@@ -332,7 +334,9 @@ private:
         };
         for (u32 entry : entries_of(leaf)) {
             along_.push_back(along_of(entry));
-            if (along_.back().cuts) find_crossings(along_.back(), {visit.begin, visit.end}, cut);
+            if (!along_.back().cuts) continue;
+            find_crossings(along_.back(), {visit.begin, visit.end}, cut);
+            find_class_crossings(along_.back(), {visit.begin, visit.end}, cut);
         }
         segments_ = segments_of(leaf);
         for (u32 s : segments_) find_crossings(field_.tracks.segments[s], cut);
@@ -386,14 +390,15 @@ private:
             ground.top = max(ground.top, i64(a.index));
             voids |= a.is_void;
         }
-        if (voids || is_void(field_, ground.top)) {
+        double x = ray_->x + ray_->dx * middle, y = ray_->y + ray_->dy * middle;
+        Worn worn = worn_near(index_.elements, ground.top, x, y);
+        if (voids || worn.is_void) {
             side_ = NOWHERE;
             return false;
         }
         if (leaf.segments || has_reliefs(field_)) {
-            i64 surface = surface_of(field_, ground.top);
+            i64 surface = worn.surface;
             if (leaf.segments) {
-                double x = ray_->x + ray_->dx * middle, y = ray_->y + ray_->dy * middle;
                 Rut rut = rut_at(field_.tracks, x, y, surface);
                 ground.depth = rut.depth;
                 if (rut.surface_track >= 0) {
@@ -458,22 +463,33 @@ private:
     bool meet_wall(const Stretch& ground, double r) {
         put_point(r);
         put_wall(side_ == BELOW ? top_before() : ground.top);
+        if (hit_.top < count_of(field_.elements) && is_classed(field_, hit_.top)) {
+            auto [x, y] = beside(side_ == BELOW ? -1.0 : 1.0);
+            hit_.pixel = pixel_near(index_.elements, hit_.top, x, y);
+        }
         return true;
+    }
+
+    // A place a little before the hit, or behind it.
+    UV beside(double way) const {
+        In bounds = field_.bounds;
+        double flat = sqrt(square(ray_->dx) + square(ray_->dy));
+        double aside = 1e-9 * (bounds[2] - bounds[0] + bounds[3] - bounds[1])
+            + 1e-15 * (abs(hit_.x) + abs(hit_.y));
+        return {
+            clamp(hit_.x + way * aside * ray_->dx / flat, bounds[0], bounds[2]),
+            clamp(hit_.y + way * aside * ray_->dy / flat, bounds[1], bounds[3])
+        };
     }
 
     // The element on the side from which the ray comes to a wall.
     i64 top_before() {
         if (top_ != UNKNOWN) return top_;
-        In bounds = field_.bounds;
-        double flat = sqrt(square(ray_->dx) + square(ray_->dy));
-        double aside = 1e-9 * (bounds[2] - bounds[0] + bounds[3] - bounds[1])
-            + 1e-15 * (abs(hit_.x) + abs(hit_.y));
-        double x = clamp(hit_.x - aside * ray_->dx / flat, bounds[0], bounds[2]);
-        double y = clamp(hit_.y - aside * ray_->dy / flat, bounds[1], bounds[3]);
-        i64 top = descend<false>(field_, x, y, stack_).top;
-        if (!has_tracks(field_)) return top;
-        i64 track = rut_at(field_.tracks, x, y, surface_of(field_, top)).surface_track;
-        return track < 0 ? top : count_of(field_.elements) + track;
+        auto [x, y] = beside(-1.0);
+        Found found = descend<false>(field_, x, y, stack_);
+        if (!has_tracks(field_)) return found.top;
+        i64 track = rut_at(field_.tracks, x, y, worn_of(field_, found).surface).surface_track;
+        return track < 0 ? found.top : count_of(field_.elements) + track;
     }
 
     // A wall at the point of the hit, of an element. Its normal is that of the nearest edge, and of
@@ -490,7 +506,10 @@ private:
             if (off == nearest && c.weight <= best) return;
             nearest = off, best = c.weight, normal = c.normal;
         };
-        for (const Along& a : along_) find_crossings(a, EVERYWHERE, take);
+        for (const Along& a : along_) {
+            find_crossings(a, EVERYWHERE, take);
+            find_class_crossings(a, {hit_.distance, hit_.distance}, take);
+        }
         for (u32 s : segments_) find_crossings(field_.tracks.segments[s], take);
         // behind a sliver that side may be no edge
         if (skipped_ && 0 <= top && top < count_of(field_.elements))
@@ -541,7 +560,10 @@ inline i64 cast(
         top[n] = hits ? hit.top : -2;
         i64 track = hit.top - count_of(field.elements);
         if (!hits) surface[n] = -1;
-        else surface[n] = i32(track < 0 ? surface_of(field, hit.top) : field.tracks.surface[track]);
+        else if (track >= 0) surface[n] = field.tracks.surface[track];
+        else if (hit.pixel.element >= 0)
+            surface[n] = i32(worn_of(field, hit.top, hit.pixel).surface);
+        else surface[n] = i32(worn_near(index.elements, hit.top, hit.x, hit.y).surface);
         wall[n] = hit.wall;
     }
     return -1;

@@ -334,6 +334,7 @@ struct SharedTop {
     i64 element = NO_ELEMENT;
     Number number;
     i64 depth = -1, family = -1;
+    ClassPixel pixel;  // where it has classes
 };
 
 // What waits in a descent, and the grids of before; each thread needs its own.
@@ -372,10 +373,13 @@ private:
 
     // Of two elements of one level the later one counts, and what stands in it; as that is visited
     // first, an element of another family does not replace one of its own level.
-    INLINE void see(const Frame& frame, const Instance& one) {
+    // pixel() is asked where it has classes.
+    template <class Pixel> INLINE void see(const Frame& frame, const Instance& one, Pixel pixel) {
         bool deeper = frame.depth > top.depth;
-        if (deeper || (frame.depth == top.depth && family_ == top.family))
-            top = {i64(one.index), one.number, frame.depth, family_};
+        if (!deeper && (frame.depth < top.depth || family_ != top.family)) return;
+        top = {i64(one.index), one.number, frame.depth, family_, {}};
+        if (has_classes(field_.kinds[one.element.kind])) [[unlikely]]
+            top.pixel = pixel();
     }
 
     void add_cells(const Frame& frame, const LaidGrid& laid) {
@@ -422,7 +426,8 @@ private:
                 f = {fx.value * fy.value, fx.slope * fy.value, fx.value * fy.slope};
             }
             z += element.scale * f.value + element.offset;
-            see(frame, one);
+            see(frame, one,
+                [&] { return pixel_of(field_, i64(index), element, pose, grid, at, x_, y_); });
             if constexpr (sloped) {
                 auto [du, dv] = turned_slopes(pose, f.du, f.dv);
                 if (grid.leaves) {
@@ -520,7 +525,7 @@ private:
         auto [holds, f] = free_shape(field_, grid, element, exact, from, p, slack);
         if (!holds) return;
         z += element.scale * f.value + element.offset;
-        see(frame, one);
+        see(frame, one, [&] { return free_pixel(field_, grid, i64(index), exact, from, p); });
         if constexpr (sloped) {
             slope_x += element.scale * f.du * (1.0 / place.extent[X]);
             slope_y += element.scale * f.dv * (1.0 / place.extent[Y]);
@@ -966,27 +971,35 @@ inline void any_heights(const Field& field, In x, In y, Out out) {
     }
     auto batch = std::make_unique<SharedBatch>(field);
     std::array<i64, SharedBatch::most> top;
-    bool bare = !field.voids && !has_tracks(field) && !has_reliefs(field);
+    SharedStack stack;
+    auto worn_at = [&](i64 element, double x, double y) {
+        if (!is_classed(field, element)) return worn_of(field, element, {});
+        SharedDescent<false> found(field, x, y, stack);
+        return worn_of(field, found.top.element, found.top.pixel);
+    };
     for (std::size_t begin = 0; begin < x.size(); begin += SharedBatch::most) {
         std::size_t count = min(std::size_t(SharedBatch::most), x.size() - begin);
         In xs = x.subspan(begin, count), ys = y.subspan(begin, count);
         Out zs = out.subspan(begin, count);
         batch->find(xs, ys, zs, top);
-        if (bare) continue;
-        for (std::size_t n = 0; n < count; ++n)
-            if (!isnan(zs[n])) zs[n] = settled(field, zs[n], top[n], xs[n], ys[n]);
+        if (!surfaces_matter(field)) continue;
+        for (std::size_t n = 0; n < count; ++n) {
+            if (isnan(zs[n])) continue;
+            zs[n] = settled(field, zs[n], worn_at(top[n], xs[n], ys[n]), xs[n], ys[n]);
+        }
     }
 }
 
 // Everything at points of a shared field: as `samples` has it, and the `number` (n, 2) of the top
 // element among all, the lower half first.
 inline void shared_samples(
-    const Field& field, In x, In y, Out height, Span<i64> top, Matrix<u64> number,
-    Matrix<double> gradient
+    const Field& field, In x, In y, Out height, Span<i64> top, Span<i32> surface,
+    Matrix<u64> number, Matrix<double> gradient
 ) {
     SharedStack stack;
     std::ranges::fill(height, NaN);
     std::ranges::fill(top, -2);
+    std::ranges::fill(surface, -1);
     gradient.fill(NaN), number.fill(0);
     for (std::size_t n = 0; n < x.size(); ++n) {
         if (!is_inside(field.bounds, x[n], y[n])) continue;
@@ -994,9 +1007,11 @@ inline void shared_samples(
         i64 element = found.top.element;
         top[n] = element;
         number(n, 0) = found.top.number.low, number(n, 1) = found.top.number.high;
-        if (is_void(field, element)) continue;
-        Ground<true> ground(field, found.z, element, x[n], y[n]);
-        height[n] = ground.z;
+        Worn worn = worn_of(field, element, found.top.pixel);
+        surface[n] = i32(worn.surface);
+        if (worn.is_void) continue;
+        Ground<true> ground(field, found.z, worn.surface, x[n], y[n]);
+        height[n] = ground.z, surface[n] = i32(ground.surface);
         if (ground.surface_track >= 0) top[n] = count_of(field.elements) + ground.surface_track;
         gradient(n, 0) = found.slope_x + ground.slope_x;
         gradient(n, 1) = found.slope_y + ground.slope_y;

@@ -52,7 +52,7 @@ struct FreeBins {
 struct Kind {
     double count[2];
     u32 pieces[2][2], knots[2][2];
-    i32 surface;
+    i32 surface, classes;
     u32 raster;
     u8 combine, knotted[2], is_void, special;
 };
@@ -62,6 +62,11 @@ struct Raster {
     i64 first, count[2];
     i32 file;  // -1 for a grid of a text
     u8 pixel, voids, single;
+};
+
+// Classes of a raster that stand for surfaces: which of all numbers and surfaces.
+struct ClassGrid {
+    u32 raster, first, count;
 };
 
 // Which blocks of a file's heights are in memory, and how another gets there.
@@ -150,7 +155,7 @@ template <class Visit> void visit_members(FreeBins& b, Visit visit) {
 
 template <class Visit> void visit_members(Kind& k, Visit visit) {
     visit("count", k.count), visit("pieces", k.pieces), visit("knots", k.knots);
-    visit("surface", k.surface), visit("raster", k.raster);
+    visit("surface", k.surface), visit("classes", k.classes), visit("raster", k.raster);
     visit("combine", k.combine), visit("knotted", k.knotted);
     visit("is_void", k.is_void), visit("special", k.special);
 }
@@ -158,6 +163,10 @@ template <class Visit> void visit_members(Kind& k, Visit visit) {
 template <class Visit> void visit_members(Raster& r, Visit visit) {
     visit("first", r.first), visit("count", r.count), visit("file", r.file);
     visit("pixel", r.pixel), visit("voids", r.voids), visit("single", r.single);
+}
+
+template <class Visit> void visit_members(ClassGrid& c, Visit visit) {
+    visit("raster", c.raster), visit("first", c.first), visit("count", c.count);
 }
 
 template <class Visit> void visit_members(Grid& g, Visit visit) {
@@ -204,6 +213,18 @@ template <class Visit> void visit_arguments(Curves& c, Visit visit) {
     visit("memory", c.memory);
 }
 
+struct Classes {
+    Span<const ClassGrid> grids;
+    In numbers;
+    Span<const i32> surfaces;
+    Span<const u8> voids;
+};
+
+template <class Visit> void visit_arguments(Classes& c, Visit visit) {
+    visit("grids", c.grids), visit("numbers[c]", c.numbers), visit("surfaces[c]", c.surfaces);
+    visit("voids[c]", c.voids);
+}
+
 struct Tracks {
     Span<const Segment> segments;
     In passes, power;
@@ -247,6 +268,7 @@ struct Field {
     Span<const FreeBins> free_bins;
     Span<const Kind> kinds;
     Curves curves;
+    Classes classes;
     In bounds;
     i64 pending;
     bool voids;
@@ -260,7 +282,7 @@ template <class Visit> void visit_arguments(Field& f, Visit visit) {
     visit("offsets", f.offsets), visit("entries", f.entries);
     visit("poses", f.poses), visit("places[f]", f.places), visit("rests[f]", f.rests);
     visit("free_bins", f.free_bins), visit("kinds", f.kinds);
-    visit("curves", f.curves), visit("bounds[4]", f.bounds);
+    visit("curves", f.curves), visit("classes", f.classes), visit("bounds[4]", f.bounds);
     visit("pending", f.pending), visit("voids", f.voids), visit("tracks", f.tracks);
     visit("shared", f.shared);
     visit("reliefs", f.reliefs);

@@ -223,10 +223,11 @@ private:
         double x = along_x ? at : fixed, y = along_x ? fixed : at;
         if (!is_inside(field_.bounds, x, y)) return {NaN, NaN};
         Found found = descend<true>(field_, x, y, canvas_.stack);
-        if (is_void(field_, found.top)) return {NaN, NaN};
+        Worn worn = worn_of(field_, found);
+        if (worn.is_void) return {NaN, NaN};
         double slope = along_x ? found.slope_x : found.slope_y;
         if (!has_tracks(field_) && !has_reliefs(field_)) return {found.z, slope};
-        Ground<true> ground(field_, found.z, found.top, x, y);
+        Ground<true> ground(field_, found.z, worn.surface, x, y);
         return {ground.z, slope + (along_x ? ground.slope_x : ground.slope_y)};
     }
 

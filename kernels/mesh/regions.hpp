@@ -94,7 +94,8 @@ private:
     std::vector<i64> found_;
 };
 
-constexpr u64 SEED = 0x9E3779B97F4A7C15, TRACK_SEED = 0xD1B54A32D192ED03;
+constexpr u64 SEED = 0x9E3779B97F4A7C15, TRACK_SEED = 0xD1B54A32D192ED03,
+              CLASS_SEED = 0xABC98388FB8FAC03;
 
 // The hash of a hash and one number more.
 INLINE u64 hash64(u64 key, u64 more) { return terratool::hash64(key ^ more); }
@@ -104,6 +105,7 @@ struct Coverage {
     u64 key;  // a hash of how it covers the place
     CoveringElement covering;
     bool affine, gap;
+    Worn worn;
 };
 
 INLINE bool is_in_cell(const Frame& f, double x, double y) {
@@ -120,11 +122,18 @@ inline bool is_gap(const Plan& plan, const ElementView& e, UV at) {
     return r.voids && raster.is_void(cell(X, at.u), cell(Y, at.v));
 }
 
+// What an element wears at a place of its footprint.
+inline Worn worn_at(const Plan& plan, const ElementView& e, UV at) {
+    if (!has_classes(e.kind)) return own_surface(e.kind);
+    ClassesAt classes(*plan.field, e.kind);
+    return classes.at(classes.cell(X, at.u, 0.0), classes.cell(Y, at.v, 0.0));
+}
+
 // Whether an element covers a place, and how.
 inline Coverage coverage_at(const Plan& plan, i64 index, double x, double y) {
     const ElementView e(plan, index);
     const Frame& f = e.frame;
-    constexpr Coverage none{false, 0, {0, {0, 0}}, false, false};
+    constexpr Coverage none{false, 0, {0, {0, 0}}, false, false, {-1, false}};
     if (!(e.pose.turned && e.pose.free) && !is_in_cell(f, x, y)) return none;
     UV own = place_in_cell(f, x, y);
     if (e.pose.turned) own = turned(e.pose, own.u, own.v);
@@ -165,13 +174,15 @@ inline Coverage coverage_at(const Plan& plan, i64 index, double x, double y) {
     double faint =
         min(along * e.x.smallest_crease, across > 0.0 ? across * e.y.smallest_crease : INF);
     affine = e.element.scale == 0.0 || (affine && faint > DRAWN * plan.error);
-    return {true, key, {u32(index), {u32(x_lines.group), u32(y_lines.group)}}, affine, gap};
+    CoveringElement covering{u32(index), {u32(x_lines.group), u32(y_lines.group)}};
+    return {true, key, covering, affine, gap, worn_at(plan, e, own)};
 }
 
 // What elements do at a place all together.
 struct CombinedCoverage {
     u64 key = 1;
     i64 top = NO_ELEMENT;  // that decides the surface
+    Worn worn{-1, false};  // of that
     bool affine = true;    // all are affine
     bool gap = false;      // one of them is a grid that is void there
 };
@@ -197,7 +208,7 @@ CombinedCoverage covering_elements(
             if (!found.holds) continue;
             visit(found.covering);
             all.key += found.key;
-            all.top = max(all.top, i64(index));
+            if (i64(index) > all.top) all.top = i64(index), all.worn = found.worn;
             all.affine = all.affine && found.affine;
             all.gap = all.gap || found.gap;
         }
@@ -231,6 +242,7 @@ CombinedCoverage covering_elements(
             if (!grid.more) break;
         }
     }
+    if (is_classed(field, all.top)) all.key += hash64(CLASS_SEED, u64(all.worn.surface));
     return all;
 }
 
@@ -293,8 +305,8 @@ inline FoundRegions describe_regions(
             polygon_error += plan.polygon_errors[covering.element];
         });
         found.offsets[r + 1] = count_of(found.covering);
-        i64 ground = surface_of(field, all.top);
-        found.voids[r] = all.gap || is_void(field, all.top), found.affine[r] = all.affine;
+        i64 ground = all.worn.surface;
+        found.voids[r] = all.gap || all.worn.is_void, found.affine[r] = all.affine;
         found.polygon_errors[r] = polygon_error - before;
         if (!tracks.find(x, y).empty() && !found.voids[r]) {
             Rut rut = tracks.rut(ground);

@@ -5,6 +5,7 @@
 // where the other curve is constant, and where a tangent is vertical, as at the edge of a dome.
 #pragma once
 
+#include "../field/classes.hpp"
 #include "heights.hpp"
 
 namespace terratool::mesh {
@@ -248,6 +249,7 @@ public:
                 if (is_drawn(plan_, line, along)) draw_ring(e, 2.0 * line.t - 1.0, 1);
             if (is_faceted(e)) draw_spokes(e);
             draw_chords(e, false);
+            if (has_classes(e.kind)) draw_classes(e);
             return;
         }
         draw_in_shape(e, {0.0, 0.0}, {1.0, 0.0});
@@ -261,6 +263,7 @@ public:
         draw_chords(e, false);
         draw_chords(e, true);
         if (is_raster(e.kind)) draw_gaps(e);
+        if (has_classes(e.kind)) draw_classes(e);
         bool straight = e.x.linear && e.y.linear && e.element.scale != 0.0;
         if (straight && (e.kind.combine == MIN || e.kind.combine == MAX)) draw_ties(e);
     }
@@ -387,23 +390,45 @@ private:
         RasterAt raster(plan_.field->curves, e.kind);
         const Raster& r = raster.raster();
         if (!r.voids) return;
+        draw_borders(e, raster_cells(r, X), raster_cells(r, Y), [&](i64 i, i64 j) {
+            return i64(raster.is_void(i, j));
+        });
+    }
+
+    // The borders between the surfaces that pixels of classes stand for.
+    void draw_classes(const ElementView& e) {
+        ClassesAt classes(*plan_.field, e.kind);
+        draw_borders(e, classes.count(X), classes.count(Y), [&](i64 i, i64 j) {
+            return classes.at(i, j).surface;
+        });
+    }
+
+    // The borders between cells of a grid of which what(column, row) differs, each from corner to
+    // corner; in a disc as far as it goes.
+    template <class What>
+    void draw_borders(const ElementView& e, i64 columns, i64 rows, What what) {
         for (int axis : {X, Y}) {
-            i64 lines = raster_cells(r, axis), length = raster_cells(r, axis == X ? Y : X);
-            auto is_void = [&](i64 across, i64 along) {
-                return axis == X ? raster.is_void(across, along) : raster.is_void(along, across);
-            };
-            auto place = [&](i64 line, i64 along) {
-                double t = double(line) / double(lines), s = double(along) / double(length);
-                return axis == X ? UV{t, s} : UV{s, t};
+            i64 lines = axis == X ? columns : rows, length = axis == X ? rows : columns;
+            auto differ = [&](i64 line, i64 along) {
+                if (axis == X) return what(line, along) != what(line - 1, along);
+                return what(along, line) != what(along, line - 1);
             };
             for (i64 line = 1; line < lines; ++line) {
-                i64 begin = 0, side = 0;  // of the line the void is on; none on 0
+                double t = double(line) / double(lines), low = 0.0, high = 1.0;
+                if (e.kind.combine == RADIAL) {
+                    double half = 0.5 * sqrt(1.0 - square(2.0 * t - 1.0));
+                    low = 0.5 - half, high = 0.5 + half;
+                }
+                auto place = [&](i64 along) {
+                    double s = clamp(double(along) / double(length), low, high);
+                    return axis == X ? UV{t, s} : UV{s, t};
+                };
+                i64 begin = -1;  // of a border; none where it is -1
                 for (i64 k = 0; k <= length; ++k) {
-                    i64 now = 0;
-                    if (k < length) now = i64(is_void(line, k)) - i64(is_void(line - 1, k));
-                    if (now == side) continue;
-                    if (side) draw_in_shape(e, place(line, begin), place(line, k));
-                    begin = k, side = now;
+                    bool is_border = k < length && differ(line, k);
+                    if (is_border == (begin >= 0)) continue;
+                    if (begin >= 0) draw_in_shape(e, place(begin), place(k));
+                    begin = is_border ? k : -1;
                 }
             }
         }

@@ -74,6 +74,12 @@ void KeptField::check() {
     }
     for (const Kind& k : f.kinds)
         check_index(k.combine != GRID || k.raster < f.curves.rasters.size(), "a grid of heights");
+    for (const Kind& k : f.kinds)
+        check_index(k.classes < count_of(f.classes.grids), "a raster of classes");
+    for (const ClassGrid& c : f.classes.grids) {
+        check_index(c.raster < f.curves.rasters.size(), "the raster of classes");
+        check_index(u64(c.first) + c.count <= f.classes.numbers.size(), "a class");
+    }
     for (const Raster& r : f.curves.rasters) {
         i64 most = count_of(f.curves.heights);
         const GridBytes& memory = *f.curves.memory;
@@ -147,6 +153,10 @@ void KeptField::check() {
     i64 most = count_of(f.reliefs) - 1;
     for (const Kind& k : f.kinds) check_index(most < 0 || k.surface < most, "a relief");
     for (i32 surface : t.surface) check_index(most < 0 || surface < most, "the relief of a track");
+    for (i32 surface : f.classes.surfaces) {
+        check_index(t.passes.empty() || surface + 1 < t.depths.columns(), "the surface of a class");
+        check_index(most < 0 || surface < most, "the relief of a class");
+    }
 }
 
 void bind_field(nb::module_ m) {
@@ -154,8 +164,8 @@ void bind_field(nb::module_ m) {
     m.def(
         "check_records",
         [](nb::handle element, nb::handle grid, nb::handle pose, nb::handle place,
-           nb::handle free_bins, nb::handle kind, nb::handle raster, nb::handle segment,
-           nb::handle member, nb::handle copies, nb::handle relief) {
+           nb::handle free_bins, nb::handle kind, nb::handle raster, nb::handle classes,
+           nb::handle segment, nb::handle member, nb::handle copies, nb::handle relief) {
             check_record<Element>(element);
             check_record<Grid>(grid);
             check_record<Pose>(pose);
@@ -163,17 +173,19 @@ void bind_field(nb::module_ m) {
             check_record<FreeBins>(free_bins);
             check_record<Kind>(kind);
             check_record<Raster>(raster);
+            check_record<ClassGrid>(classes);
             check_record<Segment>(segment);
             check_record<Member>(member);
             check_record<Copies>(copies);
             check_record<Relief>(relief);
         },
         "element"_a, "grid"_a, "pose"_a, "place"_a, "free_bins"_a, "kind"_a, "raster"_a,
-        "segment"_a, "member"_a, "copies"_a, "relief"_a,
+        "classes"_a, "segment"_a, "member"_a, "copies"_a, "relief"_a,
         nb::sig(
             "def check_records(element: np.dtype[Any], grid: np.dtype[Any], "
             "pose: np.dtype[Any], place: np.dtype[Any], free_bins: np.dtype[Any], "
-            "kind: np.dtype[Any], raster: np.dtype[Any], segment: np.dtype[Any], "
+            "kind: np.dtype[Any], raster: np.dtype[Any], classes: np.dtype[Any], segment: "
+            "np.dtype[Any], "
             "member: np.dtype[Any], copies: np.dtype[Any], relief: np.dtype[Any]) -> None"
         ),
         "Refuse dtypes that are not the structs of the kernels."
@@ -186,8 +198,8 @@ void bind_field(nb::module_ m) {
 
     def<&any_heights>(m, "heights", "Heights at points.", {"field", "x[n]", "y[n]", "out[n]"});
     def<&samples>(
-        m, "samples", "Height, top element and gradient at points.",
-        {"field", "x[n]", "y[n]", "height[n]", "top[n]", "gradient[n,2]"}
+        m, "samples", "Height, top element, surface and gradient at points.",
+        {"field", "x[n]", "y[n]", "height[n]", "top[n]", "surface[n]", "gradient[n,2]"}
     );
     def<&most_over_point>(
         m, "most_over_point", "No less than the elements over any one point of a shared field.",
@@ -195,7 +207,8 @@ void bind_field(nb::module_ m) {
     );
     def<&shared_samples>(
         m, "shared_samples", "The same where parts are shared, and the number of the top element.",
-        {"field", "x[n]", "y[n]", "height[n]", "top[n]", "number[n,2]", "gradient[n,2]"}
+        {"field", "x[n]", "y[n]", "height[n]", "top[n]", "surface[n]", "number[n,2]",
+         "gradient[n,2]"}
     );
     def<&shared_rectangles>(
         m, "shared_rectangles", "World rectangles of the cells of all elements of a shared field.",

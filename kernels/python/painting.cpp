@@ -57,6 +57,7 @@ private:
         i64 most = 0;
         for (const Kind& kind : field_.kinds) most = max(most, i64(kind.surface) + 1);
         for (i32 surface : field_.tracks.surface) most = max(most, i64(surface) + 1);
+        for (i32 surface : field_.classes.surfaces) most = max(most, i64(surface) + 1);
         return std::size_t(most);
     }
 };

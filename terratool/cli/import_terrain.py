@@ -182,6 +182,7 @@ class ImportDocument(Document, frozen=True, kw_only=True):
     bytes: int
     raster: str | None
     raster_bytes: int | None
+    classes: str | None
     width: int
     height: int
     pixel: tuple[float, float]
@@ -207,6 +208,7 @@ def _document(report: ImportReport, output: str) -> ImportDocument:
         bytes=report.size,
         raster=None if report.raster is None else str(report.raster),
         raster_bytes=report.raster_size or None,
+        classes=str(report.classes) if report.classes else None,
         width=grid.columns,
         height=grid.rows,
         pixel=(grid.dx, grid.dy),
@@ -273,6 +275,8 @@ def as_text(report: ImportReport, output: str) -> Iterator[str]:
             f"{report.raster}: the heights, {report.raster_size:,} bytes, "
             f"{_share(report.raster_size, pixels)}"
         )
+    if report.classes is not None:
+        yield f"{report.classes}: the classes"
     at = " at {:.10g} {:.10g}".format(*error.where) if error.where and error.largest else ""
     rms = f"{error.rms:.4g} {unit} RMS"
     yield f"Error at the pixels: at most {error.largest:.4g} {unit}{share}{at}, {rms}"

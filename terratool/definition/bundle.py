@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Container, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -13,14 +13,26 @@ import msgspec
 from msgspec import UNSET, Raw
 
 from terratool.definition.exact import rest_of
-from terratool.definition.grid_files import GridSource, LinkedGrid, rows_of
+from terratool.definition.grid_files import (
+    GridSource,
+    LinkedGrid,
+    LinkedSurfaceGrid,
+    rows_of,
+)
 from terratool.definition.keys import KEYS, SLOTS
 from terratool.definition.layout import canonical
-from terratool.definition.libraries import DICTIONARIES, Dictionary, known_names
-from terratool.definition.model import Element, Primitive, pair_of
+from terratool.definition.libraries import (
+    DICTIONARIES,
+    Dictionary,
+    SourceDocument,
+    known_names,
+)
+from terratool.definition.model import Element, Primitive, SurfaceGrid, pair_of
 from terratool.definition.reader import Checked, refusal
-from terratool.definition.tree import Tree
+from terratool.definition.tree import ROOT, Tree, part_pointer
 from terratool.definition.uses import Uses, track_surfaces
+from terratool.text.edit import Edit
+from terratool.text.locate import Address, offsets
 from terratool.text.scan import first_value, members, value_end
 
 _EXACT = 1e15
@@ -65,7 +77,9 @@ def bundle(checked: Checked, *, expanded: bool = False, output: str | None = Non
     if checked.terrain is None or document is None:
         raise refusal(checked)
     uses = Uses(document, known_names(document))
-    members = _members(document.source.data)
+    rasters = _Rasters(output, document.rasters)
+    homes = _HomeTexts(uses, rasters)
+    members = _members(homes.text(document, uses.parts_in_use, with_root=not expanded))
     members.pop("use", None)
     needed, rounded = uses.needed_names, 0
     if expanded:
@@ -73,17 +87,16 @@ def bundle(checked: Checked, *, expanded: bool = False, output: str | None = Non
 
         tree = expand(uses).tree
         # a surface given to a part is not worn where the part's elements have their own
-        worn = tree.distinct("surface") | track_surfaces(checked.terrain)
+        worn = tree.worn | track_surfaces(checked.terrain)
         needed = {
             "surfTypes": {name: None for name in needed["surfTypes"] if name in worn},
             "elemTypes": needed["elemTypes"],
             "parts": {},
         }
-        members["elemTree"] = Raw("".join(_element(tree)).encode())
+        members["elemTree"] = Raw("".join(_element(tree, rasters)).encode())
         rounded = _count_inexact(tree, max(checked.terrain.extent))
-    rasters = _Rasters(output, document.rasters)
     for dictionary in DICTIONARIES:
-        entries = _entry_texts(uses, dictionary, needed[dictionary])
+        entries = _entry_texts(uses, homes, dictionary, needed[dictionary])
         if dictionary == "elemTypes":
             entries = {
                 name: rasters.taken_in(text, uses.names.primitives[name].value)
@@ -128,12 +141,12 @@ class _Rasters:
             members["grid"] = Raw(msgspec.json.encode(rows))
             members["registration"] = Raw(msgspec.json.encode(primitive.registered))
         else:
-            path = json.dumps(self._path(grid.source), ensure_ascii=False).encode()
+            path = json.dumps(self.path(grid.source), ensure_ascii=False).encode()
             named = _members(bytes(members["grid"])) | {"file": Raw(path)}
             members["grid"] = Raw(_object(named.items()))
         return Raw(_object(members.items()))
 
-    def _path(self, source: GridSource) -> str:
+    def path(self, source: GridSource) -> str:
         """Path of a raster for the text, which may be a copy's."""
         path = os.path.relpath(source.path, self._folder).replace(os.sep, "/")
         if not self._beside or not path.startswith("../"):
@@ -144,6 +157,35 @@ class _Rasters:
             name, number = f"{own.stem}-{number}{own.suffix}", number + 1
         self.copied[name] = source
         return name
+
+
+class _HomeTexts:
+    """Texts of the files that a terrain uses, with paths of rasters of classes for the bundle."""
+
+    def __init__(self, uses: Uses, rasters: _Rasters) -> None:
+        self._uses, self._rasters = uses, rasters
+
+    def text(
+        self, home: SourceDocument, parts: Container[str], *, with_root: bool = False
+    ) -> bytes:
+        """Text of a file; paths are rewritten in the parts that are named, and in the root."""
+        data, tree = home.source.data, home.decoded.tree
+        if tree.distinct("surface_grid") == {UNSET}:
+            return data
+        wanted = {part_pointer(name) for name in home.entries["parts"] if name in parts}
+        wanted |= {ROOT} if with_root else set()
+        grids = {
+            f"{tree.pointer(index)}/surfaceGrid/file": grid
+            for index, grid in enumerate(tree.column("surface_grid"))
+            if isinstance(grid, LinkedSurfaceGrid) and tree.roots[tree.root_of[index]] in wanted
+        }
+        begins = offsets(data, list(map(Address, grids)))
+        for begin, grid in sorted(
+            zip(begins, grids.values(), strict=True), key=lambda pair: pair[0], reverse=True
+        ):
+            path = json.dumps(self._rasters.path(grid.source), ensure_ascii=False).encode()
+            data = Edit(begin, value_end(data, begin, len(data)), path).apply(data)
+        return data
 
 
 def _count_inexact(tree: Tree, longest: float) -> int:
@@ -169,7 +211,9 @@ def _object(members: Iterable[tuple[str, Raw]]) -> bytes:
     return b"{" + b",".join(texts) + b"}"
 
 
-def _entry_texts(uses: Uses, dictionary: Dictionary, needed: dict[str, None]) -> dict[str, Raw]:
+def _entry_texts(
+    uses: Uses, homes: _HomeTexts, dictionary: Dictionary, needed: dict[str, None]
+) -> dict[str, Raw]:
     """Texts of the entries of a dictionary that are needed, in the order of the files."""
     texts: dict[int, dict[str, Raw]] = {}
     found = {}
@@ -177,7 +221,8 @@ def _entry_texts(uses: Uses, dictionary: Dictionary, needed: dict[str, None]) ->
         if name in needed:
             home = named.home
             if id(home) not in texts:
-                whole = _members(home.source.data)
+                parts = needed if dictionary == "parts" else ()
+                whole = _members(homes.text(home, parts))
                 texts[id(home)] = _members(bytes(whole[dictionary]))
             found[name] = texts[id(home)][name]
     return found
@@ -209,7 +254,7 @@ def _whole(value: Any) -> Any:
     return value
 
 
-def _element(tree: Tree) -> Iterator[str]:
+def _element(tree: Tree, rasters: _Rasters) -> Iterator[str]:
     """Pieces of the JSON text of the root element."""
     keys = {key: SLOTS[Element][key].name for key in KEYS[Element] if key != "children"}
     used = {key: tree.column(name) for key, name in keys.items() if tree.distinct(name) != {UNSET}}
@@ -218,6 +263,10 @@ def _element(tree: Tree) -> Iterator[str]:
         members: dict[str, Any] = {
             key: _whole(column[index]) for key, column in used.items() if column[index] is not UNSET
         }
+        if isinstance(grid := members.get("surfaceGrid"), LinkedSurfaceGrid):
+            path = rasters.path(grid.source)
+            written = SurfaceGrid(file=path, band=grid.band, names=grid.names)
+            members["surfaceGrid"] = msgspec.to_builtins(written)
         return json.dumps(members, ensure_ascii=False)[:-1]
 
     pending: list[str | int] = [0]

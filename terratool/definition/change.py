@@ -17,7 +17,7 @@ from terratool.definition.keys import document_kind
 from terratool.definition.layout import TERRAIN
 from terratool.definition.libraries import plain_path
 from terratool.definition.model import DEFAULT_CELLS, pair_of
-from terratool.definition.reader import Checked, CheckOptions, check, refusal
+from terratool.definition.reader import Checked, CheckOptions, check, read_document, refusal
 from terratool.definition.rules import RULES
 from terratool.definition.tree import ROOT
 from terratool.errors import DefinitionError, RequestError
@@ -291,6 +291,14 @@ def _paths(data: bytes) -> list[tuple[str, str]]:
         (f"/use/{index}", path)
         for index, path in enumerate(msgspec.json.decode(uses, type=list[str]))
     ]
+    if b'"surfaceGrid"' in data or b"\\u" in data:  # a key may be spelled by escapes
+        kind = document_kind(data) or "terrain"
+        tree = read_document(Source("", data), kind, 0).decoded.tree
+        found += [
+            (f"{tree.pointer(index)}/surfaceGrid/file", grid.file)
+            for index, grid in enumerate(tree.column("surface_grid"))
+            if grid is not UNSET
+        ]
     primitives = value_at(data, "/elemTypes") or b"{}"
     for name, one in msgspec.json.decode(primitives, type=dict[str, _Gridded]).items():
         if bytes(one.grid).startswith(b"{"):

@@ -18,6 +18,7 @@ from terratool.definition.keys import (
     BIGGEST,
     JSON_TYPES,
     KEYS,
+    MEMBERS,
     NESTED,
     NEVER,
     REQUIRED,
@@ -38,6 +39,7 @@ from terratool.definition.model import (
     Roughness,
     Scatter,
     Surface,
+    SurfaceGrid,
     Track,
 )
 from terratool.definition.sensor import CameraText, LidarText, NoiseText, SensorText, SonarText
@@ -58,12 +60,11 @@ _Model = TypeVar("_Model", bound=Struct)
 _NUMBER = KEYS[Element]["vScale"]
 _DEPTH = Key("a depth from 0 to 1e30", "number", 0, LARGEST)
 _UNKNOWN = Element()
-_MEMBERS: dict[str, type[Struct]] = {"repeat": Repeat, "scatter": Scatter}
 _LONG = 60  # characters of a key that may be a typo
 _SUBJECTS: dict[type, str] = {
     Definition: "a terrain", Library: "a library", Repeat: "a repeat", Scatter: "a scatter",
     Surface: "a surface", Roughness: "a roughness", Primitive: "a primitive",
-    GridFile: "a grid file", Element: "an element", Track: "a track",
+    GridFile: "a grid file", SurfaceGrid: "a surface grid", Element: "an element", Track: "a track",
     VehicleText: "a vehicle", WheelsText: "the wheels", AxleText: "an axle",
     CogText: "the centre of gravity", OverhangText: "the overhang",
     MarginsText: "the margins", ClassesText: "the classes",
@@ -312,7 +313,7 @@ class _Decoder:
         if wanted.kind == "depth":
             return self._depth(wanted, key, item, owner)
         if wanted.kind == "members":
-            return self._members(_MEMBERS[key], wanted, key, item, owner)
+            return self._members(MEMBERS[key], wanted, key, item, owner)
         if wanted.kind == "paths":
             return self._paths(wanted, key, item, owner)
         if wanted.kind == "numbers":
@@ -443,7 +444,9 @@ class _Decoder:
                         self._found.keep("TT103", remark_on(owner, rest, *about, on_key=True))
                 continue
             inner, attribute = KEYS[kind][name], SLOTS[kind][name].name
-            if not inner.length:
+            if inner.kind == "names":
+                found[attribute] = self._names(inner, value, owner, rest)
+            elif not inner.length:
                 found[attribute] = self._single(inner, value, owner, rest, f'"{name}"', name)
             elif isinstance(value, list) and len(value) == inner.length:
                 found[attribute] = tuple(
@@ -461,6 +464,15 @@ class _Decoder:
                     "TT104", f"/{key}", message, f'Add "{name}", {KEYS[kind][name].words}.', owner
                 )
         return None if self._failed else kind(**found)
+
+    def _names(self, wanted: Key, item: Any, owner: Owner, rest: str) -> Any:
+        if not isinstance(item, dict):
+            return self._wrong_type(owner, rest, '"names"', wanted.words, item)
+        for key, name in item.items():
+            if not isinstance(name, str):
+                words = "the name of a surface, a text"
+                self._wrong_type(owner, f"{rest}/{escape(key)}", quote(key), words, name)
+        return item
 
     def _paths(self, wanted: Key, key: str, item: Any, owner: Owner) -> Any:
         if not isinstance(item, list):
@@ -607,7 +619,7 @@ class _Decoder:
                     column[index] = UNSET
                     unfit.add(index)
                     continue
-            elif its in NEVER and self._found.full("TT105"):
+            elif its in NEVER and wanted.kind != "members" and self._found.full("TT105"):
                 wrong_types += 1
                 column[index] = UNSET
                 unfit.add(index)

@@ -63,7 +63,7 @@ def expand(uses: Uses) -> Expansion:
     """
     definition, tree = with_names(uses), uses.document.decoded.tree
     if not uses.is_composed and len(tree.roots) == 1:
-        names = tree.distinct("surface"), tree.distinct("type")
+        names = tree.worn, tree.distinct("type")
         return Expansion(with_names_in_use(definition, *names, uses), tree)
     if uses.elements > MAX_ELEMENTS:
         raise RequestError(
@@ -75,8 +75,8 @@ def expand(uses: Uses) -> Expansion:
 
     elements = write_out(uses, definition)
     definition = structs.replace(definition, elem_tree=UNSET)
-    surfaces, primitives = map(elements.different, (elements.rows.surface, elements.rows.type))
-    return Expansion(with_names_in_use(definition, surfaces, primitives, uses), elements)
+    primitives = elements.different(elements.rows.type)
+    return Expansion(with_names_in_use(definition, elements.worn, primitives, uses), elements)
 
 
 def with_names_in_use(

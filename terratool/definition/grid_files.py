@@ -1,4 +1,4 @@
-"""Rasters beside a definition that hold the heights of grids: what their headers say of them."""
+"""Rasters beside a definition, of heights or of classes: what their headers say of them."""
 
 from __future__ import annotations
 
@@ -6,9 +6,10 @@ import os
 from importlib import import_module
 from typing import Protocol
 
-from msgspec import Struct, structs
+from msgspec import UNSET, Struct, structs
 
-from terratool.definition.model import Definition, GridFile, GridRows
+from terratool.definition.model import Definition, Element, GridFile, GridRows, SurfaceGrid
+from terratool.definition.tree import Tree, complete, flatten
 
 
 class FileIdentity(Struct, frozen=True):
@@ -45,6 +46,7 @@ class GridSource(Struct, frozen=True):
             said.
         crs: reference system as a definition spells it; None for none.
         overview: index of the overview whose pixels are meant, from 0; None for the band itself.
+        classes: whether it is read for classes, which may have a palette, rather than for heights.
     """
 
     path: str
@@ -56,6 +58,7 @@ class GridSource(Struct, frozen=True):
     upright: bool = True
     crs: str | None = None
     overview: int | None = None
+    classes: bool = False
 
 
 class LinkedGrid(GridFile, frozen=True, rename="camel", kw_only=True):
@@ -64,19 +67,29 @@ class LinkedGrid(GridFile, frozen=True, rename="camel", kw_only=True):
     source: GridSource
 
 
+class LinkedSurfaceGrid(SurfaceGrid, frozen=True, rename="camel", kw_only=True):
+    """Raster of classes that was found."""
+
+    source: GridSource
+
+    def __hash__(self) -> int:
+        return hash((self.source, frozenset(self.names.items())))
+
+
 class Rasters(Protocol):
     """Rasters that a definition and its libraries name, with limits on all of them."""
 
-    def source(self, path: str, band: int) -> GridSource:
+    def source(self, path: str, band: int, classes: bool = False) -> GridSource:
         """Band of a raster, whose header is read once.
 
         Args:
             path: path without links.
             band: number of the band, from 1.
+            classes: whether it is to hold classes rather than heights.
 
         Raises:
-            ReadError: the file is no raster with such a band of heights, changes meanwhile, or
-                claims too much; or there are too many.
+            ReadError: the file is no raster with such a band, changes meanwhile, or claims too
+                much; or there are too many.
         """
         ...
 
@@ -119,9 +132,23 @@ def as_written(definition: Definition) -> Definition:
         for name, primitive in definition.primitives.items()
         if isinstance(grid := primitive.grid, LinkedGrid)
     }
-    if not linked:
+    if linked:
+        definition = structs.replace(definition, elem_types=definition.primitives | linked)
+    tree = flatten(definition)
+    classes = tree.distinct("surface_grid") - {UNSET}
+    if not classes:
         return definition
-    return structs.replace(definition, elem_types=definition.primitives | linked)
+    written = {
+        grid: SurfaceGrid(
+            file=_from_here(grid.source.path) if isinstance(grid, LinkedSurfaceGrid) else grid.file,
+            band=grid.band,
+            names=grid.names,
+        )
+        for grid in classes
+    }
+    columns = {name: tree.column(name) for name in Element.__struct_fields__ if name != "children"}
+    columns["surface_grid"] = [written.get(grid, grid) for grid in tree.column("surface_grid")]
+    return complete(definition, Tree([], tree.families, tree.levels, columns, tree.roots))
 
 
 def _from_here(path: str) -> str:

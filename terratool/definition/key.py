@@ -45,6 +45,7 @@ class Key(Struct, frozen=True):
         "path",
         "depth",
         "members",
+        "names",
         "paths",
         "numbers",
         "any",

@@ -24,8 +24,11 @@ from terratool.definition.model import (
     Element,
     Library,
     Primitive,
+    Repeat,
     Roughness,
+    Scatter,
     Surface,
+    SurfaceGrid,
     Track,
     names_of,
 )
@@ -155,6 +158,12 @@ NESTED: dict[type, dict[str, Nested]] = {
     },
 }  # fmt: skip
 """Objects in objects by key, in the order in which they are decoded."""
+
+
+MEMBERS: dict[str, type[Struct]] = {
+    "repeat": Repeat, "scatter": Scatter, "surfaceGrid": SurfaceGrid,
+}  # fmt: skip
+"""Classes of the objects that keys of elements hold, and that hold no other objects."""
 
 
 BIGGEST = math.nextafter(math.inf, 0)

@@ -17,6 +17,7 @@ from terratool.definition.model import (
     Primitive,
     Repeat,
     Surface,
+    SurfaceGrid,
     Track,
 )
 from terratool.definition.sensor import SensorText
@@ -46,6 +47,7 @@ def _layouts() -> dict[type, Layout]:
                 layout = Layout(items=layout, broken=key != "axles")
             layouts[kind].members[key] = layout
     layouts[Element].members["repeat"] = layouts[Repeat]
+    layouts[Element].members["surfaceGrid"] = structs.replace(layouts[SurfaceGrid], lined=True)
     layouts[Primitive].members["grid"] = structs.replace(layouts[GridFile], lined=True)
     return layouts
 

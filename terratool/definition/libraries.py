@@ -10,13 +10,26 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, Literal, TypeVar
 
-from msgspec import Struct, field, structs
+from msgspec import UNSET, Struct, field, structs
 
 from terratool.definition.decode import Decoded
 from terratool.definition.findings import Remark, RemarkLog
-from terratool.definition.grid_files import GridSource, LinkedGrid, Rasters, no_rasters
+from terratool.definition.grid_files import (
+    GridSource,
+    LinkedGrid,
+    LinkedSurfaceGrid,
+    Rasters,
+    no_rasters,
+)
 from terratool.definition.keys import Kind, document_kind
-from terratool.definition.model import Element, GridFile, Library, Primitive, Surface
+from terratool.definition.model import (
+    Element,
+    GridFile,
+    Library,
+    Primitive,
+    Surface,
+    SurfaceGrid,
+)
 from terratool.errors import ReadError, reason
 from terratool.text.display import escape, quote
 from terratool.text.source import Source, read_source, real_path
@@ -102,13 +115,16 @@ class SourceDocument(Struct, eq=False, dict=True):
 
     @property
     def rasters(self) -> list[GridSource]:
-        """Rasters of the primitives of the document and of all its libraries."""
-        return [
-            primitive.grid.source
+        """Rasters of the primitives and elements of the document and of all its libraries."""
+        grids = [
+            grid
             for document in (self, *self.all_libraries)
-            for primitive in document.model.primitives.values()
-            if isinstance(primitive.grid, LinkedGrid)
+            for grid in (
+                *(primitive.grid for primitive in document.model.primitives.values()),
+                *document.decoded.tree.distinct("surface_grid"),
+            )
         ]
+        return [one.source for one in grids if isinstance(one, LinkedGrid | LinkedSurfaceGrid)]
 
     def _walk_libraries(self) -> Iterator[SourceDocument]:
         seen = {id(self)}
@@ -321,7 +337,7 @@ class Shelf:
         self._roots = [real_path(root) for root in (".", *roots)]
         self._read = read
         self._documents: dict[str, SourceDocument | _Problem] = {}
-        self._grids: dict[tuple[str, int], GridSource | _Problem] = {}
+        self._grids: dict[tuple[str, int, bool], GridSource | _Problem] = {}
         self._room = MAX_BYTES
         self.files: dict[str, None] = {}
 
@@ -338,6 +354,7 @@ class Shelf:
                 continue
             user.linked = True
             self._link_grids(user, base)
+            self._link_classes(user, base)
             paths = user.model.library_paths
             count += len(paths)
             for index, path in enumerate(paths):
@@ -405,17 +422,38 @@ class Shelf:
                 pointer = f"/elemTypes/{escape(name)}/grid/file"
                 user.problems.append((code, Remark(pointer, message, hint)))
 
+    def _link_classes(self, user: SourceDocument, base: str) -> None:
+        """Look for the rasters of classes of a file's own elements, which get what was found."""
+        tree, linked = user.decoded.tree, {}
+        for grid in sorted(
+            tree.distinct("surface_grid") - {UNSET}, key=tree.column("surface_grid").index
+        ):
+            found = self._source(user, grid, base)
+            if isinstance(found, GridSource):
+                linked[grid] = LinkedSurfaceGrid(
+                    file=grid.file, band=grid.band, names=grid.names, source=found
+                )
+            else:
+                code, message, hint = found
+                element = tree.column("surface_grid").index(grid)
+                remark = Remark("/surfaceGrid/file", message, hint, element=element)
+                user.problems.append((code, remark))
+        if linked:
+            tree.replace("surface_grid", linked)
+
     def _source(self, user: SourceDocument, grid: GridFile, base: str) -> GridSource | _Problem:
         """Raster of a grid; code, message and hint where there is none."""
         wrong = self._refusal(user, grid.file, base, "raster")
         if wrong is not None:
             return "TT313", *wrong
-        key = real_path(str(Path(user.folder, grid.file))), grid.band_number
+        real, classes = real_path(str(Path(user.folder, grid.file))), isinstance(grid, SurfaceGrid)
+        key = real, grid.band_number, classes
         if key not in self._grids:
-            named, wanted = f"raster {quote(grid.file)}", "Name a raster, as a GeoTIFF."
+            wanted = "Name a raster, as a GeoTIFF."
             self._grids[key] = _read_file(
-                "TT312", named, wanted, key[0], lambda _: self._rasters.source(*key)
-            )
+                "TT312", f"raster {quote(grid.file)}", wanted, real,
+                lambda _: self._rasters.source(*key),
+            )  # fmt: skip
         return self._grids[key]
 
     @cached_property

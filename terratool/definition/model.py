@@ -33,6 +33,9 @@ REGISTRATIONS = ("gridline", "pixel")
 """Ways in which the numbers of a grid stand in the unit square, in the words of GMT: the outer ones
 on its edges, or each in the middle of a pixel."""
 
+CLASS = "(0|-?[1-9][0-9]{0,14})"
+"""Pattern of a class of a raster, a whole number, as a key of `names` spells it."""
+
 LARGEST = 1e30
 """Largest size of lengths, heights and factors; their sums and squares stay finite."""
 SMALLEST = 1e-30
@@ -209,6 +212,15 @@ class Scatter(Struct, frozen=True, forbid_unknown_fields=True, rename="camel", g
     turned: bool | UnsetType = UNSET
 
 
+class SurfaceGrid(GridFile, frozen=True, forbid_unknown_fields=True, rename="camel", kw_only=True):
+    """Raster beside the text that holds classes, and the names of surfaces that they stand for."""
+
+    names: dict[str, str]
+
+    def __hash__(self) -> int:
+        return hash((self.file, self.band, frozenset(self.names.items())))
+
+
 class Element(Struct, frozen=True, forbid_unknown_fields=True, rename="camel", gc=False):
     """Primitive or part placed in a cell, with the grid that divides the cell for its children.
 
@@ -227,6 +239,7 @@ class Element(Struct, frozen=True, forbid_unknown_fields=True, rename="camel", g
     type: str | UnsetType = UNSET
     part: str | UnsetType = UNSET
     surface: str | UnsetType = UNSET
+    surface_grid: SurfaceGrid | UnsetType = UNSET
     v_scale: _Number | UnsetType = UNSET
     v_offset: _Number | UnsetType = UNSET
     turn_deg: _Number | UnsetType = UNSET
@@ -502,6 +515,17 @@ TERRAIN_KEYS: dict[Shape, dict[str, Key]] = {
         ),
         "band": whole(1, MAX_BANDS).describe("Band that holds the heights.", 2, default=1),
     },
+    SurfaceGrid: {
+        "file": Key("the path of a raster, a text", "text").describe(
+            "Raster of classes, by a path relative to this file with forward slashes; its place "
+            "and its reference system are not used.", "classes.tif",
+        ),
+        "band": whole(1, MAX_BANDS).describe("Band that holds the classes.", 2, default=1),
+        "names": Key('names of surfaces by classes, as { "1": "sand" }', "names").describe(
+            "Names of surfaces in surfTypes by the classes that stand for them, whole numbers in "
+            "quotes; other classes leave the surface of the element.", {"1": "sand", "2": "rock"},
+        ),
+    },
     Element: {
         "cellX": Key(
             "a column of the parent's grid, a whole number from 0", "whole", 0, MAX_CELLS - 1,
@@ -555,6 +579,13 @@ TERRAIN_KEYS: dict[Shape, dict[str, Key]] = {
         "surface": Key("the name of a surface, a text", "text").describe(
             "Name of a surface in surfTypes; left out: that of the element whose cell it is in, "
             "or of the part's root.", "sand",
+        ),
+        "surfaceGrid": Key(
+            'an object { "file": "classes.tif", "names": { "1": "sand" } }', "members"
+        ).describe(
+            "Raster of classes over the element's footprint, in place of its surface where it has "
+            "a class that names knows.",
+            {"file": "classes.tif", "names": {"1": "sand", "2": "rock"}},
         ),
         "vScale": _NUMBER.describe(
             "Factor on the curves, may be negative; left out: side of its cell / side of the "

@@ -40,6 +40,7 @@ from terratool.definition.model import (
     Primitive,
     Roughness,
     Surface,
+    SurfaceGrid,
     Track,
     names_of,
     pair_of,
@@ -608,6 +609,8 @@ def _in_range(definition: Library, tree: Tree) -> bool:
     if any(r.rms is msgspec.UNSET or r.correlation is msgspec.UNSET for r in reliefs):
         return False
     ranged = [(tree.distinct(key), KEYS[Element][key]) for key in ("cells", "extent")]
+    bands = {grid.band for grid in tree.distinct("surface_grid") - {msgspec.UNSET}}
+    ranged.append((bands, KEYS[SurfaceGrid]["band"]))
     tracks = definition.ruts if isinstance(definition, Definition) else ()
     ranged += [
         ({getattr(owner, name)}, key)

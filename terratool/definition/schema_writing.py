@@ -12,8 +12,9 @@ from typing import Any, NamedTuple
 from terratool.definition.curriculum import CurriculumText, PatchText
 from terratool.definition.expression import MAX_LENGTH
 from terratool.definition.key import Key, Shape
-from terratool.definition.keys import KEYS, NESTED, REQUIRED
+from terratool.definition.keys import KEYS, MEMBERS, NESTED, REQUIRED
 from terratool.definition.model import (
+    CLASS,
     Definition,
     Element,
     GridFile,
@@ -22,6 +23,7 @@ from terratool.definition.model import (
     Repeat,
     Scatter,
     Surface,
+    SurfaceGrid,
     Track,
 )
 from terratool.definition.presets import PRESETS
@@ -95,7 +97,9 @@ def _one_of(*keys: str, by: str = "anyOf") -> Json:
 
 _GIVEN = {"$ref": "#/$defs/given"}
 _RADIAL = _needs("combine", combine={"const": "radial"})
-_TYPE_OR_PART = {"oneOf": [_needs("type"), _needs("part", cells=False, children=False)]}
+_TYPE_OR_PART = {
+    "oneOf": [_needs("type"), _needs("part", surfaceGrid=False, cells=False, children=False)]
+}
 _IN_A_CELL = _needs(
     "cellX", "cellY", at=False, extent=False,
     repeat={"properties": {"step": {"items": {"type": "integer"}}}},
@@ -116,6 +120,7 @@ _BEYOND_KEYS: dict[Shape, Json] = {
     },
     Element: {"allOf": [_TYPE_OR_PART, {"oneOf": [_IN_A_CELL, _AT_A_PLACE]}]},
     GridFile: {"required": ["file"]},
+    SurfaceGrid: {"required": ["file", "names"]},
     Repeat: {"required": ["count", "step"]},
     Scatter: {"required": ["sizes"], **_one_of("count", "density", by="oneOf")},
     Track: {"required": ["path", "width"], **_one_of("load", "depth")},
@@ -182,6 +187,11 @@ _VALUES: dict[str, Json] = {
     "flag": {"type": "boolean"},
     "any": {"type": ["string", "integer", "object"]},
     "paths": {"type": "array", "items": {"type": "string"}},
+    "names": {
+        "type": "object",
+        "propertyNames": {"pattern": f"^{CLASS}$"},
+        "additionalProperties": {"type": "string"},
+    },
     "curve": {"anyOf": [
         {
             "description": "Samples at evenly spaced t, linear in between; one is a constant; none "
@@ -308,7 +318,7 @@ class _SchemaWriter:
             for name, key in KEYS[shape].items()
             if name not in without
         }
-        if not isinstance(shape, str) and shape not in (GridFile, Repeat, Scatter, PatchText):
+        if not isinstance(shape, str) and shape not in (GridFile, *MEMBERS.values(), PatchText):
             properties["x-ignore"] = {"$ref": "#/$defs/ignore"}
         required = REQUIRED.get(shape, ()) if isinstance(shape, type) else ("kind",)
         return {
@@ -329,7 +339,7 @@ class _SchemaWriter:
         if key.kind == "grid":
             return before | {"anyOf": [_value(key), self.object(GridFile)]} | after
         if key.kind == "members":
-            return before | self.object({"repeat": Repeat, "scatter": Scatter}[name]) | after
+            return before | self.object(MEMBERS[name]) | after
         nested = NESTED.get(shape, {}).get(name) if isinstance(shape, type) else None
         if nested is None:
             return before | _value(key) | after

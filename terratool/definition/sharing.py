@@ -19,7 +19,7 @@ from terratool.definition.exact import Exact, Sides, side, sides
 from terratool.definition.expand import MAX_ELEMENTS, with_names, with_names_in_use
 from terratool.definition.model import Definition, Pair, pair_of
 from terratool.definition.scatter_areas import area_of, copies_over
-from terratool.definition.tree import ROOT
+from terratool.definition.tree import ROOT, with_classes
 from terratool.definition.turning import turn_block
 from terratool.definition.uses import Root, Uses, copies, scatters_over_cells
 from terratool.errors import RequestError
@@ -244,12 +244,12 @@ class _Drafter:
             0 if tree.brood(element)[0] < tree.brood(element)[1] else -1, (ROOT, chain.name),
         )  # fmt: skip
         nodes = [root, *(node for template in templates for node in template.nodes)]
-        definition = with_names_in_use(
-            with_names(self.uses),
-            {node.chain.surface for node in nodes},
-            {node.chain.root.tree.value("type", node.chain.root.element) for node in nodes},
-            self.uses,
+        types, grids = (
+            {node.chain.root.tree.value(name, node.chain.root.element) for node in nodes}
+            for name in ("type", "surface_grid")
         )
+        worn = with_classes({node.chain.surface for node in nodes}, grids)
+        definition = with_names_in_use(with_names(self.uses), worn, types, self.uses)
         return Blueprint(definition, root, templates)
 
     def _key(self, root: Root, quarters: int, surface: Any, cell: _Cell | None) -> _Key:

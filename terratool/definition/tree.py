@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_left, insort
-from collections.abc import Container, Iterable, Iterator, Sequence
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from fractions import Fraction
 from functools import cached_property
 from heapq import heappop, heappush
@@ -90,6 +90,11 @@ def cover(blocks: Sequence[Block], target: Block) -> bool:
     return True
 
 
+def with_classes(surfaces: set[Any], grids: Iterable[Any]) -> set[Any]:
+    """Names of surfaces, and of those that classes of rasters stand for, `UNSET` for none."""
+    return surfaces.union(*(grid.names.values() for grid in grids if grid is not UNSET))
+
+
 class Tree(Struct, frozen=True, dict=True):
     """Elements of a terrain or a library, level by level, in document order within a level.
 
@@ -138,6 +143,26 @@ class Tree(Struct, frozen=True, dict=True):
         if name not in self._distinct:
             self._distinct[name] = set(self.column(name))
         return self._distinct[name]
+
+    def replace(self, name: str, values: Mapping[Any, Any]) -> None:
+        """Replace values of an attribute of all elements by others, in the column and in these."""
+        column = self.column(name)
+        for index, value in enumerate(column):
+            if value in values:
+                column[index] = values[value]
+                if self.elements:
+                    structs.force_setattr(self.elements[index], name, values[value])
+        self._distinct.pop(name, None)
+
+    @property
+    def worn(self) -> set[Any]:
+        """Names of the surfaces of elements, their own and those of classes; `UNSET` for none."""
+        return with_classes(self.distinct("surface"), self.distinct("surface_grid"))
+
+    def wears(self, index: int, surfaces: set[str]) -> bool:
+        """Whether an element has one of some surfaces, its own or that of a class."""
+        own = {self.value("surface", index)}
+        return not with_classes(own, (self.value("surface_grid", index),)).isdisjoint(surfaces)
 
     def count_lacking(self, name: str) -> int:
         """Number of elements without an attribute."""

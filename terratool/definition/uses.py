@@ -274,6 +274,10 @@ class Uses(Struct, frozen=True, dict=True):
         for root in (self.root, *map(self.part, self.parts_in_use)):
             for names, key in (surfaces, "surface"), (primitives, "type"):
                 names |= dict.fromkeys(map(root.tree.column(key).__getitem__, elements_of(root)))
+            if root.tree.distinct("surface_grid") != {UNSET}:
+                classes = map(root.tree.column("surface_grid").__getitem__, elements_of(root))
+                for grid in dict.fromkeys(classes):
+                    surfaces |= {} if grid is UNSET else dict.fromkeys(grid.names.values())
         surfaces |= dict.fromkeys(sorted(track_surfaces(terrain)))
         for names in (surfaces, primitives):
             names.pop(UNSET, None)  # type: ignore[call-overload]

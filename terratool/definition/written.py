@@ -14,7 +14,7 @@ from terratool.definition.chains import Chain, Chains
 from terratool.definition.exact import Exact, ExactSide, Sides, rest_of, rests_of, side, sides
 from terratool.definition.model import DEFAULT_CELLS, Definition, Element, pair_of
 from terratool.definition.scatter_areas import area_of, copies_over
-from terratool.definition.tree import ROOT, Tree
+from terratool.definition.tree import ROOT, Tree, with_classes
 from terratool.definition.turning import turn_block
 from terratool.definition.uses import Root, Uses
 
@@ -66,6 +66,7 @@ class Rows(NamedTuple):
         turn: (n,) turn, degrees.
         type: (n,) code of the primitive.
         surface: (n,) code of the surface.
+        surface_grid: (n,) code of the raster of classes.
         descr: (n,) code of the description.
         child: (n,) index among the children in the text.
         copy: (n, 2) column and row among copies in rows, or the number among scattered ones and -1;
@@ -91,6 +92,7 @@ class Rows(NamedTuple):
     turn: Floats
     type: Ints
     surface: Ints
+    surface_grid: Ints
     descr: Ints
     child: Ints
     copy: Ints
@@ -133,6 +135,12 @@ class Written(NamedTuple):
         """Different values of a column of codes."""
         return set(self.values_of(np.unique(column)))
 
+    @property
+    def worn(self) -> set[Any]:
+        """Names of the surfaces of elements, their own and those of classes; `UNSET` for none."""
+        rows = self.rows
+        return with_classes(self.different(rows.surface), self.different(rows.surface_grid))
+
     def tree(self) -> Tree:
         """Elements as a tree, as a text would give it."""
         rows, count = self.rows, len(self)
@@ -141,7 +149,7 @@ class Written(NamedTuple):
         }
         for name, codes in (
             ("type", rows.type), ("surface", rows.surface), ("descr", rows.descr),
-            ("cells", self.cells),
+            ("cells", self.cells), ("surface_grid", rows.surface_grid),
         ):  # fmt: skip
             columns[name] = self.values_of(codes)
         for name, numbers in (
@@ -251,6 +259,7 @@ class _Text:
         self.turn = numbers("turn_deg")
         self.type = names.numbers(values("type"))
         self.surface = names.numbers(values("surface"))
+        self.surface_grid = names.numbers(values("surface_grid"))
         self.descr = names.numbers(values("descr"))
 
     def exact_rests(self, elements: Ints) -> Floats:
@@ -456,7 +465,8 @@ class _Writer:
         return placed._replace(
             element=ends.element, quarters=quarters, factor=inner, scale=scale,
             offset=factor * ends.offset, turn=turn, type=self._text.type[ends.element],
-            surface=ends.surface, descr=ends.descr, chain=ends.name,
+            surface=ends.surface, surface_grid=self._text.surface_grid[ends.element],
+            descr=ends.descr, chain=ends.name,
         )  # fmt: skip
 
     def _strew(
@@ -592,8 +602,8 @@ def _blank(count: int) -> Rows:
         at=np.full((count, 2), math.nan), extent=np.full((count, 2), math.nan),
         rests=np.zeros((count, 4)), typed=flags(), is_pair=flags(),
         around=np.zeros((count, 2, 2)), scale=np.zeros(count), offset=np.zeros(count),
-        turn=np.zeros(count), type=whole(), surface=whole(), descr=whole(), child=whole(),
-        copy=np.full((count, 2), -1), chain=whole(),
+        turn=np.zeros(count), type=whole(), surface=whole(), surface_grid=whole(), descr=whole(),
+        child=whole(), copy=np.full((count, 2), -1), chain=whole(),
     )  # fmt: skip
 
 

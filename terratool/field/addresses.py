@@ -84,7 +84,8 @@ def _tops(terrain: TerrainField, x: NDArray[np.float64], y: NDArray[np.float64])
         bare = kernels.Field(without_tracks(terrain.arrays))
         found, height = np.empty(len(tracked), np.int64), np.empty(len(tracked))
         places = np.ascontiguousarray(x[tracked]), np.ascontiguousarray(y[tracked])
-        kernels.samples(bare, *places, height, found, np.empty((len(tracked), 2)))
+        surface, gradient = np.empty(len(tracked), np.int32), np.empty((len(tracked), 2))
+        kernels.samples(bare, *places, height, found, surface, gradient)
         top[tracked] = found
     return top
 

@@ -59,6 +59,8 @@ def with_holes(arrays: FieldArrays) -> NDArray[np.bool_]:
     holes: NDArray[np.bool_] = arrays.kinds["is_void"] != 0
     gridded = arrays.kinds["combine"] == COMBINE["grid"]
     holes[gridded] |= arrays.curves.rasters["voids"][arrays.kinds["raster"][gridded]] != 0
+    for kind in np.flatnonzero(arrays.kinds["classes"] >= 0).tolist():
+        holes[kind] |= bool(arrays.classes.of(arrays.kinds[kind]).voids.any())
     return holes
 
 
@@ -116,7 +118,7 @@ def _curve_sizes(arrays: FieldArrays, end: bool) -> Floats:
 def largest_depths(arrays: FieldArrays) -> Floats:
     """Depth of the deepest rut that each track makes alone on any surface, (tracks,)."""
     tracks = arrays.tracks
-    worn = np.unique(np.concatenate([[-1], arrays.kinds["surface"], tracks.surface])) + 1
+    worn = np.unique(np.concatenate([[-1], arrays.worn])) + 1
     depths = tracks.depths[:, worn]
     depths = np.where(np.isnan(depths), 0.0, depths).max(axis=1)[tracks.law]
     return np.asarray(depths * tracks.passes**tracks.power)

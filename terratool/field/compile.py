@@ -14,6 +14,7 @@ from terratool.definition.exact import rests_of
 from terratool.definition.model import DEFAULT_CELLS, Definition, pair_of
 from terratool.definition.tree import ROOT, Tree
 from terratool.definition.written import Written
+from terratool.field.classes import class_column
 from terratool.field.records import ELEMENT, PLACE, FieldArrays
 from terratool.field.tables import (
     Columns,
@@ -71,9 +72,12 @@ def compile_definition(
 ) -> Compiled:
     """Compile a valid definition and its elements in tree order, with or without reliefs."""
     if isinstance(tree, Tree):
-        columns, (places, rests) = _columns(tree, definition), _places(tree)
+        classes = class_column(tree.column("surface_grid"))
+        columns, (places, rests) = _columns(tree, definition, classes.of), _places(tree)
     else:
-        columns, (places, rests) = _written_columns(tree, definition), _written_places(tree)
+        classes = class_column(tree.values_of(tree.rows.surface_grid))
+        columns = _written_columns(tree, definition, classes.of)
+        places, rests = _written_places(tree)
     order, dense = order_of(columns, tree.levels)
     document = (np.arange(len(order)) - _first_sibling(columns.parent))[order].astype(np.uint32)
     columns, dense = reorder(columns, order), dense[order]
@@ -100,7 +104,8 @@ def compile_definition(
     elements["grid"] = grid_of
     spans = columns.span[:, 1] / columns.span[:, 0]
     elements["pose"], poses = poses_of(columns, aspects[home] * spans)
-    found = kinds_of(definition, columns.type, _inherit(columns.surface, parents))
+    worn = _inherit(columns.surface, parents)
+    found = kinds_of(definition, columns, worn, classes.grids)
     elements["kind"] = found.of
     mark_plain(runs, elements, found.kinds, columns.turn)
     arrays = FieldArrays(
@@ -111,7 +116,8 @@ def compile_definition(
         rests=placed.rests,
         kinds=found.kinds,
         curves=found.curves,
-        voids=bool(found.kinds["is_void"].any()),
+        classes=found.classes,
+        voids=found.voids,
         **bins._asdict(),
         **surroundings(definition, roughness=roughness),
     )
@@ -146,7 +152,7 @@ def _descrs(tree: Tree | Written, order: Ints) -> dict[int, str]:
     }
 
 
-def _columns(tree: Tree, definition: Definition) -> Columns:
+def _columns(tree: Tree, definition: Definition, classes: Ints) -> Columns:
     types = {name: i for i, name in enumerate(definition.primitives)}
     surfaces: dict[Any, int] = {name: i for i, name in enumerate(definition.surfaces)}
     surfaces[UNSET] = -1
@@ -179,12 +185,13 @@ def _columns(tree: Tree, definition: Definition) -> Columns:
         turn=np.fmod(floats("turn_deg", 0.0), 360.0),
         type=integers("type", types),
         surface=integers("surface", surfaces),
+        classes=classes,
         free=free,
         place=np.cumsum(free) - 1,
     )
 
 
-def _written_columns(written: Written, definition: Definition) -> Columns:
+def _written_columns(written: Written, definition: Definition, classes: Ints) -> Columns:
     rows, names = written.rows, written.names.values
     cells = np.array([pair_of(c, DEFAULT_CELLS) if _is_cells(c) else (0, 0) for c in names])
 
@@ -202,6 +209,7 @@ def _written_columns(written: Written, definition: Definition) -> Columns:
         turn=np.fmod(np.where(np.isnan(rows.turn), 0.0, rows.turn), 360.0),
         type=numbers(definition.primitives, rows.type),
         surface=numbers(definition.surfaces, rows.surface),
+        classes=classes,
         free=rows.free,
         place=np.cumsum(rows.free) - 1,
     )

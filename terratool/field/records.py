@@ -80,15 +80,17 @@ KIND = np.dtype(
         ("pieces", np.uint32, (2, 2)),  # the first piece, and the number of pieces minus 1
         ("knots", np.uint32, (2, 2)),  # the first knot and the first bin of a knotted curve
         ("surface", np.int32),  # index into the surfaces of the terrain; -1 for none
+        ("classes", np.int32),  # index into the rasters of classes; -1 for none
         ("raster", np.uint32),  # index into rasters, of a grid
         ("combine", np.uint8),
         ("knotted", np.uint8, 2),  # 1 if pieces begin at knots; STEPPED if with vertical steps
-        ("is_void", np.uint8),  # the surface is void
-        ("special", np.uint8),  # 0 for a product of evenly spaced pieces, else 1
+        ("is_void", np.uint8),  # the surface is void, apart from classes
+        # 0 for a product of evenly spaced pieces without classes, else 1
+        ("special", np.uint8),
     ],
     align=True,
 )
-"""A primitive with a surface: a kind of element."""
+"""A primitive with a surface, or with classes besides: a kind of element."""
 
 RASTER = np.dtype(
     [
@@ -101,7 +103,17 @@ RASTER = np.dtype(
     ],
     align=True,
 )
-"""The heights of a grid primitive, row by row from the north, NaN for void ones."""
+"""Heights of a grid primitive, or classes, row by row from the north, NaN where there are none."""
+
+CLASS_GRID = np.dtype(
+    [
+        ("raster", np.uint32),  # index into rasters
+        ("first", np.uint32),  # index of its first class
+        ("count", np.uint32),  # number of its classes
+    ],
+    align=True,
+)
+"""A raster of classes, of which some stand for surfaces."""
 
 GRID = np.dtype(
     [
@@ -186,7 +198,7 @@ RELIEF = np.dtype(
 _ALIGNMENT = 8
 
 kernels.check_records(
-    ELEMENT, GRID, POSE, PLACE, FREE_BINS, KIND, RASTER, SEGMENT, MEMBER, COPIES, RELIEF
+    ELEMENT, GRID, POSE, PLACE, FREE_BINS, KIND, RASTER, CLASS_GRID, SEGMENT, MEMBER, COPIES, RELIEF
 )
 
 
@@ -332,6 +344,32 @@ class CurveArrays(NamedTuple):
         return self.mapped.memory
 
 
+class ClassArrays(NamedTuple):
+    """Rasters of classes, and the surfaces that classes stand for.
+
+    Attributes:
+        grids: CLASS_GRID.
+        numbers: (n,) float64, classes, ascending within each raster.
+        surfaces: (n,) int32, index into the surfaces of the terrain.
+        voids: (n,) uint8, whether these are void.
+    """
+
+    grids: NDArray[Any]
+    numbers: NDArray[np.float64]
+    surfaces: NDArray[np.int32]
+    voids: NDArray[np.uint8]
+
+    def of(self, kind: Any) -> ClassArrays:
+        """Classes of the raster of a kind, which has one."""
+        index = int(kind["classes"])
+        own = self.grids[index]
+        part = slice(int(own["first"]), int(own["first"]) + int(own["count"]))
+        return ClassArrays(
+            self.grids[index : index + 1],
+            self.numbers[part], self.surfaces[part], self.voids[part],
+        )  # fmt: skip
+
+
 class TrackArrays(NamedTuple):
     """Tracks, and an index of their segments by cells of an even grid.
 
@@ -411,6 +449,7 @@ class FieldArrays(NamedTuple):
         free_bins: FREE_BINS, of the grids of free elements.
         kinds: KIND.
         curves: pieces of the curves.
+        classes: rasters of classes.
         bounds: (4,) float64 west, south, east, north.
         pending: largest number of grids that wait at a time in a descent.
         voids: whether any surface is void.
@@ -429,6 +468,7 @@ class FieldArrays(NamedTuple):
     free_bins: NDArray[Any]
     kinds: NDArray[Any]
     curves: CurveArrays
+    classes: ClassArrays
     bounds: NDArray[np.float64]
     pending: int
     voids: bool
@@ -440,7 +480,21 @@ class FieldArrays(NamedTuple):
     def nbytes(self) -> int:
         """Memory of all arrays, in bytes."""
         own = (array for array in self if isinstance(array, np.ndarray))
-        return sum(array.nbytes for array in (*own, *self.curves, *self.tracks, *self.shared))
+        groups = self.curves, self.classes, self.tracks, self.shared
+        return sum(array.nbytes for array in (*own, *(one for group in groups for one in group)))
+
+    def worn_by(self, kind: Any) -> list[int]:
+        """Surface indices that a kind has, of itself and by classes, each once and ascending."""
+        own = {int(kind["surface"])} - {-1}
+        if kind["classes"] >= 0:
+            own.update(self.classes.of(kind).surfaces.tolist())
+        return sorted(own)
+
+    @property
+    def worn(self) -> NDArray[np.int32]:
+        """Surface indices of kinds, of classes and of tracks, (n,) int32; -1 for none."""
+        groups = self.kinds["surface"], self.classes.surfaces, self.tracks.surface
+        return np.concatenate(groups)
 
     @property
     def busy_nbytes(self) -> int:

@@ -98,7 +98,6 @@ def worn_reliefs(arrays: FieldArrays) -> NDArray[Any]:
     """Distinct reliefs of the surfaces of elements and tracks, RELIEF; smooth ones have scale 0."""
     if not len(arrays.reliefs):
         return arrays.reliefs
-    worn = np.concatenate([arrays.kinds["surface"], arrays.tracks.surface])
-    reliefs = arrays.reliefs[np.unique(worn) + 1]
+    reliefs = arrays.reliefs[np.unique(arrays.worn) + 1]
     reliefs[reliefs["scale"] == 0.0] = 0
     return np.unique(reliefs)

@@ -16,6 +16,7 @@ from terratool.definition.exact import rests_of, side
 from terratool.definition.expand import MAX_ELEMENTS
 from terratool.definition.sharing import Blueprint, BlueprintNode, smallest_cell
 from terratool.errors import RequestError
+from terratool.field.classes import class_column
 from terratool.field.compile import Compiled
 from terratool.field.pieces import Floats
 from terratool.field.records import (
@@ -85,10 +86,6 @@ class SharedMember(NamedTuple):
             return copy, left
         copy = bisect_right(self.firsts, number) - 1
         return copy, number - self.firsts[copy]
-
-    def row_of(self, copy: int) -> int:
-        """Return the index in the field of a copy."""
-        return self.element if self.places is None else self.element + copy
 
     def family_of(self, copy: int) -> int:
         """Return the index of the family in a copy; -1 for none."""
@@ -164,6 +161,11 @@ class _Draft(NamedTuple):
         """Node of each row, (rows,) int64."""
         return np.repeat(np.arange(len(self.nodes)), np.diff(self.first))
 
+    def values(self, name: str) -> list[Any]:
+        """Values of an attribute of the elements that nodes stand for."""
+        roots = [node.chain.root for node in self.nodes]
+        return [root.tree.value(name, root.element) for root in roots]
+
     def spread(self, values: Sequence[Any], dtype: Any) -> NDArray[Any]:
         """Spread values of nodes, or arrays for their copies, over all rows as a column."""
         arrays = [index for index, value in enumerate(values) if isinstance(value, np.ndarray)]
@@ -184,7 +186,8 @@ def compile_shared(plan: Blueprint, *, roughness: bool = True) -> tuple[Compiled
     """
     draft = _draft(plan)
     definition = plan.definition
-    columns, bounding, factors = _columns(draft, plan)
+    classes = class_column(draft.values("surface_grid"))
+    columns, bounding, factors = _columns(draft, plan, classes.of)
     order, dense = order_of(bounding, draft.first[draft.levels].tolist())
     columns, bounding, dense = reorder(columns, order), reorder(bounding, order), dense[order]
     node_of, free = draft.node_of[order], columns.free
@@ -225,7 +228,7 @@ def compile_shared(plan: Blueprint, *, roughness: bool = True) -> tuple[Compiled
     elements["offset"] = columns.offset
     elements["grid"] = grid_of
     elements["pose"], poses = poses_of(columns, np.ones(len(order)))
-    found = kinds_of(definition, columns.type, columns.surface)
+    found = kinds_of(definition, columns, columns.surface, classes.grids)
     elements["kind"] = found.of
     plain = mark_plain(runs, elements, found.kinds, columns.turn)
     grids["leaves"] = _leaves(runs, columns, draft, node_of, plain)
@@ -242,7 +245,8 @@ def compile_shared(plan: Blueprint, *, roughness: bool = True) -> tuple[Compiled
         rests=rests,
         kinds=found.kinds,
         curves=found.curves,
-        voids=bool(found.kinds["is_void"].any()),
+        classes=found.classes,
+        voids=found.voids,
         shared=SharingArrays(members, copies, mirrors[runs.first], extent),
         **bins._asdict(),
         **surroundings(definition, roughness=roughness),
@@ -323,8 +327,14 @@ def _often(draft: _Draft, roots: int) -> list[int]:
     return often
 
 
-def _columns(draft: _Draft, plan: Blueprint) -> tuple[Columns, Columns, Floats]:
-    """Elements as columns, first copies alone and rows of copies as blocks, and their factors."""
+def _columns(draft: _Draft, plan: Blueprint, classes: Ints) -> tuple[Columns, Columns, Floats]:
+    """Elements as columns, first copies alone and rows of copies as blocks, and their factors.
+
+    Args:
+        draft: elements of all templates.
+        plan: templates.
+        classes: (nodes,) index of each node's raster of classes; -1 for none.
+    """
     nodes, definition = draft.nodes, plan.definition
     types = {name: i for i, name in enumerate(definition.primitives)}
     surfaces: dict[Any, int] = {name: i for i, name in enumerate(definition.surfaces)}
@@ -334,7 +344,7 @@ def _columns(draft: _Draft, plan: Blueprint) -> tuple[Columns, Columns, Floats]:
     def floats(values: list[Any], default: float) -> Floats:
         return draft.spread([default if v is UNSET else v for v in values], np.float64)
 
-    named = [chain.root.tree.value("type", chain.root.element) for chain in chains]
+    named = draft.values("type")
     free = draft.spread([node.at is not None for node in nodes], np.bool_)
     cell, span = (
         draft.spread([getattr(node, key) for node in nodes], np.int64) for key in ("cell", "span")
@@ -350,6 +360,7 @@ def _columns(draft: _Draft, plan: Blueprint) -> tuple[Columns, Columns, Floats]:
         turn=np.fmod(floats([node.turn for node in nodes], 0.0), 360.0),
         type=draft.spread([types[name] for name in named], np.int64),
         surface=draft.spread([surfaces[node.surface] for node in nodes], np.int64),
+        classes=draft.spread(classes.tolist(), np.int64),
         free=free,
         place=np.cumsum(free) - 1,
     )

@@ -104,8 +104,8 @@ class TerrainSummary(Document, frozen=True, kw_only=True):
         elements: number of elements, those of parts and all copies counted.
         elements_by_primitive: number of elements of each primitive by its name, in the order of the
             file; 0 for those that nothing uses.
-        elements_by_surface: number of elements that wear each surface, their own or an inherited
-            one.
+        elements_by_surface: number of elements that wear each surface, their own, an inherited one
+            or that of a class.
         smallest_cell: shortest side of an element's cell.
         tracks: ruts of wheels.
         height: heights at points that were looked at: an even grid, nine in the cell of each

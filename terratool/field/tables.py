@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from terratool.definition.curves import shape_of
 from terratool.definition.exact import Exact, decimal_sum, side
-from terratool.definition.model import Definition
+from terratool.definition.model import Definition, SurfaceGrid
+from terratool.field.classes import class_arrays
 from terratool.field.pieces import CurveStore, Floats
 from terratool.field.rasters import RasterStore
 from terratool.field.records import (
@@ -24,6 +25,7 @@ from terratool.field.records import (
     KIND,
     POSE,
     RELIEF,
+    ClassArrays,
     CurveArrays,
 )
 from terratool.field.relief import compile_reliefs
@@ -56,6 +58,7 @@ class Columns(NamedTuple):
     turn: NDArray[np.float64]
     type: Ints
     surface: Ints  # -1 to inherit the parent's
+    classes: Ints  # index among the rasters of classes; -1 for none
     free: NDArray[np.bool_]  # True at a place of its own, in no cell
     place: Ints  # index among the places in the order of the tree
 
@@ -343,39 +346,51 @@ def _cos_sin(degrees: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray
 
 
 class Kinds(NamedTuple):
-    """Kind of each element, (n,), and all kinds, (k,), with their primitives and curves."""
+    """Kind of each element, (n,), and all kinds, (k,), with their primitives, curves and classes.
+
+    `voids` is whether any surface is void.
+    """
 
     of: Ints
     kinds: NDArray[Any]
     primitives: Ints
     curves: CurveArrays
+    classes: ClassArrays
+    voids: bool
 
 
-def kinds_of(definition: Definition, types: Ints, surface: Ints) -> Kinds:
-    """Return the kinds of elements: their distinct pairs of primitive and surface.
+def kinds_of(
+    definition: Definition, columns: Columns, surface: Ints, class_grids: Sequence[SurfaceGrid]
+) -> Kinds:
+    """Return the kinds of elements: their distinct primitives, surfaces and rasters of classes.
 
     Args:
         definition: the definition.
-        types: (n,) index in the definition of each element's primitive.
+        columns: the elements.
         surface: (n,) index in the definition of each element's surface; -1 for none.
+        class_grids: rasters of classes, by their indices in the columns.
     """
-    first, index = _distinct([types, surface])
-    pairs = np.column_stack([types[first], surface[first]])
+    first, index = _distinct([columns.type, surface, columns.classes])
+    found = np.column_stack([columns.type[first], surface[first], columns.classes[first]])
     primitives = list(definition.primitives.values())
     void = [surface.void is True for surface in definition.surfaces.values()] + [False]
     store, rasters = CurveStore(), RasterStore()
-    kinds = np.zeros(len(pairs), KIND)
-    for kind, (type_, surface_) in zip(kinds, pairs, strict=True):
+    kinds = np.zeros(len(found), KIND)
+    for kind, (type_, surface_, classes_) in zip(kinds, found, strict=True):
         shape = shape_of(primitives[type_])
         kind["combine"] = COMBINE[shape.combine]
         kind["surface"] = surface_
+        kind["classes"] = classes_
         kind["is_void"] = void[surface_]
         for axis, curve in enumerate((shape.x, shape.y or shape.x)):
             store.put(kind, axis, curve)
-        kind["special"] = kind["combine"] != COMBINE["product"] or kind["knotted"].any()
+        special = kind["combine"] != COMBINE["product"] or kind["knotted"].any()
+        kind["special"] = special or classes_ >= 0
         if shape.grid is not None:
             kind["raster"] = rasters.put(shape.grid)
-    return Kinds(index, kinds, pairs[:, 0], store.curves(rasters))
+    classes = class_arrays(class_grids, definition, rasters)
+    voids = bool(kinds["is_void"].any() or classes.voids.any())
+    return Kinds(index, kinds, found[:, 0], store.curves(rasters), classes, voids)
 
 
 _CANCELLED = 2.0**-80

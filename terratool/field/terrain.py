@@ -330,15 +330,13 @@ class Terrain:
         """Height, element, surface and normal at points in one pass."""
         x, y, shape = _points(x, y)
         height = np.empty(len(x))
-        element = np.empty(len(x), np.int64)
+        element, surface = np.empty(len(x), np.int64), np.empty(len(x), np.int32)
         gradient = np.empty((len(x), 2))
         if self._tally is None:
-            kernels.samples(self.field, x, y, height, element, gradient)
-            surface = self.surface_of(element)
+            kernels.samples(self.field, x, y, height, element, surface, gradient)
         else:
             number = np.empty((len(x), 2), np.uint64)
-            kernels.shared_samples(self.field, x, y, height, element, number, gradient)
-            surface = self._field_surface(element)
+            kernels.shared_samples(self.field, x, y, height, element, surface, number, gradient)
             element = self._numbered(element, number)
         slope_x, slope_y = gradient.T
         length = np.sqrt(slope_x * slope_x + slope_y * slope_y + 1.0)
@@ -441,24 +439,6 @@ class Terrain:
 
         return WarpField(self, device, origin=origin, default_friction=default_friction)
 
-    def surface_of(self, element: NDArray[np.int64]) -> NDArray[np.int32]:
-        """Surface indices of elements and tracks, int32 in their shape; -1 for none."""
-        if self._tally is None:
-            return self._field_surface(element)
-        unique, index = np.unique(element.ravel(), return_inverse=True)
-        within = [self._field_index(number) for number in unique.tolist()]
-        return self._field_surface(np.array(within, np.int64)[index].reshape(element.shape))
-
-    def _field_surface(self, element: NDArray[np.int64]) -> NDArray[np.int32]:
-        """Surface indices by index in the field's arrays, int32 in their shape; -1 for none."""
-        arrays = self.arrays
-        count = len(arrays.elements)
-        kinds = arrays.elements["kind"][np.clip(element, 0, count - 1)]
-        surface = np.where(element < 0, -1, arrays.kinds["surface"][kinds]).astype(np.int32)
-        tracked = element >= count
-        surface[tracked] = arrays.tracks.surface[element[tracked] - count]
-        return surface
-
     @property
     def _first_track(self) -> int:
         """Number of the first track, which follows those of the elements."""
@@ -491,16 +471,6 @@ class Terrain:
     def _is_track(self, element: int) -> bool:
         return self._first_track <= element < self._first_track + self.tracks
 
-    def _field_index(self, element: int) -> int:
-        """Index in the arrays of a shared field of an element or track."""
-        if element < 0:
-            return element
-        if self._is_track(element):
-            return element - self._first_track + len(self.arrays.elements)
-        assert self._tally is not None
-        member, copy = self._tally.way(self._number(element))[-1]
-        return member.row_of(copy)
-
     def primitive_of(self) -> NDArray[np.int64]:
         """Index into `primitives` of each element, (n,) int64."""
         primitives: NDArray[np.int64] = self._compiled.primitives[self.arrays.elements["kind"]]
@@ -522,11 +492,10 @@ class Terrain:
         return counts
 
     def count_by_surface(self) -> dict[str, int]:
-        """Number of elements with each surface, whether their own or inherited."""
+        """Number of elements with each surface: their own, inherited, or by classes of a raster."""
         counts = dict.fromkeys(self.surfaces, 0)
-        surfaces = self.arrays.kinds["surface"].tolist()
-        for surface, count in zip(surfaces, self._by_kind, strict=True):
-            if surface >= 0:
+        for kind, count in zip(self.arrays.kinds, self._by_kind, strict=True):
+            for surface in self.arrays.worn_by(kind):
                 counts[self.surfaces[surface]] += count
         return counts
 

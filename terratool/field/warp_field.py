@@ -339,10 +339,10 @@ def _add_grids(make: _Maker, field: Any, arrays: FieldArrays) -> None:
 def _add_primitives(make: _Maker, field: Any, arrays: FieldArrays) -> None:
     import warp as wp
 
-    from terratool.field.warp_kernels import DeviceCurve, DeviceKind, DeviceRaster
+    from terratool.field.warp_kernels import DeviceClasses, DeviceCurve, DeviceKind, DeviceRaster
 
     kinds, curves = arrays.kinds, arrays.curves
-    field.kinds = make.structs(DeviceKind, kinds, "surface combine is_void special raster")
+    field.kinds = make.structs(DeviceKind, kinds, "surface combine is_void special raster classes")
     field.curves = make.structs(
         DeviceCurve,
         kinds,
@@ -373,6 +373,11 @@ def _add_primitives(make: _Maker, field: Any, arrays: FieldArrays) -> None:
         rows=rasters["count"][:, 1],
     )
     field.heights = make.array(np.concatenate(heights, dtype=np.float64), wp.float64)
+    classes = arrays.classes
+    field.classes = make.structs(DeviceClasses, classes.grids, "raster first count")
+    field.class_numbers = make.array(classes.numbers, wp.float64)
+    field.class_surfaces = make.array(classes.surfaces, wp.int32)
+    field.class_voids = make.array(classes.voids, wp.int32)
 
 
 def _add_tracks(make: _Maker, field: Any, tracks: TrackArrays) -> None:

@@ -133,6 +133,7 @@ class DeviceKind:
     is_void: wp.int32
     special: wp.int32
     raster: wp.int32
+    classes: wp.int32
 
 
 @wp.struct
@@ -156,6 +157,15 @@ class DeviceRaster:
     rows: wp.int32
     pixel: wp.int32
     voids: wp.int32
+
+
+@wp.struct
+class DeviceClasses:
+    """A raster of classes, and which of all classes it has."""
+
+    raster: wp.int32
+    first: wp.int32
+    count: wp.int32
 
 
 @wp.struct
@@ -211,6 +221,10 @@ class DeviceField:
     curve_bins: wp.array(dtype=wp.int32)
     rasters: wp.array(dtype=DeviceRaster)
     heights: wp.array(dtype=wp.float64)
+    classes: wp.array(dtype=DeviceClasses)
+    class_numbers: wp.array(dtype=wp.float64)
+    class_surfaces: wp.array(dtype=wp.int32)
+    class_voids: wp.array(dtype=wp.int32)
     tracks: wp.array(dtype=DeviceTrack)
     segments: wp.array(dtype=DeviceSegment)
     depths: wp.array2d(dtype=wp.float64)
@@ -225,12 +239,16 @@ class DeviceField:
 
 @wp.struct
 class ElementSum:
-    """Sum of the elements at a point; `top` is the uppermost element, -1 for none."""
+    """Sum of the elements at a point; `top` is the uppermost element, -1 for none.
+
+    `pixel` is the column and the row of its pixel of classes, if it has these.
+    """
 
     z: wp.float64
     slope_x: wp.float64
     slope_y: wp.float64
     top: wp.int32
+    pixel: wp.vec2i
 
 
 @wp.struct
@@ -912,6 +930,38 @@ def shape_at(
     return shape
 
 
+@wp.func
+def class_pixel(
+    field: wp.array(dtype=DeviceField), element: DeviceElement, spot: DeviceSpot, point: wp.vec2d
+):
+    """Return column and row of the pixel of an element's classes that holds a point."""
+    pose = field[0].poses[element.pose]
+    kind = field[0].kinds[element.kind]
+    r = field[0].rasters[field[0].classes[kind.classes].raster]
+    uv = spot.uv
+    if pose.turned != 0:
+        uv = turn_point(pose, uv, spot.sin_u, spot.sin_v)
+    if pose.turned != 0 or kind.combine == RADIAL:
+        uv = clamp_to_rectangle(uv)
+        return wp.vec2i(cell_at(uv[0] + STEP, r.columns), cell_at(uv[1] + STEP, r.rows))
+    i = placed_cell(uv[0], r.columns, point[0], spot.axis_x, spot.cell[0], spot.width[0])
+    j = placed_cell(uv[1], r.rows, point[1], spot.axis_y, spot.cell[1], spot.width[1])
+    return wp.vec2i(i, j)
+
+
+@wp.func
+def worn_at(field: wp.array(dtype=DeviceField), element: wp.int32, pixel: wp.vec2i):
+    """Return the surface of an element, in a pixel if it has classes, and whether it is void."""
+    kind = field[0].kinds[field[0].elements[element].kind]
+    if kind.classes >= 0:
+        own = field[0].classes[kind.classes]
+        number = number_at(field, field[0].rasters[own.raster], pixel[0], pixel[1])
+        for k in range(own.first, own.first + own.count):
+            if field[0].class_numbers[k] == number:
+                return field[0].class_surfaces[k], field[0].class_voids[k]
+    return kind.surface, kind.is_void
+
+
 # Reliefs and tracks
 
 
@@ -1031,9 +1081,9 @@ def settle(field: wp.array(dtype=DeviceField), found: ElementSum, x: wp.float64,
     """Apply tracks, reliefs and the void to the sum of the elements at a point."""
     ground = DeviceGround(found.z, wp.vec2d(found.slope_x, found.slope_y), -1, wp.float32(NAN))
     if found.top >= 0:
-        kind = field[0].kinds[field[0].elements[found.top].kind]
-        ground.surface = kind.surface
-        if kind.is_void != 0:
+        surface, is_void = worn_at(field, found.top, found.pixel)
+        ground.surface = surface
+        if is_void != 0:
             ground.height = NAN
             ground.gradient = wp.vec2d(NAN, NAN)
             return ground
@@ -1075,7 +1125,7 @@ def compile_kernels(room: int) -> DeviceFunctions:
         waiting = grids_type()
         places = places_type()
         pending = wp.int32(0)
-        found = ElementSum(ZERO, ZERO, ZERO, -1)
+        found = ElementSum(ZERO, ZERO, ZERO, -1, wp.vec2i(0, 0))
         g = wp.int32(0)
         above = wp.vec2d(ZERO, ZERO)
         while g >= 0:
@@ -1103,6 +1153,8 @@ def compile_kernels(room: int) -> DeviceFunctions:
                     found.slope_x += element.scale * shape.du * spot.per[0]
                     found.slope_y += element.scale * shape.dv * spot.per[1]
                     found.top = wp.max(found.top, index)
+                    if found.top == index and field[0].kinds[element.kind].classes >= 0:
+                        found.pixel = class_pixel(field, element, spot, point)
             if grid.more != 0:
                 g += 1
             elif pending > 0:

@@ -1,7 +1,7 @@
-"""Rasters whose bands are grids of heights of a definition: their headers, and their numbers.
+"""Rasters whose bands are grids of a definition: their headers, and their numbers.
 
-Numbers become heights once: scaled, NaN where there is none, float32 where that holds all of them
-and float64 elsewhere. They are kept in the cache, whence processes map them.
+Numbers become heights, or classes, once: scaled, NaN where there is none, float32 where that holds
+all of them and float64 elsewhere. They are kept in the cache, whence processes map them.
 """
 
 from __future__ import annotations
@@ -85,9 +85,11 @@ def identity_of(path: str) -> FileIdentity:
     )
 
 
-def _key(path: str, band: int, identity: FileIdentity, overview: int | None = None) -> str:
+def _key(
+    path: str, band: int, identity: FileIdentity, classes: bool, overview: int | None = None
+) -> str:
     """Name in the cache of a band of a file in one state, or of an overview of it."""
-    meant = msgspec.json.encode((path, band, identity, overview))
+    meant = msgspec.json.encode((path, band, identity, classes, overview))
     return hashlib.blake2b(meant, digest_size=20).hexdigest()
 
 
@@ -99,16 +101,17 @@ class Headers:
         self._count = 0
         self._empty = MAX_EMPTY_PIXELS
 
-    def source(self, path: str, band: int) -> GridSource:
+    def source(self, path: str, band: int, classes: bool = False) -> GridSource:
         """Band of a raster.
 
         Args:
             path: path without links.
             band: number of the band, from 1.
+            classes: whether it is to hold classes rather than heights.
 
         Raises:
-            ReadError: the file is no raster with such a band of heights, changes meanwhile, or
-                claims too much; or there are too many.
+            ReadError: the file is no raster with such a band, changes meanwhile, or claims too
+                much; or there are too many.
         """
         self._count += 1
         if self._count > MAX_GRIDS:
@@ -119,7 +122,7 @@ class Headers:
         if path not in self._read:
             self._read[path] = _Header(path)
         header = self._read[path]
-        found = header.source(band)
+        found = header.source(band, classes)
         more = 0 if _is_by_blocks(found) else header.take(found)
         if more > self._empty or found.columns * found.rows > MAX_PIXELS:
             from terratool.io.guards import STORE_ALL, claim
@@ -146,13 +149,13 @@ class _Header:
         self._path, self._identity = path, identity_of(path)
         self._pixels = 0
 
-    def source(self, band: int) -> GridSource:
-        """Return what the header says of a band.
+    def source(self, band: int, classes: bool) -> GridSource:
+        """Return what the header says of a band of heights, or of classes.
 
         Raises:
-            ReadError: the file is no raster with such a band of heights, or changes meanwhile.
+            ReadError: the file is no raster with such a band, or changes meanwhile.
         """
-        known = grid_cache.facts(_key(self._path, band, self._identity))
+        known = grid_cache.facts(_key(self._path, band, self._identity, classes))
         if known is not None:
             return known.source
         bands = self._bands
@@ -160,13 +163,13 @@ class _Header:
             raise bands
         from terratool.io.opening import refuse_band
 
-        refuse_band(self._path, bands.dtypes, band)
-        if bands.palettes[band - 1]:
+        refuse_band(self._path, bands.dtypes, band, what="classes" if classes else "heights")
+        if bands.palettes[band - 1] and not classes:
             raise ReadError(
                 f"{self._path}: holds colours of a palette in band {band}, not heights.",
                 "Name a band of heights.",
             )
-        return structs.replace(bands.first, band=band)
+        return structs.replace(bands.first, band=band, classes=classes)
 
     def take(self, source: GridSource) -> int:
         """Count the pixels of a band, and return how many its file's bytes do not account for."""
@@ -306,7 +309,7 @@ def numbers_of(source: GridSource) -> MappedGrid:
         ReadError: the file has changed since its header was read, or is broken.
     """
     refuse_change(source)
-    key = _key(source.path, source.band, source.identity, source.overview)
+    key = _key(source.path, source.band, source.identity, source.classes, source.overview)
     found = grid_cache.mapped(key)
     if found is not None and found.facts.source == source:
         return found

@@ -172,7 +172,11 @@ def open_local(
 
 
 def refuse_band(
-    name: str, dtypes: Sequence[str], band: int, missing: type[TerratoolError] = ReadError
+    name: str,
+    dtypes: Sequence[str],
+    band: int,
+    missing: type[TerratoolError] = ReadError,
+    what: str = "heights",
 ) -> None:
     """Refuse a band that a raster does not have, or that holds no real numbers.
 
@@ -181,6 +185,7 @@ def refuse_band(
         dtypes: types of the numbers of its bands.
         band: number of the band, from 1.
         missing: error for a band that the raster does not have.
+        what: what the numbers of the band are to be.
 
     Raises:
         TerratoolError: the raster does not have the band; the one that `missing` names.
@@ -193,7 +198,7 @@ def refuse_band(
         )
     if "complex" in dtypes[band - 1]:
         raise ReadError(
-            f"{name}: holds complex numbers in band {band}, not heights.",
+            f"{name}: holds complex numbers in band {band}, not {what}.",
             "Name a band of real numbers.",
         )
 

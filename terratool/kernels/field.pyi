@@ -15,6 +15,7 @@ def check_records(
     free_bins: np.dtype[Any],
     kind: np.dtype[Any],
     raster: np.dtype[Any],
+    classes: np.dtype[Any],
     segment: np.dtype[Any],
     member: np.dtype[Any],
     copies: np.dtype[Any],
@@ -49,12 +50,13 @@ def samples(
     y: NDArray[np.float64],
     height: NDArray[np.float64],
     top: NDArray[np.int64],
+    surface: NDArray[np.int32],
     gradient: NDArray[np.float64],
 ) -> None:
     """
-    Height, top element and gradient at points.
+    Height, top element, surface and gradient at points.
 
-    Shapes: x[n], y[n], height[n], top[n], gradient[n,2].
+    Shapes: x[n], y[n], height[n], top[n], surface[n], gradient[n,2].
     """
 
 def most_over_point(field: Field) -> float:
@@ -66,13 +68,14 @@ def shared_samples(
     y: NDArray[np.float64],
     height: NDArray[np.float64],
     top: NDArray[np.int64],
+    surface: NDArray[np.int32],
     number: NDArray[np.uint64],
     gradient: NDArray[np.float64],
 ) -> None:
     """
     The same where parts are shared, and the number of the top element.
 
-    Shapes: x[n], y[n], height[n], top[n], number[n,2], gradient[n,2].
+    Shapes: x[n], y[n], height[n], top[n], surface[n], number[n,2], gradient[n,2].
     """
 
 def shared_rectangles(field: Field, out: NDArray[np.float64]) -> None:

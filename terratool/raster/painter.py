@@ -78,9 +78,8 @@ class Painter:
             dtype if slopes else None,
             np.dtype(np.uint32) if labels else None,
         )
-        kinds = terrain.arrays.kinds
-        self._voids = np.zeros(len(terrain.surfaces) + 1, np.bool_)
-        self._voids[kinds["surface"] + 1] = kinds["is_void"] != 0
+        types = terrain.surface_types.values()
+        self._voids = np.array([False, *(surface.void is True for surface in types)])
         self._slopes = slopes
         self._edges = nonzero_edges(terrain.arrays) if labels else None
         self._idle: deque[kernels.Painter] = deque()

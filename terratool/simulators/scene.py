@@ -212,16 +212,15 @@ class Scene:
         """
         if meshed:
             return [self.material(part.surface) for part in self.parts]
-        terrain, counts = self.terrain, self.terrain.count_by_surface()
-        worn = {index for index, count in enumerate(counts.values()) if count}
-        worn.update(terrain.arrays.tracks.surface.tolist())
+        terrain, arrays = self.terrain, self.terrain.arrays
+        worn = set(arrays.worn.tolist())
         worn.discard(-1)  # tracks that leave the ground its own surface
         is_void = [surface.void is True for surface in terrain.surface_types.values()]
         found = [self.material(index) for index in sorted(worn) if not is_void[index]]
         west, south, east, north = terrain.bounds
         # a round or turned root leaves out the corners, where there is no surface either
         corners = terrain.sample([west, east, west, east], [south, south, north, north]).surface
-        bare = sum(counts.values()) < terrain.elements or -1 in corners
+        bare = bool((arrays.kinds["surface"] < 0).any()) or -1 in corners
         return found + [self.material(-1)] * bare
 
 

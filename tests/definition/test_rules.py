@@ -63,6 +63,7 @@ NAMES = {
     "TT313": "grid-path",
     "TT314": "grid-aspect",
     "TT315": "grid-crs",
+    "TT316": "surface-class",
     "TT401": "missing-soil",
     "TT402": "same-color",
     "TT403": "implausible-soil",

@@ -28,7 +28,12 @@ TOLERANCE = 2e-6
 def test_height_surface_and_element_agree_with_the_format(data: st.DataObject) -> None:
     """At random points, and on, beside and between all edges of cells, to the last bit."""
     definition = data.draw(
-        definitions(rutted=data.draw(st.booleans()), free=data.draw(st.booleans()), gridded=True)
+        definitions(
+            rutted=data.draw(st.booleans()),
+            free=data.draw(st.booleans()),
+            gridded=True,
+            classed=True,
+        )
     )
     terrain, oracle = terrain_of(definition), Oracle(definition)
     drawn = data.draw(st.lists(points(definition), min_size=4, max_size=12))
@@ -51,7 +56,12 @@ def test_height_surface_and_element_agree_with_the_format(data: st.DataObject) -
 def test_batches_and_single_points_agree_bit_for_bit(data: st.DataObject) -> None:
     """However many points are asked at a time, and together with whatever else."""
     definition = data.draw(
-        definitions(rutted=data.draw(st.booleans()), free=data.draw(st.booleans()), gridded=True)
+        definitions(
+            rutted=data.draw(st.booleans()),
+            free=data.draw(st.booleans()),
+            gridded=True,
+            classed=True,
+        )
     )
     terrain = terrain_of(definition)
     x, y = np.array(landmarks(definition)[:80] + rims(definition)).T

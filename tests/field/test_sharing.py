@@ -25,6 +25,7 @@ from terratool.raster.grid import Grid
 from terratool.raster.painter import Painter
 from terratool.text.source import Source, read_source
 from tests.budget import examples
+from tests.classes import class_folder
 from tests.filesets import FileSet, file_sets, save
 
 ALWAYS = -1
@@ -84,7 +85,6 @@ def compare(shared: Terrain, plain: Terrain, seed: int = 0) -> None:
     np.testing.assert_array_equal(one.height, other.height)
     np.testing.assert_array_equal(one.normal, other.normal)
     np.testing.assert_array_equal(shared.surface(x, y), plain.surface(x, y))
-    np.testing.assert_array_equal(shared.surface_of(one.element), one.surface)
     assert shared.element(x, y).tolist() == plain.element(x, y).tolist()
     assert shared.elements == plain.elements
     assert shared.levels == plain.levels
@@ -119,15 +119,15 @@ def compare_pixels(shared: Terrain, plain: Terrain, seed: int = 0) -> None:
 
 
 @settings(max_examples=EXAMPLES)
-@given(files=file_sets(), seed=st.integers(0, 99))
+@given(files=file_sets(classed=True), seed=st.integers(0, 99))
 def test_shared_parts_answer_as_those_written_out(files: FileSet, seed: int) -> None:
     """Heights, normals, surfaces, names and pixels are the same to the bit."""
     with tempfile.TemporaryDirectory() as folder:
-        options = CheckOptions(warnings=False, library_roots=(folder,))
+        options = CheckOptions(warnings=False, library_roots=(folder, str(class_folder())))
         found = check(read_source(save(files, Path(folder))), options)
-    assume(found.terrain is not None)
-    plain = Terrain(found, share_above=math.inf)
-    shared = Terrain(found, share_above=ALWAYS)
+        assume(found.terrain is not None)
+        plain = Terrain(found, share_above=math.inf)
+        shared = Terrain(found, share_above=ALWAYS)
     assume(shared.is_shared)
     compare(shared, plain, seed)
     compare_pixels(shared, plain, seed)
@@ -337,7 +337,6 @@ def test_more_elements_than_a_number_holds() -> None:
         assert pointer is not None
         plain = Terrain(checked(branch(definition, pointer)))
         assert plain.height(x[n], y[n]) == found.height[n]
-    np.testing.assert_array_equal(terrain.surface_of(found.element), found.surface)
     grid = Grid(0.0, 0.0, 10.0, 100, 100)
     painted = Painter(terrain, grid).paint(grid.whole).heights
     columns, rows = np.meshgrid(grid.columns(grid.whole), grid.rows(grid.whole))
@@ -361,7 +360,7 @@ def test_tracks_come_behind_all_elements() -> None:
     terrain = Terrain(checked(definition))
     at = terrain.sample(500.0, 500.5)
     assert terrain.pointer(int(at.element)) == "/tracks/0"
-    assert terrain.surface_of(np.array([at.element])).tolist() == [at.surface]
+    assert terrain.surfaces[at.surface] == "rock"
 
 
 def test_what_is_not_composed_is_never_shared() -> None:

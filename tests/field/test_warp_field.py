@@ -125,7 +125,7 @@ class TestEquality:
     def test_random_definitions(self, data: st.DataObject) -> None:
         """On, beside and between edges of cells, steps, turned rectangles and rims of tracks."""
         rutted, free = data.draw(st.booleans()), data.draw(st.booleans())
-        definition = data.draw(definitions(rutted=rutted, free=free, gridded=True))
+        definition = data.draw(definitions(rutted=rutted, free=free, gridded=True, classed=True))
         drawn = data.draw(st.lists(points(definition), min_size=4, max_size=12))
         x, y = np.array(landmarks(definition)[:200] + rims(definition) + drawn).T
         assert_same(terrain_of(definition), x, y)

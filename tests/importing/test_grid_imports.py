@@ -264,8 +264,9 @@ def test_a_link_says_what_the_source_has(dem: Path) -> None:
 @pytest.mark.parametrize(
     ("more", "says"),
     [
-        (["--max-error", 0.1], "--max-error is about heights that are written"),
-        (["--fill"], "--fill is about heights that are written"),
+        (["--max-error", 0.1], "--max-error is about what is written"),
+        (["--surfaces", "cover.tif"], "--surfaces is about what is written"),
+        (["--fill"], "--fill is about what is written"),
         (["--as", "rows"], "A link makes a grid, and rows are asked for."),
         (["--walls"], "--walls is about rows"),
         (["--structures"], "--structures is about rows"),
@@ -332,3 +333,74 @@ def test_a_largest_error_is_asked_for_without_a_link(dem: Path) -> None:
     assert ran.code == 2 and "Missing option '--max-error'" in ran.err
     with pytest.raises(terratool.RequestError, match="Nothing says how far"):
         terratool.import_terrain(dem)
+
+
+# --- classes --------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def classes(dem: Path) -> Path:
+    """Classes half as fine as the DEM, which lack its north; one of them with a name of its own."""
+    path = dem.with_name("cover.tif")
+    numbers = np.array([[7, 1, 1, 300, 2], [1, 7, 2, 2, 0]], np.uint16)
+    geotiff(path, numbers, side=4, corner=(CORNER[0], CORNER[1] - 4), crs="EPSG:32633", nodata=0)
+    pam = """<PAMDataset><PAMRasterBand band="1"><GDALRasterAttributeTable>
+    <FieldDefn index="0"><Name>Value</Name></FieldDefn>
+    <FieldDefn index="1"><Name>Class</Name></FieldDefn>
+    <Row index="0"><F>7</F><F>marsh</F></Row></GDALRasterAttributeTable></PAMRasterBand>
+    </PAMDataset>"""
+    path.with_name("cover.tif.aux.xml").write_text(pam)
+    return path
+
+
+def test_classes_stand_in_a_raster_beside_the_grid(dem: Path, classes: Path) -> None:
+    """At each pixel they are those of an import as rows; what has none is of the ground."""
+    words = ["import-terrain", dem, dem.with_name("site.json"), "--max-error", 0.25]
+    words += ["--surfaces", classes, "--surface", "meadow"]
+    ran = run(*words, "--as", "grid")
+    assert ran.code == 0, ran.err
+    assert 'has no class for 20 pixels: the surface "meadow".' in ran.err
+    assert "site-classes.tif: the classes" in ran.out
+    out = dem.with_name("site.json")
+    written = json.loads(out.read_text())
+    assert written["elemTree"]["surfaceGrid"] == {
+        "file": "site-classes.tif",
+        "names": {"1": "class-1", "2": "class-2", "7": "marsh", "300": "class-300"},
+    }
+    assert sorted(written["surfTypes"]) == ["class-1", "class-2", "class-300", "marsh", "meadow"]
+    grid = load(out)
+    rows_out = dem.with_name("rows.json")
+    assert run(*words[:2], rows_out, *words[3:], "--as", "rows").code == 0
+    rows = load(rows_out)
+    x, y = np.meshgrid(400001 + 2 * np.arange(9), 4999999 - 2 * np.arange(6))
+    known = ~np.isnan(grid.height(x, y))
+    assert known.sum() == 53
+    assert (grid.surface(x, y) == rows.surface(x, y))[known].all()
+    assert grid.surface(400001, 4999995) == "marsh" and grid.surface(400001, 4999999) == "meadow"
+    with rasterio.open(out.with_name("site-classes.tif")) as file:
+        assert file.bounds == (400000, 4999988, 400018, 5000000) and file.crs.to_epsg() == 32633
+    assert run("validate", out).code == 0
+
+
+def test_no_classes_are_replaced(dem: Path, classes: Path) -> None:
+    """Neither those that are read, nor a file that is there."""
+    source = classes.rename(dem.with_name("site-classes.tif"))
+    before = source.read_bytes()
+    words = ["import-terrain", dem, dem.with_name("site.json"), "--max-error", 0.25, "--as", "grid"]
+    ran = run(*words, "--surfaces", source, "--overwrite")
+    assert ran.code == 2 and "is read, and site-classes.tif would be written over it" in ran.err
+    other = source.rename(dem.with_name("other.tif"))
+    source.write_text("mine")
+    ran = run(*words, "--surfaces", other)
+    assert ran.code == 3 and "site-classes.tif: exists already" in ran.err
+    assert source.read_text() == "mine" and other.read_bytes() == before
+    assert not dem.with_name("site.json").exists()
+
+
+def test_classes_of_too_large_numbers_are_refused(dem: Path) -> None:
+    cover = dem.with_name("cover.tif")
+    geotiff(cover, np.full((6, 9), 2**31, np.uint32), corner=CORNER, crs="EPSG:32633")
+    words = ["import-terrain", dem, dem.with_name("site.json"), "--max-error", 0.25, "--as", "grid"]
+    ran = run(*words, "--surfaces", cover)
+    assert ran.code == 2 and "has a class 2,147,483,648, and they go up to" in ran.err
+    assert sorted(path.name for path in dem.parent.iterdir()) == ["cover.tif", "dem.tif"]

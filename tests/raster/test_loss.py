@@ -227,7 +227,9 @@ class TestWalls:
     @given(st.data())
     def test_are_no_more_than_jumps(self, data: st.DataObject) -> None:
         """Of any terrain; a pair stands for a pixel of wall at most."""
-        definition = data.draw(definitions(free=data.draw(st.booleans()), gridded=True))
+        definition = data.draw(
+            definitions(free=data.draw(st.booleans()), gridded=True, classed=True)
+        )
         terrain = terrain_of(definition)
         count = data.draw(st.sampled_from([7, 10, 37]))
         grid = grid_over(terrain, min(max(terrain.size) / count, min(terrain.size)))

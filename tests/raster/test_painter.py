@@ -95,9 +95,8 @@ def assert_queried(terrain: Terrain, grid: Grid, window: Window, dtype: Any = np
     different = np.argwhere(planes.surfaces != wanted.surface + 1)
     assert not len(different), f"{len(different)} ids, first at {different[0]}"
     gradient = np.empty((x.size, 2))
-    kernels.samples(
-        terrain.field, x.ravel(), y.ravel(), np.empty(x.size), np.empty(x.size, np.int64), gradient
-    )
+    blank = np.empty(x.size), np.empty(x.size, np.int64), np.empty(x.size, np.int32)
+    kernels.samples(terrain.field, x.ravel(), y.ravel(), *blank, gradient)
     steep = steepest_sum(terrain)
     for name, right, slack in (
         ("heights", wanted.height, 1e-13 * largest_sum(terrain)),
@@ -137,7 +136,12 @@ def grids_of(draw: st.DrawFn, definition: dict[str, Any]) -> Grid:
 def test_pixels_are_queries(data: st.DataObject) -> None:
     """Of any terrain, with pixels anywhere, on its edges and beyond them."""
     definition = data.draw(
-        definitions(rutted=data.draw(st.booleans()), free=data.draw(st.booleans()), gridded=True)
+        definitions(
+            rutted=data.draw(st.booleans()),
+            free=data.draw(st.booleans()),
+            gridded=True,
+            classed=True,
+        )
     )
     terrain = terrain_of(definition)
     grid = data.draw(grids_of(definition))
@@ -150,7 +154,12 @@ def test_pixels_are_queries(data: st.DataObject) -> None:
 def test_windows_and_threads_change_nothing(data: st.DataObject) -> None:
     """Whole = windows = threads, bit for bit; also when tiles end within the window."""
     definition = data.draw(
-        definitions(rutted=data.draw(st.booleans()), free=data.draw(st.booleans()), gridded=True)
+        definitions(
+            rutted=data.draw(st.booleans()),
+            free=data.draw(st.booleans()),
+            gridded=True,
+            classed=True,
+        )
     )
     terrain = terrain_of(definition)
     grid = data.draw(grids_of(definition))
@@ -255,7 +264,7 @@ def test_walls_lie_between_different_labels(data: st.DataObject) -> None:
 
     Or they would, close to the wall: then something narrower than a pixel begins and ends there.
     """
-    definition = data.draw(definitions(free=data.draw(st.booleans()), gridded=True))
+    definition = data.draw(definitions(free=data.draw(st.booleans()), gridded=True, classed=True))
     definition["origin"] = [0, 0]
     terrain = terrain_of(definition)
     count = data.draw(st.sampled_from([7, 10, 37, 64]))

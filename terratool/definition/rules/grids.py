@@ -1,22 +1,28 @@
-"""Rules on grids whose heights stand in rasters beside the text."""
+"""Rules on rasters beside the text, of the heights of grids or of classes."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from typing import Any
 
 from msgspec import UNSET
 
 from terratool.definition.findings import Remark
-from terratool.definition.grid_files import GridSource, LinkedGrid
+from terratool.definition.grid_files import GridSource, LinkedGrid, LinkedSurfaceGrid
 from terratool.definition.libraries import path_between
-from terratool.definition.model import Pair
+from terratool.definition.model import CLASS, Pair
 from terratool.definition.part_sizes import Cells, PartSize, PartSizes, SizeLimits
 from terratool.definition.rules.base import Subject, reader_rule, rule
 from terratool.definition.tree import ROOT
 from terratool.definition.uses import Root, elements_of
 from terratool.text.display import escape, quote
 
+_is_class = re.compile(CLASS).fullmatch
+_NOT_UPRIGHT = (
+    "the raster does not lie north up; its first row is taken as the north.",
+    "Resample it with gdalwarp.",
+)
 _NEAR = 0.01
 """Share by which the aspect of a raster and that of a cell may differ."""
 
@@ -28,10 +34,12 @@ reader_rule(
 
     Paths begin at the folder of the file that names the raster. Of it only its own bytes are read:
     no file beside it, no net. A band holds real numbers; a palette and complex numbers are no
-    heights. NaN, infinite numbers and ones beyond 1e30 in size are void.
+    heights. NaN, infinite numbers and ones beyond 1e30 in size are void. The raster of a
+    surfaceGrid obeys the same rules, but its classes may have a palette.
 
     Its header is held against its size: all rasters that are unpacked as a whole have together at
-    most 67,108,864 pixels beyond 64 for each byte of their files. A definition and its libraries name at most 1,000 bands.
+    most 67,108,864 pixels beyond 64 for each byte of their files. A definition and its libraries
+    name at most 1,000 bands.
 
     Fails:
 
@@ -78,6 +86,53 @@ reader_rule(
 )
 
 
+@rule("TT316", "surface-class")
+def surface_class(subject: Subject) -> Iterator[Remark]:
+    """A key among the names of a surfaceGrid is no class, a whole number.
+
+    Classes are written as 1 or -2, in quotes as all keys of JSON, without a leading zero and with
+    15 digits at most. A class that the raster does not have is no error.
+
+    Fails:
+
+        classes.tif: 2 × 2 pixels of 5 × 5 in EPSG:32632
+
+        {
+          "size": 10, "surfTypes": {"sand": {"preset": "dry-sand"}}, "elemTypes": {"b": {"x": [1]}},
+          "elemTree": {
+            "type": "b", "surfaceGrid": {"file": "classes.tif", "names": {"1.5": "sand"}}
+          }
+        }
+
+    Passes:
+
+        classes.tif: 2 × 2 pixels of 5 × 5 in EPSG:32632
+
+        {
+          "size": 10, "surfTypes": {"sand": {"preset": "dry-sand"}}, "elemTypes": {"b": {"x": [1]}},
+          "elemTree": {
+            "type": "b", "surfaceGrid": {"file": "classes.tif", "names": {"1": "sand"}}
+          }
+        }
+
+    To mend: write the number that the raster has where the surface is.
+    """
+    wrong = {
+        grid: [key for key in grid.names if not _is_class(key)]
+        for grid in subject.tree.distinct("surface_grid") - {UNSET}
+    }
+    strange = {grid for grid, keys in wrong.items() if keys}
+    for index, grid in subject.tree.elements_with("surface_grid", strange):
+        for key in wrong[grid]:
+            yield Remark(
+                f"/surfaceGrid/names/{escape(key)}",
+                f"{quote(key)} is no class.",
+                'Write a whole number in quotes, as "1".',
+                on_key=True,
+                element=index,
+            )
+
+
 def _sources(subject: Subject) -> Iterator[tuple[str, GridSource]]:
     """Names of primitives that are rasters, the file's own and others that are used, and these."""
     if not subject.document.rasters:
@@ -117,7 +172,8 @@ def grid_aspect(subject: Subject) -> Iterator[Remark]:
     west. Where it says how wide and tall its pixels are, the cell has the proportions of all of
     them. Rasters in degrees are not looked at. A part is looked at in the sizes that it stands in,
     up to 1,000 of these, with 20,000 cells in all. What it has is told of once, in the part; if
-    that is in a library, where the part stands.
+    that is in a library, where the part stands. The raster of a surfaceGrid is looked at likewise,
+    but not in parts.
 
     Fails:
 
@@ -150,37 +206,61 @@ def grid_aspect(subject: Subject) -> Iterator[Remark]:
             upright[name] = _proportions(subject, name, source)
             continue
         if name in subject.definition.primitives:  # that of a library is told of there
-            yield Remark(
-                f"/elemTypes/{escape(name)}/grid/file",
-                "the raster does not lie north up; its first row is taken as the north.",
-                "Resample it with gdalwarp.",
-            )
+            yield Remark(f"/elemTypes/{escape(name)}/grid/file", *_NOT_UPRIGHT)
     tree = subject.tree
     for index, name in enumerate(tree.column("type") if upright else ()):
-        if name not in upright or tree.roots[tree.root_of[index]] != ROOT:
+        if name in upright:
+            raster = _raster_of(name)
+            yield from _outside_parts(subject, index, "/type", raster, upright[name])
+    for index, grid in tree.elements_with("surface_grid", _class_grids(subject)):
+        source, here = grid.source, "/surfaceGrid/file"
+        if source.aspect is None or (source.crs and is_geographic(source.crs)):
             continue
-        cell = tree.rectangle(index, subject.definition)
-        if cell is None:
+        if source.upright:
+            wanted = source.aspect * source.columns / source.rows
+            yield from _outside_parts(subject, index, here, "the raster of classes", wanted)
             continue
-        wide, tall = cell[2] - cell[0], cell[3] - cell[1]  # a turn leaves them as they are
-        stretched = _stretched(name, (wide, tall), upright[name])
-        if stretched:
-            yield Remark("/type", f"{stretched}.", _MEND, element=index)
+        yield Remark(here, *_NOT_UPRIGHT, element=index)
     yield from _in_parts(subject, upright)
 
 
 _MEND = "Give the element a cell of these proportions."
 
 
-def _stretched(name: str, cell: Pair, wanted: float) -> str:
+def _raster_of(name: str) -> str:
+    return f"the raster of {quote(name)}"
+
+
+def _stretched(raster: str, cell: Pair, wanted: float) -> str:
     """Words on a cell that has other proportions than its raster; empty where it has them."""
     wide, tall = cell
     if abs(wide - wanted * tall) <= _NEAR * max(wide, wanted * tall):
         return ""
     return (
-        f"the cell is {wide:.6g} × {tall:.6g}, and the raster of {quote(name)} is {wanted:.4g} "
-        "times as wide as tall"
+        f"the cell is {wide:.6g} × {tall:.6g}, and {raster} is {wanted:.4g} times as wide as tall"
     )
+
+
+def _outside_parts(
+    subject: Subject, index: int, pointer: str, raster: str, wanted: float
+) -> Iterator[Remark]:
+    """Yield a remark on an element in no part whose cell has other proportions than a raster."""
+    tree = subject.tree
+    if tree.roots[tree.root_of[index]] != ROOT:
+        return
+    cell = tree.rectangle(index, subject.definition)
+    if cell is None:
+        return
+    # a turn leaves the sides as they are
+    stretched = _stretched(raster, (cell[2] - cell[0], cell[3] - cell[1]), wanted)
+    if stretched:
+        yield Remark(pointer, f"{stretched}.", _MEND, element=index)
+
+
+def _class_grids(subject: Subject) -> set[LinkedSurfaceGrid]:
+    """Rasters of classes that were found."""
+    grids = subject.tree.distinct("surface_grid")
+    return {grid for grid in grids if isinstance(grid, LinkedSurfaceGrid)}
 
 
 def _in_parts(subject: Subject, upright: dict[str, float]) -> Iterator[Remark]:
@@ -202,7 +282,7 @@ def _in_parts(subject: Subject, upright: dict[str, float]) -> Iterator[Remark]:
     for alike in sizes.alike():
         size, name = alike.size, str(alike.key)
         lengths, cell = (each.turn_by(size.lies).lengths for each in (alike.sides, size.sides))
-        stretched = _stretched(name, lengths, upright[name])
+        stretched = _stretched(_raster_of(name), lengths, upright[name])
         own = alike.root.tree is subject.tree
         mark = id(alike.elements) if own else id(sizes.found[size])
         if not stretched or mark in told:
@@ -257,10 +337,15 @@ def grid_crs(subject: Subject) -> Iterator[Remark]:
 
     crs = subject.definition.crs
     own = None if crs is UNSET else authority_code(crs)
-    for name, source in _sources(subject):
+    column = subject.tree.column("surface_grid")
+    places = [(*raster_place(subject, name), source) for name, source in _sources(subject)]
+    places += [
+        ("/surfaceGrid/file", element, grid.source)
+        for element, grid in sorted((column.index(grid), grid) for grid in _class_grids(subject))
+    ]
+    for pointer, element, source in places:
         its = authority_code(source.crs) if source.crs else None
         if own is not None and its is not None and its != own:
-            pointer, element = raster_place(subject, name)
             yield Remark(
                 pointer,
                 f"the raster is in {its.authority}:{its.code}, the terrain in "

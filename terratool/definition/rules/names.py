@@ -70,8 +70,8 @@ def unknown_primitive(subject: Subject) -> Iterator[RemarkBatch]:
 def unknown_surface(subject: Subject) -> Iterator[Remark | RemarkBatch]:
     """The surface of an element or a track is a name that no surfTypes has, here or in a library.
 
-    Names are case-sensitive. The depths of a track may be given by the names of surfaces, too.
-    While a library is missing, nothing is said.
+    Names are case-sensitive. The depths of a track may be given by the names of surfaces, too, and
+    the names of a surfaceGrid are those of surfaces. While a library is missing, nothing is said.
 
     Fails:
 
@@ -113,6 +113,19 @@ def unknown_surface(subject: Subject) -> Iterator[Remark | RemarkBatch]:
 
     found = [index for index, _ in subject.tree.elements_with("surface", missing)]
     yield RemarkBatch(found, remark)
+    lacking = {
+        grid
+        for grid in subject.tree.distinct("surface_grid") - {UNSET}
+        if not surfaces.keys() >= set(grid.names.values())
+    }
+    for index, grid in subject.tree.elements_with("surface_grid", lacking):
+        for key, name in grid.names.items():
+            if name not in surfaces:
+                hint, fix = hints[name]
+                yield Remark(
+                    f"/surfaceGrid/names/{escape(key)}",
+                    f"no surface is called {quote(name)}.", hint, element=index, fix=fix,
+                )  # fmt: skip
     for index, track in enumerate(subject.definition.ruts):
         here = f"/tracks/{index}"
         if track.surface is not UNSET and track.surface not in surfaces:

@@ -103,7 +103,7 @@ def part_circle(subject: Subject) -> Iterator[Remark]:
 
 @rule("TT709", "beside-part")
 def beside_part(subject: Subject) -> Iterator[Remark]:
-    """An element with a part has a type, cells or children as well.
+    """An element with a part has a type, a surfaceGrid, cells or children as well.
 
     The part says what stands there, and what stands on it. Beside it may be the keys of its place,
     descr, surface, vScale, vOffset and turnDeg.
@@ -134,8 +134,11 @@ def beside_part(subject: Subject) -> Iterator[Remark]:
     for index, part in enumerate(tree.column("part")):
         if part is UNSET:
             continue
-        for key in ("type", "cells", "children"):
-            if tree.value(key, index) is not UNSET:
+        for key, name in (
+            ("type", "type"), ("surfaceGrid", "surface_grid"), ("cells", "cells"),
+            ("children", "children"),
+        ):  # fmt: skip
+            if tree.value(name, index) is not UNSET:
                 message = f'the element has "{key}" beside "part".'
                 hint = f'Remove "{key}", or write the part out here.'
                 yield Remark(f"/{key}", message, hint, on_key=True, element=index)

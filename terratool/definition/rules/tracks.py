@@ -188,7 +188,7 @@ def track_without_sinkage(subject: Subject) -> Iterator[Remark]:
     """
     if not subject.definition.ruts:
         return
-    surfaces, worn = subject.surfaces, subject.tree.distinct("surface")
+    surfaces, worn = subject.surfaces, subject.tree.worn
     lacking = [
         name
         for name in surfaces

@@ -91,6 +91,9 @@ def _in_sight(subject: Subject) -> Iterator[RemarkBatch]:
     if not cells.all_known:
         found = list(filter(cells.is_known, found))
     columns = [tree.column(key) for key in ("turn_deg", "type", "surface", "v_offset")]
+    if tree.distinct("surface_grid") != {UNSET}:
+        pairs = zip(columns[2], tree.column("surface_grid"), strict=True)
+        columns[2] = [own if own is not UNSET else classes for own, classes in pairs]
     flat = map(eq, map(tree.column("v_scale").__getitem__, found), repeat(0))
     # one verdict for each combination, looked up at the speed of C
     looks = zip(
@@ -301,7 +304,8 @@ def _group_elements(subject: Subject, cells: Cells) -> Iterator[tuple[int, _Trim
 def _may_be_bare(tree: Tree, index: int) -> bool:
     """Whether an element adds nothing where its shape is 0: neither surface nor offset."""
     offset = tree.value("v_offset", index)
-    return tree.value("surface", index) is UNSET and (offset is UNSET or offset == 0)
+    given = {tree.value(key, index) for key in ("surface", "surface_grid")} != {UNSET}
+    return not given and (offset is UNSET or offset == 0)
 
 
 def _is_bare(primitive: Primitive, shape: Turned) -> bool:

@@ -68,7 +68,7 @@ def unused_surface(subject: Subject) -> Iterator[Remark]:
 
     To mend: remove it, or let an element wear it.
     """
-    used = subject.tree.distinct("surface") | {track.surface for track in subject.definition.ruts}
+    used = subject.tree.worn | {track.surface for track in subject.definition.ruts}
     used -= {UNSET}
     if subject.is_library or used - subject.surfaces.keys():
         return

@@ -43,12 +43,13 @@ from terratool.importing.terrain.methods import (
 from terratool.importing.terrain.request import (
     MOST_IN_MEMORY,
     NO_GROUND,
-    GroundSurface,
     ImportOptions,
     ImportReport,
     Progress,
+    add_ground,
     fill_gaps,
     head_of,
+    lacking_note,
     refuse_pixels,
 )
 from terratool.importing.terrain.writing import (
@@ -69,7 +70,6 @@ from terratool.importing.types import HeightSource, PixelGrid, sample_range
 from terratool.kernels import importing as kernels
 from terratool.output import refuse_existing, stop_on_signals, whole_file
 from terratool.tasks import processors
-from terratool.text.display import quote
 
 _SAMPLE = 192
 _SAMPLED = 1 << 18
@@ -251,15 +251,14 @@ def summarise_source(
             name, members = _surface(raster, number)
             summary.surface_types[name], summary.surfaces[name] = members, counts[number]
     if options.ground is not None:
-        _add_ground(summary, options.ground, grid)
+        add_ground(options.ground, summary.surface_types, summary.surfaces, grid)
     if summary.unknown == grid.rows * grid.columns:
         raise ReadError(
             "Every pixel is nodata: there is no height.", "Take another part, band or file."
         )
     summary.notes = source.notes  # now, as the second reading would count twice
-    if raster is not None and raster.lacking:
-        bare = f"the surface {quote(options.ground.name)}" if options.ground else "no surface"
-        summary.notes += (f"{raster.name} has no class for {raster.lacking:,} pixels: {bare}.",)
+    if raster is not None:
+        summary.notes += lacking_note(raster.name, raster.lacking, options.ground)
     if options.fill and summary.heights is not None:
         summary.heights = fill_gaps(summary.heights)
     elif options.fill and summary.unknown:
@@ -268,23 +267,6 @@ def summarise_source(
             "beside, not from all around.",
         )
     return summary
-
-
-def _add_ground(summary: SourceSummary, ground: GroundSurface, grid: PixelGrid) -> None:
-    """Add the surface of the root, which all pixels without a class have.
-
-    Raises:
-        RequestError: a class has the same name, and a preset is given.
-    """
-    if ground.name in summary.surface_types and ground.preset is not None:
-        raise RequestError(
-            f"The classes have a surface {quote(ground.name)} already, with a soil of its own.",
-            "Leave out --preset, or choose another --surface.",
-        )
-    summary.surface_types.setdefault(ground.name, ground.surface)
-    bare = grid.rows * grid.columns - sum(summary.surfaces.values())
-    if bare:
-        summary.surfaces[ground.name] = summary.surfaces.get(ground.name, 0) + bare
 
 
 def _surface(raster: ClassRaster | None, number: int) -> tuple[str, dict[str, Any]]:

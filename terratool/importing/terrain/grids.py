@@ -1,9 +1,10 @@
-"""Import of a whole DEM as a grid: a short definition, and a raster of heights beside it."""
+"""Import of a whole DEM as a grid: a short definition, and rasters beside it."""
 
 from __future__ import annotations
 
+import contextlib
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,14 +15,17 @@ from rasterio.transform import Affine
 
 from terratool.definition.layout import canonical
 from terratool.errors import ReadError, RequestError
+from terratool.importing.rasters import ClassRaster, open_classes
 from terratool.importing.terrain.methods import HeightRounding, step_for
 from terratool.importing.terrain.request import (
     MOST_IN_MEMORY,
     ImportOptions,
     ImportReport,
     Progress,
+    add_ground,
     fill_gaps,
     head_of,
+    lacking_note,
     refuse_pixels,
 )
 from terratool.importing.terrain.writing import MeasuredError
@@ -48,6 +52,9 @@ from terratool.text.source import Source
 
 _CODES: tuple[tuple[type, int], ...] = ((np.uint16, 65_535), (np.int32, 2**31 - 1))
 """Types of whole numbers of steps, with the number of each that stands for none."""
+
+
+_LARGEST_CLASS = 2**31 - 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,11 +105,19 @@ def raster_path(output: Path) -> Path:
     return output.with_name(f"{output.name.removesuffix('.gz').removesuffix('.json')}-heights.tif")
 
 
+def classes_path(output: Path) -> Path:
+    """Path of the raster of classes beside a definition: site-classes.tif beside site.json."""
+    heights = raster_path(output)
+    return heights.with_name(f"{heights.name.removesuffix('-heights.tif')}-classes.tif")
+
+
 def outputs_of(output: str | Path, options: ImportOptions, grid: PixelGrid) -> tuple[Path, ...]:
-    """Files that an import of some pixels writes: the definition, and the raster of a grid."""
+    """Files that an import of some pixels writes: the definition, and the rasters of a grid."""
     output = Path(output)
-    written = options.makes_grid(grid) and not options.link
-    return (output, raster_path(output)) if written else (output,)
+    if options.link or not options.makes_grid(grid):
+        return (output,)
+    classes = () if options.surfaces is None else (classes_path(output),)
+    return (output, raster_path(output), *classes)
 
 
 def import_grid(
@@ -118,14 +133,15 @@ def import_grid(
 
     Args:
         source: the DEM.
-        output: file to write, compressed if its name ends in .gz; `raster_path` is beside it.
+        output: file to write, compressed if its name ends in .gz; `raster_path` is beside it, and
+            `classes_path` if the options name a raster of classes.
         options: options of the import.
         overwrite: whether the files may exist already.
         progress: gets numbers of pixels done; they add up to twice the DEM.
 
     Raises:
         ReadError: the source is broken, has no height, or is too small.
-        RequestError: an option makes no sense, or is about rows.
+        RequestError: an option makes no sense, or is about rows; or classes are too large numbers.
         WriteError: a file cannot be written.
     """
     work = progress or (lambda _: None)
@@ -133,7 +149,7 @@ def import_grid(
     options.check()
     output = Path(output)
     raster = raster_path(output)
-    for path in (output, raster):
+    for path in outputs_of(output, replace(options, as_="grid"), source.grid):
         refuse_existing(path, overwrite)
     grid = source.grid
     if options.fill:
@@ -141,11 +157,22 @@ def import_grid(
     known = height_range(source, work)
     coding = _Coding.of(options.max_error, known.low, known.high)
     error = MeasuredError(grid)
-    root = {"vScale": coding.step, "vOffset": coding.base}
-    text = grid_text(source.grid, options, {"file": raster.name}, root)
-    packed = output.name.endswith(".gz")
-    with whole_file(output, overwrite) as definition, whole_file(raster, overwrite) as part:
+    with contextlib.ExitStack() as stack:
+        definition = stack.enter_context(whole_file(output, overwrite))
+        part = stack.enter_context(whole_file(raster, overwrite))
+        root: dict[str, Any] = {"vScale": coding.step, "vOffset": coding.base}
+        found = _Ground()
+        if options.surfaces is not None:
+            beside = stack.enter_context(whole_file(classes_path(output), overwrite))
+            classes = open_classes(options.surfaces, grid, options.allow_remote)
+            found = _write_classes(beside, stack.enter_context(classes))
+            names = {str(number): name for number, name in found.names.items()}
+            root["surfaceGrid"] = {"file": classes_path(output).name, "names": names}
+        if options.ground is not None:
+            add_ground(options.ground, found.types, found.counts, grid)
         _write_raster(part, source, coding, error, work)
+        text = grid_text(grid, options, {"file": raster.name}, root, found.types)
+        packed = output.name.endswith(".gz")
         definition.write_bytes(Source(output.name, text, packed).file_bytes)
     return ImportReport(
         grid=grid,
@@ -157,12 +184,30 @@ def import_grid(
         bound=error.largest,
         unknown=known.unknown,
         structures={},
-        surfaces={},
+        surfaces=found.counts,
         size=output.stat().st_size,
-        notes=source.notes,
+        notes=source.notes + lacking_note(str(options.surfaces), found.lacking, options.ground),
         raster=raster,
         raster_size=raster.stat().st_size,
+        classes=None if options.surfaces is None else classes_path(output),
     )
+
+
+@dataclass(frozen=True, slots=True)
+class _Ground:
+    """Surfaces of an import.
+
+    Attributes:
+        types: members of surfaces by name.
+        counts: number of pixels of each surface.
+        names: names of surfaces by classes.
+        lacking: number of pixels for which there is no class.
+    """
+
+    types: dict[str, dict[str, Any]] = field(default_factory=dict)
+    counts: dict[str, int] = field(default_factory=dict)
+    names: dict[int, str] = field(default_factory=dict)
+    lacking: int = 0
 
 
 def _filled(source: HeightSource) -> SampledHeights:
@@ -221,12 +266,7 @@ def _write_raster(
     options = tile_options(coding.dtype, Compression())
     if coding.dtype.kind != "f":
         options["predictor"] = 2
-    west, _, _, north = grid.bounds
-    profile = TiffProfile(
-        grid.columns, grid.rows, Affine(grid.dx, 0.0, west, 0.0, -grid.dy, north),
-        None if grid.crs is None else read_crs(grid.crs), software_tags(), options,
-    )  # fmt: skip
-    with geotiff(path, bands, profile) as file:
+    with geotiff(path, bands, _profile(grid, options)) as file:
         row = 0
         for first, count in _strips(grid.rows):
             heights = source.read(first, count)
@@ -240,8 +280,54 @@ def _write_raster(
         add_overviews(path, bands, threads=1)
 
 
+def _write_classes(path: Path, raster: ClassRaster) -> _Ground:
+    """Write the classes of all pixels, and return what they stand for.
+
+    Raises:
+        ReadError: the raster is broken.
+        RequestError: a class is too large a number.
+    """
+    grid = raster.grid
+    bands = Bands(("class",), ("",), np.dtype(np.int32), empty=-1)
+    found: dict[int, int] = {}
+    with geotiff(path, bands, _profile(grid, tile_options(bands.dtype, Compression()))) as file:
+        row = 0
+        for first, count in _strips(grid.rows):
+            numbers = raster.read(first, count)
+            for number, many in zip(*np.unique(numbers, return_counts=True), strict=True):
+                found[int(number)] = found.get(int(number), 0) + int(many)
+            if max(found) > _LARGEST_CLASS:
+                raise RequestError(
+                    f"{raster.name}: has a class {max(found):,}, and they go up to "
+                    f"{_LARGEST_CLASS:,}.",
+                    "Give it smaller numbers, or ask for rows.",
+                )
+            file.write(numbers[::-1][None].astype(np.int32), row)
+            row += count
+    found.pop(-1, None)
+    surfaces = {number: raster.surface(number) for number in sorted(found)}
+    return _Ground(
+        dict(surfaces.values()),
+        {name: found[number] for number, (name, _) in surfaces.items()},
+        {number: name for number, (name, _) in surfaces.items()},
+        raster.lacking,
+    )
+
+
+def _profile(grid: PixelGrid, options: dict[str, Any]) -> TiffProfile:
+    west, _, _, north = grid.bounds
+    return TiffProfile(
+        grid.columns, grid.rows, Affine(grid.dx, 0.0, west, 0.0, -grid.dy, north),
+        None if grid.crs is None else read_crs(grid.crs), software_tags(), options,
+    )  # fmt: skip
+
+
 def grid_text(
-    pixels: PixelGrid, options: ImportOptions, grid: dict[str, Any], root: dict[str, Any]
+    pixels: PixelGrid,
+    options: ImportOptions,
+    grid: dict[str, Any],
+    root: dict[str, Any],
+    surfaces: dict[str, dict[str, Any]],
 ) -> bytes:
     """Text of a definition of one grid.
 
@@ -250,11 +336,13 @@ def grid_text(
         options: options of the import.
         grid: raster, as a definition names it.
         root: members of the root beside its type and its surface.
+        surfaces: members of surfaces by name.
     """
     root = {"type": "ground", **root}
     found: dict[str, Any] = dict(head_of(pixels, options))
+    if surfaces:
+        found["surfTypes"] = surfaces
     if options.ground is not None:
-        found["surfTypes"] = {options.ground.name: options.ground.surface}
         root["surface"] = options.ground.name
     found["elemTypes"] = {"ground": {"grid": grid}}
     found["elemTree"] = root

@@ -59,7 +59,9 @@ def link_grid(
     grid = _grid_of(raster, output)
     known = height_range(source, work)
     work(source.grid.rows * source.grid.columns)
-    text = grid_text(source.grid, options, grid, {"vScale": 1})
+    ground = options.ground
+    surfaces = {} if ground is None else {ground.name: ground.surface}
+    text = grid_text(source.grid, options, grid, {"vScale": 1}, surfaces)
     write_source(Source(raster.name, text, output.name.endswith(".gz")), output, overwrite)
     return ImportReport(
         grid=source.grid,

@@ -107,7 +107,7 @@ class ImportOptions:
         given = {
             "--method": bool(self.methods), "--walls": self.walls,
             "--structures": self.structures is True,
-            "--cells": self.cells != "half-pixels", "--surfaces": self.surfaces is not None,
+            "--cells": self.cells != "half-pixels",
         }  # fmt: skip
         return [name for name, one in given.items() if one]
 
@@ -191,12 +191,15 @@ class ImportOptions:
         _refuse_ground(self.ground)
         if not self.link:
             step_for(self.max_error, 0.0)  # refuse a bad error before reading
-        elif self.max_error or self.fill:
-            option = "--max-error" if self.max_error else "--fill"
-            raise RequestError(
-                f"{option} is about heights that are written, and a link to the source is wanted.",
-                f"Leave out {option} or --link.",
-            )
+            return
+        for option, given in (
+            ("--max-error", self.max_error), ("--fill", self.fill), ("--surfaces", self.surfaces),
+        ):  # fmt: skip
+            if given:
+                raise RequestError(
+                    f"{option} is about what is written, and a link to the source is wanted.",
+                    f"Leave out {option} or --link.",
+                )
 
 
 @dataclass(frozen=True, slots=True)
@@ -218,6 +221,8 @@ class ImportReport:
         notes: sentences about the source.
         raster: raster of the heights beside the file; None where they stand in the text.
         raster_size: size of the raster in bytes.
+        classes: raster of the classes beside the file; None where there are none, or they stand in
+            the text.
     """
 
     grid: PixelGrid
@@ -234,11 +239,43 @@ class ImportReport:
     notes: tuple[str, ...]
     raster: Path | None = None
     raster_size: int = 0
+    classes: Path | None = None
 
     @property
     def walls(self) -> bool:
         """Whether there are structures with upright walls."""
         return self.options.walls and bool(self.structures)
+
+
+def add_ground(
+    ground: GroundSurface, types: dict[str, dict[str, Any]], counts: dict[str, int], grid: PixelGrid
+) -> None:
+    """Add the surface of the root to those of classes, with all pixels that have no class.
+
+    Args:
+        ground: surface of the root.
+        types: members of surfaces by name, to which it is added.
+        counts: number of pixels of each of these, likewise.
+        grid: the pixels.
+
+    Raises:
+        RequestError: a class has the same name, and a preset is given.
+    """
+    if ground.name in types and ground.preset is not None:
+        raise RequestError(
+            f"The classes have a surface {quote(ground.name)} already, with a soil of its own.",
+            "Leave out --preset, or choose another --surface.",
+        )
+    types.setdefault(ground.name, ground.surface)
+    bare = grid.rows * grid.columns - sum(counts.values())
+    if bare:
+        counts[ground.name] = counts.get(ground.name, 0) + bare
+
+
+def lacking_note(name: str, lacking: int, ground: GroundSurface | None) -> tuple[str, ...]:
+    """Sentence on pixels for which a raster has no class, if there are any."""
+    bare = f"the surface {quote(ground.name)}" if ground else "no surface"
+    return (f"{name} has no class for {lacking:,} pixels: {bare}.",) if lacking else ()
 
 
 def _refuse_ground(ground: GroundSurface | None) -> None:

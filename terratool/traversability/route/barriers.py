@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from terratool.field.terrain import Terrain
+from terratool.field.types import PointSamples
 from terratool.report.numbers import coordinates
 from terratool.text.display import quote
 from terratool.traversability.limits import level_demand
@@ -168,21 +169,40 @@ def barring_ground(
     """
     if reason == Reason.EDGE:
         return BarringGround("the edge of the terrain")
-    rise = 0.0
     if reason in _SHAPES:
-        element, rise = _wall_element(terrain, vehicle, pose, cell)
+        spot = _wall_spot(terrain, vehicle, pose, cell)
     elif reason == Reason.NO_GROUND:
-        element = _void_element(terrain, vehicle, pose, cell)
+        spot = _void_spot(terrain, vehicle, pose, cell)
     else:
-        element = _weakest_element(terrain, vehicle, reason, pose)
-    if element < 0:
+        spot = _weakest_spot(terrain, vehicle, reason, pose)
+    if spot.element < 0:
         bare = reason != Reason.NO_GROUND
         return BarringGround("ground without an element" if bare else "no element")
-    surface = int(terrain.surface_of(np.array([element]))[0])
-    name = f"surface {quote(terrain.surfaces[surface])}" if surface >= 0 else "no surface"
+    named = spot.surface >= 0
+    name = f"surface {quote(terrain.surfaces[spot.surface])}" if named else "no surface"
+    rise = spot.rise
     size = f", {abs(rise):.2g} m {'high' if rise > 0.0 else 'deep'}" if rise else ""
-    found = _ground_of(terrain, element, name)
+    found = _ground_of(terrain, spot.element, name)
     return found._replace(name=found.name + size * (reason == Reason.STEP))
+
+
+class _Spot(NamedTuple):
+    """Place that bars a vehicle.
+
+    Attributes:
+        element: index of the element there; -1 for none.
+        surface: index of the surface there; -1 for none.
+        rise: height of the wall there, m, below 0 if the element is in a hole; 0 for none.
+    """
+
+    element: int
+    surface: int
+    rise: float = 0.0
+
+
+def _spot(found: PointSamples, at: Any, rise: float = 0.0) -> _Spot:
+    """Place at an index among samples."""
+    return _Spot(int(found.element[at]), int(found.surface[at]), rise)
 
 
 def _slope_text(survey: Survey, reason: Reason, at: tuple[int, int, int]) -> str:
@@ -213,12 +233,8 @@ def _world_places(
     return pose.x + along * sine + across * cosine, pose.y + along * cosine - across * sine
 
 
-def _wall_element(terrain: Terrain, vehicle: Vehicle, pose: Pose, cell: float) -> tuple[int, float]:
-    """The element of the largest difference of heights, and the height of its wall, m.
-
-    The element is that of the higher side; in a hole that of the lower side, and the height is
-    below 0. The height is 0 where there is no wall.
-    """
+def _wall_spot(terrain: Terrain, vehicle: Vehicle, pose: Pose, cell: float) -> _Spot:
+    """The place where heights differ most, on its higher side, or the lower one in a hole."""
     xs, ys = _rectangle_lattice(vehicle, pose, cell)
     found = terrain.sample(xs, ys)
     height, element = found.height, found.element
@@ -226,14 +242,14 @@ def _wall_element(terrain: Terrain, vehicle: Vehicle, pose: Pose, cell: float) -
     largest = [0.0 if np.all(np.isnan(rise)) else float(np.nanmax(rise)) for rise in rises]
     axis = int(largest[1] > largest[0])
     if largest[axis] == 0.0:
-        return int(element[element.shape[0] // 2, element.shape[1] // 2]), 0.0
+        return _spot(found, (element.shape[0] // 2, element.shape[1] // 2))
     row, column = np.unravel_index(int(np.nanargmax(rises[axis])), rises[axis].shape)
     one, other = (row, column), (row + (axis == 0), column + (axis == 1))
     high, low = (one, other) if height[one] > height[other] else (other, one)
     higher, lower = int(element[high]), int(element[low])
     hole = f"{terrain.pointer(lower) or ''}/".startswith(f"{terrain.pointer(higher) or ''}/")
     wall = _wall_height(terrain, np.array([xs[high], ys[high]]), np.array([xs[low], ys[low]]))
-    return (lower, -wall) if hole else (higher, wall)
+    return _spot(found, low, -wall) if hole else _spot(found, high, wall)
 
 
 def _wall_height(terrain: Terrain, high: NDArray[np.float64], low: NDArray[np.float64]) -> float:
@@ -250,19 +266,19 @@ def _wall_height(terrain: Terrain, high: NDArray[np.float64], low: NDArray[np.fl
     return top - foot if top - foot > 0.5 * rise else 0.0
 
 
-def _void_element(terrain: Terrain, vehicle: Vehicle, pose: Pose, cell: float) -> int:
-    """Index of the element of the nearest place on the terrain that has no ground; -1 for none."""
+def _void_spot(terrain: Terrain, vehicle: Vehicle, pose: Pose, cell: float) -> _Spot:
+    """The nearest place on the terrain that has an element and no ground."""
     xs, ys = _rectangle_lattice(vehicle, pose, cell)
     found = terrain.sample(xs, ys)
     void = np.isnan(found.height) & (found.element >= 0)
     if not void.any():
-        return -1
+        return _Spot(-1, -1)
     distance = np.where(void, np.hypot(xs - pose.x, ys - pose.y), np.inf)
-    return int(found.element.ravel()[int(np.argmin(distance))])
+    return _spot(found, np.unravel_index(int(np.argmin(distance)), distance.shape))
 
 
-def _weakest_element(terrain: Terrain, vehicle: Vehicle, reason: Reason, pose: Pose) -> int:
-    """Index of the element under the wheel on the soil that bears least; -1 for none."""
+def _weakest_spot(terrain: Terrain, vehicle: Vehicle, reason: Reason, pose: Pose) -> _Spot:
+    """The place under the wheel on the soil that bears least."""
     offset, side = vehicle.middle, 0.5 * vehicle.track_width
     along = np.array([axle.x - offset for axle in vehicle.axles for _ in (0, 1)])
     across = np.array([side * sign for _ in vehicle.axles for sign in (-1.0, 1.0)])
@@ -280,7 +296,7 @@ def _weakest_element(terrain: Terrain, vehicle: Vehicle, reason: Reason, pose: P
         return need.sinkage if reason == Reason.SINKAGE else need.utilisation
 
     weakest = max(range(len(along)), key=lambda n: weakness(int(found.surface[n])))
-    return int(found.element[weakest])
+    return _spot(found, weakest)
 
 
 class Blockage(NamedTuple):

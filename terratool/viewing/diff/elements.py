@@ -21,7 +21,7 @@ from terratool.viewing.diff.matching import MANY_PAIRS, Matching, Sibling, commo
 from terratool.viewing.diff.places import ComparedPlace, overlap, round_box, within_cell
 from terratool.viewing.diff.results import ChangeKind, KeyChange, Pair
 from terratool.viewing.diff.sides import DiffSide
-from terratool.viewing.diff.signed import NewNames, SignedTree, as_written
+from terratool.viewing.diff.signed import NewNames, SignedTree, as_written, class_key
 
 
 class RawChange(NamedTuple):
@@ -223,6 +223,11 @@ class TreeComparison(Struct, frozen=True):
                     *(_text(one if one is not UNSET else place.surface, around)
                       for one, place in zip(given, (at, bt), strict=True)),
                 )  # fmt: skip
+        classes = old.value("surface_grid", a), new.value("surface_grid", b)
+        if class_key(classes[0], names.surfaces) != class_key(classes[1], {}):
+            was, now = map(_classes_text, classes)
+            now += ", other classes" if was == now else ""
+            yield KeyChange("surfaceGrid", was, now)
         yield from self._scales(a, at, b, bt)
         for key, attribute in ("vOffset", "v_offset"), ("turnDeg", "turn_deg"):
             was, now = (
@@ -444,6 +449,14 @@ def _number(value: float) -> str:
 
 def _text(value: Any, absent: str = "none") -> str:
     return absent if value is UNSET or value is None else str(value)
+
+
+def _classes_text(grid: Any) -> str:
+    """Raster of classes, and what these stand for; `UNSET` is none."""
+    if grid is UNSET:
+        return "none"
+    band = "" if grid.band_number == 1 else f", band {grid.band_number}"
+    return ", ".join([grid.file + band, *(f"{key} {name}" for key, name in grid.names.items())])
 
 
 def _count_pair(pair: tuple[int, int]) -> str:

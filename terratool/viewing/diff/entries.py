@@ -154,11 +154,12 @@ def _places(side: DiffSide, attribute: str, name: str) -> Iterator[str]:
     """JSON pointers of the first elements whose attribute has a value."""
     found = 0
     for _, root in side.roots():
-        column = root.tree.column(attribute)
-        if name not in root.tree.distinct(attribute):
+        tree = root.tree
+        if name not in (tree.worn if attribute == "surface" else tree.distinct(attribute)):
             continue
         for index in elements_of(root):
-            if column[index] == name:
+            by_class = attribute == "surface" and tree.wears(index, {name})
+            if by_class or tree.value(attribute, index) == name:
                 yield side.pointer(root, index)
                 found += 1
                 if found == _NAMED:

@@ -45,26 +45,29 @@ def users(
             if any(
                 tree.value("part", index) in parts
                 or tree.value("type", index) in primitives
-                or tree.value("surface", index) in surfaces
+                or tree.wears(index, surfaces)
                 for index in elements_of(root)
             ):
                 parts.add(name)
                 grows = True
     tree = side.uses.root.tree
-    wanted = (("surface", surfaces), ("type", primitives), ("part", parts))
-    if not any(tree.distinct(key) & names for key, names in wanted):
+    wanted = (("type", primitives), ("part", parts))
+    if not tree.worn & surfaces and not any(tree.distinct(key) & names for key, names in wanted):
         return iter(())
     if side.uses.root.element != 0 or len(tree) > MOST_ELEMENTS:
         return None
-    return _users(side, wanted)
+    return _users(side, surfaces, wanted)
 
 
-def _users(side: DiffSide, wanted: Sequence[tuple[str, set[str]]]) -> Iterator[Bounds]:
+def _users(
+    side: DiffSide, surfaces: set[str], wanted: Sequence[tuple[str, set[str]]]
+) -> Iterator[Bounds]:
     tree = side.uses.root.tree
     pending = [(0, ComparedPlace(side.terrain.bounds, None, None))]
     while pending:
         index, at = pending.pop()
-        if any(tree.value(key, index) in names for key, names in wanted):
+        named = any(tree.value(key, index) in names for key, names in wanted)
+        if named or tree.wears(index, surfaces):
             yield reach_of(tree, index, at)
             continue  # its children lie in its rectangle
         pending += (

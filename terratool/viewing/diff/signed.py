@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Hashable
+from collections.abc import Hashable, Mapping
 from typing import Any
 
 from msgspec import UNSET, Struct
 
+from terratool.definition.curves import GridShape
+from terratool.definition.grid_files import LinkedSurfaceGrid
 from terratool.definition.model import pair_of
 from terratool.definition.tree import Tree
+from terratool.field.rasters import grid_digest
 
 
 class NewNames(Struct, frozen=True):
@@ -56,6 +59,7 @@ class SignedTree:
                     "v_offset",
                     "turn_deg",
                     "scatter",
+                    "surface_grid",
                 )
             ),
             strict=True,
@@ -69,8 +73,9 @@ class SignedTree:
                 0.0 if offset is UNSET else offset,
                 0.0 if turn is UNSET else math.fmod(turn, 360.0),
                 scatter,
+                class_key(classes, surfaces),
             )
-            for type_, part, surface, scale, offset, turn, scatter in columns
+            for type_, part, surface, scale, offset, turn, scatter, classes in columns
         ]
         self.place: list[Hashable] = [None] * size
         for parent, begin, end in tree.families:
@@ -100,6 +105,22 @@ class SignedTree:
         tree = self.tree
         type_, part = tree.value("type", index), tree.value("part", index)
         return names.primitives.get(type_, type_), names.parts.get(part, part)
+
+
+def class_key(grid: Any, surfaces: Mapping[str, str]) -> Hashable:
+    """Key of a raster of classes, equal for equal classes and surfaces, or `UNSET`.
+
+    Args:
+        grid: value of `surface_grid`.
+        surfaces: new names of renamed surfaces, by their old names.
+
+    Raises:
+        ReadError: the raster has changed since its header was read, or is broken.
+    """
+    if not isinstance(grid, LinkedSurfaceGrid):
+        return UNSET
+    names = frozenset((number, surfaces.get(name, name)) for number, name in grid.names.items())
+    return grid_digest(GridShape((), "pixel", grid.source)), names
 
 
 def place_of(tree: Tree, index: int, grid: tuple[int, int]) -> Hashable:
