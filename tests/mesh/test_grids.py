@@ -199,7 +199,7 @@ def test_any_grids(definition: Json) -> None:
 
 @pytest.mark.nightly
 @settings(max_examples=examples(60))
-@given(strategies.definitions(gridded=True, free=True))
+@given(strategies.definitions(gridded=True, free=True, classed=True))
 def test_any_definition(definition: Json) -> None:
     """Whatever else stands there, but for discs, and for cells too small to draw."""
     assume(not re.search(r"\d{4}", str(definition["elemTree"])))
