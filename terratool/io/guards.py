@@ -82,7 +82,7 @@ def refuse_claims(name: str, file: Any) -> None:
         raise claim(name, file.width, file.height, size, UNPACK if archived else hint)
     if file.driver == "PNG" and not archived:
         with open_file(file.files[0]) as png:
-            png.seek(max(0, size - _PNG_TAIL))
+            png.seek(max(0, os.fstat(png.fileno()).st_size - _PNG_TAIL))
             if _PNG_END not in png.read():  # GDAL reads what is missing as 0
                 raise ReadError(f"{name}: has no end.", _CUT_SHORT)
 

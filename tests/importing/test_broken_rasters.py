@@ -395,3 +395,20 @@ class TestClaims:
         assert ran.code == 3 and list(tmp_path.iterdir()) == [path]
         assert ran.err.splitlines()[0].startswith("terratool: ") and "netCDF" in ran.err
         assert json.dumps(ran.out) == '""'
+
+
+@pytest.mark.parametrize("beside", [False, True])
+def test_a_png_that_is_cut_short_is_told(tmp_path: Path, beside: bool) -> None:
+    """GDAL reads what is missing as 0. The end is its own, not that of a file beside it."""
+    pixels = np.random.default_rng(4).integers(1, 200, (60, 90)).astype(np.uint8)
+    geotiff(tmp_path / "a.tif", pixels)
+    path = tmp_path / "a.png"
+    rasterio.shutil.copy(tmp_path / "a.tif", path, driver="PNG")
+    (tmp_path / "a.png.aux.xml").unlink()
+    if beside:
+        note = f"<PAMDataset><Metadata><MDI key='a'>{'x' * 9000}</MDI></Metadata></PAMDataset>"
+        (tmp_path / "a.png.aux.xml").write_text(note)
+    assert np.array_equal(read(path), pixels)
+    path.write_bytes(path.read_bytes()[:-9])
+    with pytest.raises(ReadError, match=r"a\.png: has no end\. It may be cut short"):
+        read(path)
