@@ -91,7 +91,7 @@ _METHODS = ("rows", "columns", "nodal-rows", "nodal-columns", "hats")
         metavar="KIND",
         help="half-pixels make the smallest file; to pixels elements are easily added.",
     ),
-    dask_option("write and measure rows"),
+    dask_option("make rows"),
 )
 @option_group(
     "What it wears",
@@ -101,7 +101,7 @@ _METHODS = ("rows", "columns", "nodal-rows", "nodal-columns", "hats")
     click.option(
         "--surface",
         metavar="NAME",
-        help="A surface, to be filled in, or a class.  [default: the name of the preset]",
+        help="A surface, to be filled in, or a class.  [default: as the preset]",
     ),
     click.option(
         "--surfaces", metavar="CLASSES.tif", help="Take surfaces from a raster of classes first."

@@ -151,7 +151,7 @@ def json_option(text: str = "Say what was written as JSON.") -> Callable[[_Comma
 def dask_option(text: str) -> Callable[[_Command], _Command]:
     """Decorator that adds --dask to a command; the text says what workers make."""
     return click.option(
-        "--dask", metavar="ADDRESS|local", help=f"Let the workers of a Dask scheduler {text}."
+        "--dask", metavar="ADDRESS", help=f"Let workers of Dask {text}; local starts some here."
     )
 
 

@@ -166,7 +166,9 @@ SAMPLES = (256, 16, 1024)  # default, least, most
 )
 @wheel_options
 @overwrite_option()
-@click.option("--config", "config_file", metavar="FILE", help="Settings, in place of those found.")
+@click.option(
+    "--config", "config_file", metavar="FILE", help="Settings, in place of .terratool.toml."
+)
 @roughness_option
 @library_root_option
 def command(
@@ -195,9 +197,8 @@ def command(
 ) -> int:
     """Say whether a vehicle can drive on a terrain, FILE, where not, and why.
 
-    For surfaces: how deep wheels sink, what they pull, what they climb. For places and headings:
-    go, caution or no-go, and what binds. Ends with 1 where a route has no way. Of several FILEs, or
-    a DIR: a table, and findings where one fails. Settings may stand in .terratool.toml.
+    For surfaces: how wheels sink, pull and climb. For places and headings: go, caution or no-go,
+    and what binds. Ends with 1 where a route has no way. Of several FILEs, or a DIR: a table.
 
     --fail-on takes >, >=, < or <= and go-, caution-, no-go-, unknown-, one-way-, cut-off-, edge-,
     reachable-fraction; route-length, route-time, route-energy; least-margin, steepest, sinkage.
