@@ -78,13 +78,19 @@ def prefetch(
         return
     with ThreadPoolExecutor(threads) as pool:
         waiting: deque[Future[R]] = deque()
+
+        def first() -> R:
+            found = waiting[0].result()  # which stays, if the wait for it is broken off
+            waiting.popleft()
+            return found
+
         try:
             for item in items:
                 waiting.append(pool.submit(function, item))
                 if len(waiting) > threads:
-                    yield waiting.popleft().result()
+                    yield first()
             while waiting:
-                yield waiting.popleft().result()
+                yield first()
         finally:
             for future in waiting:
                 future.cancel()

@@ -22,7 +22,7 @@ from terratool.definition.reader import load_checked
 from terratool.errors import ReadError, RequestError, WriteError
 from terratool.field.records import MappedGrids
 from terratool.field.terrain import Terrain
-from terratool.io.grid_files import survey
+from terratool.io.grid_files import Headers
 from terratool.tasks import Work
 from tests.clusters import kill_in_mid_task
 from tests.rasters import geotiff
@@ -33,7 +33,7 @@ HEIGHTS = np.arange(12.0).reshape(3, 4)
 def raster(path: Path, heights: Any = HEIGHTS) -> GridSource:
     """A raster in a file, as a definition finds it."""
     geotiff(path, heights)
-    return survey(str(path), 1)
+    return Headers().source(str(path), 1)
 
 
 def add(common: int, job: int) -> int:

@@ -133,6 +133,7 @@ private:
     }
 
     Barycentric place_of(UV at) const {
+        if (turn_ == 0.0) return {1.0 / 3.0, 1.0 / 3.0};  // in a grid of one row
         double s = at.u - at_[0].u, t = at.v - at_[0].v;
         return {
             (s * (at_[2].v - at_[0].v) - (at_[2].u - at_[0].u) * t) / turn_,

@@ -403,17 +403,32 @@ private:
         });
     }
 
+    // Which of so many cells along an axis of an element may lie in the plan: the first, and one
+    // more than the last.
+    std::array<i64, 2> cells_within(const ElementView& e, int axis, i64 count) const {
+        if (e.pose.turned) return {0, count};
+        const Frame& f = e.frame;
+        auto cell = [&](double at) {
+            double t = (at - f.low[axis]) * f.per[axis] * double(count);
+            return i64(clamp(t, 0.0, double(count)));
+        };
+        i64 first = max(cell(plan_.bounds[axis]) - 1, i64(0));
+        return {first, min(cell(plan_.bounds[2 + axis]) + 2, count)};
+    }
+
     // The borders between cells of a grid of which what(column, row) differs, each from corner to
     // corner; in a disc as far as it goes.
     template <class What>
     void draw_borders(const ElementView& e, i64 columns, i64 rows, What what) {
         for (int axis : {X, Y}) {
             i64 lines = axis == X ? columns : rows, length = axis == X ? rows : columns;
+            auto [first_line, last_line] = cells_within(e, axis, lines);
+            auto [first, last] = cells_within(e, 1 - axis, length);
             auto differ = [&](i64 line, i64 along) {
                 if (axis == X) return what(line, along) != what(line - 1, along);
                 return what(along, line) != what(along, line - 1);
             };
-            for (i64 line = 1; line < lines; ++line) {
+            for (i64 line = max(first_line, i64(1)); line < last_line; ++line) {
                 double t = double(line) / double(lines), low = 0.0, high = 1.0;
                 if (e.kind.combine == RADIAL) {
                     double half = 0.5 * sqrt(1.0 - square(2.0 * t - 1.0));
@@ -424,8 +439,8 @@ private:
                     return axis == X ? UV{t, s} : UV{s, t};
                 };
                 i64 begin = -1;  // of a border; none where it is -1
-                for (i64 k = 0; k <= length; ++k) {
-                    bool is_border = k < length && differ(line, k);
+                for (i64 k = first; k <= last; ++k) {
+                    bool is_border = k < last && differ(line, k);
                     if (is_border == (begin >= 0)) continue;
                     if (begin >= 0) draw_in_shape(e, place(begin), place(k));
                     begin = is_border ? k : -1;

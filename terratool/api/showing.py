@@ -8,6 +8,7 @@ from html import escape
 from typing import TYPE_CHECKING, Any
 
 from terratool.errors import RequestError
+from terratool.field.coarse import reads_all
 from terratool.field.summary import height_range
 from terratool.field.terrain import Terrain
 from terratool.io.crs import shown_crs
@@ -29,9 +30,13 @@ class ShownTerrain(Terrain):
 
     @cached_property
     def relief(self) -> tuple[float, float] | None:
-        """Lowest and highest height, of many points; None where all is void."""
+        """Lowest and highest height, of many points; None where all is void, or too much."""
         low, high, _ = height_range(self)
         return None if low is None or high is None else (low, high)
+
+    @property
+    def _no_relief(self) -> str:
+        return "none, all is void" if reads_all(self) else "not looked at, a raster is too large"
 
     @property
     def facts(self) -> dict[str, str]:
@@ -46,7 +51,7 @@ class ShownTerrain(Terrain):
             "size": f"{_sides(self)} {unit}",
             "elements": f"{self.elements:,}",
             "surfaces": join_words(names) or "none",
-            "relief": "none, all is void" if relief is None else _range(relief, unit),
+            "relief": _range(relief, unit) if relief is not None else self._no_relief,
             "crs": "none" if self.crs is None else printable(shown_crs(self.crs).strip('"')),
         }
 

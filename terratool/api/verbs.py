@@ -28,7 +28,7 @@ VERBS = {
 INTERNAL = frozenset((
     "all_cells", "arrays", "cells", "descr_of", "field", "footprints", "is_shared",
     "library_roots", "numbers_of", "parents", "place_of", "primitive_of", "ray_index",
-    "refuse_degrees", "source", "surface_of", "written_out", "written_out_or_none",
+    "refuse_degrees", "source", "with_curves", "written_out", "written_out_or_none",
 ))  # fmt: skip
 """Names of a terrain that the package itself uses, and completion leaves out."""
 

@@ -49,31 +49,30 @@ _METHODS = ("rows", "columns", "nodal-rows", "nodal-columns", "hats")
         "--max-error",
         type=float,
         metavar="E",
-        help="How far heights may be off, in their units.  [required without --link]",
+        help="How far heights may be off, unless --link.",
     ),
     click.option(
         "--as",
         "as_",
         type=WordChoice(("rows", "grid")),
         metavar="FORM",
-        help="rows of curves in the text, or a grid: a raster beside it.  "
-        "[default: rows up to 2,000,000 pixels]",
+        help="rows in the text, or a grid: a raster.  [default: rows up to 2,000,000 pixels]",
     ),
     click.option(
         "--link",
         is_flag=True,
-        help="Make a grid of SOURCE itself, a raster beside OUT or below; nothing else is written.",
+        help="Make a grid of SOURCE itself, beside OUT or below.",
     ),
-    click.option("--fill", is_flag=True, help="Fill what is nodata, rather than leave it void."),
+    click.option("--fill", is_flag=True, help="Fill nodata, rather than leave it void."),
     click.option(
         "--structures/--no-structures",
         default=None,
-        help="Whether to look for boxes, ramps and hills.  [default: up to 4,194,304 pixels]",
+        help="Look for boxes and hills.  [default: up to 4,194,304 pixels]",
     ),
     click.option(
         "--walls",
         is_flag=True,
-        help="Give these upright walls, where the DEM has a slope of one pixel.",
+        help="Give these walls, where a pixel is steep.",
     ),
     click.option(
         "--method",
@@ -81,7 +80,7 @@ _METHODS = ("rows", "columns", "nodal-rows", "nodal-columns", "hats")
         multiple=True,
         type=WordChoice(_METHODS),
         metavar="NAME",
-        help=f"Of writing heights: {', '.join(_METHODS)}.  [default: the smallest]",
+        help=f"{', '.join(_METHODS)}.  [default: best]",
     ),
     click.option(
         "--cells",
@@ -89,9 +88,8 @@ _METHODS = ("rows", "columns", "nodal-rows", "nodal-columns", "hats")
         default="half-pixels",
         show_default=True,
         metavar="KIND",
-        help="half-pixels make the smallest file; to pixels elements are easily added.",
+        help="pixels, to which elements are easily added, make a larger file.",
     ),
-    dask_option("make rows"),
 )
 @option_group(
     "What it wears",
@@ -108,16 +106,16 @@ _METHODS = ("rows", "columns", "nodal-rows", "nodal-columns", "hats")
     ),
 )
 @source_options
+@dask_option("make rows")
 @overwrite_option("Replace a file that exists.")
 @json_option()
 def command(source: str, output: str, overwrite: bool, as_json: bool, **values: Any) -> None:
     """Write a DEM or a mesh, SOURCE, as a definition, OUT.
 
-    The terrain is within E of the DEM everywhere, which is bilinear between the centres of its
-    pixels; that is measured before the file appears. What is nodata becomes a void surface.
-    OUT is compressed if its name ends in .json.gz. A SOURCE is a raster that GDAL reads, or a
-    mesh (.obj, .stl, .ply, .glb, .gltf, .off, .3mf, .dxf, .wrl, .x3d, .x3dv), which is looked at
-    from above.
+    The terrain is measured to be within E of the DEM everywhere, which is bilinear between the
+    centres of its pixels. Nodata becomes void. OUT in .json.gz is compressed. A SOURCE is a
+    raster that GDAL reads, or a mesh from above (.obj, .stl, .ply, .glb, .gltf, .off, .3mf, .dxf,
+    .wrl, .x3d, .x3dv).
     """
     from pathlib import Path
 

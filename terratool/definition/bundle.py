@@ -172,7 +172,12 @@ class _HomeTexts:
         data, tree = home.source.data, home.decoded.tree
         if tree.distinct("surface_grid") == {UNSET}:
             return data
-        wanted = {part_pointer(name) for name in home.entries["parts"] if name in parts}
+        own = self._uses.names.parts
+        wanted = {
+            part_pointer(name)
+            for name in home.entries["parts"]
+            if name in parts and own[name].home is home
+        }
         wanted |= {ROOT} if with_root else set()
         grids = {
             f"{tree.pointer(index)}/surfaceGrid/file": grid

@@ -10,7 +10,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, Literal, TypeVar
 
-from msgspec import UNSET, Struct, field, structs
+from msgspec import Struct, field, structs
 
 from terratool.definition.decode import Decoded
 from terratool.definition.findings import Remark, RemarkLog
@@ -425,9 +425,7 @@ class Shelf:
     def _link_classes(self, user: SourceDocument, base: str) -> None:
         """Look for the rasters of classes of a file's own elements, which get what was found."""
         tree, linked = user.decoded.tree, {}
-        for grid in sorted(
-            tree.distinct("surface_grid") - {UNSET}, key=tree.column("surface_grid").index
-        ):
+        for grid, element in tree.first_of("surface_grid").items():
             found = self._source(user, grid, base)
             if isinstance(found, GridSource):
                 linked[grid] = LinkedSurfaceGrid(
@@ -435,7 +433,6 @@ class Shelf:
                 )
             else:
                 code, message, hint = found
-                element = tree.column("surface_grid").index(grid)
                 remark = Remark("/surfaceGrid/file", message, hint, element=element)
                 user.problems.append((code, remark))
         if linked:

@@ -144,6 +144,14 @@ class Tree(Struct, frozen=True, dict=True):
             self._distinct[name] = set(self.column(name))
         return self._distinct[name]
 
+    def first_of(self, name: str) -> dict[Any, int]:
+        """Return the first element with each value of an attribute that is not absent, in order."""
+        found: dict[Any, int] = {}
+        for index, value in enumerate(self.column(name)):
+            if value is not UNSET:
+                found.setdefault(value, index)
+        return found
+
     def replace(self, name: str, values: Mapping[Any, Any]) -> None:
         """Replace values of an attribute of all elements by others, in the column and in these."""
         column = self.column(name)

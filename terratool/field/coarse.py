@@ -6,9 +6,11 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
+
 from terratool.definition.findings import Bounds
 from terratool.definition.grid_files import GridSource
-from terratool.field.records import MappedGrids
+from terratool.field.records import COMBINE, MappedGrids
 from terratool.field.terrain import Terrain, clip_bounds
 
 MOST_NUMBERS = 1 << 25
@@ -31,23 +33,41 @@ class CoarseTerrain(NamedTuple):
 
 def reads_all(terrain: Terrain, bounds: Bounds | None = None) -> bool:
     """Return whether all heights in a rectangle may be asked for, however large the rasters are."""
-    mapped = terrain.arrays.curves.mapped
-    numbers = sum(
-        source.columns * source.rows
-        for file, source in enumerate(mapped.sources)
-        if not mapped.is_whole(file)
-    )
-    if not numbers:
+    large = _large(terrain)
+    if not large:
         return True
-    (west, south, east, north), (width, height) = clip_bounds(terrain, bounds), terrain.size
-    return numbers * ((east - west) / width * ((north - south) / height)) <= MOST_NUMBERS
+    written = terrain.written_out_or_none
+    if written is None:
+        return False
+    arrays, part, numbers = written.arrays, clip_bounds(terrain, bounds), 0.0
+    kinds = arrays.kinds[arrays.elements["kind"]]
+    gridded = kinds["combine"] == COMBINE["grid"]
+    files = np.where(gridded, arrays.curves.rasters["file"][kinds["raster"] * gridded], -1)
+    west, south, east, north = written.footprints()
+    wide = np.minimum(east, part[2]) - np.maximum(west, part[0])
+    tall = np.minimum(north, part[3]) - np.maximum(south, part[1])
+    shares = np.maximum(wide, 0.0) * np.maximum(tall, 0.0) / ((east - west) * (north - south))
+    for file in large:
+        source = arrays.curves.mapped.sources[file]
+        numbers += source.columns * source.rows * float(shares[files == file].sum())
+    return numbers <= MOST_NUMBERS
+
+
+def _large(terrain: Terrain) -> list[int]:
+    """Files of heights that are read by blocks."""
+    mapped = terrain.arrays.curves.mapped
+    return [
+        file
+        for file, source in enumerate(mapped.sources)
+        if not (source.classes or mapped.is_whole(file))
+    ]
 
 
 def coarse(terrain: Terrain, bounds: Bounds | None = None) -> CoarseTerrain:
     """Return a terrain of which all heights in a rectangle may be asked for.
 
-    A raster that is read by blocks is replaced by an overview, if the rectangle holds too much of
-    it.
+    A raster of heights that is read by blocks is replaced by an overview, if the rectangle holds
+    too much of it. Classes stay as they are: a mean of two is a third one.
 
     Raises:
         ReadError: a raster has changed since its header was read, is broken, or has no overview.
@@ -59,10 +79,8 @@ def coarse(terrain: Terrain, bounds: Bounds | None = None) -> CoarseTerrain:
     terrain = terrain.written_out_or_none or terrain
     curves = terrain.arrays.curves
     sources, rasters = list(curves.mapped.sources), curves.rasters.copy()
-    for file, source in enumerate(sources):
-        if curves.mapped.is_whole(file):
-            continue
-        sources[file] = overview_of(source, _OVERVIEW)
+    for file in _large(terrain):
+        sources[file] = overview_of(sources[file], _OVERVIEW)
         rasters["count"][rasters["file"] == file] = sources[file].columns, sources[file].rows
     seen = MappedGrids(sources)
     for file in range(len(sources)):

@@ -255,6 +255,8 @@ class MappedGrids:
         if self.sources == other.sources:
             return True
         files = range(len(self._grids))
+        if not all(self.is_whole(n) and other.is_whole(n) for n in files):
+            return False
         return all(np.array_equal(self.numbers(n), other.numbers(n), True) for n in files)
 
     def __hash__(self) -> int:

@@ -314,9 +314,10 @@ def _number_points(terrain: Terrain, part: Bounds, most: int) -> _Points:
 
 def _numbers_of(arrays: FieldArrays, kind: Any, most: int) -> NDArray[np.float64]:
     """Positions u and v of the numbers of a grid, (2, n), and of the edges of void pixels."""
-    numbers, raster = grid_numbers(arrays, kind), arrays.curves.rasters[kind["raster"]]
+    raster = arrays.curves.rasters[kind["raster"]]
+    columns, rows = raster["count"].tolist()
     along = []
-    for count in numbers.shape[::-1]:
+    for count in (columns, rows):
         if raster["pixel"] or count == 1:
             t = (np.arange(count) + 0.5) / count
             edges = np.arange(count + 1) / count
@@ -328,16 +329,18 @@ def _numbers_of(arrays: FieldArrays, kind: Any, most: int) -> NDArray[np.float64
         return np.stack(np.meshgrid(u, v)).reshape(2, -1)
     step = math.ceil(math.sqrt(u.size * v.size / most))
     some = np.stack(np.meshgrid(u[::step], v[::step])).reshape(2, -1)
-    found = extremes(numbers)
+    if raster["file"] >= 0 and not arrays.curves.mapped.is_whole(raster["file"]):
+        return some
+    found = extremes(grid_numbers(arrays, kind))
     if found is None:
         return some
-    rows, columns = np.transpose(found)
-    rows = len(numbers) - 1 - rows  # from the south
-    if len(v) > len(numbers):  # edges lie between
-        rows = 2 * rows + 1
-    if len(u) > numbers.shape[1]:
-        columns = 2 * columns + 1
-    return np.hstack([some, np.stack([u[columns], v[rows]])])
+    row, column = np.transpose(found)
+    row = rows - 1 - row  # from the south
+    if len(v) > rows:  # edges lie between
+        row = 2 * row + 1
+    if len(u) > columns:
+        column = 2 * column + 1
+    return np.hstack([some, np.stack([u[column], v[row]])])
 
 
 def _beside(at: NDArray[np.float64], cell: ArrayLike, bounds: Bounds) -> list[NDArray[np.float64]]:

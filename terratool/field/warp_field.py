@@ -252,13 +252,14 @@ def _struct_of(
     """Return the struct of the kernels, its arrays on a device.
 
     Raises:
-        RequestError: a table has more entries than a device can index.
+        RequestError: a table has more entries than a device can index, or a raster is too large.
     """
     import warp as wp
 
     from terratool.field.warp_kernels import DeviceField, DeviceRelief
 
     curves, tracks = arrays.curves, arrays.tracks
+    curves.mapped.refuse_blocks("Devices")
     indexed = arrays.elements, arrays.offsets, arrays.entries, curves.pieces, tracks.entries
     heights = curves.heights.size + curves.mapped.count
     most = max(heights, *(array.size for array in indexed))

@@ -6,8 +6,9 @@ import mmap
 import sys
 import threading
 import weakref
+from collections import deque
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 from terratool.errors import ReadError
 from terratool.processes import memory_bytes
@@ -71,6 +72,9 @@ class GridBlocks:
 
     _lock = threading.Lock()
     _taken = 0  # bytes of the blocks of all rasters
+    # bytes of those that are gone: they are told by the garbage collector, in any thread, which may
+    # hold the lock
+    _given: ClassVar[deque[list[int]]] = deque()
 
     def __init__(self, facts: GridFacts, shape: BlockShape, read: Read) -> None:
         """Set address space aside for the heights of a band.
@@ -85,7 +89,7 @@ class GridBlocks:
         self._facts, self._read = facts, read
         self._loaded: set[int] = set()
         self._bytes = [0]
-        weakref.finalize(self, GridBlocks._give_back, self._bytes)
+        weakref.finalize(self, GridBlocks._given.append, self._bytes)
         try:
             memory = mmap.mmap(-1, facts.nbytes, **_LAZY)
         except (OSError, ValueError, OverflowError) as error:
@@ -95,11 +99,6 @@ class GridBlocks:
                 "Take a coarser raster, or allow more virtual memory.",
             ) from error
         self.data: NDArray[np.uint8] = np.frombuffer(memory, np.uint8)
-
-    @classmethod
-    def _give_back(cls, taken: list[int]) -> None:
-        with cls._lock:
-            cls._taken -= taken[0]
 
     def load(self, block: int) -> None:
         """Read a block, if it is not there.
@@ -114,11 +113,13 @@ class GridBlocks:
         with self._lock:
             if block in self._loaded:
                 return
+            while GridBlocks._given:
+                GridBlocks._taken -= GridBlocks._given.popleft()[0]
             more = rows * columns * (4 if self._facts.single else 8)
             if GridBlocks._taken + more > _SHARE * memory_bytes():
                 raise ReadError(
-                    f"{source.path}: more of its heights are asked for than memory holds: "
-                    f"{GridBlocks._taken + more:,} bytes are half of it.",
+                    f"{source.path}: more of its heights are asked for than memory holds: blocks "
+                    f"of rasters take {GridBlocks._taken:,} bytes, about half of it.",
                     "Ask for a part of the terrain, or make the raster coarser.",
                 )
             heights = self._read(column, row, columns, rows)

@@ -51,7 +51,9 @@ MOST_EMPTY = 1 << 24
 MAX_EMPTY_PIXELS = 1 << 26
 """Most pixels of all unpacked bands together that the bytes of the files do not account for."""
 PIXELS_A_BYTE = 64
-"""Pixels that a byte of a raster accounts for."""
+"""Pixels that a byte of a raster of heights accounts for."""
+CLASSES_A_BYTE = 4096
+"""Pixels that a byte of a raster of classes accounts for, which are alike over large areas."""
 _MOST_BY_BLOCKS = 1e7
 """Largest height, without sign, of a raster of floats that is read by blocks: walls and the
 rounding of sums are told from it before all heights are known."""
@@ -134,8 +136,12 @@ class Headers:
 
 def _is_by_blocks(source: GridSource) -> bool:
     """Whether a band is too large to be unpacked as a whole, beside the bytes of its file, too."""
-    held = PIXELS_A_BYTE * source.identity.size + MOST_EMPTY
-    return source.columns * source.rows > min(MOST_UNPACKED, held)
+    return source.columns * source.rows > min(MOST_UNPACKED, _held_by(source) + MOST_EMPTY)
+
+
+def _held_by(source: GridSource) -> int:
+    """Pixels that the bytes of a raster account for."""
+    return (CLASSES_A_BYTE if source.classes else PIXELS_A_BYTE) * source.identity.size
 
 
 class _Header:
@@ -173,7 +179,7 @@ class _Header:
 
     def take(self, source: GridSource) -> int:
         """Count the pixels of a band, and return how many its file's bytes do not account for."""
-        held = PIXELS_A_BYTE * self._identity.size
+        held = _held_by(source)
         before = max(0, self._pixels - held)
         self._pixels += source.columns * source.rows
         return max(0, self._pixels - held) - before
@@ -386,16 +392,18 @@ def rows_of(source: GridSource) -> GridRows:
 def ranges_of(source: GridSource) -> Ranges:
     """Read the ranges of all heights of a band and of those on its rim, and whether some are void.
 
-    A raster that is read by blocks is not looked at: its ranges are 0.
-
     Raises:
-        ReadError: the file has changed since its header was read, or is broken.
+        ReadError: the file has changed since its header was read, is broken, or is read by blocks.
     """
     import numpy as np
 
     grid = numbers_of(source)
     if grid.blocks is not None:
-        return (0.0, 0.0), (0.0, 0.0), True
+        raise ReadError(
+            f"{source.path}: has {source.columns:,} × {source.rows:,} pixels, too many to look at "
+            "all heights.",
+            "Leave out --max-step, or make it coarser with gdal_translate -tr.",
+        )
     heights, facts = _array_of(grid), grid.facts
     around = np.concatenate([heights[0], heights[-1], heights[:, 0], heights[:, -1]])
     known = around[~np.isnan(around)]

@@ -57,19 +57,21 @@ UNPACK = "If it is right, unpack the archive and name the raster itself."
 _systems = re.compile(r"/vsi[a-z0-9]+/\{?(?:/?vsi[a-z0-9]+/\{?)*").match
 
 
-def refuse_claims(name: str, file: Any) -> None:
+def refuse_claims(name: str, file: Any, placed: bool = True) -> None:
     """Refuse a raster that claims more pixels than its files can hold.
 
     Args:
         name: name of the raster, for messages.
         file: open rasterio dataset.
+        placed: whether its place is looked at; overviews of a raster without a place have a wrong
+            one.
 
     Raises:
         ReadError: the raster claims too many pixels, or its transform, scales or offsets are not
             finite, or its pixels have no area.
     """
     transform = transform_of(file)
-    if not all(map(math.isfinite, transform)) or transform.determinant == 0:
+    if placed and (not all(map(math.isfinite, transform)) or transform.determinant == 0):
         raise ReadError(f"{name}: its pixels have no size, or lie nowhere.", _HINT)
     if not all(map(math.isfinite, (*file.scales, *file.offsets))):
         raise ReadError(f"{name}: its values have a scale or an offset that is no number.", _HINT)

@@ -165,7 +165,7 @@ def open_local(
             files = [] if allow_remote else file.files
         _refuse_files(name, files)
         with gdal_errors(name):
-            refuse_claims(name, file)
+            refuse_claims(name, file, placed=overview is None)
             if file.driver == _LISTED:
                 file.read(1, window=Window(0, 0, 1, file.height))
         yield file

@@ -349,8 +349,14 @@ def loss_of(terrain: Terrain, fit: BudgetedMesh, options: MeshOptions, wanted: f
 
 
 def relief_of(terrain: Terrain, bounds: Bounds | None) -> float:
-    """Return a bound of the highest minus the lowest height, in units of the terrain."""
-    low, high, _ = height_range(terrain, bounds)
+    """Return a bound of the highest minus the lowest height, in units of the terrain.
+
+    Raises:
+        RequestError: a raster is too large to look at all of its heights.
+    """
+    low, high, points = height_range(terrain, bounds)
+    if not points:
+        terrain.arrays.curves.mapped.refuse_blocks("Errors by the relief")
     return high - low if low is not None and high is not None else 0.0
 
 

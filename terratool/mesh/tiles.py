@@ -176,17 +176,25 @@ def faces_of(plan: MeshPlan) -> float:
 
 
 def _faces_of_grids(plan: MeshPlan, drawn: NDArray[np.int64]) -> float:
-    """Return the number of faces of the drawn elements that are grids of heights, about."""
+    """Return the number of faces of the drawn elements that are grids of heights, about.
+
+    A grid that is read by blocks is not looked at, and counts as level.
+    """
     kinds, elements = plan.arrays.kinds, plan.arrays.elements[drawn]
-    elements = elements[kinds["combine"][elements["kind"]] == COMBINE["grid"]]
+    gridded = kinds["combine"][elements["kind"]] == COMBINE["grid"]
+    elements = elements[gridded & (elements["scale"] != 0.0)]
     sizes, copies = np.unique(
         np.column_stack([elements["kind"], np.abs(elements["scale"])]), axis=0, return_counts=True
     )
     total = 0.0
-    for (kind, scale), times in zip(sizes, copies.tolist(), strict=True):
-        total += times * _faces_of_grid(
-            grid_numbers(plan.arrays, kinds[int(kind)]), scale / plan.error
-        )
+    curves = plan.arrays.curves
+    for (index, scale), times in zip(sizes, copies.tolist(), strict=True):
+        kind = kinds[int(index)]
+        file = int(curves.rasters["file"][kind["raster"]])
+        if file >= 0 and not curves.mapped.is_whole(file):
+            total += 2.0 * times
+        else:
+            total += times * _faces_of_grid(grid_numbers(plan.arrays, kind), scale / plan.error)
     return total
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -187,10 +188,11 @@ def _sample_layers(scene: Scene, grid: Grid) -> tuple[Layers, RasterLoss]:
     work = Work(LayerSampler.sample, sampler, name=window_name)
     out = np.empty((len(_NAMES), grid.height, grid.width), np.float32)
     lost = LossCounts()
-    for window, bands, more in scene.crew.run(work, grid.windows(TILE, TILE)):
-        rows = slice(window.row, window.row + window.height)
-        out[:, rows, window.column : window.column + window.width] = bands
-        lost += more
+    with contextlib.closing(scene.crew.run(work, grid.windows(TILE, TILE))) as found:
+        for window, bands, more in found:
+            rows = slice(window.row, window.row + window.height)
+            out[:, rows, window.column : window.column + window.width] = bands
+            lost += more
     nodata = int(np.isnan(out[0]).sum())
     return dict(zip(_NAMES, out, strict=True)), sampler.finder.statement(lost, nodata)
 

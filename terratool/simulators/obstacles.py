@@ -7,6 +7,7 @@ found by its crests. Heights come from the terrain itself, not from a raster of 
 
 from __future__ import annotations
 
+import contextlib
 import math
 from typing import Any, NamedTuple
 
@@ -93,12 +94,13 @@ def occupancy(
     work = Work(ObstacleFinder.find, ObstacleFinder(terrain, grid, limits), name=window_name)
     out = np.empty((grid.height, grid.width), np.int8)
     walls = []
-    for found in crew.run(work, grid.windows(_WINDOW, _WINDOW)):
-        row, column = found.window.row, found.window.column
-        cells = np.where(found.unknown, np.int8(UNKNOWN), np.int8(FREE))
-        cells[found.steep] = OCCUPIED
-        out[row : row + found.window.height, column : column + found.window.width] = cells
-        walls.append(found.walls)
+    with contextlib.closing(crew.run(work, grid.windows(_WINDOW, _WINDOW))) as windows:
+        for found in windows:
+            row, column = found.window.row, found.window.column
+            cells = np.where(found.unknown, np.int8(UNKNOWN), np.int8(FREE))
+            cells[found.steep] = OCCUPIED
+            out[row : row + found.window.height, column : column + found.window.width] = cells
+            walls.append(found.walls)
     for places in walls:  # a wall may stand in a cell of another window
         columns, rows = np.floor((places - (grid.west, grid.south)) / grid.resolution).T
         rows = grid.height - 1 - np.clip(rows, 0, grid.height - 1).astype(np.int64)

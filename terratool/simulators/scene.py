@@ -114,13 +114,15 @@ class Scene:
         faces = faces_of(plan_of(self.terrain, error)[0])
         if faces <= _MOST_FACES:
             return
-        wider = error
-        while faces_of(plan_of(self.terrain, wider)[0]) > _MANY_FACES:
-            wider *= 4.0
+        wider = (error * 4.0**k for k in range(1, 20))
+        enough = (e for e in wider if faces_of(plan_of(self.terrain, e)[0]) <= _MANY_FACES)
+        found = next(enough, None)
         raise RequestError(
             f"Within {metres(error)} the ground has about {faces:,.0f} triangles, which no "
             "simulator takes.",
-            f"Give --max-error {wider:.2g}, or export a part of the terrain.",
+            "Make a terrain of a part of it."
+            if found is None
+            else f"Give --max-error {found:.2g}, or make a terrain of a part of it.",
         )
 
     @cached_property

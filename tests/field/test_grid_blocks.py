@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import json
 import pickle
 from concurrent.futures import ThreadPoolExecutor
@@ -84,7 +85,9 @@ def test_points_pixels_and_meshes_are_those_of_the_whole_raster(
     ]
     for one, other in zip(*painted, strict=True):
         assert one is None or np.array_equal(one, other, equal_nan=True)
-    built = build(by_blocks(path, monkeypatch), 0.05, (20, 10, 43, 19))
+    terrain = by_blocks(path, monkeypatch)
+    built = build(terrain, 0.05, (2, 3, 25, 12))
+    assert blocks_of(terrain)._loaded <= {9 * row + column for row in (3, 4) for column in range(3)}
     x, y, z = (built.mesh.vertices + built.mesh.origin).T
     assert built.error <= 0.05 and len(x) > 100
     assert np.allclose(z, whole.height(x, y), rtol=0, atol=1e-4)
@@ -133,7 +136,7 @@ def test_a_raster_that_changes_meanwhile_is_refused(
 
 
 def test_blocks_take_a_share_of_the_memory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """And give it back with their terrain."""
+    """And give it back with their terrain, whoever collects that."""
     terrain = by_blocks(site(tmp_path), monkeypatch)
     terrain.height(30.3, 20.2)
     taken = grid_blocks.GridBlocks._taken
@@ -144,7 +147,32 @@ def test_blocks_take_a_share_of_the_memory(tmp_path: Path, monkeypatch: pytest.M
     assert "Ask for a part" in caught.value.hint
     terrain.height(50, 55)  # is still there
     del terrain, caught
+    gc.collect()
+    other = by_blocks(site(tmp_path), monkeypatch)
+    other.height(np.linspace(0, 104, 300)[:3], np.full(3, 1.0))
     assert grid_blocks.GridBlocks._taken < taken
+
+
+def test_a_terrain_may_be_collected_while_a_block_is_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By the garbage collector, in the very thread that reads."""
+    path = site(tmp_path)
+    gone, terrain = by_blocks(path, monkeypatch), by_blocks(path, monkeypatch)
+    gone.height(1, 1)
+    blocks = blocks_of(terrain)
+    reads = blocks._read
+    holders: list[Any] = [gone]
+    holders.append(holders)  # which only the collector frees
+    del gone
+
+    def read(*window: int) -> Any:
+        holders.clear()
+        gc.collect()
+        return reads(*window)
+
+    blocks._read = read
+    assert terrain.height(50, 55) == load(path).height(50, 55)
 
 
 def test_heights_that_are_too_large_are_refused(

@@ -337,11 +337,11 @@ def grid_crs(subject: Subject) -> Iterator[Remark]:
 
     crs = subject.definition.crs
     own = None if crs is UNSET else authority_code(crs)
-    column = subject.tree.column("surface_grid")
     places = [(*raster_place(subject, name), source) for name, source in _sources(subject)]
     places += [
         ("/surfaceGrid/file", element, grid.source)
-        for element, grid in sorted((column.index(grid), grid) for grid in _class_grids(subject))
+        for grid, element in subject.tree.first_of("surface_grid").items()
+        if isinstance(grid, LinkedSurfaceGrid)
     ]
     for pointer, element, source in places:
         its = authority_code(source.crs) if source.crs else None

@@ -17,6 +17,7 @@ nothing.
 
 from __future__ import annotations
 
+import contextlib
 import math
 from bisect import bisect_left
 from collections import deque
@@ -641,12 +642,13 @@ def smallest(
     sizes: dict[Method, int] = {}
     # hats last, as of these a lower bound may do
     for hats in (False, True):
-        tried = [method for method in methods if (method.kind == "hats") == hats]
+        tried = [one for one in dict.fromkeys(methods) if (one.kind == "hats") == hats]
         jobs = [(method, index) for method in tried for index in range(len(parts))]
         common = parts, rounding, min(sizes.values(), default=-1)
         work = Work(_size_of_part, common, name=lambda job: f"trial of {job[0].sentence}")
-        for (method, _), size in zip(jobs, crew.run(work, jobs), strict=True):
-            sizes[method] = sizes.get(method, 0) + size
+        with contextlib.closing(crew.run(work, jobs)) as found:
+            for (method, _), size in zip(jobs, found, strict=True):
+                sizes[method] = sizes.get(method, 0) + size
     return min(methods, key=sizes.__getitem__)
 
 
