@@ -16,7 +16,7 @@ import rasterio
 from terratool.errors import ReadError, RequestError
 from terratool.field.coarse import coarse
 from terratool.field.rays import cast
-from terratool.field.summary import summarise
+from terratool.field.summary import height_range, summarise
 from terratool.field.terrain import Terrain, load
 from terratool.io import grid_blocks, grid_files
 from terratool.mesh.build import build
@@ -230,3 +230,58 @@ def test_what_cannot_be_looked_at_is_said(tmp_path: Path, monkeypatch: pytest.Mo
     assert "no overview" in height.notes[0]
     with pytest.raises(RequestError, match=r"Rays need all 520 × 300 pixels of .*dem\.tif"):
         cast(terrain, [[1, 1, 5]], [[0, 0, -1]])
+
+
+def test_classes_are_not_seen_by_overviews(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The mean of two classes is a third one; here there is no ground where that is."""
+    classes = np.ones((64, 96), np.uint8)
+    classes[:, ::2] = 3
+    geotiff(tmp_path / "classes.tif", classes, tiled=True, blockxsize=16, blockysize=16)
+    with rasterio.open(tmp_path / "classes.tif", "r+") as file:
+        file.build_overviews([2, 4], rasterio.enums.Resampling.average)
+    names = {"1": "rock", "2": "hole", "3": "rock"}
+    root = {"type": "b", "surfaceGrid": {"file": "classes.tif", "names": names}}
+    surfaces = {"rock": {"descr": "hard"}, "hole": {"void": True}}
+    definition = {"size": [9, 6], "surfTypes": surfaces, "elemTypes": {"b": {"x": [1]}}}
+    (tmp_path / "site.json").write_text(json.dumps(definition | {"elemTree": root}))
+    monkeypatch.setattr("terratool.field.coarse.MOST_NUMBERS", 100)
+    monkeypatch.setattr(grid_files, "MOST_UNPACKED", 1000)
+    terrain = load(tmp_path / "site.json")
+    assert not terrain.arrays.curves.mapped.is_whole(0)
+    height = summarise(terrain).height
+    assert (height.low, height.high, height.notes) == (1, 1, ())
+
+
+@pytest.mark.filterwarnings("ignore::rasterio.errors.NotGeoreferencedWarning")
+def test_an_overview_needs_no_place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As a grid does not, whose raster may lie nowhere."""
+    path = site(tmp_path)
+    options = {"driver": "GTiff", "width": SHAPE[1], "height": SHAPE[0], "count": 1}
+    with rasterio.open(
+        tmp_path / "dem.tif", "w", dtype="float32", tiled=True, blockxsize=64, blockysize=64,
+        **options,
+    ) as file:  # fmt: skip
+        file.write(heights(), 1)
+    with rasterio.open(tmp_path / "dem.tif", "r+") as file:
+        file.build_overviews([2], rasterio.enums.Resampling.average)
+    monkeypatch.setattr("terratool.field.coarse.MOST_NUMBERS", 1000)
+    seen, notes = coarse(by_blocks(path, monkeypatch))
+    assert len(notes) == 1 and not np.isnan(seen.height(1, 1))
+
+
+def test_a_small_part_is_looked_at_by_its_blocks(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where the raster lies counts, not how large the terrain is."""
+    path = site(tmp_path)
+    definition = json.loads(path.read_text())
+    flat = {"type": "flat", "children": [{"type": "dem", "at": [700, 500], "extent": [104, 60]}]}
+    definition |= {"size": [1000, 1000], "elemTree": flat}
+    definition["elemTypes"]["flat"] = {"x": [0]}
+    path.write_text(json.dumps(definition))
+    monkeypatch.setattr("terratool.field.coarse.MOST_NUMBERS", 20_000)
+    terrain = by_blocks(path, monkeypatch)
+    assert height_range(terrain, (640, 460, 760, 540)) == (None, None, 0)
+    low, high, points = height_range(terrain, (650, 472, 658, 478))
+    assert points and low is not None and high is not None and low < high
+    assert len(blocks_of(terrain)._loaded) <= 4
