@@ -735,10 +735,61 @@ template <class Visit> INLINE void visit_batches(std::size_t points, Visit visit
         visit(begin, min(std::size_t(BATCH), points - begin));
 }
 
+// Whether all ground is one grid of heights in memory, none of which is void.
+inline bool is_grid_alone(const Field& field) {
+    const Element& root = field.elements[0];
+    const Kind& kind = field.kinds[root.kind];
+    if (root.grid || root.pose || kind.combine != GRID || kind.is_void || has_classes(kind))
+        return false;
+    if (has_tracks(field) || has_reliefs(field) || field.grids[0].local) return false;
+    RasterAt raster(field.curves, kind);
+    return !raster.raster().voids && raster.is_in_memory();
+}
+
+// Heights at a batch of points of a grid that is alone: first where the numbers around each point
+// are, then what they are, so that the memory is asked for many at a time.
+inline void batch_grid(const Field& field, In x, In y, Scratch& scratch, Out out) {
+    const Element& root = field.elements[0];
+    const Grid& ground = field.grids[0];
+    RasterAt raster(field.curves, field.kinds[root.kind]);
+    const Raster& r = raster.raster();
+    auto row = [&](int index) { return Out{scratch.work[index].data(), x.size()}; };
+    Out cell_x = row(0), cell_y = row(1), u = row(2), v = row(3);
+    positions(x, axis_of(ground, X), cell_x, u);
+    positions(y, axis_of(ground, Y), cell_y, v);
+    Span<i64> first(scratch.top.data(), x.size());  // of the numbers, -1 for where it is not clear
+    for (std::size_t n = 0; n < x.size(); ++n) {
+        bool inside = (cell_x[n] == 0.0) & (cell_y[n] == 0.0);  // not where they are NaN
+        bool clear = inside && is_clear_of_edges(ground, u[n], v[n]);
+        Between along = between(clear ? u[n] : 0.0, r.count[X], r.pixel);
+        Between across = between(clear ? v[n] : 0.0, r.count[Y], r.pixel);
+        first[n] = clear ? raster.place_of(along.low, across.low) : -1;
+        u[n] = along.part, v[n] = across.part;
+    }
+    i64 east = r.count[X] > 1, north = r.count[Y] > 1 ? -r.count[X] : 0;
+    double scale = root.scale, offset = root.offset;
+    raster.visit_numbers([&](const auto* numbers) {
+        for (std::size_t n = 0; n < x.size(); ++n) {
+            const auto* z = numbers + max(first[n], -north);
+            Corners around{
+                double(z[0]), double(z[east]), double(z[north]), double(z[east + north])
+            };
+            out[n] = scale * around.value(u[n], v[n]) + offset;
+        }
+    });
+    for (std::size_t n = 0; n < x.size(); ++n)
+        if (first[n] < 0) out[n] = height_at(field, x[n], y[n], scratch.stack);
+}
+
 // Heights at points, on one thread.
 inline void heights(const Field& field, In x, In y, Out out) {
     Scratch scratch(field);
-    if (PointBatch<false>::is_possible(field)) {
+    if (is_grid_alone(field)) {
+        visit_batches(x.size(), [&](std::size_t begin, std::size_t count) {
+            In xs = x.subspan(begin, count), ys = y.subspan(begin, count);
+            batch_grid(field, xs, ys, scratch, out.subspan(begin, count));
+        });
+    } else if (PointBatch<false>::is_possible(field)) {
         visit_batches(x.size(), [&](std::size_t begin, std::size_t count) {
             In xs = x.subspan(begin, count), ys = y.subspan(begin, count);
             Out zs = out.subspan(begin, count);

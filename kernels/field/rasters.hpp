@@ -75,6 +75,7 @@ public:
           blocks_(raster.file < 0 ? nullptr : curves.memory->blocks[raster.file].get()) {}
 
     const Raster& raster() const { return raster_; }
+    bool is_in_memory() const { return !blocks_; }
 
     // The numbers about t along an axis, which lies in a cell; those of another one, which is on
     // the far side of an edge, may be void.
@@ -148,10 +149,21 @@ public:
 
     // The number at column `i` from the west and row `j` from the south.
     INLINE double number(i64 i, i64 j) const {
-        i64 row = raster_.count[Y] - 1 - j, n = row * raster_.count[X] + i;
-        if (blocks_) blocks_->need(row, i, i);
+        i64 n = place_of(i, j);
+        if (blocks_) blocks_->need(raster_.count[Y] - 1 - j, i, i);
         if (raster_.single) return double(static_cast<const float*>(numbers_)[n]);
         return static_cast<const double*>(numbers_)[n];
+    }
+
+    // Where it is among all numbers, row by row from the north.
+    INLINE i64 place_of(i64 i, i64 j) const {
+        return (raster_.count[Y] - 1 - j) * raster_.count[X] + i;
+    }
+
+    // Call visit(all numbers), of float or double, of a grid in memory.
+    template <class Visit> INLINE void visit_numbers(Visit visit) const {
+        if (raster_.single) visit(static_cast<const float*>(numbers_));
+        else visit(static_cast<const double*>(numbers_));
     }
 
     // Call visit(the numbers from column `first` to `last` of row `j` from the south), of float or
