@@ -147,6 +147,8 @@ class Tree(Struct, frozen=True, dict=True):
     def first_of(self, name: str) -> dict[Any, int]:
         """Return the first element with each value of an attribute that is not absent, in order."""
         found: dict[Any, int] = {}
+        if self.distinct(name) <= {UNSET}:
+            return found
         for index, value in enumerate(self.column(name)):
             if value is not UNSET:
                 found.setdefault(value, index)
