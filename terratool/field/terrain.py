@@ -207,11 +207,10 @@ class Terrain:
         vars(self).update(state, _compiled=align_arrays(state["_compiled"]))
 
     def with_curves(self, curves: CurveArrays) -> Terrain:
-        """Return this terrain, whose parts are written out or all shared, with other curves."""
+        """Return this terrain with other curves, which its parts have if they are written out."""
         other = copy(self)
         for name in _CACHED:
             vars(other).pop(name, None)
-        other._source = None
         other._compiled = self._compiled._replace(arrays=self.arrays._replace(curves=curves))
         return other
 

@@ -113,20 +113,28 @@ class GridBlocks:
         with self._lock:
             if block in self._loaded:
                 return
-            while GridBlocks._given:
-                GridBlocks._taken -= GridBlocks._given.popleft()[0]
             more = rows * columns * (4 if self._facts.single else 8)
-            if GridBlocks._taken + more > _SHARE * memory_bytes():
-                raise ReadError(
-                    f"{source.path}: more of its heights are asked for than memory holds: blocks "
-                    f"of rasters take {GridBlocks._taken:,} bytes, about half of it.",
-                    "Ask for a part of the terrain, or make the raster coarser.",
-                )
+            self._refuse(more)
             heights = self._read(column, row, columns, rows)
             self._numbers[row : row + rows, column : column + columns] = heights
             self._loaded.add(block)
             self._bytes[0] += more
             GridBlocks._taken += more
+
+    def _refuse(self, more: int) -> None:
+        """Refuse so many bytes of blocks more, with the lock held.
+
+        Raises:
+            ReadError: they take too much memory.
+        """
+        while GridBlocks._given:
+            GridBlocks._taken -= GridBlocks._given.popleft()[0]
+        if GridBlocks._taken + more > _SHARE * memory_bytes():
+            raise ReadError(
+                f"{self._facts.source.path}: more of its heights are asked for than memory holds: "
+                f"with {more:,} bytes more, blocks of rasters take over half of it.",
+                "Ask for a part of the terrain, or make the raster coarser.",
+            )
 
     def load_all(self) -> None:
         """Read all blocks.
@@ -134,6 +142,8 @@ class GridBlocks:
         Raises:
             ReadError: one cannot be read, or they take too much memory.
         """
+        with self._lock:
+            self._refuse(self._facts.nbytes - self._bytes[0])
         for block in range(self.count):
             self.load(block)
 

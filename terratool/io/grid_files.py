@@ -104,17 +104,7 @@ class Headers:
         self._empty = MAX_EMPTY_PIXELS
 
     def source(self, path: str, band: int, classes: bool = False) -> GridSource:
-        """Band of a raster.
-
-        Args:
-            path: path without links.
-            band: number of the band, from 1.
-            classes: whether it is to hold classes rather than heights.
-
-        Raises:
-            ReadError: the file is no raster with such a band, changes meanwhile, or claims too
-                much; or there are too many.
-        """
+        """Return a band of a raster; arguments and errors are those of `Rasters.source`."""
         self._count += 1
         if self._count > MAX_GRIDS:
             raise ReadError(

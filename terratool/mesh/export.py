@@ -356,7 +356,7 @@ def relief_of(terrain: Terrain, bounds: Bounds | None) -> float:
     """
     low, high, points = height_range(terrain, bounds)
     if not points:
-        terrain.arrays.curves.mapped.refuse_blocks("Errors by the relief")
+        terrain.arrays.curves.mapped.refuse_blocks("Meshes")
     return high - low if low is not None and high is not None else 0.0
 
 

@@ -17,6 +17,7 @@ from terratool.field.bounds import (
     largest_heights,
     with_holes,
 )
+from terratool.field.coarse import reads_all
 from terratool.field.records import COMBINE, FieldArrays
 from terratool.field.relief import relief_bounds, worn_reliefs
 from terratool.field.terrain import Terrain
@@ -68,6 +69,7 @@ def plan_of(
 
     Raises:
         ValueError: the error is not positive, or the bounds hold nothing of the terrain.
+        RequestError: a raster is too large to look at all of its heights.
     """
     terrain = terrain.written_out
     arrays = terrain.arrays
@@ -78,6 +80,8 @@ def plan_of(
         raise ValueError("the bounds hold nothing of the terrain")
     if not max_error > 0:
         raise ValueError("the error must be larger than 0")
+    if not reads_all(terrain, bounds):
+        arrays.curves.mapped.refuse_blocks("Meshes")
     origin = part[:2].copy()
     longest = float((part[2:] - origin).max())
     pitch = 2.0 ** (math.ceil(math.log2(longest)) - LATTICE)

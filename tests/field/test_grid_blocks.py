@@ -145,6 +145,10 @@ def test_blocks_take_a_share_of_the_memory(tmp_path: Path, monkeypatch: pytest.M
     with pytest.raises(ReadError, match="than memory holds") as caught:
         terrain.height(np.linspace(0, 104, 300), np.linspace(0, 60, 300))
     assert "Ask for a part" in caught.value.hint
+    before = set(blocks_of(terrain)._loaded)
+    with pytest.raises(ReadError, match="than memory holds"):
+        terrain.arrays.curves.mapped.numbers(0)
+    assert blocks_of(terrain)._loaded == before, "what does not fit is not begun"
     terrain.height(50, 55)  # is still there
     del terrain, caught
     gc.collect()
@@ -228,6 +232,9 @@ def test_what_cannot_be_looked_at_is_said(tmp_path: Path, monkeypatch: pytest.Mo
     height = summarise(terrain).height
     assert (height.low, height.high, height.points) == (None, None, 0)
     assert "no overview" in height.notes[0]
+    with pytest.raises(RequestError, match=r"Meshes need all 520 × 300 pixels of .*dem\.tif"):
+        build(terrain, 0.1)
+    assert not blocks_of(terrain)._loaded
     with pytest.raises(RequestError, match=r"Rays need all 520 × 300 pixels of .*dem\.tif"):
         cast(terrain, [[1, 1, 5]], [[0, 0, -1]])
 
