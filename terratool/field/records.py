@@ -291,7 +291,7 @@ class MappedGrids:
                 raise RequestError(
                     f"{doing} need all {source.columns:,} × {source.rows:,} pixels of "
                     f"{source.path}, which are too many.",
-                    "Ask for a part of the terrain, or crop the raster with gdal_translate -projwin.",
+                    "Ask for a part of the terrain, or crop it with gdal_translate -projwin.",
                 )
 
     def numbers(self, file: int) -> NDArray[np.floating[Any]]:
