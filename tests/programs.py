@@ -28,6 +28,7 @@ DEBIAN = {
     "ignition-physics": "libignition-physics-dev libignition-physics-heightmap-dev "
     "libignition-physics5-dartsim-plugin5 libsdformat-dev sdformat-sdf",
     "make": "make",
+    "mount": "mount",
     "node": "nodejs",
     "npm": "npm",
     "objdump": "binutils",

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import math
 import xml.etree.ElementTree as ET
+from collections.abc import Iterator
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from terratool.mesh.export import no_ground
 from terratool.mesh.formats.common import points_of, shape_of
 from terratool.mesh.types import BuiltMesh
 from terratool.report.numbers import metres
@@ -53,12 +56,19 @@ _ATTACHED = (
     "model = scene.compile()\n"
     "```",
 )
+_PRIORITY = (
+    " `priority` 1: the friction of the ground counts, whatever a robot says, and so do its"
+    " condim, solref and solimp. A geom that needs its own wants `priority` 2."
+)
 _LAYERS = (
     "Geoms of group 2 are the exact mesh: cameras and rangefinders see it, and nothing collides"
     " with it. What collides is of group 3, which rays pass, as its alpha is 0. To see it:"
     " `model.geom_rgba[model.geom_group == 3, 3] = 1`, and group 3 switched on in the viewer."
-    " It has `priority` 1: the friction of the ground counts, whatever a robot says, and so do its"
-    " condim, solref and solimp. A geom that needs its own wants `priority` 2."
+    f" It has{_PRIORITY}"
+)
+_FIELD = (
+    "All ground is one grid of heights, so a height field of group 2 is both seen and collided"
+    f" with. It has{_PRIORITY}"
 )
 _FLEXES = (
     "Geoms of group 2 are the exact mesh: cameras and rangefinders see it, and nothing collides"
@@ -74,24 +84,48 @@ def write(scene: Scene, folder: Path) -> WrittenFiles:
         comment(root, scene.terrain.descr)
     asset = child(root, "asset")
     body = child(child(root, "worldbody"), "body", name="terrain", pos=numbers(scene.offset))
-    _add_visuals(scene, folder, asset, body)
+    geoms = _CollisionGeoms(scene, folder, asset, body)
     if scene.options.flex:
-        summary, losses, facts = _add_flexes(scene, body)
+        _add_visuals(scene, folder, asset, body)
+        told = _add_flexes(scene, body)
+    elif scene.grid_patch is not None:
+        told = geoms.add_grid(scene.grid_patch)
     else:
-        summary, losses, facts = _CollisionGeoms(scene, folder, asset, body).add()
+        _add_visuals(scene, folder, asset, body)
+        told = geoms.add()
     write_xml(root, folder / _FILE)
     return WrittenFiles(
-        summary=summary,
+        summary=told.summary,
         language="python",
         load=(
             "import mujoco  # pip install mujoco",
             f'model = mujoco.MjModel.from_xml_path("{_FILE}")',
             "data = mujoco.MjData(model)",
         ),
-        notes=(*_ATTACHED, _FLEXES if scene.options.flex else _LAYERS),
-        losses=(losses,),
-        facts={"collision": facts},
+        notes=(*_ATTACHED, told.note),
+        losses=told.losses,
+        facts={"collision": told.facts},
+        meshed=told.frictions is None,
+        frictions=told.frictions,
     )
+
+
+class _Told(NamedTuple):
+    """Account of what collides.
+
+    Attributes:
+        summary: what collides in a few words.
+        note: paragraph on what is seen and what collides.
+        losses: sentences on its distance from the terrain.
+        facts: figures for programs.
+        frictions: materials of what collides; None where a mesh is seen, whose materials count.
+    """
+
+    summary: str
+    note: str
+    losses: tuple[str, ...]
+    facts: dict[str, object]
+    frictions: tuple[Material, ...] | None = None
 
 
 def _add_visuals(scene: Scene, folder: Path, asset: ET.Element, body: ET.Element) -> None:
@@ -123,11 +157,12 @@ def _write_msh(path: Path, vertices: NDArray[np.float32], faces: NDArray[np.int3
         file.write(faces.astype("<i4").tobytes())
 
 
-def _contact(one: Material) -> dict[str, object]:
-    """Return attributes of a geom that collides, is not seen, and whose friction counts first."""
+def _contact(one: Material, seen: bool = False) -> dict[str, object]:
+    """Return attributes of a geom that collides, and whose friction counts first."""
+    color = rgba(one.color)
     return {
-        "rgba": f"{rgba(one.color)[:-1]}0",
-        "group": 3,
+        "rgba": color if seen else f"{color[:-1]}0",
+        "group": 2 if seen else 3,
         "priority": 1,
         "friction": f"{one.friction:.6g} {_ROLLING}",
     }
@@ -140,8 +175,8 @@ class _CollisionGeoms:
         self._scene, self._folder, self._asset, self._body = scene, folder, asset, body
         self._counts = {"box": 0, "mesh": 0, "hfield": 0}
 
-    def add(self) -> tuple[str, str, dict[str, object]]:
-        """Add all geoms that collide; return a summary, a sentence on losses, and figures."""
+    def add(self) -> _Told:
+        """Add solids and height fields that collide, and are not seen."""
         options, scene = self._scene.options, self._scene
         built, error = self._mesh_to_cut()
         seam = _SEAM * options.max_error
@@ -163,14 +198,43 @@ class _CollisionGeoms:
         )
         solids = found.height + built.error
         losses = _loss_sentence(found, solids, options, error, sum(counts.values()))
-        return summary, losses, {
-            **counts,
-            "max_geoms": options.max_geoms,
+        return _Told(summary, _LAYERS, (losses,), self._facts(found, solids, seam))
+
+    def add_grid(self, patch: HeightPatch) -> _Told:
+        """Add a height field for each surface of a grid, which is seen and collides.
+
+        Raises:
+            RequestError: there is no ground.
+        """
+        if not patch.used.any():
+            raise no_ground()
+        low, high = float(np.nanmin(patch.heights)), float(np.nanmax(patch.heights))
+        self._sunk = low - _SINK * max(high - low, _BELOW)
+        surfaces = patch.used_surfaces
+        for surface in surfaces:
+            self._add_patch(patch, surface, seen=True)
+        found = Collision([], [patch], 0.0)
+        rows, columns = patch.heights.shape
+        fields = count_of(len(surfaces), "height field")
+        losses = _loss_sentence(found, 0.0, self._scene.options, 0.0, len(surfaces))
+        return _Told(
+            f"{fields} of {columns:,} × {rows:,} heights, straight from the grid",
+            _FIELD,
+            (losses, *_grid_losses(patch, self._sunk)),
+            self._facts(found, 0.0, 0.0),
+            tuple(self._scene.material(surface) for surface in surfaces),
+        )
+
+    def _facts(self, found: Collision, solids: float, seam: float) -> dict[str, object]:
+        """Return figures of what collides: its geoms, and their distances from the terrain."""
+        return {
+            **self._counts,
+            "max_geoms": self._scene.options.max_geoms,
             "error": max(solids, found.worst),
             "solids_error": solids,
             "seam": seam,
             "height_fields_error": found.worst,
-        }  # fmt: skip
+        }
 
     def _mesh_to_cut(self) -> tuple[BuiltMesh, float]:
         """Return the mesh that solids are cut from, and the largest error of the solids."""
@@ -210,7 +274,7 @@ class _CollisionGeoms:
         child(self._asset, "mesh", name=name, vertex=numbers(corners.ravel()))
         child(self._body, "geom", name=name, type="mesh", mesh=name, pos=numbers(middle), **contact)
 
-    def _add_patch(self, patch: HeightPatch, surface: int) -> None:
+    def _add_patch(self, patch: HeightPatch, surface: int, seen: bool = False) -> None:
         used = patch.used & (patch.surfaces == surface)
         rows, columns = np.flatnonzero(used.any(axis=1)), np.flatnonzero(used.any(axis=0))
         patch = patch.crop(rows[0], rows[-1] + 1, columns[0], columns[-1] + 1)
@@ -222,15 +286,33 @@ class _CollisionGeoms:
         name = self._next_name("hfield")
         with open(self._folder / f"{name}.bin", "wb") as file:
             file.write(np.array(heights.shape, "<i4").tobytes())
-            file.write((heights - low).astype("<f4").tobytes())
+            for row in heights:
+                file.write((row - low).astype("<f4").tobytes())
         # MuJoCo stretches heights to 0 … 1
         size = 0.5 * (east - west), 0.5 * (north - south), max(high - low, 1e-6), _BELOW
         child(self._asset, "hfield", name=name, file=f"{name}.bin", size=numbers(size))
         child(
             self._body, "geom", name=name, type="hfield", hfield=name,
             pos=numbers((0.5 * (west + east), 0.5 * (south + north), low)),
-            **_contact(self._scene.material(surface)),
+            **_contact(self._scene.material(surface), seen),
         )  # fmt: skip
+
+
+def _grid_losses(patch: HeightPatch, sunk: float) -> Iterator[str]:
+    """Yield sentences on the rims and the void of a height field straight from a grid.
+
+    Args:
+        patch: the height field.
+        sunk: height of its nodes where there is no ground.
+    """
+    half = metres(0.5 * max(patch.cell))
+    beyond = patch.bounds[0] < 0.0  # west of the terrain
+    if beyond:
+        yield f"The height field goes on for {half}, half a pixel, beyond the edge of the terrain."
+    if patch.uncovered.any():
+        floor = f"the void is a pit with its floor at {metres(sunk)}"
+        soon = f", which begins up to {half} too soon" if beyond else ""
+        yield f"Height fields have no holes, so {floor}{soon}."
 
 
 def _loss_sentence(
@@ -267,8 +349,8 @@ def _loss_sentence(
     return f"What collides: {'; '.join(parts)}."
 
 
-def _add_flexes(scene: Scene, body: ET.Element) -> tuple[str, str, dict[str, object]]:
-    """Add the mesh as rigid flexes, one for each surface; return as `_CollisionGeoms.add`."""
+def _add_flexes(scene: Scene, body: ET.Element) -> _Told:
+    """Add the mesh as rigid flexes, one for each surface, which are not seen."""
     points = points_of(scene.mesh)
     for part in scene.parts:
         one = scene.material(part.surface)
@@ -284,10 +366,13 @@ def _add_flexes(scene: Scene, body: ET.Element) -> tuple[str, str, dict[str, obj
             friction=contact["friction"],
         )  # fmt: skip
     number = len(scene.mesh.faces)
-    return (
+    return _Told(
         f"{count_of(number, 'face')} to collide with, "
         f"in {count_of(len(scene.parts), 'rigid flex')}",
-        "What has flat faces, such as a box, falls through triangles of a flex that are larger than"
-        " it (seen with MuJoCo 4.0); spheres do not.",
+        _FLEXES,
+        (
+            "What has flat faces, such as a box, falls through triangles of a flex that are larger"
+            " than it (seen with MuJoCo 4.0); spheres do not.",
+        ),
         {"flexes": len(scene.parts), "faces": number},
     )

@@ -34,12 +34,16 @@ from terratool.raster.grid import Grid
 from terratool.report.numbers import metres
 from terratool.report.wording import count_of
 from terratool.simulators.cells import cell_grid
+from terratool.simulators.collision.grid_patch import grid_patch, is_one_grid
+from terratool.simulators.collision.height_patch import HeightPatch
 from terratool.simulators.options import SceneOptions
 from terratool.tasks import processors
 from terratool.traversability.judge import CellVerdict, Judge
 
 _MOST_FACES, _MANY_FACES = 20_000_000, 2_000_000
 """Most faces of a mesh, about, and those that are proposed in place of more."""
+_ABOVE = 1.05
+"""Factor on an error that is proposed, so that it stays enough when it is told in two digits."""
 
 
 class Material(NamedTuple):
@@ -91,6 +95,14 @@ class Scene:
         """
         return self.mesh_within(self.options.max_error)
 
+    @cached_property
+    def grid_patch(self) -> HeightPatch | None:
+        """Height field straight from a grid; None where there is more, or the grid is too large."""
+        if not is_one_grid(self.terrain):
+            return None
+        self.say("taking the heights of the grid")
+        return grid_patch(self.terrain, self.options.max_error)
+
     def mesh_within(self, error: float) -> BuiltMesh:
         """Return the mesh within an error, units of the terrain.
 
@@ -111,11 +123,10 @@ class Scene:
         Raises:
             RequestError: the mesh would be too large.
         """
-        faces = faces_of(plan_of(self.terrain, error)[0])
+        faces = self._faces_within(error)
         if faces <= _MOST_FACES:
             return
-        wider = (error * 4.0**k for k in range(1, 20))
-        enough = (e for e in wider if faces_of(plan_of(self.terrain, e)[0]) <= _MANY_FACES)
+        enough = (e for e, most in self._wider(error) if self._faces_within(e) <= most)
         found = next(enough, None)
         raise RequestError(
             f"Within {metres(error)} the ground has about {faces:,.0f} triangles, which no "
@@ -124,6 +135,22 @@ class Scene:
             if found is None
             else f"Give --max-error {found:.2g}, or make a terrain of a part of it.",
         )
+
+    def _faces_within(self, error: float) -> float:
+        """Return the number of faces of a mesh within an error, about."""
+        return faces_of(plan_of(self.terrain, error)[0])
+
+    def _wider(self, error: float) -> Iterator[tuple[float, int]]:
+        """Yield larger errors, and the most faces that each may take to be proposed.
+
+        Where all is one grid, the first is the error of two triangles for each of its pixels.
+        """
+        if is_one_grid(self.terrain):
+            patch = grid_patch(self.terrain, math.inf)
+            if patch is not None and patch.error > error:
+                yield _ABOVE * patch.error, _MOST_FACES
+        for k in range(1, 20):
+            yield error * 4.0**k, _MANY_FACES
 
     @cached_property
     def mesh(self) -> Mesh:

@@ -26,6 +26,7 @@ from terratool.errors import ReadError
 from terratool.io import grid_cache, grid_files
 from terratool.io.grid_files import Headers, numbers_of
 from terratool.text.source import read_source
+from tests.programs import program
 from tests.rasters import geotiff
 
 HEIGHTS = np.arange(35, dtype=np.float32).reshape(7, 5) ** 1.5
@@ -317,8 +318,9 @@ def small_disk(tmp_path: Path) -> Iterator[Path]:
     folder = tmp_path / "disk"
     folder.mkdir()
     made = subprocess.run(
-        ["mount", "-t", "tmpfs", "-o", "size=1m", "tmpfs", folder], capture_output=True, check=False
-    )
+        [program("mount"), "-t", "tmpfs", "-o", "size=1m", "tmpfs", folder],
+        capture_output=True, check=False,
+    )  # fmt: skip
     if made.returncode:
         pytest.skip("this user cannot mount a disk")
     yield folder

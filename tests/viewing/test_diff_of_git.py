@@ -155,7 +155,14 @@ def said(name: bytes) -> str:
     return text.replace("::", r"\x3a:", 1) if text.startswith("::") else text
 
 
-@pytest.mark.parametrize("tool", [(), ("-y", "-t", "terratool")], ids=["driver", "tool"])
+@pytest.mark.parametrize(
+    "tool",
+    [
+        pytest.param((), id="driver"),
+        # as a driver it is told the same names
+        pytest.param(("-y", "-t", "terratool"), id="tool", marks=pytest.mark.nightly),
+    ],
+)
 @pytest.mark.parametrize("key", NAMES)
 def test_any_name_is_a_name(key: str, tool: tuple[str, ...], repository: Repository) -> None:
     """Added, changed, renamed from and to it, and removed."""
