@@ -17,7 +17,7 @@ void adds_both(u8 how, Out row, In fx, In fy, double a, double b) {
     add_both(how, row, fx, fy, a, b);
 }
 void adds_pieces(Out row, In u, In pieces, const Ramp& x, const Ramp& y, double a, double b) {
-    add_pieces(row, u, {pieces, 0}, x, {pieces, 4}, y, a, b);
+    add_pieces(row, u, stored_piece(pieces, 0), x, stored_piece(pieces, 1), y, a, b);
 }
 void adds_turned_pairs(Out row, In u, In pieces, const Painted& p) {
     add_turned_pairs(row, u, 0.5, pieces, p);

@@ -21,6 +21,7 @@ import pytest
 import terratool.traversability.wheel  # noqa: F401, it declares records
 from terratool import kernels
 from terratool.field.bounds import nonzero_edges
+from terratool.field.records import SAMPLES
 from terratool.mesh.plan import plan_of
 from terratool.mesh.types import COVERING_ELEMENT, Regions, Triangulation
 from terratool.traversability.survey import SoilSamples, soil_table, vehicle_params
@@ -248,6 +249,7 @@ def test_what_is_no_field_is_refused() -> None:
         ("grids", "row", 0, "a row of bins"),
         ("grids", "table", 99, "a grid"),
         ("kinds", "pieces", 99, "a curve"),
+        ("kinds", "pieces", SAMPLES, "a curve"),
     ],
 )
 def test_a_field_that_leads_nowhere_is_refused(

@@ -58,7 +58,7 @@ public:
             count_ = 0;
             while (knot(count_) < 1.0) ++count_;  // what begins at t = 1 is a line only
         } else if (terratool::is_constant(curves.pieces, at.first, at.count)) {
-            is_constant = true, value = curves.pieces[u64(at.first) * 4];
+            is_constant = true, value = stored_piece(curves.pieces, at.first).c0;
         }
         std::vector<CurveRange> level(count_);
         double most = 0.0;
@@ -68,8 +68,7 @@ public:
         }
         constexpr double flat = 1e-12;  // of the largest value: a step that is rounding
         for (i64 i = 0; at.knotted == STEPPED && i + 1 < count_; ++i) {
-            double before = piece_value(curves.pieces, row(i), length(i));
-            if (abs(curves.pieces[row(i + 1)] - before) <= flat * most) continue;
+            if (abs(piece(i + 1).c0 - piece(i).value(length(i))) <= flat * most) continue;
             steps.push_back(knot(i + 1));
             step_after.push_back(i);
         }
@@ -101,8 +100,9 @@ public:
         if (is_constant) return {value, 0.0};
         i64 i = find(t, pieces);
         double s = place_in(i, t);
-        double slope = piece_slope(curves_.pieces, row(i), s);
-        return {piece_value(curves_.pieces, row(i), s), at_.knotted ? slope : slope * at_.count};
+        Cubic c = piece(i);
+        double slope = c.slope(s);
+        return {c.value(s), at_.knotted ? slope : slope * at_.count};
     }
 
     // Bounds between two t, by some of the pieces only.
@@ -124,7 +124,7 @@ private:
     std::vector<std::vector<CurveRange>> levels_;  // of runs of 1, 2, 4 … pieces from each
 
     double knot(i64 i) const { return curves_.knots[at_.knot + i]; }
-    u64 row(i64 i) const { return (u64(at_.first) + u64(i)) * 4; }
+    INLINE Cubic piece(i64 i) const { return piece_of(curves_, at_, i); }
     // In the parameter of its own, in which its coefficients are.
     double length(i64 i) const { return at_.knotted ? min(knot(i + 1), 1.0) - knot(i) : 1.0; }
     INLINE double place_in(i64 i, double t) const {
@@ -144,17 +144,15 @@ private:
     }
     // Bounds of a piece between two places in it.
     INLINE CurveRange within(i64 i, double s0, double s1) const {
-        const double* c = &curves_.pieces[row(i)];
-        double g0 = piece_slope(curves_.pieces, row(i), s0);
-        double g1 = piece_slope(curves_.pieces, row(i), s1);
+        Cubic c = piece(i);
+        double g0 = c.slope(s0), g1 = c.slope(s1);
         Range slope{min(g0, g1), max(g0, g1)};
         // its bend changes sign where the slope has a peak
-        if ((c[2] + 3.0 * c[3] * s0) * (c[2] + 3.0 * c[3] * s1) < 0.0) {
-            double peak = c[1] - c[2] * c[2] / (3.0 * c[3]);
+        if ((c.c2 + 3.0 * c.c3 * s0) * (c.c2 + 3.0 * c.c3 * s1) < 0.0) {
+            double peak = c.c1 - c.c2 * c.c2 / (3.0 * c.c3);
             slope = {min(slope.low, peak), max(slope.high, peak)};
         }
-        double f0 = piece_value(curves_.pieces, row(i), s0);
-        double f1 = piece_value(curves_.pieces, row(i), s1);
+        double f0 = c.value(s0), f1 = c.value(s1);
         Range value{min(f0, f1), max(f0, f1)};
         if (slope.low < 0.0 && slope.high > 0.0) {  // it turns inside
             double span = s1 - s0;

@@ -114,8 +114,11 @@ void paint_runs(
     bool level = flat_x && flat_y && !kind.special;
     double changes = flat_x ? 0.0 : abs(pose.cos) * kind.count[X];
     changes += flat_y ? 0.0 : abs(pose.sin_u) * kind.count[Y];
-    double constant = element.offset
-        + element.scale * (pieces[u64(kind.pieces[X][0]) * 4] * pieces[u64(kind.pieces[Y][0]) * 4]);
+    double constant = 0.0;
+    if (level) {
+        auto value = [&](int axis) { return stored_piece(pieces, kind.pieces[axis][0]).c0; };
+        constant = element.offset + element.scale * (value(X) * value(Y));
+    }
     for (i64 r = part.south; r < part.north; ++r) {
         double at = v[r - part.south];
         auto [begin, end, whole] = kind.combine == RADIAL ? disc_run(pose, u, at, spacing)

@@ -191,7 +191,7 @@ inline void placed_slopes(
             f = knotted_curve(curves, at, t[n]);
         } else {
             // in a grid of leaves the descent turns all elements, these by nothing, which rounds
-            f = even_curve(curves.pieces, at.first, at.count, leaves ? 0.5 + (t[n] - 0.5) : t[n]);
+            f = even_curve(curves, at, leaves ? 0.5 + (t[n] - 0.5) : t[n]);
         }
         values[n] = f.value, slopes[n] = f.slope;
     }

@@ -140,36 +140,67 @@ inline bool is_past_step(double x, const GridAxis& a, Block block, double t, dou
     return x >= nearest_double(nearly, more);
 }
 
-// Value of the piece whose coefficients begin at `row`, at `s` in it.
-INLINE double piece_value(In pieces, u64 row, double s) {
-    const double* c = &pieces[row];
-    return c[0] + s * (c[1] + s * (c[2] + s * c[3]));
+// A piece: four coefficients, by value, so that along a row they stay in registers.
+struct Cubic {
+    double c0, c1, c2, c3;
+
+    INLINE double value(double s) const { return c0 + s * (c1 + s * (c2 + s * c3)); }
+    INLINE double slope(double s) const { return c1 + s * (2.0 * c2 + s * (3.0 * c3)); }
+};
+
+// The piece with an index in the table of pieces.
+INLINE Cubic stored_piece(In pieces, u64 index) {
+    const double* c = &pieces[index * 4];
+    return {c[0], c[1], c[2], c[3]};
 }
 
-// Slope of the piece whose coefficients begin at `row`, at `s` in it.
-INLINE double piece_slope(In pieces, u64 row, double s) {
-    const double* c = &pieces[row];
-    return c[1] + s * (2.0 * c[2] + s * (3.0 * c[3]));
+// Whether a curve has samples in place of pieces.
+INLINE bool is_sampled(u32 first) { return first >= SAMPLES; }
+
+// Whether there are so many pieces, or samples, of a curve.
+INLINE bool holds(const Curves& curves, const CurveAt& at, u64 count) {
+    if (is_sampled(at.first))
+        return at.first - SAMPLES + max(count, u64(at.last) + 2) <= curves.samples.size();
+    return (at.first + count) * 4 <= curves.pieces.size();
 }
 
-// Value and slope of a curve of evenly spaced pieces at `t`, in [0, 1] or EDGE beyond.
-INLINE CurvePoint even_curve(In pieces, u64 first, double count, double t) {
+// A piece of a curve: a stored one, or the line between two samples; the last sample has that of
+// the line before it.
+INLINE Cubic piece_of(const Curves& curves, const CurveAt& at, i64 i) {
+    if (!is_sampled(at.first)) return stored_piece(curves.pieces, u64(at.first) + u64(i));
+    const double* z = &curves.samples[at.first - SAMPLES];
+    i64 line = min(i, i64(at.last));
+    return {z[i], z[line + 1] - z[line], 0.0, 0.0};
+}
+
+// Value and slope of a curve of evenly spaced pieces at `t`, in [0, 1] or EDGE beyond;
+// `piece` is asked for the piece with an index.
+template <class Piece> INLINE CurvePoint even_curve(double count, double t, Piece piece) {
     double s = t * count;
     i64 i = i64(s);  // `count` from t = 1 on: there is one more piece; 0 also just below t = 0
     s -= double(i);
-    u64 row = (first + u64(i)) * 4;
-    return {piece_value(pieces, row, s), piece_slope(pieces, row, s) * count};
+    Cubic c = piece(i);
+    return {c.value(s), c.slope(s) * count};
 }
 
-// The same of one of the curves of a kind.
+// The same of any such curve.
+INLINE CurvePoint even_curve(const Curves& curves, const CurveAt& at, double t) {
+    return even_curve(at.count, t, [&](i64 i) { return piece_of(curves, at, i); });
+}
+
+// The same of one of the curves of a kind that has no samples.
 INLINE CurvePoint even_curve(In pieces, const Kind& kind, int axis, double t) {
-    return even_curve(pieces, kind.pieces[axis][0], kind.count[axis], t);
+    u64 first = kind.pieces[axis][0];
+    return even_curve(kind.count[axis], t, [&](i64 i) {
+        return stored_piece(pieces, first + u64(i));
+    });
 }
 
-// Whether a curve of evenly spaced pieces is one number all along.
-INLINE bool is_constant(In pieces, u64 first, double count) {
-    const double* c = &pieces[first * 4];
-    return count == 1.0 && c[1] == 0.0 && c[2] == 0.0 && c[3] == 0.0;
+// Whether a curve of evenly spaced pieces is one number all along; samples are not looked at.
+INLINE bool is_constant(In pieces, u32 first, double count) {
+    if (count != 1.0 || is_sampled(first)) return false;
+    Cubic c = stored_piece(pieces, first);
+    return c.c1 == 0.0 && c.c2 == 0.0 && c.c3 == 0.0;
 }
 
 // The last piece of a knotted curve that begins at or before `t`.
@@ -181,9 +212,9 @@ INLINE i64 find_piece(const Curves& curves, const CurveAt& at, double t) {
 
 // Value and slope at `t` of piece `i` of a knotted curve.
 INLINE CurvePoint knotted_piece(const Curves& curves, const CurveAt& at, i64 i, double t) {
-    u64 row = (u64(at.first) + u64(i)) * 4;
     double s = t - curves.knots[at.knot + i];
-    return {piece_value(curves.pieces, row, s), piece_slope(curves.pieces, row, s)};
+    Cubic c = stored_piece(curves.pieces, u64(at.first) + u64(i));
+    return {c.value(s), c.slope(s)};
 }
 
 // Value and slope of a knotted curve at `t`, where no edge in the world decides about steps.
@@ -195,8 +226,7 @@ INLINE CurvePoint knotted_curve(const Curves& curves, const CurveAt& at, double 
 
 // Value and slope of any curve at `t`, where no edge in the world decides about steps.
 INLINE CurvePoint any_curve(const Curves& curves, const CurveAt& at, double t) {
-    return at.knotted ? knotted_curve(curves, at, t)
-                      : even_curve(curves.pieces, at.first, at.count, t);
+    return at.knotted ? knotted_curve(curves, at, t) : even_curve(curves, at, t);
 }
 
 // The piece of a curve with steps of an unturned element at `t`, at `x` in the world.

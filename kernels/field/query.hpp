@@ -501,10 +501,10 @@ INLINE void positions(In x, const GridAxis& axis, Out whole, Out part) {
 // Values of a curve of evenly spaced pieces at each `t`, in [0, 1] or EDGE beyond; farther out they
 // mean nothing. `whole` is scratch.
 inline void even_values(In pieces, const Kind& kind, int axis, In t, Out whole, Out out) {
-    u64 first = kind.pieces[axis][0];
+    u32 first = kind.pieces[axis][0];
     double count = kind.count[axis];
     if (is_constant(pieces, first, count)) {
-        std::fill(out.begin(), out.end(), pieces[first * 4]);
+        std::fill(out.begin(), out.end(), stored_piece(pieces, first).c0);
         return;
     }
     for (std::size_t n = 0; n < t.size(); ++n) {  // vectorised
@@ -514,7 +514,7 @@ inline void even_values(In pieces, const Kind& kind, int axis, In t, Out whole, 
         out[n] = s - below;
     }
     for (std::size_t n = 0; n < t.size(); ++n)
-        out[n] = piece_value(pieces, (first + u64(i64(whole[n]))) * 4, out[n]);
+        out[n] = stored_piece(pieces, first + u64(i64(whole[n]))).value(out[n]);
 }
 
 // A batch of points whose root, which they share, is evaluated for all at once.

@@ -43,14 +43,6 @@ INLINE void add_row(u8 how, Out row, In fx, double fy, double scale, double offs
     else add([](double a, double b) { return max(a, b); });
 }
 
-// Four coefficients, by value: along a row they stay in registers.
-struct Cubic {
-    double c0, c1, c2, c3;
-    Cubic(In pieces, u64 at)
-        : c0(pieces[at]), c1(pieces[at + 1]), c2(pieces[at + 2]), c3(pieces[at + 3]) {}
-    INLINE double operator()(double s) const { return c0 + s * (c1 + s * (c2 + s * c3)); }
-};
-
 // A piece along a row: where in it is rate · `u` + start.
 struct Ramp {
     double rate, start;
@@ -63,7 +55,7 @@ inline void add_pieces(
 ) {
     for (std::size_t n = 0; n < row.size(); ++n) {
         double s = clamp(at_x(u[n]), 0.0, 1.0), t = clamp(at_y(u[n]), 0.0, 1.0);
-        row[n] += scale * (x(s) * y(t)) + offset;
+        row[n] += scale * (x.value(s) * y.value(t)) + offset;
     }
 }
 
@@ -75,8 +67,9 @@ inline void add_turned_pairs(Out row, In u, double v, In pieces, const Painted& 
     auto [s_start, t_start] = turned(pose, 0.0, v);
     Ramp at_x{pose.cos * kind.count[X], s_start * kind.count[X]};
     Ramp at_y{pose.sin_u * kind.count[Y], t_start * kind.count[Y]};
-    u64 x = u64(kind.pieces[X][0]) * 4, y = u64(kind.pieces[Y][0]) * 4;
-    Cubic f(pieces, x), f_next(pieces, x + 4), g(pieces, y), g_next(pieces, y + 4);
+    u64 x = kind.pieces[X][0], y = kind.pieces[Y][0];
+    Cubic f = stored_piece(pieces, x), f_next = stored_piece(pieces, x + 1);
+    Cubic g = stored_piece(pieces, y), g_next = stored_piece(pieces, y + 1);
     auto value = [](double s, const Cubic& one, const Cubic& two) {
         bool a = s >= 1.0;
         s = clamp(a ? s - 1.0 : s, 0.0, 1.0);
@@ -132,9 +125,9 @@ inline void add_turned_pieces(Out row, In u, double v, double step, In pieces, c
         auto [middle, along] = turned(pose, 0.0, v);
         add_pieces(
             row.subspan(begin, end - begin), u.subspan(begin, end - begin),
-            {pieces, (kind.pieces[X][0] + u64(i)) * 4},
+            stored_piece(pieces, kind.pieces[X][0] + u64(i)),
             {pose.cos * x_count, middle * x_count - double(i)},
-            {pieces, (kind.pieces[Y][0] + u64(j)) * 4},
+            stored_piece(pieces, kind.pieces[Y][0] + u64(j)),
             {pose.sin_u * y_count, along * y_count - double(j)}, element.scale, element.offset
         );
         begin = end;
@@ -179,8 +172,7 @@ INLINE void curve_values(const Curves& curves, const CurveAt& at, In t, Out out)
     if (at.knotted) {
         for (std::size_t n = 0; n < t.size(); ++n) out[n] = knotted_curve(curves, at, t[n]).value;
     } else {
-        for (std::size_t n = 0; n < t.size(); ++n)
-            out[n] = even_curve(curves.pieces, at.first, at.count, t[n]).value;
+        for (std::size_t n = 0; n < t.size(); ++n) out[n] = even_curve(curves, at, t[n]).value;
     }
 }
 

@@ -15,7 +15,8 @@ enum Combine : u8 { PRODUCT, SUM, MIN, MAX, RADIAL, GRID };
 // leaves without a turn.
 enum Standing : u8 { IN_CELLS, FREE, FREE_PLAIN };
 
-constexpr u8 STEPPED = 2;  // a knotted curve with vertical steps
+constexpr u8 STEPPED = 2;              // a knotted curve with vertical steps
+constexpr u32 SAMPLES = u32(1) << 31;  // from here on, the first piece is the first sample
 
 // Members of two are along x and y.
 constexpr int X = 0, Y = 1;
@@ -200,7 +201,7 @@ template <class Visit> void visit_members(Relief& r, Visit visit) {
 
 // Curves, and what stands in their place: heights of grids.
 struct Curves {
-    In pieces, knots, rests;
+    In pieces, samples, knots, rests;
     Span<const u32> bins;
     Span<const Raster> rasters;
     In heights;
@@ -208,7 +209,8 @@ struct Curves {
 };
 
 template <class Visit> void visit_arguments(Curves& c, Visit visit) {
-    visit("pieces", c.pieces), visit("knots[k]", c.knots), visit("rests[k]", c.rests);
+    visit("pieces", c.pieces), visit("samples", c.samples), visit("knots[k]", c.knots),
+        visit("rests[k]", c.rests);
     visit("bins", c.bins), visit("rasters", c.rasters), visit("heights", c.heights);
     visit("memory", c.memory);
 }

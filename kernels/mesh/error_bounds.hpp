@@ -26,10 +26,10 @@ struct CurveBounds {
 
 // Bounds of a cubic between two places, and of its derivatives in t.
 // `per` is how fast its own parameter runs with t.
-INLINE CurveBounds cubic_bounds(In pieces, u64 row, double s0, double s1, double per) {
-    double f0 = piece_value(pieces, row, s0), f1 = piece_value(pieces, row, s1);
-    double g0 = piece_slope(pieces, row, s0), g1 = piece_slope(pieces, row, s1);
-    double c2 = 2.0 * pieces[row + 2], c3 = 6.0 * pieces[row + 3];
+INLINE CurveBounds cubic_bounds(const Cubic& piece, double s0, double s1, double per) {
+    double f0 = piece.value(s0), f1 = piece.value(s1);
+    double g0 = piece.slope(s0), g1 = piece.slope(s1);
+    double c2 = 2.0 * piece.c2, c3 = 6.0 * piece.c3;
     double bend = max(abs(c2 + c3 * s0), abs(c2 + c3 * s1));
     // what varies by no more than v between two ends is nowhere beyond their mean by over v / 2
     double slope = 0.5 * (abs(g0) + abs(g1) + bend * (s1 - s0));
@@ -44,28 +44,29 @@ INLINE CurveBounds curve_bounds(
     const Plan& plan, const CurveAt& curve, const Axis& axis, i64 group, double t0, double t1,
     double near_end
 ) {
-    In pieces = plan.field->curves.pieces;
-    if (!curve.knotted && is_constant(pieces, curve.first, curve.count)) {  // most common
-        double value = pieces[u64(curve.first) * 4];
+    const Curves& curves = plan.field->curves;
+    if (!curve.knotted && is_constant(curves.pieces, curve.first, curve.count)) {  // most common
+        double value = stored_piece(curves.pieces, curve.first).c0;
         return {value, value, 0.0, 0.0};
     }
     t0 = clamp_to_group(plan, group, t0, near_end), t1 = clamp_to_group(plan, group, t1, near_end);
-    auto [i, row, s] = piece_at(plan, curve, group, t0);
-    auto [k, last_row, end] = piece_at(plan, curve, group, t1);
+    auto [i, s] = piece_at(plan, curve, group, t0);
+    auto [k, end] = piece_at(plan, curve, group, t1);
+    Cubic piece = piece_of(curves, curve, i);
     double per = curve.knotted ? 1.0 : curve.count;
     double span = t1 - t0;
     if (i == k) {
-        CurveBounds one = cubic_bounds(pieces, row, s, max(s, end), per);
+        CurveBounds one = cubic_bounds(piece, s, max(s, end), per);
         return {one.low, one.high, one.slope, 0.125 * one.bend * span * span};
     }
     double own = 1.0;  // the length of the first piece in its own parameter
     if (curve.knotted) {
         i64 knot = curve.knot + i;
-        own = plan.field->curves.knots[knot + 1] - plan.field->curves.knots[knot];
+        own = curves.knots[knot + 1] - curves.knots[knot];
     }
-    CurveBounds all = cubic_bounds(pieces, row, s, max(s, own), per);
+    CurveBounds all = cubic_bounds(piece, s, max(s, own), per);
     double varied = all.bend * (own - s) / per;
-    CurveBounds last_piece = cubic_bounds(pieces, last_row, 0.0, end, per);
+    CurveBounds last_piece = cubic_bounds(piece_of(curves, curve, k), 0.0, end, per);
     varied += last_piece.bend * end / per;
     auto widen = [&](double low, double high, double slope, double bend) {
         all.low = min(all.low, low), all.high = max(all.high, high);

@@ -36,9 +36,8 @@ INLINE bool is_faceted(const ElementView& e) {
     return e.kind.combine == RADIAL && e.x.linear && !e.x.constant && e.element.scale != 0.0;
 }
 
-struct PiecePlace {  // a piece of a curve, its row, and a place in it
+struct PiecePlace {  // a piece of a curve, and a place in it
     i64 piece;
-    u64 row;
     double s;
 };
 
@@ -55,7 +54,7 @@ INLINE PiecePlace piece_at(const Plan& plan, const CurveAt& curve, i64 group, do
         i = clamp(i64(t * curve.count), limits.first, limits.last);
         s = t * curve.count - double(i);
     }
-    return {i, (u64(curve.first) + u64(i)) * 4, s};
+    return {i, s};
 }
 
 // `t` within a group; what is nearer than `near_end` to one of its ends is there.
@@ -71,7 +70,7 @@ INLINE double curve_at(
     const Plan& plan, const CurveAt& curve, i64 group, double t, double near_end
 ) {
     PiecePlace at = piece_at(plan, curve, group, clamp_to_group(plan, group, t, near_end));
-    return piece_value(plan.field->curves.pieces, at.row, at.s);
+    return piece_of(plan.field->curves, curve, at.piece).value(at.s);
 }
 
 // How far along a curve, in t, a vertex may have been rounded.

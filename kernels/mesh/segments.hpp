@@ -214,8 +214,7 @@ struct StraightPiece {
 
 inline StraightPiece straight_piece(const Plan& plan, const CurveAt& curve, i64 i) {
     const Curves& curves = plan.field->curves;
-    u64 row = (u64(curve.first) + u64(i)) * 4;
-    double value = curves.pieces[row], slope = curves.pieces[row + 1];
+    auto [value, slope, _, __] = piece_of(curves, curve, i);
     if (curve.knotted) {
         i64 knot = curve.knot + i;
         return {curves.knots[knot], min(curves.knots[knot + 1], 1.0), value, slope};

@@ -57,7 +57,8 @@ void KeptField::check() {
     for (const Kind& k : f.kinds) {
         for (const CurveAt& c : {curve_of(k, X), curve_of(k, Y)}) {
             std::size_t count = c.knotted ? 1 : std::size_t(c.count);
-            check_index((c.first + count + 1) * 4 <= f.curves.pieces.size(), "a curve");
+            check_index(holds(f.curves, c, count + 1), "a curve");
+            check_index(k.special || !is_sampled(c.first), "a curve of samples");
             check_index(
                 !c.knotted
                     || (c.bin + c.last < f.curves.bins.size() && c.knot < f.curves.knots.size()),

@@ -76,7 +76,7 @@ private:
         check_index(u64(axis.line) + axis.lines <= p.lines.size(), "a line");
         check_group(axis.group);
         for (const Line& line : lines_of(p, axis)) check_group(line.group);
-        check_index((curve.first + pieces) * 4 <= count_of(curves.pieces), "a piece");
+        check_index(holds(curves, curve, u64(pieces)), "a piece");
         check_index(!curve.knotted || curve.knot + pieces < count_of(curves.knots), "a knot");
         while ((i64(1) << levels) <= pieces) ++levels;
         check_index(

@@ -50,9 +50,10 @@ class Vector(Sequence[float]):
         return len(self) == len(other) and bool((self.array == other.array).all())
 
     def __hash__(self) -> int:
-        if self._hash is None:
-            # 0.0 turns -0.0 into 0.0, which is equal to it
-            self._hash = hash((self.array + 0.0).tobytes())
+        if self._hash is None:  # of some values, as all take longer than to compare two vectors
+            self._hash = hash(
+                (len(self.array), *self.array[:: len(self.array) // 16 or 1].tolist())
+            )
         return self._hash
 
     def __repr__(self) -> str:

@@ -33,7 +33,7 @@ def curve_pieces(arrays: FieldArrays, kind: Any, axis: str) -> tuple[Floats, Flo
         knots = arrays.curves.knots[int(kind["knots"][n, 0]) :]
         starts = knots[: int(np.argmax(np.isinf(knots)))]
         lengths = np.diff(np.append(starts, 1.0))
-    pieces = arrays.curves.pieces.reshape(-1, 4)[first : first + len(starts)]
+    pieces = arrays.curves.coefficients(first, len(starts))
     return starts, pieces * lengths[:, None] ** np.arange(4)
 
 

@@ -14,9 +14,9 @@ from terratool.definition.accuracy import MAX_PIECES, survey
 from terratool.definition.curves import Curve, FormulaCurve, KnotCurve, SampledCurve
 from terratool.definition.exact import rests_of
 from terratool.definition.expression import CHECK_POINTS, MAX_VALUE, Expression, evaluate
-from terratool.definition.vectors import Vector
+from terratool.definition.vectors import LEAST, Vector
 from terratool.field.rasters import RasterStore
-from terratool.field.records import STEPPED, CurveArrays
+from terratool.field.records import SAMPLES, STEPPED, CurveArrays
 
 Floats = NDArray[np.float64]
 
@@ -82,7 +82,7 @@ def pieces_of(curve: KnotCurve | FormulaCurve) -> CurvePieces:
     return _formula(curve.expression)
 
 
-def _samples(curve: SampledCurve) -> Floats:
+def _values(curve: SampledCurve) -> Floats:
     """Values of a curve at the ends of its pieces, two or more."""
     values = curve.values
     array = values.array if isinstance(values, Vector) else np.array(values, np.float64)
@@ -234,12 +234,29 @@ def bins_of(starts: Floats) -> NDArray[np.uint32]:
     return (np.searchsorted(starts, edges, side="right") - 1).astype(np.uint32)
 
 
+def _in_a_row(arrays: list[Floats]) -> Floats:
+    """Return arrays in one, which is not copied where they follow one another in another one."""
+    if not arrays:
+        return np.zeros(0)
+    whole, end = arrays[0].base, arrays[0].ctypes.data
+    begin = end
+    for array in arrays:
+        if array.base is not whole or array.ctypes.data != end:
+            return np.concatenate(arrays)
+        end += array.nbytes
+    if not isinstance(whole, np.ndarray):
+        return np.concatenate(arrays)
+    return whole[(begin - whole.ctypes.data) // 8 : (end - whole.ctypes.data) // 8]
+
+
 class CurveStore:
     """Store of the pieces of curves, each curve once."""
 
     def __init__(self) -> None:
         self._known: dict[Curve, dict[str, Any]] = {}
         self._pieces: list[CurvePieces | Floats] = []
+        self._samples: list[Floats] = []
+        self._samples_count = 0
         self._knots: list[NDArray[np.float64]] = [np.zeros(1)]
         self._rests: list[NDArray[np.float64]] = [np.zeros(1)]
         self._bins: list[NDArray[np.uint32]] = [np.zeros(1, np.uint32)]
@@ -249,17 +266,22 @@ class CurveStore:
         """Write the position of a curve's pieces into one axis of a KIND, storing new curves."""
         place = self._known.get(curve)  # hashing long vectors is slow: look up once
         if place is None:
-            add = self._add_samples if isinstance(curve, SampledCurve) else self._add_pieces
+            add = self._add_values if isinstance(curve, SampledCurve) else self._add_pieces
             place = self._known[curve] = add(curve)  # type: ignore[arg-type]
         for name, value in place.items():
             kind[name][axis] = value
 
-    def _add_samples(self, curve: SampledCurve) -> dict[str, Any]:
+    def _add_values(self, curve: SampledCurve) -> dict[str, Any]:
         first, knot, bin_ = self._counts
-        values = _samples(curve)
-        self._pieces.append(values)
-        self._counts[0] += len(values)
+        values = _values(curve)
         count = len(values) - 1
+        if len(values) >= LEAST:
+            first = SAMPLES + self._samples_count
+            self._samples.append(values)
+            self._samples_count += len(values)
+        else:
+            self._pieces.append(values)
+            self._counts[0] += len(values)
         pieces = first, count - 1
         return {"count": count, "pieces": pieces, "knots": (knot, bin_), "knotted": 0}
 
@@ -287,7 +309,7 @@ class CurveStore:
     def curves(self, rasters: RasterStore) -> CurveArrays:
         """Return all pieces, knots and bins that were stored, and the heights of grids."""
         rows, end = np.zeros((self._counts[0], 4)), 0
-        for curve in self._pieces:  # into one array, as long vectors fill the memory
+        for curve in self._pieces:
             begin, end = end, end + len(curve)
             if isinstance(curve, CurvePieces):
                 rows[begin : end - 1] = curve.coefficients
@@ -298,6 +320,7 @@ class CurveStore:
                 rows[end - 1, 1] = rows[end - 2, 1] + 0.0
         return CurveArrays(
             rows.reshape(-1),
+            _in_a_row(self._samples),
             np.concatenate(self._knots),
             np.concatenate(self._rests),
             np.concatenate(self._bins),

@@ -29,6 +29,9 @@ STEPPED = 2
 """Value of `knotted` for a curve whose pieces begin at knots, with vertical steps; 1 is without
 steps, 0 evenly spaced pieces."""
 
+SAMPLES = 1 << 31
+"""First number of `pieces` that counts samples: what is above it is the first sample's index."""
+
 ELEMENT = np.dtype(
     [
         # first cell of its block in the parent's grid; of a free element the index of its place,
@@ -77,7 +80,8 @@ FREE_BINS = np.dtype(
 KIND = np.dtype(
     [
         ("count", np.float64, 2),  # pieces of the curve; bins of a knotted curve
-        ("pieces", np.uint32, (2, 2)),  # the first piece, and the number of pieces minus 1
+        # the first piece, or SAMPLES and the first sample, and the number of pieces minus 1
+        ("pieces", np.uint32, (2, 2)),
         ("knots", np.uint32, (2, 2)),  # the first knot and the first bin of a knotted curve
         ("surface", np.int32),  # index into the surfaces of the terrain; -1 for none
         ("classes", np.int32),  # index into the rasters of classes; -1 for none
@@ -85,7 +89,7 @@ KIND = np.dtype(
         ("combine", np.uint8),
         ("knotted", np.uint8, 2),  # 1 if pieces begin at knots; STEPPED if with vertical steps
         ("is_void", np.uint8),  # the surface is void, apart from classes
-        # 0 for a product of evenly spaced pieces without classes, else 1
+        # 0 for a product of stored, evenly spaced pieces without classes, else 1
         ("special", np.uint8),
     ],
     align=True,
@@ -323,6 +327,7 @@ class CurveArrays(NamedTuple):
     Attributes:
         pieces: (4n,) float64, four coefficients per cubic piece; after the pieces of each evenly
             spaced curve follows an entry with its value and slope at t = 1.
+        samples: (n,) float64, values of long evenly spaced curves, which are linear in between.
         knots: (n,) float64, t at which each piece of a knotted curve begins, then infinity.
         rests: (n,) float64, differences of the intended decimals from the doubles in `knots`.
         bins: (n,) uint32, for evenly spaced t the piece of a knotted curve at which a search
@@ -333,12 +338,22 @@ class CurveArrays(NamedTuple):
     """
 
     pieces: NDArray[np.float64]
+    samples: NDArray[np.float64]
     knots: NDArray[np.float64]
     rests: NDArray[np.float64]
     bins: NDArray[np.uint32]
     rasters: NDArray[Any]
     heights: NDArray[np.float64]
     mapped: MappedGrids
+
+    def coefficients(self, first: int, count: int) -> NDArray[np.float64]:
+        """Return coefficients of so many pieces of a curve from its first one on, (count, 4)."""
+        if first < SAMPLES:
+            return self.pieces.reshape(-1, 4)[first : first + count]
+        values, out = self.samples[first - SAMPLES :][: count + 1], np.zeros((count, 4))
+        out[:, 0] = values[:-1]
+        np.subtract(values[1:], values[:-1], out=out[:, 1])
+        return out
 
     @property
     def memory(self) -> kernels.GridMemory:

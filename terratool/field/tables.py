@@ -25,6 +25,7 @@ from terratool.field.records import (
     KIND,
     POSE,
     RELIEF,
+    SAMPLES,
     ClassArrays,
     CurveArrays,
 )
@@ -385,6 +386,7 @@ def kinds_of(
         for axis, curve in enumerate((shape.x, shape.y or shape.x)):
             store.put(kind, axis, curve)
         special = kind["combine"] != COMBINE["product"] or kind["knotted"].any()
+        special |= bool((kind["pieces"][:, 0] >= SAMPLES).any())
         kind["special"] = special or classes_ >= 0
         if shape.grid is not None:
             kind["raster"] = rasters.put(shape.grid)

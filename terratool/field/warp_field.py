@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from terratool.errors import RequestError
 from terratool.extras import install_command
 from terratool.field.friction import frictions_of
-from terratool.field.records import IN_CELLS, FieldArrays, TrackArrays
+from terratool.field.records import IN_CELLS, SAMPLES, FieldArrays, TrackArrays
 
 if TYPE_CHECKING:
     import warp as wp
@@ -260,9 +260,10 @@ def _struct_of(
 
     curves, tracks = arrays.curves, arrays.tracks
     curves.mapped.refuse_blocks("Devices")
-    indexed = arrays.elements, arrays.offsets, arrays.entries, curves.pieces, tracks.entries
+    indexed = arrays.elements, arrays.offsets, arrays.entries, tracks.entries
+    pieces = curves.pieces.size + 4 * curves.samples.size
     heights = curves.heights.size + curves.mapped.count
-    most = max(heights, *(array.size for array in indexed))
+    most = max(heights, pieces, *(array.size for array in indexed))
     if most > _LARGEST:
         raise RequestError(
             f"The terrain has tables of {most} entries, and devices count to {_LARGEST}.",
@@ -337,24 +338,43 @@ def _add_grids(make: _Maker, field: Any, arrays: FieldArrays) -> None:
     field.entries = make.array(arrays.entries, wp.int32)
 
 
+def _all_pieces(arrays: FieldArrays) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Return coefficients of all pieces, samples among them, (n, 4), and the first of each curve.
+
+    The latter is (kinds, 2).
+    """
+    curves, firsts = arrays.curves, arrays.kinds["pieces"][..., 0].astype(np.int64)
+    stored = curves.pieces.reshape(-1, 4)
+    sampled = firsts >= SAMPLES
+    if not sampled.any():
+        return stored, firsts
+    firsts[sampled] += len(stored) - SAMPLES
+    lines = curves.coefficients(SAMPLES, len(curves.samples) - 1)
+    rows = np.concatenate([stored, lines, [[curves.samples[-1], 0.0, 0.0, 0.0]]])
+    ends = firsts[sampled] + arrays.kinds["pieces"][..., 1][sampled] + 1
+    rows[ends, 1] = rows[ends - 1, 1]  # at t = 1 a curve has the slope before
+    return rows, firsts
+
+
 def _add_primitives(make: _Maker, field: Any, arrays: FieldArrays) -> None:
     import warp as wp
 
     from terratool.field.warp_kernels import DeviceClasses, DeviceCurve, DeviceKind, DeviceRaster
 
     kinds, curves = arrays.kinds, arrays.curves
+    rows, firsts = _all_pieces(arrays)
     field.kinds = make.structs(DeviceKind, kinds, "surface combine is_void special raster classes")
     field.curves = make.structs(
         DeviceCurve,
         kinds,
         count=kinds["count"].ravel(),
-        first=kinds["pieces"][..., 0].ravel(),
+        first=firsts.ravel(),
         last=kinds["pieces"][..., 1].ravel(),
         knot=kinds["knots"][..., 0].ravel(),
         bin=kinds["knots"][..., 1].ravel(),
         knotted=kinds["knotted"].ravel(),
     )
-    field.pieces = make.array(curves.pieces.reshape(-1, 4), wp.vec4d)
+    field.pieces = make.array(rows, wp.vec4d)
     field.knots = make.array(curves.knots, wp.float64)
     field.rests = make.array(curves.rests, wp.float64)
     field.curve_bins = make.array(curves.bins, wp.int32)

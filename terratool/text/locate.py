@@ -16,6 +16,8 @@ from terratool.text.display import Excerpt, unescape
 from terratool.text.numbers import parse_whole
 from terratool.text.scan import first_value, members, value_end
 
+_nested = re.compile(rb'[\[{"]').search
+
 _ABOUT = 60
 """Most characters shown before and behind the one at fault."""
 
@@ -155,6 +157,8 @@ class _Value:
         return found[occurrence - 1] if len(found) >= max(1, occurrence) else None
 
     def _item(self, index: int) -> tuple[int, _Value] | None:
+        if _nested(self._data, self.start + 1, self.end) is None:
+            return self._number(index)
         raws = self._values(list[Raw])
         if index >= len(raws):
             return None
@@ -166,6 +170,14 @@ class _Value:
         if index not in self._inner:
             self._inner[index] = _Value(self._data, begin, begin + _length(raws[index]))
         return begin, self._inner[index]
+
+    def _number(self, index: int) -> tuple[int, _Value] | None:
+        """Return the offset and the value of an item of a list of numbers, `true` and the like."""
+        *before, rest = self._data[self.start + 1 : self.end].split(b",", index)
+        begin = first_value(self._data, self.end - len(rest))
+        if len(before) < index or self._data[begin : begin + 1] == b"]":
+            return None
+        return begin, _Value(self._data, begin, value_end(self._data, begin, self.end))
 
     def _members(self) -> Iterator[tuple[str, int, _Value]]:
         for begin, key_end, value, end in members(self._data, self.start, self._end_of):

@@ -336,7 +336,8 @@ def _write(case: Case, folder: Path, terrain: Terrain, draw: int) -> None:
     ask("export-dem", name, folder / dem, "--resolution", repr(size / 12), "--overwrite")
     error = relief_of(terrain, None) / 20 or 1
     arrays = terrain.arrays
-    largest = np.abs(arrays.curves.pieces).max(initial=0) * np.abs(arrays.elements["scale"]).max()
+    numbers = np.append(arrays.curves.pieces, arrays.curves.samples)
+    largest = np.abs(numbers).max(initial=0) * np.abs(arrays.elements["scale"]).max()
     # nor what is so much larger than the error that the digits of float64 do not tell it
     if largest < min(_STEEP * error, 1e30) and size < _FINE * error:
         ask("export-mesh", name, folder / mesh, "--max-error", repr(error), "--overwrite")
