@@ -87,13 +87,15 @@ def _gradient(
     """Slopes to the east and to the north by Horn's weights, (height, width); 0 where unknown."""
     padded = np.pad(heights.astype(np.float64), 1, mode="reflect", reflect_type="odd")
     middle = padded[1:-1, 1:-1]
+    known = bool(np.isfinite(padded).all())  # as mostly, which takes a third of the time
     rows, columns = middle.shape
 
     def at(row: int, column: int) -> NDArray[np.float64]:
         near = padded[1 + row : 1 + row + rows, 1 + column : 1 + column + columns]
-        return np.where(np.isfinite(near), near, middle)
+        return near if known else np.where(np.isfinite(near), near, middle)
 
     east = at(-1, 1) + 2.0 * at(0, 1) + at(1, 1) - at(-1, -1) - 2.0 * at(0, -1) - at(1, -1)
     north = at(-1, -1) + 2.0 * at(-1, 0) + at(-1, 1) - at(1, -1) - 2.0 * at(1, 0) - at(1, 1)
-    span = 8.0 * resolution
-    return np.nan_to_num(east / span), np.nan_to_num(north / span)
+    east /= 8.0 * resolution
+    north /= 8.0 * resolution
+    return (east, north) if known else (np.nan_to_num(east), np.nan_to_num(north))
