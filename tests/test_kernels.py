@@ -241,6 +241,25 @@ def test_what_is_no_field_is_refused() -> None:
 
 
 @pytest.mark.parametrize(
+    ("count", "first", "samples"),
+    [(-1, 0, 0), (np.inf, 0, 0), (-(10**6), SAMPLES + 10**6, 0), (1, SAMPLES, 1), (5, SAMPLES, 5)],
+)
+def test_curves_have_as_many_numbers_as_they_say(count: float, first: int, samples: int) -> None:
+    arrays = TERRAIN.arrays
+    kinds, curves = arrays.kinds.copy(), arrays.curves._replace(samples=np.zeros(samples))
+    kinds["count"][-1, 0], kinds["knotted"][-1, 0], kinds["special"][-1] = count, 0, 1
+    kinds["pieces"][-1, 0] = first, 0
+    with pytest.raises(TypeError, match="a curve leads nowhere"):
+        kernels.field.Field(arrays._replace(kinds=kinds, curves=curves))
+    if samples == 5:  # as many as it says, but not for what has no samples
+        kinds["count"][-1, 0] = 4
+        kernels.field.Field(arrays._replace(kinds=kinds, curves=curves))
+        kinds["special"][-1] = 0
+        with pytest.raises(TypeError, match="a curve of samples leads nowhere"):
+            kernels.field.Field(arrays._replace(kinds=kinds, curves=curves))
+
+
+@pytest.mark.parametrize(
     ("name", "member", "value", "what"),
     [
         ("elements", "kind", 9, "an element"),

@@ -56,6 +56,7 @@ void KeptField::check() {
     check_index(f.pending > 0, "pending");
     for (const Kind& k : f.kinds) {
         for (const CurveAt& c : {curve_of(k, X), curve_of(k, Y)}) {
+            check_index(c.knotted || (c.count >= 1.0 && c.count < double(SAMPLES)), "a curve");
             std::size_t count = c.knotted ? 1 : std::size_t(c.count);
             check_index(holds(f.curves, c, count + 1), "a curve");
             check_index(k.special || !is_sampled(c.first), "a curve of samples");

@@ -17,6 +17,9 @@ LEAST = 1000
 _LONG = 100_000
 """Fewest bytes of a text that may have vectors: loading NumPy takes as long as reading them."""
 
+_PART = 1 << 17
+"""Numbers that are hashed together."""
+
 _MARK = "\0vector "
 """Beginning of a string that stands for a vector, ahead of its index; texts with NUL have none."""
 
@@ -50,10 +53,10 @@ class Vector(Sequence[float]):
         return len(self) == len(other) and bool((self.array == other.array).all())
 
     def __hash__(self) -> int:
-        if self._hash is None:  # of some values, as all take longer than to compare two vectors
-            self._hash = hash(
-                (len(self.array), *self.array[:: len(self.array) // 16 or 1].tolist())
-            )
+        if self._hash is None:  # by parts, as a long vector fills the memory
+            parts = (self.array[at : at + _PART] for at in range(0, len(self.array), _PART))
+            # 0.0 turns -0.0 into 0.0, which is equal to it
+            self._hash = hash(tuple(hash((part + 0.0).tobytes()) for part in parts))
         return self._hash
 
     def __repr__(self) -> str:

@@ -241,12 +241,14 @@ def _in_a_row(arrays: list[Floats]) -> Floats:
     whole, end = arrays[0].base, arrays[0].ctypes.data
     begin = end
     for array in arrays:
-        if array.base is not whole or array.ctypes.data != end:
+        follows = array.base is whole and array.ctypes.data == end
+        if not (follows and array.flags.c_contiguous and isinstance(whole, np.ndarray)):
             return np.concatenate(arrays)
         end += array.nbytes
-    if not isinstance(whole, np.ndarray):
-        return np.concatenate(arrays)
-    return whole[(begin - whole.ctypes.data) // 8 : (end - whole.ctypes.data) // 8]
+    assert isinstance(whole, np.ndarray)
+    joined = whole[(begin - whole.ctypes.data) // 8 : (end - whole.ctypes.data) // 8]
+    joined.flags.writeable = False
+    return joined
 
 
 class CurveStore:

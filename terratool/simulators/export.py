@@ -314,7 +314,9 @@ def _manifest(scene: Scene, key: str, written: WrittenFiles, source: Path | None
         descr=scene.terrain.descr,
         origin=scene.zero,
         bounds=(west - x, south - y, east - x, north - y),
-        max_error=scene.options.max_error if written.meshed else None,
+        max_error=scene.options.max_error
+        if written.meshed or "collision" in written.facts
+        else None,
         surfaces={
             one.name: ManifestSurface(
                 one.word, one.friction, one.derivation, one.color, one.reflectivity

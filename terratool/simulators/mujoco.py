@@ -18,7 +18,7 @@ from terratool.mesh.types import BuiltMesh
 from terratool.report.numbers import metres
 from terratool.report.wording import count_of
 from terratool.simulators.collision.build import Collision, collision_of
-from terratool.simulators.collision.height_patch import HeightPatch
+from terratool.simulators.collision.height_patch import SINK, HeightPatch
 from terratool.simulators.collision.solids import Solid, plan_rectangle
 from terratool.simulators.markup import child, comment, numbers, rgba, write_xml
 from terratool.simulators.options import SceneOptions
@@ -31,8 +31,6 @@ _BELOW = 1.0
 """Least depth of the base of solids below the lowest ground, units of the terrain."""
 _PART = 0.1
 """Least depth of the base of solids below the lowest ground, in parts of the relief."""
-_SINK = 8.0
-"""Depth of a height field's unused nodes, in reliefs, so that its sides are steep."""
 _FINE = 500_000
 """Least faces of the seen mesh that solids are cut from; below, a finer mesh is built."""
 _MESH_SHARE = 0.5
@@ -184,7 +182,7 @@ class _CollisionGeoms:
         levels = built.mesh.vertices[:, 2]
         low, relief = float(levels.min()), float(np.ptp(levels))
         self._base = low - max(_BELOW, _PART * relief)
-        self._sunk = low - _SINK * max(relief, _BELOW)
+        self._sunk = low - SINK * max(relief, _BELOW)
         for solid in found.solids:
             self._add_solid(solid)
         for patch in found.patches:
@@ -209,18 +207,18 @@ class _CollisionGeoms:
         if not patch.used.any():
             raise no_ground()
         low, high = float(np.nanmin(patch.heights)), float(np.nanmax(patch.heights))
-        self._sunk = low - _SINK * max(high - low, _BELOW)
+        self._sunk = low - SINK * max(high - low, _BELOW)
         surfaces = patch.used_surfaces
         for surface in surfaces:
             self._add_patch(patch, surface, seen=True)
         found = Collision([], [patch], 0.0)
         rows, columns = patch.heights.shape
         fields = count_of(len(surfaces), "height field")
-        losses = _loss_sentence(found, 0.0, self._scene.options, 0.0, len(surfaces))
+        parts = "; ".join(_field_parts(found, self._scene.options.max_error))
         return _Told(
             f"{fields} of {columns:,} × {rows:,} heights, straight from the grid",
             _FIELD,
-            (losses, *_grid_losses(patch, self._sunk)),
+            (f"What collides: {parts}.", *_grid_losses(patch, self._sunk)),
             self._facts(found, 0.0, 0.0),
             tuple(self._scene.material(surface) for surface in surfaces),
         )
@@ -305,6 +303,8 @@ def _grid_losses(patch: HeightPatch, sunk: float) -> Iterator[str]:
         patch: the height field.
         sunk: height of its nodes where there is no ground.
     """
+    if _are_covered(patch):
+        yield "A surface that is no wider than a cell shares its ground with those beside it."
     half = metres(0.5 * max(patch.cell))
     beyond = patch.bounds[0] < 0.0  # west of the terrain
     if beyond:
@@ -335,18 +335,39 @@ def _loss_sentence(
             parts[0] += f", to keep to {count_of(most, 'geom')}: --max-geoms N allows more"
         if len({solid.surface for solid in found.solids}) > 1:
             parts.append(f"they reach up to {metres(_SEAM * wanted)} into other surfaces")
-    if found.patches:
-        parts.append(f"height fields up to {metres(found.worst)}, along z, as measured")
-        if found.worst > wanted:
-            parts[-1] += f", on {found.share_over(wanted):.2g} % of them by more than was asked"
-        if found.raggedness:
-            parts.append(f"lines between surfaces on them up to {metres(found.raggedness)}, a cell")
+    parts += _field_parts(found, wanted, ", as measured")
     if geoms > most:
         parts.append(
             f"{count_of(most, 'geom')} would be too far off, so there are {geoms:,}: "
             "--max-geoms N allows more, and --flex is exact"
         )
     return f"What collides: {'; '.join(parts)}."
+
+
+def _are_covered(patch: HeightPatch) -> bool:
+    """Whether a cell has no node of its own surface alone, so that other fields hold it, too."""
+    alike = np.pad(patch.surfaces, 1, mode="edge")
+    around = alike[1:, 1:], alike[1:, :-1], alike[:-1, 1:], alike[:-1, :-1]
+    several = np.minimum.reduce(around) != np.maximum.reduce(around)
+    corners = several[1:, 1:] & several[1:, :-1] & several[:-1, 1:] & several[:-1, :-1]
+    return bool((corners & patch.used).any())
+
+
+def _field_parts(found: Collision, wanted: float, how: str = "") -> Iterator[str]:
+    """Yield parts of a sentence on the distance of height fields from the terrain.
+
+    Args:
+        found: height fields.
+        wanted: error that was asked for.
+        how: source of the figure.
+    """
+    if found.patches:
+        said = f"height fields up to {metres(found.worst)}, along z{how}"
+        if found.worst > wanted:
+            said += f", on {found.share_over(wanted):.2g} % of them by more than was asked"
+        yield said
+        if found.raggedness:
+            yield f"lines between surfaces on them up to {metres(found.raggedness)}, a cell"
 
 
 def _add_flexes(scene: Scene, body: ET.Element) -> _Told:

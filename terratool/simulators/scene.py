@@ -34,7 +34,7 @@ from terratool.raster.grid import Grid
 from terratool.report.numbers import metres
 from terratool.report.wording import count_of
 from terratool.simulators.cells import cell_grid
-from terratool.simulators.collision.grid_patch import grid_patch, is_one_grid
+from terratool.simulators.collision.grid_patch import error_of_pixels, grid_patch, is_one_grid
 from terratool.simulators.collision.height_patch import HeightPatch
 from terratool.simulators.options import SceneOptions
 from terratool.tasks import processors
@@ -146,9 +146,9 @@ class Scene:
         Where all is one grid, the first is the error of two triangles for each of its pixels.
         """
         if is_one_grid(self.terrain):
-            patch = grid_patch(self.terrain, math.inf)
-            if patch is not None and patch.error > error:
-                yield _ABOVE * patch.error, _MOST_FACES
+            own = error_of_pixels(self.terrain)
+            if own > error:
+                yield _ABOVE * own, _MOST_FACES
         for k in range(1, 20):
             yield error * 4.0**k, _MANY_FACES
 

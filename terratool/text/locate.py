@@ -23,6 +23,8 @@ _ABOUT = 60
 
 _SHORT = 500
 """Most bytes of a value whose brackets are counted; longer ones are skipped by decoding."""
+_FEW = 4
+"""Most items of a list of numbers that are looked up one by one."""
 _LINE_ENDS = (b"\n", b"\r", b"\r\n")
 
 
@@ -117,7 +119,10 @@ def _printable(text: str) -> str:
 class _Value:
     """A value of a JSON text whose members are looked up on demand."""
 
-    __slots__ = ("_begins", "_data", "_found", "_inner", "_raws", "_rest", "end", "start")
+    __slots__ = (
+        "_asked", "_begins", "_data", "_found", "_inner", "_plain", "_raws", "_rest",
+        "end", "start",
+    )  # fmt: skip
 
     def __init__(self, data: bytes, start: int, end: int) -> None:
         self._data = data
@@ -128,6 +133,9 @@ class _Value:
         self._raws: Any = None
         self._begins: list[int] = []
         self._inner: dict[int, _Value] = {}
+        # of a list: whether it has no texts, lists and objects, and how many items were asked for
+        self._plain: bool | None = None
+        self._asked = 0
         # of an object: the members so far, and the others
         self._found: dict[str, list[tuple[int, _Value]]] = {}
         self._rest: Iterator[tuple[str, int, _Value]] | None = None
@@ -157,7 +165,11 @@ class _Value:
         return found[occurrence - 1] if len(found) >= max(1, occurrence) else None
 
     def _item(self, index: int) -> tuple[int, _Value] | None:
-        if _nested(self._data, self.start + 1, self.end) is None:
+        if self._plain is None:
+            self._plain = _nested(self._data, self.start + 1, self.end) is None
+        self._asked += 1
+        # each time it goes through the list, so where more are asked for all are decoded
+        if self._plain and self._asked <= _FEW:
             return self._number(index)
         raws = self._values(list[Raw])
         if index >= len(raws):

@@ -180,3 +180,11 @@ def test_a_vector_is_what_its_tuple_is(values: list[float], mirrored: bool) -> N
 def test_only_texts_of_some_length_are_looked_at() -> None:
     with mock.patch.object(vectors, "_LONG", 100_000):
         assert lift_vectors(terrain(f"[{LONG}]"), LARGEST).vectors == ()
+
+
+def test_vectors_that_differ_in_one_number_have_hashes_of_their_own() -> None:
+    """Or compiling many of them would compare each with each."""
+    arrays = np.zeros((500, 1200))
+    arrays[np.arange(500), np.arange(500) + 3] = 1
+    assert len({hash(Vector(array)) for array in arrays}) == 500
+    assert hash(Vector(np.array([0.0, 1.0]))) == hash(Vector(np.array([-0.0, 1.0])))

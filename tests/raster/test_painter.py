@@ -62,7 +62,6 @@ def part_of(planes: Planes, window: Window) -> Planes:
 def steepest_sum(terrain: Terrain) -> float:
     """More than what the sizes of slopes of any elements that lie over one another add up to."""
     arrays, cells = terrain.arrays, terrain.cells()
-    pieces = np.abs(arrays.curves.pieces.reshape(-1, 4))
     knots = arrays.curves.knots
     steepest = 0.0
     for kind in arrays.kinds:
@@ -72,10 +71,11 @@ def steepest_sum(terrain: Terrain) -> float:
                 own = knots[int(kind["knots"][axis, 0]) :]
                 count = int(np.argmax(np.isinf(own)))
                 lengths = np.diff(np.append(own[:count], 1.0))
-                c = pieces[first : first + count] * lengths[:, None] ** np.array([0, 0, 1, 2])
+                c = np.abs(arrays.curves.coefficients(first, count))
+                c *= lengths[:, None] ** np.array([0, 0, 1, 2])
                 steepest = max(steepest, float((c @ (0, 1, 2, 3)).max()))
             else:
-                c = pieces[first : first + count]
+                c = np.abs(arrays.curves.coefficients(first, count))
                 steepest = max(steepest, float((c @ (0, 1, 2, 3)).max()) * count)
     for raster in arrays.curves.rasters:  # no number is greater than 2
         steepest = max(steepest, 4.0 * float(raster["count"].max()))

@@ -123,6 +123,38 @@ def test_one_row_or_column(rows: Any, registration: str) -> None:
     assert max(np.nanmax(misses(patch, terrain, corner)) for corner in (0, 1)) <= patch.error < 1e-6
 
 
+def test_cells_beside_the_void_keep_to_the_error() -> None:
+    """They are no cells of the numbers alone."""
+    terrain = site("pixel", [[None, 0.0, 0.0], [0.0, 4.0, 0.0], [0.0, 0.0, 0.0]])
+    for error in (0.1, 0.01, 0.002):
+        patch = grid_patch(terrain, error)
+        assert patch is not None and patch.error <= error
+
+
+def test_rims_of_tiny_cells_far_away_have_their_height() -> None:
+    terrain = terrain_of(
+        {
+            "size": [0.0028, 0.002],
+            "origin": [500000.123, 4100000.456],
+            "elemTypes": {"dem": {"grid": ROWS, "registration": "pixel"}},
+            "elemTree": {"type": "dem", "vScale": 1e-4},
+        }
+    )
+    patch = grid_patch(terrain, 1e-6)
+    assert patch is not None
+    rows, columns = np.nonzero(patch.used)
+    for row, column in ((0, 0), (0, 1), (1, 0), (1, 1)):
+        assert not np.isnan(patch.heights[rows + row, columns + column]).any()
+    assert patch.error < 1e-4
+
+
+@pytest.mark.parametrize("max_error", [5e-324, 1e-320, 1e300, math.inf])
+def test_any_error_may_be_asked_for(max_error: float) -> None:
+    patch = grid_patch(site("pixel"), max_error)
+    assert patch is not None
+    assert math.prod(patch.heights.shape) <= 4.2e6
+
+
 def test_what_stands_on_a_grid_leaves_no_field_of_it() -> None:
     box = {"type": "box", "at": [7, 4], "extent": 1}
     assert is_one_grid(site("pixel"))
@@ -174,14 +206,37 @@ def test_each_class_has_its_friction(tmp_path: Path) -> None:
             assert simulator.friction_down(x, y) == pytest.approx(wanted, rel=1e-5)
 
 
+def test_a_surface_as_wide_as_a_cell_has_its_friction(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of nodes between alone; without them it is said that others hold its ground, too."""
+    pytest.importorskip("mujoco", reason="mujoco is not installed")
+    classes = {"file": "oblong.tif", "names": {"1": "rock"}}
+    flat = site("gridline", np.zeros((3, 4)).tolist(), surfaceGrid=classes)
+    folder, _, manifest = written(flat, tmp_path / "one", "mujoco", origin="center")
+    assert "shares its ground" not in str(manifest["losses"])
+    model = MuJoCo(folder, group=2).model
+    rock = np.array([[False, False, True], [True, False, False]])  # of cells, from the south
+    for field, (own, angle) in enumerate(((~rock, 30), (rock, 40))):
+        heights = model.hfield_data[field * 35 :][:35].reshape(5, 7)
+        assert np.array_equal(heights[1::2, 1::2] > 0.5, own)
+        friction = model.geom(f"/collision_hfield_{field}").friction[0]
+        assert friction == pytest.approx(math.tan(math.radians(angle)))
+    monkeypatch.setattr(of_grid, "_FINE_NODES", 15)
+    strip = {"file": "row.tif", "names": {"2": "rock"}}
+    flat = site("gridline", np.zeros((3, 5)).tolist(), surfaceGrid=strip)
+    _, _, manifest = written(flat, tmp_path / "other", "mujoco", origin="center")
+    assert "no wider than a cell shares its ground" in str(manifest["losses"])
+
+
 def test_the_error_of_two_triangles_a_pixel_is_proposed() -> None:
     """Where a mesh within what was asked would be too large."""
     rows = np.random.default_rng(1).normal(size=(500, 400)).round(3).tolist()
     terrain = site("gridline", rows)
-    patch = grid_patch(terrain, math.inf)
-    assert patch is not None
+    z = 0.5 * np.array(rows)
+    error = np.abs(z[1:, 1:] - z[1:, :-1] - z[:-1, 1:] + z[:-1, :-1]).max() / 4
     scene = Scene(terrain, "dem", SceneOptions(max_error=1e-5))
     with pytest.raises(RequestError, match="triangles, which no simulator takes") as told:
         _ = scene.built_mesh
     proposed = float(told.value.hint.split("--max-error ")[1].split(",")[0])
-    assert patch.error < proposed < 1.1 * patch.error
+    assert error < proposed < 1.1 * error

@@ -13,7 +13,7 @@ from terratool.definition.findings import Bounds
 from terratool.field.bounds import with_holes
 from terratool.field.records import COMBINE
 from terratool.field.terrain import Terrain
-from terratool.simulators.collision.height_patch import Bools, Floats, HeightPatch, Ints
+from terratool.simulators.collision.height_patch import SINK, Bools, Floats, HeightPatch, Ints
 
 MOST_NODES = 40_000_000
 """Most nodes of a height field; MuJoCo loads 36 million in half a second."""
@@ -82,13 +82,29 @@ def grid_patch(terrain: Terrain, max_error: float) -> HeightPatch | None:
     plain = _lattice(terrain, 1)
     if plain.nodes > MOST_NODES:
         return None
-    found = _patch(terrain, plain)
-    # the error falls with the square of the spaces between; only an even number of them has nodes
-    # on the edges of pixels
-    wanted = max(math.ceil(math.sqrt(found.error / max_error)), 1 if plain.aligned else 2)
-    most = math.isqrt(_FINE_NODES // plain.nodes)
-    spaces = min(wanted + wanted % 2, most - most % 2)
-    return _patch(terrain, _lattice(terrain, spaces)) if spaces > 1 and wanted > 1 else found
+    found, spaces = _patch(terrain, plain), 1
+    most = max(1, math.isqrt(_FINE_NODES // plain.nodes) // 2 * 2)
+    # pixels have no nodes on their edges, and a surface as wide as a cell none of its own
+    least = 2 if not plain.aligned or len(found.used_surfaces) > 1 else 1
+    while spaces < most:
+        # the error falls with the square of the spaces
+        over = math.sqrt(found.error / max_error)
+        wanted = max(least, math.ceil(spaces * min(over, most)))
+        if wanted <= spaces:
+            break
+        spaces = min(wanted + wanted % 2, most)
+        found = _patch(terrain, _lattice(terrain, spaces))
+    return found
+
+
+def error_of_pixels(terrain: Terrain) -> float:
+    """Return the error of two triangles for each square of four numbers of a grid; 0 if too many.
+
+    Args:
+        terrain: terrain for which `is_one_grid` holds.
+    """
+    plain = _lattice(terrain, 1)
+    return 0.0 if plain.nodes > MOST_NODES else _patch(terrain, plain).error
 
 
 def _lattice(terrain: Terrain, spaces: int) -> _Lattice:
@@ -135,7 +151,9 @@ def _patch(terrain: Terrain, lattice: _Lattice) -> HeightPatch:
     misses -= heights[1:, :-1]
     np.abs(misses, out=misses)
     misses *= 0.25
-    misses += _ROUNDING * (np.nanmax(heights, initial=-np.inf) - np.nanmin(heights, initial=np.inf))
+    relief = np.nanmax(heights, initial=-np.inf) - np.nanmin(heights, initial=np.inf)
+    sunk = not used.all() or len(np.unique(surfaces[used])) > 1
+    misses += _ROUNDING * relief * (1.0 + SINK * sunk) + _NEAR * relief * voids
     none = np.zeros(used.shape, np.bool_)
     corner = terrain.bounds[:2] * 2
     west, south, east, north = (
@@ -159,7 +177,12 @@ def _over(
 
 def _add_rims(terrain: Terrain, heights: Floats, x: Floats, y: Floats) -> None:
     """Replace heights of nodes on the edge of the void by those that the ground beside them has."""
-    dx, dy = _NEAR * (x[1] - x[0]), _NEAR * (y[1] - y[0])
+    # far from zero, some steps of doubles are more
+    dx, dy = (
+        min(max(_NEAR * (at[1] - at[0]), 8.0 * float(np.spacing(np.abs(at).max()))),
+            0.5 * (at[1] - at[0]))
+        for at in (x, y)
+    )  # fmt: skip
     for east, north in ((dx, dy), (-dx, dy), (dx, -dy), (-dx, -dy)):
         row, column = np.nonzero(np.isnan(heights))
         heights[row, column] = terrain.height(x[column] + east, y[row] + north)

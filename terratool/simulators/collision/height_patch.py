@@ -11,6 +11,9 @@ from numpy.typing import NDArray
 
 from terratool.definition.findings import Bounds
 
+SINK = 8.0
+"""Depth of a height field's unused nodes, in reliefs, so that its sides are steep."""
+
 Bools = NDArray[np.bool_]
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
