@@ -90,8 +90,7 @@ def sampled_array(
     system = None if crs is None else read_crs(crs)
     notes: list[str] = []
     text = spell_crs(system, notes)
-    unit = "°" if system is not None and system.is_geographic else "m"
-    grid = PixelGrid(c, f + rows * e, a, -e, columns, rows, text, unit)
+    grid = PixelGrid(c, f + rows * e, a, -e, columns, rows, text, unit="")
     return SampledHeights(grid, np.ascontiguousarray(values[::-1]), tuple(notes))
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,8 +33,7 @@ class PixelGrid:
         columns: number of columns.
         rows: number of rows.
         crs: reference system as a definition spells it ("EPSG:32633" or WKT), or None.
-        unit: unit of heights and sides, "m" unless known to be another; "°" where x and y are
-            degrees.
+        unit: unit of heights, as "m" or "us-ft"; "" where it is not known.
     """
 
     west: float
@@ -56,6 +55,11 @@ class PixelGrid:
         """World rectangle west, south, east, north."""
         width, depth = self.size
         return self.west, self.south, self.west + width, self.south + depth
+
+    @property
+    def behind(self) -> str:
+        """Unit of heights as it stands behind a number; empty where it is not known."""
+        return f" {self.unit}" if self.unit else ""
 
     def centre(self, row: int, column: int) -> tuple[float, float]:
         """Return x and y of a pixel's centre; rows count from the south."""
@@ -188,8 +192,16 @@ class SourceOptions:
         window: column, row, width, height in pixels of a raster, from the north-west.
         band: band of a raster, from 1.
         crs: reference system to which a raster is reprojected bilinearly, as a definition spells it
-            or as rasterio has it; of an array, the one that it has.
+            or as rasterio has it, or "local", a transverse Mercator about its middle; of an array,
+            the one that it has.
         nodata: number that stands for no height, besides the raster's own.
+        size: sides along x and y of a raster without a place; its corner is at 0, 0.
+        height_range: heights of the least and of the greatest number that a pixel can hold, of 8
+            or 16 bits; of wider numbers and floats, of those in the raster.
+        encoding: how red, green and blue are heights, "terrarium" or "mapbox".
+        source_units: unit of the heights, "m", "cm", "ft" or "us-ft", where the raster says none.
+        units: "m" makes metres of heights, and of x and y of a projection in feet.
+        source_crs: reference system of a raster that names none, in forms as of `crs`.
         resolution: side of a pixel when a mesh is sampled.
         up: axis of a mesh that points up, "y" or "z"; the usual one of its format if None.
         scale: factor on the coordinates of a mesh.
@@ -201,6 +213,12 @@ class SourceOptions:
     band: int | None = None
     crs: CrsValue | CRS | None = None
     nodata: float | None = None
+    size: tuple[float, float] | None = None
+    height_range: tuple[float, float] | None = None
+    encoding: Literal["terrarium", "mapbox"] | None = None
+    source_units: Literal["m", "cm", "ft", "us-ft"] | None = None
+    units: Literal["m"] | None = None
+    source_crs: CrsValue | CRS | None = None
     resolution: float | None = None
     up: str | None = None
     scale: float = 1.0

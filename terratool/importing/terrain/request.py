@@ -313,7 +313,7 @@ def head_of(grid: PixelGrid, options: ImportOptions) -> dict[str, Any]:
     pixel = f"{grid.dx:.12g}"
     if grid.dx != grid.dy:
         pixel += f" × {grid.dy:.12g}"
-    within = "" if options.link else f", imported within {options.max_error:g} {grid.unit}"
+    within = "" if options.link else f", imported within {options.max_error:g}{grid.behind}"
     head: dict[str, Any] = {
         "descr": f"{options.title or 'A DEM'}{within}; pixels of {pixel}",
         "size": list(grid.size),
