@@ -49,7 +49,7 @@ _METHODS = ("rows", "columns", "nodal-rows", "nodal-columns", "hats")
         "--max-error",
         type=float,
         metavar="E",
-        help="How far heights may be off, unless --link.",
+        help="How far heights may be off.  [default: about 1 % of the relief]",
     ),
     click.option(
         "--as",
@@ -123,9 +123,6 @@ def command(source: str, output: str, overwrite: bool, as_json: bool, **values: 
     from terratool.importing.terrain.request import ImportOptions
     from terratool.text.source import refuse_name
 
-    if values["max_error"] is None and not values["link"]:
-        raise click.UsageError("Missing option '--max-error'.")
-    values["max_error"] = values["max_error"] or 0.0
     refuse_name(output)
     chosen = options_of(values)
     surfaces = values["surfaces"]
@@ -184,7 +181,7 @@ class ImportDocument(Document, frozen=True, kw_only=True):
     pixel: tuple[float, float]
     bounds: tuple[float, ...]
     crs: Any
-    unit: str
+    unit: str | None
     method: str | None
     step: float
     relief: float
@@ -210,12 +207,12 @@ def _document(report: ImportReport, output: str) -> ImportDocument:
         pixel=(grid.dx, grid.dy),
         bounds=grid.bounds,
         crs=grid.crs,
-        unit=grid.unit,
+        unit=grid.unit or None,
         method=report.method.sentence if report.method else None,
         step=report.step,
         relief=report.relief,
         error=ImportErrors(
-            report.options.max_error,
+            report.options.allowed,
             None if report.walls else report.bound,
             error.largest,
             error.where or (),
@@ -278,7 +275,7 @@ def as_text(report: ImportReport, output: str) -> Iterator[str]:
     yield f"Error at the pixels: at most {error.largest:.4g}{unit}{share}{at}, {rms}"
     if report.walls:
         yield (
-            f"Everywhere else within {options.max_error:g}{unit}, but for gaps of a pixel "
+            f"Everywhere else within {options.allowed:g}{unit}, but for gaps of a pixel "
             "where structures have upright walls or sharp edges."
         )
     else:

@@ -14,7 +14,7 @@ from rasterio.transform import Affine
 from terratool.definition.crs import CrsValue
 from terratool.errors import RequestError
 from terratool.field.types import real_numbers
-from terratool.importing.types import PixelGrid, SampledHeights
+from terratool.importing.types import PixelGrid, SampledHeights, StatedPlace
 from terratool.io.crs import read_crs, spell_crs
 
 
@@ -91,7 +91,7 @@ def sampled_array(
     notes: list[str] = []
     text = spell_crs(system, notes)
     grid = PixelGrid(c, f + rows * e, a, -e, columns, rows, text, unit="")
-    return SampledHeights(grid, np.ascontiguousarray(values[::-1]), tuple(notes))
+    return SampledHeights(grid, np.ascontiguousarray(values[::-1]), tuple(notes), StatedPlace(text))
 
 
 def _six(transform: Affine | Sequence[float]) -> tuple[float, ...]:

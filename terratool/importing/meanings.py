@@ -174,9 +174,7 @@ def _range(name: str, file: Any, bands: PixelBands, nodata: float | None) -> tup
     return low, high
 
 
-def height_unit(
-    name: str, file: Any, bands: PixelBands, crs: CRS | None, said: str | None
-) -> str:
+def height_unit(name: str, file: Any, bands: PixelBands, crs: CRS | None, said: str | None) -> str:
     """Unit of heights: what the band, the encoding or a vertical system says, or else the user.
 
     Args:

@@ -23,8 +23,8 @@ from terratool.errors import ReadError, RequestError
 from terratool.importing.meanings import (
     UNKNOWN_UNIT,
     UNSCALED,
-    PixelBands,
     NumberScale,
+    PixelBands,
     bands_of,
     height_unit,
     in_metres,
@@ -33,7 +33,7 @@ from terratool.importing.meanings import (
     system_of,
     unit_notes,
 )
-from terratool.importing.types import PixelGrid, SourceOptions, sample_range
+from terratool.importing.types import PixelGrid, SourceOptions, StatedPlace, sample_range
 from terratool.io.crs import local_crs, read_crs, refuse_other_body, spell_crs
 from terratool.io.expat import EntityError, tree_of
 from terratool.io.guards import HARMLESS, is_placed, transform_of
@@ -94,6 +94,7 @@ class RasterHeights:
         east_first: whether the file's columns begin in the east.
         nodata: number of the file that stands for no height, besides its own.
         scale: factor and offset of the file's numbers.
+        stated: reference system and unit of the file.
         about: notes known before the reading.
         infinite: number of infinite pixels read so far.
         suspects: number of pixels that may be nodata, by their number in the file.
@@ -109,6 +110,7 @@ class RasterHeights:
     grid: PixelGrid
     nodata: float | None
     scale: NumberScale
+    stated: StatedPlace
     about: list[str]
     infinite: int = 0
     suspects: dict[float, int] = field(default_factory=dict)
@@ -222,6 +224,7 @@ def open_raster(name: str, options: SourceOptions) -> Iterator[RasterHeights]:
                 )
             scale = scale_of(name, file, bands, options, about)
             unit = height_unit(name, file, bands, crs, options.source_units)
+            stated = StatedPlace(spell_crs(crs, []), unit)
             if options.crs is not None:
                 source_crs, file = crs, stack.enter_context(_reproject(name, file, crs, options))
                 crs, transform = file.crs, transform_of(file)
@@ -229,7 +232,7 @@ def open_raster(name: str, options: SourceOptions) -> Iterator[RasterHeights]:
                 if not unit and not is_metric(source_crs):
                     about.append(UNKNOWN_UNIT)
             placed = RasterPlace(transform, crs, unit, scale)
-            heights = _heights(name, file, bands, placed, options, about)
+            heights = _heights(name, file, bands, placed, stated, options, about)
         yield heights
 
 
@@ -325,6 +328,7 @@ def _heights(
     file: Any,
     bands: PixelBands,
     placed: RasterPlace,
+    stated: StatedPlace,
     options: SourceOptions,
     about: list[str],
 ) -> RasterHeights:
@@ -376,8 +380,9 @@ def _heights(
     first_row = file.height - rows[1] if south_up else rows[0]
     window = Window(first_column, first_row, count_x, count_y)
     return RasterHeights(
-        name, file, bands, window, south_up, east_first, grid, options.nodata, scale, about
-    )
+        name, file, bands, window, south_up, east_first, grid, options.nodata, scale,
+        stated, about,
+    )  # fmt: skip
 
 
 def _within(pixels: tuple[int, int], low: float, high: float, side: float) -> tuple[int, int]:

@@ -66,12 +66,25 @@ class PixelGrid:
         return self.west + (column + 0.5) * self.dx, self.south + (row + 0.5) * self.dy
 
 
+class StatedPlace(NamedTuple):
+    """What a source is in, before it is reprojected or converted.
+
+    Attributes:
+        crs: reference system, as a definition spells it; None for none.
+        unit: unit of the heights; "" where it is not known.
+    """
+
+    crs: str | None = None
+    unit: str = ""
+
+
 class HeightSource(Protocol):
     """A source of heights that is read by rows, so that it need not fit into memory.
 
     Attributes:
         grid: pixels of the heights.
         notes: sentences for the user about the source (a guessed unit, losses).
+        stated: reference system and unit of the source itself.
     """
 
     @property
@@ -79,6 +92,9 @@ class HeightSource(Protocol):
 
     @property
     def notes(self) -> tuple[str, ...]: ...  # noqa: D102
+
+    @property
+    def stated(self) -> StatedPlace: ...  # noqa: D102
 
     def read(self, first: int, count: int) -> NDArray[np.float64]:
         """Read `count` rows from row `first`, (count, columns) float64; NaN for none."""
@@ -96,6 +112,7 @@ class SampledHeights:
     grid: PixelGrid
     values: NDArray[np.float64]
     notes: tuple[str, ...] = ()
+    stated: StatedPlace = StatedPlace()
 
     def read(self, first: int, count: int) -> NDArray[np.float64]:
         """Return `count` rows from row `first`, (count, columns) float64; NaN for none."""

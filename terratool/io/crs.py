@@ -28,6 +28,7 @@ _GEODETIC = ("GeographicCRS", "GeodeticCRS", "DerivedGeographicCRS")
 _DIGITS = 6
 """Decimals of the degrees about which a local system lies: some 0.1 m on the Earth."""
 
+
 def read_crs(crs: CrsValue | CRS) -> CRS:
     """Parse a coordinate reference system without letting PROJ or GDAL open a file.
 

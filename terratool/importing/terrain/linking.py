@@ -15,6 +15,7 @@ from terratool.importing.terrain.request import (
     ImportOptions,
     ImportReport,
     Progress,
+    origin_of,
     refuse_pixels,
 )
 from terratool.importing.terrain.writing import MeasuredError
@@ -61,7 +62,8 @@ def link_grid(
     work(source.grid.rows * source.grid.columns)
     ground = options.ground
     surfaces = {} if ground is None else {ground.name: ground.surface}
-    text = grid_text(source.grid, options, grid, {"vScale": 1}, surfaces)
+    origin = origin_of(source, options, "a link", 0.0)
+    text = grid_text(source.grid, options, grid, {"vScale": 1}, surfaces, origin)
     write_source(Source(raster.name, text, output.name.endswith(".gz")), output, overwrite)
     return ImportReport(
         grid=source.grid,
