@@ -280,7 +280,9 @@ def _reproject(name: str, file: Any, crs: CRS | None, options: SourceOptions) ->
         )
     assert options.crs is not None
     if options.crs == LOCAL:
-        target = local_crs(crs, *transform_of(file) * (file.width / 2, file.height / 2))
+        a, b, c, d, e, f = transform_of(file)[:6]
+        column, row = file.width / 2, file.height / 2
+        target = local_crs(crs, a * column + b * row + c, d * column + e * row + f)
     else:
         target = read_crs(options.crs)
     refuse_other_body(name, crs, target, "--crs")

@@ -78,6 +78,9 @@ class StatedPlace(NamedTuple):
     unit: str = ""
 
 
+UNSTATED = StatedPlace()
+
+
 class HeightSource(Protocol):
     """A source of heights that is read by rows, so that it need not fit into memory.
 
@@ -112,7 +115,7 @@ class SampledHeights:
     grid: PixelGrid
     values: NDArray[np.float64]
     notes: tuple[str, ...] = ()
-    stated: StatedPlace = StatedPlace()
+    stated: StatedPlace = UNSTATED
 
     def read(self, first: int, count: int) -> NDArray[np.float64]:
         """Return `count` rows from row `first`, (count, columns) float64; NaN for none."""
