@@ -67,7 +67,7 @@ class PixelGrid:
 
 
 class StatedPlace(NamedTuple):
-    """What a source is in, before it is reprojected or converted.
+    """Reference system and unit of a source, before it is reprojected or converted.
 
     Attributes:
         crs: reference system, as a definition spells it; None for none.

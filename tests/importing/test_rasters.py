@@ -370,7 +370,7 @@ def test_portable_graymaps_with_and_without_a_place(tmp_path: Path) -> None:
             assert source.grid == PixelGrid(10, -3, 2, 3, 6, 4, unit="")
             assert np.array_equal(source.read(0, 4)[::-1], heights)
     with open_source(f"/vsizip/{tmp_path}/a.zip/a.pgm") as source:
-        assert source.grid == PixelGrid(0, 0, 1, 1, 6, 4)
+        assert source.grid == PixelGrid(0, 0, 1, 1, 6, 4, unit="")
 
 
 def test_a_reference_system_alone_is_no_place(tmp_path: Path) -> None:
