@@ -15,6 +15,7 @@ from terratool.text.display import quote
 from terratool.text.meaning import guess
 
 if TYPE_CHECKING:
+    from terratool.definition.findings import Bounds
     from terratool.importing.types import SourceOptions
     from terratool.mesh.origin import Origin
     from terratool.traversability.vehicle import Vehicle
@@ -233,6 +234,17 @@ def library_roots() -> tuple[str, ...]:
     """Folders that --library-root names."""
     context = click.get_current_context(silent=True)
     return () if context is None else context.meta.get(_ROOTS, ())
+
+
+local_option = click.option(
+    "--local", is_flag=True, help="Coordinates given here count from the south-west corner."
+)
+"""Option for terrains with an origin far away; `from_corner` moves what was given."""
+
+
+def from_corner(places: tuple[float, ...], extent: Bounds) -> tuple[float, ...]:
+    """Coordinates x, y, x, y, … in the world, of those from the south-west corner of a terrain."""
+    return tuple(place + extent[axis % 2] for axis, place in enumerate(places))
 
 
 _ROUGHNESS = "terratool.roughness"

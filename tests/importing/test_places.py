@@ -501,6 +501,32 @@ def test_what_others_write_there_is_passed_over(tmp_path: Path, value: object) -
     assert json.loads(run("info", site, "--json").out)["imported"] is None
 
 
+def test_places_from_the_corner_of_a_terrain_far_away(tmp_path: Path) -> None:
+    """They are those of the world less the origin; without the option they lie outside."""
+    site = tmp_path / "site.json"
+    heights = np.repeat(COUNTS, 2, axis=0) / 1e3
+    name = rasters.geotiff(tmp_path / "dem.tif", heights, (3, 2), (500000, 4500024),
+                           crs="EPSG:32618")  # fmt: skip
+    assert run("import-terrain", name, site, "--preset", "dry-sand").code == 0
+    world = run("query", site, 500004.5, 4500003, 500022.5, 4500021, "--json")
+    local = run("query", site, 4.5, 3, 22.5, 21, "--local", "--json")
+    one, other = (json.loads(ran.out)["points"] for ran in (world, local))
+    assert [(p["x"], p["y"]) for p in other] == [(4.5, 3), (22.5, 21)]
+    assert [p["z"] for p in one] == [p["z"] for p in other] and one[0]["z"] != one[1]["z"]
+    assert (
+        run("query", site, 4.5, 3).code == 2 == run("query", site, 500004, 4500003, "--local").code
+    )
+    wheel = ("--wheel-radius", 0.3, "--wheel-width", 0.2, "--load", 300, "--json")
+    at = (500004.5, 4500003)
+    world = run("traversability", site, *wheel, "--route", *at, 500022.5, 4500018,
+                "--from", *at, "--bounds", 500003, 4500002, 500027, 4500022)  # fmt: skip
+    local = run("traversability", site, *wheel, "--route", 4.5, 3, 22.5, 18, "--local",
+                "--from", 4.5, 3, "--bounds", 3, 2, 27, 22)  # fmt: skip
+    assert world.code in (0, 1) and json.loads(world.out)["routes"]
+    assert local.out == world.out
+    assert run("traversability", site, *wheel, "--route", *at, 500022, 4500018, "--local").code == 2
+
+
 def test_rgb_by_its_interpretation(tmp_path: Path) -> None:
     """Blue, green, red, as some cameras have it."""
     kinds = [ColorInterp.blue, ColorInterp.green, ColorInterp.red]
