@@ -85,8 +85,6 @@ def import_terrain_from(
         RequestError: an option makes no sense, alone or for the source.
         WriteError: the file cannot be written.
     """
-    if options.get("max_error") is None and not options.get("link"):
-        raise RequestError("Nothing says how far heights may be off.", "Give max_error.")
     wanted = fill(ImportOptions, options, title=_title(source))
     wanted.check()
     if output is not None:

@@ -47,7 +47,7 @@ if TYPE_CHECKING:
         "--max-error",
         type=float,
         metavar="E",
-        help="Largest error, in units of the heights; if it is missed, write nothing and exit 1.",
+        help="Largest error; if it is missed, write nothing and exit 1.",
     ),
     click.option(
         "--values",
@@ -70,7 +70,7 @@ if TYPE_CHECKING:
         default="product",
         show_default=True,
         metavar="HOW",
-        help="How two curves become one: product, sum, or auto for what fits better.",
+        help="Of two curves: product, sum, or auto for what fits better.",
     ),
     click.option("--recognise", is_flag=True, help="Write named curves where they fit."),
 )

@@ -49,14 +49,14 @@ _METHODS = ("rows", "columns", "nodal-rows", "nodal-columns", "hats")
         "--max-error",
         type=float,
         metavar="E",
-        help="How far heights may be off, unless --link.",
+        help="How far heights may be off.  [default: about 1 % of the relief]",
     ),
     click.option(
         "--as",
         "as_",
         type=WordChoice(("rows", "grid")),
         metavar="FORM",
-        help="rows in the text, or a grid: a raster.  [default: rows up to 2,000,000 pixels]",
+        help="rows or grid, a raster.  [default: rows up to 2,000,000 pixels]",
     ),
     click.option(
         "--link",
@@ -88,7 +88,7 @@ _METHODS = ("rows", "columns", "nodal-rows", "nodal-columns", "hats")
         default="half-pixels",
         show_default=True,
         metavar="KIND",
-        help="pixels, to which elements are easily added, make a larger file.",
+        help="pixels, for own elements, make a larger file.",
     ),
 )
 @option_group(
@@ -112,10 +112,8 @@ _METHODS = ("rows", "columns", "nodal-rows", "nodal-columns", "hats")
 def command(source: str, output: str, overwrite: bool, as_json: bool, **values: Any) -> None:
     """Write a DEM or a mesh, SOURCE, as a definition, OUT.
 
-    The terrain is measured to be within E of the DEM everywhere, which is bilinear between the
-    centres of its pixels. Nodata becomes void. OUT in .json.gz is compressed. A SOURCE is a
-    raster that GDAL reads, or a mesh from above (.obj, .stl, .ply, .glb, .gltf, .off, .3mf, .dxf,
-    .wrl, .x3d, .x3dv).
+    The terrain is within E of the DEM everywhere, which is bilinear between centres of pixels.
+    Nodata becomes void. OUT in .json.gz is compressed. docs/import.md lists what is read.
     """
     from pathlib import Path
 
@@ -125,9 +123,6 @@ def command(source: str, output: str, overwrite: bool, as_json: bool, **values: 
     from terratool.importing.terrain.request import ImportOptions
     from terratool.text.source import refuse_name
 
-    if values["max_error"] is None and not values["link"]:
-        raise click.UsageError("Missing option '--max-error'.")
-    values["max_error"] = values["max_error"] or 0.0
     refuse_name(output)
     chosen = options_of(values)
     surfaces = values["surfaces"]
@@ -186,7 +181,7 @@ class ImportDocument(Document, frozen=True, kw_only=True):
     pixel: tuple[float, float]
     bounds: tuple[float, ...]
     crs: Any
-    unit: str
+    unit: str | None
     method: str | None
     step: float
     relief: float
@@ -212,12 +207,12 @@ def _document(report: ImportReport, output: str) -> ImportDocument:
         pixel=(grid.dx, grid.dy),
         bounds=grid.bounds,
         crs=grid.crs,
-        unit=grid.unit,
+        unit=grid.unit or None,
         method=report.method.sentence if report.method else None,
         step=report.step,
         relief=report.relief,
         error=ImportErrors(
-            report.options.max_error,
+            report.options.allowed,
             None if report.walls else report.bound,
             error.largest,
             error.where or (),
@@ -240,7 +235,7 @@ def as_text(report: ImportReport, output: str) -> Iterator[str]:
     """Report in lines for people."""
     from terratool.importing.terrain.request import MOST_AS_ROWS, MOST_IN_MEMORY, MOST_SEARCHED
 
-    grid, error, unit = report.grid, report.error, report.grid.unit
+    grid, error, unit = report.grid, report.error, report.grid.behind
     pixels = grid.rows * grid.columns
     size = f"{grid.dx:g}" if grid.dx == grid.dy else f"{grid.dx:g} × {grid.dy:g}"
     filled = ", filled" if report.options.fill else ""
@@ -260,9 +255,9 @@ def as_text(report: ImportReport, output: str) -> Iterator[str]:
         return
     how = share = ""
     if report.raster is not None:
-        how = f", as a grid in steps of {report.step:g} {unit}"
+        how = f", as a grid in steps of {report.step:g}{unit}"
     if report.method:
-        how = f", by {report.method.sentence} in steps of {report.step:g} {unit}"
+        how = f", by {report.method.sentence} in steps of {report.step:g}{unit}"
     if report.relief:
         share = f" ({per_cent(error.largest / report.relief)} of the relief)"
     if report.raster is None:
@@ -276,14 +271,14 @@ def as_text(report: ImportReport, output: str) -> Iterator[str]:
     if report.classes is not None:
         yield f"{report.classes}: the classes"
     at = " at {:.10g} {:.10g}".format(*error.where) if error.where and error.largest else ""
-    rms = f"{error.rms:.4g} {unit} RMS"
-    yield f"Error at the pixels: at most {error.largest:.4g} {unit}{share}{at}, {rms}"
+    rms = f"{error.rms:.4g}{unit} RMS"
+    yield f"Error at the pixels: at most {error.largest:.4g}{unit}{share}{at}, {rms}"
     if report.walls:
         yield (
-            f"Everywhere else within {options.max_error:g} {unit}, but for gaps of a pixel "
+            f"Everywhere else within {options.allowed:g}{unit}, but for gaps of a pixel "
             "where structures have upright walls or sharp edges."
         )
     else:
-        yield f"Everywhere between them: at most {report.bound:.4g} {unit}"
+        yield f"Everywhere between them: at most {report.bound:.4g}{unit}"
     for name, count in report.surfaces.items():
         yield f"{name}: {count_of(count, 'pixel')}"

@@ -19,13 +19,13 @@ from terratool.cli.options import (
     roughness_option,
 )
 from terratool.cli.saying import say, say_json, write_json
-from terratool.cli.terminal import StatusLine, load
+from terratool.cli.terminal import StatusLine, short_name
 from terratool.report.numbers import without_noise
 from terratool.text.display import printable
 
 if TYPE_CHECKING:
     from terratool.field.library_summary import LibrarySummary
-    from terratool.field.summary import TerrainSummary
+    from terratool.field.summary import ImportedFrom, TerrainSummary
     from terratool.field.terrain import Terrain
 
 
@@ -50,15 +50,20 @@ def command(file: str, geojson: bool, as_json: bool) -> None:
     if _is_library(file):
         _say_library(file, as_json, geojson)
         return
-    from terratool.field.summary import summarise
+    from terratool.definition.reader import load_checked
+    from terratool.field.summary import imported_from, summarise
+    from terratool.field.terrain import Terrain
 
-    terrain = load(file)
+    with StatusLine(f"reading {short_name(file)}"):
+        checked = load_checked(file, library_roots())
+        terrain = Terrain(checked, roughness=has_roughness())
     if geojson:
         with StatusLine("writing"):
             _write_geojson(terrain)
         return
     with StatusLine("looking at heights"):
-        summary = summarise(terrain)
+        text = None if checked.document is None else checked.document.source.data
+        summary = summarise(terrain, None if text is None else imported_from(text))
     if as_json:
         say_json(summary)
     for line in [] if as_json else _lines(summary):
@@ -169,10 +174,32 @@ def _write_geojson(terrain: Terrain) -> None:
     write_json("\n]}\n")
 
 
+def _imported(found: ImportedFrom | None) -> Iterator[str]:
+    """Line on the source of an import."""
+    if found is None:
+        return
+    said = [
+        found.file,
+        found.crs and _crs_name(found.crs),
+        found.unit and f"heights in {found.unit}",
+    ]
+    if found.error is not None:
+        said.append(f"within {found.error:.4g}")
+    said.append(found.method and f"by {found.method}")
+    yield f"imported from  {printable(', '.join(filter(None, said)))}"
+
+
+def _crs_name(crs: str) -> str:
+    """Code of a reference system, or the name that its WKT has."""
+    quoted = crs.split('"')
+    return quoted[1] if len(quoted) > 2 else crs
+
+
 def _lines(s: TerrainSummary) -> list[str]:
     size, origin, height, tracks = s.size, s.origin, s.height, s.tracks
     lines = [printable(s.descr)] if s.descr else []
     lines += [
+        *_imported(s.imported),
         f"size           {size[0]:g} × {size[1]:g}",
         f"origin         {origin[0]:.10g}, {origin[1]:.10g}",
         f"crs            {_crs(s.crs)}",

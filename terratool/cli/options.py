@@ -15,6 +15,7 @@ from terratool.text.display import quote
 from terratool.text.meaning import guess
 
 if TYPE_CHECKING:
+    from terratool.definition.findings import Bounds
     from terratool.importing.types import SourceOptions
     from terratool.mesh.origin import Origin
     from terratool.traversability.vehicle import Vehicle
@@ -22,7 +23,8 @@ if TYPE_CHECKING:
 
 _Command = TypeVar("_Command", bound=Callable[..., Any])
 _NAMES = (
-    "bounds", "window", "band", "crs", "nodata", "resolution", "up", "scale", "allow_remote",
+    "bounds", "window", "band", "crs", "nodata", "size", "height_range", "encoding",
+    "source_units", "units", "source_crs", "resolution", "up", "scale", "allow_remote",
 )  # fmt: skip
 
 
@@ -234,6 +236,17 @@ def library_roots() -> tuple[str, ...]:
     return () if context is None else context.meta.get(_ROOTS, ())
 
 
+local_option = click.option(
+    "--local", is_flag=True, help="Coordinates given here count from the south-west corner."
+)
+"""Option for terrains with an origin far away; `from_corner` moves what was given."""
+
+
+def from_corner(places: tuple[float, ...], extent: Bounds) -> tuple[float, ...]:
+    """Coordinates x, y, x, y, … in the world, of those from the south-west corner of a terrain."""
+    return tuple(place + extent[axis % 2] for axis, place in enumerate(places))
+
+
 _ROUGHNESS = "terratool.roughness"
 
 
@@ -263,7 +276,7 @@ cell_options = (
     ),
     click.option(
         "--span", nargs=2, type=int, metavar="W H",
-        help="With --cell: how many cells it takes to the east and north.  [default: 1 1]",
+        help="With --cell: so many cells to the east and north.  [default: 1 1]",
     ),
     click.option(
         "--parent", metavar="POINTER", default="/elemTree", show_default=True,
@@ -275,7 +288,7 @@ _part_of_source = option_group(
     "Part of SOURCE",
     click.option(
         "--bounds", nargs=4, type=float, metavar="W S E N",
-        help="Take the pixels with their centres in here, in the source's coordinates.",
+        help="Take pixels with centres in here, as SOURCE has coordinates.",
     ),
     click.option(
         "--window", nargs=4, type=int, metavar="COL ROW W H",
@@ -285,12 +298,12 @@ _part_of_source = option_group(
 )  # fmt: skip
 _reading_of_source = option_group(
     "How it is read",
-    click.option("--crs", metavar="CRS", help="Reproject a raster first, as to EPSG:32633."),
+    click.option("--crs", metavar="CRS", help="Reproject a raster first, to EPSG:32633 or local."),
     click.option("--nodata", type=float, metavar="Z", help="A number that stands for no height."),
     click.option("--resolution", type=float, metavar="R", help="Side of the pixels of a mesh."),
     click.option(
         "--up", type=click.Choice(["y", "z"]), metavar="AXIS",
-        help="y or z, the axis of a mesh that points up.  [default: as its format has it]",
+        help="y or z, the axis of a mesh that points up.  [default: as is usual]",
     ),
     click.option(
         "--scale", type=float, default=1.0, metavar="F",
@@ -301,11 +314,35 @@ _reading_of_source = option_group(
         help="Let a raster lie on the net, or lead out of its folder.",
     ),
 )  # fmt: skip
+_unsaid_of_source = option_group(
+    "What a raster leaves unsaid (docs/import.md has a table)",
+    click.option(
+        "--size", nargs=2, type=float, metavar="X Y",
+        help="Sides of a raster without a place.",
+    ),
+    click.option(
+        "--height-range", nargs=2, type=float, metavar="LOW HIGH",
+        help="Heights of the least and greatest number of a pixel.",
+    ),
+    click.option(
+        "--encoding", type=WordChoice(("terrarium", "mapbox")), metavar="KIND",
+        help="Of terrain-RGB: terrarium or mapbox.",
+    ),
+    click.option(
+        "--source-units", type=WordChoice(("m", "cm", "ft", "us-ft")), metavar="UNIT",
+        help="Unit of its heights: m, cm, ft or us-ft.",
+    ),
+    click.option(
+        "--units", type=WordChoice(("m",)), metavar="UNIT", help="m: make metres of all.",
+    ),
+    click.option("--source-crs", metavar="CRS", help="Its reference system."),
+    dense=True,
+)  # fmt: skip
 
 
 def source_options(command: _Command) -> _Command:
     """Add the options about a source to a command; `options_of` collects their values."""
-    return _part_of_source(_reading_of_source(command))
+    return _part_of_source(_reading_of_source(_unsaid_of_source(command)))
 
 
 def options_of(values: dict[str, Any]) -> SourceOptions:

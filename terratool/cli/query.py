@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, TextIO
 import click
 
 from terratool.cli.command import Command, guess_option
-from terratool.cli.options import json_option, library_root_option, roughness_option
+from terratool.cli.options import json_option, library_root_option, local_option, roughness_option
 from terratool.cli.saying import is_terminal, write_json, write_rows
 from terratool.cli.terminal import StatusLine, load
 from terratool.errors import ReadError
@@ -53,6 +53,7 @@ Point = tuple[float, float]
 @click.argument("file")
 @click.argument("coordinates", nargs=-1, metavar="[X Y]...")
 @click.option("--points", metavar="FILE|-", help="Read points from a CSV file or standard input.")
+@local_option
 @json_option("Answer as JSON, not as CSV.")
 @click.option(
     "--digits",
@@ -65,7 +66,12 @@ Point = tuple[float, float]
 @roughness_option
 @library_root_option
 def command(
-    file: str, coordinates: tuple[str, ...], points: str | None, as_json: bool, digits: int
+    file: str,
+    coordinates: tuple[str, ...],
+    points: str | None,
+    local: bool,
+    as_json: bool,
+    digits: int,
 ) -> None:
     """Answer height, surface, element and normal at points.
 
@@ -79,13 +85,14 @@ def command(
         raise click.UsageError("Give points either as X Y pairs or with --points.")
     listed = _from_arguments(coordinates) if points is None else None
 
-    early = None if listed is None else partial(_refuse_outside, listed)
+    early = None if listed is None else partial(_refuse_outside, listed, local)
     terrain = load(file, early=early)
+    corner = terrain.bounds[:2] if local else (0.0, 0.0)
     source = iter(listed) if listed is not None else _from_csv(str(points))
     write, labels = _write_csv, list(map(inert_cell, terrain.surfaces))
     if as_json:
         write, labels = _write_json, list(terrain.surfaces)
-    rows = _rows(terrain, labels, source, digits)
+    rows = _rows(terrain, labels, source, digits, corner)
     if is_terminal():
         write(rows)
     else:
@@ -93,11 +100,13 @@ def command(
             write(rows)
 
 
-def _refuse_outside(points: list[Point], extent: Bounds) -> None:
+def _refuse_outside(points: list[Point], local: bool, extent: Bounds) -> None:
     """Refuse points none of which is on the terrain, whose long text need not be read then."""
     from terratool.errors import RequestError
     from terratool.report.numbers import coordinates
 
+    if local:
+        extent = (0.0, 0.0, extent[2] - extent[0], extent[3] - extent[1])
     west, south, east, north = extent
     if any(west <= x <= east and south <= y <= north for x, y in points):
         return
@@ -194,7 +203,7 @@ def _number(text: str) -> float | None:
 
 
 def _rows(
-    terrain: Terrain, labels: list[str], points: Iterator[Point], digits: int
+    terrain: Terrain, labels: list[str], points: Iterator[Point], digits: int, corner: Point
 ) -> Iterator[tuple[Any, ...]]:
     """Yield the cells of `COLUMNS` for each point, None for an empty one.
 
@@ -203,6 +212,7 @@ def _rows(
         labels: names of `terrain.surfaces` as they are printed, which may be escaped.
         points: x and y of each point.
         digits: decimals of heights and normals.
+        corner: place in the world from which the points count.
     """
     import numpy as np
 
@@ -210,7 +220,7 @@ def _rows(
     pointers: dict[int, str | None] = {}
     while chunk := list(islice(points, _CHUNK)):
         x, y = np.array(chunk).T
-        found = terrain.sample(x, y)
+        found = terrain.sample(x + corner[0], y + corner[1])
         for element in np.unique(found.element).tolist():
             if element not in pointers:
                 pointers[element] = terrain.pointer(element)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -12,8 +11,10 @@ from terratool.cli.options import (
     WHEEL,
     WordChoice,
     dask_option,
+    from_corner,
     json_option,
     library_root_option,
+    local_option,
     overwrite_option,
     roughness_option,
     vehicles_from,
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from terratool.cli.config import Config, DriveSettings
+    from terratool.definition.findings import Bounds
     from terratool.traversability.assess import PreparedRequest, Request
     from terratool.traversability.compare import PreparedComparison
     from terratool.traversability.conditions import Condition
@@ -94,6 +96,7 @@ SAMPLES = (256, 16, 1024)  # default, least, most
         metavar="X Y",
         help="Say what can be reached from here.  [default: the largest part]",
     ),
+    local_option,
 )
 @option_group(
     "Answers",
@@ -180,6 +183,7 @@ def command(
     waypoints: tuple[str, ...],
     returns: bool,
     start: tuple[float, float] | None,
+    local: bool,
     prefer: Any,
     resolution: float | None,
     bounds: tuple[float, float, float, float] | None,
@@ -199,7 +203,6 @@ def command(
 
     For surfaces: how wheels sink, pull and climb. For places and headings: go, caution or no-go,
     and what binds. Ends with 1 where a route has no way. Of several FILEs, or a DIR: a table.
-
     --fail-on takes >, >=, < or <= and go-, caution-, no-go-, unknown-, one-way-, cut-off-, edge-,
     reachable-fraction; route-length, route-time, route-energy; least-margin, steepest, sinkage.
     """
@@ -234,7 +237,9 @@ def command(
 
     forms = formats + ("json",) * as_json
     if len(files) != 1 or is_folder(files[0]) or forms not in ((), ("text",), ("json",)):
-        for option, given in (("--report", reports), ("--map", map_), ("--dask", dask)):
+        for option, given in (
+            ("--report", reports), ("--map", map_), ("--dask", dask), ("--local", local),
+        ):  # fmt: skip
             if given:
                 raise click.UsageError(f"{option} is of one terrain. Name one FILE, or drop it.")
         return _judge_many(files, forms, settings, own, base, vehicles_of)
@@ -267,11 +272,28 @@ def command(
         **drive.places,
         mapped=wants_map or any(check.needs == "map" for check in checks),
     )
-    terrain = load(file, early=partial(check_places, request))
+    own_places = {"routes": own.routes, "start": own.start, "bounds": bounds}
+
+    def placed(extent: Bounds) -> Request:
+        return replace(request, **_moved(own_places, extent)) if local else request
+
+    terrain = load(file, early=lambda extent: check_places(placed(extent), extent))
+    request = placed(terrain.bounds)
     planned = prepare(terrain, vehicles, request, map_path=map_, overwrite=overwrite)
     written = JudgementFiles(reports, map_, overwrite)
     result = _assess(planned, Path(file).name, written)
     return _print_result(result, checks, written, forms == ("json",))
+
+
+def _moved(places: dict[str, Any], extent: Bounds) -> dict[str, Any]:
+    """Places of the command line, as those of the world; without those that are not given."""
+    found = {name: place for name, place in places.items() if place is not None}
+    if routes := found.pop("routes", None):
+        found["routes"] = tuple(from_corner(route, extent) for route in routes)
+    return {
+        name: place if name == "routes" else from_corner(place, extent)
+        for name, place in found.items()
+    }
 
 
 def _judge_many(

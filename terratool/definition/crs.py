@@ -43,6 +43,19 @@ _AROUND = ("COMPOUNDCRS", "COMPD_CS", "BOUNDCRS", "SOURCECRS")
 """Keywords of WKT around the system of x and y."""
 _ANGULAR = ("GEOGCRS", "GEOGRAPHICCRS", "GEOGCS")
 _ELLIPSOIDAL = re.compile(r"\bCS\s*\[\s*ellipsoidal", re.IGNORECASE).search
+LOCAL = "local"
+"""Name of the transverse Mercator about the middle of a raster, on its own body."""
+_LEAST, _LARGEST = 6.3e6, 6.45e6
+"""Radii of the Earth in metres, whatever the ellipsoid."""
+_SOUTHMOST, _NORTHMOST = -80.0, 84.0
+"""Latitudes in degrees between which UTM has zones."""
+_axis = re.compile(
+    r'(?:SPHEROID|ELLIPSOID)\s*\[\s*"[^"]*"\s*,\s*(\d+(?:\.\d*)?(?:e\+?\d+)?)'
+    r'|"(?:radius|semi_major_axis)"\s*:\s*(?:\{"value"\s*:\s*)?(\d+(?:\.\d*)?(?:e\+?\d+)?)'
+    r'|(?:\+|")(?:R|a)"?\s*[=:]\s*"?(\d+(?:\.\d*)?(?:e\+?\d+)?)',
+    re.IGNORECASE,
+).search
+"""Search for the largest radius of a body, in WKT, PROJJSON and parameters of PROJ."""
 _LONGLAT = ("longlat", "latlong", "latlon", "lonlat")
 _extension = re.compile(r'\bEXTENSION\b(?:\s*\[\s*"PROJ4"\s*,\s*"([^"]*)"\s*\])?', re.IGNORECASE)
 _FILES = r"\b(PARAMETERFILE|PROJ-based|PROJ4_GRIDS)\b"
@@ -173,10 +186,37 @@ def _object_is_geographic(crs: dict[str, Any]) -> bool:
     return crs.get("type") in ("GeographicCRS", "DerivedGeographicCRS")
 
 
-def zone_of(x: float, y: float) -> str:
-    """Code of the UTM zone of a longitude and latitude in degrees, as "EPSG:32633"."""
-    zone = min(60, max(1, int((x + 180) // 6) + 1))
+def metric_crs(crs: CrsValue, x: float, y: float) -> str:
+    """Reference system in metres to be proposed for a place on longitudes and latitudes.
+
+    That is the zone of UTM, as "EPSG:32633"; "local" beyond the zones, and on other bodies.
+
+    Args:
+        crs: reference system of the place.
+        x: its longitude in degrees.
+        y: its latitude in degrees.
+    """
+    if not _is_on_earth(crs) or not _SOUTHMOST <= y <= _NORTHMOST:
+        return LOCAL
+    zone = min(60, int((x + 180) % 360 // 6) + 1)
     return f"EPSG:{(32600 if y >= 0 else 32700) + zone}"
+
+
+def is_earthly(radius: float) -> bool:
+    """Whether a body of this radius in metres is the Earth."""
+    return _LEAST <= radius <= _LARGEST
+
+
+def _is_on_earth(crs: CrsValue) -> bool:
+    """Whether a system is one of the Earth, or it cannot be told."""
+    if entry := authority_code(crs):
+        path = _database()
+        radius = None if path is None else _radius(path, entry)
+    else:
+        text = msgspec.json.encode(crs).decode() if isinstance(crs, dict) else str(crs)
+        found = _axis(text)
+        radius = float(next(filter(None, found.groups()))) if found else None
+    return radius is None or is_earthly(radius)
 
 
 def refuse_degrees(crs: CrsValue | None, middle: tuple[float, float], doing: str) -> None:
@@ -193,7 +233,7 @@ def refuse_degrees(crs: CrsValue | None, middle: tuple[float, float], doing: str
     if crs is not None and is_geographic(crs):
         raise RequestError(
             f"{doing} needs lengths, and by its crs the terrain has x and y in degrees.",
-            f"Import it again with --crs {zone_of(*middle)}, which has metres.",
+            f"Import it again with --crs {metric_crs(crs, *middle)}, which has metres.",
         )
 
 
@@ -290,6 +330,25 @@ def _is_angular(path: str, entry: AuthorityCode) -> bool:
             return found is not None and str(found[0]).startswith("geographic")
     except sqlite3.Error:
         return False
+
+
+@lru_cache(maxsize=256)
+def _radius(path: str, entry: AuthorityCode) -> float | None:
+    """Radius in metres of the body of a geographic entry of the database; None for others."""
+    import sqlite3
+
+    query = (
+        "SELECT e.semi_major_axis FROM geodetic_crs c JOIN geodetic_datum d ON d.auth_name = "
+        "c.datum_auth_name AND d.code = c.datum_code JOIN ellipsoid e ON e.auth_name = "
+        "d.ellipsoid_auth_name AND e.code = d.ellipsoid_code "
+        "WHERE c.auth_name = ? AND CAST(c.code AS TEXT) = ?"
+    )
+    try:
+        with closing(sqlite3.connect(f"file:{path}?mode=ro&immutable=1", uri=True)) as database:
+            found = database.execute(query, entry).fetchone()
+    except sqlite3.Error:
+        return None
+    return None if found is None else float(found[0])
 
 
 def _database() -> str | None:

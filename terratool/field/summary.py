@@ -6,8 +6,9 @@ import math
 from collections.abc import Mapping
 from typing import Annotated, Any
 
+import msgspec
 import numpy as np
-from msgspec import UNSET, Meta, Struct, to_builtins
+from msgspec import UNSET, Meta, Raw, Struct, field, to_builtins
 from numpy.typing import ArrayLike, NDArray
 
 from terratool.definition.findings import Bounds
@@ -87,6 +88,41 @@ class RoughnessSummary(Struct, frozen=True):
     correlation: Positive
 
 
+class ImportedFrom(Struct, frozen=True):
+    """Source of a terrain that `terratool import-terrain` made, from its key `x-source`.
+
+    Attributes:
+        file: name of the source, or what it was.
+        crs: coordinate reference system of the source; None for none.
+        unit: unit of its heights; None where it is not known.
+        wanted: error that was allowed, in units of the terrain; None for a link.
+        error: error measured at the pixels; None for a link.
+        method: how the heights are written.
+    """
+
+    file: str
+    crs: str | None = None
+    unit: str | None = None
+    wanted: Positive | None = None
+    error: Annotated[float, Meta(ge=0)] | None = None
+    method: str | None = None
+
+
+class _SourceKey(Struct):
+    """The key `x-source` of a text, before it is known to be ours."""
+
+    value: Raw = field(default=Raw(b"null"), name="x-source")
+
+
+def imported_from(text: bytes) -> ImportedFrom | None:
+    """Source of a definition that was imported; None for another one."""
+    try:
+        raw = msgspec.json.decode(text, type=_SourceKey).value
+        return msgspec.json.decode(raw, type=ImportedFrom)
+    except (msgspec.MsgspecError, RecursionError):
+        return None
+
+
 class TerrainSummary(Document, frozen=True, kw_only=True):
     """A terrain in numbers.
 
@@ -96,6 +132,7 @@ class TerrainSummary(Document, frozen=True, kw_only=True):
     Attributes:
         tool: program that wrote this.
         descr: description of the terrain; empty for none.
+        imported: source of a DEM or a mesh that was imported; None for other terrains.
         size: sides along x and y.
         origin: world position of the south-west corner.
         bounds: west, south, east, north, in world units.
@@ -119,6 +156,7 @@ class TerrainSummary(Document, frozen=True, kw_only=True):
 
     tool: Tool = Tool()
     descr: str
+    imported: ImportedFrom | None
     size: tuple[Positive, Positive]
     origin: Pair
     bounds: Bounds
@@ -136,17 +174,22 @@ class TerrainSummary(Document, frozen=True, kw_only=True):
     bytes: Count
 
 
-def summarise(terrain: Terrain) -> TerrainSummary:
+def summarise(terrain: Terrain, imported: ImportedFrom | None = None) -> TerrainSummary:
     """Size, levels, elements by primitive and surface, heights and memory.
 
     The range of heights is that of an even grid of points, of nine points in the cell of each
     element, corners and edges included, of the ends and the middle of each segment of tracks, and
     of the places of the numbers of grids of heights. There are fewer points where elements are too
     many or too many overlap.
+
+    Args:
+        terrain: the terrain.
+        imported: source that its text names.
     """
     bounds, tracks = terrain.bounds, terrain.arrays.tracks
     return TerrainSummary(
         descr=terrain.descr,
+        imported=imported,
         size=terrain.size,
         origin=bounds[:2],
         bounds=bounds,

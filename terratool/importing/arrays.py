@@ -14,7 +14,7 @@ from rasterio.transform import Affine
 from terratool.definition.crs import CrsValue
 from terratool.errors import RequestError
 from terratool.field.types import real_numbers
-from terratool.importing.types import PixelGrid, SampledHeights
+from terratool.importing.types import PixelGrid, SampledHeights, StatedPlace
 from terratool.io.crs import read_crs, spell_crs
 
 
@@ -90,9 +90,8 @@ def sampled_array(
     system = None if crs is None else read_crs(crs)
     notes: list[str] = []
     text = spell_crs(system, notes)
-    unit = "°" if system is not None and system.is_geographic else "m"
-    grid = PixelGrid(c, f + rows * e, a, -e, columns, rows, text, unit)
-    return SampledHeights(grid, np.ascontiguousarray(values[::-1]), tuple(notes))
+    grid = PixelGrid(c, f + rows * e, a, -e, columns, rows, text, unit="")
+    return SampledHeights(grid, np.ascontiguousarray(values[::-1]), tuple(notes), StatedPlace(text))
 
 
 def _six(transform: Affine | Sequence[float]) -> tuple[float, ...]:

@@ -7,24 +7,37 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 from xml.parsers.expat import ExpatError
 
 import numpy as np
 from numpy.typing import NDArray
 from rasterio.crs import CRS
-from rasterio.enums import ColorInterp, Resampling
+from rasterio.enums import Resampling
 from rasterio.transform import Affine
 from rasterio.vrt import WarpedVRT
 from rasterio.windows import Window
 
-from terratool.definition.crs import CrsValue, crs_problem, zone_of
+from terratool.definition.crs import LOCAL, CrsValue, crs_problem
 from terratool.errors import ReadError, RequestError
-from terratool.importing.types import PixelGrid, SourceOptions, sample_range
-from terratool.io.crs import read_crs, spell_crs
+from terratool.importing.meanings import (
+    UNKNOWN_UNIT,
+    UNSCALED,
+    NumberScale,
+    PixelBands,
+    bands_of,
+    height_unit,
+    in_metres,
+    is_metric,
+    scale_of,
+    system_of,
+    unit_notes,
+)
+from terratool.importing.types import PixelGrid, SourceOptions, StatedPlace, sample_range
+from terratool.io.crs import local_crs, read_crs, refuse_other_body, spell_crs
 from terratool.io.expat import EntityError, tree_of
 from terratool.io.guards import HARMLESS, is_placed, transform_of
-from terratool.io.opening import gdal_errors, open_local, refuse_band
+from terratool.io.opening import gdal_errors, open_local
 from terratool.raster.layers import LAYERS
 from terratool.report.numbers import coordinates
 from terratool.text.files import open_file
@@ -32,14 +45,17 @@ from terratool.text.files import open_file
 HIGHEST = 1e9
 """Limit of a definition's heights, without sign."""
 
-SUSPECTS = (-999.0, -9999.0, -32767.0, -32768.0, -99999.0, 9999.0, 32767.0, 65535.0, 99999.0)
+SUSPECTS = (
+    -999.0, -9999.0, -10000.0, -32767.0, -32768.0, -99999.0, 9999.0, 32767.0, 65535.0, 99999.0,
+)  # fmt: skip
 """Heights that often stand for nodata in files that do not declare it."""
 
 _CACHE_BYTES = 1 << 27
 _MOST_WARPED = 16
 """Most pixels of a reprojected raster per pixel of its file."""
 _ON_GRID = 1e-6
-_COLORS = (ColorInterp.red, ColorInterp.green, ColorInterp.blue, ColorInterp.palette)
+_FINE = 0.25
+"""Largest side of a pixel in degrees of rasters whose x and y are looked at for that."""
 
 _MOST_CLASSES = 65536
 _MOST_READ = 1 << 24
@@ -67,29 +83,34 @@ def _refuse_turned(name: str, transform: Affine, tolerance: float, hint: str) ->
 
 @dataclass(slots=True)
 class RasterHeights:
-    """Heights of one band of an open raster; a `HeightSource`.
+    """Heights of an open raster; a `HeightSource`.
 
     Attributes:
         file: raster that rasterio opened, or a warp of it.
+        bands: band of the heights, or bands of which an encoding makes them.
+        encoding: way in which several bands have heights; None for one band.
         window: pixels that are read.
         south_up: whether the file's rows begin in the south.
         east_first: whether the file's columns begin in the east.
+        nodata: number of the file that stands for no height, besides its own.
         scale: factor and offset of the file's numbers.
+        stated: reference system and unit of the file.
         about: notes known before the reading.
         infinite: number of infinite pixels read so far.
-        suspects: number of pixels that may be nodata, by their height.
-        others: lowest and highest height of all other pixels.
+        suspects: number of pixels that may be nodata, by their number in the file.
+        others: least and greatest number of all other pixels.
     """
 
     name: str
     file: Any
-    band: int
+    bands: PixelBands
     window: Window
     south_up: bool
     east_first: bool
     grid: PixelGrid
     nodata: float | None
-    scale: tuple[float, float]
+    scale: NumberScale
+    stated: StatedPlace
     about: list[str]
     infinite: int = 0
     suspects: dict[float, int] = field(default_factory=dict)
@@ -108,6 +129,12 @@ class RasterHeights:
                     f"{_pixels(count)} {height:g}, far from all others: if that stands for nodata, "
                     f"add --nodata {height:g}."
                 )
+        relief = (high - low) * abs(self.scale.factor)
+        if self.grid.crs is None and _is_like_degrees(self.grid, relief):
+            found.append(
+                "x and y look like degrees, though no reference system is named: if they are, add "
+                "--source-crs with its name, as EPSG:4326, and --crs to reproject."
+            )
         return tuple(found)
 
     def _count_suspects(self, heights: NDArray[np.float64], low: float, high: float) -> None:
@@ -128,19 +155,16 @@ class RasterHeights:
         """
         row = first if self.south_up else self.grid.rows - first - count
         window = Window(self.window.col_off, self.window.row_off + row, self.window.width, count)
-        with gdal_errors(self.name):
-            pixels = self.file.read(self.band, window=window, masked=True)
-        with np.errstate(invalid="ignore"):  # signalling NaN count as NaN
-            heights = np.ma.filled(pixels.astype(np.float64), math.nan)
-        if self.nodata is not None:
-            heights[heights == self.nodata] = math.nan
-        raw = heights
-        if self.scale != (1.0, 0.0):
-            with np.errstate(over="ignore", invalid="ignore"):  # infinite heights are counted below
-                heights = heights * self.scale[0] + self.scale[1]
-        low, high, _, infinite = sample_range(heights)
+        raw = self.bands.read(self.name, self.file, window, self.nodata)
+        low, high, _, infinite = sample_range(raw)
         self.infinite += infinite
-        self._count_suspects(heights, low, high)
+        self._count_suspects(raw, low, high)
+        heights = raw
+        if self.scale != UNSCALED:
+            with np.errstate(over="ignore"):  # infinite heights are counted below
+                heights = raw * self.scale.factor + self.scale.offset
+            low, high, _, infinite = sample_range(heights)
+            self.infinite += infinite
         if max(-low, high) >= HIGHEST:
             at = np.nanargmax(np.abs(heights))
             raise ReadError(
@@ -156,6 +180,20 @@ def _pixels(count: int) -> str:
     return "1 pixel is" if count == 1 else f"{count:,} pixels are"
 
 
+def _is_like_degrees(grid: PixelGrid, relief: float) -> bool:
+    """Whether pixels without a reference system lie as those in degrees do.
+
+    Their sides are small, and heights differ by more than the longer side of them all.
+    """
+    west, south, east, north = grid.bounds
+    return (
+        -180 - grid.dx <= west < east <= 360 + grid.dx
+        and -90 - grid.dy <= south < north <= 90 + grid.dy
+        and max(grid.dx, grid.dy) <= _FINE
+        and relief > max(grid.size)
+    )
+
+
 @contextlib.contextmanager
 def open_raster(name: str, options: SourceOptions) -> Iterator[RasterHeights]:
     """Open a raster as heights.
@@ -166,61 +204,68 @@ def open_raster(name: str, options: SourceOptions) -> Iterator[RasterHeights]:
 
     Raises:
         ReadError: the file cannot be read, or is no raster of heights.
-        RequestError: the band, bounds or window are not in the raster.
+        RequestError: the band, bounds or window are not in the raster, or what an option states
+            the raster says otherwise.
     """
     cache: dict[str, Any] = {"GDAL_CACHEMAX": _CACHE_BYTES, "AAIGRID_DATATYPE": "Float64"}
     with contextlib.ExitStack() as stack:
         file = stack.enter_context(open_local(name, allow_remote=options.allow_remote, **cache))
         about: list[str] = []
         with gdal_errors(name):
-            band = _band(name, file, options.band)
-            scale = file.scales[band - 1], file.offsets[band - 1]
+            bands = bands_of(name, file, options.band, options.encoding)
+            crs = system_of(name, file, options.source_crs)
+            transform = transform_of(file)
+            if options.size is not None:
+                transform = _sized(name, file, options.size)
+            elif not is_placed(file):
+                about.append(
+                    "The raster does not say where it lies: a pixel is taken as 1 × 1, and "
+                    "--size X Y gives it another size."
+                )
+            scale = scale_of(name, file, bands, options, about)
+            unit = height_unit(name, file, bands, crs, options.source_units)
+            stated = StatedPlace(spell_crs(crs, []), unit)
             if options.crs is not None:
-                file = stack.enter_context(_reproject(name, file, options.crs, options.nodata))
-                about.append(f"Reprojected to {options.crs}, bilinearly.")
-            heights = _heights(name, file, band, scale, options, about)
+                source_crs, file = crs, stack.enter_context(_reproject(name, file, crs, options))
+                crs, transform = file.crs, transform_of(file)
+                about.append(f"Reprojected to {_shown(options.crs, crs)}, bilinearly.")
+                if not unit and not is_metric(source_crs):
+                    about.append(UNKNOWN_UNIT)
+            placed = RasterPlace(transform, crs, unit, scale)
+            heights = _heights(name, file, bands, placed, stated, options, about)
         yield heights
 
 
-def _band(name: str, file: Any, band: int | None) -> int:
-    """Return the number of the band that holds the heights, from 1."""
-    if file.count == 0:
-        inner = ", ".join(file.subdatasets[:5])
-        raise ReadError(
-            f"{name}: has no band of its own" + (f", but holds {inner}." if inner else "."),
-            "Name one of these." if inner else "Name a raster of heights.",
-        )
-    if band is None and any(kind in _COLORS for kind in file.colorinterp):
-        raise ReadError(
-            f"{name}: is a picture ({', '.join(kind.name for kind in file.colorinterp)}), "
-            "not a raster of heights.",
-            "Name another file, or the band that holds heights with --band.",
-        )
-    if band is None and file.count > 1:
-        named = [f"{i} {text}" for i, text in enumerate(file.descriptions, 1) if text]
-        alpha = [kind is ColorInterp.alpha for kind in file.colorinterp]
-        if alpha.count(False) > 1:
-            raise RequestError(
-                f"{name}: has {file.count} bands{': ' if named else ''}{', '.join(named[:9])}.",
-                "Choose one with --band.",
-            )
-        band = alpha.index(False) + 1
-    band = 1 if band is None else band
-    refuse_band(name, file.dtypes, band, missing=RequestError)
-    return band
+def _shown(wanted: CrsValue | CRS, crs: CRS) -> str:
+    """Reference system as it was asked for; a local one by its name."""
+    return str(crs.to_wkt()).split('"')[1] if wanted == LOCAL else str(wanted)
 
 
-def _reproject(name: str, file: Any, crs: CrsValue | CRS, nodata: float | None) -> WarpedVRT:
-    target = read_crs(crs)
-    if file.crs is not None and crs_problem(file.crs.to_wkt()):
+def _sized(name: str, file: Any, size: tuple[float, float]) -> Affine:
+    """Transform of a raster without a place whose sides are given, its south-west corner at 0, 0.
+
+    Raises:
+        RequestError: the raster has a place.
+    """
+    if is_placed(file):
+        sides = f"{abs(file.transform.a):g} × {abs(file.transform.e):g}"
+        raise RequestError(
+            f"{name}: has a place of its own, with pixels of {sides}.", "Leave out --size."
+        )
+    return Affine(size[0] / file.width, 0.0, 0.0, 0.0, -size[1] / file.height, size[1])
+
+
+def _reproject(name: str, file: Any, crs: CRS | None, options: SourceOptions) -> WarpedVRT:
+    nodata = options.nodata
+    if crs is not None and crs_problem(crs.to_wkt()):
         raise RequestError(
             f"{name}: has a reference system that reads a file, so that it is not reprojected.",
             "Leave out --crs, or give the file another one with gdal_edit.py -a_srs.",
         )
-    if file.crs is None:
+    if crs is None:
         raise RequestError(
             f"{name}: does not say its reference system, so that it cannot be reprojected.",
-            "Leave out --crs, or give the file one with gdal_edit.py -a_srs.",
+            "Leave out --crs, or name the one that it has with --source-crs.",
         )
     if not is_placed(file):
         raise RequestError(
@@ -233,44 +278,70 @@ def _reproject(name: str, file: Any, crs: CrsValue | CRS, nodata: float | None) 
             "pixels are resampled.",
             "Leave out --nodata or --crs, or change the file's with gdal_edit.py -a_nodata.",
         )
+    assert options.crs is not None
+    if options.crs == LOCAL:
+        a, b, c, d, e, f = transform_of(file)[:6]
+        column, row = file.width / 2, file.height / 2
+        target = local_crs(crs, a * column + b * row + c, d * column + e * row + f)
+    else:
+        target = read_crs(options.crs)
+    refuse_other_body(name, crs, target, "--crs")
     with gdal_errors(name):
         warped = WarpedVRT(
             file,
+            src_crs=crs,
             crs=target,
             resampling=Resampling.bilinear,
             dtype="float64",
             src_nodata=file.nodata if nodata is None else nodata,
             nodata=math.nan,
+            UNIFIED_SRC_NODATA="YES",  # one channel of terrain-RGB may well be that number
         )
     pixels = warped.width * warped.height
     if pixels > max(HARMLESS, _MOST_WARPED * file.width * file.height):
         size = f"{warped.width:,} × {warped.height:,}"
         warped.close()
         raise ReadError(
-            f"{name}: its {file.width:,} × {file.height:,} pixels would become {size} in {crs}.",
+            f"{name}: its {file.width:,} × {file.height:,} pixels would become {size} in "
+            f"{options.crs}.",
             "Check its place and its reference system with gdalinfo.",
         )
     return warped
 
 
+class RasterPlace(NamedTuple):
+    """Where the pixels of a raster lie, and what their numbers are.
+
+    Attributes:
+        transform: transform from column and row to x and y.
+        crs: reference system of these; None for none.
+        unit: unit of the heights; "" where it is not known.
+        scale: scale of the heights.
+    """
+
+    transform: Affine
+    crs: CRS | None
+    unit: str
+    scale: NumberScale
+
+
 def _heights(
     name: str,
     file: Any,
-    band: int,
-    scale: tuple[float, float],
+    bands: PixelBands,
+    placed: RasterPlace,
+    stated: StatedPlace,
     options: SourceOptions,
     about: list[str],
 ) -> RasterHeights:
-    """Return the requested pixels of a band as heights."""
-    transform = transform_of(file)
+    """Return the requested pixels of a raster as heights."""
+    transform = placed.transform
     hint = "Add --crs with a reference system, to have it resampled north up."
     _refuse_turned(name, transform, 1e-9, hint)
     south_up, east_first = transform.e > 0, transform.a < 0
     dx, dy = abs(transform.a), abs(transform.e)
     west, east = sorted((transform.c, transform.c + transform.a * file.width))
     south, north = sorted((transform.f + transform.e * file.height, transform.f))
-    if not is_placed(file):
-        about.append("The raster does not say where it lies: a pixel is taken as 1 × 1.")
     # columns from the west and rows from the north
     columns, rows = (0, file.width), (0, file.height)
     if options.window is not None:
@@ -297,17 +368,23 @@ def _heights(
                 "raster lies.",
             )
     count_x, count_y = columns[1] - columns[0], rows[1] - rows[0]
-    unit = _unit(file, band, ((west + east) / 2, (south + north) / 2), about)
+    factor, crs, unit, scale = 1.0, placed.crs, placed.unit, placed.scale
+    if options.units is None:
+        middle = (west + east) / 2, (south + north) / 2
+        about += unit_notes(crs, unit, middle)
+    else:
+        factor, crs, unit, scale = in_metres(name, crs, unit, scale)
     grid = PixelGrid(
-        west + columns[0] * dx, north - rows[1] * dy, dx, dy, count_x, count_y,
-        spell_crs(file.crs, about), unit,
+        factor * (west + columns[0] * dx), factor * (north - rows[1] * dy), factor * dx,
+        factor * dy, count_x, count_y, spell_crs(crs, about), unit,
     )  # fmt: skip
     first_column = file.width - columns[1] if east_first else columns[0]
     first_row = file.height - rows[1] if south_up else rows[0]
     window = Window(first_column, first_row, count_x, count_y)
     return RasterHeights(
-        name, file, band, window, south_up, east_first, grid, options.nodata, scale, about
-    )
+        name, file, bands, window, south_up, east_first, grid, options.nodata, scale,
+        stated, about,
+    )  # fmt: skip
 
 
 def _within(pixels: tuple[int, int], low: float, high: float, side: float) -> tuple[int, int]:
@@ -315,31 +392,6 @@ def _within(pixels: tuple[int, int], low: float, high: float, side: float) -> tu
     first = math.ceil(low / side - 0.5 - _ON_GRID)
     last = math.floor(high / side - 0.5 + _ON_GRID)
     return max(pixels[0], first), min(pixels[1], last + 1)
-
-
-def _unit(file: Any, band: int, middle: tuple[float, float], about: list[str]) -> str:
-    """Return the unit of the heights, and add notes on odd units.
-
-    Args:
-        file: the raster.
-        band: number of the band of heights.
-        middle: x and y of the raster's middle.
-        about: list that gets the notes.
-    """
-    vertical = (file.units[band - 1] or "").strip()
-    unit = "m" if vertical.lower() in ("", "m", "metre", "meter", "metres", "meters") else vertical
-    if file.crs is not None and file.crs.is_geographic:
-        about.append(
-            f"x and y are degrees and heights {unit}, so that no slope is right: "
-            f"add --crs {zone_of(*middle)} to reproject."
-        )
-    elif file.crs is not None and file.crs.is_projected:
-        linear = str(file.crs.linear_units)
-        if linear.lower() not in ("metre", "meter", "m", "unknown") or unit != "m":
-            about.append(f"x and y are in {linear}, heights in {unit}; they are kept as they are.")
-    elif unit != "m":
-        about.append(f"Heights are in {unit}; they are kept as they are.")
-    return unit
 
 
 # --- classes -------------------------------------------------------------------------------------
@@ -428,6 +480,7 @@ def open_classes(name: str, grid: PixelGrid, allow_remote: bool = False) -> Iter
             surfaces = _surfaces(name, file)
             odd = file.crs is not None and crs_problem(file.crs.to_wkt()) is not None
             if grid.crs is not None and file.crs is not None and not odd and file.crs != grid.crs:
+                refuse_other_body(name, file.crs, read_crs(grid.crs), "the DEM")
                 west, _, _, north = grid.bounds
                 # the class nearest to each pixel centre
                 warped = WarpedVRT(

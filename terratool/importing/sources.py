@@ -6,6 +6,7 @@ import contextlib
 from collections.abc import Iterator
 from pathlib import Path
 
+from terratool.definition.model import LARGEST
 from terratool.errors import ReadError, RequestError
 from terratool.field.terrain import refuse_empty
 from terratool.importing.types import HeightSource, SourceOptions
@@ -74,6 +75,12 @@ def check_options(name: str, options: SourceOptions) -> None:
         ("--band", options.band, False),
         ("--crs", options.crs, False),
         ("--nodata", options.nodata, False),
+        ("--size", options.size, False),
+        ("--height-range", options.height_range, False),
+        ("--encoding", options.encoding, False),
+        ("--source-units", options.source_units, False),
+        ("--units", options.units, False),
+        ("--source-crs", options.source_crs, False),
         ("--resolution", options.resolution, True),
         ("--up", options.up, True),
         ("--scale", None if options.scale == 1.0 else options.scale, True),
@@ -86,6 +93,7 @@ def check_options(name: str, options: SourceOptions) -> None:
             )
     if options.bounds is not None:
         refuse_empty(options.bounds)
+    _refuse_numbers(options)
     if name.lower().endswith((".json", ".json.gz")):
         raise ReadError(
             f"{name}: is a definition already.",
@@ -93,3 +101,26 @@ def check_options(name: str, options: SourceOptions) -> None:
         )
     if is_folder(name):
         raise ReadError(f"{name}: is a folder.", "Name a file in it.")
+
+
+def _refuse_numbers(options: SourceOptions) -> None:
+    """Refuse a size or a range of heights that is none, and options that both say what heights are.
+
+    Raises:
+        RequestError: an option makes no sense.
+    """
+    size, ends = options.size, options.height_range
+    if size is not None and not all(0.0 < side <= LARGEST for side in size):
+        raise RequestError(
+            f"The size is {size[0]:g} × {size[1]:g}.", "Give two sides above 0, as --size 120 80."
+        )
+    if ends is not None and (ends[0] == ends[1] or not all(abs(end) <= LARGEST for end in ends)):
+        raise RequestError(
+            f"The heights range from {ends[0]:g} to {ends[1]:g}.",
+            "Give two different heights, as --height-range 0 10.",
+        )
+    for option, given in (("--band", options.band), ("--height-range", ends)):
+        if options.encoding is not None and given is not None:
+            raise RequestError(
+                f"{option} and --encoding both say what heights are.", "Leave out one of them."
+            )

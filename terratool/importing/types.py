@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,8 +33,7 @@ class PixelGrid:
         columns: number of columns.
         rows: number of rows.
         crs: reference system as a definition spells it ("EPSG:32633" or WKT), or None.
-        unit: unit of heights and sides, "m" unless known to be another; "°" where x and y are
-            degrees.
+        unit: unit of heights, as "m" or "us-ft"; "" where it is not known.
     """
 
     west: float
@@ -57,9 +56,29 @@ class PixelGrid:
         width, depth = self.size
         return self.west, self.south, self.west + width, self.south + depth
 
+    @property
+    def behind(self) -> str:
+        """Unit of heights as it stands behind a number; empty where it is not known."""
+        return f" {self.unit}" if self.unit else ""
+
     def centre(self, row: int, column: int) -> tuple[float, float]:
         """Return x and y of a pixel's centre; rows count from the south."""
         return self.west + (column + 0.5) * self.dx, self.south + (row + 0.5) * self.dy
+
+
+class StatedPlace(NamedTuple):
+    """Reference system and unit of a source, before it is reprojected or converted.
+
+    Attributes:
+        crs: reference system, as a definition spells it; None for none.
+        unit: unit of the heights; "" where it is not known.
+    """
+
+    crs: str | None = None
+    unit: str = ""
+
+
+UNSTATED = StatedPlace()
 
 
 class HeightSource(Protocol):
@@ -68,6 +87,7 @@ class HeightSource(Protocol):
     Attributes:
         grid: pixels of the heights.
         notes: sentences for the user about the source (a guessed unit, losses).
+        stated: reference system and unit of the source itself.
     """
 
     @property
@@ -75,6 +95,9 @@ class HeightSource(Protocol):
 
     @property
     def notes(self) -> tuple[str, ...]: ...  # noqa: D102
+
+    @property
+    def stated(self) -> StatedPlace: ...  # noqa: D102
 
     def read(self, first: int, count: int) -> NDArray[np.float64]:
         """Read `count` rows from row `first`, (count, columns) float64; NaN for none."""
@@ -92,6 +115,7 @@ class SampledHeights:
     grid: PixelGrid
     values: NDArray[np.float64]
     notes: tuple[str, ...] = ()
+    stated: StatedPlace = UNSTATED
 
     def read(self, first: int, count: int) -> NDArray[np.float64]:
         """Return `count` rows from row `first`, (count, columns) float64; NaN for none."""
@@ -188,8 +212,16 @@ class SourceOptions:
         window: column, row, width, height in pixels of a raster, from the north-west.
         band: band of a raster, from 1.
         crs: reference system to which a raster is reprojected bilinearly, as a definition spells it
-            or as rasterio has it; of an array, the one that it has.
+            or as rasterio has it, or "local", a transverse Mercator about its middle; of an array,
+            the one that it has.
         nodata: number that stands for no height, besides the raster's own.
+        size: sides along x and y of a raster without a place; its corner is at 0, 0.
+        height_range: heights of the least and of the greatest number that a pixel can hold, of 8
+            or 16 bits; of wider numbers and floats, of those in the raster.
+        encoding: how red, green and blue are heights, "terrarium" or "mapbox".
+        source_units: unit of the heights, "m", "cm", "ft" or "us-ft", where the raster says none.
+        units: "m" makes metres of heights, and of x and y of a projection in feet.
+        source_crs: reference system of a raster that names none, in forms as of `crs`.
         resolution: side of a pixel when a mesh is sampled.
         up: axis of a mesh that points up, "y" or "z"; the usual one of its format if None.
         scale: factor on the coordinates of a mesh.
@@ -201,6 +233,12 @@ class SourceOptions:
     band: int | None = None
     crs: CrsValue | CRS | None = None
     nodata: float | None = None
+    size: tuple[float, float] | None = None
+    height_range: tuple[float, float] | None = None
+    encoding: Literal["terrarium", "mapbox"] | None = None
+    source_units: Literal["m", "cm", "ft", "us-ft"] | None = None
+    units: Literal["m"] | None = None
+    source_crs: CrsValue | CRS | None = None
     resolution: float | None = None
     up: str | None = None
     scale: float = 1.0

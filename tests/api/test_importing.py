@@ -185,7 +185,6 @@ def test_types_of_numpy_are_names_of_types() -> None:
 @pytest.mark.parametrize(
     ("options", "says"),
     [
-        ({"transform": PLACE}, "Give max_error."),
         ({"max_error": 0.1}, "The array has no place in the world."),
         ({"max_error": 0.1, "transform": Affine(1, 0.2, 0, 0, -1, 0)}, "turns or mirrors"),
         ({"max_error": 0.1, "transform": Affine(1, 0, 0, 0, 1, 0)}, "turns or mirrors"),

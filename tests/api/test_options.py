@@ -41,6 +41,7 @@ SHELL = {
     "torque", "max_slip",  # a Vehicle in Python
     "conditions", "exit_code", "max_rmse", "min_coverage",  # exit codes
     "config_file", "formats", "max_changes", "called", "git", "difftool",  # texts and git
+    "local",  # a sum with terrain.bounds
 }  # fmt: skip
 """Parameters of commands that are about files, shells and exit codes, or stand in a record."""
 

@@ -390,7 +390,8 @@ def described(schema: Any, kind: Any, prefix: str = "") -> Iterator[tuple[str, s
     """Keys of a record of a schema, those of records in it included, with what it says of each."""
     for key, value in kind["properties"].items():
         yield prefix + key, value["description"]
-        for inner, dot in ((value, "."), (value.get("items"), "[].")):
+        held_in = [(one, ".") for one in (value, *value.get("anyOf", ()))]
+        for inner, dot in (*held_in, (value.get("items"), "[].")):
             if inner and "$ref" in inner:
                 held = schema["$defs"][inner["$ref"].rpartition("/")[2]]
                 yield from described(schema, held, f"{prefix}{key}{dot}")

@@ -328,13 +328,6 @@ def test_a_raster_that_a_grid_reads_otherwise_is_not_linked(dem: Path) -> None:
     assert not dem.with_name("other.json").exists()
 
 
-def test_a_largest_error_is_asked_for_without_a_link(dem: Path) -> None:
-    ran = run("import-terrain", dem, dem.with_name("site.json"))
-    assert ran.code == 2 and "Missing option '--max-error'" in ran.err
-    with pytest.raises(terratool.RequestError, match="Nothing says how far"):
-        terratool.import_terrain(dem)
-
-
 # --- classes --------------------------------------------------------------------------------------
 
 

@@ -297,11 +297,11 @@ def test_what_stands_in_the_cell_already_is_told(dem: Path, site: Path) -> None:
     out = site.with_name("out.json")
     ran = run("import-primitive", dem, "--name", "knoll", *WINDOW, "--into", site, "--output", out,
               "--values", 3, "--cell", 0, 0, "--parent", "/elemTree/children/0")  # fmt: skip
-    assert ran.code == 0 and "from 3 to 3 m high already" in ran.out
+    assert ran.code == 0 and "from 3 to 3 high already" in ran.out
     assert "is 5 × 2.6 and the patch 20 × 13" in ran.out
     ran = run("import-primitive", dem, "--name", "knoll", *WINDOW, "--into", site, "--values", 3,
               "--cell", 0, 0, "--parent", "/elemTree/children/0", "--json")  # fmt: skip
-    assert "from 3 to 3 m high already" in " ".join(json.loads(ran.out)["notes"])
+    assert "from 3 to 3 high already" in " ".join(json.loads(ran.out)["notes"])
 
 
 def test_a_wall_of_a_mesh_becomes_a_vertical_step(tmp_path: Path) -> None:

@@ -189,7 +189,6 @@ def refusals(tmp_path: Path, dem: Path):
     return {
         "nodata": ([dark, out, *error], 3, "nodata"),
         "one pixel": ([pixel, out, *error], 3, "one pixel"),
-        "no error": ([dem, out], 2, "--max-error"),
         "zero error": ([dem, out, "--max-error", "0"], 2, "above 0"),
         "missing": ([tmp_path / "none.tif", out, *error], 3, "none.tif"),
         "no folder": ([dem, tmp_path / "no" / "out.json", *error], 3, "does not exist"),
@@ -206,7 +205,7 @@ def refusals(tmp_path: Path, dem: Path):
 @pytest.mark.parametrize(
     "case",
     [
-        "nodata", "one pixel", "no error", "zero error", "missing", "no folder", "ending",
+        "nodata", "one pixel", "zero error", "missing", "no folder", "ending",
         "classes", "no classes", "window", "preset", "void", "no name",
     ],
 )  # fmt: skip

@@ -180,12 +180,13 @@ def degrees(subject: Subject) -> Iterator[Remark]:
     definition = subject.definition
     if definition.crs is UNSET or definition.size is UNSET:
         return
-    from terratool.definition.crs import crs_problem, is_geographic, zone_of
+    from terratool.definition.crs import crs_problem, is_geographic, metric_crs
 
     if not crs_problem(definition.crs) and is_geographic(definition.crs):
         (x, y), (width, height) = definition.corner, definition.extent
+        system = metric_crs(definition.crs, x + width / 2, y + height / 2)
         yield Remark(
             "/crs",
             "the crs has x and y in degrees, so that slopes and distances mean nothing.",
-            f"Import it again with --crs {zone_of(x + width / 2, y + height / 2)}, in metres.",
+            f"Import it again with --crs {system}, in metres.",
         )

@@ -77,7 +77,7 @@ class ImportedPrimitive:
         error: error of the compiled terrain.
         missing: number of pixels without a height.
         size: sides of the patch along x and y, in units of the CRS.
-        unit: unit of the heights.
+        unit: unit of the heights; "" where it is not known.
         unturned: largest error on the same pixels without the turn; None without a turn.
         more: largest error with one more term; None if it was not tried or is no better.
         notes: sentences about the source and the choices made.
@@ -92,6 +92,11 @@ class ImportedPrimitive:
     unturned: float | None = None
     more: float | None = None
     notes: tuple[str, ...] = ()
+
+    @property
+    def behind(self) -> str:
+        """Unit of heights as it stands behind a number; empty where it is not known."""
+        return f" {self.unit}" if self.unit else ""
 
     def primitives(self) -> dict[str, Any]:
         """Return the members of `elemTypes`."""
@@ -344,7 +349,7 @@ def refuse_missed(imported: ImportedPrimitive, wanted: PrimitiveRequest) -> None
     largest = imported.error.largest
     if wanted.max_error is not None and largest > wanted.max_error:
         raise MissedError(
-            f"The error is {largest:.4g} {imported.unit}, and {wanted.max_error:g} is allowed; "
+            f"The error is {largest:.4g}{imported.behind}, and {wanted.max_error:g} is allowed; "
             "nothing was written.",
             "Allow more, or try more --terms, --fit-turn or a smaller patch.",
         )
@@ -352,7 +357,7 @@ def refuse_missed(imported: ImportedPrimitive, wanted: PrimitiveRequest) -> None
 
 def sentences(imported: ImportedPrimitive) -> Iterator[str]:
     """Yield sentences for people about the fit."""
-    error, unit = imported.error, imported.unit
+    error, unit = imported.error, imported.behind
     yield (
         f"Error: {_size_text(error.largest, error, unit)} at most, at "
         f"{coordinates((error.x, error.y))}; {_size_text(error.rms, error, unit)} RMS, "
@@ -364,7 +369,7 @@ def sentences(imported: ImportedPrimitive) -> Iterator[str]:
         bare = tenths(error.bare / (error.bare + error.pixels))
         yield (
             f"Turned by {imported.entries[0].turn:g}°, it leaves {bare} of the patch bare; "
-            f"unturned, the error for the rest would be {imported.unturned:.3g} {unit}."
+            f"unturned, the error for the rest would be {imported.unturned:.3g}{unit}."
         )
     if error.largest > _POOR * error.relief:
         more = ""
@@ -379,4 +384,4 @@ def sentences(imported: ImportedPrimitive) -> Iterator[str]:
 
 
 def _size_text(size: float, error: FitError, unit: str) -> str:
-    return f"{size:.4g} {unit} ({error.share(size):.3g} % of the relief)"
+    return f"{size:.4g}{unit} ({error.share(size):.3g} % of the relief)"

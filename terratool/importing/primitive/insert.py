@@ -157,7 +157,7 @@ def remarks(into: PrimitiveTarget, imported: ImportedPrimitive) -> list[str]:
     z = z[~np.isnan(z)]
     if z.size and (z != 0.0).any():
         found.append(
-            f"The ground in the cell is from {z.min():.4g} to {z.max():.4g} {imported.unit} high "
+            f"The ground in the cell is from {z.min():.4g} to {z.max():.4g}{imported.behind} high "
             "already; the primitive stands on it, so that the heights add up."
         )
     return found

@@ -50,6 +50,7 @@ from terratool.importing.terrain.request import (
     fill_gaps,
     head_of,
     lacking_note,
+    origin_of,
     refuse_pixels,
 )
 from terratool.importing.terrain.writing import (
@@ -153,6 +154,8 @@ def import_terrain(
     refuse_existing(output, overwrite)
     with stop_on_signals(), crew_of(options.dask, 0, processors()) as crew:
         summary = summarise_source(source, options, work)
+        options, said = options.for_heights(summary.low, summary.high, source.grid)
+        summary.notes += said
         plan = _plan_import(source, summary, options, crew)
         job = _WritingJob(source, output, summary, options, overwrite, work, crew)
         try:
@@ -288,7 +291,7 @@ def _plan_import(
     methods = _methods(heights, options)
 
     def without(found: _FoundStructures, rest: Floats | None, low: float) -> _WritingPlan:
-        step = step_for(options.max_error - found.deviation, highest)
+        step = step_for(options.allowed - found.deviation, highest)
         rounding = HeightRounding.above(low, step)
         method = smallest(_samples(source, rest), rounding, methods, crew)
         return _WritingPlan(found, rest, method, rounding)
@@ -337,7 +340,7 @@ def _samples(source: HeightSource, heights: Floats | None) -> list[Floats]:
 
 def _find(heights: Floats, options: ImportOptions) -> _FoundStructures:
     """Find the structures of a DEM, (rows, columns), row 0 the southernmost, NaN where unknown."""
-    structures = find_structures(heights, options.max_error, options.walls)
+    structures = find_structures(heights, options.allowed, options.walls)
     if options.pixels:
         structures = tuple(one for one in structures if _has_whole_pixels(one))
     if not structures:
@@ -434,9 +437,11 @@ class _WritingJob:
                 root = root_of(grid.rows, grid.columns, base, options.pixels)
                 if options.ground is not None:
                     root["surface"] = options.ground.name
-                writer.finish(summary.surface_types, root, summary.cover, options.pixels)
+                method = plan.method.sentence if rows else "structures"
+                origin = origin_of(source, options, method, error.largest)
+                writer.finish(summary.surface_types, root, summary.cover, options.pixels, origin)
             bound = error.largest + found.deviation
-            if not bound <= options.max_error:
+            if not bound <= options.allowed:
                 raise BoundError(f"an error of {bound:g} came about")
             size = path.stat().st_size
         return ImportReport(

@@ -26,6 +26,7 @@ from terratool.importing.terrain.request import (
     fill_gaps,
     head_of,
     lacking_note,
+    origin_of,
     refuse_pixels,
 )
 from terratool.importing.terrain.writing import MeasuredError
@@ -155,7 +156,8 @@ def import_grid(
     if options.fill:
         source = _filled(source)
     known = height_range(source, work)
-    coding = _Coding.of(options.max_error, known.low, known.high)
+    options, said = options.for_heights(known.low, known.high, grid)
+    coding = _Coding.of(options.allowed, known.low, known.high)
     error = MeasuredError(grid)
     with contextlib.ExitStack() as stack:
         definition = stack.enter_context(whole_file(output, overwrite))
@@ -171,7 +173,8 @@ def import_grid(
         if options.ground is not None:
             add_ground(options.ground, found.types, found.counts, grid)
         _write_raster(part, source, coding, error, work)
-        text = grid_text(grid, options, {"file": raster.name}, root, found.types)
+        origin = origin_of(source, options, "a grid", error.largest)
+        text = grid_text(grid, options, {"file": raster.name}, root, found.types, origin)
         packed = output.name.endswith(".gz")
         definition.write_bytes(Source(output.name, text, packed).file_bytes)
     return ImportReport(
@@ -186,7 +189,9 @@ def import_grid(
         structures={},
         surfaces=found.counts,
         size=output.stat().st_size,
-        notes=source.notes + lacking_note(str(options.surfaces), found.lacking, options.ground),
+        notes=source.notes
+        + said
+        + lacking_note(str(options.surfaces), found.lacking, options.ground),
         raster=raster,
         raster_size=raster.stat().st_size,
         classes=None if options.surfaces is None else classes_path(output),
@@ -222,7 +227,8 @@ def _filled(source: HeightSource) -> SampledHeights:
             f"Gaps of more than {MOST_IN_MEMORY:,} pixels are not filled.",
             "Leave out --fill, and they are void; or fill them with gdal_fillnodata.",
         )
-    return SampledHeights(grid, fill_gaps(source.read(0, grid.rows)), source.notes)
+    heights = fill_gaps(source.read(0, grid.rows))
+    return SampledHeights(grid, heights, source.notes, source.stated)
 
 
 def height_range(source: HeightSource, work: Progress) -> SampleRange:
@@ -328,6 +334,7 @@ def grid_text(
     grid: dict[str, Any],
     root: dict[str, Any],
     surfaces: dict[str, dict[str, Any]],
+    origin: dict[str, Any],
 ) -> bytes:
     """Text of a definition of one grid.
 
@@ -337,6 +344,7 @@ def grid_text(
         grid: raster, as a definition names it.
         root: members of the root beside its type and its surface.
         surfaces: members of surfaces by name.
+        origin: value of `x-source`.
     """
     root = {"type": "ground", **root}
     found: dict[str, Any] = dict(head_of(pixels, options))
@@ -344,6 +352,7 @@ def grid_text(
         found["surfTypes"] = surfaces
     if options.ground is not None:
         root["surface"] = options.ground.name
+    found["x-source"] = origin
     found["elemTypes"] = {"ground": {"grid": grid}}
     found["elemTree"] = root
     return canonical(msgspec.json.encode(found).decode()).encode()

@@ -15,6 +15,7 @@ from terratool.importing.terrain.request import (
     ImportOptions,
     ImportReport,
     Progress,
+    origin_of,
     refuse_pixels,
 )
 from terratool.importing.terrain.writing import MeasuredError
@@ -61,7 +62,8 @@ def link_grid(
     work(source.grid.rows * source.grid.columns)
     ground = options.ground
     surfaces = {} if ground is None else {ground.name: ground.surface}
-    text = grid_text(source.grid, options, grid, {"vScale": 1}, surfaces)
+    origin = origin_of(source, options, "a link", 0.0)
+    text = grid_text(source.grid, options, grid, {"vScale": 1}, surfaces, origin)
     write_source(Source(raster.name, text, output.name.endswith(".gz")), output, overwrite)
     return ImportReport(
         grid=source.grid,
@@ -89,11 +91,15 @@ def _linked(source: HeightSource) -> RasterHeights:
     """
     if not isinstance(source, RasterHeights) or not Path(source.name).is_file():
         raise RequestError("Only the file of a raster can be linked.", _WRITE)
+    band = source.bands.numbers[0] - 1
+    own = source.file.scales[band], source.file.offsets[band]
     part = (source.window.width, source.window.height) != (source.file.width, source.file.height)
     for option, given, what in (
         ("--crs", isinstance(source.file, WarpedVRT), "resamples heights"),
         ("--window or --bounds", part, "takes a part of them"),
         ("--nodata", source.nodata is not None, "leaves some out"),
+        ("--encoding", source.bands.encoding is not None, "makes heights of colours"),
+        ("--height-range or --units", source.scale != own, "makes others of them"),
     ):
         if given:
             raise RequestError(
@@ -115,14 +121,15 @@ def _grid_of(source: RasterHeights, output: Path) -> dict[str, Any]:
             f"{source.name}: does not lie in the folder of {output.name}, or below it.",
             "Write the definition beside it, or leave out --link.",
         )
-    found = Headers().source(str(path), source.band)
+    band = source.bands.numbers[0]
+    found = Headers().source(str(path), band)
     if not found.upright or source.south_up or source.east_first:
         raise ReadError(f"{source.name}: does not lie north up.", _WRITE)
-    if str(reading_of(found)) != str(BandReading.of(source.file, source.band)):  # NaN is as NaN
+    if str(reading_of(found)) != str(BandReading.of(source.file, band)):  # NaN is as NaN
         raise ReadError(
             f"{source.name}: has its nodata, scale or mask in a file beside it, which no grid "
             "reads.",
             _WRITE,
         )
     grid: dict[str, Any] = {"file": path.relative_to(folder).as_posix()}
-    return grid if source.band == 1 else {**grid, "band": source.band}
+    return grid if band == 1 else {**grid, "band": band}

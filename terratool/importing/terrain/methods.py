@@ -63,7 +63,7 @@ _MARGIN = 1e-3
 """Share of the error that is left for the rounding of sums."""
 
 _DIGITS = 3
-_FINEST = 2.0**-48
+FINEST = 2.0**-48
 """Least ratio of an error to the largest height; below it doubles round the error away."""
 
 Ints = NDArray[np.int64]
@@ -158,10 +158,10 @@ def step_for(max_error: float, highest: float) -> float:
             f"The largest error is {max_error:g}.",
             "Give a finite number above 0 with --max-error, such as 0.1.",
         )
-    if max_error < _FINEST * highest:
+    if max_error < FINEST * highest:
         raise RequestError(
             f"Heights of {highest:g} cannot be told apart to {max_error:g}.",
-            f"Give an error of {_FINEST * highest:.1g} or more with --max-error.",
+            f"Give an error of {FINEST * highest:.1g} or more with --max-error.",
         )
     single = math.ulp(highest) * 2.0**28  # half a unit in the last place of a float32
     room = max_error * (1 - _MARGIN)

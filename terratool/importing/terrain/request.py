@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
 from typing import Any, Literal
@@ -13,9 +14,9 @@ from numpy.typing import NDArray
 
 from terratool.definition.presets import PRESETS
 from terratool.errors import ReadError, RequestError
-from terratool.importing.terrain.methods import METHODS, Method, methods_named, step_for
+from terratool.importing.terrain.methods import FINEST, METHODS, Method, methods_named, step_for
 from terratool.importing.terrain.writing import MeasuredError
-from terratool.importing.types import PixelGrid
+from terratool.importing.types import HeightSource, PixelGrid
 from terratool.report.wording import join_words
 from terratool.text.display import quote
 
@@ -36,6 +37,9 @@ REACH = 512
 
 NO_GROUND = "void"
 """Name of the surface of pixels without a height."""
+
+_LEVEL = 1e-3
+"""Least error that is proposed, in units of the heights: that of level ground."""
 
 Floats = NDArray[np.float64]
 Progress = Callable[[int], object]
@@ -64,7 +68,8 @@ class ImportOptions:
     """Options for importing a DEM.
 
     Attributes:
-        max_error: largest error, in units of the heights; 0 with `link` alone.
+        max_error: largest error, in units of the heights; if None, 1 % of the relief, rounded down
+            to 1, 2 or 5 · 10^k. None with `link`.
         methods: names of the methods that may be tried: rows, columns, nodal-rows, nodal-columns
             and hats, or methods themselves; all if empty.
         fill: whether unknown heights are filled rather than void.
@@ -86,7 +91,7 @@ class ImportOptions:
             on this machine as there are processors; None for none.
     """
 
-    max_error: float = 0.0
+    max_error: float | None = None
     methods: Sequence[str | Method] = ()
     fill: bool = False
     structures: bool | None = None
@@ -174,6 +179,22 @@ class ImportOptions:
         given = ((one,) if isinstance(one, Method) else methods_named(one) for one in self.methods)
         return tuple(chain.from_iterable(given)) or METHODS
 
+    @property
+    def allowed(self) -> float:
+        """Largest error; 0 for a link, and where it is still to be proposed."""
+        return self.max_error or 0.0
+
+    def for_heights(
+        self, low: float, high: float, grid: PixelGrid
+    ) -> tuple[ImportOptions, tuple[str, ...]]:
+        """Options with the error that is proposed for some heights, and a note if it was."""
+        if self.max_error is not None:
+            return self, ()
+        error = proposed_error(low, high)
+        why = "1 % of the relief, rounded down" if low < high else "as the ground is level"
+        note = f"Within {error:g}{grid.behind}, {why}: --max-error chooses another."
+        return replace(self, max_error=error), (note,)
+
     def check(self) -> None:
         """Refuse options that make no sense for any source.
 
@@ -190,10 +211,12 @@ class ImportOptions:
         _ = self.tried
         _refuse_ground(self.ground)
         if not self.link:
-            step_for(self.max_error, 0.0)  # refuse a bad error before reading
+            if self.max_error is not None:
+                step_for(self.max_error, 0.0)  # refuse a bad error before reading
             return
         for option, given in (
-            ("--max-error", self.max_error), ("--fill", self.fill), ("--surfaces", self.surfaces),
+            ("--max-error", self.max_error is not None), ("--fill", self.fill),
+            ("--surfaces", self.surfaces),
         ):  # fmt: skip
             if given:
                 raise RequestError(
@@ -245,6 +268,17 @@ class ImportReport:
     def walls(self) -> bool:
         """Whether there are structures with upright walls."""
         return self.options.walls and bool(self.structures)
+
+
+def proposed_error(low: float, high: float) -> float:
+    """Error for heights of which none is given: 1 % of the relief, or less by a round number."""
+    least = max(_LEVEL, FINEST * max(abs(low), abs(high)))
+    wanted = max(0.01 * (high - low), least)
+    power = 10.0 ** math.floor(math.log10(wanted))
+    found = next(
+        (round_one for part in (5, 2) if (round_one := part * power) <= wanted * (1 + 1e-12)), power
+    )
+    return float(f"{found if found >= least else 10 * power:.1g}")
 
 
 def add_ground(
@@ -313,7 +347,7 @@ def head_of(grid: PixelGrid, options: ImportOptions) -> dict[str, Any]:
     pixel = f"{grid.dx:.12g}"
     if grid.dx != grid.dy:
         pixel += f" × {grid.dy:.12g}"
-    within = "" if options.link else f", imported within {options.max_error:g} {grid.unit}"
+    within = "" if options.link else f", imported within {options.allowed:g}{grid.behind}"
     head: dict[str, Any] = {
         "descr": f"{options.title or 'A DEM'}{within}; pixels of {pixel}",
         "size": list(grid.size),
@@ -322,6 +356,27 @@ def head_of(grid: PixelGrid, options: ImportOptions) -> dict[str, Any]:
     if grid.crs is not None:
         head["crs"] = grid.crs
     return head
+
+
+def origin_of(
+    source: HeightSource, options: ImportOptions, method: str, error: float
+) -> dict[str, Any]:
+    """Value of `x-source` of a definition: where it came from, for `terratool info`.
+
+    Args:
+        source: the DEM.
+        options: options of the import.
+        method: how its heights are written.
+        error: error measured at the pixels.
+    """
+    found: dict[str, Any] = {"file": options.title or "a DEM"}
+    if source.stated.crs is not None:
+        found["crs"] = source.stated.crs
+    if source.stated.unit:
+        found["unit"] = source.stated.unit
+    if not options.link:
+        found |= {"wanted": options.allowed, "error": float(f"{error:.4g}")}
+    return {**found, "method": method}
 
 
 def fill_gaps(heights: Floats) -> Floats:

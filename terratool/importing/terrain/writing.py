@@ -138,7 +138,12 @@ class Writer:
                 self._elements.add(text.element)
 
     def finish(
-        self, surfaces: dict[str, Any], root: dict[str, Any], cover: TextSpool, pixels: bool = False
+        self,
+        surfaces: dict[str, Any],
+        root: dict[str, Any],
+        cover: TextSpool,
+        pixels: bool = False,
+        origin: dict[str, Any] | None = None,
     ) -> None:
         """Write the surfaces and the tree: the root, its elements, and those that cover them.
 
@@ -147,6 +152,7 @@ class Writer:
             root: members of the root, without its children.
             cover: elements in a grid of pixels, which decide the surface.
             pixels: whether the root's grid is one of pixels, too.
+            origin: value of `x-source`; None leaves it out.
         """
         sink = self._sink
         sink.write(b"\n },\n")
@@ -157,6 +163,8 @@ class Writer:
             "TT210": bool(cover.count) or not root["vScale"],
             "TT306": self.beyond,
         }
+        if origin is not None:
+            sink.write(b' "x-source": %s,\n' % msgspec.json.encode(origin))
         if any(warned.values()):
             codes = [code for code, is_so in warned.items() if is_so]
             sink.write(b' "x-ignore": %s,\n' % msgspec.json.encode(codes))
