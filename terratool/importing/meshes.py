@@ -121,7 +121,7 @@ def _reader_of(path: Path) -> Reader:
         ReadError: the file is missing or unreadable, its suffix is unknown, or a package is
             missing.
     """
-    reader = READERS.get(path.suffix.lower())
+    reader = next((READERS[end] for end in READERS if path.name.lower().endswith(end)), None)
     if reader is None:
         raise ReadError(
             f"{path}: {path.suffix or 'a name without a suffix'} is no format of a mesh.",
@@ -516,6 +516,8 @@ def _triangles(polygon: Any) -> Iterator[Any]:
         yield points[0], points[n], points[n + 1]
 
 
+_VRML = Reader("VRML", read_vrml, up=lambda path: up_axis_of(path) or UP)
+_X3D = replace(_VRML, name="X3D")
 READERS = {
     ".obj": Reader("OBJ", partial(_by_trimesh, kind="obj")),
     ".stl": Reader("STL", partial(_by_trimesh, kind="stl")),
@@ -525,11 +527,7 @@ READERS = {
     ".off": Reader("OFF", partial(_by_trimesh, kind="off")),
     ".3mf": Reader("3MF", read_3mf),
     ".dxf": Reader("DXF", read_dxf, needs=("ezdxf",)),
-    ".wrl": Reader("VRML", read_vrml, up=lambda path: up_axis_of(path) or UP),
-    ".wrz": Reader("VRML", read_vrml, up=lambda path: up_axis_of(path) or UP),
-    ".x3d": Reader("X3D", read_vrml, up=lambda path: up_axis_of(path) or UP),
-    ".x3dz": Reader("X3D", read_vrml, up=lambda path: up_axis_of(path) or UP),
-    ".x3dv": Reader("X3D", read_vrml, up=lambda path: up_axis_of(path) or UP),
-    ".x3dvz": Reader("X3D", read_vrml, up=lambda path: up_axis_of(path) or UP),
+    **dict.fromkeys((".wrl", ".wrl.gz", ".wrz"), _VRML),
+    **dict.fromkeys((".x3d", ".x3d.gz", ".x3dz", ".x3dv", ".x3dv.gz", ".x3dvz"), _X3D),
 }
 """Readers of mesh formats by suffix."""

@@ -12,8 +12,8 @@ from terratool.importing.types import HeightSource, SourceOptions
 from terratool.text.source import is_folder
 
 MESHES = (
-    ".obj", ".stl", ".ply", ".glb", ".gltf", ".off", ".3mf", ".dxf", ".wrl", ".wrz", ".x3d",
-    ".x3dv", ".x3dvz", ".x3dz",
+    ".obj", ".stl", ".ply", ".glb", ".gltf", ".off", ".3mf", ".dxf", ".wrl", ".wrl.gz", ".wrz",
+    ".x3d", ".x3d.gz", ".x3dz", ".x3dv", ".x3dv.gz", ".x3dvz",
 )  # fmt: skip
 """Suffixes of the files that are read as meshes; GDAL opens all others."""
 
