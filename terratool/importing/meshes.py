@@ -31,6 +31,7 @@ from terratool.importing.types import (
     refuse_many_faces,
     refuse_missing_vertices,
 )
+from terratool.importing.upright import TURNED, turn_up, up_note
 from terratool.importing.vrml.scene import UP, read_vrml, up_axis_of
 from terratool.text.files import open_file
 
@@ -84,12 +85,12 @@ def read_triangles(path: str | Path, up: str | None = None, scale: float = 1.0) 
     Nothing is merged, repaired or reordered. Scenes are assembled, with every part in its place.
 
     Args:
-        path: an .obj, .stl, .ply, .glb, .gltf, .off, .3mf, .dxf, .wrl, .wrz, .x3d, .x3dz, .x3dv or
-            .x3dvz file.
-        up: axis that points up, "y" or "z"; if None, the usual one of the format: y for glTF, VRML
-            and X3D, unless the file states another one as the project's own files do, and z for all
-            others. With y, (x, y, z) becomes (x, -z, y).
-        scale: factor on all coordinates, which are in metres for 3MF.
+        path: a file with a suffix of `READERS`.
+        up: axis that points up, "y" or "z"; if None, the one that the file states, as COLLADA, USD
+            and the project's own files do, or the usual one of the format: y for glTF, VRML and
+            X3D, z for others. With y, (x, y, z) becomes (x, -z, y). A note says where the one that
+            is taken looks wrong.
+        scale: factor on all coordinates, which are in metres for 3MF, COLLADA and USD.
 
     Raises:
         ReadError: the file is missing, is no whole mesh of its format, or has no faces; a package
@@ -103,12 +104,15 @@ def read_triangles(path: str | Path, up: str | None = None, scale: float = 1.0) 
         raise RequestError(f"The scale is {scale:g}.", "Give a factor above 0.")
     reader = _reader_of(path)
     triangles = _drop_bad_faces(_try_reader(reader, path), path)
-    vertices, notes = triangles.vertices, triangles.notes
+    told = up
     if up is None:
-        up = reader.up if isinstance(reader.up, str) else reader.up(path)
-    if up == "y":
-        vertices = np.stack([vertices[:, 0], -vertices[:, 2], vertices[:, 1]], 1)
-        notes += ("The file has y up: x stays east, and its z points south.",)
+        up = triangles.up or (reader.up if isinstance(reader.up, str) else reader.up(path))
+    notes = triangles.notes
+    if up in TURNED:
+        notes += (TURNED[up],)
+    if told is None and up != "x":
+        notes += up_note(triangles, up)
+    vertices = turn_up(triangles.vertices, up)
     if scale != 1.0:
         vertices = vertices * scale
     return Triangles(vertices, triangles.faces, notes)
@@ -227,7 +231,7 @@ def _drop_bad_faces(triangles: Triangles, path: Path) -> Triangles:
             )
         faces = faces[kept]
         vertices = np.where(bad[:, None], 0.0, vertices)
-    return Triangles(vertices, faces, notes)
+    return replace(triangles, vertices=vertices, faces=faces, notes=notes)
 
 
 def _by_trimesh(path: Path, kind: str) -> Triangles:
