@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from terratool.apart import apart
 from terratool.errors import ReadError, RequestError, TerratoolError
 from terratool.extras import install_command
+from terratool.importing.collada import read_collada
 from terratool.importing.threemf import read_3mf
 from terratool.importing.types import (
     Triangles,
@@ -32,6 +33,7 @@ from terratool.importing.types import (
     refuse_missing_vertices,
 )
 from terratool.importing.upright import TURNED, turn_up, up_note
+from terratool.importing.usd import read_usd
 from terratool.importing.vrml.scene import UP, read_vrml, up_axis_of
 from terratool.text.files import open_file
 
@@ -71,12 +73,14 @@ class Reader:
         read: reads the triangles of a file, in the file's own axes.
         up: axis that points up, or a function that finds it for a file.
         needs: packages beyond those that terratool always has.
+        extra: extra that brings these packages.
     """
 
     name: str
     read: Callable[[Path], Triangles]
     up: str | Callable[[Path], str] = "z"
     needs: tuple[str, ...] = ()
+    extra: str = "import"
 
 
 def read_triangles(path: str | Path, up: str | None = None, scale: float = 1.0) -> Triangles:
@@ -150,7 +154,7 @@ def _reader_of(path: Path) -> Reader:
         except ImportError as error:
             raise ReadError(
                 f"{path}: {reader.name} needs {package}, which is not installed.",
-                f"Run {install_command('import')}",
+                f"Run {install_command(reader.extra)}",
             ) from error
     return reader
 
@@ -522,6 +526,7 @@ def _triangles(polygon: Any) -> Iterator[Any]:
 
 _VRML = Reader("VRML", read_vrml, up=lambda path: up_axis_of(path) or UP)
 _X3D = replace(_VRML, name="X3D")
+_USD = Reader("USD", read_usd, up="y", needs=("pxr",), extra="usd")
 READERS = {
     ".obj": Reader("OBJ", partial(_by_trimesh, kind="obj")),
     ".stl": Reader("STL", partial(_by_trimesh, kind="stl")),
@@ -530,7 +535,9 @@ READERS = {
     ".gltf": Reader("glTF", partial(_by_trimesh, kind="gltf"), up="y"),
     ".off": Reader("OFF", partial(_by_trimesh, kind="off")),
     ".3mf": Reader("3MF", read_3mf),
+    ".dae": Reader("COLLADA", read_collada, up="y"),
     ".dxf": Reader("DXF", read_dxf, needs=("ezdxf",)),
+    **dict.fromkeys((".usd", ".usda", ".usdc", ".usdz"), _USD),
     **dict.fromkeys((".wrl", ".wrl.gz", ".wrz"), _VRML),
     **dict.fromkeys((".x3d", ".x3d.gz", ".x3dz", ".x3dv", ".x3dv.gz", ".x3dvz"), _X3D),
 }
