@@ -24,7 +24,7 @@ _SIDEWAYS = 2.0
 _ONE_WAY = 0.5
 """Least share of ground that faces one way: its area up minus its area down, by the sum of both."""
 
-_SURELY_ONE_WAY = 0.8
+_SURELY_ONE_WAY = 0.95
 """Share that makes ground of a mesh seen from above, so that it is right as it is."""
 
 _STEEP = 0.3
@@ -119,7 +119,7 @@ def _views(triangles: Triangles, axes: tuple[int, int]) -> list[_AxisView]:
             for row, axis in enumerate(axes):
                 along, places = normals[:, axis], corners[:, :, axis]
                 size = np.abs(along)
-                base = (places <= low[axis] + near).all(axis=1)
+                base = (places <= low[axis] + near).all(axis=1) & (high[axis] > low[axis] + near)
                 top = (places >= high[axis] - near).all(axis=1) & ~base
                 cosines = np.divide(size, areas, out=np.zeros_like(size), where=areas > 0)
                 sums[row] += (
