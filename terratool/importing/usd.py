@@ -49,8 +49,8 @@ _SPANNED = {"X": (2, 1), "Y": (0, 2), "Z": (0, 1)}
 """Axes of the width and the length of a Plane, by its own axis."""
 
 
-class _RefusalError(Exception):
-    """A file that is refused, with what is said behind its name, and a hint."""
+class RefusalError(Exception):
+    """Raised for a file that is refused, with what is said behind its name, and a hint."""
 
 
 def read_usd(path: Path) -> Triangles:
@@ -99,8 +99,8 @@ def main() -> None:
     limit_memory(MEMORY + _PER_BYTE * Path(name).stat().st_size)
     arrays: list[NDArray[Any]] = []
     try:
-        found = _read(name)
-    except _RefusalError as error:
+        found = read_stage(name)
+    except RefusalError as error:
         head: dict[str, Any] = {"refused": error.args[0], "hint": error.args[1]}
     except MemoryError:
         head = {"refused": "needs too much memory.", "hint": "Export a smaller part."}
@@ -123,7 +123,13 @@ def main() -> None:
     os._exit(0)  # the library may crash when it ends
 
 
-def _read(name: str) -> Triangles:
+def read_stage(name: str) -> Triangles:
+    """Read a file in this process, as `read_usd` does in one of its own.
+
+    Raises:
+        RefusalError: the file refers to other files, or is too large.
+        Exception: any error of the library where the file is no USD.
+    """
     from pxr import Sdf, Usd, UsdGeom
 
     layer = Sdf.Layer.FindOrOpen(name)
@@ -151,7 +157,7 @@ def _read(name: str) -> Triangles:
 
 
 def _refuse(what: str, hint: str) -> NoReturn:
-    raise _RefusalError(what, hint)
+    raise RefusalError(what, hint)
 
 
 def _refuse_others(first: Any) -> None:
