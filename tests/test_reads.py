@@ -241,6 +241,22 @@ HUSKY, LIDAR, CAMERA = (
 POSE = ["--pose", "10", "8", "2", "0", "40", "0"]
 DXF = """0\nSECTION\n2\nENTITIES\n0\n3DFACE\n8\n0\n10\n0\n20\n0\n30\n0\n11\n4\n21\n0\n31\n0\n12\n4
 22\n4\n32\n1\n13\n0\n23\n4\n33\n1\n0\nENDSEC\n0\nEOF\n"""
+USDA = """#usda 1.0
+def Mesh "M" {
+    int[] faceVertexCounts = [4]
+    int[] faceVertexIndices = [0, 1, 2, 3]
+    point3f[] points = [(0, 0, 0), (400, 0, 0), (400, 99, -400), (0, 0, -400)]
+    asset inputs:file = @dem.tif@
+}
+"""
+DAE = """<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1"><library_images>
+<image id="i"><init_from>dem.tif</init_from></image></library_images><library_geometries>
+<geometry id="g"><mesh><source id="p"><float_array id="a" count="9">0 0 0 4 0 0 4 1 -4</float_array>
+<technique_common><accessor source="#a" count="3" stride="3"><param name="X"/><param name="Y"/>
+<param name="Z"/></accessor></technique_common></source><vertices id="v">
+<input semantic="POSITION" source="#p"/></vertices><triangles count="1">
+<input semantic="VERTEX" source="#v" offset="0"/><p>0 1 2</p></triangles></mesh></geometry>
+</library_geometries></COLLADA>"""
 COMMANDS = {
     "validate": "validate s.json",
     "tif": "export-dem s.json o.tif --resolution 1",
@@ -252,6 +268,8 @@ COMMANDS = {
     "import tif": "import-terrain dem.tif i.json --max-error 1",
     "import netcdf": "import-terrain in.nc n.json --max-error 1",
     "import dxf": "import-terrain in.dxf x.json --max-error 1 --resolution 1",
+    "import dae": "import-terrain in.dae a.json --max-error 1 --resolution 1",
+    "import usd": "import-terrain in.usda b.json --max-error 1 --resolution 1",
     "import obj": "import-terrain in.obj y.json --max-error 1 --resolution 1",
     "glb": "export-mesh s.json m.glb --max-error 1",
     "usd": "export-mesh s.json m.usda --max-error 1",
@@ -295,6 +313,8 @@ def inputs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (here / "u.json").write_text(json.dumps({**site, "elemTypes": {"k": {"x": [0, 0.2]}}}))
     dem(here / "dem.tif")
     (here / "in.dxf").write_text(DXF)
+    (here / "in.dae").write_text(DAE)
+    (here / "in.usda").write_text(USDA)
     (here / "in.obj").write_text("v 0 0 0\nv 4 0 1\nv 0 4 1\nv 4 4 1\nf 1 2 4 3\n")
     for words in (
         "export-dem s.json in.nc --resolution 1",
@@ -391,7 +411,19 @@ def looked_for(log: str, here: Path) -> set[str]:
 @pytest.mark.nightly
 @needs("strace")
 @pytest.mark.parametrize(
-    "key", ["cog", "netcdf", "import netcdf", "import dxf", "png", "usd", "verdicts", "simulators"]
+    "key",
+    [
+        "cog",
+        "netcdf",
+        "import netcdf",
+        "import dxf",
+        "import dae",
+        "import usd",
+        "png",
+        "usd",
+        "verdicts",
+        "simulators",
+    ],
 )
 def test_no_other_name_is_looked_for(key: str, inputs: Path, tmp_path: Path) -> None:
     """In the current folder: names that were given, what belongs to them, and settings of ours."""

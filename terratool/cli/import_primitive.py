@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -84,6 +85,9 @@ def command(source: str, name: str, overwrite: bool, as_json: bool, **values: An
     Without --into, the entry for elemTypes is written to standard output, and what is to be said of
     it to standard error. The error is that of the compiled primitive at the centres of the pixels.
     """
+    # matrices are small, and threads would wait for each other on a busy machine
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
     from pathlib import Path
 
     from terratool.errors import MissedError, WriteError

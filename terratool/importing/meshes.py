@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from terratool.apart import apart
 from terratool.errors import ReadError, RequestError, TerratoolError
 from terratool.extras import install_command
+from terratool.importing.collada import read_collada
 from terratool.importing.threemf import read_3mf
 from terratool.importing.types import (
     Triangles,
@@ -31,6 +32,8 @@ from terratool.importing.types import (
     refuse_many_faces,
     refuse_missing_vertices,
 )
+from terratool.importing.upright import TURNED, turn_up, up_note
+from terratool.importing.usd import read_usd
 from terratool.importing.vrml.scene import UP, read_vrml, up_axis_of
 from terratool.text.files import open_file
 
@@ -70,12 +73,14 @@ class Reader:
         read: reads the triangles of a file, in the file's own axes.
         up: axis that points up, or a function that finds it for a file.
         needs: packages beyond those that terratool always has.
+        extra: extra that brings these packages.
     """
 
     name: str
     read: Callable[[Path], Triangles]
     up: str | Callable[[Path], str] = "z"
     needs: tuple[str, ...] = ()
+    extra: str = "import"
 
 
 def read_triangles(path: str | Path, up: str | None = None, scale: float = 1.0) -> Triangles:
@@ -84,12 +89,12 @@ def read_triangles(path: str | Path, up: str | None = None, scale: float = 1.0) 
     Nothing is merged, repaired or reordered. Scenes are assembled, with every part in its place.
 
     Args:
-        path: an .obj, .stl, .ply, .glb, .gltf, .off, .3mf, .dxf, .wrl, .wrz, .x3d, .x3dz, .x3dv or
-            .x3dvz file.
-        up: axis that points up, "y" or "z"; if None, the usual one of the format: y for glTF, VRML
-            and X3D, unless the file states another one as the project's own files do, and z for all
-            others. With y, (x, y, z) becomes (x, -z, y).
-        scale: factor on all coordinates, which are in metres for 3MF.
+        path: a file with a suffix of `READERS`.
+        up: axis that points up, "y" or "z"; if None, the one that the file states, as COLLADA, USD
+            and the project's own files do, or the usual one of the format: y for glTF, VRML and
+            X3D, z for others. With y, (x, y, z) becomes (x, -z, y). A note says where the one that
+            is taken looks wrong.
+        scale: factor on all coordinates, which are in metres for 3MF, COLLADA and USD.
 
     Raises:
         ReadError: the file is missing, is no whole mesh of its format, or has no faces; a package
@@ -103,12 +108,15 @@ def read_triangles(path: str | Path, up: str | None = None, scale: float = 1.0) 
         raise RequestError(f"The scale is {scale:g}.", "Give a factor above 0.")
     reader = _reader_of(path)
     triangles = _drop_bad_faces(_try_reader(reader, path), path)
-    vertices, notes = triangles.vertices, triangles.notes
+    told = up
     if up is None:
-        up = reader.up if isinstance(reader.up, str) else reader.up(path)
-    if up == "y":
-        vertices = np.stack([vertices[:, 0], -vertices[:, 2], vertices[:, 1]], 1)
-        notes += ("The file has y up: x stays east, and its z points south.",)
+        up = triangles.up or (reader.up if isinstance(reader.up, str) else reader.up(path))
+    notes = triangles.notes
+    if up in TURNED:
+        notes += (TURNED[up],)
+    if told is None and up != "x":
+        notes += up_note(triangles, up)
+    vertices = turn_up(triangles.vertices, up)
     if scale != 1.0:
         vertices = vertices * scale
     return Triangles(vertices, triangles.faces, notes)
@@ -121,7 +129,7 @@ def _reader_of(path: Path) -> Reader:
         ReadError: the file is missing or unreadable, its suffix is unknown, or a package is
             missing.
     """
-    reader = READERS.get(path.suffix.lower())
+    reader = next((READERS[end] for end in READERS if path.name.lower().endswith(end)), None)
     if reader is None:
         raise ReadError(
             f"{path}: {path.suffix or 'a name without a suffix'} is no format of a mesh.",
@@ -146,7 +154,7 @@ def _reader_of(path: Path) -> Reader:
         except ImportError as error:
             raise ReadError(
                 f"{path}: {reader.name} needs {package}, which is not installed.",
-                f"Run {install_command('import')}",
+                f"Run {install_command(reader.extra)}",
             ) from error
     return reader
 
@@ -227,7 +235,7 @@ def _drop_bad_faces(triangles: Triangles, path: Path) -> Triangles:
             )
         faces = faces[kept]
         vertices = np.where(bad[:, None], 0.0, vertices)
-    return Triangles(vertices, faces, notes)
+    return replace(triangles, vertices=vertices, faces=faces, notes=notes)
 
 
 def _by_trimesh(path: Path, kind: str) -> Triangles:
@@ -516,6 +524,9 @@ def _triangles(polygon: Any) -> Iterator[Any]:
         yield points[0], points[n], points[n + 1]
 
 
+_VRML = Reader("VRML", read_vrml, up=lambda path: up_axis_of(path) or UP)
+_X3D = replace(_VRML, name="X3D")
+_USD = Reader("USD", read_usd, up="y", needs=("pxr",), extra="usd")
 READERS = {
     ".obj": Reader("OBJ", partial(_by_trimesh, kind="obj")),
     ".stl": Reader("STL", partial(_by_trimesh, kind="stl")),
@@ -524,12 +535,10 @@ READERS = {
     ".gltf": Reader("glTF", partial(_by_trimesh, kind="gltf"), up="y"),
     ".off": Reader("OFF", partial(_by_trimesh, kind="off")),
     ".3mf": Reader("3MF", read_3mf),
+    ".dae": Reader("COLLADA", read_collada, up="y"),
     ".dxf": Reader("DXF", read_dxf, needs=("ezdxf",)),
-    ".wrl": Reader("VRML", read_vrml, up=lambda path: up_axis_of(path) or UP),
-    ".wrz": Reader("VRML", read_vrml, up=lambda path: up_axis_of(path) or UP),
-    ".x3d": Reader("X3D", read_vrml, up=lambda path: up_axis_of(path) or UP),
-    ".x3dz": Reader("X3D", read_vrml, up=lambda path: up_axis_of(path) or UP),
-    ".x3dv": Reader("X3D", read_vrml, up=lambda path: up_axis_of(path) or UP),
-    ".x3dvz": Reader("X3D", read_vrml, up=lambda path: up_axis_of(path) or UP),
+    **dict.fromkeys((".usd", ".usda", ".usdc", ".usdz"), _USD),
+    **dict.fromkeys((".wrl", ".wrl.gz", ".wrz"), _VRML),
+    **dict.fromkeys((".x3d", ".x3d.gz", ".x3dz", ".x3dv", ".x3dv.gz", ".x3dvz"), _X3D),
 }
 """Readers of mesh formats by suffix."""

@@ -13,14 +13,14 @@ from terratool.importing.types import HeightSource, SourceOptions
 from terratool.text.source import is_folder
 
 MESHES = (
-    ".obj", ".stl", ".ply", ".glb", ".gltf", ".off", ".3mf", ".dxf", ".wrl", ".wrz", ".x3d",
-    ".x3dv", ".x3dvz", ".x3dz",
+    ".obj", ".stl", ".ply", ".glb", ".gltf", ".off", ".3mf", ".dxf", ".wrl", ".wrl.gz", ".wrz",
+    ".x3d", ".x3d.gz", ".x3dz", ".x3dv", ".x3dv.gz", ".x3dvz", ".dae", ".usd", ".usda", ".usdc",
+    ".usdz",
 )  # fmt: skip
 """Suffixes of the files that are read as meshes; GDAL opens all others."""
 
 _OTHER_MESHES = (
-    ".3ds", ".blend", ".dae", ".dwg", ".fbx", ".igs", ".sdf", ".step", ".stp", ".urdf", ".usd",
-    ".usda", ".usdc", ".usdz", ".x3db",
+    ".3ds", ".blend", ".dwg", ".fbx", ".igs", ".sdf", ".step", ".stp", ".urdf", ".x3db",
 )  # fmt: skip
 
 _ALL_OF_IT = SourceOptions()

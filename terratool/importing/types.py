@@ -157,11 +157,13 @@ class Triangles:
         vertices: (n, 3) float64, x east, y north, z up once the axis that points up is known.
         faces: (m, 3) int32, indices of vertices.
         notes: sentences with figures about parts that were left out.
+        up: axis of the file that points up, "x", "y" or "z", where the file says so.
     """
 
     vertices: NDArray[np.float64]
     faces: NDArray[np.int32]
     notes: tuple[str, ...] = ()
+    up: str | None = None
 
 
 def join_triangles(

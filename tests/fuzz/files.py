@@ -7,6 +7,8 @@ import gzip
 import io
 import json
 import random
+import subprocess
+import sys
 import tempfile
 import warnings
 import zipfile
@@ -142,6 +144,44 @@ Anchor { url "x" children Shape { geometry Cylinder { height 3 } } } ROUTE HILL.
 """
 
 
+USDA = """#usda 1.0
+(
+    upAxis = "Z"
+    metersPerUnit = 0.3048
+)
+over "Part" {
+    def Mesh "M" {
+        int[] faceVertexCounts = [3, 4]
+        int[] faceVertexIndices = [0, 1, 2, 0, 2, 3, 4]
+        int[] holeIndices = [7]
+        point3f[] points = [(0, 0, 1), (4, 0, 2), (4, 3, 0.5), (0, 3, 1), (-1, 2, 0)]
+        uniform token orientation = "leftHanded"
+    }
+}
+def Xform "A" (instanceable = true; references = </Part>) {
+    double3 xformOp:translate.timeSamples = { 5: (0, 0, 7), 9: (0, 0, 99) }
+    float3 xformOp:rotateXYZ = (10, 20, 30)
+    uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:rotateXYZ"]
+}
+def PointInstancer "I" {
+    rel prototypes = [</I/P/C>]
+    int[] protoIndices = [0, 0]
+    point3f[] positions = [(0, 0, 0), (0, 20, 0)]
+    quath[] orientations = [(1, 0, 0, 0), (0, 0, 0, 1)]
+    def Scope "P" {
+        def Cylinder "C" {
+            double radius = 2
+            uniform token axis = "X"
+        }
+        def Plane "S" {
+            double width = 2
+            token visibility = "invisible"
+        }
+    }
+}
+"""
+
+
 @cache
 def meshes() -> list[Files]:
     """Meshes of every format that is read."""
@@ -166,6 +206,22 @@ def meshes() -> list[Files]:
     return [files for files in found if is_mesh(files[0][0])]
 
 
+@cache
+def stages() -> list[Files]:
+    """USD of every form that is read; the library starts threads, so workers do without it."""
+    pack = "from pxr import Sdf; Sdf.Layer.FindOrOpen('from.usda').Export('case.usdc')"
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        (folder / "from.usda").write_text(USDA)
+        subprocess.run([sys.executable, "-c", pack], cwd=folder, check=True)
+        found: list[Files] = [
+            (("case.usda", USDA.encode()),),
+            (("case.usdc", (folder / "case.usdc").read_bytes()),),
+        ]
+    found.append((("case.usdz", _packed([("case.usda", USDA.encode())])),))
+    return found
+
+
 # --- mistakes ------------------------------------------------------------------------------------
 
 
@@ -177,6 +233,11 @@ def make_raster(rng: random.Random) -> Case:
 def make_mesh(rng: random.Random) -> Case:
     """A mesh with one to a few mistakes."""
     return _broken(rng, meshes())
+
+
+def make_stage(rng: random.Random) -> Case:
+    """A USD file with one to a few mistakes."""
+    return _broken(rng, stages())
 
 
 def _broken(rng: random.Random, seeds: list[Files]) -> Case:
@@ -205,7 +266,7 @@ def _mutated(rng: random.Random, name: str, data: bytes, other: bytes) -> bytes:
     with contextlib.suppress(*broken):  # by a mistake before
         if name.endswith((".wrz", ".x3dz")) and rng.random() < 0.8:
             return gzip.compress(mutate_text(rng, gzip.decompress(data), other), mtime=0)
-        if name.endswith(".3mf") and rng.random() < 0.8:
+        if name.endswith((".3mf", ".usdz")) and rng.random() < 0.8:
             return _mutated_archive(rng, data, other)
         if name.endswith(".gltf") and rng.random() < 0.6:
             return _mutated_json(rng, data)
@@ -305,4 +366,5 @@ def try_mesh(case: Case, folder: Path) -> str:
 TARGETS = (
     Target("rasters", 100_000, make_raster, try_raster),
     Target("meshes", 100_000, make_mesh, try_mesh),
+    Target("stages", 3_000, make_stage, try_mesh),  # each in a process of its own
 )

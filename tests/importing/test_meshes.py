@@ -224,6 +224,47 @@ def put_dxf(path: Path, kind: str = "3DFACE", inserted: bool = False) -> None:
     drawing.saveas(path)
 
 
+def dae(geometry: str, nodes: str, asset: str = "", points: Any = POINTS, more: str = "") -> str:
+    """A COLLADA file with the tent's points, whose w is no coordinate."""
+    numbers = " ".join("{} 9 {} {}".format(*point) for point in points)
+    return f"""<?xml version="1.0" encoding="utf-8"?>
+<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
+<asset>{asset}</asset>
+<library_geometries><geometry id="g"><mesh>
+<source id="p"><float_array id="a" count="{4 * len(points) + 1}">7 {numbers}</float_array>
+<technique_common><accessor source="#a" count="{len(points)}" stride="4" offset="1">
+<param name="X" type="float"/><param type="float"/><param name="Y" type="float"/>
+<param name="Z" type="float"/></accessor></technique_common></source>
+<vertices id="v"><input semantic="POSITION" source="#p"/></vertices>
+{geometry}</mesh></geometry></library_geometries>{more}
+<library_visual_scenes><visual_scene id="s">{nodes}</visual_scene></library_visual_scenes>
+<scene><instance_visual_scene url="#s"/></scene></COLLADA>"""
+
+
+PART = '<instance_geometry url="#g"/>'
+
+
+def corners_of(kind: str) -> str:
+    """The faces of the tent as an element, whose corners have a second index each."""
+    inputs = '<input semantic="VERTEX" source="#v" offset="1"/>'
+    inputs += '<input semantic="NORMAL" source="#none" offset="0"/>'
+    lists = [" ".join(f"8 {n}" for n in face) for face in FACES]
+    if kind == "trifans":
+        lists = [" ".join(f"8 {n}" for n in (4, 0, 1, 2, 3, 0))]
+    elif kind == "tristrips":
+        lists = ["8 0 8 1 8 4 8 2", "8 2 8 3 8 4 8 0"]
+    elif kind != "polygons":
+        lists = [" ".join(lists)]
+    body = "".join(f"<p>{numbers}</p>" for numbers in lists)
+    if kind == "polylist":
+        body = f"<vcount>3 3 3 3</vcount>{body}"
+    return f'<{kind} count="4">{inputs}{body}</{kind}>'
+
+
+def put_dae(path: Path, kind: str = "triangles") -> None:
+    path.write_text(dae(corners_of(kind), f"<node>{PART}</node>", points=y_up(POINTS)))
+
+
 PUT: list[tuple[str, Callable[[Path], None]]] = [
     (".obj", put_obj),
     (".obj", put_obj_with_all),
@@ -240,6 +281,10 @@ PUT: list[tuple[str, Callable[[Path], None]]] = [
     (".3mf", put_3mf),
     (".3mf", partial(put_3mf, unit="", factor=0.001)),
     (".3mf", partial(put_3mf, unit='unit="meter"', factor=1.0)),
+    *(
+        (".dae", partial(put_dae, kind=kind))
+        for kind in ("triangles", "polylist", "polygons", "trifans", "tristrips")
+    ),
     (".dxf", put_dxf),
     (".dxf", partial(put_dxf, kind="MESH")),
     (".dxf", partial(put_dxf, kind="POLYLINE")),
@@ -331,7 +376,7 @@ def test_meshes_of_ours_come_back(suffix: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("kind", "suffix"),
     [("obj", ".obj"), ("stl", ".stl"), ("stlb", ".stl"), ("ply", ".ply"), ("plyb", ".ply"),
-     ("gltf2", ".gltf"), ("glb2", ".glb"), ("3mf", ".3mf")],
+     ("gltf2", ".gltf"), ("glb2", ".glb"), ("3mf", ".3mf"), ("collada", ".dae")],
 )  # fmt: skip
 def test_meshes_of_others_are_read(kind: str, suffix: str, tmp_path: Path) -> None:
     """Assimp writes the tent; it leaves the axes of a file as they are, and says no unit."""

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from terratool.errors import ReadError
-from terratool.importing.vrml import scene
+from terratool.importing.vrml import parse, scene
 from terratool.importing.vrml.scene import read_vrml
 from tests.vrml import HEADER, TRIANGLE, read
 
@@ -34,14 +34,19 @@ def refusal(folder: Path, data: bytes) -> str:
 
 HEADS = {
     b"": "1:1: the file is empty",
-    b"#VRML V1.0 ascii\nSeparator { }": "1:1: this is VRML 1.0",
+    b"#VRML V1.0 ascii\nSeparator { }": " no node in it has a surface",
+    b"#VRML V1.0 ascii\nSeparator { Cube { width [ ] } }": '2:26: "width" is no SFFloat',
+    b"#VRML V1.0 ascii\nSeparator { IndexedFaceSet { coordIndex 0 } }": "2:41: there is no point 0",
+    b"#VRML V1.0 ascii\nSeparator { WWWInline { } }": "2:13: the Inline lies in another file",
+    b"#VRML V1.0 ascii\nCube { parts (SIDES": '2:6: the "{" here is never closed',
+    b"#VRML V1.0\nCube { }": "1:1: the file begins neither with",
     b"#X3D V9.0 utf8\nGroup { }": "1:1: the file begins neither with",
     b"#VRML V2.0 utf16\n": "1:1: the file begins neither with",
     b"#VRML V2.0 utf8x\n": "1:1: the file begins neither with",
     b" " + HEADER.encode() + TRIANGLE.encode(): "1:1: the file begins neither with",
     b"solid cube\n": "1:1: the file begins neither with",
     bytes(range(256)) * 99: "1:1: the file begins neither with",
-    gzip.compress(b"#VRML V1.0 ascii\n"): "1:1: this is VRML 1.0",
+    gzip.compress(b"#VRML V1.0 ascii\n"): " no node in it has a surface",
     gzip.compress((HEADER + TRIANGLE).encode())[:-9]: " is broken gzip",
     gzip.compress((HEADER + TRIANGLE).encode())[:20]: " is broken gzip",
     b"\x1f\x8b rubbish": " is broken gzip",
@@ -71,7 +76,7 @@ TEXTS = {
     "DEF A Group { children USE A }": '2:24: USE of "A" within the node of that name',
     "Transfrom { }": '2:1: VRML97 has no node "Transfrom"',
     "Group { children\n Transfrom { } }": 'Did you mean "Transform"?',
-    "Separator { }": '2:1: VRML97 has no node "Separator"',
+    "Separator { }": " no node in it has a surface. Left out, as nodes of these kinds",
     "Group { childern [ ] }": '2:9: Group has no field "childern". Did you mean "children"?',
     "Group { children }": '2:18: a value is missing; there is "}"',
     "Group { children [ 3 ] }": '2:18: "children" is no MFNode',
@@ -104,8 +109,13 @@ TEXTS = {
     "DEF": "2:4: the name behind DEF is missing",
     "ROUTE a.b c.d": '2:1: the ROUTE has no "TO"',
     'Group { children [\n Inline { url "a.wrl" } ] }': "3:2: the Inline lies in another file",
-    "Group { }\n PROTO A [ ] { Group { } } A { }": "3:2: a PROTO stands here, and prototypes",
-    'Group { children [ EXTERNPROTO X [ ] "x.wrl" ] }': "2:20: an EXTERNPROTO stands here",
+    'EXTERNPROTO X [ field SFInt32 x ] "x.wrl"\n X { x 1 }': "3:2: a ProtoInstance stands here",
+    "PROTO A [ field SFVec3f x 1 2 ] { Box { size IS x } }\n A { }": '2:27: "size" has 2 numbers',
+    "PROTO A [ ] { Group { } ": '2:13: the "{" here is never closed',
+    "PROTO A [ field SFNode x": "2:25: a value is missing",
+    "PROTO A [ ] { A { } } A { }": " no node in it has a surface. Left out",
+    "A { } PROTO A [ ] { Box { } }": " no node in it has a surface. Left out",
+    "PROTO A [ ] { USE B } DEF B Box { } A { }": '2:15: no node before this USE is called "B"',
     "Box { size IS x }": "2:12: VRML97 has no node",
     "Shape { geometry ElevationGrid { xDimension 3 zDimension 2 height [ 1 2 3 ] } }": (
         "2:18: the ElevationGrid of 3 × 2 has 3 heights"
@@ -117,7 +127,7 @@ TEXTS = {
     ),
     "Shape { geometry PointSet { } }": " no node in it has a surface. Left out, as it has no faces",
     "\0\0\0": "2:1: a node is missing",
-    "é { }": '2:1: VRML97 has no node "é"',
+    "é { }": " no node in it has a surface. Left out, as nodes of these kinds are not read: 1 é",
     "# é\n# é\rDEF é Group { } é": '4:17: VRML97 has no node "é"',
 }
 
@@ -230,6 +240,24 @@ def test_repeated_without_end(name: str, tmp_path: Path, monkeypatch: pytest.Mon
     monkeypatch.setattr(scene, "REPEATED", 1_000_000)
     said = refusal(tmp_path, (HEADER + BOMBS[name]).encode())
     assert "USE repeats more than can be read" in said
+
+
+@pytest.mark.parametrize("times", [2, 30])
+def test_prototypes_of_prototypes(
+    times: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each of two instances of the one before; a smaller limit makes the test quick."""
+    monkeypatch.setattr(parse, "EXPANDED", 10_000)
+    text = f"PROTO P0 [ ] {{ {TRIANGLE} }}"
+    for n in range(times):
+        text += f" PROTO P{n + 1} [ ] {{ Group {{ children [ P{n} {{ }} P{n} {{ }} ] }} }}"
+    text += f" P{times} {{ }}"
+    if times == 2:
+        assert len(read(tmp_path, text).faces) == 4
+    else:
+        assert "prototypes are written out to more than" in refusal(
+            tmp_path, (HEADER + text).encode()
+        )
 
 
 @pytest.mark.nightly

@@ -97,6 +97,15 @@ SCENES = {
     ),
     "LOD": f"LOD {{ range [ 1e9 ] level [ {TRIANGLE}, {shape('Box { }')} ] }}",
     "Collision": f"Collision {{ proxy {shape('Box { }')} children {TRIANGLE} }}",
+    "prototypes": (
+        "PROTO Slab [ field SFVec3f s 1 2 3 field MFNode more [ ] eventIn SFBool e ]"
+        " { Transform { scale IS s children [ Shape { geometry Box { size 2 1 5 } }"
+        " Group { children IS more } ] } }"
+        f" DEF A Slab {{ }} {turned(f'Slab {{ s 2 1 .5 more [ {TRIANGLE} USE A ] }}')}"
+        " PROTO Two [ exposedField SFVec3f t 9 0 0 ] { Group { children [ DEF A Slab { s IS t }"
+        f" Transform {{ translation IS t children USE A }} ] }} }}"
+        " Two { t 1 7 2 }"
+    ),
     "no faces": TRIANGLE
     + ' PointLight { } Viewpoint { position 0 0 9 } NavigationInfo { type [ "FLY" "ANY" ] }'
     + " DEF C TimeSensor { } DEF I PositionInterpolator { key [ 0 1 ] keyValue [ 0 0 0 1 1 1 ] }"
@@ -127,6 +136,71 @@ def test_a_mirrored_scene_is_told_apart(name: str, tmp_path: Path) -> None:
             np.allclose(one, other, rtol=2e-5, atol=2e-4)
             for one, other in zip(measures(found), measures(wrong), strict=True)
         )
+
+
+KITE = (
+    "Coordinate3 { point [ 0 0 0, 4 0 1, 4 3 1, 0 3 0, 2 1 5 ] }"
+    " DEF F IndexedFaceSet { coordIndex [ 0, 1, 4, -1, 1, 2, 4, -1 ] }"
+)
+OLD_SCENES = {
+    "a state that goes on": f"Separator {{ {KITE} Translation {{ translation 1 2 7 }} USE F"
+    " Rotation { rotation 1 2 3 .7 } Scale { scaleFactor 1 2 3 } USE F }",
+    "separators": f"Separator {{ {KITE} Separator {{ Translation {{ translation 1 2 7 }} USE F"
+    " Coordinate3 { point [ 9 0 0, 4 0 1, 4 3 1, 0 3 0, 2 1 5 ] } USE F } USE F"
+    " TransformSeparator { Scale { scaleFactor 3 1 2 } USE F Coordinate3 { point [ 0 0 9, 1 0 0, "
+    "0 5 0, 0 0 0, 1 1 1 ] } } USE F Group { Scale { scaleFactor 3 1 2 } } USE F }",
+    "transform, all fields": "Transform { translation 1 -2 3 rotation 1 2 3 .7 scaleFactor 1 2 3"
+    f" scaleOrientation 3 1 0 .4 center 4 5 6 }} {KITE}",
+    "matrix": f"MatrixTransform {{ matrix 1 2 0 0  0 1 .5 0  3 0 1 0  5 6 7 1 }} {KITE}",
+    "cube": "Translation { translation 1 2 7 } Cube { width 1 height 2 depth 5 }",
+    "switch": f"Separator {{ Switch {{ whichChild -3 {KITE} }} Switch {{ USE F }}"
+    " Switch { whichChild 1 Cube { } Cube { width 7 } } LOD { range [ 9 ] center 0 0 0"
+    " USE F Cube { width 9 } } }",
+    "an anchor and much without faces": f"WWWAnchor {{ name http://x.org/a {KITE} }}"
+    ' Info { string "Group { Cube { } }" } PerspectiveCamera { position 0 0 9 } DEF N Material {'
+    " ambientColor [ 0 0 0, 1 1 1 ] transparency .5 } Texture2 { wrapS CLAMP image 1 1 1 0xFF }"
+    " MaterialBinding { value PER_FACE } IndexedLineSet { coordIndex [ 0 1 -1 ] } USE N",
+    "a field that is declared": "Group { Mine { fields [ SFFloat a, MFString isA ] isA [ "
+    '"Material" ] a .3 } Cube { fields [ SFFloat width ] width 10 } }',
+}
+
+
+@pytest.mark.parametrize("name", OLD_SCENES)
+def test_coin_reads_the_same_of_vrml_1(name: str, tmp_path: Path) -> None:
+    path = tmp_path / "old.wrl"
+    path.write_text(f"#VRML V1.0 ascii\n{OLD_SCENES[name]}")
+    found, wanted = corners(read_vrml(path)), by_coin(path)
+    assert len(found) == len(wanted) > 0
+    for one, other in zip(measures(found), measures(wanted), strict=True):
+        assert np.allclose(one, other, rtol=2e-5, atol=2e-4)
+
+
+def test_faces_of_vrml_1_that_are_seen_clockwise(tmp_path: Path) -> None:
+    path = tmp_path / "old.wrl"
+    both = [
+        f"#VRML V1.0 ascii\nShapeHints {{ vertexOrdering {order} }} {KITE}"
+        for order in ("COUNTERCLOCKWISE", "CLOCKWISE")
+    ]
+    found = []
+    for text in both:
+        path.write_text(text)
+        found.append(measures(corners(read_vrml(path))).normal)
+    assert np.allclose(found[0], -found[1])
+    assert found[0].any()
+
+
+@pytest.mark.parametrize(
+    ("parts", "shares"),
+    [("", (1, 1, 1)), ("parts ALL", (1, 1, 1)), ("parts SIDES", (1, 0, 0)),
+     ("parts (SIDES | TOP)", (1, 0, 1)), ("parts (BOTTOM)", (0, 1, 0))],
+)  # fmt: skip
+def test_parts_of_a_cylinder_of_vrml_1(
+    parts: str, shares: tuple[int, int, int], tmp_path: Path
+) -> None:
+    path = tmp_path / "old.wrl"
+    path.write_text(f"#VRML V1.0 ascii\nCylinder {{ radius 2 height 7 {parts} }}")
+    areas = np.array([2 * np.pi * 2 * 7, np.pi * 4, np.pi * 4])
+    assert measures(corners(read_vrml(path))).area == pytest.approx(areas @ shares, rel=5e-3)
 
 
 ROUND = {

@@ -12,6 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from terratool.errors import ReadError
 from terratool.importing.vrml.scene import UP, read_vrml, up_axis_of
 from terratool.importing.vrml.shapes import SIDES, extrusion, planes_along, pose, product, transform
 from tests.vrml import HEADER, TRIANGLE, corners, measures, read, saved
@@ -358,3 +359,17 @@ def test_shapes_may_share_their_points(tmp_path: Path) -> None:
     )
     assert len(found.vertices) == 6
     assert corners(found)[:, :, 0].tolist() == [[3, 8, 4], [990, 995, 991]]
+
+
+def test_only_the_first_node_of_a_prototype_is_seen(tmp_path: Path) -> None:
+    """The others are there for routes and scripts (VRML97, 4.8.3)."""
+    text = f"PROTO A [ ] {{ {TRIANGLE} Shape {{ geometry Box {{ }} }} }}"
+    assert len(read(tmp_path, f"{text} A {{ }} DEF B A {{ }} USE B").faces) == 3
+
+
+def test_a_prototype_in_another_file_is_refused_where_it_is_seen(tmp_path: Path) -> None:
+    text = 'EXTERNPROTO Glow [ field SFFloat x ] [ "glow.wrl#Glow" ]'
+    look = TRIANGLE.replace("Shape {", "Shape { appearance Glow { x 1 }")
+    assert len(read(tmp_path, f"{text} {look} Switch {{ choice Glow {{ }} }}").faces) == 1
+    with pytest.raises(ReadError, match="a ProtoInstance stands here"):
+        read(tmp_path, f"{text} {look} Glow {{ }}")

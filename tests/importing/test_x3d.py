@@ -191,6 +191,37 @@ def test_what_is_left_out_is_said(tmp_path: Path) -> None:
     )
 
 
+EFFECT = (
+    'appearance Appearance { effects Effect { language "GLSL" initializeOnly SFFloat k 1.1'
+    " inputOutput SFNode t NULL inputOnly SFBool b inputOutput SFNode around USE S"
+    ' parts EffectPart { type "FRAGMENT" } } }'
+)
+
+
+@pytest.mark.parametrize("head", ["#X3D V3.3 utf8", "#VRML V2.0 utf8"])
+def test_unknown_nodes_are_passed_over_with_the_fields_that_they_declare(
+    head: str, tmp_path: Path
+) -> None:
+    text = f"{head}\nDEF S {TRIANGLE.replace('Shape {', f'Shape {{ {EFFECT}')}"
+    text += " ColorSetInterpolator { key [ 0 1 ] more Deep { x [ 1 2 ] } } USE S"
+    path = tmp_path / "t.x3dv"
+    path.write_text(text)
+    found = read_vrml(path)
+    wanted = corners(read_vrml(saved(tmp_path, TRIANGLE)))
+    assert corners(found).tolist() == np.concatenate([wanted, wanted]).tolist()
+    assert found.notes == (
+        "Left out, as nodes of these kinds are not read: "
+        "1 Effect, 1 EffectPart, 1 ColorSetInterpolator, 1 Deep.",
+    )
+
+
+def test_shaders_with_declared_fields_need_no_note(tmp_path: Path) -> None:
+    shader = EFFECT.replace("effects Effect", "shaders ComposedShader").replace("Effect", "Shader")
+    path = tmp_path / "t.x3dv"
+    path.write_text(f"#X3D V3.3 utf8\nDEF S {TRIANGLE.replace('Shape {', f'Shape {{ {shader}')}")
+    assert read_vrml(path).notes == ()
+
+
 @pytest.mark.parametrize(
     ("name", "data"),
     [
@@ -321,7 +352,7 @@ BROKEN = {
                         'Did you mean "Hill"?'),
     "another file": ("<X3D><Scene><Inline url='a.x3d'/></Scene></X3D>", "the Inline lies in"),
     "an instance": ("<X3D><Scene><ProtoInstance name='Hill'/></Scene></X3D>",
-                    "1:13: a ProtoInstance stands here, and prototypes are not read"),
+                    "1:13: a ProtoInstance stands here, and its prototype is not read"),
     "a huge grid": (
         "<X3D><Scene><Shape><ElevationGrid xDimension='2000000000' zDimension='2000000000'/>"
         "</Shape></Scene></X3D>",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -247,7 +248,8 @@ def _apply_step(problem: FitProblem, terms: ProductSum, step: Floats) -> Product
 
 def _cost(problem: FitProblem, terms: ProductSum, weights: Floats) -> float:
     off = kernels.residuals(problem, terms)
-    return float(weights @ (off * off))
+    # threads of BLAS would wait for each other on a busy machine
+    return float(np.einsum("i,i,i", weights, off, off))
 
 
 def _stiffness(terms: ProductSum) -> tuple[Floats, Floats]:
@@ -334,12 +336,23 @@ def fewest_values(patch: Patch, curves: CurveForm) -> tuple[int, int]:
             break
     limit = max(SLACK * min(errors), EXACT * patch.relief)
     counts = next(n for n, off in zip(both, errors, strict=False) if off <= limit)
-    # one after the other: a curve of five values is one of nine, but none of seven
     across, along = counts
-    fewer = ((across, n) for n in _COUNTS if n < along)
-    counts = next((n for n in fewer if error(n) <= limit), counts)
-    fewer = ((n, counts[1]) for n in _COUNTS if n < across)
-    return next((n for n in fewer if error(n) <= limit), counts)
+    along = _fewest(along, lambda n: error((across, n)) <= limit)
+    return _fewest(across, lambda n: error((n, along)) <= limit), along
+
+
+def _fewest(most: int, is_enough: Callable[[int], bool]) -> int:
+    """Return the fewest of the numbers of values below `most` that are enough, or `most`.
+
+    A curve of five values is one of nine, but none of seven, so short ones are tried one after the
+    other. Of long ones those are that are longer than one which is not enough.
+    """
+    for n in reversed(_COUNTS):
+        if _SHORT < n < most:
+            if not is_enough(n):
+                return most
+            most = n
+    return next((n for n in _COUNTS if n < min(most, _SHORT + 1) and is_enough(n)), most)
 
 
 def _fit_points(

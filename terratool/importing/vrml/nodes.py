@@ -1,4 +1,4 @@
-"""Nodes of VRML97 (ISO/IEC 14772-1) and X3D (ISO/IEC 19775-1), with the types of their fields."""
+"""Nodes of VRML97 (ISO/IEC 14772-1), X3D (ISO/IEC 19775-1) and VRML 1.0, with their fields."""
 
 from __future__ import annotations
 
@@ -33,20 +33,18 @@ class Language(NamedTuple):
     Attributes:
         name: name of the language for people.
         fields: types of fields by node, for all nodes that decide where surfaces are.
-        others: names of all other nodes, whose fields are not checked.
-        types: types of fields.
+        others: names of other nodes, which have no surface and whose fields are not checked.
         statements: words that begin a statement rather than a node.
-        interface: words before a field or an event of a Script; the first two have a value.
-        is_open: whether further nodes and fields may stand in a text, which are skipped.
+        is_open: whether further fields may stand in known nodes, which are skipped.
+        is_nested: whether nodes lie in each other without a field, and a field may be a plain word.
     """
 
     name: str
     fields: dict[str, dict[str, str]]
     others: frozenset[str]
-    types: frozenset[str]
     statements: tuple[str, ...]
-    interface: tuple[str, ...]
-    is_open: bool
+    is_open: bool = False
+    is_nested: bool = False
 
 
 def _table(nodes: dict[str, str]) -> dict[str, dict[str, str]]:
@@ -98,21 +96,11 @@ _OTHERS = """
 """
 
 
-def _types(kinds: tuple[str, ...]) -> frozenset[str]:
-    return frozenset(
-        [f"{many}F{kind}" for many in "SM" for kind in (*kinds, "Node", "String")]
-        + ["SFBool", "SFImage"]
-    )
-
-
 VRML97 = Language(
     "VRML97",
     _FIELDS,
     frozenset(_OTHERS.split()),
-    _types(tuple(WIDTHS)[:7]),
-    ("PROTO", "EXTERNPROTO", "ROUTE"),
-    ("field", "exposedField", "eventIn", "eventOut"),
-    is_open=False,
+    ("PROTO", "EXTERNPROTO", "ROUTE", "IMPORT", "EXPORT"),
 )
 
 _SET = "coord SFNode, color SFNode, normal SFNode, texCoord SFNode, ccw SFBool, "
@@ -144,20 +132,71 @@ _MORE = _table(
 )
 
 _MORE_OTHERS = """
-    ClipPlane ColorRGBA EnvironmentLight GeoLocation GeoMetadata GeoOrigin GeoViewpoint
-    KeySensor LocalFog MetadataBoolean MetadataDouble MetadataFloat MetadataInteger MetadataSet
-    MetadataString MultiTexture OrthoViewpoint PhysicalMaterial StringSensor TextureBackground
-    TextureProperties UnlitMaterial
+    BooleanFilter BooleanSequencer BooleanToggle BooleanTrigger ClipPlane ColorDamper ColorRGBA
+    ComposedCubeMapTexture ComposedShader ComposedTexture3D CoordinateDamper
+    CoordinateInterpolator2D EaseInEaseOut EnvironmentLight FillProperties FloatVertexAttribute
+    FogCoordinate GeneratedCubeMapTexture GeoLocation GeoMetadata GeoOrigin GeoViewpoint
+    ImageCubeMapTexture ImageTexture3D ImageTextureAtlas IntegerSequencer IntegerTrigger KeySensor
+    LineProperties LineSet LoadSensor LocalFog Matrix3VertexAttribute Matrix4VertexAttribute
+    MetadataBoolean MetadataDouble MetadataFloat MetadataInteger MetadataSet MetadataString
+    MultiTexture MultiTextureCoordinate MultiTextureTransform OrientationChaser OrientationDamper
+    OrthoViewpoint PackagedShader PhysicalMaterial PixelTexture3D PointProperties PositionChaser
+    PositionChaser2D PositionDamper PositionDamper2D PositionInterpolator2D ProgramShader
+    ScalarChaser ScalarDamper ShaderPart ShaderProgram SplinePositionInterpolator
+    SplinePositionInterpolator2D SplineScalarInterpolator SquadOrientationInterpolator StringSensor
+    TexCoordChaser2D TexCoordDamper2D TextureBackground TextureCoordinate3D TextureCoordinate4D
+    TextureCoordinateGenerator TextureProjector TextureProjectorParallel TextureProperties
+    TextureTransform3D TextureTransformMatrix3D TimeTrigger TransformSensor TwoSidedMaterial
+    UnlitMaterial Viewport ViewpointGroup
 """
 
 X3D = Language(
     "X3D",
     _FIELDS | {kind: _FIELDS.get(kind, {}) | more for kind, more in _MORE.items()},
     VRML97.others | frozenset(_MORE_OTHERS.split()),
-    _types(tuple(WIDTHS)),
-    ("PROTO", "EXTERNPROTO", "ROUTE", "IMPORT", "EXPORT"),
-    ("initializeOnly", "inputOutput", "inputOnly", "outputOnly", *VRML97.interface),
+    VRML97.statements,
     is_open=True,
 )
 """X3D, of whose two hundred nodes only those are listed that say where surfaces are, and those that
 may stand among them without a surface of their own."""
+
+_PLACED = "translation SFVec3f, rotation SFRotation, scaleFactor SFVec3f, "
+_PLACED += "scaleOrientation SFRotation, center SFVec3f"
+
+_OTHERS_OF_VRML1 = """
+    AsciiText DirectionalLight FontStyle IndexedLineSet Info Material MaterialBinding Normal
+    NormalBinding OrthographicCamera PerspectiveCamera PointLight PointSet SpotLight Texture2
+    Texture2Transform TextureCoordinate2
+"""
+
+VRML1 = Language(
+    "VRML 1.0",
+    _table(
+        {
+            "Cone": "bottomRadius SFFloat, height SFFloat",
+            "Coordinate3": "point MFVec3f",
+            "Cube": "width SFFloat, height SFFloat, depth SFFloat",
+            "Cylinder": "radius SFFloat, height SFFloat",
+            "Group": "",
+            "IndexedFaceSet": "coordIndex MFInt32",
+            "LOD": "",
+            "MatrixTransform": "matrix SFMatrix4f",
+            "Rotation": "rotation SFRotation",
+            "Scale": "scaleFactor SFVec3f",
+            "Separator": "",
+            "ShapeHints": "",
+            "Sphere": "radius SFFloat",
+            "Switch": "whichChild SFInt32",
+            "Transform": _PLACED,
+            "TransformSeparator": "",
+            "Translation": "translation SFVec3f",
+            "WWWAnchor": "",
+            "WWWInline": "",
+        }
+    ),
+    frozenset(_OTHERS_OF_VRML1.split()),
+    (),
+    is_open=True,
+    is_nested=True,
+)
+"""VRML 1.0 (the specification of 1995), whose nodes change a state for those that follow."""

@@ -1,4 +1,4 @@
-"""Walk through a scene of VRML97 or X3D that collects triangles in the coordinates of the file."""
+"""Walk through a scene of VRML or X3D that collects triangles in the coordinates of the file."""
 
 from __future__ import annotations
 
@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 
 from terratool.errors import ReadError
 from terratool.importing.types import Triangles
-from terratool.importing.vrml.nodes import VRML97, X3D
-from terratool.importing.vrml.parse import Node, Unit, VrmlScene, parse, unread_prototype
+from terratool.importing.vrml import first
+from terratool.importing.vrml.nodes import VRML1, VRML97, X3D
+from terratool.importing.vrml.parse import UNREAD, Node, Unit, VrmlScene, parse
 from terratool.importing.vrml.shapes import (
     PARTS,
     SIDES,
@@ -58,7 +59,7 @@ _CHILDREN = {
 """Fields with visible children by node; of two names the first is that of VRML97."""
 
 _SOLIDS = ("Box", "Cone", "Cylinder", "Sphere", "ElevationGrid", "Extrusion", "IndexedFaceSet")
-_LEFT = ("IndexedLineSet", "PointSet", "Text", "LineSet")
+_LEFT = ("IndexedLineSet", "PointSet", "Text", "LineSet", "AsciiText")
 Number = TypeVar("Number", np.float64, np.int32)
 _SQUARE = (1, 1, 1, -1, -1, -1, -1, 1, 1, 1)
 _READ_AS = {
@@ -81,9 +82,12 @@ _KINDS = 5
 """Most kinds of unknown nodes that a note names."""
 
 UP = "y"
-"""Axis that points up in VRML97 (4.4.5)."""
+"""Axis that points up in VRML97 (4.4.5), VRML 1.0 and X3D."""
 
-_header = re.compile(rb"#(?:VRML V2\.0|(X3D) V[34]\.[0-9])[ \t]+utf8(?!\S)").match
+_header = re.compile(
+    rb"#(?=(?:VRML V2\.0|X3D V[34]\.[0-9])[ \t]+utf8(?!\S)|VRML V1\.0[ \t]+ascii(?!\S))(\S+ \S+)"
+).match
+_LANGUAGES = {b"VRML V2.0": VRML97, b"VRML V1.0": VRML1}
 _xml = re.compile(rb"\s*<").match
 _stated_in_xml = re.compile(
     rb"<meta\s+name\s*=\s*[\"']up[\"']\s+content\s*=\s*[\"']([xyz])[\"']"
@@ -106,8 +110,12 @@ def walk(scene: VrmlScene, text: PlacedText) -> Triangles:
         ReadError: a node is invalid, lies in another file, or is repeated too often.
     """
     walker = _SceneWalker(scene, text)
-    pending = [_ScenePlace(node, None) for node in reversed(scene.nodes)]
     with np.errstate(all="ignore"):  # too large coordinates are refused
+        if scene.language is VRML1:
+            for shape in first.shapes(scene.nodes, lambda node: walker.spend(_VISIT, node)):
+                walker.visit(_ScenePlace(*shape))
+            return walker.triangles()
+        pending = [_ScenePlace(node, None) for node in reversed(scene.nodes)]
         while pending:
             pending += reversed(walker.visit(pending.pop()))
         return _in_metres(walker.triangles(), scene.units, text)
@@ -171,7 +179,7 @@ class _SceneWalker:
 
     def __init__(self, scene: VrmlScene, text: PlacedText) -> None:
         self.text = text
-        self.language = scene.language
+        self.unknown = scene.unknown
         self.steps = REPEATED + _PER_BYTE * len(text.data)
         self.visited: set[int] = set()
         self.again = False
@@ -179,7 +187,6 @@ class _SceneWalker:
         self.faces: list[NDArray[np.int32]] = []
         self.size = 0
         self.seen: Counter[str] = Counter()
-        self.unknown: Counter[str] = Counter()
         self.flat = 0
         self.crossed = 0
 
@@ -196,7 +203,6 @@ class _SceneWalker:
             self._add(node, self._mesh(_Fields(node)), outer)
             return []
         if kind not in _CHILDREN:
-            self.unknown[kind] += not (kind in self.language.others or kind in self.language.fields)
             return []
         fields = _Fields(node)
         names = _CHILDREN[kind]
@@ -420,8 +426,12 @@ class _SceneWalker:
                 "the Inline lies in another file.",
                 "Put its content in its place, as converters of VRML do, and read that.",
             )
-        if node.kind == "ProtoInstance":
-            raise unread_prototype(self.text, node.at, "a ProtoInstance")
+        if node.kind == UNREAD:
+            raise self.text.error(
+                node.at,
+                f"a {UNREAD} stands here, and its prototype is not read.",
+                "Export the file with its prototypes expanded.",
+            )
 
     def _notes(self) -> list[str]:
         notes = []
@@ -464,7 +474,7 @@ def _drop_unused(mesh: ShapeMesh) -> ShapeMesh:
 
 
 def read_vrml(path: str | Path) -> Triangles:
-    """Read the surfaces of a VRML97 or X3D file, or of a gzip of one, in the file's coordinates.
+    """Read the surfaces of a VRML or X3D file, or of a gzip of one, in the file's coordinates.
 
     Nothing is turned: y is up by the standard (see `UP`).
 
@@ -500,7 +510,7 @@ def _read_text(path: str | Path) -> Source:
 
 
 def _scene_of(name: str, data: bytes) -> tuple[VrmlScene, PlacedText]:
-    """Parse a text as XML, X3D or VRML97, by its beginning."""
+    """Parse a text as XML, X3D, VRML97 or VRML 1.0, by its beginning."""
     if _xml(data):
         text = PlacedText(name, data)
         return parse_xml(text), text
@@ -508,7 +518,7 @@ def _scene_of(name: str, data: bytes) -> tuple[VrmlScene, PlacedText]:
     if match is None:
         raise _other(name, data)
     words = VrmlText(name, data)
-    return parse(words, X3D if match[1] else VRML97), words
+    return parse(words, _LANGUAGES.get(match[1], X3D)), words
 
 
 def up_axis_of(path: str | Path) -> str | None:
@@ -533,12 +543,7 @@ def _other(name: str, data: bytes) -> ReadError:
     where = f"{name}:1:1:"
     if not data:
         return ReadError(f"{where} the file is empty.", "Write or fetch it again.")
-    if data.startswith(b"#VRML V1.0"):
-        return ReadError(
-            f"{where} this is VRML 1.0, and only VRML97 and X3D can be read.",
-            "Export it as VRML97, which is VRML 2.0.",
-        )
     return ReadError(
-        f'{where} the file begins neither with "#VRML V2.0 utf8" nor as X3D does.',
+        f'{where} the file begins neither with "#VRML V2.0 utf8" nor as VRML 1.0 or X3D do.',
         "Choose another file, or export it as VRML97 or X3D.",
     )

@@ -6,12 +6,14 @@ content that could grow are refused.
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass, field
 from xml.parsers import expat
 
 from terratool.errors import ReadError
 from terratool.importing.vrml.nodes import X3D
 from terratool.importing.vrml.parse import (
+    UNREAD,
     FieldValue,
     Node,
     Unit,
@@ -77,6 +79,7 @@ class _Reader:
         names: nodes by the names that DEF gives them.
         unfinished: number of open nodes by name.
         top: nodes outside of all others.
+        unknown: number of nodes by kind, of those whose kind is not known.
         units: units that the text states.
     """
 
@@ -90,6 +93,7 @@ class _Reader:
         self.names: dict[str, Node] = {}
         self.unfinished: dict[str, int] = {}
         self.top: list[Node] = []
+        self.unknown: Counter[str] = Counter()
         self.units: list[Unit] = []
 
     def scene(self) -> VrmlScene:
@@ -106,7 +110,7 @@ class _Reader:
             raise self.text.error(
                 self.parser.CurrentByteIndex, f"{error}.", "Export it without them."
             ) from error
-        return VrmlScene(X3D, tuple(self.top), tuple(self.units))
+        return VrmlScene(X3D, tuple(self.top), self.unknown, tuple(self.units))
 
     # --- elements -------------------------------------------------------------------------------
 
@@ -178,7 +182,7 @@ class _Reader:
                 f'no node before this USE is called "{name}".',
                 did_you_mean(name, self.names, "Name one by DEF before it is used."),
             )
-        elif not any(one.node and one.node.kind == "Script" for one in self.open):
+        elif all(one.node is None or one.node.kind in X3D.fields for one in self.open):
             raise self.text.error(
                 at,
                 f'USE of "{name}" within the node of that name.',
@@ -189,6 +193,8 @@ class _Reader:
     def _node(self, tag: str, words: dict[str, str], at: int) -> _Open:
         node = Node(tag, at)
         types = X3D.fields.get(tag, {})
+        if not (types or tag in X3D.others or tag == UNREAD):
+            self.unknown[tag] += 1
         for name, written in words.items():
             kind = types.get(name, "")
             if kind and kind[2:] not in ("Node", "String"):
