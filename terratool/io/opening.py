@@ -36,6 +36,7 @@ from terratool.io.guards import (
     refuse_claims,
     refuse_surfer_claims,
 )
+from terratool.io.xyz import XyzLayout, as_raster, layout_of
 from terratool.report.wording import count_of
 from terratool.text.files import is_regular, open_file
 
@@ -50,6 +51,10 @@ DRIVERS = (
 _LISTED = "AAIGrid"
 """Driver whose rows are read once in order, so that the first missing one raises: GDAL seeks a row
 by all before it, and repeats that for each missing row."""
+_MADE = "GTiff"
+"""Driver of the rasters that are made of texts of points."""
+_GRIDDED = "XYZ"
+"""Driver that reads texts of points in archives alone; it has no nodata for bytes from 0."""
 _PROBED = "netCDF"
 _PLAIN_DRIVERS = tuple(driver for driver in DRIVERS if driver != _PROBED)
 _NETCDFS = (".nc", ".nc4", ".cdf")
@@ -153,6 +158,9 @@ def open_local(
         warnings.simplefilter("ignore", NotGeoreferencedWarning)
         warnings.simplefilter("ignore", NodataShadowWarning)
         with gdal_errors(name):
+            text = _points_of(name)
+            if text is not None:
+                place, drivers = str(stack.enter_context(as_raster(Path(name), text))), [_MADE]
             # rasterio.open accepts only one driver
             level = {} if overview is None else {"overview_level": overview}
             file = stack.enter_context(DatasetReader(_parse_path(place), driver=drivers, **level))
@@ -162,13 +170,20 @@ def open_local(
                     f"{name}: says that its overviews are another file.",
                     "Make a GeoTIFF of it with gdal_translate, or add --allow-remote.",
                 )
-            files = [] if allow_remote else file.files
+            files = [] if allow_remote or text is not None else file.files
         _refuse_files(name, files)
         with gdal_errors(name):
             refuse_claims(name, file, placed=overview is None)
+            if file.driver == _GRIDDED and file.nodata is None and file.dtypes[0] == "uint8":
+                raise ReadError(f"{name}: may lack points, which GDAL reads as 0.", UNPACK)
             if file.driver == _LISTED:
                 file.read(1, window=Window(0, 0, 1, file.height))
         yield file
+
+
+def _points_of(name: str) -> XyzLayout | None:
+    """Layout of a text of points on this machine; None for any other raster."""
+    return layout_of(Path(name)) if is_regular(name) else None
 
 
 def refuse_band(
