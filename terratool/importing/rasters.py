@@ -27,6 +27,7 @@ from terratool.io.guards import HARMLESS, is_placed, transform_of
 from terratool.io.opening import gdal_errors, open_local, refuse_band
 from terratool.raster.layers import LAYERS
 from terratool.report.numbers import coordinates
+from terratool.report.wording import count_of
 from terratool.text.files import open_file
 
 HIGHEST = 1e9
@@ -41,6 +42,8 @@ _MOST_WARPED = 16
 _ON_GRID = 1e-6
 _COLORS = (ColorInterp.red, ColorInterp.green, ColorInterp.blue, ColorInterp.palette)
 
+_MOST_NAMED = 9
+"""Most bands or variables that a message names."""
 _MOST_CLASSES = 65536
 _MOST_READ = 1 << 24
 """Pixels of a class raster that are read at a time; it may be much finer than the DEM."""
@@ -185,10 +188,14 @@ def open_raster(name: str, options: SourceOptions) -> Iterator[RasterHeights]:
 def _band(name: str, file: Any, band: int | None) -> int:
     """Return the number of the band that holds the heights, from 1."""
     if file.count == 0:
-        inner = ", ".join(file.subdatasets[:5])
+        inner = file.subdatasets
+        if not inner:
+            raise ReadError(f"{name}: has no band of its own.", "Name a raster of heights.")
+        what = "variable" if file.driver == "netCDF" else "raster"
+        known = ", ".join(one.rpartition(":")[2] for one in inner[:_MOST_NAMED])
         raise ReadError(
-            f"{name}: has no band of its own" + (f", but holds {inner}." if inner else "."),
-            "Name one of these." if inner else "Name a raster of heights.",
+            f"{name}: holds {count_of(len(inner), what)}: {known}.",
+            f"Name one of them, as {inner[0]}.",
         )
     if band is None and any(kind in _COLORS for kind in file.colorinterp):
         raise ReadError(
@@ -201,7 +208,7 @@ def _band(name: str, file: Any, band: int | None) -> int:
         alpha = [kind is ColorInterp.alpha for kind in file.colorinterp]
         if alpha.count(False) > 1:
             raise RequestError(
-                f"{name}: has {file.count} bands{': ' if named else ''}{', '.join(named[:9])}.",
+                f"{name}: has {file.count} bands{': ' if named else ''}{', '.join(named[:_MOST_NAMED])}.",
                 "Choose one with --band.",
             )
         band = alpha.index(False) + 1
