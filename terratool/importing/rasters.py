@@ -20,6 +20,7 @@ from rasterio.windows import Window
 
 from terratool.definition.crs import CrsValue, crs_problem, zone_of
 from terratool.errors import ReadError, RequestError
+from terratool.importing.control import PlacedFile, control_of
 from terratool.importing.types import PixelGrid, SourceOptions, sample_range
 from terratool.io.crs import read_crs, spell_crs
 from terratool.io.expat import EntityError, tree_of
@@ -40,6 +41,8 @@ _CACHE_BYTES = 1 << 27
 _MOST_WARPED = 16
 """Most pixels of a reprojected raster per pixel of its file."""
 _ON_GRID = 1e-6
+_ANY = CRS.from_epsg(3857)
+"""Reference system from and to which a raster without one is warped, which changes nothing."""
 _COLORS = (ColorInterp.red, ColorInterp.green, ColorInterp.blue, ColorInterp.palette)
 
 _MOST_NAMED = 9
@@ -178,9 +181,22 @@ def open_raster(name: str, options: SourceOptions) -> Iterator[RasterHeights]:
         with gdal_errors(name):
             band = _band(name, file, options.band)
             scale = file.scales[band - 1], file.offsets[band - 1]
+            control = control_of(file)
+            if control is not None:
+                about.append(control.sentence)
             if options.crs is not None:
-                file = stack.enter_context(_reproject(name, file, options.crs, options.nodata))
+                system = file.crs if control is None else control.crs
+                file = stack.enter_context(
+                    _reproject(name, file, system, options.crs, options.nodata)
+                )
                 about.append(f"Reprojected to {options.crs}, bilinearly.")
+            elif control is not None and control.transform is not None:
+                file = PlacedFile(file, control.transform, control.crs)
+            elif control is not None:
+                warped = _warped(name, file, control.crs, control.crs, options.nodata)
+                stack.enter_context(warped)
+                file = PlacedFile(warped, warped.transform, control.crs)
+                about.append("They turn or bend its pixels: resampled north up, bilinearly.")
             heights = _heights(name, file, band, scale, options, about)
         yield heights
 
@@ -217,32 +233,50 @@ def _band(name: str, file: Any, band: int | None) -> int:
     return band
 
 
-def _reproject(name: str, file: Any, crs: CrsValue | CRS, nodata: float | None) -> WarpedVRT:
+def _reproject(
+    name: str, file: Any, system: CRS | None, crs: CrsValue | CRS, nodata: float | None
+) -> WarpedVRT:
+    """Return a warp of a raster of the reference system `system` to another."""
     target = read_crs(crs)
-    if file.crs is not None and crs_problem(file.crs.to_wkt()):
+    if system is not None and crs_problem(system.to_wkt()):
         raise RequestError(
             f"{name}: has a reference system that reads a file, so that it is not reprojected.",
             "Leave out --crs, or give the file another one with gdal_edit.py -a_srs.",
         )
-    if file.crs is None:
+    if system is None:
         raise RequestError(
             f"{name}: does not say its reference system, so that it cannot be reprojected.",
             "Leave out --crs, or give the file one with gdal_edit.py -a_srs.",
         )
-    if not is_placed(file):
+    if not is_placed(file) and not file.gcps[0]:
         raise RequestError(
             f"{name}: does not say where it lies, so that it cannot be reprojected.",
             "Leave out --crs, or give the file a place with gdal_edit.py -a_ullr.",
         )
+    return _warped(name, file, system, target, nodata)
+
+
+def _warped(
+    name: str, file: Any, system: CRS | None, target: CRS | None, nodata: float | None
+) -> WarpedVRT:
+    """Return a warp of a raster that is placed, or has control points, bilinearly.
+
+    Raises:
+        RequestError: two numbers stand for nodata.
+        ReadError: the warp has far more pixels than the raster.
+    """
     if nodata not in (None, file.nodata) and not math.isnan(file.nodata or math.nan):
         raise RequestError(
             f"{name}: its nodata is {file.nodata:g}, and only one number can be left out where "
             "pixels are resampled.",
             "Leave out --nodata or --crs, or change the file's with gdal_edit.py -a_nodata.",
         )
+    # a warp wants to know systems, also where it stays within an unknown one
+    system, target = (_ANY if one is None else one for one in (system, target))
     with gdal_errors(name):
         warped = WarpedVRT(
             file,
+            src_crs=system,
             crs=target,
             resampling=Resampling.bilinear,
             dtype="float64",
@@ -254,7 +288,7 @@ def _reproject(name: str, file: Any, crs: CrsValue | CRS, nodata: float | None) 
         size = f"{warped.width:,} × {warped.height:,}"
         warped.close()
         raise ReadError(
-            f"{name}: its {file.width:,} × {file.height:,} pixels would become {size} in {crs}.",
+            f"{name}: its {file.width:,} × {file.height:,} pixels would become {size}.",
             "Check its place and its reference system with gdalinfo.",
         )
     return warped

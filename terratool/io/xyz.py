@@ -36,6 +36,8 @@ _HEAD = 1 << 14
 _SEEN = 20
 """Lines of which each has to be numbers, for a text to be one of points."""
 _MOST_COLUMNS = 64
+_FOLDER = "terratool-points-"
+"""Begin of the names of temporary folders, which no other module uses."""
 _DESCRIPTION = ".aux.xml"
 _COMMENTS = (b"#", b"//", b"%")
 _AXES = (
@@ -334,7 +336,7 @@ def as_raster(path: Path, layout: XyzLayout) -> Iterator[Path]:
     if grid is None:
         raise cloud(path)
     empty = float(np.iinfo(np.int32).min) if grid.whole else math.nan
-    with tempfile.TemporaryDirectory(prefix="terratool-") as folder:
+    with tempfile.TemporaryDirectory(prefix=_FOLDER) as folder:
         raster = Path(folder, "grid.tif")
         with tempfile.TemporaryFile(dir=folder) as file:
             heights = _heights_of(path, grid, points, file, empty)
@@ -344,6 +346,11 @@ def as_raster(path: Path, layout: XyzLayout) -> Iterator[Path]:
             with open_file(beside) as description:
                 raster.with_name(f"{raster.name}{_DESCRIPTION}").write_bytes(description.read())
         yield raster
+
+
+def made_of_points(file: Any) -> bool:
+    """Return whether an open rasterio dataset is one that `as_raster` made."""
+    return Path(file.name).parent.name.startswith(_FOLDER)
 
 
 def _write(raster: Path, grid: PointGrid, heights: NDArray[Any], empty: float) -> None:
