@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from terratool.importing.terrain.request import ImportReport
 
 # equal to the names in terratool.importing.terrain.methods, which is not imported for --help
+_WORK = "reading and writing"
 _METHODS = ("rows", "columns", "nodal-rows", "nodal-columns", "hats")
 
 
@@ -139,8 +140,16 @@ def command(source: str, output: str, overwrite: bool, as_json: bool, **values: 
         for written in outputs_of(output, options, heights.grid):
             _refuse_same(written, source, surfaces)
         pixels = heights.grid.rows * heights.grid.columns
-        with StatusLine("reading and writing", 2 * pixels) as progress:
-            report = import_terrain(heights, output, options, overwrite, progress)
+        with StatusLine(_WORK, 2 * pixels) as progress:
+
+            def searching(found: int | None) -> None:
+                if found is None:
+                    progress.say(_WORK, 2 * pixels)
+                    progress(pixels)
+                else:
+                    progress.say(f"looking for boxes, {found:,} found")
+
+            report = import_terrain(heights, output, options, overwrite, progress, searching)
     if as_json:
         say_json(_document(report, output))
         return

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -30,22 +27,14 @@ SIDES = {4: 3, 3: 2, 2: 3, 1: 3}
 EVEN = 0.3
 """Largest error of the jump along a wall, in heights of the box, where corners do not suffice."""
 
+_SPIKE, _CANDIDATE, _WALLS = 60.0, 0.5, 40.0
+"""Work of a spike, of each cell that is tried at it, and of looking at the walls of one."""
+
+_SIGNS = np.array([[1.0], [-1.0], [-1.0], [1.0]])
+"""Signs of the differences at the corners of a box that is 1 high."""
+
 CLOSE = 1e-3
 """Largest difference of heights that count as equal, in steps of a ramp."""
-
-
-class PixelRectangle(NamedTuple):
-    """Pixels from rows `south` to before `north` and columns `west` to before `east`."""
-
-    south: int
-    north: int
-    west: int
-    east: int
-
-    @property
-    def area(self) -> int:
-        """Number of pixels."""
-        return (self.north - self.south) * (self.east - self.west)
 
 
 def find_boxes(
@@ -65,6 +54,9 @@ def find_boxes(
     for wanted in range(4, least_corners - 1, -1):
         failures = 0
         for row, column in _spikes(residual, max(4.0 * noise, height)):
+            if residual.work.over:
+                return found
+            residual.work.spend(1, _SPIKE)
             value = residual.mixed[row, column]
             if abs(value) <= max(4.0 * noise, height) or not _sticks_out(residual, row, column):
                 continue
@@ -77,6 +69,7 @@ def find_boxes(
                     break
                 continue
             residual.subtract(box)
+            residual.work.tell()
             found.append(box)
             failures = 0
     return found
@@ -112,30 +105,86 @@ def _best(
     residual: Residual, row: int, column: int, noise: float, wanted: int, sides: int
 ) -> PixelPart | None:
     """Return the smallest box with a corner at a gap that explains `wanted` corners, or None."""
-    cells = _cells(residual, row, column, noise, wanted)
-    for cell in sorted(cells, key=lambda cell: cell.area):
-        box = _box(residual, row, column, cell)
-        cleaned, corners = _count_cleared(residual, box, noise)
-        if cleaned < min(wanted, corners) or (corners < wanted and wanted > 2):
-            continue
+    value = float(residual.mixed[row, column])
+    ends = _far_corners(residual, row, column, noise, wanted)
+    residual.work.spend(len(ends), _CANDIDATE)
+    if not len(ends):
+        return None
+    cells = _Cells(residual, (row, column), ends, value)
+    cleared, corners = cells.count_cleared(noise)
+    fits = cleared >= np.minimum(wanted, corners)
+    if wanted > 2:
+        fits &= corners >= wanted
+    order = np.flatnonzero(fits)
+    for at in order[np.argsort(cells.areas[order], kind="stable")].tolist():
+        if residual.work.over:
+            return None
+        box = cells.box(at)
         if _has_walls(residual, box, sides):
             return box
     return None
 
 
-def _box(residual: Residual, row: int, column: int, cell: PixelRectangle) -> PixelPart:
-    """Return a box on whole pixels, as high as the difference at its corner."""
-    value = float(residual.mixed[row, column])
-    sign = (1.0 if row + 1 == cell.south else -1.0) * (1.0 if column + 1 == cell.west else -1.0)
-    x = Axis(kernels.FLAT, 2 * cell.west, 2 * cell.east)
-    y = Axis(kernels.FLAT, 2 * cell.south, 2 * cell.north)
-    return PixelPart(x, y, sign * value)
+class _Cells:
+    """Cells of boxes that have one corner in common, and are as high as the difference there.
+
+    Args:
+        residual: heights and their differences.
+        corner: row and column of the common gap.
+        ends: (n, 2) int64, rows and columns of the gaps at the opposite corners.
+        value: mixed difference at the common gap.
+
+    Attributes:
+        areas: (n,) int64, numbers of pixels.
+    """
+
+    def __init__(
+        self, residual: Residual, corner: tuple[int, int], ends: NDArray[np.int64], value: float
+    ) -> None:
+        own = np.array(corner)
+        self._residual = residual
+        self._low, self._high = np.minimum(ends, own), np.maximum(ends, own)
+        self.areas = np.prod(self._high - self._low, axis=1)
+        # a difference is positive in the south-west and in the north-east
+        self._scales = np.prod(np.where(own == self._low, 1.0, -1.0), axis=1) * value
+
+    def box(self, at: int) -> PixelPart:
+        """Return a box on whole pixels."""
+        (south, west), (north, east) = (2 * (ends[at] + 1) for ends in (self._low, self._high))
+        x = Axis(kernels.FLAT, int(west), int(east))
+        y = Axis(kernels.FLAT, int(south), int(north))
+        return PixelPart(x, y, float(self._scales[at]))
+
+    def count_cleared(self, noise: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Count corners that each box clears of a difference, minus twice those that it spoils.
+
+        Returns:
+            That count, and the number of corners within the DEM.
+        """
+        mixed, known = self._residual.mixed, self._residual.known
+        near, low, high = 2.0 * noise, self._low, self._high
+        # all corners at once: south-west, south-east, north-west, north-east
+        rows = np.array([low[:, 0], low[:, 0], high[:, 0], high[:, 0]])
+        columns = np.array([low[:, 1], high[:, 1], low[:, 1], high[:, 1]])
+        inside = (rows >= 0) & (rows < mixed.shape[0])
+        inside &= (columns >= 0) & (columns < mixed.shape[1])
+        rows[~inside] = columns[~inside] = 0
+        inside &= known[rows, columns]
+        before = mixed[rows, columns]
+        after_is_near = np.abs(before - _SIGNS * self._scales) <= near
+        before_is_near = np.abs(before) <= near
+        cleared = (inside & after_is_near & ~before_is_near).sum(axis=0)
+        spoiled = (inside & before_is_near & ~after_is_near).sum(axis=0)
+        return cleared - 2 * spoiled, inside.sum(axis=0)
 
 
-def _cells(
+def _far_corners(
     residual: Residual, row: int, column: int, noise: float, wanted: int
-) -> Iterator[PixelRectangle]:
-    """Yield the cells that may have a corner at a gap."""
+) -> NDArray[np.int64]:
+    """Return the gaps, (n, 2) int64, at which a box may have the corner opposite to one at a gap.
+
+    Rows and columns of −1, and beyond the last gap, are the border of the DEM.
+    """
     mixed = residual.mixed
     value = mixed[row, column]
     near = 2.0 * noise
@@ -162,39 +211,14 @@ def _cells(
         pairs.update({(j, i): None for j in (-1, mixed.shape[0]) for i in columns})
     if wanted == 1:
         pairs.update({(j, i): None for j in (-1, mixed.shape[0]) for i in (-1, mixed.shape[1])})
-    for j, i in pairs:
-        if j != row and i != column:
-            south, north = sorted((row, j))
-            west, east = sorted((column, i))
-            yield PixelRectangle(south + 1, north + 1, west + 1, east + 1)
+    found = [pair for pair in pairs if pair[0] != row and pair[1] != column]
+    return np.array(found, np.int64).reshape(-1, 2)
 
 
 def _nearest(hits: NDArray[np.bool_], place: int) -> list[int]:
     found = np.flatnonzero(hits)
     order = np.argsort(np.abs(found - place), kind="stable")[:NEAREST]
     return [one for one in found[order].tolist() if one != place]
-
-
-def _count_cleared(residual: Residual, box: PixelPart, noise: float) -> tuple[int, int]:
-    """Count corners of a box that it clears of a difference, minus twice those that it spoils.
-
-    Returns:
-        That count, and the number of corners within the DEM.
-    """
-    mixed = residual.mixed
-    cleaned = corners = 0
-    for j, rise_y in ((box.y.first - 1, 1.0), (box.y.stop - 1, -1.0)):
-        for i, rise_x in ((box.x.first - 1, 1.0), (box.x.stop - 1, -1.0)):
-            if not (0 <= j < mixed.shape[0] and 0 <= i < mixed.shape[1]):
-                continue
-            if not residual.known[j, i]:
-                continue
-            before = float(mixed[j, i])
-            after = before - box.scale * rise_y * rise_x
-            corners += 1
-            cleaned += int(abs(after) <= 2.0 * noise < abs(before))
-            cleaned -= 2 * int(abs(before) <= 2.0 * noise < abs(after))
-    return cleaned, corners
 
 
 def jumps(residual: Residual, box: PixelPart) -> list[Floats]:
@@ -215,6 +239,7 @@ def jumps(residual: Residual, box: PixelPart) -> list[Floats]:
 
 def _has_walls(residual: Residual, box: PixelPart, sides_wanted: int) -> bool:
     """Tell whether a box has walls of its height on `sides_wanted` sides, or on all in the DEM."""
+    residual.work.spend(1, _WALLS)
     sides = [side for side in jumps(residual, box) if len(side)]
     good = [abs(_median(side) - box.scale) <= EVEN * abs(box.scale) for side in sides]
     return bool(good) and sum(good) >= min(len(good), sides_wanted)

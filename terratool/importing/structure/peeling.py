@@ -50,6 +50,9 @@ GAIN = 0.15
 
 PARTNERS = 6
 
+_PIVOT = 400.0
+"""Work of a guess at a pivot."""
+
 
 @dataclass(frozen=True, slots=True)
 class AxisProfile:
@@ -239,6 +242,8 @@ def _pass(
     failures = 0
     patience = PATIENCE if is_quiet(residual, limits.noise) else DOUBT
     for pivot in _pivots(residual, reach, 4.0 * limits.noise):
+        if residual.work.over:
+            break
         row, column = pivot
         # do not retry a guess while the differences along its lines are the same
         state = float(residual.mixed[row].sum() + residual.mixed[:, column].sum())
@@ -247,10 +252,12 @@ def _pass(
             continue
         if kernels.least_size(residual.mixed, row, column, *reach) <= 4.0 * limits.noise:
             continue  # explained by another part meanwhile
+        residual.work.spend(1.0, _PIVOT)
         tried = (_scale_guess(residual, part, limits) for part in guess(residual, pivot, limits))
         part = next((part for part in tried if part is not None), None)
         if part is not None:
             residual.subtract(part)
+            residual.work.tell()
             found.append(part)
             failures, patience = 0, PATIENCE
         else:

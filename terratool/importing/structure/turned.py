@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from terratool.importing.structure.residual import Floats, Residual, ResidualLimits
+from terratool.importing.structure.residual import Floats, Residual, ResidualLimits, SearchWork
 from terratool.importing.structure.structures import (
     KNOWN,
     VECTOR,
@@ -33,6 +33,9 @@ LARGEST = 400
 """Most pixels to a side of an island."""
 
 RING = 3
+
+_ISLAND, _BOX, _DISC = 300.0, 8.0, 3.0
+"""Work of an island, and, for each of its pixels, of a search for a turned box and a profile."""
 
 LEVEL = 0.97
 """Least share of an island's pixels that are level, at one of two heights."""
@@ -102,6 +105,7 @@ def islands(residual: Residual, noise: float, block: int) -> Iterator[Island]:
             rectangles.append((south, west, north, east))
     rectangles.sort(key=lambda one: (-(one[2] - one[0]) * (one[3] - one[1]), one))
     for rectangle in rectangles[:MOST]:
+        residual.work.spend(1.0, _ISLAND)
         island = _island(residual, *rectangle)
         if island is not None:
             yield island
@@ -151,7 +155,9 @@ def _island(residual: Residual, south: int, west: int, north: int, east: int) ->
     return Island(south, west, inner, around, south - low[0], west - low[1], off)
 
 
-def turned_box_of(island: Island, limits: ResidualLimits) -> tuple[Structure, Floats] | None:
+def turned_box_of(
+    island: Island, limits: ResidualLimits, work: SearchWork
+) -> tuple[Structure, Floats] | None:
     """Return the turned box that an island is, with its heights in the window around, or None."""
     exact = 4.0 * limits.noise + 2.0 * island.off
     inner = island.heights[np.isfinite(island.heights)]
@@ -171,6 +177,7 @@ def turned_box_of(island: Island, limits: ResidualLimits) -> tuple[Structure, Fl
     height, width = island.heights.shape
     dx = np.arange(heights.shape[1]) + 0.5 - island.west - width / 2
     dy = (np.arange(heights.shape[0]) + 0.5 - island.south - height / 2)[:, None]
+    work.spend(heights.size, _BOX)
     found = _search(covered, dx, dy, width, height)
     if found is None:
         return None
@@ -264,7 +271,9 @@ def _covers(angle: float, width: int, height: int, dx: Floats, dy: Floats) -> ND
     return covers
 
 
-def disc_of(island: Island, limits: ResidualLimits, loose: bool) -> tuple[Structure, Floats] | None:
+def disc_of(
+    island: Island, limits: ResidualLimits, loose: bool, work: SearchWork
+) -> tuple[Structure, Floats] | None:
     """Return the turned profile that an island is, with its heights in the window around, or None.
 
     Args:
@@ -272,10 +281,12 @@ def disc_of(island: Island, limits: ResidualLimits, loose: bool) -> tuple[Struct
         limits: limits of the profile's height and noise.
         loose: whether the error of a profile without a name may be a quarter of the least height,
             rather than that of one with a name.
+        work: work that the search may do.
     """
     exact = 4.0 * limits.noise + 2.0 * island.off
     if exact > 0.25 * limits.height:
         return None
+    work.spend(island.around.size, _DISC)
     best = _Disc(math.inf)
     for grow_y in range(REACH + 1):
         for grow_x in range(REACH + 1):

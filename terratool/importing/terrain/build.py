@@ -18,6 +18,7 @@ from terratool.cluster import Crew, crew_of
 from terratool.errors import ReadError, RequestError
 from terratool.importing.rasters import ClassRaster, open_classes
 from terratool.importing.structure.finding import find_structures
+from terratool.importing.structure.residual import SearchWork
 from terratool.importing.structure.structures import (
     MOST_PIXELS,
     Structure,
@@ -46,6 +47,7 @@ from terratool.importing.terrain.request import (
     ImportOptions,
     ImportReport,
     Progress,
+    Searching,
     add_ground,
     fill_gaps,
     head_of,
@@ -127,6 +129,7 @@ def import_terrain(
     options: ImportOptions,
     overwrite: bool = False,
     progress: Progress | None = None,
+    searching: Searching | None = None,
 ) -> ImportReport:
     """Write a definition whose surface is within an error of a DEM, bilinear between its pixels.
 
@@ -136,6 +139,8 @@ def import_terrain(
         options: options of the import.
         overwrite: whether the file may exist already.
         progress: gets numbers of pixels done; they add up to twice the DEM.
+        searching: gets the number of structures found, while these are looked for, and None at the
+            end.
 
     Raises:
         ReadError: the source is broken, has no height, or is too small or large.
@@ -153,7 +158,7 @@ def import_terrain(
     refuse_existing(output, overwrite)
     with stop_on_signals(), crew_of(options.dask, 0, processors()) as crew:
         summary = summarise_source(source, options, work)
-        plan = _plan_import(source, summary, options, crew)
+        plan = _plan_import(source, summary, options, crew, searching)
         job = _WritingJob(source, output, summary, options, overwrite, work, crew)
         try:
             return job.write(plan)
@@ -280,7 +285,11 @@ def _surface(raster: ClassRaster | None, number: int) -> tuple[str, dict[str, An
 
 
 def _plan_import(
-    source: HeightSource, summary: SourceSummary, options: ImportOptions, crew: Crew
+    source: HeightSource,
+    summary: SourceSummary,
+    options: ImportOptions,
+    crew: Crew,
+    searching: Searching | None = None,
 ) -> _WritingPlan:
     """Decide whether structures are subtracted, and which method makes the smallest file."""
     highest = max(abs(summary.low), abs(summary.high))
@@ -296,7 +305,7 @@ def _plan_import(
     whole = without(_FoundStructures(), heights, summary.low)
     if heights is None or not options.searches(source.grid):
         return whole
-    found = _find(heights, options)
+    found = _find(heights, options, searching)
     if found.heights is None:
         return whole
     rest = heights - found.heights
@@ -335,9 +344,16 @@ def _samples(source: HeightSource, heights: Floats | None) -> list[Floats]:
     return squares
 
 
-def _find(heights: Floats, options: ImportOptions) -> _FoundStructures:
+def _find(
+    heights: Floats, options: ImportOptions, searching: Searching | None
+) -> _FoundStructures:
     """Find the structures of a DEM, (rows, columns), row 0 the southernmost, NaN where unknown."""
-    structures = find_structures(heights, options.max_error, options.walls)
+    if searching is not None:
+        searching(0)
+    work = SearchWork.beside_rows(heights.size, searching)
+    structures = find_structures(heights, options.max_error, options.walls, work)
+    if searching is not None:
+        searching(None)
     if options.pixels:
         structures = tuple(one for one in structures if _has_whole_pixels(one))
     if not structures:

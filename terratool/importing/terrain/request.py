@@ -39,6 +39,8 @@ NO_GROUND = "void"
 
 Floats = NDArray[np.float64]
 Progress = Callable[[int], object]
+Searching = Callable[[int | None], object]
+"""Gets the number of structures found so far; None when they are not looked for any more."""
 
 
 @dataclass(frozen=True, slots=True)
