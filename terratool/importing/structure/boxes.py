@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import product
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -27,8 +29,9 @@ SIDES = {4: 3, 3: 2, 2: 3, 1: 3}
 EVEN = 0.3
 """Largest error of the jump along a wall, in heights of the box, where corners do not suffice."""
 
-_SPIKE, _CANDIDATE, _WALLS = 60.0, 0.5, 40.0
-"""Work of a spike, of each cell that is tried at it, and of looking at the walls of one."""
+_PLACE, _SPIKE, _CANDIDATE, _WALLS = 1.0, 60.0, 0.5, 40.0
+"""Work of a difference, of a spike among these, of each cell that is tried at it, and of looking at
+the walls of one."""
 
 _SIGNS = np.array([[1.0], [-1.0], [-1.0], [1.0]])
 """Signs of the differences at the corners of a box that is 1 high."""
@@ -50,16 +53,22 @@ def find_boxes(
             of their height on all sides, unlike the stairs of a turned edge.
     """
     found: list[PixelPart] = []
+    least, work = max(4.0 * noise, height), residual.work
     # boxes with more open corners first; without them other corners are open
     for wanted in range(4, least_corners - 1, -1):
         failures = 0
-        for row, column in _spikes(residual, max(4.0 * noise, height)):
-            if residual.work.over:
+        changed: set[tuple[int, int]] = set()
+        places = _spikes(residual, least)
+        for (row, column), stood_out in zip(places, _stand_out(residual, places), strict=True):
+            if work.over:
                 return found
-            residual.work.spend(1, _SPIKE)
+            work.spend(1.0, _PLACE)
             value = residual.mixed[row, column]
-            if abs(value) <= max(4.0 * noise, height) or not _sticks_out(residual, row, column):
+            if (row, column) in changed:
+                stood_out = bool(_stand_out(residual, [(row, column)])[0])
+            if abs(value) <= least or not stood_out:
                 continue
+            work.spend(1.0, _SPIKE)
             box = _best(
                 residual, row, column, noise, wanted, SIDES[wanted] if least_corners < 4 else 4
             )
@@ -69,10 +78,18 @@ def find_boxes(
                     break
                 continue
             residual.subtract(box)
-            residual.work.tell()
+            work.tell()
             found.append(box)
             failures = 0
+            changed |= _around(box)
     return found
+
+
+def _around(box: PixelPart) -> set[tuple[int, int]]:
+    """Gaps at the corners of a box, and beside these."""
+    rows, columns = ((axis.first - 1, axis.stop - 1) for axis in (box.y, box.x))
+    near = (-1, 0, 1)
+    return {(j + dj, i + di) for j in rows for i in columns for dj in near for di in near}
 
 
 def _spikes(residual: Residual, least: float) -> list[tuple[int, int]]:
@@ -86,19 +103,33 @@ def _spikes(residual: Residual, least: float) -> list[tuple[int, int]]:
     return list(zip((places // columns).tolist(), (places % columns).tolist(), strict=True))
 
 
-def _sticks_out(residual: Residual, row: int, column: int) -> bool:
-    """Tell whether a difference is much larger than those around it, unlike a part of a curve.
+def _stand_out(residual: Residual, places: list[tuple[int, int]]) -> NDArray[np.bool_]:
+    """Tell which differences are much larger than those around them, unlike a part of a curve.
 
     The next corner of a box that is one pixel wide has the opposite sign.
+
+    Args:
+        residual: heights and their differences.
+        places: rows and columns of n gaps.
+
+    Returns:
+        (n,) bool.
     """
-    value = residual.mixed[row, column]
-    south, west = max(0, row - 1), max(0, column - 1)
-    around = residual.mixed[south : row + 2, west : column + 2]
-    large = np.abs(around) * STICKS_OUT > abs(value)
-    across = (np.add.outer(np.arange(around.shape[0]), np.arange(around.shape[1]))) % 2
-    # gaps at odd distances from the spike
-    odd = across != (row - south + column - west) % 2
-    return bool((around[large & odd] * value < 0.0).all() and np.count_nonzero(large) <= 4)
+    mixed = residual.mixed
+    rows, columns = np.array(places, np.int64).reshape(-1, 2).T
+    values = mixed[rows, columns]
+    alone, large = np.ones(len(values), np.bool_), np.ones(len(values), np.int64)
+    for dj, di in product((-1, 0, 1), repeat=2):
+        if dj == di == 0:
+            continue
+        j, i = rows + dj, columns + di
+        inside = (j >= 0) & (j < mixed.shape[0]) & (i >= 0) & (i < mixed.shape[1])
+        beside = np.where(inside, mixed[np.where(inside, j, 0), np.where(inside, i, 0)], 0.0)
+        is_large = np.abs(beside) * STICKS_OUT > np.abs(values)
+        large += is_large
+        if (dj + di) % 2:
+            alone &= ~is_large | (beside * values < 0.0)
+    return alone & (large <= 4)
 
 
 def _best(
