@@ -133,7 +133,12 @@ def command(source: str, output: str, overwrite: bool, as_json: bool, **values: 
     chosen = options_of(values)
     surfaces = values["surfaces"]
     _refuse_same(Path(output), source, surfaces)
-    options = ImportOptions(title=Path(source).name, allow_remote=chosen.allow_remote, **values)
+    options = ImportOptions(
+        title=Path(source).name,
+        allow_vrt=chosen.allow_vrt,
+        allow_remote=chosen.allow_remote,
+        **values,
+    )
     with contextlib.ExitStack() as stack:
         with StatusLine(f"reading {short_name(source)}"):
             heights = stack.enter_context(open_source(source, chosen))

@@ -176,7 +176,10 @@ def open_raster(name: str, options: SourceOptions) -> Iterator[RasterHeights]:
     """
     cache: dict[str, Any] = {"GDAL_CACHEMAX": _CACHE_BYTES, "AAIGRID_DATATYPE": "Float64"}
     with contextlib.ExitStack() as stack:
-        file = stack.enter_context(open_local(name, allow_remote=options.allow_remote, **cache))
+        opened = open_local(
+            name, allow_remote=options.allow_remote, allow_vrt=options.allow_vrt, **cache
+        )
+        file = stack.enter_context(opened)
         about: list[str] = []
         with gdal_errors(name):
             band = _band(name, file, options.band)
@@ -452,14 +455,16 @@ def _indices(
 
 
 @contextlib.contextmanager
-def open_classes(name: str, grid: PixelGrid, allow_remote: bool = False) -> Iterator[ClassRaster]:
+def open_classes(
+    name: str, grid: PixelGrid, allow_remote: bool = False, allow_vrt: bool = False
+) -> Iterator[ClassRaster]:
     """Open a raster of classes for the pixels of a grid, reprojected if necessary.
 
     Raises:
         ReadError: the file cannot be read, or holds no whole numbers.
     """
     with contextlib.ExitStack() as stack:
-        file = stack.enter_context(open_local(name, allow_remote=allow_remote))
+        file = stack.enter_context(open_local(name, allow_remote=allow_remote, allow_vrt=allow_vrt))
         with gdal_errors(name):
             if file.count != 1 or np.dtype(file.dtypes[0]).kind not in "iu":
                 raise ReadError(

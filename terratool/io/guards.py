@@ -53,6 +53,7 @@ STORE_ALL = (
 _CUT_SHORT = "It may be cut short: fetch it again, or write it again with all of its pixels."
 UNPACK = "If it is right, unpack the archive and name the raster itself."
 
+_with_driver = re.compile(r"vrt://(.*)\?if=\w+")
 _systems = re.compile(r"/vsi[a-z0-9]+/\{?(?:/?vsi[a-z0-9]+/\{?)*").match
 
 
@@ -77,7 +78,7 @@ def refuse_claims(name: str, file: Any, placed: bool = True) -> None:
     size = size_on_disk(file)
     if size is None:  # on the net
         return
-    archived = not any(Path(part).is_file() for part in file.files)
+    archived = not any(Path(part).is_file() for part in _parts(file))
     if file.driver == "netCDF" and not archived:
         with open_file(file.files[0]) as begin:
             needed = classic_bytes(begin)
@@ -97,8 +98,13 @@ def refuse_claims(name: str, file: Any, placed: bool = True) -> None:
 
 def size_on_disk(file: Any) -> int | None:
     """Bytes of all local files of an open rasterio dataset; None for a remote one."""
-    parts = set(filter(None, map(on_disk, file.files)))
+    parts = set(filter(None, map(on_disk, _parts(file))))
     return sum(part.stat().st_size for part in parts) if parts else None
+
+
+def _parts(file: Any) -> list[str]:
+    """Names of the files of an open rasterio dataset, without the drivers that a VRT names."""
+    return [_with_driver.sub(r"\1", name) for name in file.files]
 
 
 def transform_of(file: Any) -> Affine:

@@ -227,7 +227,7 @@ def summarise_source(
     with ExitStack() as stack:
         raster = None
         if options.surfaces is not None:
-            classes = open_classes(options.surfaces, grid, options.allow_remote)
+            classes = open_classes(options.surfaces, grid, options.allow_remote, options.allow_vrt)
             raster = stack.enter_context(classes)
         if grid.rows * grid.columns <= MOST_IN_MEMORY:
             summary.heights = np.empty((grid.rows, grid.columns))
