@@ -13,6 +13,7 @@ import re
 import tempfile
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
@@ -135,7 +136,7 @@ def layout_of(path: Path) -> XyzLayout | None:
         # GDAL and others write the names of columns behind the sign of a comment
         header = line.strip() if not _is_comment(line) or _names_axes(line) else header
     some = [line for line in lines if not _is_comment(line)][:_SEEN]
-    if not some or b"\0" in head:
+    if len(some) < 2 or b"\0" in head:
         return None
     layout = _layout_by(some, begin, header)
     if layout is None or not all(_is_point(line, layout) for line in some):
@@ -271,13 +272,11 @@ def find_grid(batches: Iterable[Points]) -> PointGrid | None:
             return None
     if count < 2:
         return None
-    x, y = _spacing(axes[0]), _spacing(axes[1])
-    if x is None or y is None or x.count * y.count * FILLED > count:
-        return None
-    dx, dy = x.step or y.step, y.step or x.step
-    if not dx:
-        return None
-    return PointGrid(x.first, y.first, dx, dy, x.count, y.count, whole)
+    for x, y in product(_spacings(axes[0]), _spacings(axes[1])):
+        dx, dy = x.step or y.step, y.step or x.step
+        if dx and x.count * y.count * FILLED <= count:
+            return PointGrid(x.first, y.first, dx, dy, x.count, y.count, whole)
+    return None
 
 
 class _Spacing(NamedTuple):
@@ -294,24 +293,28 @@ class _Spacing(NamedTuple):
     count: int
 
 
-def _spacing(places: NDArray[np.float64]) -> _Spacing | None:
-    """Equal steps that hold all coordinates, which are sorted; None without such steps."""
+def _spacings(places: NDArray[np.float64]) -> Iterator[_Spacing]:
+    """Yield equal steps that hold all coordinates, which are sorted, the finest first.
+
+    Where digits were cut off, coordinates of one column may differ by the last one, so that steps
+    of that hold them, too.
+    """
+    if len(places) == 1:
+        yield _Spacing(float(places[0]), 0.0, 1)
     groups = places
     while len(groups) > 1:
         gaps = np.diff(groups)
         least = float(gaps.min())
         # coordinates that were rounded differ in their gaps, so that each gap is counted by itself
         usual = float(np.median(gaps[gaps < 1.5 * least]))
-        steps = np.concatenate([[0.0], np.cumsum(np.rint(gaps / usual))])
-        step = _snapped((groups[-1] - groups[0]) / steps[-1], steps[-1], groups)
+        count = float(np.rint(gaps / usual).sum())
+        step = _snapped((groups[-1] - groups[0]) / count, count, groups)
         off = places - groups[0]
         if np.abs(off - np.rint(off / step) * step).max() <= _JITTER * step:
-            return _Spacing(float(groups[0]), step, int(steps[-1]) + 1)
+            yield _Spacing(float(groups[0]), step, int(count) + 1)
         # the least gaps may be noise of one coordinate
         apart = np.flatnonzero(gaps > 4.0 * least) + 1
         groups = groups[np.concatenate([[0], apart])]
-    spread = float(places[-1] - places[0])
-    return _Spacing(float(places[0]), 0.0, 1) if spread == 0.0 else None
 
 
 def _snapped(step: float, count: float, places: NDArray[np.float64]) -> float:
