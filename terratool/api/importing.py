@@ -44,7 +44,7 @@ from terratool.text.source import refuse_name
 
 AnyHeights = str | Path | ArrayLike | PlacedArray
 """Heights: path of a raster or a mesh, or an array, row 0 in the north."""
-_OF_ARRAYS = ("crs", "nodata", "allow_remote")
+_OF_ARRAYS = ("crs", "nodata", "allow_vrt", "allow_remote")
 """Options about a source that arrays have, too."""
 
 

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from terratool.importing.terrain.request import ImportReport
 
 # equal to the names in terratool.importing.terrain.methods, which is not imported for --help
+_WORK = "reading and writing"
 _METHODS = ("rows", "columns", "nodal-rows", "nodal-columns", "hats")
 
 
@@ -127,15 +128,28 @@ def command(source: str, output: str, overwrite: bool, as_json: bool, **values: 
     chosen = options_of(values)
     surfaces = values["surfaces"]
     _refuse_same(Path(output), source, surfaces)
-    options = ImportOptions(title=Path(source).name, allow_remote=chosen.allow_remote, **values)
+    options = ImportOptions(
+        title=Path(source).name,
+        allow_vrt=chosen.allow_vrt,
+        allow_remote=chosen.allow_remote,
+        **values,
+    )
     with contextlib.ExitStack() as stack:
         with StatusLine(f"reading {short_name(source)}"):
             heights = stack.enter_context(open_source(source, chosen))
         for written in outputs_of(output, options, heights.grid):
             _refuse_same(written, source, surfaces)
         pixels = heights.grid.rows * heights.grid.columns
-        with StatusLine("reading and writing", 2 * pixels) as progress:
-            report = import_terrain(heights, output, options, overwrite, progress)
+        with StatusLine(_WORK, 2 * pixels) as progress:
+
+            def searching(found: int | None) -> None:
+                if found is None:
+                    progress.say(_WORK, 2 * pixels)
+                    progress(pixels)
+                else:
+                    progress.say(f"looking for boxes, {found:,} found")
+
+            report = import_terrain(heights, output, options, overwrite, progress, searching)
     if as_json:
         say_json(_document(report, output))
         return

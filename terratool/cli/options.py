@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 _Command = TypeVar("_Command", bound=Callable[..., Any])
 _NAMES = (
     "bounds", "window", "band", "crs", "nodata", "size", "height_range", "encoding",
-    "source_units", "units", "source_crs", "resolution", "up", "scale", "allow_remote",
+    "source_units", "units", "source_crs", "resolution", "up", "scale", "allow_vrt", "allow_remote",
 )  # fmt: skip
 
 
@@ -309,9 +309,10 @@ _reading_of_source = option_group(
         "--scale", type=float, default=1.0, metavar="F",
         help="Factor on the coordinates of a mesh, as 0.001 for millimetres.",
     ),
+    click.option("--allow-vrt", is_flag=True, help="Let a VRT name files out of its folder."),
     click.option(
         "--allow-remote", is_flag=True,
-        help="Let a raster lie on the net, or lead out of its folder.",
+        help="Let a raster lie on the net, or lead anywhere.",
     ),
 )  # fmt: skip
 _unsaid_of_source = option_group(

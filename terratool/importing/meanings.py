@@ -19,6 +19,7 @@ from terratool.io.crs import crs_in_metres, read_crs, shown_crs, vertical_unit
 from terratool.io.guards import is_placed
 from terratool.io.opening import gdal_errors, refuse_band
 from terratool.io.units import METRE, LengthUnit, length_named, length_of, unit_text
+from terratool.report.wording import count_of
 
 UNKNOWN_UNIT = "The unit of the heights is not known: add --source-units, as ft, to say it."
 
@@ -26,6 +27,8 @@ _PICTURES = frozenset(["BMP", "GIF", "JPEG", "PNG", "PNM", "SGI", "WEBP"])
 """Drivers of files that are pictures, whatever they show."""
 _WHOLE_RANGE = 2
 """Most bytes of whole numbers whose whole range counts for --height-range."""
+_MOST_NAMED = 9
+"""Most bands or variables that a message names."""
 _STRIP = 1 << 22
 """Pixels that are read at a time to find their range."""
 
@@ -95,10 +98,14 @@ def bands_of(name: str, file: Any, band: int | None, encoding: str | None) -> Pi
         RequestError: there are several bands, or not the one that is named.
     """
     if file.count == 0:
-        inner = ", ".join(file.subdatasets[:5])
+        inner = file.subdatasets
+        if not inner:
+            raise ReadError(f"{name}: has no band of its own.", "Name a raster of heights.")
+        what = "variable" if file.driver == "netCDF" else "raster"
+        known = ", ".join(one.rpartition(":")[2] for one in inner[:_MOST_NAMED])
         raise ReadError(
-            f"{name}: has no band of its own" + (f", but holds {inner}." if inner else "."),
-            "Name one of these." if inner else "Name a raster of heights.",
+            f"{name}: holds {count_of(len(inner), what)}: {known}.",
+            f"Name one of them, as {inner[0]}.",
         )
     if encoding is not None:
         return PixelBands(channels(name, file), ENCODINGS[encoding])
@@ -109,7 +116,7 @@ def bands_of(name: str, file: Any, band: int | None, encoding: str | None) -> Pi
         alpha = [kind is ColorInterp.alpha for kind in file.colorinterp]
         if alpha.count(False) > 1:
             raise RequestError(
-                f"{name}: has {file.count} bands{': ' if named else ''}{', '.join(named[:9])}.",
+                f"{name}: has {file.count} bands{': ' if named else ''}{', '.join(named[:_MOST_NAMED])}.",
                 "Choose one with --band.",
             )
         band = alpha.index(False) + 1

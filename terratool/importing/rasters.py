@@ -20,6 +20,7 @@ from rasterio.windows import Window
 
 from terratool.definition.crs import LOCAL, CrsValue, crs_problem
 from terratool.errors import ReadError, RequestError
+from terratool.importing.control import PlacedFile, control_of
 from terratool.importing.meanings import (
     UNKNOWN_UNIT,
     UNSCALED,
@@ -56,7 +57,8 @@ _MOST_WARPED = 16
 _ON_GRID = 1e-6
 _FINE = 0.25
 """Largest side of a pixel in degrees of rasters whose x and y are looked at for that."""
-
+_ANY = CRS.from_epsg(3857)
+"""Reference system from and to which a raster without one is warped, which changes nothing."""
 _MOST_CLASSES = 65536
 _MOST_READ = 1 << 24
 """Pixels of a class raster that are read at a time; it may be much finer than the DEM."""
@@ -209,30 +211,42 @@ def open_raster(name: str, options: SourceOptions) -> Iterator[RasterHeights]:
     """
     cache: dict[str, Any] = {"GDAL_CACHEMAX": _CACHE_BYTES, "AAIGRID_DATATYPE": "Float64"}
     with contextlib.ExitStack() as stack:
-        file = stack.enter_context(open_local(name, allow_remote=options.allow_remote, **cache))
+        opened = open_local(
+            name, allow_remote=options.allow_remote, allow_vrt=options.allow_vrt, **cache
+        )
+        file = stack.enter_context(opened)
         about: list[str] = []
         with gdal_errors(name):
             bands = bands_of(name, file, options.band, options.encoding)
-            crs = system_of(name, file, options.source_crs)
-            transform = transform_of(file)
+            control, placed = control_of(file), file
+            if control is not None:
+                about.append(control.sentence)
+                placed = PlacedFile(file, control.fitted, control.crs)
+            crs = system_of(name, placed, options.source_crs)
+            transform = transform_of(placed)
             if options.size is not None:
-                transform = _sized(name, file, options.size)
-            elif not is_placed(file):
+                transform = _sized(name, placed, options.size)
+            elif not is_placed(placed):
                 about.append(
                     "The raster does not say where it lies: a pixel is taken as 1 × 1, and "
                     "--size X Y gives it another size."
                 )
-            scale = scale_of(name, file, bands, options, about)
+            scale = scale_of(name, placed, bands, options, about)
             unit = height_unit(name, file, bands, crs, options.source_units)
             stated = StatedPlace(spell_crs(crs, []), unit)
             if options.crs is not None:
-                source_crs, file = crs, stack.enter_context(_reproject(name, file, crs, options))
+                source_crs, target = crs, _target(name, placed, crs, options.crs)
+                file = stack.enter_context(_warped(name, file, crs, target, options.nodata))
                 crs, transform = file.crs, transform_of(file)
                 about.append(f"Reprojected to {_shown(options.crs, crs)}, bilinearly.")
                 if not unit and not is_metric(source_crs):
                     about.append(UNKNOWN_UNIT)
-            placed = RasterPlace(transform, crs, unit, scale)
-            heights = _heights(name, file, bands, placed, stated, options, about)
+            elif control is not None and not control.upright:
+                file = stack.enter_context(_warped(name, file, crs, crs, options.nodata))
+                transform = file.transform
+                about.append("They turn or bend its pixels: resampled north up, bilinearly.")
+            place = RasterPlace(transform, crs, unit, scale)
+            heights = _heights(name, file, bands, place, stated, options, about)
         yield heights
 
 
@@ -255,8 +269,13 @@ def _sized(name: str, file: Any, size: tuple[float, float]) -> Affine:
     return Affine(size[0] / file.width, 0.0, 0.0, 0.0, -size[1] / file.height, size[1])
 
 
-def _reproject(name: str, file: Any, crs: CRS | None, options: SourceOptions) -> WarpedVRT:
-    nodata = options.nodata
+def _target(name: str, file: Any, crs: CRS | None, wanted: CrsValue | CRS) -> CRS:
+    """Return the reference system that a raster of the system `crs` is reprojected to.
+
+    Raises:
+        RequestError: the raster's is not known or reads a file, the raster has no place, or the
+            wanted one is of another celestial body.
+    """
     if crs is not None and crs_problem(crs.to_wkt()):
         raise RequestError(
             f"{name}: has a reference system that reads a file, so that it is not reprojected.",
@@ -272,24 +291,37 @@ def _reproject(name: str, file: Any, crs: CRS | None, options: SourceOptions) ->
             f"{name}: does not say where it lies, so that it cannot be reprojected.",
             "Leave out --crs, or give the file a place with gdal_edit.py -a_ullr.",
         )
+    if wanted == LOCAL:
+        a, b, c, d, e, f = transform_of(file)[:6]
+        column, row = file.width / 2, file.height / 2
+        target = local_crs(crs, a * column + b * row + c, d * column + e * row + f)
+    else:
+        target = read_crs(wanted)
+    refuse_other_body(name, crs, target, "--crs")
+    return target
+
+
+def _warped(
+    name: str, file: Any, system: CRS | None, target: CRS | None, nodata: float | None
+) -> WarpedVRT:
+    """Return a warp of a raster that is placed, or has control points, bilinearly.
+
+    Raises:
+        RequestError: two numbers stand for nodata.
+        ReadError: the warp has far more pixels than the raster.
+    """
     if nodata not in (None, file.nodata) and not math.isnan(file.nodata or math.nan):
         raise RequestError(
             f"{name}: its nodata is {file.nodata:g}, and only one number can be left out where "
             "pixels are resampled.",
             "Leave out --nodata or --crs, or change the file's with gdal_edit.py -a_nodata.",
         )
-    assert options.crs is not None
-    if options.crs == LOCAL:
-        a, b, c, d, e, f = transform_of(file)[:6]
-        column, row = file.width / 2, file.height / 2
-        target = local_crs(crs, a * column + b * row + c, d * column + e * row + f)
-    else:
-        target = read_crs(options.crs)
-    refuse_other_body(name, crs, target, "--crs")
+    # a warp wants to know systems, also where it stays within an unknown one
+    system, target = (_ANY if one is None else one for one in (system, target))
     with gdal_errors(name):
         warped = WarpedVRT(
             file,
-            src_crs=crs,
+            src_crs=system,
             crs=target,
             resampling=Resampling.bilinear,
             dtype="float64",
@@ -302,8 +334,7 @@ def _reproject(name: str, file: Any, crs: CRS | None, options: SourceOptions) ->
         size = f"{warped.width:,} × {warped.height:,}"
         warped.close()
         raise ReadError(
-            f"{name}: its {file.width:,} × {file.height:,} pixels would become {size} in "
-            f"{options.crs}.",
+            f"{name}: its {file.width:,} × {file.height:,} pixels would become {size}.",
             "Check its place and its reference system with gdalinfo.",
         )
     return warped
@@ -463,14 +494,16 @@ def _indices(
 
 
 @contextlib.contextmanager
-def open_classes(name: str, grid: PixelGrid, allow_remote: bool = False) -> Iterator[ClassRaster]:
+def open_classes(
+    name: str, grid: PixelGrid, allow_remote: bool = False, allow_vrt: bool = False
+) -> Iterator[ClassRaster]:
     """Open a raster of classes for the pixels of a grid, reprojected if necessary.
 
     Raises:
         ReadError: the file cannot be read, or holds no whole numbers.
     """
     with contextlib.ExitStack() as stack:
-        file = stack.enter_context(open_local(name, allow_remote=allow_remote))
+        file = stack.enter_context(open_local(name, allow_remote=allow_remote, allow_vrt=allow_vrt))
         with gdal_errors(name):
             if file.count != 1 or np.dtype(file.dtypes[0]).kind not in "iu":
                 raise ReadError(

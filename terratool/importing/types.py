@@ -227,7 +227,8 @@ class SourceOptions:
         resolution: side of a pixel when a mesh is sampled.
         up: axis of a mesh that points up, "y" or "z"; the usual one of its format if None.
         scale: factor on the coordinates of a mesh.
-        allow_remote: whether a raster may lie on the net, or link out of its folder.
+        allow_vrt: whether a VRT may be a mosaic of files out of its folder.
+        allow_remote: whether a raster may lie on the net, or lead anywhere; also a VRT.
     """
 
     bounds: Bounds | None = None
@@ -244,4 +245,5 @@ class SourceOptions:
     resolution: float | None = None
     up: str | None = None
     scale: float = 1.0
+    allow_vrt: bool = False
     allow_remote: bool = False

@@ -267,6 +267,7 @@ def _opened(path: str, overview: int | None = None) -> Iterator[Any]:
         ReadError: the file is no raster.
     """
     from terratool.io.opening import gdal_errors, open_local
+    from terratool.io.xyz import made_of_points
 
     with contextlib.ExitStack() as stack:
         try:
@@ -283,7 +284,7 @@ def _opened(path: str, overview: int | None = None) -> Iterator[Any]:
             opened = open_local(named, allow_remote=False, overview=overview, **_OWN_BYTES)
             with opened as file, gdal_errors(named):
                 own = [os.path.realpath(name) for name in file.files] == [path]
-                if file.driver == "VRT" or not own:
+                if file.driver == "VRT" or not (own or made_of_points(file)):
                     raise ReadError(
                         f"{path}: takes its numbers from other files.",
                         "Make a GeoTIFF of it with gdal_translate.",

@@ -11,11 +11,11 @@ import sys
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import rasterio
 from affine import Affine
 
 from terratool.errors import ReadError
+from terratool.io.netcdf import CLASSIC, classic_bytes
 from terratool.processes import limit_memory, python_calling
 from terratool.text.files import open_file
 
@@ -42,7 +42,6 @@ _INDEX_BYTES = 6
 _PROBED_PIXELS = 1 << 24
 _PROBE_BYTES = 400 << 20
 _PROBE_SECONDS = 60
-_CLASSIC = b"CDF"
 _PNG_END, _PNG_TAIL = b"IEND", 4096
 """Name of the last chunk of a PNG, and bytes at its end in which that is looked for."""
 _HDF5 = b"\x89HDF\r\n\x1a\n"
@@ -54,6 +53,7 @@ STORE_ALL = (
 _CUT_SHORT = "It may be cut short: fetch it again, or write it again with all of its pixels."
 UNPACK = "If it is right, unpack the archive and name the raster itself."
 
+_with_driver = re.compile(r"vrt://(.*)\?if=\w+")
 _systems = re.compile(r"/vsi[a-z0-9]+/\{?(?:/?vsi[a-z0-9]+/\{?)*").match
 
 
@@ -78,9 +78,16 @@ def refuse_claims(name: str, file: Any, placed: bool = True) -> None:
     size = size_on_disk(file)
     if size is None:  # on the net
         return
-    archived = not any(Path(part).is_file() for part in file.files)
+    archived = not any(Path(part).is_file() for part in _parts(file))
+    if file.driver == "netCDF" and not archived:
+        with open_file(file.files[0]) as begin:
+            needed = classic_bytes(begin)
+        if needed is not None and needed > size:
+            raise ReadError(
+                f"{name}: has {size:,} bytes, but its variables take {needed:,}.", _CUT_SHORT
+            )
     most, hint = _most_pixels(file, size, archived)
-    if file.width * file.height > most:
+    if file.count and file.width * file.height > most:  # without bands GDAL makes up a size
         raise claim(name, file.width, file.height, size, UNPACK if archived else hint)
     if file.driver == "PNG" and not archived:
         with open_file(file.files[0]) as png:
@@ -89,14 +96,15 @@ def refuse_claims(name: str, file: Any, placed: bool = True) -> None:
                 raise ReadError(f"{name}: has no end.", _CUT_SHORT)
 
 
-def _bytes_of(dtype: str) -> int:
-    return int(np.dtype(dtype).itemsize)
-
-
 def size_on_disk(file: Any) -> int | None:
     """Bytes of all local files of an open rasterio dataset; None for a remote one."""
-    parts = set(filter(None, map(on_disk, file.files)))
+    parts = set(filter(None, map(on_disk, _parts(file))))
     return sum(part.stat().st_size for part in parts) if parts else None
+
+
+def _parts(file: Any) -> list[str]:
+    """Names of the files of an open rasterio dataset, without the drivers that a VRT names."""
+    return [_with_driver.sub(r"\1", name) for name in file.files]
 
 
 def transform_of(file: Any) -> Affine:
@@ -153,8 +161,8 @@ def _most_pixels(file: Any, size: int, archived: bool) -> tuple[int, str]:
     most = max(HARMLESS, size * (RAW if raw else PACKED))
     if file.driver == "netCDF" and not archived:
         with open_file(file.files[0]) as begin:
-            if begin.read(8).startswith(_CLASSIC):  # it stores every number
-                return size // max(1, sum(map(_bytes_of, file.dtypes))), _CUT_SHORT
+            if begin.read(len(CLASSIC)) == CLASSIC:  # it stores every number
+                return size, _CUT_SHORT
     if file.driver == "GTiff":
         # blocks may be missing, but the index lists all; GDAL reads block by block
         rows, columns = file.block_shapes[0] if file.count else (1, 1)
@@ -184,7 +192,7 @@ def claim(name: str, width: int, height: int, size: int, hint: str) -> ReadError
 
 def is_netcdf(head: bytes) -> bool:
     """Return whether the first bytes of a file are those of netCDF or HDF5."""
-    return head.startswith((_CLASSIC, _HDF5)) or head[512:520] == _HDF5
+    return head.startswith((CLASSIC, _HDF5)) or head[512:520] == _HDF5
 
 
 def probe(name: str) -> None:

@@ -10,6 +10,7 @@ import warnings
 from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
 from typing import Any
+from xml.etree.ElementTree import tostring
 from xml.parsers.expat import ExpatError
 
 import rasterio
@@ -36,6 +37,7 @@ from terratool.io.guards import (
     refuse_claims,
     refuse_surfer_claims,
 )
+from terratool.io.xyz import XyzLayout, as_raster, layout_of, made_of_points
 from terratool.report.wording import count_of
 from terratool.text.files import is_regular, open_file
 
@@ -50,6 +52,9 @@ DRIVERS = (
 _LISTED = "AAIGrid"
 """Driver whose rows are read once in order, so that the first missing one raises: GDAL seeks a row
 by all before it, and repeats that for each missing row."""
+_GRIDDED = "XYZ"
+"""Driver that reads texts of points in archives and VRTs; it has no nodata for bytes from 0."""
+_TIFFS = "GTiff"
 _PROBED = "netCDF"
 _PLAIN_DRIVERS = tuple(driver for driver in DRIVERS if driver != _PROBED)
 _NETCDFS = (".nc", ".nc4", ".cdf")
@@ -120,13 +125,19 @@ _DOMAINS = (None, "", "IMAGE_STRUCTURE")
 
 @contextlib.contextmanager
 def open_local(
-    name: str, *, allow_remote: bool, overview: int | None = None, **environment: Any
+    name: str,
+    *,
+    allow_remote: bool,
+    allow_vrt: bool = False,
+    overview: int | None = None,
+    **environment: Any,
 ) -> Iterator[Any]:
     """Open a raster by rasterio for the block, after checks of its files and its size.
 
     Args:
         name: path, or another name that GDAL opens.
         allow_remote: whether the raster may lie on a network or refer to remote files.
+        allow_vrt: whether a VRT may be a mosaic of files out of its folder, on this machine.
         overview: index of the overview to open in place of the raster, from 0.
         environment: GDAL configuration options.
 
@@ -142,7 +153,7 @@ def open_local(
     # with several threads GDAL only prints errors of JPEG 2000 tiles, and reads on
     environment["GDAL_NUM_THREADS"] = "1"
     if not allow_remote:
-        drivers = _drivers_for(name, place)
+        place, drivers = _drivers_for(name, place, allow_vrt)
         environment |= {"CPL_VSIL_CURL_ALLOWED_FILENAME": "-", "GDAL_VRT_ENABLE_PYTHON": "NO"}
         if on_disk(name) is None:  # no plain file: sidecar files are not looked for
             environment["GDAL_DISABLE_READDIR_ON_OPEN"] = "EMPTY_DIR"
@@ -153,6 +164,9 @@ def open_local(
         warnings.simplefilter("ignore", NotGeoreferencedWarning)
         warnings.simplefilter("ignore", NodataShadowWarning)
         with gdal_errors(name):
+            text = _points_of(name)
+            if text is not None:
+                place, drivers = str(stack.enter_context(as_raster(Path(name), text))), [_TIFFS]
             # rasterio.open accepts only one driver
             level = {} if overview is None else {"overview_level": overview}
             file = stack.enter_context(DatasetReader(_parse_path(place), driver=drivers, **level))
@@ -162,13 +176,21 @@ def open_local(
                     f"{name}: says that its overviews are another file.",
                     "Make a GeoTIFF of it with gdal_translate, or add --allow-remote.",
                 )
-            files = [] if allow_remote else file.files
+            anywhere = allow_remote or allow_vrt or text is not None
+            files = [] if anywhere else file.files
         _refuse_files(name, files)
         with gdal_errors(name):
             refuse_claims(name, file, placed=overview is None)
+            if file.driver == _GRIDDED and file.nodata is None and file.dtypes[0] == "uint8":
+                raise ReadError(f"{name}: may lack points, which GDAL reads as 0.", UNPACK)
             if file.driver == _LISTED:
                 file.read(1, window=Window(0, 0, 1, file.height))
         yield file
+
+
+def _points_of(name: str) -> XyzLayout | None:
+    """Layout of a text of points on this machine; None for any other raster."""
+    return layout_of(Path(name)) if is_regular(name) else None
 
 
 def refuse_band(
@@ -312,12 +334,13 @@ def _place(name: str) -> str:
     return f"/vsi{found[1].lower()}/{{{found[2]}}}/{found[3]}" if found else name
 
 
-def _drivers_for(name: str, place: str) -> list[str]:
-    """Drivers that may open a raster.
+def _drivers_for(name: str, place: str, allow_vrt: bool) -> tuple[str, list[str]]:
+    """Name of a raster for GDAL, and the drivers that may open it.
 
     Args:
         name: name as given.
         place: name as passed to GDAL, from `_place`.
+        allow_vrt: whether a VRT may be a mosaic of files out of its folder.
 
     Raises:
         ReadError: the raster is remote, or refers to files outside its folder.
@@ -327,7 +350,7 @@ def _drivers_for(name: str, place: str) -> list[str]:
     path = Path(name)
     try:
         if not path.is_file():
-            return _drivers_within(place)
+            return place, _drivers_within(place)
         _refuse_pipes((path,))
         _refuse_sidecars(path)
         _refuse_grids(path)
@@ -336,13 +359,12 @@ def _drivers_for(name: str, place: str) -> list[str]:
             if _label(head):
                 _refuse_pointers(path, head + file.read(_MAX_LABEL))
                 file.seek(len(head))
-            if not head.removeprefix(b"\xef\xbb\xbf").lstrip().startswith(b"<VRTDataset"):
-                return _drivers_by_head(name, head)
+            if not _is_vrt(head):
+                return place, _drivers_by_head(name, head)
             text = head + file.read(_MAX_VRT)
     except (OSError, ValueError):
-        return list(_PLAIN_DRIVERS)  # GDAL raises the error
-    _refuse_sources(path, text)
-    return ["VRT"]
+        return place, list(_PLAIN_DRIVERS)  # GDAL raises the error
+    return _mosaic(path, text, allow_vrt) or place, ["VRT"]
 
 
 def _drivers_by_head(name: str, head: bytes) -> list[str]:
@@ -474,12 +496,28 @@ def _is_tiff(path: Path) -> bool:
     return head.startswith(_TIFF) and not _described(head)
 
 
-def _refuse_sources(path: Path, text: bytes) -> None:
-    """Refuse a VRT other than a plain mosaic of TIFFs in its own folder.
+def _is_vrt(head: bytes) -> bool:
+    """Return whether the first bytes of a file are those of a VRT."""
+    return head.removeprefix(b"\xef\xbb\xbf").lstrip().startswith(b"<VRTDataset")
+
+
+def _mosaic(path: Path, text: bytes, allow_vrt: bool) -> str:
+    """Check a VRT, which is a plain mosaic of rasters in its own folder or below.
+
+    Each raster is refused for what it would be refused for alone. GDAL would open it by any
+    driver, so that one that is no TIFF gets the driver that opened it here.
+
+    Args:
+        path: path of the VRT.
+        text: its bytes.
+        allow_vrt: whether the rasters may lie elsewhere on this machine.
+
+    Returns:
+        The VRT with the driver of each raster; empty where all of them are TIFFs.
 
     Raises:
         ReadError: the VRT is too large, no plain XML, has other elements or attributes, or names a
-            source that is no TIFF in its folder.
+            source that is no such raster.
     """
     hint = "Make a GeoTIFF of it with gdal_translate, or add --allow-remote."
     if len(text) > _MAX_VRT:
@@ -498,20 +536,55 @@ def _refuse_sources(path: Path, text: bytes) -> None:
                 hint,
             )
     folder = path.resolve().parent
-    seen = set()
+    drivers: dict[Path, str] = {}
     for element in root.iter("SourceFilename"):
         name = (element.text or "").strip()
         source = folder / name if element.get("relativeToVRT") == "1" else Path(name)
-        if source in seen:
-            continue
-        seen.add(source)
-        refuse_remote(name)
-        if not source.is_absolute() or not source.resolve().is_relative_to(folder):
-            raise ReadError(f"{path}: names {name[:60]!r}, which lies out of its folder.", hint)
-        if not source.is_file() or not _is_tiff(source):
-            raise ReadError(f"{path}: names {name[:60]!r}, which is no TIFF.", hint)
+        if source not in drivers:
+            refuse_remote(name)
+            inside = source.is_absolute() and source.resolve().is_relative_to(folder)
+            if not inside and not (allow_vrt and source.is_absolute()):
+                raise ReadError(
+                    f"{path}: names {name[:60]!r}, which lies out of its folder.",
+                    "Copy it there, or add --allow-vrt.",
+                )
+            drivers[source] = _driver_of(path, source, name[:60])
+        element.text, element.attrib = f"{source}", {"relativeToVRT": "0"}
+        if drivers[source] != _TIFFS:
+            element.text = f"vrt://{source}?if={drivers[source]}"
+    _refuse_pipes(drivers)
+    return "" if set(drivers.values()) <= {_TIFFS} else tostring(root, "unicode")
+
+
+def _driver_of(path: Path, source: Path, name: str) -> str:
+    """Return the driver that opens a source of a VRT, after all checks of it.
+
+    Args:
+        path: path of the VRT.
+        source: path of the source.
+        name: name of the source in the VRT, for messages.
+
+    Raises:
+        ReadError: the source is a VRT itself, no raster, or a text of a grid with gaps.
+    """
+    hint = "Make a GeoTIFF of that with gdal_translate, and name it."
+    if not source.is_file():
+        raise ReadError(f"{path}: names {name!r}, which is no file.", "Copy it there.")
+    if _is_tiff(source):
         _refuse_sidecars(source)
-    _refuse_pipes(seen)
+        return _TIFFS
+    with open_file(source) as file:
+        if _is_vrt(file.read(_HEAD)):
+            raise ReadError(f"{path}: names {name!r}, which is a VRT and may lead on.", hint)
+    if "?" in str(source):
+        raise ReadError(f"{path}: names {name!r}, which has a question mark.", "Rename it.")
+    with open_local(str(source), allow_remote=False) as raster:
+        if not made_of_points(raster):
+            return str(raster.driver)
+        for _, window in raster.block_windows(1):
+            if not raster.read_masks(1, window=window).all():
+                raise ReadError(f"{path}: names {name!r}, a grid of points with gaps.", hint)
+    return _GRIDDED
 
 
 def _refuse_files(name: str, files: list[str]) -> None:

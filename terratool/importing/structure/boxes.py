@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import NamedTuple
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,22 +29,15 @@ SIDES = {4: 3, 3: 2, 2: 3, 1: 3}
 EVEN = 0.3
 """Largest error of the jump along a wall, in heights of the box, where corners do not suffice."""
 
+_PLACE, _SPIKE, _CANDIDATE, _WALLS = 1.0, 60.0, 0.5, 40.0
+"""Work of a difference, of a spike among these, of each cell that is tried at it, and of looking at
+the walls of one."""
+
+_SIGNS = np.array([[1.0], [-1.0], [-1.0], [1.0]])
+"""Signs of the differences at the corners of a box that is 1 high."""
+
 CLOSE = 1e-3
 """Largest difference of heights that count as equal, in steps of a ramp."""
-
-
-class PixelRectangle(NamedTuple):
-    """Pixels from rows `south` to before `north` and columns `west` to before `east`."""
-
-    south: int
-    north: int
-    west: int
-    east: int
-
-    @property
-    def area(self) -> int:
-        """Number of pixels."""
-        return (self.north - self.south) * (self.east - self.west)
 
 
 def find_boxes(
@@ -61,13 +53,22 @@ def find_boxes(
             of their height on all sides, unlike the stairs of a turned edge.
     """
     found: list[PixelPart] = []
+    least, work = max(4.0 * noise, height), residual.work
     # boxes with more open corners first; without them other corners are open
     for wanted in range(4, least_corners - 1, -1):
         failures = 0
-        for row, column in _spikes(residual, max(4.0 * noise, height)):
+        changed: set[tuple[int, int]] = set()
+        places = _spikes(residual, least)
+        for (row, column), stood_out in zip(places, _stand_out(residual, places), strict=True):
+            if work.over:
+                return found
+            work.spend(1.0, _PLACE)
             value = residual.mixed[row, column]
-            if abs(value) <= max(4.0 * noise, height) or not _sticks_out(residual, row, column):
+            if (row, column) in changed:
+                stood_out = bool(_stand_out(residual, [(row, column)])[0])
+            if abs(value) <= least or not stood_out:
                 continue
+            work.spend(1.0, _SPIKE)
             box = _best(
                 residual, row, column, noise, wanted, SIDES[wanted] if least_corners < 4 else 4
             )
@@ -77,9 +78,18 @@ def find_boxes(
                     break
                 continue
             residual.subtract(box)
+            work.tell()
             found.append(box)
             failures = 0
+            changed |= _around(box)
     return found
+
+
+def _around(box: PixelPart) -> set[tuple[int, int]]:
+    """Gaps at the corners of a box, and beside these."""
+    rows, columns = ((axis.first - 1, axis.stop - 1) for axis in (box.y, box.x))
+    near = (-1, 0, 1)
+    return {(j + dj, i + di) for j in rows for i in columns for dj in near for di in near}
 
 
 def _spikes(residual: Residual, least: float) -> list[tuple[int, int]]:
@@ -93,49 +103,119 @@ def _spikes(residual: Residual, least: float) -> list[tuple[int, int]]:
     return list(zip((places // columns).tolist(), (places % columns).tolist(), strict=True))
 
 
-def _sticks_out(residual: Residual, row: int, column: int) -> bool:
-    """Tell whether a difference is much larger than those around it, unlike a part of a curve.
+def _stand_out(residual: Residual, places: list[tuple[int, int]]) -> NDArray[np.bool_]:
+    """Tell which differences are much larger than those around them, unlike a part of a curve.
 
     The next corner of a box that is one pixel wide has the opposite sign.
+
+    Args:
+        residual: heights and their differences.
+        places: rows and columns of n gaps.
+
+    Returns:
+        (n,) bool.
     """
-    value = residual.mixed[row, column]
-    south, west = max(0, row - 1), max(0, column - 1)
-    around = residual.mixed[south : row + 2, west : column + 2]
-    large = np.abs(around) * STICKS_OUT > abs(value)
-    across = (np.add.outer(np.arange(around.shape[0]), np.arange(around.shape[1]))) % 2
-    # gaps at odd distances from the spike
-    odd = across != (row - south + column - west) % 2
-    return bool((around[large & odd] * value < 0.0).all() and np.count_nonzero(large) <= 4)
+    mixed = residual.mixed
+    rows, columns = np.array(places, np.int64).reshape(-1, 2).T
+    values = mixed[rows, columns]
+    alone, large = np.ones(len(values), np.bool_), np.ones(len(values), np.int64)
+    for dj, di in product((-1, 0, 1), repeat=2):
+        if dj == di == 0:
+            continue
+        j, i = rows + dj, columns + di
+        inside = (j >= 0) & (j < mixed.shape[0]) & (i >= 0) & (i < mixed.shape[1])
+        beside = np.where(inside, mixed[np.where(inside, j, 0), np.where(inside, i, 0)], 0.0)
+        is_large = np.abs(beside) * STICKS_OUT > np.abs(values)
+        large += is_large
+        if (dj + di) % 2:
+            alone &= ~is_large | (beside * values < 0.0)
+    return alone & (large <= 4)
 
 
 def _best(
     residual: Residual, row: int, column: int, noise: float, wanted: int, sides: int
 ) -> PixelPart | None:
     """Return the smallest box with a corner at a gap that explains `wanted` corners, or None."""
-    cells = _cells(residual, row, column, noise, wanted)
-    for cell in sorted(cells, key=lambda cell: cell.area):
-        box = _box(residual, row, column, cell)
-        cleaned, corners = _count_cleared(residual, box, noise)
-        if cleaned < min(wanted, corners) or (corners < wanted and wanted > 2):
-            continue
+    value = float(residual.mixed[row, column])
+    ends = _far_corners(residual, row, column, noise, wanted)
+    residual.work.spend(len(ends), _CANDIDATE)
+    if not len(ends):
+        return None
+    cells = _Cells(residual, (row, column), ends, value)
+    cleared, corners = cells.count_cleared(noise)
+    fits = cleared >= np.minimum(wanted, corners)
+    if wanted > 2:
+        fits &= corners >= wanted
+    order = np.flatnonzero(fits)
+    for at in order[np.argsort(cells.areas[order], kind="stable")].tolist():
+        if residual.work.over:
+            return None
+        box = cells.box(at)
         if _has_walls(residual, box, sides):
             return box
     return None
 
 
-def _box(residual: Residual, row: int, column: int, cell: PixelRectangle) -> PixelPart:
-    """Return a box on whole pixels, as high as the difference at its corner."""
-    value = float(residual.mixed[row, column])
-    sign = (1.0 if row + 1 == cell.south else -1.0) * (1.0 if column + 1 == cell.west else -1.0)
-    x = Axis(kernels.FLAT, 2 * cell.west, 2 * cell.east)
-    y = Axis(kernels.FLAT, 2 * cell.south, 2 * cell.north)
-    return PixelPart(x, y, sign * value)
+class _Cells:
+    """Cells of boxes that have one corner in common, and are as high as the difference there.
+
+    Args:
+        residual: heights and their differences.
+        corner: row and column of the common gap.
+        ends: (n, 2) int64, rows and columns of the gaps at the opposite corners.
+        value: mixed difference at the common gap.
+
+    Attributes:
+        areas: (n,) int64, numbers of pixels.
+    """
+
+    def __init__(
+        self, residual: Residual, corner: tuple[int, int], ends: NDArray[np.int64], value: float
+    ) -> None:
+        own = np.array(corner)
+        self._residual = residual
+        self._low, self._high = np.minimum(ends, own), np.maximum(ends, own)
+        self.areas = np.prod(self._high - self._low, axis=1)
+        # a difference is positive in the south-west and in the north-east
+        self._scales = np.prod(np.where(own == self._low, 1.0, -1.0), axis=1) * value
+
+    def box(self, at: int) -> PixelPart:
+        """Return a box on whole pixels."""
+        (south, west), (north, east) = (2 * (ends[at] + 1) for ends in (self._low, self._high))
+        x = Axis(kernels.FLAT, int(west), int(east))
+        y = Axis(kernels.FLAT, int(south), int(north))
+        return PixelPart(x, y, float(self._scales[at]))
+
+    def count_cleared(self, noise: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Count corners that each box clears of a difference, minus twice those that it spoils.
+
+        Returns:
+            That count, and the number of corners within the DEM.
+        """
+        mixed, known = self._residual.mixed, self._residual.known
+        near, low, high = 2.0 * noise, self._low, self._high
+        # all corners at once: south-west, south-east, north-west, north-east
+        rows = np.array([low[:, 0], low[:, 0], high[:, 0], high[:, 0]])
+        columns = np.array([low[:, 1], high[:, 1], low[:, 1], high[:, 1]])
+        inside = (rows >= 0) & (rows < mixed.shape[0])
+        inside &= (columns >= 0) & (columns < mixed.shape[1])
+        rows[~inside] = columns[~inside] = 0
+        inside &= known[rows, columns]
+        before = mixed[rows, columns]
+        after_is_near = np.abs(before - _SIGNS * self._scales) <= near
+        before_is_near = np.abs(before) <= near
+        cleared = (inside & after_is_near & ~before_is_near).sum(axis=0)
+        spoiled = (inside & before_is_near & ~after_is_near).sum(axis=0)
+        return cleared - 2 * spoiled, inside.sum(axis=0)
 
 
-def _cells(
+def _far_corners(
     residual: Residual, row: int, column: int, noise: float, wanted: int
-) -> Iterator[PixelRectangle]:
-    """Yield the cells that may have a corner at a gap."""
+) -> NDArray[np.int64]:
+    """Return the gaps, (n, 2) int64, at which a box may have the corner opposite to one at a gap.
+
+    Rows and columns of −1, and beyond the last gap, are the border of the DEM.
+    """
     mixed = residual.mixed
     value = mixed[row, column]
     near = 2.0 * noise
@@ -162,39 +242,14 @@ def _cells(
         pairs.update({(j, i): None for j in (-1, mixed.shape[0]) for i in columns})
     if wanted == 1:
         pairs.update({(j, i): None for j in (-1, mixed.shape[0]) for i in (-1, mixed.shape[1])})
-    for j, i in pairs:
-        if j != row and i != column:
-            south, north = sorted((row, j))
-            west, east = sorted((column, i))
-            yield PixelRectangle(south + 1, north + 1, west + 1, east + 1)
+    found = [pair for pair in pairs if pair[0] != row and pair[1] != column]
+    return np.array(found, np.int64).reshape(-1, 2)
 
 
 def _nearest(hits: NDArray[np.bool_], place: int) -> list[int]:
     found = np.flatnonzero(hits)
     order = np.argsort(np.abs(found - place), kind="stable")[:NEAREST]
     return [one for one in found[order].tolist() if one != place]
-
-
-def _count_cleared(residual: Residual, box: PixelPart, noise: float) -> tuple[int, int]:
-    """Count corners of a box that it clears of a difference, minus twice those that it spoils.
-
-    Returns:
-        That count, and the number of corners within the DEM.
-    """
-    mixed = residual.mixed
-    cleaned = corners = 0
-    for j, rise_y in ((box.y.first - 1, 1.0), (box.y.stop - 1, -1.0)):
-        for i, rise_x in ((box.x.first - 1, 1.0), (box.x.stop - 1, -1.0)):
-            if not (0 <= j < mixed.shape[0] and 0 <= i < mixed.shape[1]):
-                continue
-            if not residual.known[j, i]:
-                continue
-            before = float(mixed[j, i])
-            after = before - box.scale * rise_y * rise_x
-            corners += 1
-            cleaned += int(abs(after) <= 2.0 * noise < abs(before))
-            cleaned -= 2 * int(abs(before) <= 2.0 * noise < abs(after))
-    return cleaned, corners
 
 
 def jumps(residual: Residual, box: PixelPart) -> list[Floats]:
@@ -215,6 +270,7 @@ def jumps(residual: Residual, box: PixelPart) -> list[Floats]:
 
 def _has_walls(residual: Residual, box: PixelPart, sides_wanted: int) -> bool:
     """Tell whether a box has walls of its height on `sides_wanted` sides, or on all in the DEM."""
+    residual.work.spend(1, _WALLS)
     sides = [side for side in jumps(residual, box) if len(side)]
     good = [abs(_median(side) - box.scale) <= EVEN * abs(box.scale) for side in sides]
     return bool(good) and sum(good) >= min(len(good), sides_wanted)

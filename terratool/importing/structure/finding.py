@@ -11,6 +11,7 @@ from terratool.importing.structure.residual import (
     Floats,
     Residual,
     ResidualLimits,
+    SearchWork,
     noise_level,
     residual_of,
 )
@@ -124,7 +125,7 @@ def _level_at_ends(first: float, last: float, count: int) -> tuple[tuple[float, 
 
 
 def find_structures(
-    heights: Floats, max_error: float, walls: bool = False
+    heights: Floats, max_error: float, walls: bool = False, work: SearchWork | None = None
 ) -> tuple[Structure, ...]:
     """Find boxes, ramps, ridges and hills in a DEM.
 
@@ -138,6 +139,7 @@ def find_structures(
         max_error: least height of a structure, in units of the heights.
         walls: whether structures may have upright walls, half way between centres of pixels; if
             not, each stays within a share of `max_error` of its bilinear surface.
+        work: work that the search may do; where it is done, the rest is left. Without end if None.
 
     Returns:
         The structures, the ground first. They leave a residual, which may include a constant.
@@ -147,7 +149,7 @@ def find_structures(
         return ()
     if not np.isfinite(heights).any():
         return ()
-    residual = residual_of(heights)
+    residual = residual_of(heights, work or SearchWork())
     if residual.rounding == 0.0:
         return ()  # all heights are 0
     twist = twist_of(residual)
@@ -243,12 +245,16 @@ def _peel_turned(residual: Residual, limits: ResidualLimits, loose: bool) -> lis
     found = []
     for block in BLOCKS:
         for island in islands(residual, limits.noise, block):
-            one = turned_box_of(island, limits) or disc_of(island, limits, loose)
+            if residual.work.over:
+                return found
+            work = residual.work
+            one = turned_box_of(island, limits, work) or disc_of(island, limits, loose, work)
             if one is not None:
                 structure, values = one
                 residual.subtract_values(
                     island.row - island.south, island.column - island.west, values
                 )
+                work.tell()
                 found.append(structure)
     return found
 

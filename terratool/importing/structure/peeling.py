@@ -14,6 +14,7 @@ from terratool.importing.structure.residual import (
     Floats,
     Residual,
     ResidualLimits,
+    SearchWork,
     share_within,
 )
 from terratool.importing.structure.structures import VECTOR, Axis, PixelPart
@@ -49,6 +50,10 @@ GAIN = 0.15
 """Least increase of the explained share of its window for which a part is accepted."""
 
 PARTNERS = 6
+
+_PIVOT, _FIT, _SCALE, _SCALE_PIXEL = 60.0, 0.015, 100.0, 0.1
+"""Work of a guess at a pivot, of each cell of a curve and gap in it, of a guess of a scale, and of
+each gap that tells of that."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,13 +97,14 @@ def profile_along(
     return AxisProfile(ratios, valid, tolerance, pivot[1])
 
 
-def curve_of(profile: AxisProfile, unusual: bool) -> Axis | None:
+def curve_of(profile: AxisProfile, unusual: bool, work: SearchWork) -> Axis | None:
     """Return the curve that a profile shows around its pivot, or None.
 
     Args:
         profile: the profile.
         unusual: whether the curve may also begin at the centre of a pixel, and be a vector if all
             of it lies open; if not, it is a named curve on whole pixels.
+        work: work that the search may do.
     """
     last = len(profile.ratios) - 1
     east, open_east = _end(profile, 1)
@@ -112,7 +118,9 @@ def curve_of(profile: AxisProfile, unusual: bool) -> Axis | None:
         begins = begins[: max(1, CELLS // len(ends), len(begins) // 2)]
         ends = ends[: max(1, len(ends) // 2)]
     for odd in (0, 1) if unusual else (0,):
-        code, begin, end = kernels.fit_curve(profile, _edges(begins, odd), _edges(ends, odd), GOOD)
+        first, last = _edges(begins, odd), _edges(ends, odd)
+        work.spend(len(first) * len(last) * (east - west), _FIT)
+        code, begin, end = kernels.fit_curve(profile, first, last, GOOD)
         if code >= 0:
             return Axis(code, begin, end)
         if code == -2:
@@ -239,6 +247,8 @@ def _pass(
     failures = 0
     patience = PATIENCE if is_quiet(residual, limits.noise) else DOUBT
     for pivot in _pivots(residual, reach, 4.0 * limits.noise):
+        if residual.work.over:
+            break
         row, column = pivot
         # do not retry a guess while the differences along its lines are the same
         state = float(residual.mixed[row].sum() + residual.mixed[:, column].sum())
@@ -247,10 +257,12 @@ def _pass(
             continue
         if kernels.least_size(residual.mixed, row, column, *reach) <= 4.0 * limits.noise:
             continue  # explained by another part meanwhile
+        residual.work.spend(1.0, _PIVOT)
         tried = (_scale_guess(residual, part, limits) for part in guess(residual, pivot, limits))
         part = next((part for part in tried if part is not None), None)
         if part is not None:
             residual.subtract(part)
+            residual.work.tell()
             found.append(part)
             failures, patience = 0, PATIENCE
         else:
@@ -280,12 +292,15 @@ def _hill(
     row, column = pivot
     for half in (4, 1):
         x = curve_of(
-            profile_along(residual.mixed, residual.known, pivot, half, limits.noise), limits.unusual
+            profile_along(residual.mixed, residual.known, pivot, half, limits.noise),
+            limits.unusual,
+            residual.work,
         )
         if x is None:
             continue
         turned = residual.mixed.T, residual.known.T
-        y = curve_of(profile_along(*turned, (column, row), half, limits.noise), limits.unusual)
+        profile = profile_along(*turned, (column, row), half, limits.noise)
+        y = curve_of(profile, limits.unusual, residual.work)
         if y is not None:
             yield PixelPart(x, y, 0.0)
             return
@@ -309,7 +324,7 @@ class _Ridge:
         heights, mixed, known = residual.heights, residual.mixed, residual.known
         if not self.along_x:
             heights, mixed, known, pivot = heights.T, mixed.T, known.T, pivot[::-1]
-        along = _line(mixed, known, pivot, limits)
+        along = _line(mixed, known, pivot, limits, residual.work)
         if along is None:
             return
         if self.hidden:
@@ -322,14 +337,18 @@ class _Ridge:
 
 
 def _line(
-    mixed: Floats, known: NDArray[np.bool_], pivot: tuple[int, int], limits: ResidualLimits
+    mixed: Floats,
+    known: NDArray[np.bool_],
+    pivot: tuple[int, int],
+    limits: ResidualLimits,
+    work: SearchWork,
 ) -> Axis | None:
     """Return the curve along the second axis that a single row of differences shows, or None."""
     row, column = pivot
     around = np.abs(mixed[max(0, row - 1) : row + 2, column])
     if np.count_nonzero(around > 2.0 * limits.noise) > 1:
         return None
-    return curve_of(profile_along(mixed, known, pivot, 1, limits.noise), limits.unusual)
+    return curve_of(profile_along(mixed, known, pivot, 1, limits.noise), limits.unusual, work)
 
 
 def _flats(
@@ -380,6 +399,7 @@ def _scale_guess(residual: Residual, guess: PixelPart, limits: ResidualLimits) -
     """Return a guess with the scale that leaves least, or None if that explains too little."""
     gaps, shape = residual.window(guess)
     here, known = residual.mixed[gaps], residual.known[gaps]
+    residual.work.spend(1.0, _SCALE + _SCALE_PIXEL * shape.size)
     sizes = np.abs(shape)
     # a ramp's high end exceeds its slope by far, but may be hidden
     least = min(0.25 * float(sizes.max()), float(np.median(sizes[sizes > 0.0])))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -10,6 +12,7 @@ from numpy.typing import NDArray
 from terratool.importing.structure.structures import PixelPart, shortest
 
 Floats = NDArray[np.float64]
+_Gaps = tuple[NDArray[np.int64], ...]
 
 PRECISION = 1e-3
 """Precision of numbers in the definition, as a share of the error that is allowed."""
@@ -21,6 +24,12 @@ CURVES = 1e-7
 """Largest error of curves compiled to cubics and of sums of doubles, as a share of the relief."""
 
 _SAMPLED = 1 << 16
+
+_WORK, _WORK_OF_A_PIXEL = 1e6, 2.0
+"""Work of a search: some, and more for each pixel, as the rows of a DEM take."""
+
+_FOUND = 400.0
+"""Work that a structure makes later, when its numbers are refined and its curves are written."""
 
 QUIET_SHARE = 0.1
 """Least share of mixed differences that vanish in a DEM of structures."""
@@ -36,6 +45,42 @@ MOSTLY = 0.98
 
 FINER = 20.0
 """Least ratio of such a unit to the rounding of floats."""
+
+
+@dataclass(slots=True)
+class SearchWork:
+    """Work that a search may do, counted so that it ends alike on every machine.
+
+    Attributes:
+        left: work that is left, in units of about a microsecond of a processor.
+        found: number of structures found so far.
+        told: called with that number at each.
+    """
+
+    left: float = math.inf
+    found: int = 0
+    told: Callable[[int], object] | None = None
+
+    @classmethod
+    def beside_rows(cls, pixels: int, told: Callable[[int], object] | None) -> SearchWork:
+        """Work that takes no more than about twice as long as the rows of a DEM, and a second."""
+        return cls(_WORK + _WORK_OF_A_PIXEL * pixels, told=told)
+
+    @property
+    def over(self) -> bool:
+        """Whether no work is left."""
+        return self.left <= 0.0
+
+    def spend(self, count: float, cost: float) -> None:
+        """Take `count` pieces of work that cost so much each."""
+        self.left -= count * cost
+
+    def tell(self) -> None:
+        """Tell of one more structure."""
+        self.found += 1
+        self.left -= _FOUND
+        if self.told is not None:
+            self.told(self.found)
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,6 +113,7 @@ class Residual:
         known: (rows − 1, columns − 1) bool, whether all four heights are known.
         rounding: largest size of `mixed` by rounding alone.
         coarse: whether heights were rounded more coarsely than to floats, which hides curves.
+        work: work that the search may do; without end by default.
         pivots: cache of the strongest differences by the pixels that a pivot reaches; cleared by
             each change.
     """
@@ -77,22 +123,24 @@ class Residual:
     known: NDArray[np.bool_]
     rounding: float
     coarse: bool
+    work: SearchWork = field(default_factory=SearchWork)
     pivots: dict[tuple[int, int], tuple[Floats, NDArray[np.int64]]] = field(default_factory=dict)
 
-    def window(self, part: PixelPart) -> tuple[tuple[slice, slice], Floats]:
-        """Return the gaps that a part's differences reach, and its differences for a scale of 1."""
+    def window(self, part: PixelPart) -> tuple[_Gaps, Floats]:
+        """Return the gaps at which a part has differences, and these for a scale of 1.
+
+        Rows and columns of gaps without a difference are left out: a box has four gaps.
+        """
         rows, columns = self.heights.shape
-        south, dy = part.y.steps(rows)
-        west, dx = part.x.steps(columns)
-        gaps = slice(south, south + len(dy)), slice(west, west + len(dx))
-        return gaps, np.multiply.outer(dy, dx)
+        (south, dy), (west, dx) = part.y.steps(rows), part.x.steps(columns)
+        j, i = np.flatnonzero(dy), np.flatnonzero(dx)
+        return np.ix_(south + j, west + i), np.multiply.outer(dy[j], dx[i])
 
     def subtract(self, part: PixelPart) -> None:
         """Subtract a part."""
         self.pivots.clear()
         gaps, shape = self.window(part)
-        self.mixed[gaps] -= part.scale * shape
-        self.mixed[gaps][~self.known[gaps]] = 0.0
+        self.mixed[gaps] = np.where(self.known[gaps], self.mixed[gaps] - part.scale * shape, 0.0)
         inner = slice(part.y.first, part.y.stop), slice(part.x.first, part.x.stop)
         self.heights[inner] -= part.heights()
 
@@ -108,15 +156,15 @@ class Residual:
         self.mixed[inner] = np.where(self.known[inner], mixed, 0.0)
 
 
-def residual_of(heights: Floats) -> Residual:
-    """Return the residual of a whole DEM."""
+def residual_of(heights: Floats, work: SearchWork) -> Residual:
+    """Return the residual of a whole DEM, whose search may do some work."""
     heights = np.ascontiguousarray(np.where(np.isfinite(heights), heights, np.nan))
     east = heights[:, 1:] - heights[:, :-1]
     mixed = east[1:] - east[:-1]
     known = np.isfinite(mixed)
     mixed[~known] = 0.0
     fine, unit = rounding_error(heights), quantum(heights, mixed, known)
-    return Residual(heights, mixed, known, max(fine, 2.0 * unit), unit > 0.0)
+    return Residual(heights, mixed, known, max(fine, 2.0 * unit), unit > 0.0, work)
 
 
 def rounding_error(heights: Floats) -> float:

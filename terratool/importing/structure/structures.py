@@ -147,6 +147,8 @@ class Axis:
         """Values at the centres of the pixels from `first` to before `stop`, float64."""
         if self.code == VECTOR:
             return np.array(self.values)
+        if self.code == kernels.FLAT:
+            return np.ones(self.stop - self.first)
         centres = 2.0 * np.arange(self.first, self.stop) + 1.0
         t = (centres - self.begin) / (self.end - self.begin)
         return curve_at(self.code, t)
@@ -160,7 +162,9 @@ class Axis:
         Returns:
             The first gap, and the differences from there on within the DEM.
         """
-        steps = np.diff(self.samples(), prepend=0.0, append=0.0)
+        steps = np.zeros(self.stop - self.first + 1)
+        steps[:-1] = samples = self.samples()
+        steps[1:] -= samples
         first = self.first - 1
         if self.stop == count:
             steps = steps[:-1]

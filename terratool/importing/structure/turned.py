@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from terratool.importing.structure.residual import Floats, Residual, ResidualLimits
+from terratool.importing.structure.residual import Floats, Residual, ResidualLimits, SearchWork
 from terratool.importing.structure.structures import (
     KNOWN,
     VECTOR,
@@ -33,6 +34,13 @@ LARGEST = 400
 """Most pixels to a side of an island."""
 
 RING = 3
+
+_ISLAND, _BOX, _BOX_PIXEL, _DISC, _WEIGHT = 100.0, 5000.0, 3.0, 2000.0, 0.05
+"""Work of an island, of a search for a turned box there and for each pixel of it, of one for a
+turned profile, and of each weight of its samples."""
+
+_TELLING = 100
+"""Pixels that tell whether a profile can be meant at all."""
 
 LEVEL = 0.97
 """Least share of an island's pixels that are level, at one of two heights."""
@@ -102,6 +110,7 @@ def islands(residual: Residual, noise: float, block: int) -> Iterator[Island]:
             rectangles.append((south, west, north, east))
     rectangles.sort(key=lambda one: (-(one[2] - one[0]) * (one[3] - one[1]), one))
     for rectangle in rectangles[:MOST]:
+        residual.work.spend(1.0, _ISLAND)
         island = _island(residual, *rectangle)
         if island is not None:
             yield island
@@ -151,7 +160,9 @@ def _island(residual: Residual, south: int, west: int, north: int, east: int) ->
     return Island(south, west, inner, around, south - low[0], west - low[1], off)
 
 
-def turned_box_of(island: Island, limits: ResidualLimits) -> tuple[Structure, Floats] | None:
+def turned_box_of(
+    island: Island, limits: ResidualLimits, work: SearchWork
+) -> tuple[Structure, Floats] | None:
     """Return the turned box that an island is, with its heights in the window around, or None."""
     exact = 4.0 * limits.noise + 2.0 * island.off
     inner = island.heights[np.isfinite(island.heights)]
@@ -171,6 +182,7 @@ def turned_box_of(island: Island, limits: ResidualLimits) -> tuple[Structure, Fl
     height, width = island.heights.shape
     dx = np.arange(heights.shape[1]) + 0.5 - island.west - width / 2
     dy = (np.arange(heights.shape[0]) + 0.5 - island.south - height / 2)[:, None]
+    work.spend(1.0, _BOX + _BOX_PIXEL * heights.size)
     found = _search(covered, dx, dy, width, height)
     if found is None:
         return None
@@ -212,10 +224,15 @@ def _search(
     best: tuple[int, float, tuple[int, int]] | None = None
     for step in _STEPS:
         for angle in angles.tolist():
-            for sides in _sides(angle, x, y, width, height):
-                wrong = int((_covers(angle, *sides, dx, dy) != covered).sum())
+            widths, heights = _sides(angle, x, y, width, height)
+            u, v = _turned(angle, dx, dy)
+            # what both widths, and both heights, have in common is computed once
+            across = [(side, _within(u, side, dx)) for side in widths]
+            along = [(side, _within(v, side, dy)) for side in heights]
+            for (w, in_w), (h, in_h) in product(across, along):
+                wrong = int(np.count_nonzero((in_w & in_h) != covered))
                 if best is None or wrong < best[0]:
-                    best = wrong, angle, sides
+                    best = wrong, angle, (w, h)
         if best is None:
             return None
         angles = best[1] + np.arange(-5, 6) * (step / 5.0)
@@ -234,15 +251,27 @@ def _search(
     return _TurnedCell(0.5 * (low + high), sides, wrong, 0.5 * (high - low))
 
 
-def _sides(angle: float, x: Floats, y: Floats, width: int, height: int) -> list[tuple[int, int]]:
-    """Return the sides of the cell, in pixels, that covered pixels allow at an angle.
+def _sides(
+    angle: float, x: Floats, y: Floats, width: int, height: int
+) -> tuple[list[int], list[int]]:
+    """Return the widths and heights of cells, in pixels, that covered pixels allow at an angle.
 
     The cell shares the middle of the pixels, so its sides are odd where theirs are.
     """
+    u, v = (2.0 * float(np.abs(one).max()) for one in _turned(angle, x, y))
+    return _near(u, width), _near(v, height)
+
+
+def _turned(angle: float, dx: Floats, dy: Floats) -> tuple[Floats, Floats]:
+    """Return distances along the sides of a cell that is turned by an angle in degrees."""
     cos, sin = math.cos(math.radians(angle)), math.sin(math.radians(angle))
-    across = 2.0 * float(np.abs(x * cos - y * sin).max())
-    along = 2.0 * float(np.abs(x * sin + y * cos).max())
-    return [(w, h) for w in _near(across, width) for h in _near(along, height)]
+    return dx * cos - dy * sin, dx * sin + dy * cos
+
+
+def _within(turned: Floats, side: int, plain: Floats) -> NDArray[np.bool_]:
+    """Mask of the pixels within a side of a turned cell, and of the same cell without the turn."""
+    inside: NDArray[np.bool_] = np.abs(turned) / side <= 0.5 + field.EDGE
+    return inside & (np.abs(plain) < side / 2)
 
 
 def _near(length: float, least: int) -> list[int]:
@@ -254,17 +283,13 @@ def _near(length: float, least: int) -> list[int]:
 
 def _covers(angle: float, width: int, height: int, dx: Floats, dy: Floats) -> NDArray[np.bool_]:
     """Mask of the pixels that a turned rectangle covers, trimmed to its cell."""
-    cos, sin = math.cos(math.radians(angle)), math.sin(math.radians(angle))
-    u, v = (dx * cos - dy * sin) / width, (dx * sin + dy * cos) / height
-    covers: NDArray[np.bool_] = (
-        (np.maximum(np.abs(u), np.abs(v)) <= 0.5 + field.EDGE)
-        & (np.abs(dx) < width / 2)
-        & (np.abs(dy) < height / 2)
-    )
-    return covers
+    u, v = _turned(angle, dx, dy)
+    return _within(u, width, dx) & _within(v, height, dy)
 
 
-def disc_of(island: Island, limits: ResidualLimits, loose: bool) -> tuple[Structure, Floats] | None:
+def disc_of(
+    island: Island, limits: ResidualLimits, loose: bool, work: SearchWork
+) -> tuple[Structure, Floats] | None:
     """Return the turned profile that an island is, with its heights in the window around, or None.
 
     Args:
@@ -272,24 +297,29 @@ def disc_of(island: Island, limits: ResidualLimits, loose: bool) -> tuple[Struct
         limits: limits of the profile's height and noise.
         loose: whether the error of a profile without a name may be a quarter of the least height,
             rather than that of one with a name.
+        work: work that the search may do.
     """
     exact = 4.0 * limits.noise + 2.0 * island.off
     if exact > 0.25 * limits.height:
         return None
+    work.spend(1.0, _DISC)
+    heights = island.around.ravel()
+    some = np.flatnonzero(np.isfinite(heights))
+    some = some[:: max(1, len(some) // _TELLING)]
     best = _Disc(math.inf)
     for grow_y in range(REACH + 1):
         for grow_x in range(REACH + 1):
             rho = _radii(island, grow_x, grow_y)
             if rho is None:
                 continue
-            for code in PROFILES:
+            for code in _possible(rho.ravel()[some], heights[some], exact + limits.precision):
                 shape = _turned_values(code, rho)
                 scale, off = _fit(shape, island.around)
                 if off <= exact + limits.precision and off < best.off / 2.0:
                     best = _Disc(off, code, scale, grow_x, grow_y)
     if best.off == math.inf:
         tolerance = 0.25 * limits.height if loose else exact + limits.precision
-        return _crater(island, limits, tolerance)
+        return _crater(island, limits, tolerance, work)
     if abs(best.scale) < limits.height:
         return None
     rho = _radii(island, best.grow_x, best.grow_y)
@@ -298,6 +328,26 @@ def disc_of(island: Island, limits: ResidualLimits, loose: bool) -> tuple[Struct
     kind = _KINDS.get(curve.name, f"round-{curve.name}-hill")
     structure = _structure(kind, curve.spelling, island, best, limits.precision)
     return structure, best.scale * _turned_values(best.code, rho)
+
+
+def _possible(
+    rho: NDArray[np.float64], heights: NDArray[np.float64], tolerance: float
+) -> Iterator[int]:
+    """Yield the curves that, turned and times some factor, are as near to some heights as wanted.
+
+    Args:
+        rho: (n,) distances from the middle, in radii.
+        heights: (n,) heights at these places.
+        tolerance: largest error.
+    """
+    for code in PROFILES:
+        shape = _turned_values(code, rho)
+        inside = shape > 0.0
+        # each place bounds the factor
+        low = ((heights[inside] - tolerance) / shape[inside]).max(initial=-math.inf)
+        high = ((heights[inside] + tolerance) / shape[inside]).min(initial=math.inf)
+        if low <= high and np.abs(heights[~inside]).max(initial=0.0) <= tolerance:
+            yield code
 
 
 class _Disc(NamedTuple):
@@ -352,7 +402,7 @@ def _fit(shape: Floats, heights: Floats) -> tuple[float, float]:
 
 
 def _crater(
-    island: Island, limits: ResidualLimits, tolerance: float
+    island: Island, limits: ResidualLimits, tolerance: float, work: SearchWork
 ) -> tuple[Structure, Floats] | None:
     """Return a profile without a name, of as few evenly spaced samples as suffice, or None."""
     rho = _radii(island, 0, 0)
@@ -369,6 +419,7 @@ def _crater(
     for steps in (4, 8, 12, 16, MOST_SAMPLES):
         if 2 * steps > min(island.heights.shape):
             return None
+        work.spend(steps * len(heights), _WEIGHT)
         weights = _weights(rho[inside], steps)
         values, *_ = np.linalg.lstsq(weights, heights, rcond=None)
         if np.abs(heights - weights @ values).max() <= tolerance:

@@ -18,6 +18,7 @@ from terratool.cluster import Crew, crew_of
 from terratool.errors import ReadError, RequestError
 from terratool.importing.rasters import ClassRaster, open_classes
 from terratool.importing.structure.finding import find_structures
+from terratool.importing.structure.residual import SearchWork
 from terratool.importing.structure.structures import (
     MOST_PIXELS,
     Structure,
@@ -46,6 +47,7 @@ from terratool.importing.terrain.request import (
     ImportOptions,
     ImportReport,
     Progress,
+    Searching,
     add_ground,
     fill_gaps,
     head_of,
@@ -128,6 +130,7 @@ def import_terrain(
     options: ImportOptions,
     overwrite: bool = False,
     progress: Progress | None = None,
+    searching: Searching | None = None,
 ) -> ImportReport:
     """Write a definition whose surface is within an error of a DEM, bilinear between its pixels.
 
@@ -137,6 +140,8 @@ def import_terrain(
         options: options of the import.
         overwrite: whether the file may exist already.
         progress: gets numbers of pixels done; they add up to twice the DEM.
+        searching: gets the number of structures found, while these are looked for, and None at the
+            end.
 
     Raises:
         ReadError: the source is broken, has no height, or is too small or large.
@@ -156,7 +161,7 @@ def import_terrain(
         summary = summarise_source(source, options, work)
         options, said = options.for_heights(summary.low, summary.high, source.grid)
         summary.notes += said
-        plan = _plan_import(source, summary, options, crew)
+        plan = _plan_import(source, summary, options, crew, searching)
         job = _WritingJob(source, output, summary, options, overwrite, work, crew)
         try:
             return job.write(plan)
@@ -225,7 +230,7 @@ def summarise_source(
     with ExitStack() as stack:
         raster = None
         if options.surfaces is not None:
-            classes = open_classes(options.surfaces, grid, options.allow_remote)
+            classes = open_classes(options.surfaces, grid, options.allow_remote, options.allow_vrt)
             raster = stack.enter_context(classes)
         if grid.rows * grid.columns <= MOST_IN_MEMORY:
             summary.heights = np.empty((grid.rows, grid.columns))
@@ -283,7 +288,11 @@ def _surface(raster: ClassRaster | None, number: int) -> tuple[str, dict[str, An
 
 
 def _plan_import(
-    source: HeightSource, summary: SourceSummary, options: ImportOptions, crew: Crew
+    source: HeightSource,
+    summary: SourceSummary,
+    options: ImportOptions,
+    crew: Crew,
+    searching: Searching | None = None,
 ) -> _WritingPlan:
     """Decide whether structures are subtracted, and which method makes the smallest file."""
     highest = max(abs(summary.low), abs(summary.high))
@@ -299,7 +308,7 @@ def _plan_import(
     whole = without(_FoundStructures(), heights, summary.low)
     if heights is None or not options.searches(source.grid):
         return whole
-    found = _find(heights, options)
+    found = _find(heights, options, searching)
     if found.heights is None:
         return whole
     rest = heights - found.heights
@@ -338,9 +347,14 @@ def _samples(source: HeightSource, heights: Floats | None) -> list[Floats]:
     return squares
 
 
-def _find(heights: Floats, options: ImportOptions) -> _FoundStructures:
+def _find(heights: Floats, options: ImportOptions, searching: Searching | None) -> _FoundStructures:
     """Find the structures of a DEM, (rows, columns), row 0 the southernmost, NaN where unknown."""
-    structures = find_structures(heights, options.allowed, options.walls)
+    if searching is not None:
+        searching(0)
+    work = SearchWork.beside_rows(heights.size, searching)
+    structures = find_structures(heights, options.allowed, options.walls, work)
+    if searching is not None:
+        searching(None)
     if options.pixels:
         structures = tuple(one for one in structures if _has_whole_pixels(one))
     if not structures:

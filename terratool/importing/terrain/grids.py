@@ -166,7 +166,7 @@ def import_grid(
         found = _Ground()
         if options.surfaces is not None:
             beside = stack.enter_context(whole_file(classes_path(output), overwrite))
-            classes = open_classes(options.surfaces, grid, options.allow_remote)
+            classes = open_classes(options.surfaces, grid, options.allow_remote, options.allow_vrt)
             found = _write_classes(beside, stack.enter_context(classes))
             names = {str(number): name for number, name in found.names.items()}
             root["surfaceGrid"] = {"file": classes_path(output).name, "names": names}

@@ -43,6 +43,8 @@ _LEVEL = 1e-3
 
 Floats = NDArray[np.float64]
 Progress = Callable[[int], object]
+Searching = Callable[[int | None], object]
+"""Gets the number of structures found so far; None when they are not looked for any more."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,7 +80,8 @@ class ImportOptions:
         walls: whether structures get upright walls where the DEM has a gap of a pixel.
         surfaces: name of a raster of classes, or None.
         title: name of the source, for the description.
-        allow_remote: whether the raster of classes may lie on the net, or link out of its folder.
+        allow_vrt: whether a VRT of classes may be a mosaic of files out of its folder.
+        allow_remote: whether the raster of classes may lie on the net, or lead anywhere.
         cells: cells of the tree: "half-pixels" make the smallest file, in "pixels" own elements are
             easily added.
         surface: name of the surface of the ground where no class says otherwise; that of the preset
@@ -98,6 +101,7 @@ class ImportOptions:
     walls: bool = False
     surfaces: str | None = None
     title: str = ""
+    allow_vrt: bool = False
     allow_remote: bool = False
     cells: Literal["half-pixels", "pixels"] = "half-pixels"
     surface: str | None = None

@@ -1,0 +1,446 @@
+"""Points in lines of text, each x, y and z, and the grid that they may form.
+
+GDAL's driver for such text gives a missing point the height 0 where the heights are whole numbers
+from 0 to 255, reads single precision, and wants its rows in order; so these are read here.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import math
+import re
+import tempfile
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from itertools import product
+from pathlib import Path
+from typing import Any, BinaryIO, NamedTuple
+
+import numpy as np
+import rasterio
+from affine import Affine
+from numpy.typing import NDArray
+from rasterio.windows import Window
+
+from terratool.errors import DAMAGED, ReadError
+from terratool.io.points import short_text
+from terratool.text.files import open_file
+
+Points = NDArray[np.float64]
+"""Points, (n, 3) float64: x, y and z; NaN in z for no height."""
+
+FILLED = 0.25
+"""Least share of a grid's cells that have a point; points that fill less are a cloud."""
+
+_HEAD = 1 << 14
+_SEEN = 20
+"""Lines of which each has to be numbers, for a text to be one of points."""
+_MOST_COLUMNS = 64
+_FOLDER = "terratool-points-"
+"""Begin of the names of temporary folders, which no other module uses."""
+_DESCRIPTION = ".aux.xml"
+_COMMENTS = (b"#", b"//", b"%")
+_AXES = (
+    (b"x", b"lon", b"east"), (b"y", b"lat", b"north"), (b"z", b"alt", b"height", b"elev", b"dem"),
+)  # fmt: skip
+"""Beginnings of the names of columns in a header; x, y and z have to be the whole name."""
+
+_JITTER = 0.05
+"""Largest distance of a coordinate from its grid, in spacings; digits that were cut off cause it."""
+_MOST_PLACES = 1 << 20
+"""Most different coordinates along an axis of a grid."""
+_IN_MEMORY = 1 << 22
+"""Most points that are kept in memory between the two passes; more are parsed twice."""
+_PIECE = 1 << 22
+"""Bytes that are parsed at a time, up to the end of the line."""
+_MOST_LINE = 1 << 20
+_CELLS = 1 << 20
+"""Cells that are written at a time."""
+_SNAPPED = 12
+"""Digits to which a spacing is rounded where that moves no coordinate beyond its rounding."""
+
+_number = re.compile(rb"[+-]?(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?|nan", re.IGNORECASE).fullmatch
+_comma_number = re.compile(rb"[+-]?\d+(?:,\d+)?(?:e[+-]?\d+)?", re.IGNORECASE).fullmatch
+_word = re.compile(rb"[\"']?[a-z_][^,;<>{}=@]*", re.IGNORECASE).fullmatch
+
+
+class XyzLayout(NamedTuple):
+    """Layout of a text of points.
+
+    Attributes:
+        begin: number of bytes before the first point: comments and a header.
+        separator: byte between two numbers; None for blanks and tabs.
+        decimal_comma: whether numbers have a comma in place of the point.
+        places: indices of the columns of x, y and z.
+        columns: number of columns.
+    """
+
+    begin: int
+    separator: bytes | None
+    decimal_comma: bool
+    places: tuple[int, int, int]
+    columns: int
+
+    def cells(self, line: bytes) -> list[bytes]:
+        """Cells of a line, without blanks around them."""
+        cells = [cell.strip() for cell in line.strip().split(self.separator)]
+        return cells[:-1] if len(cells) == self.columns + 1 and not cells[-1] else cells
+
+
+@dataclass(frozen=True, slots=True)
+class PointGrid:
+    """A grid of cells of equal size, with points at their centres.
+
+    Attributes:
+        west: x of the westernmost centres.
+        south: y of the southernmost centres.
+        dx: spacing along x.
+        dy: spacing along y.
+        columns: number of columns.
+        rows: number of rows.
+        whole: whether all heights are whole numbers of 32 bits, and none is NaN.
+    """
+
+    west: float
+    south: float
+    dx: float
+    dy: float
+    columns: int
+    rows: int
+    whole: bool
+
+    def cells(self, points: Points) -> NDArray[np.int64]:
+        """Index of each point's cell, (n,) int64, counted by rows from the north-west."""
+        column = np.rint((points[:, 0] - self.west) / self.dx).astype(np.int64)
+        row = np.rint((points[:, 1] - self.south) / self.dy).astype(np.int64)
+        return (self.rows - 1 - row) * self.columns + column
+
+
+def layout_of(path: Path) -> XyzLayout | None:
+    """Return the layout of a text of points; None for a file of another kind.
+
+    Raises:
+        OSError: the file cannot be opened.
+    """
+    with open_file(path) as file:
+        head = file.read(_HEAD)
+    lines = head.splitlines(keepends=True)
+    if len(head) == _HEAD:
+        lines = lines[:-1]  # which may be cut
+    begin, header = len(head) - len(head.removeprefix(b"\xef\xbb\xbf")), None
+    lines[:1] = [line[begin:] for line in lines[:1]]
+    while lines and (_is_comment(lines[0]) or (header is None and _is_header(lines[0]))):
+        line = lines.pop(0)
+        begin += len(line)
+        # GDAL and others write the names of columns behind the sign of a comment
+        header = line.strip() if not _is_comment(line) or _names_axes(line) else header
+    some = [line for line in lines if not _is_comment(line)][:_SEEN]
+    if len(some) < 2 or b"\0" in head:
+        return None
+    layout = _layout_by(some, begin, header)
+    if layout is None or not all(_is_point(line, layout) for line in some):
+        return None
+    return layout
+
+
+def _is_comment(line: bytes) -> bool:
+    text = line.strip()
+    return not text or text.startswith(_COMMENTS)
+
+
+def _split(line: bytes) -> tuple[bytes | None, list[bytes]]:
+    """Separator of a line, None for blanks, and its cells."""
+    text = line.strip()
+    separator = next((sign for sign in (b";", b",") if sign in text), None)
+    if separator == b"," and len(text.split()) > 2 and all(map(_comma_number, text.split())):
+        separator = None  # numbers with a decimal comma, between blanks
+    cells = [cell.strip() for cell in text.split(separator)]
+    if separator is not None and len(cells) > 3 and not cells[-1]:
+        cells.pop()  # behind a separator at the end of the line
+    return separator, cells
+
+
+def _is_header(line: bytes) -> bool:
+    _, cells = _split(line)
+    return (
+        3 <= len(cells) <= _MOST_COLUMNS and all(map(_word, cells)) and not any(map(_number, cells))
+    )
+
+
+def _names_axes(line: bytes) -> bool:
+    """Return whether a comment names the three axes."""
+    return _places(line.strip().lstrip(b"#/% ")) is not None
+
+
+def _places(header: bytes) -> tuple[int, int, int] | None:
+    """Columns of x, y and z by the names in a header; None where one is not named."""
+    names = [cell.strip(b"\"' ").lower() for cell in _split(header)[1]]
+    found = []
+    for whole, *starts in _AXES:
+        known = (
+            at for at, name in enumerate(names)
+            if name == whole or (starts and name.startswith(tuple(starts)))
+        )  # fmt: skip
+        found.append(next(known, -1))
+    x, y, z = found
+    return (x, y, z) if min(found) >= 0 and len(set(found)) == 3 else None
+
+
+def _layout_by(lines: list[bytes], begin: int, header: bytes | None) -> XyzLayout | None:
+    """Layout of a text by its first points and the names of its columns."""
+    separator, cells = _split(lines[0])
+    if not 3 <= len(cells) <= _MOST_COLUMNS:
+        return None
+    comma = separator != b"," and any(b"," in line for line in lines)
+    places = None if header is None else _places(header.lstrip(b"#/% "))
+    if places is None or max(places) >= len(cells):
+        places = (0, 1, 2)
+    return XyzLayout(begin, separator, comma, places, len(cells))
+
+
+def _is_point(line: bytes, layout: XyzLayout) -> bool:
+    cells = layout.cells(line)
+    if len(cells) != layout.columns:
+        return False
+    wanted = [cells[place] for place in layout.places]
+    if layout.decimal_comma:
+        wanted = [cell.replace(b",", b".") for cell in wanted]
+    return all(map(_number, wanted))
+
+
+def read_points(path: Path, layout: XyzLayout) -> Iterator[Points]:
+    """Yield the points of a text, some 100,000 at a time.
+
+    Raises:
+        ReadError: a line is no point or very long, or a coordinate is no finite number.
+    """
+    with open_file(path) as file:
+        file.seek(layout.begin)
+        while text := file.read(_PIECE):
+            text += file.readline(_MOST_LINE)
+            if text[-1:] != b"\n" and file.read(1):
+                raise ReadError(f"{path}: has a line of more than {_MOST_LINE >> 20} MiB.", DAMAGED)
+            points = _parse(path, text, layout)
+            if not np.isfinite(points[:, :2]).all():
+                raise ReadError(f"{path}: has a point that lies nowhere.", DAMAGED)
+            yield points
+
+
+def _parse(path: Path, text: bytes, layout: XyzLayout) -> Points:
+    """Points of whole lines, (n, 3) float64."""
+    if not any(sign in text for sign in _COMMENTS):
+        with contextlib.suppress(ValueError):
+            return _numbers(text, layout)
+    lines = [line for line in text.split(b"\n") if not _is_comment(line)]
+    try:
+        return _numbers(b"\n".join(lines), layout)
+    except ValueError as error:
+        line = next((one for one in lines if not _is_point(one, layout)), b"")
+        what = line.strip()[:40].decode("utf-8", "replace") or short_text(error)
+        raise ReadError(
+            f"{path}: has a line that is no point ({what}).",
+            "Write x, y and z in each line, as numbers with a point.",
+        ) from error
+
+
+def _numbers(text: bytes, layout: XyzLayout) -> Points:
+    """Points of lines without comments, (n, 3) float64; raises a ValueError for other text."""
+    if not text.strip():
+        return np.empty((0, 3))
+    if layout.decimal_comma:
+        text = text.replace(b",", b".")
+    separator = None if layout.separator is None else layout.separator.decode()
+    rows = io.StringIO(text.decode("ascii"))
+    return np.loadtxt(rows, comments=None, delimiter=separator, usecols=layout.places, ndmin=2)
+
+
+def find_grid(batches: Iterable[Points]) -> PointGrid | None:
+    """Return the grid that points form: regular spacings, and a quarter of the cells or more filled.
+
+    Args:
+        batches: all points, (n, 3) float64 each.
+    """
+    axes = [np.empty(0), np.empty(0)]
+    count, whole = 0, True
+    for points in batches:
+        count += len(points)
+        z = points[:, 2]
+        whole = whole and bool((np.abs(z) < 2**31).all() and (z == np.rint(z)).all())
+        axes = [np.union1d(known, points[:, at]) for at, known in enumerate(axes)]
+        if max(map(len, axes)) > _MOST_PLACES:
+            return None
+    if count < 2:
+        return None
+    for x, y in product(_spacings(axes[0]), _spacings(axes[1])):
+        dx, dy = x.step or y.step, y.step or x.step
+        if dx and x.count * y.count * FILLED <= count:
+            return PointGrid(x.first, y.first, dx, dy, x.count, y.count, whole)
+    return None
+
+
+class _Spacing(NamedTuple):
+    """Equal steps along an axis.
+
+    Attributes:
+        first: lowest coordinate.
+        step: distance of neighbours; 0 for a single coordinate.
+        count: number of coordinates with those that are missing between.
+    """
+
+    first: float
+    step: float
+    count: int
+
+
+def _spacings(places: NDArray[np.float64]) -> Iterator[_Spacing]:
+    """Yield equal steps that hold all coordinates, which are sorted, the finest first.
+
+    Where digits were cut off, coordinates of one column may differ by the last one, so that steps
+    of that hold them, too.
+    """
+    if len(places) == 1:
+        yield _Spacing(float(places[0]), 0.0, 1)
+    groups = places
+    while len(groups) > 1:
+        gaps = np.diff(groups)
+        least = float(gaps.min())
+        # coordinates that were rounded differ in their gaps, so that each gap is counted by itself
+        usual = float(np.median(gaps[gaps < 1.5 * least]))
+        count = float(np.rint(gaps / usual).sum())
+        step = _snapped((groups[-1] - groups[0]) / count, count, groups)
+        off = places - groups[0]
+        if np.abs(off - np.rint(off / step) * step).max() <= _JITTER * step:
+            yield _Spacing(float(groups[0]), step, int(count) + 1)
+        # the least gaps may be noise of one coordinate
+        apart = np.flatnonzero(gaps > 4.0 * least) + 1
+        groups = groups[np.concatenate([[0], apart])]
+
+
+def _snapped(step: float, count: float, places: NDArray[np.float64]) -> float:
+    """Return a step of few digits within the rounding of the coordinates, or the step as it is."""
+    short = float(f"{step:.{_SNAPPED}g}")
+    rounding = 4.0 * np.spacing(max(abs(float(places[0])), abs(float(places[-1]))))
+    return short if abs(short - step) * count <= rounding else step
+
+
+@contextlib.contextmanager
+def as_raster(path: Path, layout: XyzLayout) -> Iterator[Path]:
+    """Make a GeoTIFF of a text of points, for the block.
+
+    A description that GDAL keeps beside the text is taken over.
+
+    Raises:
+        ReadError: a line is no point, the points form no grid, or two of one place differ.
+        OSError: a file cannot be opened or written.
+    """
+    points = PointText(path, layout)
+    grid = find_grid(points)
+    if grid is None:
+        raise cloud(path)
+    empty = float(np.iinfo(np.int32).min) if grid.whole else math.nan
+    with tempfile.TemporaryDirectory(prefix=_FOLDER) as folder:
+        raster = Path(folder, "grid.tif")
+        with tempfile.TemporaryFile(dir=folder) as file:
+            heights = _heights_of(path, grid, points, file, empty)
+            _write(raster, grid, heights, empty)
+        beside = path.with_name(f"{path.name}{_DESCRIPTION}")
+        if beside.is_file():
+            with open_file(beside) as description:
+                raster.with_name(f"{raster.name}{_DESCRIPTION}").write_bytes(description.read())
+        yield raster
+
+
+def made_of_points(file: Any) -> bool:
+    """Return whether an open rasterio dataset is one that `as_raster` made."""
+    return Path(file.name).parent.name.startswith(_FOLDER)
+
+
+def _write(raster: Path, grid: PointGrid, heights: NDArray[Any], empty: float) -> None:
+    """Write heights by rows from the north as a GeoTIFF."""
+    corner = grid.west - grid.dx / 2, grid.south + (grid.rows - 0.5) * grid.dy
+    place = Affine(grid.dx, 0.0, corner[0], 0.0, -grid.dy, corner[1])
+    with rasterio.open(
+        raster, "w", driver="GTiff", width=grid.columns, height=grid.rows, count=1,
+        dtype=heights.dtype, nodata=empty, transform=place, BIGTIFF="IF_SAFER",
+    ) as file:  # fmt: skip
+        some = max(1, _CELLS // grid.columns)
+        for row in range(0, grid.rows, some):
+            part = heights[row : row + some]
+            file.write(part, 1, window=Window(0, row, grid.columns, len(part)))
+
+
+def _heights_of(
+    path: Path, grid: PointGrid, batches: Iterable[Points], file: BinaryIO, empty: float
+) -> NDArray[Any]:
+    """Heights of a grid by rows from the north, (rows, columns) int32 or float64, kept in a file.
+
+    Args:
+        path: path of the text, for messages.
+        grid: grid of the points.
+        batches: all points.
+        file: empty file, open for reading and writing.
+        empty: number that stands for a missing point.
+
+    Raises:
+        ReadError: two points of one place have different heights, or too few cells are filled.
+        OSError: the disk is full.
+    """
+    kind, cells = np.dtype(np.int32 if grid.whole else np.float64), grid.rows * grid.columns
+    for first in range(0, cells, _CELLS):  # a write fails on a full disk, and a map would crash
+        file.write(np.full(min(_CELLS, cells - first), empty, kind).tobytes())
+    file.flush()
+    heights = np.memmap(file, kind, "r+", shape=(cells,))
+    seen = np.zeros(cells, np.bool_)
+    for points in batches:
+        at, z = grid.cells(points), points[:, 2]
+        known = ~np.isnan(z)
+        at, z = at[known], z[known]
+        before = seen[at]
+        differs = before & (heights[at] != z)
+        heights[at], seen[at] = z, True
+        differs |= heights[at] != z  # two in this batch
+        if differs.any():
+            where = at[differs][0]
+            x = grid.west + grid.dx * (where % grid.columns)
+            y = grid.south + grid.dy * (grid.rows - 1 - where // grid.columns)
+            raise ReadError(
+                f"{path}: has two heights at {x:.12g} {y:.12g}.",
+                "Keep one of them.",
+            )
+    if np.count_nonzero(seen) < FILLED * cells:
+        raise cloud(path)
+    return heights.reshape(grid.rows, grid.columns)
+
+
+def cloud(path: Path) -> ReadError:
+    """Error for a text of points that form no grid."""
+    return ReadError(
+        f"{path}: is no grid, but a cloud of points.",
+        "Make a raster of it, as with gdal_grid, and name that.",
+    )
+
+
+class PointText:
+    """A text of points that is read more than once; a small one is parsed once only.
+
+    Args:
+        path: path of the text.
+        layout: its layout.
+    """
+
+    def __init__(self, path: Path, layout: XyzLayout) -> None:
+        self._path, self._layout = path, layout
+        self._kept: list[Points] | None = None
+
+    def __iter__(self) -> Iterator[Points]:
+        if self._kept is not None:
+            yield from self._kept
+            return
+        kept, count = [], 0
+        for points in read_points(self._path, self._layout):
+            count += len(points)
+            if count <= _IN_MEMORY:
+                kept.append(points)
+            yield points
+        self._kept = kept if count <= _IN_MEMORY else None
