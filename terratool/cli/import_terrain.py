@@ -102,7 +102,9 @@ _METHODS = ("rows", "columns", "nodal-rows", "nodal-columns", "hats")
         help="A surface, to be filled in, or a class.  [default: as the preset]",
     ),
     click.option(
-        "--surfaces", metavar="CLASSES.tif", help="Take surfaces from a raster of classes first."
+        "--surfaces",
+        metavar="CLASSES.tif",
+        help="Take surfaces from a raster of classes; of a LAS: classes.",
     ),
 )
 @source_options
@@ -110,12 +112,12 @@ _METHODS = ("rows", "columns", "nodal-rows", "nodal-columns", "hats")
 @overwrite_option("Replace a file that exists.")
 @json_option()
 def command(source: str, output: str, overwrite: bool, as_json: bool, **values: Any) -> None:
-    """Write a DEM or a mesh, SOURCE, as a definition, OUT.
+    """Write a DEM, a mesh or a cloud, SOURCE, as a definition, OUT.
 
     The terrain is measured to be within E of the DEM everywhere, which is bilinear between the
     centres of its pixels. Nodata becomes void. OUT in .json.gz is compressed. A SOURCE is a
-    raster that GDAL reads, or a mesh from above (.obj, .stl, .ply, .glb, .gltf, .off, .3mf, .dxf,
-    .wrl, .x3d, .x3dv).
+    raster that GDAL reads, a mesh from above (.obj, .stl, .ply, .glb, .gltf, .off, .3mf, .dxf,
+    .wrl, .x3d, .x3dv), or a cloud of points (.las, .laz, .ply, .pcd, .xyz, .csv).
     """
     from pathlib import Path
 

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 _Command = TypeVar("_Command", bound=Callable[..., Any])
 _NAMES = (
     "bounds", "window", "band", "crs", "nodata", "resolution", "up", "scale", "allow_remote",
+    "heights", "ground",
 )  # fmt: skip
 
 
@@ -287,15 +288,22 @@ _reading_of_source = option_group(
     "How it is read",
     click.option("--crs", metavar="CRS", help="Reproject a raster first, as to EPSG:32633."),
     click.option("--nodata", type=float, metavar="Z", help="A number that stands for no height."),
-    click.option("--resolution", type=float, metavar="R", help="Side of the pixels of a mesh."),
+    click.option(
+        "--resolution", type=float, metavar="R", help="Side of the cells of a mesh or of points."
+    ),
     click.option(
         "--up", type=click.Choice(["y", "z"]), metavar="AXIS",
-        help="y or z, the axis of a mesh that points up.  [default: as its format has it]",
+        help="y or z, the axis of these that points up.  [default: as its format has it]",
     ),
     click.option(
         "--scale", type=float, default=1.0, metavar="F",
-        help="Factor on the coordinates of a mesh, as 0.001 for millimetres.",
+        help="Factor on their coordinates, as 0.001 for millimetres.",
     ),
+    click.option(
+        "--heights", type=WordChoice(("mean", "highest", "lowest")), metavar="KIND",
+        help="mean, highest or lowest of the points in a cell.  [default: mean]",
+    ),
+    click.option("--ground", is_flag=True, help="Take points on the ground, not trees and cars."),
     click.option(
         "--allow-remote", is_flag=True,
         help="Let a raster lie on the net, or lead out of its folder.",

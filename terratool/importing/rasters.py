@@ -297,7 +297,8 @@ def _heights(
                 "raster lies.",
             )
     count_x, count_y = columns[1] - columns[0], rows[1] - rows[0]
-    unit = _unit(file, band, ((west + east) / 2, (south + north) / 2), about)
+    middle = (west + east) / 2, (south + north) / 2
+    unit = unit_of(file.crs, file.units[band - 1] or "", middle, about)
     grid = PixelGrid(
         west + columns[0] * dx, north - rows[1] * dy, dx, dy, count_x, count_y,
         spell_crs(file.crs, about), unit,
@@ -317,24 +318,28 @@ def _within(pixels: tuple[int, int], low: float, high: float, side: float) -> tu
     return max(pixels[0], first), min(pixels[1], last + 1)
 
 
-def _unit(file: Any, band: int, middle: tuple[float, float], about: list[str]) -> str:
+def unit_of(
+    crs: CRS | None, vertical: str, middle: tuple[float, float], about: list[str], tool: str = ""
+) -> str:
     """Return the unit of the heights, and add notes on odd units.
 
     Args:
-        file: the raster.
-        band: number of the band of heights.
-        middle: x and y of the raster's middle.
+        crs: reference system of x and y.
+        vertical: unit of the heights as the source says it, or nothing.
+        middle: x and y of the source's middle.
         about: list that gets the notes.
+        tool: program that reprojects the source; nothing where --crs does.
     """
-    vertical = (file.units[band - 1] or "").strip()
+    vertical = vertical.strip()
     unit = "m" if vertical.lower() in ("", "m", "metre", "meter", "metres", "meters") else vertical
-    if file.crs is not None and file.crs.is_geographic:
+    if crs is not None and crs.is_geographic:
+        zone = zone_of(*middle)
         about.append(
             f"x and y are degrees and heights {unit}, so that no slope is right: "
-            f"add --crs {zone_of(*middle)} to reproject."
+            + (f"reproject to {zone} by {tool}." if tool else f"add --crs {zone} to reproject.")
         )
-    elif file.crs is not None and file.crs.is_projected:
-        linear = str(file.crs.linear_units)
+    elif crs is not None and crs.is_projected:
+        linear = str(crs.linear_units)
         if linear.lower() not in ("metre", "meter", "m", "unknown") or unit != "m":
             about.append(f"x and y are in {linear}, heights in {unit}; they are kept as they are.")
     elif unit != "m":

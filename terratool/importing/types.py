@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -87,11 +87,14 @@ class SampledHeights:
 
     Attributes:
         values: (rows, columns) float64 at the pixel centres, row 0 the southernmost, NaN for none.
+        classes: (rows, columns) int16, class of LAS of each pixel, -1 for none; None without
+            classes.
     """
 
     grid: PixelGrid
     values: NDArray[np.float64]
     notes: tuple[str, ...] = ()
+    classes: NDArray[np.int16] | None = None
 
     def read(self, first: int, count: int) -> NDArray[np.float64]:
         """Return `count` rows from row `first`, (count, columns) float64; NaN for none."""
@@ -190,10 +193,15 @@ class SourceOptions:
         crs: reference system to which a raster is reprojected bilinearly, as a definition spells it
             or as rasterio has it; of an array, the one that it has.
         nodata: number that stands for no height, besides the raster's own.
-        resolution: side of a pixel when a mesh is sampled.
-        up: axis of a mesh that points up, "y" or "z"; the usual one of its format if None.
-        scale: factor on the coordinates of a mesh.
+        resolution: side of a pixel when a mesh is sampled, or points are gathered.
+        up: axis of a mesh or a cloud that points up, "y" or "z"; the usual one of its format if
+            None.
+        scale: factor on the coordinates of a mesh or a cloud.
         allow_remote: whether a raster may lie on the net, or link out of its folder.
+        heights: height of a cell of a cloud: the "mean" one of its points, the "highest" or the
+            "lowest"; mean if None.
+        ground: whether only points of a cloud count that are ground, by their class, or else by a
+            filter.
     """
 
     bounds: Bounds | None = None
@@ -205,3 +213,5 @@ class SourceOptions:
     up: str | None = None
     scale: float = 1.0
     allow_remote: bool = False
+    heights: Literal["mean", "highest", "lowest"] | None = None
+    ground: bool = False

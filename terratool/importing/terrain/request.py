@@ -71,7 +71,7 @@ class ImportOptions:
         structures: whether to look for boxes, ramps and hills; if None, up to `MOST_SEARCHED`
             pixels, and where there are to be walls.
         walls: whether structures get upright walls where the DEM has a gap of a pixel.
-        surfaces: name of a raster of classes, or None.
+        surfaces: name of a raster of classes, or "classes" for those of the points of a LAS.
         title: name of the source, for the description.
         allow_remote: whether the raster of classes may lie on the net, or link out of its folder.
         cells: cells of the tree: "half-pixels" make the smallest file, in "pixels" own elements are
