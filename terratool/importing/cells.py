@@ -20,6 +20,9 @@ Height = Literal["mean", "highest", "lowest"]
 """Height of a cell, by its points."""
 HEIGHTS: tuple[Height, ...] = get_args(Height)
 
+MOST_VOTES = 1 << 28
+"""Most counts of classes in cells; these take 1 GiB."""
+
 _ON_GRID = 1e-6
 _FARTHEST = 2.0**40
 """Most cells between a cell and 0, so that doubles tell them apart."""
@@ -86,9 +89,7 @@ class Cells:
         counts: (rows × columns,) int32, number of points.
     """
 
-    def __init__(
-        self, x: CellRange, y: CellRange, kind: Height = "mean", classes: bool = False
-    ) -> None:
+    def __init__(self, x: CellRange, y: CellRange, kind: Height = "mean") -> None:
         columns, rows = x.end - x.begin, y.end - y.begin
         self.grid = PixelGrid(x.start, y.start, x.side, y.side, columns, rows)
         self._x, self._y, self._kind = x, y, kind
@@ -96,18 +97,12 @@ class Cells:
         self._heights = np.full(rows * columns, empty)
         self.counts = np.zeros(rows * columns, np.int32)
         self._base: float | None = None
-        # votes by cell and class: keys cell << 8 | class, ascending
-        self._voted = np.zeros(0, np.int64) if classes else None
-        self._votes = np.zeros(0, np.int64)
 
-    def add(self, x: Floats, y: Floats, z: Floats, classes: NDArray[np.uint8] | None) -> None:
+    def add(self, x: Floats, y: Floats, z: Floats) -> None:
         """Add points, (n,) each; those outside count for nothing."""
-        column, row = self._x.of(x), self._y.of(y)
-        cell = row * self.grid.columns + column
-        inside = (column >= 0) & (row >= 0)
-        if not inside.all():
-            cell, z = cell[inside], z[inside]
-            classes = None if classes is None else classes[inside]
+        cell = _cells_of(self._x, self._y, x, y)
+        if cell.min(initial=0) < 0:
+            cell, z = cell[cell >= 0], z[cell >= 0]
         if not len(cell):
             return
         np.add.at(self.counts, cell, 1)
@@ -117,12 +112,6 @@ class Cells:
             np.add.at(self._heights, cell, z - self._base)
         else:
             (np.maximum if self._kind == "highest" else np.minimum).at(self._heights, cell, z)
-        if self._voted is not None and classes is not None:
-            found, counts = np.unique(cell << 8 | classes, return_counts=True)
-            merged = np.concatenate([self._voted, found])
-            self._voted, at = np.unique(merged, return_inverse=True)
-            votes = np.concatenate([self._votes, counts])
-            self._votes = np.bincount(at, votes, len(self._voted)).astype(np.int64)
 
     @property
     def heights(self) -> Floats:
@@ -134,19 +123,52 @@ class Cells:
             found = self._heights
         return np.where(empty, np.nan, found).reshape(self.grid.rows, self.grid.columns)
 
-    @property
-    def classes(self) -> NDArray[np.int16] | None:
-        """Commonest class, (rows, columns) int16, of equals the lower one; -1 where there is none.
 
-        None if classes are not counted.
-        """
-        if self._voted is None:
-            return None
-        cell, number = self._voted >> 8, self._voted & 255
-        order = np.lexsort((-number, self._votes, cell))
-        out = np.full(len(self.counts), -1, np.int16)
-        out[cell[order]] = number[order]  # of several the last is kept
-        return out.reshape(self.grid.rows, self.grid.columns)
+def _cells_of(x: CellRange, y: CellRange, xs: Floats, ys: Floats) -> NDArray[np.int64]:
+    """Index of the cell of each point, (n,) int64, row by row from the south; -1 for none."""
+    column, row = x.of(xs), y.of(ys)
+    return np.where((column < 0) | (row < 0), -1, row * (x.end - x.begin) + column)
+
+
+class Votes:
+    """Classes of the points of each cell, counted batch by batch.
+
+    Args:
+        x, y: the cells.
+        present: (k,) numbers of the classes that points may have, ascending, up to 255.
+
+    Raises:
+        RequestError: there are too many cells for so many classes.
+    """
+
+    def __init__(self, x: CellRange, y: CellRange, present: NDArray[np.int64]) -> None:
+        self._x, self._y, self._present = x, y, present
+        self._shape = y.end - y.begin, x.end - x.begin
+        self._cells = self._shape[0] * self._shape[1]
+        if self._cells * len(present) > MOST_VOTES:
+            raise RequestError(
+                f"Points of {len(present)} classes in {self._cells:,} cells are too much to count.",
+                "Give a coarser --resolution, or take a part by --bounds.",
+            )
+        self._index = np.zeros(256, np.int64)
+        self._index[present] = np.arange(len(present))
+        self._votes = np.zeros(len(present) * self._cells, np.int32)
+
+    def add(self, x: Floats, y: Floats, classes: NDArray[np.uint8]) -> None:
+        """Add points, (n,) each; those outside count for nothing."""
+        cell = _cells_of(self._x, self._y, x, y)
+        inside = cell >= 0
+        np.add.at(self._votes, (self._index[classes] * self._cells + cell)[inside], 1)
+
+    @property
+    def commonest(self) -> NDArray[np.int16]:
+        """Commonest class, (rows, columns) int16, of equals the lower one; -1 for no points."""
+        votes = self._votes.reshape(-1, *self._shape)
+        found: NDArray[np.int16] = self._present[votes.argmax(axis=0)].astype(
+            np.int16
+        )  # the first of equals
+        found[votes.max(axis=0) == 0] = -1
+        return found
 
 
 def cells_over(

@@ -89,7 +89,8 @@ def classes_of(
         with open_classes(surfaces, source.grid, allow_remote) as raster:
             yield raster
         return
-    numbers = source.classes if isinstance(source, SampledHeights) else None
+    read = source.classes if isinstance(source, SampledHeights) else None
+    numbers = None if read is None else read()
     if numbers is None or np.isin(numbers, (-1, *_NONE)).all():
         raise RequestError(
             "The source has no classes of its own."

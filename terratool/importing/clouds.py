@@ -16,7 +16,7 @@ from rasterio.crs import CRS
 
 from terratool.definition.findings import Bounds
 from terratool.errors import ReadError, RequestError
-from terratool.importing.cells import HEIGHTS, CellRange, Cells, cells_over, round_up
+from terratool.importing.cells import HEIGHTS, Cells, Votes, cells_over, round_up
 from terratool.importing.ground import CELL, FilteredGround, filter_ground
 from terratool.importing.rasters import HIGHEST, unit_of
 from terratool.importing.types import PixelGrid, SampledHeights, SourceOptions
@@ -47,15 +47,19 @@ _GROUND, _NOISE = 2, (7, 18)
 """Classes of LAS that are ground, and that are errors of measurement."""
 _STEPS = 10
 """Least steps of the numbers of coordinates in a cell."""
-_THIN = 1e-9
-"""Share of its length that the width of a cloud has to have at least."""
+_THIN = 1e-12
+"""Share of the variance along a cloud that the variance across has to be more than."""
+_COARSE = 4096
+"""Most cells along the longer side of a cloud in which its points are looked for."""
+_MANY = 16
+"""Least points in a cell on average by which its area counts."""
 _SAMPLE = 1 << 22
 """Bytes of a text that tell a grid from a cloud."""
 _HEAD = 1 << 16
 _TURNS = 0.4
 """Least share of the points of a grid that have the x or the y of the point before."""
-_FULL = 0.5
-"""Least share of the places of a grid in another order that have a point."""
+_FULL = 0.1, 0.5
+"""Least share of the places of a grid that have a point, in such an order and in another one."""
 _SPARSE = 4
 """Most lines of a grid for each that has a point."""
 _OFF = 0.1
@@ -111,7 +115,7 @@ def is_grid(points: Floats) -> bool:
     """Tell whether points, (n, 3), are those of a grid, maybe with gaps.
 
     Their x, and their y, lie on evenly spaced lines, of which at least each fourth has a point; and
-    successive points share one of them, or they fill half of the grid.
+    successive points share one of them and fill a tenth of the grid, or they fill half of it.
     """
     if len(points) < 2:
         return False
@@ -120,7 +124,7 @@ def is_grid(points: Floats) -> bool:
     if not lines:
         return False
     turns = float(((np.diff(x) == 0) | (np.diff(y) == 0)).mean())
-    return turns >= _TURNS or len(np.unique(points[:, :2], axis=0)) >= _FULL * lines
+    return len(np.unique(points[:, :2], axis=0)) >= lines * _FULL[turns < _TURNS]
 
 
 def _lines(values: Floats) -> int:
@@ -202,10 +206,10 @@ class _Survey:
 
     @property
     def is_thin(self) -> bool:
-        """Whether all points lie on one line: the least variance is nothing beside the largest."""
+        """Whether all points lie on one line: their least variance is `_THIN` of the largest."""
         xx, xy, yy, x, y = self.moments / self.count
         spread = np.linalg.eigvalsh([[xx - x * x, xy - x * y], [xy - x * y, yy - y * y]])
-        return bool(spread[0] <= _THIN**2 * max(spread[1], 0.0) + 1e-12 * max(spread[1], 0.0))
+        return bool(spread[0] <= _THIN * spread[1])
 
     @property
     def step(self) -> float:
@@ -314,12 +318,12 @@ def sample_cloud(name: str, options: SourceOptions) -> SampledHeights:
             options.bounds, min(MOST_CELLS, max(FREE_CELLS, CELLS_EACH * survey.count)), proposed,
         )  # fmt: skip
         ground = _ground_of(file, proposed, metre) if options.ground else None
-        cells, many = Cells(x, y, kind, bool(survey.classes.any())), 0
+        cells, many = Cells(x, y, kind), 0
         for points in file.batches():
             if ground is not None:
                 points = points.only(ground.holds(points))
                 many += len(points.x)
-            cells.add(*points)
+            cells.add(*points[:3])
         heights = cells.heights
     counts = cells.counts
     if not counts.any():
@@ -334,7 +338,17 @@ def sample_cloud(name: str, options: SourceOptions) -> SampledHeights:
         cells.grid.west, cells.grid.south, cells.grid.dx, cells.grid.dy,
         cells.grid.columns, cells.grid.rows, crs, unit,
     )  # fmt: skip
-    return SampledHeights(grid, heights, tuple(about), cells.classes)
+
+    def classes() -> NDArray[np.int16]:
+        votes = Votes(x, y, np.flatnonzero(survey.classes))
+        for points in file.batches():
+            if ground is not None:
+                points = points.only(ground.holds(points))
+            assert points.classes is not None
+            votes.add(points.x, points.y, points.classes)
+        return votes.commonest
+
+    return SampledHeights(grid, heights, tuple(about), classes if survey.classes.any() else None)
 
 
 @contextlib.contextmanager
@@ -377,25 +391,24 @@ def _refuse(name: str, survey: _Survey) -> None:
 
 
 def _proposed(file: _CloudFile) -> float:
-    """Side of cells with some `EACH` points on average, and wider than the numbers are rounded.
+    """Side of cells with `EACH` points on average, and wider than the numbers are rounded.
 
-    The area of the points is that of the coarse cells that have any.
+    The area of the points is that of the coarse cells that have any, the smallest that hold `_MANY`
+    points on average.
     """
     survey = file.survey
     west, south, east, north = survey.extent
-    coarse = math.sqrt((east - west) * (north - south) * 16 * EACH / survey.count)
-    coarse = max(coarse, (east - west) / 4096, (north - south) / 4096)
-    x, y = (
-        CellRange(0, coarse, max(math.ceil(side / coarse), 1), 0, 1)
-        for side in (east - west, north - south)
-    )
-    seen = np.zeros((y.total, x.total), bool)
+    side = max(east - west, north - south) / _COARSE
+    shape = [int((high - low) // side) + 1 for low, high in ((south, north), (west, east))]
+    seen = np.zeros(shape, bool)
     for points in file.batches():
-        rows = np.minimum((points.y - south) // coarse, y.total - 1).astype(np.int64)
-        columns = np.minimum((points.x - west) // coarse, x.total - 1).astype(np.int64)
-        seen[rows, columns] = True
-    area = float(seen.mean()) * (east - west) * (north - south)
-    least = math.sqrt(EACH * area / survey.count)
+        rows, columns = (points.y - south) // side, (points.x - west) // side
+        seen[rows.astype(np.int64), columns.astype(np.int64)] = True
+    while seen.size > 1 and survey.count < _MANY * np.count_nonzero(seen):
+        seen = np.pad(seen, [(0, length % 2) for length in seen.shape])
+        seen = seen[::2, ::2] | seen[1::2, ::2] | seen[::2, 1::2] | seen[1::2, 1::2]
+        side *= 2
+    least = side * math.sqrt(np.count_nonzero(seen) * EACH / survey.count)
     return round_up(max(least, _STEPS * survey.step))
 
 
@@ -495,6 +508,6 @@ def _ground_of(file: _CloudFile, proposed: float, metre: float) -> _Ground:
     x, y = cells_over(extent, side, None, MOST_FILTERED, round_up(side))
     cells = Cells(x, y, "lowest")
     for points in file.batches():
-        cells.add(*points)
+        cells.add(*points[:3])
     surface = filter_ground(cells.heights, cells.grid, metre)
     return _Ground(f"by a morphological filter of cells of {side:.4g}", surface)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Protocol
@@ -87,14 +87,14 @@ class SampledHeights:
 
     Attributes:
         values: (rows, columns) float64 at the pixel centres, row 0 the southernmost, NaN for none.
-        classes: (rows, columns) int16, class of LAS of each pixel, -1 for none; None without
-            classes.
+        classes: reads the class of LAS of each pixel, (rows, columns) int16, -1 for none; None
+            without classes.
     """
 
     grid: PixelGrid
     values: NDArray[np.float64]
     notes: tuple[str, ...] = ()
-    classes: NDArray[np.int16] | None = None
+    classes: Callable[[], NDArray[np.int16]] | None = None
 
     def read(self, first: int, count: int) -> NDArray[np.float64]:
         """Return `count` rows from row `first`, (count, columns) float64; NaN for none."""

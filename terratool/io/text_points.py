@@ -24,7 +24,6 @@ _BOM = b"\xef\xbb\xbf"
 _AXES = ("x", "y", "z")
 
 _word = re.compile(rb"[^\s,]*").match
-_fields = re.compile(r"[^\s,;]+").findall
 _semicolons = bytes.maketrans(b";", b",")
 _decimal_commas = bytes.maketrans(b",;", b".,")
 
@@ -56,7 +55,7 @@ def layout_of(head: bytes) -> TextLayout | None:
         end = head.find(b"\n", at)
         end = len(head) if end < 0 else end
         line = head[at:end].decode("utf-8", "replace").replace("\r", " ").strip()
-        names = [name.strip('"').lower() for name in _fields(line.lstrip("#/"))]
+        names = [name.strip('" ').lower() for name in _parted(line.lstrip("#/ "))]
         named = len(names) == len(set(names)) and set(_AXES) <= set(names)
         if named:
             places = tuple(map(names.index, _AXES))  # type: ignore[assignment]
@@ -65,14 +64,20 @@ def layout_of(head: bytes) -> TextLayout | None:
             if ";" in line:
                 table = _decimal_commas if "," in line else _semicolons
                 line = line.translate({44: 46} if table is _decimal_commas else {})
-            numbers = _fields(line)
+            numbers = _parted(line)
             if len(numbers) <= max(places):
                 return None
-            if any(parse_number(numbers[place]) is None for place in places):
+            if any(parse_number(numbers[place] or "nan") is None for place in places):
                 return None
             return TextLayout(places, at, table)
         at = end + 1
     return None
+
+
+def _parted(line: str) -> list[str]:
+    """Fields of a line, which commas or semicolons part, or else blanks."""
+    between = ";" if ";" in line else "," if "," in line else None
+    return [field.strip() for field in line.split(between)]
 
 
 def numbers_in(path: Path, text: bytes, layout: TextLayout) -> NDArray[np.float64]:
