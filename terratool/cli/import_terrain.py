@@ -56,7 +56,7 @@ _METHODS = ("rows", "columns", "nodal-rows", "nodal-columns", "hats")
         "as_",
         type=WordChoice(("rows", "grid")),
         metavar="FORM",
-        help="rows in the text, or a grid: a raster.  [default: rows up to 2,000,000 pixels]",
+        help="rows, or a grid: a raster.  [default: rows up to 2,000,000 pixels]",
     ),
     click.option(
         "--link",
@@ -114,10 +114,10 @@ _METHODS = ("rows", "columns", "nodal-rows", "nodal-columns", "hats")
 def command(source: str, output: str, overwrite: bool, as_json: bool, **values: Any) -> None:
     """Write a DEM, a mesh or a cloud, SOURCE, as a definition, OUT.
 
-    The terrain is measured to be within E of the DEM everywhere, which is bilinear between the
-    centres of its pixels. Nodata becomes void. OUT in .json.gz is compressed. A SOURCE is a
-    raster that GDAL reads, a mesh from above (.obj, .stl, .ply, .glb, .gltf, .off, .3mf, .dxf,
-    .wrl, .x3d, .x3dv), or a cloud of points (.las, .laz, .ply, .pcd, .xyz, .csv).
+    The terrain is within E of the DEM everywhere, which is bilinear between its pixels. Nodata
+    becomes void. OUT in .json.gz is compressed. A SOURCE is a raster that GDAL reads, a mesh from
+    above (.obj, .stl, .ply, .glb, .gltf, .off, .3mf, .dxf, .wrl, .x3d, .x3dv), or a cloud of
+    points (.las, .laz, .ply, .pcd, .npz, .xyz, .txt, .csv).
     """
     from pathlib import Path
 

@@ -276,7 +276,7 @@ _part_of_source = option_group(
     "Part of SOURCE",
     click.option(
         "--bounds", nargs=4, type=float, metavar="W S E N",
-        help="Take the pixels with their centres in here, in the source's coordinates.",
+        help="Take the pixels with centres in here, in the source's coordinates.",
     ),
     click.option(
         "--window", nargs=4, type=int, metavar="COL ROW W H",
@@ -293,7 +293,7 @@ _reading_of_source = option_group(
     ),
     click.option(
         "--up", type=click.Choice(["y", "z"]), metavar="AXIS",
-        help="y or z, the axis of these that points up.  [default: as its format has it]",
+        help="y or z, the axis of these that is up.  [default: as the format]",
     ),
     click.option(
         "--scale", type=float, default=1.0, metavar="F",

@@ -108,7 +108,7 @@ def is_cloud(name: str, asked: bool = False) -> bool:
         points = numbers_in(Path(name), lines, layout)
     except ReadError:
         return True  # the same error is raised again
-    return not is_grid(points[np.isfinite(points[:, :2]).all(axis=1)])
+    return not is_grid(points[(np.abs(points[:, :2]) < HIGHEST).all(axis=1)])
 
 
 def is_grid(points: Floats) -> bool:
@@ -132,10 +132,11 @@ def _lines(values: Floats) -> int:
     distinct = np.unique(values)
     if len(distinct) == 1:
         return 1
-    gaps = np.diff(distinct) / np.diff(distinct).min()
-    count = round(float(np.rint(gaps).sum())) + 1
-    even = bool((np.abs(gaps - np.rint(gaps)) <= _OFF).all())
-    return count if even and count <= _SPARSE * len(distinct) else 0
+    with np.errstate(over="ignore", invalid="ignore"):  # of values that are nearly the same
+        gaps = np.diff(distinct) / np.diff(distinct).min()
+        count = float(np.rint(gaps).sum()) + 1
+        even = bool((np.abs(gaps - np.rint(gaps)) <= _OFF).all())
+    return round(count) if even and count <= _SPARSE * len(distinct) else 0
 
 
 # --- points --------------------------------------------------------------------------------------

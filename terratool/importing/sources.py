@@ -118,7 +118,7 @@ def check_options(name: str, options: SourceOptions) -> Kind:
     if name.lower().endswith((".json", ".json.gz")):
         raise ReadError(
             f"{name}: is a definition already.",
-            "Name a DEM or a mesh; export-dem makes a DEM of a definition.",
+            "Name a DEM, a mesh or a cloud; export-dem makes a DEM of a definition.",
         )
     if is_folder(name):
         raise ReadError(f"{name}: is a folder.", "Name a file in it.")
