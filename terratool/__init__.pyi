@@ -831,6 +831,8 @@ def import_terrain(
     resolution: float | None = None,
     up: str | None = None,
     scale: float = 1.0,
+    heights: Literal["mean", "highest", "lowest"] | None = None,
+    ground: bool = False,
 ) -> Terrain:
     """Make a definition of a DEM or a mesh, as `terratool import-terrain` does."""
 
@@ -868,6 +870,8 @@ def import_terrain(
     resolution: float | None = None,
     up: str | None = None,
     scale: float = 1.0,
+    heights: Literal["mean", "highest", "lowest"] | None = None,
+    ground: bool = False,
 ) -> ImportReport:
     """Make a definition of a DEM or a mesh, as `terratool import-terrain` does."""
 
@@ -903,6 +907,8 @@ def import_primitive(
     up: str | None = None,
     scale: float = 1.0,
     allow_remote: bool = False,
+    heights: Literal["mean", "highest", "lowest"] | None = None,
+    ground: bool = False,
 ) -> ImportedPrimitive:
     """Make a primitive of a patch of heights, as `terratool import-primitive` does."""
 

@@ -3,6 +3,7 @@
 #include "../importing/heights.hpp"
 #include "../importing/numbers.hpp"
 #include "../importing/polygons.hpp"
+#include "../importing/rows.hpp"
 #include "../importing/structure.hpp"
 #include "../importing/zbuffer.hpp"
 
@@ -100,6 +101,11 @@ void bind_importing(nb::module_ m) {
         m, "read_numbers",
         "Numbers of a text; which of them are hard, and where they begin; where they end.",
         {"text[_]", "at", "powers[121,2]"}
+    );
+    def<&read_rows>(
+        m, "read_rows",
+        "Numbers of fields of lines; which Python must read, and where; the first bad line.",
+        {"text[_]", "places[_]", "powers[121,2]"}
     );
     def<&triangulate>(
         m, "triangulate", "Triangles of polygons; how many have no area, and cross themselves.",

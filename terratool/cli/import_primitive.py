@@ -80,7 +80,7 @@ if TYPE_CHECKING:
 @json_option("Say what was found as JSON.")
 @library_root_option
 def command(source: str, name: str, overwrite: bool, as_json: bool, **values: Any) -> None:
-    """Make a primitive of a patch of heights from SOURCE, a DEM or a mesh.
+    """Make a primitive of a patch of heights from SOURCE, a DEM, a mesh or a cloud of points.
 
     Without --into, the entry for elemTypes is written to standard output, and what is to be said of
     it to standard error. The error is that of the compiled primitive at the centres of the pixels.

@@ -103,7 +103,9 @@ _METHODS = ("rows", "columns", "nodal-rows", "nodal-columns", "hats")
         help="A surface, to be filled in, or a class.  [default: as the preset]",
     ),
     click.option(
-        "--surfaces", metavar="CLASSES.tif", help="Take surfaces from a raster of classes first."
+        "--surfaces",
+        metavar="CLASSES.tif",
+        help="Take surfaces from a raster of classes; of a LAS: classes.",
     ),
 )
 @source_options
@@ -111,7 +113,7 @@ _METHODS = ("rows", "columns", "nodal-rows", "nodal-columns", "hats")
 @overwrite_option("Replace a file that exists.")
 @json_option()
 def command(source: str, output: str, overwrite: bool, as_json: bool, **values: Any) -> None:
-    """Write a DEM or a mesh, SOURCE, as a definition, OUT.
+    """Write a DEM, a mesh or a cloud, SOURCE, as a definition, OUT.
 
     The terrain is within E of the DEM everywhere, which is bilinear between centres of pixels.
     Nodata becomes void. OUT in .json.gz is compressed. docs/import.md lists what is read.

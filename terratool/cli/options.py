@@ -25,6 +25,7 @@ _Command = TypeVar("_Command", bound=Callable[..., Any])
 _NAMES = (
     "bounds", "window", "band", "crs", "nodata", "size", "height_range", "encoding",
     "source_units", "units", "source_crs", "resolution", "up", "scale", "allow_vrt", "allow_remote",
+    "heights", "ground",
 )  # fmt: skip
 
 
@@ -300,16 +301,23 @@ _reading_of_source = option_group(
     "How it is read",
     click.option("--crs", metavar="CRS", help="Reproject a raster first, to EPSG:32633 or local."),
     click.option("--nodata", type=float, metavar="Z", help="A number that stands for no height."),
-    click.option("--resolution", type=float, metavar="R", help="Side of the pixels of a mesh."),
+    click.option(
+        "--resolution", type=float, metavar="R", help="Side of the cells of a mesh or of points."
+    ),
     click.option(
         "--up", type=click.Choice(["y", "z"]), metavar="AXIS",
-        help="y or z, the axis of a mesh that points up.  [default: as is usual]",
+        help="y or z, the axis of these that is up.  [default: as is usual]",
     ),
     click.option(
         "--scale", type=float, default=1.0, metavar="F",
-        help="Factor on the coordinates of a mesh, as 0.001 for millimetres.",
+        help="Factor on their coordinates, as 0.001 for millimetres.",
     ),
     click.option("--allow-vrt", is_flag=True, help="Let a VRT name files out of its folder."),
+    click.option(
+        "--heights", type=WordChoice(("mean", "highest", "lowest")), metavar="KIND",
+        help="mean, highest or lowest of the points in a cell.  [default: mean]",
+    ),
+    click.option("--ground", is_flag=True, help="Take points on the ground, not trees and cars."),
     click.option(
         "--allow-remote", is_flag=True,
         help="Let a raster lie on the net, or lead anywhere.",

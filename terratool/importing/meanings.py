@@ -116,7 +116,8 @@ def bands_of(name: str, file: Any, band: int | None, encoding: str | None) -> Pi
         alpha = [kind is ColorInterp.alpha for kind in file.colorinterp]
         if alpha.count(False) > 1:
             raise RequestError(
-                f"{name}: has {file.count} bands{': ' if named else ''}{', '.join(named[:_MOST_NAMED])}.",
+                f"{name}: has {file.count} bands{': ' if named else ''}"
+                f"{', '.join(named[:_MOST_NAMED])}.",
                 "Choose one with --band.",
             )
         band = alpha.index(False) + 1

@@ -1,10 +1,11 @@
-"""Opening rasters and meshes as heights, by their names."""
+"""Opening rasters, meshes and clouds of points as heights."""
 
 from __future__ import annotations
 
 import contextlib
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Literal
 
 from terratool.definition.model import LARGEST
 from terratool.errors import ReadError, RequestError
@@ -31,16 +32,39 @@ def is_mesh(name: str) -> bool:
     return name.lower().endswith(MESHES)
 
 
+Kind = Literal["raster", "mesh", "cloud"]
+_KINDS: dict[Kind, str] = {"raster": "rasters", "mesh": "meshes", "cloud": "clouds of points"}
+
+
+def kind_of(name: str, options: SourceOptions) -> Kind:
+    """Kind of a source by its name, and of texts and PLYs by how they begin."""
+    from terratool.importing.clouds import is_cloud
+
+    if is_cloud(name, asked=_asks_for_cells(options)):
+        return "cloud"
+    return "mesh" if is_mesh(name) else "raster"
+
+
+def _asks_for_cells(options: SourceOptions) -> bool:
+    """Whether an option is about clouds, or about sides of pixels, which texts of grids have."""
+    return options.resolution is not None or options.heights is not None or options.ground
+
+
 @contextlib.contextmanager
 def open_source(name: str, options: SourceOptions = _ALL_OF_IT) -> Iterator[HeightSource]:
-    """Open a raster or a mesh as heights at the centres of pixels.
+    """Open a raster, a mesh or a cloud of points as heights at the centres of pixels.
 
     Raises:
         ReadError: the source cannot be read, or has no heights.
         RequestError: an option does not fit the source.
     """
-    check_options(name, options)
-    if is_mesh(name):
+    kind = check_options(name, options)
+    if kind == "cloud":
+        from terratool.importing.clouds import sample_cloud
+
+        yield sample_cloud(name, options)
+        return
+    if kind == "mesh":
         from terratool.importing.meshes import read_triangles
         from terratool.importing.sampling import sample
 
@@ -53,8 +77,8 @@ def open_source(name: str, options: SourceOptions = _ALL_OF_IT) -> Iterator[Heig
         yield heights
 
 
-def check_options(name: str, options: SourceOptions) -> None:
-    """Refuse options of the other kind of source, and sources of neither kind.
+def check_options(name: str, options: SourceOptions) -> Kind:
+    """Return the kind of a source; refuse options of other kinds, and sources of none.
 
     Raises:
         ReadError: the source is a definition, a folder or a file of another format.
@@ -69,26 +93,31 @@ def check_options(name: str, options: SourceOptions) -> None:
         raise RequestError(
             "--window and --bounds both say which part is meant.", "Leave out one of them."
         )
-    mesh = is_mesh(name)
-    for option, value, of_mesh in (
-        ("--window", options.window, False),
-        ("--band", options.band, False),
-        ("--crs", options.crs, False),
-        ("--nodata", options.nodata, False),
-        ("--size", options.size, False),
-        ("--height-range", options.height_range, False),
-        ("--encoding", options.encoding, False),
-        ("--source-units", options.source_units, False),
-        ("--units", options.units, False),
-        ("--source-crs", options.source_crs, False),
-        ("--resolution", options.resolution, True),
-        ("--up", options.up, True),
-        ("--scale", None if options.scale == 1.0 else options.scale, True),
+    kind = kind_of(name, options)
+    raster: tuple[Kind, ...] = ("raster",)
+    points: tuple[Kind, ...] = ("mesh", "cloud")
+    cloud: tuple[Kind, ...] = ("cloud",)
+    for option, value, kinds in (
+        ("--window", options.window, raster),
+        ("--band", options.band, raster),
+        ("--crs", options.crs, raster),
+        ("--nodata", options.nodata, raster),
+        ("--size", options.size, raster),
+        ("--height-range", options.height_range, raster),
+        ("--encoding", options.encoding, raster),
+        ("--source-units", options.source_units, raster),
+        ("--units", options.units, raster),
+        ("--source-crs", options.source_crs, raster),
+        ("--resolution", options.resolution, points),
+        ("--up", options.up, points),
+        ("--scale", None if options.scale == 1.0 else options.scale, points),
+        ("--heights", options.heights, cloud),
+        ("--ground", options.ground or None, cloud),
     ):
-        if value is not None and of_mesh != mesh:
+        if value is not None and kind not in kinds:
             raise RequestError(
-                f"{option} is about {'meshes' if of_mesh else 'rasters'}, but {name} is read as a "
-                f"{'mesh' if mesh else 'raster'}.",
+                f"{option} is about {' and '.join(_KINDS[one] for one in kinds)}, but {name} is "
+                f"read as a {kind}.",
                 f"Leave out {option}.",
             )
     if options.bounds is not None:
@@ -97,10 +126,11 @@ def check_options(name: str, options: SourceOptions) -> None:
     if name.lower().endswith((".json", ".json.gz")):
         raise ReadError(
             f"{name}: is a definition already.",
-            "Name a DEM or a mesh; export-dem makes a DEM of a definition.",
+            "Name a DEM, a mesh or a cloud; export-dem makes a DEM of a definition.",
         )
     if is_folder(name):
         raise ReadError(f"{name}: is a folder.", "Name a file in it.")
+    return kind
 
 
 def _refuse_numbers(options: SourceOptions) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Protocol
@@ -110,12 +110,15 @@ class SampledHeights:
 
     Attributes:
         values: (rows, columns) float64 at the pixel centres, row 0 the southernmost, NaN for none.
+        classes: reads the class of LAS of each pixel, (rows, columns) int16, -1 for none; None
+            without classes.
     """
 
     grid: PixelGrid
     values: NDArray[np.float64]
     notes: tuple[str, ...] = ()
     stated: StatedPlace = UNSTATED
+    classes: Callable[[], NDArray[np.int16]] | None = None
 
     def read(self, first: int, count: int) -> NDArray[np.float64]:
         """Return `count` rows from row `first`, (count, columns) float64; NaN for none."""
@@ -224,11 +227,16 @@ class SourceOptions:
         source_units: unit of the heights, "m", "cm", "ft" or "us-ft", where the raster says none.
         units: "m" makes metres of heights, and of x and y of a projection in feet.
         source_crs: reference system of a raster that names none, in forms as of `crs`.
-        resolution: side of a pixel when a mesh is sampled.
-        up: axis of a mesh that points up, "y" or "z"; the usual one of its format if None.
-        scale: factor on the coordinates of a mesh.
+        resolution: side of a pixel when a mesh is sampled, or points are gathered.
+        up: axis of a mesh or a cloud that points up, "y" or "z"; the usual one of its format if
+            None.
+        scale: factor on the coordinates of a mesh or a cloud.
         allow_vrt: whether a VRT may be a mosaic of files out of its folder.
         allow_remote: whether a raster may lie on the net, or lead anywhere; also a VRT.
+        heights: height of a cell of a cloud: the "mean" one of its points, the "highest" or the
+            "lowest"; mean if None.
+        ground: whether only points of a cloud count that are ground, by their class, or else by a
+            filter.
     """
 
     bounds: Bounds | None = None
@@ -247,3 +255,5 @@ class SourceOptions:
     scale: float = 1.0
     allow_vrt: bool = False
     allow_remote: bool = False
+    heights: Literal["mean", "highest", "lowest"] | None = None
+    ground: bool = False

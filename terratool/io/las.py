@@ -38,13 +38,27 @@ _CHUNK = 1 << 16
 """Rows encoded at a time."""
 _RECORD = "terratool", 1
 """User ID and record ID of the variable length record of names."""
-_DIMENSIONS = {"gps_time": "time", "range": "range", "surface": NAMED}
+_DIMENSIONS = {
+    "gps_time": "time", "range": "range", "surface": NAMED,
+    "classification": "class", "withheld": "withheld",
+}  # fmt: skip
 """Columns by dimension name, in LAS or in files of this module."""
 
 # ASPRS, LAS 1.4 R15, table 3: header size, offset of the points, number of variable length records,
 # format, size and number of points; then the 64-bit number of points of version 1.4
 _fields = struct.Struct("<4s20x2B68xHIIBHI")
 _count = struct.Struct("<247xQ")
+_extended_fields = struct.Struct("<235xQI")
+_extended_head = struct.Struct("<2x16sHQ32x")
+_PROJECTION = "LASF_Projection"
+"""User ID of the records of reference systems."""
+_WKT, _GEO_KEYS = 2112, 34735
+_SYSTEM_KEYS = 3072, 2048
+"""GeoTIFF keys of the code of a projected, and of a geographic system."""
+_USER_DEFINED = 32767
+_MOST_EXTENDED = 1000
+_MOST_WKT = 1 << 20
+"""Most bytes of a reference system that are read behind the points."""
 
 
 class _Claims(NamedTuple):
@@ -94,6 +108,64 @@ def read_points(path: Path, wanted: Wanted) -> Iterator[PointBatch]:
             if any(column.ndim != 1 for column in columns.values()):
                 raise ReadError(f"{path}: has a column of several numbers a point.", DAMAGED)
             yield PointBatch(columns, names)
+
+
+def read_system(path: Path) -> str:
+    """Reference system that the header of LAS or LAZ states, as WKT or EPSG:N; empty for none.
+
+    A WKT record counts before GeoTIFF keys, of which the code of the system is read (ASPRS, LAS 1.4
+    R15, "Coordinate Reference System Representation"; GeoTIFF 1.0, section 6.2).
+
+    Raises:
+        ReadError: the file is no LAS, or its header claims more than the file has.
+    """
+    with open_file(path) as file:
+        claims = _read_claims(path, file)
+        file.seek(0)
+        with _silent_log():
+            header = _header(path, file)
+        records = [*header.vlrs, *_extended(file, claims)]
+    texts = {record.record_id: record for record in records if record.user_id == _PROJECTION}
+    if _WKT in texts:
+        return _bytes_of(texts[_WKT]).split(b"\0")[0].decode("utf-8", "replace").strip()
+    if _GEO_KEYS in texts:
+        data = _bytes_of(texts[_GEO_KEYS])
+        keys = dict(struct.unpack_from("<H4xH", data, at) for at in range(8, len(data) - 7, 8))
+        for key in _SYSTEM_KEYS:
+            if 0 < keys.get(key, 0) < _USER_DEFINED:
+                return f"EPSG:{keys[key]}"
+    return ""
+
+
+class _Record(NamedTuple):
+    """Extended variable length record of a projection."""
+
+    user_id: str
+    record_id: int
+    data: bytes
+
+
+def _extended(file: BufferedReader, claims: _Claims) -> Iterator[_Record]:
+    """Yield the records of the projection that stand behind the points of LAS 1.4."""
+    file.seek(0)
+    head = file.read(_extended_fields.size)
+    if claims.minor < 4 or len(head) < _extended_fields.size:
+        return
+    at, count = _extended_fields.unpack(head)
+    size = os.fstat(file.fileno()).st_size
+    for _ in range(min(count, _MOST_EXTENDED)):
+        if not claims.offset <= at <= size - _extended_head.size:
+            return
+        file.seek(at)
+        user, number, length = _extended_head.unpack(file.read(_extended_head.size))
+        if user.rstrip(b"\0") == _PROJECTION.encode() and number == _WKT:
+            yield _Record(_PROJECTION, number, file.read(min(length, _MOST_WKT)))
+        at += _extended_head.size + length
+
+
+def _bytes_of(record: Any) -> bytes:
+    """Bytes of a record, of whichever class laspy made it."""
+    return record.data if isinstance(record, _Record) else bytes(record.record_data_bytes())
 
 
 class _OpenPoints:

@@ -47,7 +47,7 @@ _AXES = (
 """Beginnings of the names of columns in a header; x, y and z have to be the whole name."""
 
 _JITTER = 0.05
-"""Largest distance of a coordinate from its grid, in spacings; digits that were cut off cause it."""
+"""Largest distance of a coordinate from its grid, in spacings: digits may be cut off."""
 _MOST_PLACES = 1 << 20
 """Most different coordinates along an axis of a grid."""
 _IN_MEMORY = 1 << 22
@@ -256,7 +256,7 @@ def _numbers(text: bytes, layout: XyzLayout) -> Points:
 
 
 def find_grid(batches: Iterable[Points]) -> PointGrid | None:
-    """Return the grid that points form: regular spacings, and a quarter of the cells or more filled.
+    """Return the grid that points form: regular spacings, a quarter of the cells or more filled.
 
     Args:
         batches: all points, (n, 3) float64 each.
@@ -417,7 +417,7 @@ def cloud(path: Path) -> ReadError:
     """Error for a text of points that form no grid."""
     return ReadError(
         f"{path}: is no grid, but a cloud of points.",
-        "Make a raster of it, as with gdal_grid, and name that.",
+        "Add --resolution with the side of a cell, and it is read as a cloud.",
     )
 
 

@@ -219,6 +219,15 @@ def read_numbers(
     Shapes: text[_], powers[121,2].
     """
 
+def read_rows(
+    text: NDArray[np.uint8], places: NDArray[np.int64], powers: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], list[tuple[int, int]], int]:
+    """
+    Numbers of fields of lines; which Python must read, and where; the first bad line.
+
+    Shapes: text[_], places[_], powers[121,2].
+    """
+
 def triangulate(
     points: NDArray[np.float64], indices: NDArray[np.int32]
 ) -> tuple[NDArray[np.int32], int, int]:

@@ -211,6 +211,30 @@ def resolution_within(width: float, depth: float, most: int) -> tuple[float, str
     return longest / pixels, f"{pixels} pixels on the longer side"
 
 
+def thresholds(
+    values: NDArray[np.float64], start: float, side: float, count: int
+) -> NDArray[np.int64]:
+    """Ψ: index of the interval that holds each value, by exact comparison with its edges.
+
+    Intervals are half-open, but the last one includes its far edge.
+
+    Args:
+        values: coordinates, (n,) float64.
+        start: near edge of the first interval.
+        side: length of an interval.
+        count: number of intervals.
+
+    Returns:
+        (n,) int64; -1 for values outside.
+    """
+    with np.errstate(invalid="ignore", over="ignore"):
+        index = np.clip(np.floor((values - start) / side), -1, count).astype(np.int64)
+    index -= values < start + index * side
+    index += values >= start + (index + 1) * side
+    index[values == start + count * side] = count - 1
+    return np.where((index < 0) | (index >= count), -1, index)
+
+
 def refuse_resolution(resolution: float) -> None:
     """Refuse a resolution that is not finite and above 0.
 

@@ -20,6 +20,7 @@ from terratool.definition.crs import is_geographic
 from terratool.errors import ReadError, RequestError
 from terratool.extras import install_command
 from terratool.io.bands import Bands
+from terratool.io.clouds import MOST
 from terratool.io.crs import read_crs
 from terratool.io.geotiff import (
     TILE,
@@ -41,7 +42,6 @@ from terratool.output import (
 from terratool.raster.geotiff import transform_of
 from terratool.raster.grid import Grid
 from terratool.raster.grid_map_bag import MOST_BYTES, TOPIC, GridMap, files_of_bag, write_grid_maps
-from terratool.sensing.clouds import MOST
 from terratool.sensing.robot_map import (
     FREE_CELLS,
     MOST_CELLS,

@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from terratool.definition.findings import Bounds
 from terratool.errors import ReadError, RequestError
 from terratool.field.terrain import Terrain
+from terratool.io.clouds import rotation_matrices
 from terratool.report.wording import join_words
 from terratool.text.display import quote
 from terratool.text.numbers import parse_number
@@ -89,13 +90,7 @@ class Poses:
     @property
     def matrices(self) -> Floats:
         """Rotation matrices from sensor axes to world axes, (n, 3, 3), for column vectors."""
-        x, y, z, w = np.moveaxis(self.turns, -1, 0)
-        rows = [
-            [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - z * w), 2.0 * (x * z + y * w)],
-            [2.0 * (x * y + z * w), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - x * w)],
-            [2.0 * (x * z - y * w), 2.0 * (y * z + x * w), 1.0 - 2.0 * (x * x + y * y)],
-        ]
-        return np.moveaxis(np.array(rows), -1, 0)
+        return rotation_matrices(self.turns)
 
 
 def quaternions(yaw: ArrayLike, pitch: ArrayLike, roll: ArrayLike) -> Floats:

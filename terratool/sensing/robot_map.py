@@ -26,11 +26,12 @@ from numpy.typing import NDArray
 from terratool.definition.findings import Bounds
 from terratool.errors import RequestError
 from terratool.field.terrain import refuse_empty
+from terratool.io.clouds import reader_of
 from terratool.io.points import MOST_NAMES
-from terratool.raster.grid import Grid
+from terratool.raster.grid import Grid, thresholds
 from terratool.report.numbers import coordinates
 from terratool.report.wording import count_of
-from terratool.sensing.clouds import Cloud, read_clouds, reader_of
+from terratool.sensing.clouds import Cloud, read_clouds
 from terratool.sensing.lines import map_lines
 from terratool.sensing.sensor import Noise
 from terratool.text.display import printable
@@ -176,28 +177,6 @@ def map_grid(bounds: Bounds, options: MapOptions, *, anchored: bool = True) -> G
             f"Give larger cells, or part of it by bounds; a map has up to {MOST_CELLS:,}.",
         )
     return Grid(starts[0], starts[1], options.cell, counts[1] * parts, counts[0] * parts)
-
-
-def thresholds(values: Floats, start: float, side: float, count: int) -> NDArray[np.int64]:
-    """Ψ: index of the interval that holds each value, by exact comparison with its edges.
-
-    Intervals are half-open, but the last one includes its far edge.
-
-    Args:
-        values: coordinates, (n,) float64.
-        start: near edge of the first interval.
-        side: length of an interval.
-        count: number of intervals.
-
-    Returns:
-        (n,) int64; -1 for values outside.
-    """
-    with np.errstate(invalid="ignore", over="ignore"):
-        index = np.clip(np.floor((values - start) / side), -1, count).astype(np.int64)
-    index -= values < start + index * side
-    index += values >= start + (index + 1) * side
-    index[values == start + count * side] = count - 1
-    return np.where((index < 0) | (index >= count), -1, index)
 
 
 def height_variance(cloud: Cloud, options: MapOptions, origin: Floats | None = None) -> Floats:

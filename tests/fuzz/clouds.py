@@ -18,6 +18,8 @@ from rasterio.errors import RasterioError
 
 from terratool.cli.map_ import LEVELS
 from terratool.errors import TerratoolError
+from terratool.importing.sources import open_source
+from terratool.importing.types import SampledHeights, SourceOptions
 from terratool.sensing.clouds import read_clouds
 from terratool.sensing.comparison import cells_to_compare, check_map, compare
 from terratool.sensing.export import ScanOutput, export_scan
@@ -40,6 +42,8 @@ from tests.sensing.yard import HERE, TERRAIN, sensor
 _SENSOR = sensor(lidar={"elevations": [-8, -3, 0], "azimuthStep": 12})
 _SCAN = Scan(_SENSOR, one_pose((*HERE, 20.0, 0.0, 0.0)), ScanOptions(seed=2))
 _FEW_CELLS = 100_000
+_TEXTS = (".xyz", ".txt")
+"""Suffixes of the texts of points that imports read, and maps do not."""
 
 
 def _scanned(suffix: str) -> bytes:
@@ -202,10 +206,12 @@ def _mutated_header(rng: random.Random, header: bytes) -> bytes:
 
 
 def try_cloud(case: Case, folder: Path) -> str:
-    """Read all points; some are fused into a map of few cells, some by the command."""
+    """Read all points; some are fused into a map of few cells, or imported, by commands and not."""
     name, draw = folder / f"case{case.suffix}", zlib.crc32(case.data)
     name.write_bytes(case.data)
     try:
+        if draw % 4 == 2 or case.suffix in _TEXTS:
+            return import_cloud(name, draw)
         low, high, count = np.full(3, np.inf), np.full(3, -np.inf), 0
         for cloud in read_clouds(name):
             if not np.isfinite(cloud.points).all() or not all(
@@ -228,6 +234,47 @@ def try_cloud(case: Case, folder: Path) -> str:
         for path in folder.iterdir():
             path.unlink()
     return "read"
+
+
+def import_cloud(name: Path, draw: int) -> str:
+    """Gather all points in cells, with and without a resolution; some by the command."""
+    options = SourceOptions(
+        resolution=(None, 1.0, 0.1)[draw // 4 % 3],
+        heights=(None, "highest", "lowest")[draw // 16 % 3],
+        ground=draw // 64 % 4 == 0,
+    )
+    if draw % 32 == 2:
+        ask("import-terrain", name, name.with_name("a.json"), "--max-error", 1, "--resolution", 2)
+    with open_source(str(name), options) as found:
+        grid = found.grid
+        if not isinstance(found, SampledHeights):
+            return "raster or mesh"
+        if np.isinf(found.values).any() or found.values.shape != (grid.rows, grid.columns):
+            raise WrongError("a height is infinite, or has no cell")
+        if found.classes is not None and found.classes().shape != found.values.shape:
+            raise WrongError("a class has no cell")
+    return "imported"
+
+
+def make_text(rng: random.Random) -> Case:
+    """Lines of x, y and z with one to a few mistakes."""
+    data = rng.choice(texts())
+    for _ in range(rng.choice([1, 1, 1, 2, 4])):
+        data = mutate_text(rng, data, rng.choice(texts()))
+    return Case(rng.choice(_TEXTS), data)
+
+
+@cache
+def texts() -> list[bytes]:
+    """Clouds and a grid as lines, with names, separators and decimals of several kinds."""
+    rows = np.random.default_rng(6).normal(0.0, 5.0, (40, 3)).tolist()
+    found = ["".join(f"{x:.3f} {y:.3e}\t{z}\n" for x, y, z in rows)]
+    found.append("//Z Y X R\n" + "".join(f"{x:.3f},{y:.3f},{z:.3f},9\r\n" for x, y, z in rows))
+    commas = "".join(f"{x:.3f};{y:.3f};;{z:.3f}\n" for x, y, z in rows).replace(".", ",")
+    found.append("\ufeffx;y;name;z\n" + commas)
+    found.append("# a grid\n" + "".join(f"{n % 8} {n // 8} {n}\n" for n in range(40)))
+    found.append('"x","y","z"\n' + "".join(f'"{x:.2f}",{y:.2f},{z:.2f}\n' for x, y, z in rows))
+    return [text.encode() for text in found]
 
 
 # --- maps ----------------------------------------------------------------------------------------
@@ -310,5 +357,6 @@ def try_map(case: Case, folder: Path) -> str:
 TARGETS = (
     Target("clouds", 100_000, make_cloud, try_cloud),
     Target("las", 100_000, make_las, try_cloud),
+    Target("points", 100_000, make_text, try_cloud),
     Target("maps", 100_000, make_map, try_map),
 )

@@ -12,6 +12,7 @@ import pytest
 
 from terratool.cli import map_ as command
 from terratool.errors import ReadError, RequestError
+from terratool.raster.grid import thresholds
 from terratool.sensing import robot_map as module
 from terratool.sensing.clouds import Cloud, read_clouds
 from terratool.sensing.export import ScanOutput, export_scan
@@ -22,7 +23,6 @@ from terratool.sensing.robot_map import (
     height_variance,
     map_grid,
     map_scans,
-    thresholds,
 )
 from terratool.sensing.scan import Scan, ScanOptions
 from terratool.sensing.sensor import Noise

@@ -7,7 +7,7 @@ from dataclasses import replace
 from terratool.importing.meshes import read_triangles
 from terratool.importing.primitive.build import PrimitiveRequest, read_samples
 from terratool.importing.sampling import sample, steps
-from terratool.importing.sources import check_options, is_mesh, open_source
+from terratool.importing.sources import check_options, kind_of, open_source
 from terratool.importing.types import SampledHeights, SourceOptions
 
 _MOST_STEPS = 64
@@ -20,7 +20,7 @@ def read_patch(
     """Read a patch of heights; the request comes back with the walls of a mesh as steps.
 
     Args:
-        source: name of a raster or a mesh.
+        source: name of a raster, a mesh or a cloud of points.
         options: options about the source.
         wanted: request for primitives.
 
@@ -28,7 +28,7 @@ def read_patch(
         ReadError: the source cannot be read, or has no heights.
         RequestError: an option does not fit the source.
     """
-    if not is_mesh(source) or wanted.fit_turn:
+    if kind_of(source, options) != "mesh" or wanted.fit_turn:
         with open_source(source, options) as heights:
             return read_samples(heights), wanted
     check_options(source, options)

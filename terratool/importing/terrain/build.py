@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from terratool.cluster import Crew, crew_of
 from terratool.errors import ReadError, RequestError
-from terratool.importing.rasters import ClassRaster, open_classes
+from terratool.importing.classes import ClassSource, classes_of
 from terratool.importing.structure.finding import find_structures
 from terratool.importing.structure.residual import SearchWork
 from terratool.importing.structure.structures import (
@@ -230,7 +230,7 @@ def summarise_source(
     with ExitStack() as stack:
         raster = None
         if options.surfaces is not None:
-            classes = open_classes(options.surfaces, grid, options.allow_remote, options.allow_vrt)
+            classes = classes_of(source, options.surfaces, options.allow_remote, options.allow_vrt)
             raster = stack.enter_context(classes)
         if grid.rows * grid.columns <= MOST_IN_MEMORY:
             summary.heights = np.empty((grid.rows, grid.columns))
@@ -277,7 +277,7 @@ def summarise_source(
     return summary
 
 
-def _surface(raster: ClassRaster | None, number: int) -> tuple[str, dict[str, Any]]:
+def _surface(raster: ClassSource | None, number: int) -> tuple[str, dict[str, Any]]:
     """Return name and members of the surface of a class, or of the void."""
     if number == _VOID or raster is None:
         return NO_GROUND, {"void": True}

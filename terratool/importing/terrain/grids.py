@@ -15,7 +15,7 @@ from rasterio.transform import Affine
 
 from terratool.definition.layout import canonical
 from terratool.errors import ReadError, RequestError
-from terratool.importing.rasters import ClassRaster, open_classes
+from terratool.importing.classes import ClassSource, classes_of
 from terratool.importing.terrain.methods import HeightRounding, step_for
 from terratool.importing.terrain.request import (
     MOST_IN_MEMORY,
@@ -166,8 +166,9 @@ def import_grid(
         found = _Ground()
         if options.surfaces is not None:
             beside = stack.enter_context(whole_file(classes_path(output), overwrite))
-            classes = open_classes(options.surfaces, grid, options.allow_remote, options.allow_vrt)
-            found = _write_classes(beside, stack.enter_context(classes))
+            allowed = options.allow_remote, options.allow_vrt
+            classes = classes_of(source, options.surfaces, *allowed)
+            found = _write_classes(beside, stack.enter_context(classes), grid)
             names = {str(number): name for number, name in found.names.items()}
             root["surfaceGrid"] = {"file": classes_path(output).name, "names": names}
         if options.ground is not None:
@@ -189,9 +190,7 @@ def import_grid(
         structures={},
         surfaces=found.counts,
         size=output.stat().st_size,
-        notes=source.notes
-        + said
-        + lacking_note(str(options.surfaces), found.lacking, options.ground),
+        notes=source.notes + said + lacking_note(found.name, found.lacking, options.ground),
         raster=raster,
         raster_size=raster.stat().st_size,
         classes=None if options.surfaces is None else classes_path(output),
@@ -207,12 +206,14 @@ class _Ground:
         counts: number of pixels of each surface.
         names: names of surfaces by classes.
         lacking: number of pixels for which there is no class.
+        name: name of the source of classes.
     """
 
     types: dict[str, dict[str, Any]] = field(default_factory=dict)
     counts: dict[str, int] = field(default_factory=dict)
     names: dict[int, str] = field(default_factory=dict)
     lacking: int = 0
+    name: str = ""
 
 
 def _filled(source: HeightSource) -> SampledHeights:
@@ -228,6 +229,8 @@ def _filled(source: HeightSource) -> SampledHeights:
             "Leave out --fill, and they are void; or fill them with gdal_fillnodata.",
         )
     heights = fill_gaps(source.read(0, grid.rows))
+    if isinstance(source, SampledHeights):
+        return replace(source, values=heights)
     return SampledHeights(grid, heights, source.notes, source.stated)
 
 
@@ -286,14 +289,13 @@ def _write_raster(
         add_overviews(path, bands, threads=1)
 
 
-def _write_classes(path: Path, raster: ClassRaster) -> _Ground:
+def _write_classes(path: Path, raster: ClassSource, grid: PixelGrid) -> _Ground:
     """Write the classes of all pixels, and return what they stand for.
 
     Raises:
         ReadError: the raster is broken.
         RequestError: a class is too large a number.
     """
-    grid = raster.grid
     bands = Bands(("class",), ("",), np.dtype(np.int32), empty=-1)
     found: dict[int, int] = {}
     with geotiff(path, bands, _profile(grid, tile_options(bands.dtype, Compression()))) as file:
@@ -317,6 +319,7 @@ def _write_classes(path: Path, raster: ClassRaster) -> _Ground:
         {name: found[number] for number, (name, _) in surfaces.items()},
         {number: name for number, (name, _) in surfaces.items()},
         raster.lacking,
+        raster.name,
     )
 
 

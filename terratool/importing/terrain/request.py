@@ -78,7 +78,7 @@ class ImportOptions:
         structures: whether to look for boxes, ramps and hills; if None, up to `MOST_SEARCHED`
             pixels, and where there are to be walls.
         walls: whether structures get upright walls where the DEM has a gap of a pixel.
-        surfaces: name of a raster of classes, or None.
+        surfaces: name of a raster of classes, or "classes" for those of the points of a LAS.
         title: name of the source, for the description.
         allow_vrt: whether a VRT of classes may be a mosaic of files out of its folder.
         allow_remote: whether the raster of classes may lie on the net, or lead anywhere.

@@ -15,8 +15,6 @@ from terratool.sensing.sensor import Sensor
 
 NO_COLOR = (128, 128, 128)
 """Red, green and blue of points on surfaces without a colour."""
-SENSOR_AXES = "axes of the sensor"
-"""Comment in files whose points are in sensor axes."""
 ROW = np.dtype(
     [
         ("x", "<f8"), ("y", "<f8"), ("z", "<f8"), ("intensity", "<f4"), ("ring", "<u2"),

@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 
 from terratool.field.terrain import Terrain
 from terratool.io import csv_, las, npz, pcd, ply
+from terratool.io.clouds import SENSOR_AXES
 from terratool.report.inert import inert_cell
-from terratool.sensing.formats.common import ROW, SENSOR_AXES, Record, is_wide, pick_fields
+from terratool.sensing.formats.common import ROW, Record, is_wide, pick_fields
 from terratool.sensing.readings import Frame, ReadingStatus
 
 _PLY = np.dtype(
