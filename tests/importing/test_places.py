@@ -237,6 +237,7 @@ def test_what_a_picture_cannot_be_is_refused(
     assert caught.value.hint
 
 
+@pytest.mark.nightly
 def test_what_makes_other_heights_is_not_linked(tmp_path: Path) -> None:
     """A size is that of the definition alone, and does no harm."""
     name = picture(tmp_path / "map.tif", COUNTS)
@@ -338,6 +339,7 @@ def test_heights_of_a_reprojected_raster_keep_an_unknown_unit(tmp_path: Path) ->
     assert len(read(metric, crs="EPSG:32618")[2]) == 1
 
 
+@pytest.mark.slow
 def test_no_unit_is_claimed_of_errors(tmp_path: Path) -> None:
     """Neither in lines nor in JSON, nor of a primitive."""
     name, out = feet(tmp_path / "feet.tif"), tmp_path / "out.json"
@@ -416,6 +418,7 @@ def test_a_raster_of_another_body_is_reprojected_on_it(tmp_path: Path, crs: str)
         assert len(caught.value.message) < 250 and "--crs local" in caught.value.hint
 
 
+@pytest.mark.slow
 def test_the_rule_on_degrees_advises_the_same(tmp_path: Path) -> None:
     site = tmp_path / "site.json"
     for crs, advice in ((MOON, "--crs local"), ("EPSG:4326", "--crs EPSG:32613")):
@@ -468,6 +471,7 @@ def test_a_hundredth_of_the_relief_is_proposed(low: float, high: float, error: f
     assert proposed_error(low, high) == error
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("form", ["rows", "grid"])
 def test_the_error_that_was_taken_is_said_and_kept(tmp_path: Path, form: str) -> None:
     """344 of relief: 2, below 3.44."""
@@ -501,6 +505,7 @@ def test_what_others_write_there_is_passed_over(tmp_path: Path, value: object) -
     assert json.loads(run("info", site, "--json").out)["imported"] is None
 
 
+@pytest.mark.nightly
 def test_places_from_the_corner_of_a_terrain_far_away(tmp_path: Path) -> None:
     """They are those of the world less the origin; without the option they lie outside."""
     site = tmp_path / "site.json"
