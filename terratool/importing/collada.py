@@ -56,7 +56,7 @@ class _Mesh(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class _Document:
+class _ColladaFile:
     """A file, whose elements have names without a prefix.
 
     Attributes:
@@ -109,7 +109,7 @@ def read_collada(path: Path) -> Triangles:
         element.tag = element.tag.rpartition(":")[2]
     if root.tag != "COLLADA":
         raise ValueError(f"it begins with {root.tag[:40]!r}")
-    document = _Document(path, root, {each.get("id", ""): each for each in root.iter()})
+    document = _ColladaFile(path, root, {each.get("id", ""): each for each in root.iter()})
     placed = list(_placed(document, MAX_NODES + len(text)))
     refuse_many_faces(path, sum(len(mesh.faces) for mesh, _ in placed))
     found = join_triangles((_place(mesh, at) for mesh, at in placed), path)
@@ -131,7 +131,7 @@ def read_collada(path: Path) -> Triangles:
 # --- the scene -----------------------------------------------------------------------------------
 
 
-def _placed(document: _Document, most: int) -> Iterator[tuple[_Mesh, Matrix]]:
+def _placed(document: _ColladaFile, most: int) -> Iterator[tuple[_Mesh, Matrix]]:
     """Yield all meshes that are seen, with their places in the scene.
 
     Raises:
@@ -229,7 +229,7 @@ _TRANSFORMS: dict[str, Callable[[NDArray[np.float64]], Matrix]] = {
 # --- meshes --------------------------------------------------------------------------------------
 
 
-def _meshes(document: _Document, geometry: Element) -> list[_Mesh]:
+def _meshes(document: _ColladaFile, geometry: Element) -> list[_Mesh]:
     """Return the meshes of a geometry, which are read once."""
     name = geometry.get("id", "")
     if name not in document.meshes:
@@ -240,7 +240,7 @@ def _meshes(document: _Document, geometry: Element) -> list[_Mesh]:
     return document.meshes[name]
 
 
-def _primitive(document: _Document, element: Element) -> _Mesh | None:
+def _primitive(document: _ColladaFile, element: Element) -> _Mesh | None:
     """Return the triangles of an element of a mesh; None for one that has none."""
     kind = element.tag
     if kind not in ("triangles", "polylist", "polygons", *_STRIPS):
@@ -283,7 +283,7 @@ _STRIPS: dict[str, FaceRule] = {
 }
 
 
-def _points(document: _Document, source: Element) -> NDArray[np.float64]:
+def _points(document: _ColladaFile, source: Element) -> NDArray[np.float64]:
     """Return the points of a source, (n, 3) float64, as its accessor has them."""
     accessor = source.find("technique_common/accessor")
     if accessor is None:

@@ -13,7 +13,7 @@ TURNED = {
     "x": "The file has x up: its y points west, and its z south.",
     "y": "The file has y up: x stays east, and its z points south.",
 }
-"""What becomes of the axes of a file in which z is not up."""
+"""Sentences about files in which another axis than z is up, by that axis."""
 
 _PIECE = 1 << 20
 """Faces whose normals are computed at once."""

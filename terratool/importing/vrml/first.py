@@ -24,7 +24,7 @@ _EVERYTHING = -3
 
 
 @dataclass(frozen=True, slots=True)
-class _State:
+class _DrawState:
     """State that nodes change.
 
     Attributes:
@@ -42,7 +42,7 @@ class _State:
 class _Return:
     """Return to a state behind the node that kept it; to its pose alone unless `whole`."""
 
-    state: _State
+    state: _DrawState
     whole: bool
 
 
@@ -55,7 +55,7 @@ def shapes(
         nodes: nodes outside of all others.
         spend: counts a node that is visited, as USE can repeat without end.
     """
-    state = _State()
+    state = _DrawState()
     made: dict[tuple[int, int, bool], Node] = {}
     pending: list[Node | _Return] = [*reversed(nodes)]
     while pending:
@@ -119,12 +119,12 @@ def _words(node: Node, name: str) -> tuple[str, ...]:
     return () if value is None else value.words
 
 
-def _cube(node: Node, _: _State) -> Node:
+def _cube(node: Node, _: _DrawState) -> Node:
     sides = [_numbers(node, name, (2,))[0] for name in ("width", "height", "depth")]
     return Node("Box", node.at, {"size": FieldValue("numbers", node.at, np.array(sides))})
 
 
-def _round(node: Node, _: _State) -> Node:
+def _round(node: Node, _: _DrawState) -> Node:
     """Return a Cone, a Cylinder or a Sphere, with those of its parts that "parts" names."""
     parts = _words(node, "parts") or ("ALL",)
     flags = {
@@ -134,7 +134,7 @@ def _round(node: Node, _: _State) -> Node:
     return Node(node.kind, node.at, node.fields | flags)
 
 
-def _face_set(node: Node, state: _State) -> Node:
+def _face_set(node: Node, state: _DrawState) -> Node:
     fields = dict(node.fields)
     if state.points is not None:
         fields["coord"] = FieldValue("nodes", node.at, nodes=(state.points,))
@@ -143,7 +143,7 @@ def _face_set(node: Node, state: _State) -> Node:
     return Node(node.kind, node.at, fields)
 
 
-_SHAPES: dict[str, Callable[[Node, _State], Node]] = {
+_SHAPES: dict[str, Callable[[Node, _DrawState], Node]] = {
     "Cone": _round,
     "Cube": _cube,
     "Cylinder": _round,
