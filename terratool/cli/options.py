@@ -312,19 +312,14 @@ _reading_of_source = option_group(
         "--scale", type=float, default=1.0, metavar="F",
         help="Factor on their coordinates, as 0.001 for millimetres.",
     ),
-    click.option("--allow-vrt", is_flag=True, help="Let a VRT name files out of its folder."),
     click.option(
         "--heights", type=WordChoice(("mean", "highest", "lowest")), metavar="KIND",
         help="mean, highest or lowest of the points in a cell.  [default: mean]",
     ),
     click.option("--ground", is_flag=True, help="Take points on the ground, not trees and cars."),
-    click.option(
-        "--allow-remote", is_flag=True,
-        help="Let a raster lie on the net, or lead anywhere.",
-    ),
 )  # fmt: skip
 _unsaid_of_source = option_group(
-    "What a raster leaves unsaid (docs/import.md has a table)",
+    "What a raster leaves unsaid, and may open (docs/import.md has a table)",
     click.option(
         "--size", nargs=2, type=float, metavar="X Y",
         help="Sides of a raster without a place.",
@@ -345,6 +340,11 @@ _unsaid_of_source = option_group(
         "--units", type=WordChoice(("m",)), metavar="UNIT", help="m: make metres of all.",
     ),
     click.option("--source-crs", metavar="CRS", help="Its reference system."),
+    click.option("--allow-vrt", is_flag=True, help="Let a VRT name files out of its folder."),
+    click.option(
+        "--allow-remote", is_flag=True,
+        help="Let a raster lie on the net, or lead anywhere.",
+    ),
     dense=True,
 )  # fmt: skip
 
