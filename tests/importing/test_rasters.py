@@ -340,7 +340,7 @@ def test_window_and_bounds_exclude_each_other(dem):
         read(dem, window=(0, 0, 2, 2), bounds=(0, 0, 1e9, 1e9))
 
 
-@pytest.mark.parametrize("suffix", [".x3db", ".usdc", ".dae", ".FBX"])
+@pytest.mark.parametrize("suffix", [".x3db", ".sdf", ".FBX"])
 def test_meshes_that_are_not_read_are_named(tmp_path, suffix):
     (tmp_path / f"mesh{suffix}").write_bytes(b"x")
     with pytest.raises(ReadError, match="not read") as caught:

@@ -12,9 +12,9 @@ import rasterio
 import rasterio.shutil
 
 from terratool.errors import ReadError
-from terratool.importing.rasters import open_classes
+from terratool.importing.rasters import open_classes, open_raster
 from terratool.importing.sources import open_source
-from terratool.importing.types import PixelGrid
+from terratool.importing.types import PixelGrid, SourceOptions
 from terratool.io import xyz
 from terratool.io.xyz import find_grid, layout_of, read_points
 from tests.rasters import geotiff
@@ -34,7 +34,7 @@ def text(points: np.ndarray, separator: str = " ", end: str = "\n", form: str = 
 def read(path: Path, content: str | bytes) -> tuple[PixelGrid, np.ndarray]:
     """The grid of a text, and its heights from the north."""
     path.write_bytes(content if isinstance(content, bytes) else content.encode())
-    with open_source(str(path)) as source:
+    with open_raster(str(path), SourceOptions()) as source:
         return source.grid, source.read(0, source.grid.rows)[::-1]
 
 
@@ -98,7 +98,7 @@ def test_variants(
     monkeypatch.setattr(xyz, "_IN_MEMORY", 1 << 22 if piece > 50 else 0)
     monkeypatch.setattr(xyz, "_CELLS", 7)
     grid, heights = read(tmp_path / "a.txt", VARIANTS[variant])
-    assert grid == PixelGrid(500000.0, 4500005.0, 10.0, 20.0, 6, 4)
+    assert grid == PixelGrid(500000.0, 4500005.0, 10.0, 20.0, 6, 4, unit="")
     assert np.array_equal(heights, Z)
 
 
@@ -131,7 +131,7 @@ def test_coordinates_that_were_rounded(tmp_path: Path) -> None:
 
 def test_doubles_keep_their_digits(tmp_path: Path) -> None:
     """GDAL reads single precision."""
-    heights = read(tmp_path / "a.xyz", text([*POINTS, 0, 0, 4000.123456789]))[1]
+    heights = read(tmp_path / "a.xyz", text(POINTS + np.array([0, 0, 4000.123456789])))[1]
     assert np.array_equal(heights, Z + 4000.123456789)
 
 
@@ -227,7 +227,7 @@ def test_bytes_of_an_archive_that_may_lack_points(tmp_path: Path) -> None:
     ):
         pass
     assert "unpack the archive" in caught.value.hint
-    lifted = text([*POINTS, 0, 0, 400], form="%.3f")
+    lifted = text(POINTS + np.array([0, 0, 400]), form="%.3f")
     (tmp_path / "b.xyz.gz").write_bytes(gzip.compress(lifted.encode()))
     with open_source(f"/vsigzip/{tmp_path}/b.xyz.gz") as source:
         assert np.allclose(source.read(0, 4)[::-1], Z + 400, atol=1e-3)
