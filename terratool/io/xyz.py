@@ -48,6 +48,7 @@ _AXES = (
 
 _JITTER = 0.05
 """Largest distance of a coordinate from its grid, in spacings; digits that were cut off cause it."""
+_MOST_STEPS = 1 << 31
 _MOST_PLACES = 1 << 20
 """Most different coordinates along an axis of a grid."""
 _IN_MEMORY = 1 << 22
@@ -303,14 +304,16 @@ def _spacings(places: NDArray[np.float64]) -> Iterator[_Spacing]:
         yield _Spacing(float(places[0]), 0.0, 1)
     groups = places
     while len(groups) > 1:
-        gaps = np.diff(groups)
-        least = float(gaps.min())
-        # coordinates that were rounded differ in their gaps, so that each gap is counted by itself
-        usual = float(np.median(gaps[gaps < 1.5 * least]))
-        count = float(np.rint(gaps / usual).sum())
-        step = _snapped((groups[-1] - groups[0]) / count, count, groups)
-        off = places - groups[0]
-        if np.abs(off - np.rint(off / step) * step).max() <= _JITTER * step:
+        with np.errstate(all="ignore"):  # of coordinates of any size
+            gaps = np.diff(groups)
+            least = float(gaps.min())
+            # rounded coordinates differ in their gaps, so that each gap is counted by itself
+            usual = float(np.median(gaps[gaps < 1.5 * least]))
+            count = float(np.rint(gaps / usual).sum())
+            step = _snapped((groups[-1] - groups[0]) / count, count, groups)
+            off = places - groups[0]
+            worst = float(np.abs(off - np.rint(off / step) * step).max())
+        if count < _MOST_STEPS and 0.0 < step < math.inf and worst <= _JITTER * step:
             yield _Spacing(float(groups[0]), step, int(count) + 1)
         # the least gaps may be noise of one coordinate
         apart = np.flatnonzero(gaps > 4.0 * least) + 1
@@ -319,6 +322,7 @@ def _spacings(places: NDArray[np.float64]) -> Iterator[_Spacing]:
 
 def _snapped(step: float, count: float, places: NDArray[np.float64]) -> float:
     """Return a step of few digits within the rounding of the coordinates, or the step as it is."""
+    step = float(step)
     short = float(f"{step:.{_SNAPPED}g}")
     rounding = 4.0 * np.spacing(max(abs(float(places[0])), abs(float(places[-1]))))
     return short if abs(short - step) * count <= rounding else step
