@@ -810,6 +810,7 @@ def import_terrain(
     structures: bool | None = None,
     walls: bool = False,
     surfaces: str | None = None,
+    allow_vrt: bool = False,
     allow_remote: bool = False,
     cells: Literal["half-pixels", "pixels"] = "half-pixels",
     surface: str | None = None,
@@ -841,6 +842,7 @@ def import_terrain(
     structures: bool | None = None,
     walls: bool = False,
     surfaces: str | None = None,
+    allow_vrt: bool = False,
     allow_remote: bool = False,
     cells: Literal["half-pixels", "pixels"] = "half-pixels",
     surface: str | None = None,
@@ -884,6 +886,7 @@ def import_primitive(
     resolution: float | None = None,
     up: str | None = None,
     scale: float = 1.0,
+    allow_vrt: bool = False,
     allow_remote: bool = False,
 ) -> ImportedPrimitive:
     """Make a primitive of a patch of heights, as `terratool import-primitive` does."""

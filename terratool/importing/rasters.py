@@ -226,8 +226,9 @@ def _band(name: str, file: Any, band: int | None) -> int:
         named = [f"{i} {text}" for i, text in enumerate(file.descriptions, 1) if text]
         alpha = [kind is ColorInterp.alpha for kind in file.colorinterp]
         if alpha.count(False) > 1:
+            known = ", ".join(named[:_MOST_NAMED])
             raise RequestError(
-                f"{name}: has {file.count} bands{': ' if named else ''}{', '.join(named[:_MOST_NAMED])}.",
+                f"{name}: has {file.count} bands{': ' if named else ''}{known}.",
                 "Choose one with --band.",
             )
         band = alpha.index(False) + 1

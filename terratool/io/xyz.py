@@ -47,7 +47,7 @@ _AXES = (
 """Beginnings of the names of columns in a header; x, y and z have to be the whole name."""
 
 _JITTER = 0.05
-"""Largest distance of a coordinate from its grid, in spacings; digits that were cut off cause it."""
+"""Largest distance of a coordinate from its grid, in spacings, for want of digits."""
 _MOST_STEPS = 1 << 31
 _MOST_PLACES = 1 << 20
 """Most different coordinates along an axis of a grid."""
@@ -164,8 +164,8 @@ def _split(line: bytes) -> tuple[bytes | None, list[bytes]]:
 
 def _is_header(line: bytes) -> bool:
     _, cells = _split(line)
-    return 3 <= len(cells) <= _MOST_COLUMNS and all(map(_word, cells)) and not any(
-        map(_number, cells)
+    return (
+        3 <= len(cells) <= _MOST_COLUMNS and all(map(_word, cells)) and not any(map(_number, cells))
     )
 
 
@@ -257,7 +257,7 @@ def _numbers(text: bytes, layout: XyzLayout) -> Points:
 
 
 def find_grid(batches: Iterable[Points]) -> PointGrid | None:
-    """Return the grid that points form: regular spacings, and a quarter of the cells or more filled.
+    """Return the grid of regular spacings that points form, if they fill a quarter of its cells.
 
     Args:
         batches: all points, (n, 3) float64 each.
@@ -275,8 +275,8 @@ def find_grid(batches: Iterable[Points]) -> PointGrid | None:
         return None
     for x, y in product(_spacings(axes[0]), _spacings(axes[1])):
         dx, dy = x.step or y.step, y.step or x.step
-        if dx and x.count * y.count * FILLED <= count:
-            return PointGrid(x.first, y.first, dx, dy, x.count, y.count, whole)
+        if dx and x.places * y.places * FILLED <= count:
+            return PointGrid(x.first, y.first, dx, dy, x.places, y.places, whole)
     return None
 
 
@@ -286,12 +286,12 @@ class _Spacing(NamedTuple):
     Attributes:
         first: lowest coordinate.
         step: distance of neighbours; 0 for a single coordinate.
-        count: number of coordinates with those that are missing between.
+        places: number of coordinates with those that are missing between.
     """
 
     first: float
     step: float
-    count: int
+    places: int
 
 
 def _spacings(places: NDArray[np.float64]) -> Iterator[_Spacing]:

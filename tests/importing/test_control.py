@@ -68,7 +68,7 @@ def test_points_of_an_upright_raster_are_a_transform(
     """Nothing is resampled, and nodata stays."""
     source, heights = read(raster(tmp_path / "a.tif", pixels=pixels, nodata=Z[2, 3]))
     assert source.grid == PLACED
-    assert np.array_equal(heights, np.where(Z == Z[2, 3], np.nan, Z), equal_nan=True)
+    assert np.array_equal(heights, np.where(Z[2, 3] == Z, np.nan, Z), equal_nan=True)
     assert source.notes[0].startswith(f"Placed by its {len(pixels)} control points; the largest")
 
 
@@ -84,9 +84,12 @@ def test_points_that_turn_a_raster_are_warped_by(tmp_path: Path, crs: str | None
     turned = Affine(9, 3, 500000, 4, -18, 4500160)
     name = raster(tmp_path / "a.tif", turned, crs=crs or CRS())
     source, heights = read(name)
-    with rasterio.open(raster(tmp_path / "b.tif", turned)) as file, WarpedVRT(
-        file, crs="EPSG:32633", resampling=Resampling.bilinear, dtype="float64", nodata=np.nan
-    ) as warped:
+    with (
+        rasterio.open(raster(tmp_path / "b.tif", turned)) as file,
+        WarpedVRT(
+            file, crs="EPSG:32633", resampling=Resampling.bilinear, dtype="float64", nodata=np.nan
+        ) as warped,
+    ):
         assert np.array_equal(heights, warped.read(1), equal_nan=True)
         assert source.grid.bounds == pytest.approx(tuple(warped.bounds))
     assert source.grid.crs == crs
@@ -105,9 +108,12 @@ def test_the_residual_is_that_of_the_points(tmp_path: Path) -> None:
 def test_reprojected_by_the_points(tmp_path: Path) -> None:
     name = raster(tmp_path / "a.tif")
     source, _ = read(name, crs="EPSG:3857")
-    with rasterio.open(name) as file, WarpedVRT(
-        file, src_crs="EPSG:32633", crs="EPSG:3857", resampling=Resampling.bilinear
-    ) as warped:
+    with (
+        rasterio.open(name) as file,
+        WarpedVRT(
+            file, src_crs="EPSG:32633", crs="EPSG:3857", resampling=Resampling.bilinear
+        ) as warped,
+    ):
         assert source.grid.bounds == pytest.approx(tuple(warped.bounds))
 
 

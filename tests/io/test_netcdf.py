@@ -16,9 +16,7 @@ ROWS, COLUMNS = 5, 7
 HEIGHTS = np.arange(float(ROWS * COLUMNS)).reshape(ROWS, COLUMNS)
 
 
-def written(
-    path: Path, kinds: str, records: int = 0, version: int = 1, by_record: int = 1
-) -> Path:
+def written(path: Path, kinds: str, records: int = 0, version: int = 1, by_record: int = 1) -> Path:
     """A netCDF with a variable of heights, and others of each record, by SciPy."""
     with netcdf_file(path, "w", version=version) as file:
         file.title = b"an odd title"
@@ -60,7 +58,7 @@ def test_a_whole_file_is_read_and_a_cut_one_is_not(tmp_path: Path) -> None:
         found = source.read(0, ROWS)
     assert np.array_equal(found, HEIGHTS) or np.array_equal(found, HEIGHTS[::-1])
     size = needed(path)
-    path.write_bytes(data[: size])
+    path.write_bytes(data[:size])
     with open_source(name):
         pass
     path.write_bytes(data[: size - 1] if size else b"")

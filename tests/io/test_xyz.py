@@ -131,7 +131,7 @@ def test_coordinates_that_were_rounded(tmp_path: Path) -> None:
 
 def test_doubles_keep_their_digits(tmp_path: Path) -> None:
     """GDAL reads single precision."""
-    heights = read(tmp_path / "a.xyz", text(POINTS + [0, 0, 4000.123456789]))[1]
+    heights = read(tmp_path / "a.xyz", text(POINTS + np.array([0, 0, 4000.123456789])))[1]
     assert np.array_equal(heights, Z + 4000.123456789)
 
 
@@ -221,12 +221,13 @@ def test_bytes_of_an_archive_that_may_lack_points(tmp_path: Path) -> None:
     """GDAL reads these, and cannot tell 0 from what is missing."""
     whole = text(POINTS * [1, 1, 0.5], form="%.0f")
     (tmp_path / "a.xyz.gz").write_bytes(gzip.compress(whole.encode()))
-    with pytest.raises(ReadError, match="may lack points") as caught, open_source(
-        f"/vsigzip/{tmp_path}/a.xyz.gz"
+    with (
+        pytest.raises(ReadError, match="may lack points") as caught,
+        open_source(f"/vsigzip/{tmp_path}/a.xyz.gz"),
     ):
         pass
     assert "unpack the archive" in caught.value.hint
-    lifted = text(POINTS + [0, 0, 400], form="%.3f")
+    lifted = text(POINTS + np.array([0, 0, 400]), form="%.3f")
     (tmp_path / "b.xyz.gz").write_bytes(gzip.compress(lifted.encode()))
     with open_source(f"/vsigzip/{tmp_path}/b.xyz.gz") as source:
         assert np.allclose(source.read(0, 4)[::-1], Z + 400, atol=1e-3)

@@ -344,9 +344,7 @@ def _samples(source: HeightSource, heights: Floats | None) -> list[Floats]:
     return squares
 
 
-def _find(
-    heights: Floats, options: ImportOptions, searching: Searching | None
-) -> _FoundStructures:
+def _find(heights: Floats, options: ImportOptions, searching: Searching | None) -> _FoundStructures:
     """Find the structures of a DEM, (rows, columns), row 0 the southernmost, NaN where unknown."""
     if searching is not None:
         searching(0)
