@@ -132,7 +132,7 @@ site: $(VENV)/.installed-docs-$(VARIANTS)  ## Build the site of docs/ into out/s
 	@! grep -rlE '(src|data-src)="(https?:)?//|url\(.?https?:' out/site || { echo "These ask the net."; exit 1; }
 	@echo "Open out/site/index.html"
 
-fuzz: $(VENV)/.installed-test-$(VARIANTS)  ## Try 2,300,000 broken files; FUZZ="rasters --share 0.01" for less
+fuzz: $(VENV)/.installed-test-$(VARIANTS)  ## Try 2,400,000 broken files; FUZZ="rasters --share 0.01" for less
 	$(BIN)/python -m tests.fuzz $(FUZZ)
 
 kills: $(VENV)/.installed-test-$(VARIANTS)  ## End 1,000 commands that write at random moments, and have others go wrong; KILLS="--kills 50" for less

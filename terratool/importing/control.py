@@ -82,8 +82,8 @@ def _upright(fitted: Affine, pixels: Any, places: Any, file: Any) -> Affine | No
     if abs(b) * file.height > _EXACT * side or abs(d) * file.width > _EXACT * side:
         return None
     upright = Affine(_short(a), 0.0, _short(c), 0.0, _short(e), _short(f))
-    x, y = upright * (pixels[:, 1], pixels[:, 0])
-    off = np.hypot(x - places[:, 0], y - places[:, 1]).max()
+    put = pixels[:, ::-1] * (upright.a, upright.e) + (upright.c, upright.f)
+    off = np.hypot(*(put - places).T).max()
     return upright if off <= _EXACT * side else None
 
 

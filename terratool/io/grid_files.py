@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 _ENDS = 4096
 """Bytes at each end of a file that its identity depends on: a TIFF has its directory at one."""
-_OWN_BYTES = {
+_OWN_BYTES: dict[str, Any] = {
     "GDAL_DISABLE_READDIR_ON_OPEN": "EMPTY_DIR", "GDAL_PAM_ENABLED": "NO",
     "AAIGRID_DATATYPE": "Float64", "GDAL_CACHEMAX": 1 << 26,
 }  # fmt: skip

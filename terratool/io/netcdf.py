@@ -40,7 +40,7 @@ class _Variable(NamedTuple):
     by_record: bool
 
 
-class _Header:
+class _ClassicHeader:
     """Reader of a header's items, from an open file behind its first three bytes."""
 
     def __init__(self, file: BufferedReader) -> None:
@@ -129,7 +129,7 @@ def classic_bytes(file: BufferedReader) -> int | None:
     if file.read(len(CLASSIC)) != CLASSIC:
         return None
     try:
-        records, variables = _Header(file).variables()
+        records, variables = _ClassicHeader(file).variables()
     except _BrokenHeaderError:
         return None
     repeated = [one for one in variables if one.by_record]

@@ -47,7 +47,8 @@ _AXES = (
 """Beginnings of the names of columns in a header; x, y and z have to be the whole name."""
 
 _JITTER = 0.05
-"""Largest distance of a coordinate from its grid, in spacings: digits may be cut off."""
+"""Largest distance of a coordinate from its grid, in spacings, for want of digits."""
+_MOST_STEPS = 1 << 31
 _MOST_PLACES = 1 << 20
 """Most different coordinates along an axis of a grid."""
 _IN_MEMORY = 1 << 22
@@ -256,7 +257,7 @@ def _numbers(text: bytes, layout: XyzLayout) -> Points:
 
 
 def find_grid(batches: Iterable[Points]) -> PointGrid | None:
-    """Return the grid that points form: regular spacings, a quarter of the cells or more filled.
+    """Return the grid of regular spacings that points form, if they fill a quarter of its cells.
 
     Args:
         batches: all points, (n, 3) float64 each.
@@ -274,8 +275,8 @@ def find_grid(batches: Iterable[Points]) -> PointGrid | None:
         return None
     for x, y in product(_spacings(axes[0]), _spacings(axes[1])):
         dx, dy = x.step or y.step, y.step or x.step
-        if dx and x.count * y.count * FILLED <= count:
-            return PointGrid(x.first, y.first, dx, dy, x.count, y.count, whole)
+        if dx and x.places * y.places * FILLED <= count:
+            return PointGrid(x.first, y.first, dx, dy, x.places, y.places, whole)
     return None
 
 
@@ -285,12 +286,12 @@ class _Spacing(NamedTuple):
     Attributes:
         first: lowest coordinate.
         step: distance of neighbours; 0 for a single coordinate.
-        count: number of coordinates with those that are missing between.
+        places: number of coordinates with those that are missing between.
     """
 
     first: float
     step: float
-    count: int
+    places: int
 
 
 def _spacings(places: NDArray[np.float64]) -> Iterator[_Spacing]:
@@ -303,14 +304,16 @@ def _spacings(places: NDArray[np.float64]) -> Iterator[_Spacing]:
         yield _Spacing(float(places[0]), 0.0, 1)
     groups = places
     while len(groups) > 1:
-        gaps = np.diff(groups)
-        least = float(gaps.min())
-        # coordinates that were rounded differ in their gaps, so that each gap is counted by itself
-        usual = float(np.median(gaps[gaps < 1.5 * least]))
-        count = float(np.rint(gaps / usual).sum())
-        step = _snapped((groups[-1] - groups[0]) / count, count, groups)
-        off = places - groups[0]
-        if np.abs(off - np.rint(off / step) * step).max() <= _JITTER * step:
+        with np.errstate(all="ignore"):  # of coordinates of any size
+            gaps = np.diff(groups)
+            least = float(gaps.min())
+            # rounded coordinates differ in their gaps, so that each gap is counted by itself
+            usual = float(np.median(gaps[gaps < 1.5 * least]))
+            count = float(np.rint(gaps / usual).sum())
+            step = _snapped((groups[-1] - groups[0]) / count, count, groups)
+            off = places - groups[0]
+            worst = float(np.abs(off - np.rint(off / step) * step).max())
+        if count < _MOST_STEPS and 0.0 < step < math.inf and worst <= _JITTER * step:
             yield _Spacing(float(groups[0]), step, int(count) + 1)
         # the least gaps may be noise of one coordinate
         apart = np.flatnonzero(gaps > 4.0 * least) + 1
@@ -319,6 +322,7 @@ def _spacings(places: NDArray[np.float64]) -> Iterator[_Spacing]:
 
 def _snapped(step: float, count: float, places: NDArray[np.float64]) -> float:
     """Return a step of few digits within the rounding of the coordinates, or the step as it is."""
+    step = float(step)
     short = float(f"{step:.{_SNAPPED}g}")
     rounding = 4.0 * np.spacing(max(abs(float(places[0])), abs(float(places[-1]))))
     return short if abs(short - step) * count <= rounding else step

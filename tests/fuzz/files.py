@@ -20,6 +20,7 @@ from typing import Any
 
 import numpy as np
 import rasterio
+import rasterio.control
 import rasterio.shutil
 from rasterio.drivers import raster_driver_extensions
 from rasterio.errors import RasterioError
@@ -84,6 +85,45 @@ def rasters() -> list[Files]:
         found = [_files(folder, _tiff(folder, *variant)) for variant in _TIFFS]
         for driver in DRIVERS:
             found += _written(folder, driver)
+        points = [
+            rasterio.control.GroundControlPoint(row, column, 10 * column + row, 50 - 9 * row)
+            for row, column in ((0, 0), (0, 12), (9, 0), (8, 12), (4, 5), (3, 8))
+        ]
+        placed = geotiff(folder / "case.tif", heights(), gcps=points, crs="EPSG:32633")
+        found.append(_files(folder, Path(placed)))
+        found += _mosaics(folder)
+    return found
+
+
+def _mosaics(folder: Path) -> Iterator[Files]:
+    """A VRT of each of some formats that are no TIFF."""
+    for driver, ending in (("AAIGrid", "asc"), ("ENVI", "img"), ("netCDF", "nc"), ("XYZ", "xyz")):
+        geotiff(folder / "from.tif", heights().astype("float32"))
+        rasterio.shutil.copy(str(folder / "from.tif"), str(folder / f"a.{ending}"), driver=driver)
+        (folder / "from.tif").unlink()
+        source = f'<SourceFilename relativeToVRT="1">a.{ending}</SourceFilename>'
+        (folder / "case.vrt").write_text(
+            '<VRTDataset rasterXSize="12" rasterYSize="9"><GeoTransform>0, 2, 0, 9, 0, -2'
+            '</GeoTransform><VRTRasterBand dataType="Float32" band="1"><SimpleSource>'
+            f"{source}<SourceBand>1</SourceBand></SimpleSource></VRTRasterBand></VRTDataset>"
+        )
+        yield _files(folder, folder / "case.vrt")
+
+
+@cache
+def grids() -> list[Files]:
+    """Texts of gridded points, with separators, headers, comments and gaps of all kinds."""
+    x, y = np.meshgrid(np.arange(12), np.arange(9))
+    points = np.stack([500000 + 10 * x, 4500000 - 5 * y, heights()], axis=-1)
+    found = []
+    for separator, header, end, form in (
+        (" ", "", "\n", "%.12g"), (",", "x,y,z\n", "\n", "%.2f"), (";", "# X;Y;Z\n", ";\r\n", "%r"),
+        ("\t", "//a comment\n\n", "\n", "%.8e"), ("  ", "lat lon height id\n", " 7\n", "%.3f"),
+    ):  # fmt: skip
+        for some in (points.reshape(-1, 3), points.transpose(1, 0, 2).reshape(-1, 3)[:-5]):
+            rows = (separator.join(form % one for one in row) for row in some.tolist())
+            found.append((("case.xyz", (header + end.join(rows) + end).encode()),))
+    found.append((("case.txt", found[0][0][1].replace(b".", b",")),))
     return found
 
 
@@ -230,6 +270,11 @@ def make_raster(rng: random.Random) -> Case:
     return _broken(rng, rasters())
 
 
+def make_grid(rng: random.Random) -> Case:
+    """A text of gridded points with one to a few mistakes."""
+    return _broken(rng, grids())
+
+
 def make_mesh(rng: random.Random) -> Case:
     """A mesh with one to a few mistakes."""
     return _broken(rng, meshes())
@@ -365,6 +410,7 @@ def try_mesh(case: Case, folder: Path) -> str:
 
 TARGETS = (
     Target("rasters", 100_000, make_raster, try_raster),
+    Target("grids", 100_000, make_grid, try_raster),
     Target("meshes", 100_000, make_mesh, try_mesh),
     Target("stages", 3_000, make_stage, try_mesh),  # each in a process of its own
 )

@@ -14,6 +14,7 @@ from msgspec import UNSET
 from numpy.typing import NDArray
 
 from terratool.importing.structure.finding import find_structures
+from terratool.importing.structure.residual import SearchWork
 from terratool.importing.structure.structures import (
     KNOWN,
     Structure,
@@ -261,6 +262,35 @@ def test_nearly_all_of_a_crowd_come_back() -> None:
     ]
     assert len(hits) >= 0.95 * len(elements)
     assert len(found) <= 1.05 * len(elements)
+
+
+def test_a_search_ends_when_its_work_is_done() -> None:
+    """Whatever the machine: what it has found by then is a part of all, and the rest is left."""
+    random = np.random.default_rng(2)
+    heights = np.zeros((60, 90))
+    for _ in range(250):
+        width, height = random.integers(1, 12, 2)
+        x, y = random.integers(0, 90 - width), random.integers(0, 60 - height)
+        heights[y : y + height, x : x + width] += round(float(random.uniform(0.5, 4.0)), 3)
+    whole, told = SearchWork(1e9), []
+    every = find_structures(heights, 0.05, work=whole)
+    spent = 1e9 - whole.left
+    work = SearchWork(0.4 * spent, told=told.append)
+    some = find_structures(heights, 0.05, work=work)
+    assert 0 < len(some) < len(every)
+    assert -0.1 * spent < work.left <= 0.0
+    assert told == list(range(1, work.found + 1)) and len(told) >= len(some) - 2
+    assert some == find_structures(heights, 0.05, work=SearchWork(0.4 * spent))
+    left = heights - evaluate(some, heights.shape)
+    assert np.ptp(left) < np.ptp(heights)
+
+
+def test_a_crowd_takes_less_work_than_there_is() -> None:
+    elements = [element("box", 9 * i, 7 * i % 60, 8, 9, 1.0 + i / 8) for i in range(13)]
+    heights = dem([*elements, element("cosbell-hill", 70, 40, 50, 44, 1.5)])
+    work = SearchWork.beside_rows(heights.size, None)
+    find_structures(heights, 0.05, work=work)
+    assert work.left > 0.0 and work.found >= 13
 
 
 def test_double_precision_far_above_the_sea() -> None:

@@ -15,6 +15,7 @@ from xml.sax.saxutils import escape
 import numpy as np
 import pytest
 import rasterio
+import rasterio.shutil
 from rasterio._err import CPLE_OutOfMemoryError
 from rasterio.errors import RasterioIOError
 from rasterio.transform import Affine
@@ -27,6 +28,7 @@ from terratool.io.opening import DRIVERS, gdal_errors, refuse_remote
 from tests.commands import ROOT, call
 from tests.conftest import terrain_of
 from tests.mosaics import SITE
+from tests.rasters import geotiff
 
 VRT = """<VRTDataset rasterXSize="6" rasterYSize="4">
   <GeoTransform>0, 1, 0, 4, 0, -1</GeoTransform>
@@ -222,8 +224,85 @@ def test_a_mosaic_in_its_folder(tmp_path: Path) -> None:
     for source, relative in (("a.tif", 1), ("tiles/b.tif", 1), (str(beside), 0), (str(below), 0)):
         assert np.array_equal(heights(vrt(tmp_path / "m.vrt", source, relative)), expected)
     vrt(tmp_path / "tiles" / "inner.vrt", "b.tif")
-    with pytest.raises(ReadError, match="no TIFF"):  # which might lead on
+    with pytest.raises(ReadError, match="is a VRT and may lead on"):
         heights(vrt(tmp_path / "m.vrt", "tiles/inner.vrt"))
+
+
+@pytest.mark.parametrize("driver", ["AAIGrid", "SRTMHGT", "ENVI", "netCDF", "XYZ", "PNG", "GSAG"])
+def test_a_mosaic_of_another_format(tmp_path: Path, driver: str) -> None:
+    """As `gdalbuildvrt x.vrt *.hgt` makes it, in a folder whose name needs escapes."""
+    folder = tmp_path / "a & b"
+    expected, name = heights(dem(folder / "a.tif")), "N45E007.hgt"
+    if driver == "SRTMHGT":
+        large = np.random.default_rng(4).integers(0, 900, (1201, 1201))
+        (folder / name).write_bytes(large.astype(">i2").tobytes())
+        expected = large[:4, :6][::-1]
+    else:
+        name = "a.dat"
+        options = {"driver": driver}
+        with rasterio.open(folder / "a.tif") as file:
+            whole = file.read(1).astype(np.uint8 if driver == "PNG" else np.float32)
+        geotiff(folder / "a.tif", whole, side=1, corner=(0, 4))
+        rasterio.shutil.copy(folder / "a.tif", folder / name, **options)
+    path = vrt(folder / "m.vrt", name)
+    text = path.read_text().replace(
+        "</SourceBand>",
+        '</SourceBand><SrcRect xOff="0" yOff="0" xSize="6" ySize="4"/>'
+        '<DstRect xOff="0" yOff="0" xSize="6" ySize="4"/>',
+    )
+    path.write_text(text)
+    assert np.array_equal(heights(path), expected)
+
+
+def test_a_mosaic_has_the_guards_of_each_raster(tmp_path: Path) -> None:
+    """What is refused alone is refused in a mosaic, and sizes are held against the sources."""
+    dem(tmp_path / "a.tif")
+    rasterio.shutil.copy(tmp_path / "a.tif", tmp_path / "a.asc", driver="AAIGrid")
+    path = vrt(tmp_path / "m.vrt", "a.asc")
+    assert heights(path).shape == (4, 6)
+    path.write_text(path.read_text().replace('rasterXSize="6"', 'rasterXSize="900000000"'))
+    with pytest.raises(ReadError, match="claims 900,000,000 × 4 pixels"):
+        heights(path)
+    vrt(tmp_path / "m.vrt", "a.asc")
+    (tmp_path / "a.asc.msk").write_text("<VRTDataset/>")
+    with pytest.raises(ReadError, match="is no TIFF, though GDAL takes it for a part"):
+        heights(path)
+    (tmp_path / "a.asc.msk").unlink()
+    (tmp_path / "b.asc").write_text("ncols 9999\nnrows 99\nxllcorner 0\nyllcorner 0\n1 2\n")
+    with pytest.raises(ReadError):
+        heights(vrt(tmp_path / "m.vrt", "b.asc"))
+    (tmp_path / "c.xyz").write_text("0 0 0\n1 0 1\n0 1 2\n")
+    with pytest.raises(ReadError, match="a grid of points with gaps"):
+        heights(vrt(tmp_path / "m.vrt", "c.xyz"))
+    os.mkfifo(tmp_path / "p.asc")
+    with pytest.raises(ReadError, match="is no regular file"):
+        heights(vrt(tmp_path / "m.vrt", "p.asc"))
+
+
+def test_a_source_is_opened_by_its_driver_alone(tmp_path: Path) -> None:
+    """A raw raster has no sign of its own, so that another driver could take it for its file."""
+    raw = b"<GDAL_WMS></GDAL_WMS>".ljust(2 * 1201**2, b"\0")
+    (tmp_path / "N45E007.hgt").write_bytes(raw)
+    path = vrt(tmp_path / "m.vrt", "N45E007.hgt")
+    wanted = np.frombuffer(raw, ">i2").reshape(1201, 1201)
+    found = heights(path)
+    with rasterio.open("vrt://" + str(tmp_path / "N45E007.hgt") + "?if=SRTMHGT") as file:
+        assert np.array_equal(file.read(1), wanted)
+    assert np.isfinite(found).all()
+
+
+def test_mosaics_of_files_elsewhere_are_asked_for(tmp_path: Path) -> None:
+    outside = dem(tmp_path / "out.tif")
+    path = vrt(tmp_path / "in" / "m.vrt", "../out.tif")
+    with pytest.raises(ReadError) as caught:
+        heights(path)
+    assert "--allow-vrt" in caught.value.hint
+    assert np.array_equal(heights(path, allow_vrt=True), heights(outside))
+    with pytest.raises(ReadError, match="is no file on this machine"):
+        heights(vrt(path, "http://127.0.0.1/a.tif", 0), allow_vrt=True)
+    vrt(tmp_path / "in" / "inner.vrt", "../out.tif")
+    with pytest.raises(ReadError, match="is a VRT and may lead on"):
+        heights(vrt(path, "inner.vrt"), allow_vrt=True)
 
 
 def test_our_own_mosaics_are_read(tmp_path: Path) -> None:

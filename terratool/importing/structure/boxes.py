@@ -141,7 +141,7 @@ def _best(
     residual.work.spend(len(ends), _CANDIDATE)
     if not len(ends):
         return None
-    cells = _Cells(residual, (row, column), ends, value)
+    cells = _BoxCells(residual, (row, column), ends, value)
     cleared, corners = cells.count_cleared(noise)
     fits = cleared >= np.minimum(wanted, corners)
     if wanted > 2:
@@ -156,7 +156,7 @@ def _best(
     return None
 
 
-class _Cells:
+class _BoxCells:
     """Cells of boxes that have one corner in common, and are as high as the difference there.
 
     Args:

@@ -242,7 +242,7 @@ def _peel_turned(residual: Residual, limits: ResidualLimits, loose: bool) -> lis
     """Find and subtract turned boxes and turned profiles."""
     if not is_quiet(residual, limits.noise):
         return []
-    found = []
+    found: list[Structure] = []
     for block in BLOCKS:
         for island in islands(residual, limits.noise, block):
             if residual.work.over:

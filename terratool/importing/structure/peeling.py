@@ -118,9 +118,9 @@ def curve_of(profile: AxisProfile, unusual: bool, work: SearchWork) -> Axis | No
         begins = begins[: max(1, CELLS // len(ends), len(begins) // 2)]
         ends = ends[: max(1, len(ends) // 2)]
     for odd in (0, 1) if unusual else (0,):
-        first, last = _edges(begins, odd), _edges(ends, odd)
-        work.spend(len(first) * len(last) * (east - west), _FIT)
-        code, begin, end = kernels.fit_curve(profile, first, last, GOOD)
+        starts, stops = _edges(begins, odd), _edges(ends, odd)
+        work.spend(len(starts) * len(stops) * (east - west), _FIT)
+        code, begin, end = kernels.fit_curve(profile, starts, stops, GOOD)
         if code >= 0:
             return Axis(code, begin, end)
         if code == -2:
