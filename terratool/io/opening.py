@@ -283,8 +283,8 @@ def _way_out(name: str, reason: str) -> str:
             return f"Unpack it, or name what is in it: /vsigzip/{name}."
     if "not recognized" in reason:
         return (
-            "Make a GeoTIFF of it with gdal_translate; docs/import-rasters.md lists the formats that are "
-            "read."
+            "Make a GeoTIFF of it with gdal_translate; docs/import-rasters.md lists the formats "
+            "that are read."
         )
     return "Check the path, and the file with gdalinfo -checksum."
 

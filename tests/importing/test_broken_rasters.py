@@ -372,7 +372,7 @@ class TestClaims:
         """Where all pixels are stored, to store them again does not help."""
         data = {"a.pgm": b"P5\n1000000 1000000\n255\n" + bytes(99), "a.nc": netcdf(rows=4_000_000),
                 "a.grd": b"DSAA\n17 2147483647\n0 1\n0 1\n0 1\n1 2 3\n"}[name]  # fmt: skip
-        with pytest.raises(ReadError, match="claims|its variables take") as caught:
+        with pytest.raises(ReadError, match=r"claims|its variables take") as caught:
             read(saved(tmp_path / name, data))
         assert "cut short" in caught.value.hint and "gdal_translate" not in caught.value.hint
 

@@ -211,7 +211,7 @@ def test_too_little_memory_is_told_as_such(tmp_path: Path) -> None:
 
 def test_the_documentation_lists_the_drivers() -> None:
     """Those that are asked, and the known ones that are not."""
-    text = " ".join((ROOT / "docs" / "import.md").read_text("utf-8").split())
+    text = " ".join((ROOT / "docs" / "import-rasters.md").read_text("utf-8").split())
     listed = text.partition("These drivers of GDAL are asked: ")[2].partition(".")[0]
     assert sorted(listed.split(", ")) == sorted(DRIVERS)
     assert "GRIB is not" in text and "GRIB" not in DRIVERS
