@@ -276,7 +276,7 @@ _part_of_source = option_group(
     "Part of SOURCE",
     click.option(
         "--bounds", nargs=4, type=float, metavar="W S E N",
-        help="Take the pixels with their centres in here, in the source's coordinates.",
+        help="Take pixels with centres in here, in the source's coordinates.",
     ),
     click.option(
         "--window", nargs=4, type=int, metavar="COL ROW W H",
@@ -291,7 +291,7 @@ _reading_of_source = option_group(
     click.option("--resolution", type=float, metavar="R", help="Side of the pixels of a mesh."),
     click.option(
         "--up", type=click.Choice(["y", "z"]), metavar="AXIS",
-        help="y or z, the axis of a mesh that points up.  [default: as its format has it]",
+        help="y or z, which points up in a mesh.  [default: as its format has it]",
     ),
     click.option(
         "--scale", type=float, default=1.0, metavar="F",
