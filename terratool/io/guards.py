@@ -79,6 +79,9 @@ def refuse_claims(name: str, file: Any, placed: bool = True) -> None:
     if size is None:  # on the net
         return
     archived = not any(Path(part).is_file() for part in _parts(file))
+    most, hint = _most_pixels(file, size, archived)
+    if file.count and file.width * file.height > most:  # without bands GDAL makes up a size
+        raise claim(name, file.width, file.height, size, UNPACK if archived else hint)
     if file.driver == "netCDF" and not archived:
         with open_file(file.files[0]) as begin:
             needed = classic_bytes(begin)
@@ -86,9 +89,6 @@ def refuse_claims(name: str, file: Any, placed: bool = True) -> None:
             raise ReadError(
                 f"{name}: has {size:,} bytes, but its variables take {needed:,}.", _CUT_SHORT
             )
-    most, hint = _most_pixels(file, size, archived)
-    if file.count and file.width * file.height > most:  # without bands GDAL makes up a size
-        raise claim(name, file.width, file.height, size, UNPACK if archived else hint)
     if file.driver == "PNG" and not archived:
         with open_file(file.files[0]) as png:
             png.seek(max(0, os.fstat(png.fileno()).st_size - _PNG_TAIL))
