@@ -81,7 +81,7 @@ def _edge(index: int, side: float) -> float:
     return float(index * Decimal(repr(side)))
 
 
-class Cells:
+class PointCells:
     """Cells over a rectangle, filled batch by batch.
 
     Attributes:

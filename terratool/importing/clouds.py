@@ -17,7 +17,7 @@ from rasterio.crs import CRS
 from terratool.definition.crs import LOCAL, metric_crs
 from terratool.definition.findings import Bounds
 from terratool.errors import ReadError, RequestError
-from terratool.importing.cells import HEIGHTS, Cells, Votes, cells_over, round_up
+from terratool.importing.cells import HEIGHTS, PointCells, Votes, cells_over, round_up
 from terratool.importing.ground import CELL, FilteredGround, filter_ground
 from terratool.importing.meanings import side_unit
 from terratool.importing.rasters import HIGHEST
@@ -159,7 +159,7 @@ class _Points(NamedTuple):
     classes: NDArray[np.uint8] | None = None
 
     def only(self, kept: NDArray[np.bool_]) -> _Points:
-        """Those of the points that a mask, (n,), marks."""
+        """Return the points that a mask, (n,), marks."""
         return self if kept.all() else _Points(*(None if a is None else a[kept] for a in self))  # type: ignore[arg-type]
 
 
@@ -322,7 +322,7 @@ def sample_cloud(name: str, options: SourceOptions) -> SampledHeights:
             options.bounds, min(MOST_CELLS, max(FREE_CELLS, CELLS_EACH * survey.count)), proposed,
         )  # fmt: skip
         ground = _ground_of(file, proposed, metre) if options.ground else None
-        cells, many = Cells(x, y, kind), 0
+        cells, many = PointCells(x, y, kind), 0
         for points in file.batches():
             if ground is not None:
                 points = points.only(ground.holds(points))
@@ -418,7 +418,7 @@ def _proposed(file: _CloudFile) -> float:
     return round_up(max(least, _STEPS * survey.step))
 
 
-def _notes(survey: _Survey, kind: str, cells: Cells, chosen: bool) -> Iterator[str]:
+def _notes(survey: _Survey, kind: str, cells: PointCells, chosen: bool) -> Iterator[str]:
     """Yield sentences on how points became heights, and on those that did not."""
     side, seen = cells.grid.dx, int((cells.counts > 0).sum())
     each = int(cells.counts.sum()) / seen
@@ -454,7 +454,8 @@ def _system_of(file: _CloudFile, about: list[str]) -> tuple[str | None, str, flo
     """Reference system of a cloud as a definition spells it, its unit, and its units in a metre.
 
     Raises:
-        RequestError: the file is scaled or turned, and has a reference system.
+        RequestError: the file is scaled or turned, and has a reference system; or the ground of a
+            file in degrees is to be filtered.
     """
     spelled = ""
     if file.path.suffix.lower() in (".las", ".laz"):
@@ -471,6 +472,11 @@ def _system_of(file: _CloudFile, about: list[str]) -> tuple[str | None, str, flo
     except RequestError:
         about.append("The reference system of the file is not known, and was left out.")
         return None, "m", 1.0
+    if system.is_geographic and file.options.ground and not file.survey.classes[_GROUND]:
+        raise RequestError(
+            f"{file.path}: is in degrees, and the filter of ground is about metres.",
+            "Reproject it by pdal translate, or leave out --ground.",
+        )
     west, south, east, north = file.survey.extent
     sides = METRE
     if system.is_projected:
@@ -490,7 +496,7 @@ def _system_of(file: _CloudFile, about: list[str]) -> tuple[str | None, str, flo
 # --- ground --------------------------------------------------------------------------------------
 
 
-class _Ground(NamedTuple):
+class _GroundRule(NamedTuple):
     """Which points are ground: those of a class, or those near a filtered surface."""
 
     why: str
@@ -505,19 +511,19 @@ class _Ground(NamedTuple):
         return found
 
 
-def _ground_of(file: _CloudFile, proposed: float, metre: float) -> _Ground:
+def _ground_of(file: _CloudFile, proposed: float, metre: float) -> _GroundRule:
     """Find the ground of a cloud, by its classes or by a filter of cells with several points.
 
     Raises:
         RequestError: the filter would have too many cells.
     """
     if file.survey.classes[_GROUND]:
-        return _Ground(f"by their class {_GROUND}")
+        return _GroundRule(f"by their class {_GROUND}")
     side = max(proposed, CELL * metre)
     extent = file.survey.extent
     x, y = cells_over(extent, side, None, MOST_FILTERED, round_up(side))
-    cells = Cells(x, y, "lowest")
+    cells = PointCells(x, y, "lowest")
     for points in file.batches():
         cells.add(*points[:3])
     surface = filter_ground(cells.heights, cells.grid, metre)
-    return _Ground(f"by a morphological filter of cells of {side:.4g}", surface)
+    return _GroundRule(f"by a morphological filter of cells of {side:.4g}", surface)

@@ -29,7 +29,7 @@ SLOPE = 0.15
 THRESHOLD = 0.5
 """Largest height of ground above or below the filtered surface where that is level, m."""
 SCALE = 1.25
-"""What is added to that for a slope of 1, m."""
+"""Height that a slope of 1 adds to the threshold, m."""
 _PIT = 5.0
 """Slope below which a single low cell is an error of measurement."""
 

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 import terratool
 from terratool.errors import ReadError, RequestError
 from terratool.importing import clouds as module
-from terratool.importing.cells import CellRange, Cells, Votes, cells_over, round_up
+from terratool.importing.cells import CellRange, PointCells, Votes, cells_over, round_up
 from terratool.importing.clouds import is_cloud, is_grid, sample_cloud
 from terratool.importing.ground import opened
 from terratool.importing.sources import open_source
@@ -514,6 +514,9 @@ def test_odd_reference_systems(tmp_path: Path) -> None:
     path = write_las(tmp_path / "a.las", scattered(900, 11, 47), 2, records=[keys(k2048=4326)])
     found = sample_cloud(str(path), SourceOptions(resolution=1))
     assert "reproject to EPSG:32633 by pdal translate" in found.notes[0]
+    path = write_las(tmp_path / "a.las", scattered(900, 11, 47), 1, records=[keys(k2048=4326)])
+    with pytest.raises(RequestError, match="the filter of ground is about metres"):
+        sample_cloud(str(path), SourceOptions(resolution=1, ground=True))
     path = write_las(tmp_path / "a.las", scattered(), 2, records=[wkt("PROJCS[nonsense")])
     found = sample_cloud(str(path), SourceOptions(resolution=1))
     assert found.grid.crs is None and "not known" in found.notes[0]
@@ -693,7 +696,7 @@ def test_npz_of_terratool_has_the_points_of_its_pcd(tmp_path: Path) -> None:
 
 def test_sums_of_high_places_round_little() -> None:
     """A million points at 8,000 m with millimetres: the mean is exact to 1e-9."""
-    cells = Cells(CellRange.over(0, 1, 1.0, ALL), CellRange.over(0, 1, 1.0, ALL))
+    cells = PointCells(CellRange.over(0, 1, 1.0, ALL), CellRange.over(0, 1, 1.0, ALL))
     heights = 8000 + np.arange(200_000) % 7 / 1000
     for _ in range(5):
         cells.add(np.full(200_000, 0.5), np.full(200_000, 0.5), heights)
