@@ -352,7 +352,7 @@ def sample_cloud(name: str, options: SourceOptions) -> SampledHeights:
             votes.add(points.x, points.y, points.classes)
         return votes.commonest
 
-    stated = StatedPlace(crs, unit if crs else "")
+    stated = StatedPlace(crs, unit)
     own = classes if survey.classes.any() else None
     return SampledHeights(grid, heights, tuple(about), stated, own)
 
@@ -461,7 +461,7 @@ def _system_of(file: _CloudFile, about: list[str]) -> tuple[str | None, str, flo
     if file.path.suffix.lower() in (".las", ".laz"):
         spelled = las.read_system(file.path)
     if not spelled:
-        return None, "m", 1.0
+        return None, "", 1.0
     if file.options.scale != 1.0 or file.options.up == "y":
         raise RequestError(
             f"{file.path}: says its reference system, so that it is neither scaled nor turned.",
@@ -471,7 +471,7 @@ def _system_of(file: _CloudFile, about: list[str]) -> tuple[str | None, str, flo
         system: CRS = read_crs(spelled)
     except RequestError:
         about.append("The reference system of the file is not known, and was left out.")
-        return None, "m", 1.0
+        return None, "", 1.0
     if system.is_geographic and file.options.ground and not file.survey.classes[_GROUND]:
         raise RequestError(
             f"{file.path}: is in degrees, and the filter of ground is about metres.",

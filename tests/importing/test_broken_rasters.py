@@ -372,13 +372,13 @@ class TestClaims:
         """Where all pixels are stored, to store them again does not help."""
         data = {"a.pgm": b"P5\n1000000 1000000\n255\n" + bytes(99), "a.nc": netcdf(rows=4_000_000),
                 "a.grd": b"DSAA\n17 2147483647\n0 1\n0 1\n0 1\n1 2 3\n"}[name]  # fmt: skip
-        with pytest.raises(ReadError, match=r"claims|its variables take") as caught:
+        with pytest.raises(ReadError, match="claims") as caught:
             read(saved(tmp_path / name, data))
         assert "cut short" in caught.value.hint and "gdal_translate" not in caught.value.hint
 
     def test_a_classic_netcdf_has_all_of_its_numbers(self, tmp_path: Path) -> None:
         """Rows without a byte are not even counted through."""
-        with pytest.raises(ReadError, match=r"has \d\d\d bytes, but its variables take 16,000,"):
+        with pytest.raises(ReadError, match=r"claims 1 × 4,000,000 pixels, but has \d\d\d bytes"):
             read(saved(tmp_path / "a.nc", netcdf(length=1, rows=4_000_000)))
 
     def test_pixels_that_become_too_many(self, tmp_path: Path) -> None:
