@@ -132,7 +132,7 @@ BROKEN: dict[str, tuple[Callable[[Path], object], int, str]] = {
     ),
 }  # fmt: skip
 SLOW: dict[str, tuple[Callable[[Path], object], int, str]] = {
-    "cut netCDF": (netcdf, 1, "claims 80 × 120 pixels, but has ")
+    "cut netCDF": (netcdf, 1, " bytes, but its variables take ")
 }
 """Those that GDAL reads in a process of their own first."""
 

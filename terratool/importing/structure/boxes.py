@@ -65,7 +65,7 @@ def find_boxes(
             work.spend(1.0, _PLACE)
             value = residual.mixed[row, column]
             if (row, column) in changed:
-                stood_out = bool(_stand_out(residual, [(row, column)])[0])
+                stood_out = _stands_out(residual, row, column)
             if abs(value) <= least or not stood_out:
                 continue
             work.spend(1.0, _SPIKE)
@@ -130,6 +130,21 @@ def _stand_out(residual: Residual, places: list[tuple[int, int]]) -> NDArray[np.
         if (dj + di) % 2:
             alone &= ~is_large | (beside * values < 0.0)
     return alone & (large <= 4)
+
+
+def _stands_out(residual: Residual, row: int, column: int) -> bool:
+    """Tell the same of one difference, which is quicker without arrays."""
+    mixed = residual.mixed
+    value, large = float(mixed[row, column]), 1
+    for j in range(max(0, row - 1), min(mixed.shape[0], row + 2)):
+        for i in range(max(0, column - 1), min(mixed.shape[1], column + 2)):
+            beside = float(mixed[j, i])
+            if (j, i) == (row, column) or abs(beside) * STICKS_OUT <= abs(value):
+                continue
+            large += 1
+            if (j - row + i - column) % 2 and beside * value >= 0.0:
+                return False
+    return large <= 4
 
 
 def _best(

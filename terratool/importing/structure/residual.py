@@ -25,10 +25,10 @@ CURVES = 1e-7
 
 _SAMPLED = 1 << 16
 
-_WORK, _WORK_OF_A_PIXEL = 1e6, 2.0
+_WORK, _WORK_OF_A_PIXEL = 1.2e6, 1.0
 """Work of a search: some, and more for each pixel, as the rows of a DEM take."""
 
-_FOUND = 400.0
+_FOUND = 700.0
 """Work that a structure makes later, when its numbers are refined and its curves are written."""
 
 QUIET_SHARE = 0.1
