@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from decimal import Decimal
 from typing import Literal, NamedTuple, get_args
 
@@ -172,7 +173,11 @@ class Votes:
 
 
 def cells_over(
-    extent: Bounds, resolution: float, bounds: Bounds | None, most: int, proposed: float
+    extent: Bounds,
+    resolution: float,
+    bounds: Bounds | None,
+    most: int,
+    proposed: Callable[[], float],
 ) -> tuple[CellRange, CellRange]:
     """Cells over an extent, along x and along y; of these, those with their centres in bounds.
 
@@ -181,7 +186,7 @@ def cells_over(
         resolution: side of a cell.
         bounds: part that is taken; all if None.
         most: most cells.
-        proposed: side of a cell that the points suggest.
+        proposed: finds the side of a cell that the points suggest.
 
     Raises:
         RequestError: the resolution makes no sense, or makes too many cells or none.
@@ -198,13 +203,13 @@ def cells_over(
         raise RequestError(
             f"Cells of {resolution:g} over {width:.6g} × {depth:.6g} are more than {most:,}, too "
             "many for so many points.",
-            f"Give --resolution {round_up(max(enough, proposed)):g} or more, or take a "
+            f"Give --resolution {round_up(max(enough, proposed())):g} or more, or take a "
             "part by --bounds.",
         )
     if max(map(abs, extent)) / resolution > _FARTHEST:
         raise RequestError(
             f"Cells of {resolution:g} are too small for places as far off as these.",
-            f"Give --resolution {proposed:g} or so.",
+            f"Give --resolution {proposed():g} or so.",
         )
     side = float(resolution)
     x, y = (

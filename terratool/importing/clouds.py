@@ -70,7 +70,9 @@ _OFF = 0.1
 
 _ALWAYS = (".las", ".laz", ".pcd", ".npz")
 _TEXTS = (".xyz", ".txt", ".csv")
-_WANTED = dict.fromkeys(("x", "y", "z", "class", "withheld"), 0)
+_LAS = (".las", ".laz")
+_WANTED = dict.fromkeys("xyz", 0)
+_OF_LAS = {"class": 0, "withheld": 0}
 _faces = re.compile(rb"^element\s+(?:face|tristrips)\s+0*[1-9]", re.MULTILINE).search
 _vertices = re.compile(rb"^element\s+vertex\s", re.MULTILINE).search
 
@@ -235,6 +237,7 @@ class _CloudFile:
     options: SourceOptions
     survey: _Survey = field(default_factory=_Survey)
     _kept: list[_Points] | None = None
+    _proposed: float = 0.0
 
     def batches(self) -> Iterator[_Points]:
         """Yield the usable points in file order.
@@ -256,6 +259,30 @@ class _CloudFile:
                 kept.append(points)
         self._kept = kept
 
+    def proposed(self) -> float:
+        """Side of cells with `EACH` points on average, and wider than the numbers are rounded.
+
+        The area of the points is that of the coarse cells that have any, the smallest that hold
+        `_MANY` points on average.
+        """
+        if self._proposed:
+            return self._proposed
+        survey = self.survey
+        west, south, east, north = survey.extent
+        side = max(east - west, north - south) / _COARSE
+        shape = [int((high - low) // side) + 1 for low, high in ((south, north), (west, east))]
+        seen = np.zeros(shape, bool)
+        for points in self.batches():
+            rows, columns = (points.y - south) // side, (points.x - west) // side
+            seen[rows.astype(np.int64), columns.astype(np.int64)] = True
+        while seen.size > 1 and survey.count < _MANY * np.count_nonzero(seen):
+            seen = np.pad(seen, [(0, length % 2) for length in seen.shape])
+            seen = seen[::2, ::2] | seen[1::2, ::2] | seen[::2, 1::2] | seen[1::2, 1::2]
+            side *= 2
+        least = side * math.sqrt(np.count_nonzero(seen) * EACH / survey.count)
+        self._proposed = round_up(max(least, _STEPS * survey.step))
+        return self._proposed
+
     def _reader(self) -> PointReader:
         """Reader of the file: texts of numbers are read the quick way if nothing is quoted."""
         if self.path.suffix.lower() not in _TEXTS:
@@ -266,8 +293,9 @@ class _CloudFile:
 
     def _read(self, survey: _Survey | None = None) -> Iterator[_Points]:
         """Yield the usable points; count the others in a survey."""
+        las_columns = _OF_LAS if self.path.suffix.lower() in _LAS else {}
         try:
-            for batch in self._reader()(self.path, _WANTED):
+            for batch in self._reader()(self.path, _WANTED | las_columns):
                 columns = world_columns(self.path, batch)
                 x, y, z = (numbers_of(columns[name]) for name in "xyz")
                 if self.options.up == "y":
@@ -316,12 +344,12 @@ def sample_cloud(name: str, options: SourceOptions) -> SampledHeights:
     _refuse(name, survey)
     crs, unit, metre = _system_of(file, about)
     with _enough_memory(name):
-        proposed = _proposed(file)
         x, y = cells_over(
-            survey.extent, proposed if options.resolution is None else options.resolution,
-            options.bounds, min(MOST_CELLS, max(FREE_CELLS, CELLS_EACH * survey.count)), proposed,
+            survey.extent, file.proposed() if options.resolution is None else options.resolution,
+            options.bounds, min(MOST_CELLS, max(FREE_CELLS, CELLS_EACH * survey.count)),
+            file.proposed,
         )  # fmt: skip
-        ground = _ground_of(file, proposed, metre) if options.ground else None
+        ground = _ground_of(file, metre) if options.ground else None
         cells, many = PointCells(x, y, kind), 0
         for points in file.batches():
             if ground is not None:
@@ -396,28 +424,6 @@ def _refuse(name: str, survey: _Survey) -> None:
         )
 
 
-def _proposed(file: _CloudFile) -> float:
-    """Side of cells with `EACH` points on average, and wider than the numbers are rounded.
-
-    The area of the points is that of the coarse cells that have any, the smallest that hold `_MANY`
-    points on average.
-    """
-    survey = file.survey
-    west, south, east, north = survey.extent
-    side = max(east - west, north - south) / _COARSE
-    shape = [int((high - low) // side) + 1 for low, high in ((south, north), (west, east))]
-    seen = np.zeros(shape, bool)
-    for points in file.batches():
-        rows, columns = (points.y - south) // side, (points.x - west) // side
-        seen[rows.astype(np.int64), columns.astype(np.int64)] = True
-    while seen.size > 1 and survey.count < _MANY * np.count_nonzero(seen):
-        seen = np.pad(seen, [(0, length % 2) for length in seen.shape])
-        seen = seen[::2, ::2] | seen[1::2, ::2] | seen[::2, 1::2] | seen[1::2, 1::2]
-        side *= 2
-    least = side * math.sqrt(np.count_nonzero(seen) * EACH / survey.count)
-    return round_up(max(least, _STEPS * survey.step))
-
-
 def _notes(survey: _Survey, kind: str, cells: PointCells, chosen: bool) -> Iterator[str]:
     """Yield sentences on how points became heights, and on those that did not."""
     side, seen = cells.grid.dx, int((cells.counts > 0).sum())
@@ -458,7 +464,7 @@ def _system_of(file: _CloudFile, about: list[str]) -> tuple[str | None, str, flo
             file in degrees is to be filtered.
     """
     spelled = ""
-    if file.path.suffix.lower() in (".las", ".laz"):
+    if file.path.suffix.lower() in _LAS:
         spelled = las.read_system(file.path)
     if not spelled:
         return None, "", 1.0
@@ -511,7 +517,7 @@ class _GroundRule(NamedTuple):
         return found
 
 
-def _ground_of(file: _CloudFile, proposed: float, metre: float) -> _GroundRule:
+def _ground_of(file: _CloudFile, metre: float) -> _GroundRule:
     """Find the ground of a cloud, by its classes or by a filter of cells with several points.
 
     Raises:
@@ -519,9 +525,9 @@ def _ground_of(file: _CloudFile, proposed: float, metre: float) -> _GroundRule:
     """
     if file.survey.classes[_GROUND]:
         return _GroundRule(f"by their class {_GROUND}")
-    side = max(proposed, CELL * metre)
+    side = max(file.proposed(), CELL * metre)
     extent = file.survey.extent
-    x, y = cells_over(extent, side, None, MOST_FILTERED, round_up(side))
+    x, y = cells_over(extent, side, None, MOST_FILTERED, file.proposed)
     cells = PointCells(x, y, "lowest")
     for points in file.batches():
         cells.add(*points[:3])

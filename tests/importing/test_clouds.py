@@ -574,7 +574,7 @@ def test_too_many_cells_are_refused_with_a_proposal(tmp_path: Path) -> None:
 
 def test_cells_that_doubles_cannot_tell_apart() -> None:
     with pytest.raises(RequestError, match="too small for places as far off"):
-        cells_over((1e8, 1e8, 1e8 + 1e-4, 1e8 + 1e-4), 1e-5, None, 1 << 28, 1.0)
+        cells_over((1e8, 1e8, 1e8 + 1e-4, 1e8 + 1e-4), 1e-5, None, 1 << 28, lambda: 1.0)
 
 
 def test_single_precision_far_from_0_is_told(tmp_path: Path) -> None:
