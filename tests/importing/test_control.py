@@ -21,7 +21,7 @@ from terratool.importing.types import HeightSource, PixelGrid, SourceOptions
 Z = np.arange(96.0).reshape(8, 12) ** 1.5
 UPRIGHT = Affine(10, 0, 500000, 0, -20, 4500160)
 CORNERS = [(0, 0), (0, 12), (8, 0), (8, 12)]
-PLACED = PixelGrid(500000.0, 4500000.0, 10.0, 20.0, 12, 8, "EPSG:32633")
+PLACED = PixelGrid(500000.0, 4500000.0, 10.0, 20.0, 12, 8, "EPSG:32633", "")
 
 
 def at(place: Affine, row: float, column: float) -> tuple[float, float]:
@@ -119,7 +119,7 @@ def test_reprojected_by_the_points(tmp_path: Path) -> None:
 
 def test_too_few_points_are_no_place(tmp_path: Path) -> None:
     source, heights = read(raster(tmp_path / "a.tif", pixels=CORNERS[:2]))
-    assert source.grid == PixelGrid(0, 0, 1, 1, 12, 8)
+    assert source.grid == PixelGrid(0, 0, 1, 1, 12, 8, unit="")
     assert np.array_equal(heights, Z)
 
 
