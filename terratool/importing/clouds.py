@@ -105,7 +105,7 @@ def is_cloud(name: str, asked: bool = False) -> bool:
     layout = layout_of(head)
     if layout is None:
         return False
-    if asked or (suffix == ".csv" and b'"' in head):
+    if asked:
         return True
     try:
         lines = head[layout.skipped :] if len(head) < _SAMPLE else head[layout.skipped :
@@ -288,7 +288,8 @@ class _CloudFile:
         if self.path.suffix.lower() not in _TEXTS:
             return reader_of(self.path)
         with open_file(self.path) as file:
-            quoted = b'"' in file.read(_HEAD) and self.path.suffix.lower() == ".csv"
+            lines = file.read(_HEAD).partition(b"\n")[2]  # names may be quoted
+        quoted = b'"' in lines and self.path.suffix.lower() == ".csv"
         return csv_.read_points if quoted else read_points
 
     def _read(self, survey: _Survey | None = None) -> Iterator[_Points]:

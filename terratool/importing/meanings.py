@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,11 +16,12 @@ from terratool.definition.crs import LOCAL, CrsValue, metric_crs
 from terratool.errors import ReadError, RequestError
 from terratool.importing.pictures import ENCODINGS, Encoding, channels, grey_band, is_picture
 from terratool.importing.types import SourceOptions, sample_range
-from terratool.io.crs import crs_in_metres, read_crs, shown_crs, vertical_unit
+from terratool.io.crs import crs_in_metres, horizontal_crs, read_crs, shown_crs, vertical_unit
 from terratool.io.guards import is_placed
 from terratool.io.opening import gdal_errors, refuse_band
 from terratool.io.units import METRE, LengthUnit, length_named, length_of, unit_text
 from terratool.report.wording import count_of
+from terratool.text.files import open_file
 
 UNKNOWN_UNIT = "The unit of the heights is not known: add --source-units, as ft, to say it."
 
@@ -29,6 +31,8 @@ _WHOLE_RANGE = 2
 """Most bytes of whole numbers whose whole range counts for --height-range."""
 _MOST_NAMED = 9
 """Most bands or variables that a message names."""
+_HEAD = 1 << 10
+"""Bytes of a file of PNM in which its header stands."""
 _STRIP = 1 << 22
 """Pixels that are read at a time to find their range."""
 
@@ -169,6 +173,8 @@ def _range(name: str, file: Any, bands: PixelBands, nodata: float | None) -> tup
     (band,) = bands.numbers
     kind = np.dtype(file.dtypes[band - 1])
     if kind.kind in "iu" and kind.itemsize <= _WHOLE_RANGE:
+        if file.driver == "PNM" and (white := _white(file.name)):
+            return 0.0, white
         bits = file.tags(band, ns="IMAGE_STRUCTURE").get("NBITS", "")
         if kind.kind == "u" and bits.isdecimal():
             return 0.0, 2.0 ** int(bits) - 1.0
@@ -180,6 +186,16 @@ def _range(name: str, file: Any, bands: PixelBands, nodata: float | None) -> tup
         part = sample_range(bands.read(name, file, window, nodata))
         low, high = min(low, part.low), max(high, part.high)
     return low, high
+
+
+def _white(name: str) -> float | None:
+    """Number of white in a file of PNM, which stands behind its sides; None if it is not found."""
+    try:
+        with open_file(name) as file:
+            words = re.sub(rb"#[^\n]*", b"", file.read(_HEAD)).split(maxsplit=4)
+    except OSError:  # in an archive
+        return None
+    return float(words[3]) if len(words) > 3 and words[3].isdigit() else None
 
 
 def height_unit(name: str, file: Any, bands: PixelBands, crs: CRS | None, said: str | None) -> str:
@@ -274,11 +290,11 @@ def unit_notes(crs: CRS | None, unit: str, middle: tuple[float, float]) -> list[
         first = f"x and y are in {sides.plural}, and stay so; --units m makes metres of them."
         return [first, UNKNOWN_UNIT]
     if known == sides:
-        return [f"x, y and heights are in {heights}: --units m makes metres of them."]
+        return [f"x, y and heights are in {heights}{_CONVERTED}"]
     return [f"x and y are in {sides.plural}, heights in {heights}{_CONVERTED if known else _KEPT}"]
 
 
-_CONVERTED = ": --units m makes metres of them."
+_CONVERTED = ": --units m makes metres of them, for which other commands take them."
 _KEPT = "; they are kept as they are."
 
 
@@ -320,6 +336,8 @@ def in_metres(name: str, crs: CRS | None, unit: str, scale: NumberScale) -> InMe
     factor = 1.0
     if crs is not None and crs.is_projected and (sides := side_unit(crs)) != METRE:
         factor, crs = sides.metres, crs_in_metres(crs)
+    elif crs is not None and unit_text(vertical_unit(crs)) not in ("", METRE.symbol):
+        crs = horizontal_crs(crs)
     if known != METRE:
         scale = scale.times(known.metres)
     return InMetres(factor, crs, METRE.symbol, scale)

@@ -88,7 +88,9 @@ def grey_band(name: str, file: Any) -> int:
     raise ReadError(
         f"{name}: is a picture ({', '.join(kind.name for kind in kinds)}), "
         "not a raster of heights.",
-        "Name the band that holds heights with --band, or say how colours do with --encoding.",
+        "Make a grey picture of it, as with gdal_translate -expand gray."
+        if ColorInterp.palette in kinds
+        else "Name the band that holds heights with --band, or say how colours do with --encoding.",
     )
 
 

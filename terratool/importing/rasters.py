@@ -59,6 +59,8 @@ _FINE = 0.25
 """Largest side of a pixel in degrees of rasters whose x and y are looked at for that."""
 _ANY = CRS.from_epsg(3857)
 """Reference system from and to which a raster without one is warped, which changes nothing."""
+_TOLERANCE = 0.001
+"""Largest error of a place in a warp, in pixels; that of GDAL is 0.125, always to one side."""
 _MOST_CLASSES = 65536
 _MOST_READ = 1 << 24
 """Pixels of a class raster that are read at a time; it may be much finer than the DEM."""
@@ -239,7 +241,7 @@ def open_raster(name: str, options: SourceOptions) -> Iterator[RasterHeights]:
                 file = stack.enter_context(_warped(name, file, crs, target, options.nodata))
                 crs, transform = file.crs, transform_of(file)
                 about.append(f"Reprojected to {_shown(options.crs, crs)}, bilinearly.")
-                if not unit and not is_metric(source_crs):
+                if not unit and not is_metric(source_crs) and is_metric(crs):
                     about.append(UNKNOWN_UNIT)
             elif control is not None and not control.upright:
                 file = stack.enter_context(_warped(name, file, crs, crs, options.nodata))
@@ -327,6 +329,7 @@ def _warped(
             dtype="float64",
             src_nodata=file.nodata if nodata is None else nodata,
             nodata=math.nan,
+            tolerance=_TOLERANCE,
             UNIFIED_SRC_NODATA="YES",  # one channel of terrain-RGB may well be that number
         )
     pixels = warped.width * warped.height

@@ -179,6 +179,13 @@ def crs_in_metres(crs: CRS) -> CRS:
     return _made(projected)
 
 
+def horizontal_crs(crs: CRS) -> CRS:
+    """Reference system without the vertical part of a compound one."""
+    found = _members(crs)
+    parts = found.get("components", [])
+    return _made(next((one for one in parts if one["type"] != "VerticalCRS"), found))
+
+
 def _members(crs: CRS) -> dict[str, Any]:
     """Members of a reference system as PROJJSON."""
     return dict(crs.to_dict(projjson=True))

@@ -273,6 +273,8 @@ def _way_out(name: str, reason: str) -> str:
         return f"Check the name within the archive. {UNPACK}"
     with contextlib.suppress(OSError, ValueError), open_file(name) as file:
         head = file.read(_HEAD)
+        if not head:
+            return "The file is empty: fetch it again."
         if head.startswith(_ZIP):
             return f"Name the raster in the archive, as in zip://{name}!dem.tif."
         if head[257:262] == _TAR:
@@ -546,7 +548,9 @@ def _mosaic(path: Path, text: bytes, allow_vrt: bool) -> str:
             if not inside and not (allow_vrt and source.is_absolute()):
                 raise ReadError(
                     f"{path}: names {name[:60]!r}, which lies out of its folder.",
-                    "Copy it there, or add --allow-vrt.",
+                    "Copy it there, or add --allow-vrt."
+                    if source.is_absolute()
+                    else "Make it anew in its own folder, or of rasters with full paths.",
                 )
             drivers[source] = _driver_of(path, source, name[:60])
         element.text, element.attrib = f"{source}", {"relativeToVRT": "0"}

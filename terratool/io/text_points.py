@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from terratool.definition.exact import powers_of_ten
 from terratool.errors import DAMAGED, ReadError
+from terratool.io.axis_names import axis_columns
 from terratool.io.points import PointBatch, Wanted
 from terratool.kernels import importing as kernels
 from terratool.text.display import quote
@@ -21,7 +22,6 @@ from terratool.text.numbers import parse_number
 _CHUNK = 1 << 20
 """Bytes that are read at a time, and most bytes of a line."""
 _BOM = b"\xef\xbb\xbf"
-_AXES = ("x", "y", "z")
 
 _word = re.compile(rb"[^\s,]*").match
 _semicolons = bytes.maketrans(b";", b",")
@@ -55,10 +55,9 @@ def layout_of(head: bytes) -> TextLayout | None:
         end = head.find(b"\n", at)
         end = len(head) if end < 0 else end
         line = head[at:end].decode("utf-8", "replace").replace("\r", " ").strip()
-        names = [name.strip('" ').lower() for name in _parted(line.lstrip("#/ "))]
-        named = len(names) == len(set(names)) and set(_AXES) <= set(names)
-        if named:
-            places = tuple(map(names.index, _AXES))  # type: ignore[assignment]
+        named = axis_columns(_parted(line.lstrip("#/ ")))
+        if named is not None:
+            places = named
         elif line and line[0] not in "#/":
             table = None
             if ";" in line:

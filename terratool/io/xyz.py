@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from rasterio.windows import Window
 
 from terratool.errors import DAMAGED, ReadError
+from terratool.io.axis_names import axis_columns
 from terratool.io.points import short_text
 from terratool.text.files import open_file
 
@@ -41,11 +42,6 @@ _FOLDER = "terratool-points-"
 """Begin of the names of temporary folders, which no other module uses."""
 _DESCRIPTION = ".aux.xml"
 _COMMENTS = (b"#", b"//", b"%")
-_AXES = (
-    (b"x", b"lon", b"east"), (b"y", b"lat", b"north"), (b"z", b"alt", b"height", b"elev", b"dem"),
-)  # fmt: skip
-"""Beginnings of the names of columns in a header; x, y and z have to be the whole name."""
-
 _JITTER = 0.05
 """Largest distance of a coordinate from its grid, in spacings, for want of digits."""
 _MOST_STEPS = 1 << 31
@@ -176,16 +172,7 @@ def _names_axes(line: bytes) -> bool:
 
 def _places(header: bytes) -> tuple[int, int, int] | None:
     """Columns of x, y and z by the names in a header; None where one is not named."""
-    names = [cell.strip(b"\"' ").lower() for cell in _split(header)[1]]
-    found = []
-    for whole, *starts in _AXES:
-        known = (
-            at for at, name in enumerate(names)
-            if name == whole or (starts and name.startswith(tuple(starts)))
-        )  # fmt: skip
-        found.append(next(known, -1))
-    x, y, z = found
-    return (x, y, z) if min(found) >= 0 and len(set(found)) == 3 else None
+    return axis_columns([cell.decode("utf-8", "replace") for cell in _split(header)[1]])
 
 
 def _layout_by(lines: list[bytes], begin: int, header: bytes | None) -> XyzLayout | None:

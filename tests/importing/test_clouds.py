@@ -701,3 +701,18 @@ def test_sums_of_high_places_round_little() -> None:
     for _ in range(5):
         cells.add(np.full(200_000, 0.5), np.full(200_000, 0.5), heights)
     assert abs(cells.heights[0, 0] - math.fsum(heights) / 200_000) < 1e-9
+
+
+@pytest.mark.parametrize(
+    "header", ["Easting,Northing,Elevation", '"X (m)","Y (m)","Z [m]"', "lon,lat,height"]
+)
+def test_names_of_columns_are_those_of_grids(tmp_path: Path, header: str) -> None:
+    """A grid stays one, though its names have quotes; with an option of clouds it is none."""
+    points = [(x, y, x + 100 * y) for y in range(7) for x in range(11)]
+    lines = "".join(f"{x},{y},{z}\n" for x, y, z in points)
+    (tmp_path / "a.csv").write_text(f"{header}\n{lines}")
+    with open_source(str(tmp_path / "a.csv")) as source:
+        assert (source.grid.columns, source.grid.rows) == (11, 7)
+        assert source.read(0, 1)[0, :3].tolist() == [0, 1, 2]
+    with open_source(str(tmp_path / "a.csv"), SourceOptions(resolution=2)) as source:
+        assert (source.grid.columns, source.grid.rows) == (5, 3)

@@ -123,8 +123,8 @@ def test_heights_of_a_picture_are_said_to_be_counts(tmp_path: Path) -> None:
     np.testing.assert_array_equal(values, COUNTS)
     assert grid.unit == "" and len(notes) == 2
     assert "--size X Y" in notes[0] and "raw counts" in notes[1]
-    assert read(name, source_units="cm")[2] == (notes[0], "Heights are in centimetres: --units m "
-                                                "makes metres of them.")  # fmt: skip
+    first, second = read(name, source_units="cm")[2]
+    assert first == notes[0] and second.startswith("Heights are in centimetres: --units m makes")
     numbers = picture(tmp_path / "map.tif", COUNTS.astype(np.float32))
     assert "raw numbers" in read(numbers)[2][1]
 
@@ -276,15 +276,19 @@ def test_units_have_many_names(text: str | None, symbol: str) -> None:
         ("EPSG:32618", "metre", ()),
         ("EPSG:32618", "unspecified", ()),
         (None, "m", ()),
-        (None, "ft", ("Heights are in feet: --units m makes metres of them.",)),
+        (None, "ft", ("Heights are in feet: --units m makes metres of them, for "
+            "which other commands take them.",)),
         ("EPSG:32618", "US survey foot", (
-            "x and y are in metres, heights in US survey feet: --units m makes metres of them.",)),
+            "x and y are in metres, heights in US survey feet: --units m makes metres of them, for "
+            "which other commands take them.",)),
         ("EPSG:32618", "fathom", (
             "x and y are in metres, heights in fathom; they are kept as they are.",)),
         (NEW_YORK, "US survey foot", (
-            "x, y and heights are in US survey feet: --units m makes metres of them.",)),
+            "x, y and heights are in US survey feet: --units m makes metres of them, for "
+            "which other commands take them.",)),
         (NEW_YORK, "m", (
-            "x and y are in US survey feet, heights in metres: --units m makes metres of them.",)),
+            "x and y are in US survey feet, heights in metres: --units m makes metres of them, for "
+            "which other commands take them.",)),
         (NEW_YORK, "", (
             "x and y are in US survey feet, and stay so; --units m makes metres of them.",
             "The unit of the heights is not known: add --source-units, as ft, to say it.")),
@@ -543,3 +547,43 @@ def test_rgb_by_its_interpretation(tmp_path: Path) -> None:
 def test_an_array_of_python_says_no_unit() -> None:
     made = terratool.import_primitive(COUNTS * 1.0, "a", transform=Affine(2, 0, 0, 0, -2, 12))
     assert made.unit == ""
+
+
+@pytest.mark.parametrize("target", ["EPSG:32633", "local"])
+def test_a_plane_is_reprojected_without_a_bias(tmp_path: Path, target: str) -> None:
+    """GDAL alone is an eighth of a pixel off, all to one side."""
+    x, y = np.meshgrid(15 + 1e-3 * (np.arange(120) + 0.5), 47 - 1e-3 * (np.arange(90) + 0.5))
+    side = (1e-3, 1e-3)
+    name = rasters.geotiff(
+        tmp_path / "dem.tif", 1e4 * (x - 15) + 3e4 * (y - 47), side, (15, 47), crs="EPSG:4326"
+    )
+    with open_source(name, SourceOptions(crs=target)) as source:
+        grid, heights = source.grid, source.read(0, source.grid.rows)
+    column, row = np.meshgrid(np.arange(20, grid.columns - 20), np.arange(20, grid.rows - 20))
+    from_x = grid.west + (column + 0.5) * grid.dx
+    from_y = grid.south + (row + 0.5) * grid.dy
+    lon, lat = transform(
+        CRS.from_user_input(grid.crs), CRS.from_epsg(4326), from_x.ravel(), from_y.ravel()
+    )
+    wanted = 1e4 * (np.array(lon) - 15) + 3e4 * (np.array(lat) - 47)
+    off = heights[row, column].ravel() - wanted
+    assert np.abs(off).max() < 0.05 * 30  # of what heights change by in a pixel
+    assert abs(off.mean()) < 0.002 * 30
+
+
+def test_metres_have_no_system_of_feet(tmp_path: Path) -> None:
+    """Or what reads an export would scale its heights again."""
+    heights = np.arange(96.0).reshape(8, 12)
+    name = rasters.geotiff(tmp_path / "dem.tif", heights, 10, crs="EPSG:32618+6360")
+    grid, values, _ = read(name, units="m")
+    assert grid.crs == "EPSG:32618"
+    np.testing.assert_allclose(values, heights * 1200 / 3937, rtol=1e-12)
+    assert read(name)[0].crs != "EPSG:32618"
+
+
+@pytest.mark.parametrize("most", [130, 1000])
+def test_white_of_a_pgm_is_what_it_says(tmp_path: Path, most: int) -> None:
+    pixels = np.array([[0, most, 7], [most, 3, 0]], ">u2" if most > 255 else "u1")
+    (tmp_path / "a.pgm").write_bytes(b"P5 # a map\n3 2\n%d\n" % most + pixels.tobytes())
+    _, values, _ = read(str(tmp_path / "a.pgm"), size=(3, 2), height_range=(-10, 90))
+    np.testing.assert_allclose(values, -10 + 100.0 * pixels.astype(float) / most)

@@ -166,7 +166,8 @@ def test_units_are_said(tmp_path):
     grid, _, notes = read(feet)
     assert grid.unit == "ft"
     assert notes == (
-        "x and y are in US survey feet, heights in feet: --units m makes metres of them.",
+        "x and y are in US survey feet, heights in feet: --units m makes metres of them, "
+        "for which other commands take them.",
     )
     degrees = geotiff(
         tmp_path / "degrees.tif", crs="EPSG:4326", transform=Affine(0.1, 0, -70, 0, -0.1, -33)
