@@ -14,7 +14,7 @@ from terratool.definition.findings import Bounds
 from terratool.errors import RequestError
 from terratool.importing.types import PixelGrid
 from terratool.raster.grid import refuse_resolution, thresholds
-from terratool.report.numbers import coordinates
+from terratool.report.numbers import coordinates, round_up
 
 Floats = NDArray[np.float64]
 Height = Literal["mean", "highest", "lowest"]
@@ -222,10 +222,3 @@ def cells_over(
             f"Give bounds that overlap {coordinates(extent)}, where the points lie.",
         )
     return x, y
-
-
-def round_up(side: float) -> float:
-    """Round a side, above 0, up to 1, 2 or 5 times a power of ten."""
-    power = math.floor(math.log10(side))
-    sides = (float(f"{digit}e{power + more}") for more in (0, 1) for digit in (1, 2, 5))
-    return next(one for one in sides if one >= side)

@@ -17,7 +17,7 @@ from rasterio.crs import CRS
 from terratool.definition.crs import LOCAL, metric_crs
 from terratool.definition.findings import Bounds
 from terratool.errors import ReadError, RequestError
-from terratool.importing.cells import HEIGHTS, PointCells, Votes, cells_over, round_up
+from terratool.importing.cells import HEIGHTS, PointCells, Votes, cells_over
 from terratool.importing.ground import CELL, FilteredGround, filter_ground
 from terratool.importing.meanings import side_unit
 from terratool.importing.rasters import HIGHEST
@@ -27,7 +27,7 @@ from terratool.io.clouds import PointReader, numbers_of, reader_of, world_column
 from terratool.io.crs import read_crs, spell_crs
 from terratool.io.text_points import layout_of, numbers_in, read_points
 from terratool.io.units import METRE
-from terratool.report.numbers import coordinates
+from terratool.report.numbers import coordinates, round_up
 from terratool.report.wording import count_of
 from terratool.text.files import open_file
 
@@ -69,7 +69,9 @@ _OFF = 0.1
 """Most by which a gap between lines may differ from whole gaps, for rounding."""
 
 _ALWAYS = (".las", ".laz", ".pcd", ".npz")
-_TEXTS = (".xyz", ".txt", ".csv")
+TEXTS = (".xyz", ".txt", ".csv")
+"""Suffixes of texts that may be clouds of points."""
+
 _LAS = (".las", ".laz")
 _WANTED = dict.fromkeys("xyz", 0)
 _OF_LAS = {"class": 0, "withheld": 0}
@@ -92,7 +94,7 @@ def is_cloud(name: str, asked: bool = False) -> bool:
     suffix = Path(name).suffix.lower()
     if suffix in _ALWAYS:
         return True
-    if suffix != ".ply" and suffix not in _TEXTS:
+    if suffix != ".ply" and suffix not in TEXTS:
         return False
     try:
         with open_file(name) as file:
@@ -285,7 +287,7 @@ class _CloudFile:
 
     def _reader(self) -> PointReader:
         """Reader of the file: texts of numbers are read the quick way if nothing is quoted."""
-        if self.path.suffix.lower() not in _TEXTS:
+        if self.path.suffix.lower() not in TEXTS:
             return reader_of(self.path)
         with open_file(self.path) as file:
             lines = file.read(_HEAD).partition(b"\n")[2]  # names may be quoted
@@ -431,11 +433,7 @@ def _notes(survey: _Survey, kind: str, cells: PointCells, chosen: bool) -> Itera
     each = int(cells.counts.sum()) / seen
     if chosen:
         yield f"No --resolution was given: cells of {side:g} have {EACH} points or more."
-    why = {
-        "mean": ", which noise moves least",
-        "highest": "",
-        "lowest": "",
-    }[kind]
+    why = ", which noise moves least" if kind == "mean" else ""
     yield (
         f"{survey.count:,} points, {each:.3g} in each cell that has any: their {kind} height "
         f"counts{why}."

@@ -44,7 +44,7 @@ class NumberScale(NamedTuple):
     offset: float
 
     def times(self, factor: float) -> NumberScale:
-        """NumberScale to heights in another unit."""
+        """Return the scale to heights in another unit."""
         return NumberScale(self.factor * factor, self.offset * factor)
 
 
@@ -136,7 +136,7 @@ def bands_of(name: str, file: Any, band: int | None, encoding: str | None) -> Pi
 def scale_of(
     name: str, file: Any, bands: PixelBands, options: SourceOptions, about: list[str]
 ) -> NumberScale:
-    """NumberScale of the numbers of a raster: that of --height-range, or else its own.
+    """Scale of the numbers of a raster: that of --height-range, or else its own.
 
     Args:
         name: name of the raster, for messages.

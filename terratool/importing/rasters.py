@@ -526,7 +526,7 @@ def open_classes(
                     width=grid.columns,
                     height=grid.rows,
                     resampling=Resampling.nearest,
-                    tolerance=0.01,
+                    tolerance=_TOLERANCE,
                     add_alpha=file.nodata is None,
                 )
                 file = stack.enter_context(warped)

@@ -93,6 +93,8 @@ def check_options(name: str, options: SourceOptions) -> Kind:
         raise RequestError(
             "--window and --bounds both say which part is meant.", "Leave out one of them."
         )
+    from terratool.importing.clouds import TEXTS
+
     kind = kind_of(name, options)
     raster: tuple[Kind, ...] = ("raster",)
     points: tuple[Kind, ...] = ("mesh", "cloud")
@@ -118,7 +120,9 @@ def check_options(name: str, options: SourceOptions) -> Kind:
             raise RequestError(
                 f"{option} is about {' and '.join(_KINDS[one] for one in kinds)}, but {name} is "
                 f"read as a {kind}.",
-                f"Leave out {option}.",
+                f"Leave out {option}, or write points as lines of x, y and z."
+                if "cloud" in kinds and name.lower().endswith(TEXTS)
+                else f"Leave out {option}.",
             )
     if options.bounds is not None:
         refuse_empty(options.bounds)

@@ -11,6 +11,20 @@ NOTHING = "–"
 """Text for an unknown or meaningless value."""
 
 
+def round_down(value: float) -> float:
+    """Round a value above 0 down to 1, 2 or 5 times a power of ten."""
+    power = math.floor(math.log10(value))
+    sides = (float(f"{part}e{power + more}") for part, more in ((5, 0), (2, 0), (1, 0), (5, -1)))
+    return next(one for one in sides if one <= value * (1 + _NOISE))
+
+
+def round_up(value: float, parts: tuple[int, ...] = (1, 2, 5)) -> float:
+    """Round a value above 0 up to one of some parts, from 1 on, times a power of ten."""
+    power = math.floor(math.log10(value))
+    sides = (float(f"{part}e{power + more}") for more in (0, 1) for part in parts)
+    return next(one for one in sides if one >= value * (1 - _NOISE))
+
+
 def number(value: float | None, digits: int = 3) -> str:
     """Format a number to `digits` significant digits, integer parts in full, thousands separated.
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from terratool.field.terrain import Terrain
 from terratool.raster.grid import Grid, grid_over
-from terratool.report.numbers import tenths
+from terratool.report.numbers import round_down, tenths
 from terratool.sensing.comparison import MapComparison
 from terratool.viewing.differences import (
     LIGHT,
@@ -19,7 +19,7 @@ from terratool.viewing.differences import (
     write_sheet,
 )
 from terratool.viewing.layers import FINER, LayerPicture
-from terratool.viewing.sheet import Legend, Scale, Swatch, round_down, settings
+from terratool.viewing.sheet import Legend, Scale, Swatch, settings
 
 _COLORS = "RdBu_r"
 """Colour map of errors: red is too high, blue too low, for any kind of colour vision."""

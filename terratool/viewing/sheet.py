@@ -21,6 +21,7 @@ from terratool.apart import apart
 from terratool.errors import RequestError
 from terratool.extras import install_command
 from terratool.raster.shading import ticks
+from terratool.report.numbers import round_down, round_up
 from terratool.text.display import printable
 
 if TYPE_CHECKING:
@@ -362,24 +363,6 @@ def number(value: float) -> str:
     return "0" if text == "-0" else text
 
 
-def round_down(value: float) -> float:
-    """Round a value above 0 down to 1, 2 or 5 times a power of ten."""
-    power = 10.0 ** math.floor(math.log10(value))
-    return next(
-        factor * power for factor in (5.0, 2.0, 1.0, 0.5) if factor * power <= value * (1 + 1e-12)
-    )
-
-
-def round_up(value: float) -> float:
-    """Round a value above 0 up to 1, 2, 3 or 5 times a power of ten."""
-    power = 10.0 ** math.floor(math.log10(value))
-    return next(
-        factor * power
-        for factor in (1.0, 2.0, 3.0, 5.0, 10.0)
-        if factor * power >= value * (1 - 1e-12)
-    )
-
-
 def chosen_exaggeration(width: float, relief: float, most: float) -> float:
     """Choose a round factor on heights.
 
@@ -390,7 +373,7 @@ def chosen_exaggeration(width: float, relief: float, most: float) -> float:
         return 1.0
     if relief > _TALLEST * width:
         return round_down(width / relief)
-    return min(round_up(max(_FLATTEST * width / relief, 1.0)), most)
+    return min(round_up(max(_FLATTEST * width / relief, 1.0), (1, 2, 3, 5)), most)
 
 
 def exaggeration_text(factor: float) -> str:

@@ -211,3 +211,16 @@ def test_arrays_of_other_shapes_are_refused() -> None:
     for values in (np.zeros(5), np.zeros((2, 3, 4)), np.zeros((0, 3))):
         with pytest.raises(terratool.RequestError, match="Give one of rows and columns"):
             terratool.import_terrain(values, transform=PLACE, max_error=0.1)
+
+
+def test_words_of_the_command_are_those_of_the_importer() -> None:
+    """They stand there once more, as the importer is not loaded for --help."""
+    from terratool.cli.import_terrain import command
+    from terratool.importing.cells import HEIGHTS
+    from terratool.importing.pictures import ENCODINGS
+    from terratool.io.units import LENGTHS
+
+    choices = {one.name: getattr(one.type, "choices", ()) for one in command.params}
+    assert set(choices["heights"]) == set(HEIGHTS)
+    assert set(choices["encoding"]) == set(ENCODINGS)
+    assert set(choices["source_units"]) < {unit.symbol for unit in LENGTHS}

@@ -19,12 +19,13 @@ from numpy.typing import NDArray
 import terratool
 from terratool.errors import ReadError, RequestError
 from terratool.importing import clouds as module
-from terratool.importing.cells import CellRange, PointCells, Votes, cells_over, round_up
+from terratool.importing.cells import CellRange, PointCells, Votes, cells_over
 from terratool.importing.clouds import is_cloud, is_grid, sample_cloud
 from terratool.importing.ground import opened
 from terratool.importing.sources import open_source
 from terratool.importing.types import SampledHeights, SourceOptions
 from terratool.io import npz, pcd, ply
+from terratool.report.numbers import round_up
 from tests.budget import examples
 from tests.commands import call
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
@@ -17,6 +16,7 @@ from terratool.errors import ReadError, RequestError
 from terratool.importing.terrain.methods import FINEST, METHODS, Method, methods_named, step_for
 from terratool.importing.terrain.writing import MeasuredError
 from terratool.importing.types import HeightSource, PixelGrid
+from terratool.report.numbers import round_down, round_up
 from terratool.report.wording import join_words
 from terratool.text.display import quote
 
@@ -278,11 +278,8 @@ def proposed_error(low: float, high: float) -> float:
     """Error for heights of which none is given: 1 % of the relief, or less by a round number."""
     least = max(_LEVEL, FINEST * max(abs(low), abs(high)))
     wanted = max(0.01 * (high - low), least)
-    power = 10.0 ** math.floor(math.log10(wanted))
-    found = next(
-        (round_one for part in (5, 2) if (round_one := part * power) <= wanted * (1 + 1e-12)), power
-    )
-    return float(f"{found if found >= least else 10 * power:.1g}")
+    found = round_down(wanted)
+    return found if found >= least else round_up(wanted, (1,))
 
 
 def add_ground(
