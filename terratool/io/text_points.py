@@ -24,8 +24,13 @@ _CHUNK = 1 << 20
 _BOM = b"\xef\xbb\xbf"
 
 _word = re.compile(rb"[^\s,]*").match
-_semicolons = bytes.maketrans(b";", b",")
-_decimal_commas = bytes.maketrans(b",;", b".,")
+_comma_number = re.compile(r"[+-]?\d+(?:,\d+)?(?:[eE][+-]?\d+)?").fullmatch
+_TABLES: dict[tuple[str, bool], bytes] = {
+    (";", False): bytes.maketrans(b";", b","),
+    (";", True): bytes.maketrans(b",;", b".,"),
+    ("", True): bytes.maketrans(b",", b"."),
+}
+"""Translations of bytes by what parts fields, nothing for blanks, and by decimal commas."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,11 +64,14 @@ def layout_of(head: bytes) -> TextLayout | None:
         if named is not None:
             places = named
         elif line and line[0] not in "#/":
-            table = None
-            if ";" in line:
-                table = _decimal_commas if "," in line else _semicolons
-                line = line.translate({44: 46} if table is _decimal_commas else {})
-            numbers = _parted(line)
+            between = _separator(line)
+            # between blanks, a later line may be the first with decimals
+            other = line if between or b"," not in head[at:] else _line_with_comma(head[at:])
+            commas = between != "," and "," in other and (between == ";" or _has_decimals(other))
+            numbers = (
+                [field.replace(",", ".") for field in _parted(line)] if commas else _parted(line)
+            )
+            table = table_of(between, commas)
             if len(numbers) <= max(places):
                 return None
             if any(parse_number(numbers[place] or "nan") is None for place in places):
@@ -73,10 +81,38 @@ def layout_of(head: bytes) -> TextLayout | None:
     return None
 
 
+def table_of(separator: str, decimal_comma: bool) -> bytes | None:
+    """Translation that makes commas the separators, and points those of decimals; None for none.
+
+    Args:
+        separator: sign between two fields; empty for blanks.
+        decimal_comma: whether numbers have a comma in place of the point.
+    """
+    return _TABLES.get((separator, decimal_comma))
+
+
+def _line_with_comma(text: bytes) -> str:
+    """First line of a text with a comma, which it has."""
+    at = text.index(b",")
+    begin, end = text.rfind(b"\n", 0, at) + 1, text.find(b"\n", at)
+    return text[begin : None if end < 0 else end].decode("utf-8", "replace")
+
+
+def _separator(line: str) -> str:
+    """Sign that parts the fields of a line: a semicolon or a comma; empty for blanks."""
+    if ";" in line:
+        return ";"
+    return "," if "," in line and not _has_decimals(line) else ""
+
+
+def _has_decimals(line: str) -> bool:
+    """Whether a line has numbers between blanks, of which some have a comma for the point."""
+    return "," in line and len(line.split()) > 2 and all(map(_comma_number, line.split()))
+
+
 def _parted(line: str) -> list[str]:
-    """Fields of a line, which commas or semicolons part, or else blanks."""
-    between = ";" if ";" in line else "," if "," in line else None
-    return [field.strip() for field in line.split(between)]
+    """Fields of a line."""
+    return [field.strip() for field in line.split(_separator(line) or None)]
 
 
 def numbers_in(path: Path, text: bytes, layout: TextLayout) -> NDArray[np.float64]:

@@ -7,7 +7,6 @@ from 0 to 255, reads single precision, and wants its rows in order; so these are
 from __future__ import annotations
 
 import contextlib
-import io
 import math
 import re
 import tempfile
@@ -25,7 +24,7 @@ from rasterio.windows import Window
 
 from terratool.errors import DAMAGED, ReadError
 from terratool.io.axis_names import axis_columns
-from terratool.io.points import short_text
+from terratool.io.text_points import TextLayout, numbers_in, table_of
 from terratool.text.files import open_file
 
 Points = NDArray[np.float64]
@@ -216,31 +215,38 @@ def read_points(path: Path, layout: XyzLayout) -> Iterator[Points]:
 
 
 def _parse(path: Path, text: bytes, layout: XyzLayout) -> Points:
-    """Points of whole lines, (n, 3) float64."""
-    if not any(sign in text for sign in _COMMENTS):
-        with contextlib.suppress(ValueError):
-            return _numbers(text, layout)
-    lines = [line for line in text.split(b"\n") if not _is_comment(line)]
+    """Points of whole lines, (n, 3) float64; each line is one of the layout's columns."""
+    if any(sign in text for sign in _COMMENTS):
+        text = b"\n".join(line for line in text.split(b"\n") if not _is_comment(line))
+    separator = "" if layout.separator is None else layout.separator.decode()
+    table = table_of(separator, layout.decimal_comma)
     try:
-        return _numbers(b"\n".join(lines), layout)
-    except ValueError as error:
-        line = next((one for one in lines if not _is_point(one, layout)), b"")
-        what = line.strip()[:40].decode("utf-8", "replace") or short_text(error)
+        points = numbers_in(path, text, TextLayout(layout.places, 0, table))
+        wrong = None if _is_even(text, len(points), layout) else _wrong_line(text, layout)
+    except ReadError:
+        wrong = _wrong_line(text, layout)
+        if wrong is None:
+            raise
+    if wrong is not None:
         raise ReadError(
-            f"{path}: has a line that is no point ({what}).",
+            f"{path}: has a line that is no point ({wrong}).",
             "Write x, y and z in each line, as numbers with a point.",
-        ) from error
+        )
+    return points
 
 
-def _numbers(text: bytes, layout: XyzLayout) -> Points:
-    """Points of lines without comments, (n, 3) float64; raises a ValueError for other text."""
-    if not text.strip():
-        return np.empty((0, 3))
-    if layout.decimal_comma:
-        text = text.replace(b",", b".")
-    separator = None if layout.separator is None else layout.separator.decode()
-    rows = io.StringIO(text.decode("ascii"))
-    return np.loadtxt(rows, comments=None, delimiter=separator, usecols=layout.places, ndmin=2)
+def _is_even(text: bytes, rows: int, layout: XyzLayout) -> bool:
+    """Whether so many rows have as many cells as the layout, by their separators."""
+    if layout.separator is not None:
+        return text.count(layout.separator) == rows * (layout.columns - 1)
+    return len(text.split()) == rows * layout.columns and (layout.decimal_comma or b"," not in text)
+
+
+def _wrong_line(text: bytes, layout: XyzLayout) -> str | None:
+    """Begin of the first line that is no point; None if all are."""
+    lines = (line for line in text.split(b"\n") if line.strip() and not _is_point(line, layout))
+    found = next(lines, None)
+    return None if found is None else found.strip()[:40].decode("utf-8", "replace")
 
 
 def find_grid(batches: Iterable[Points]) -> PointGrid | None:

@@ -72,3 +72,19 @@ def test_any_chunks_make_the_same_points(tmp_path: Path, monkeypatch: pytest.Mon
         for axis, name in enumerate("xyz"):
             joined = np.concatenate([columns[name] for columns in found])
             assert np.array_equal(joined, rows[:, axis])
+
+
+@pytest.mark.parametrize("text", ["1 2 3\n4 5 6,5\n", "1,5 2 3\n4 5 6,5\n", "1 2 3\n4,25 5 6\n"])
+def test_decimal_commas_between_blanks(text: str) -> None:
+    """The first line may have none."""
+    layout = layout_of(text.encode())
+    assert layout is not None
+    rows = [[float(word.replace(",", ".")) for word in line.split()] for line in text.splitlines()]
+    assert numbers_in(HERE, text.encode(), layout).tolist() == rows
+
+
+def test_a_comma_in_another_column_is_none_of_decimals() -> None:
+    text = b"1 2 3 soil\n4 5 6 rock,soil\n"
+    layout = layout_of(text)
+    assert layout == TextLayout((0, 1, 2), 0)
+    assert numbers_in(HERE, text, layout).tolist() == [[1, 2, 3], [4, 5, 6]]

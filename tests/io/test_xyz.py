@@ -170,6 +170,16 @@ def test_lines_that_are_no_points(tmp_path: Path, line: str) -> None:
         read(tmp_path / "a.xyz", text(POINTS) + f"{line}\n")
 
 
+@pytest.mark.parametrize("separator", [" ", ",", ";"])
+def test_a_line_that_lacks_a_column(tmp_path: Path, separator: str) -> None:
+    """Or its columns would be taken for others."""
+    numbered = np.insert(POINTS.reshape(-1, 3), 3, 7, axis=1)
+    lines = text(np.repeat(numbered, 2, axis=0), separator).splitlines(keepends=True)
+    lines[30] = separator.join(["500015", "4500055", "3"]) + "\n"
+    with pytest.raises(ReadError, match=f"no point .500015{separator}4500055"):
+        read(tmp_path / "a.xyz", "".join(lines))
+
+
 def test_points_that_lie_nowhere(tmp_path: Path) -> None:
     with pytest.raises(ReadError, match="lies nowhere"):
         read(tmp_path / "a.xyz", text(POINTS) + "inf 4500055 3\n")
