@@ -27,6 +27,7 @@ from terratool.io.clouds import PointReader, numbers_of, reader_of, world_column
 from terratool.io.crs import read_crs, spell_crs
 from terratool.io.text_points import layout_of, numbers_in, read_points
 from terratool.io.units import METRE
+from terratool.io.xyz import find_grid
 from terratool.report.numbers import coordinates, round_up
 from terratool.report.wording import count_of
 from terratool.text.files import open_file
@@ -59,14 +60,6 @@ _MANY = 16
 _SAMPLE = 1 << 22
 """Bytes of a text that tell a grid from a cloud."""
 _HEAD = 1 << 16
-_TURNS = 0.4
-"""Least share of the points of a grid that have the x or the y of the point before."""
-_FULL = 0.1, 0.5
-"""Least share of the places of a grid that have a point, in such an order and in another one."""
-_SPARSE = 4
-"""Most lines of a grid for each that has a point."""
-_OFF = 0.1
-"""Most by which a gap between lines may differ from whole gaps, for rounding."""
 
 _ALWAYS = (".las", ".laz", ".pcd", ".npz")
 TEXTS = (".xyz", ".txt", ".csv")
@@ -85,7 +78,7 @@ _vertices = re.compile(rb"^element\s+vertex\s", re.MULTILINE).search
 def is_cloud(name: str, asked: bool = False) -> bool:
     """Tell whether a file is read as a cloud of points: by its suffix, and by how it begins.
 
-    A PLY without faces is one, and a text of x, y and z that `is_grid` does not hold to be a grid.
+    A PLY without faces is one, and a text whose first points form no grid by `find_grid`.
 
     Args:
         name: path of the file.
@@ -115,35 +108,7 @@ def is_cloud(name: str, asked: bool = False) -> bool:
         points = numbers_in(Path(name), lines, layout)
     except ReadError:
         return True  # the same error is raised again
-    return not is_grid(points[(np.abs(points[:, :2]) < HIGHEST).all(axis=1)])
-
-
-def is_grid(points: Floats) -> bool:
-    """Tell whether points, (n, 3), are those of a grid, maybe with gaps.
-
-    Their x, and their y, lie on evenly spaced lines, of which at least each fourth has a point; and
-    successive points share one of them and fill a tenth of the grid, or they fill half of it.
-    """
-    if len(points) < 2:
-        return False
-    x, y = points[:, 0], points[:, 1]
-    lines = _lines(x) * _lines(y)
-    if not lines:
-        return False
-    turns = float(((np.diff(x) == 0) | (np.diff(y) == 0)).mean())
-    return len(np.unique(points[:, :2], axis=0)) >= lines * _FULL[turns < _TURNS]
-
-
-def _lines(values: Floats) -> int:
-    """Number of evenly spaced lines on which values lie; 0 if they do not, or most are empty."""
-    distinct = np.unique(values)
-    if len(distinct) == 1:
-        return 1
-    with np.errstate(over="ignore", invalid="ignore"):  # of values that are nearly the same
-        gaps = np.diff(distinct) / np.diff(distinct).min()
-        count = float(np.rint(gaps).sum()) + 1
-        even = bool((np.abs(gaps - np.rint(gaps)) <= _OFF).all())
-    return round(count) if even and count <= _SPARSE * len(distinct) else 0
+    return find_grid([points[(np.abs(points[:, :2]) < HIGHEST).all(axis=1)]]) is None
 
 
 # --- points --------------------------------------------------------------------------------------

@@ -403,7 +403,7 @@ def _heights_of(
             y = grid.south + grid.dy * (grid.rows - 1 - where // grid.columns)
             raise ReadError(
                 f"{path}: has two heights at {x:.12g} {y:.12g}.",
-                "Keep one of them.",
+                "Keep one of them, or add --resolution to take all for a cloud.",
             )
     if np.count_nonzero(seen) < FILLED * cells:
         raise cloud(path)
