@@ -11,7 +11,6 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import NamedTuple
 from xml.etree.ElementTree import Element
 
 import numpy as np
@@ -24,7 +23,7 @@ from terratool.importing.types import (
     refuse_many_faces,
     refuse_missing_vertices,
 )
-from terratool.importing.vrml.shapes import PARTS, FaceRule, rotation
+from terratool.importing.vrml.shapes import PARTS, FaceRule, ShapeMesh, placed, rotation
 from terratool.io.expat import tree_of
 from terratool.kernels import importing as kernels
 from terratool.text.files import open_file
@@ -48,13 +47,6 @@ _LEFT = {
 """Elements that could be seen, but are left out, and what they are."""
 
 
-class _Mesh(NamedTuple):
-    """Vertices (n, 3) float64, and faces (m, 3) int32."""
-
-    vertices: NDArray[np.float64]
-    faces: NDArray[np.int32]
-
-
 @dataclass(frozen=True, slots=True)
 class _ColladaFile:
     """A file, whose elements have names without a prefix.
@@ -71,7 +63,7 @@ class _ColladaFile:
     root: Element
     named: dict[str, Element]
     left: Counter[str] = field(default_factory=Counter)
-    meshes: dict[str, list[_Mesh]] = field(default_factory=dict)
+    meshes: dict[str, list[ShapeMesh]] = field(default_factory=dict)
 
     def target(self, element: Element, attribute: str, wanted: str) -> Element:
         """Return the element that another one refers to.
@@ -110,9 +102,9 @@ def read_collada(path: Path) -> Triangles:
     if root.tag != "COLLADA":
         raise ValueError(f"it begins with {root.tag[:40]!r}")
     document = _ColladaFile(path, root, {each.get("id", ""): each for each in root.iter()})
-    placed = list(_placed(document, MAX_NODES + len(text)))
-    refuse_many_faces(path, sum(len(mesh.faces) for mesh, _ in placed))
-    found = join_triangles((_place(mesh, at) for mesh, at in placed), path)
+    parts = list(_placed(document, MAX_NODES + len(text)))
+    refuse_many_faces(path, sum(len(mesh.faces) for mesh, _ in parts))
+    found = join_triangles((placed(mesh, at[:3]) for mesh, at in parts), path)
     unit = root.find("asset/unit")
     factor = 1.0 if unit is None else float(unit.get("meter", 1))
     if not 0 < factor < np.inf:
@@ -131,7 +123,7 @@ def read_collada(path: Path) -> Triangles:
 # --- the scene -----------------------------------------------------------------------------------
 
 
-def _placed(document: _ColladaFile, most: int) -> Iterator[tuple[_Mesh, Matrix]]:
+def _placed(document: _ColladaFile, most: int) -> Iterator[tuple[ShapeMesh, Matrix]]:
     """Yield all meshes that are seen, with their places in the scene.
 
     Raises:
@@ -170,12 +162,6 @@ def _placed(document: _ColladaFile, most: int) -> Iterator[tuple[_Mesh, Matrix]]
             elif kind in _LEFT:
                 document.left[_LEFT[kind]] += 1
         pending += reversed(inner)
-
-
-def _place(mesh: _Mesh, at: Matrix) -> _Mesh:
-    """Return a mesh in its place; a mirror keeps the outside outside."""
-    faces = mesh.faces if np.linalg.det(at[:3, :3]) >= 0 else mesh.faces[:, ::-1]
-    return _Mesh(mesh.vertices @ at[:3, :3].T + at[:3, 3], faces)
 
 
 def _numbers(element: Element | None) -> NDArray[np.float64]:
@@ -229,7 +215,7 @@ _TRANSFORMS: dict[str, Callable[[NDArray[np.float64]], Matrix]] = {
 # --- meshes --------------------------------------------------------------------------------------
 
 
-def _meshes(document: _ColladaFile, geometry: Element) -> list[_Mesh]:
+def _meshes(document: _ColladaFile, geometry: Element) -> list[ShapeMesh]:
     """Return the meshes of a geometry, which are read once."""
     name = geometry.get("id", "")
     if name not in document.meshes:
@@ -240,7 +226,7 @@ def _meshes(document: _ColladaFile, geometry: Element) -> list[_Mesh]:
     return document.meshes[name]
 
 
-def _primitive(document: _ColladaFile, element: Element) -> _Mesh | None:
+def _primitive(document: _ColladaFile, element: Element) -> ShapeMesh | None:
     """Return the triangles of an element of a mesh; None for one that has none."""
     kind = element.tag
     if kind not in ("triangles", "polylist", "polygons", *_STRIPS):
@@ -263,9 +249,9 @@ def _primitive(document: _ColladaFile, element: Element) -> _Mesh | None:
     refuse_missing_vertices(document.path, joined, len(points))
     counts = np.array([len(each) for each in lists], np.int32)
     if kind == "triangles":
-        return _Mesh(points, joined[: len(joined) // 3 * 3].reshape(-1, 3))
+        return ShapeMesh(points, joined[: len(joined) // 3 * 3].reshape(-1, 3))
     if kind in _STRIPS:
-        return _Mesh(points, _STRIPS[kind].faces(joined, counts.astype(np.float64)))
+        return ShapeMesh(points, _STRIPS[kind].faces(joined, counts.astype(np.float64)))
     if kind == "polylist":
         counts = _whole_numbers(element.find("vcount"))
     if (counts < 0).any() or counts.sum() != len(joined):
@@ -274,7 +260,7 @@ def _primitive(document: _ColladaFile, element: Element) -> _Mesh | None:
         raise ValueError("coordinates are no numbers")
     ends = np.cumsum(counts)
     separated = np.insert(joined, ends, -1) if len(ends) else joined
-    return _Mesh(points, kernels.triangulate(points, separated.astype(np.int32))[0])
+    return ShapeMesh(points, kernels.triangulate(points, separated.astype(np.int32))[0])
 
 
 _STRIPS: dict[str, FaceRule] = {

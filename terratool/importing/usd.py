@@ -21,7 +21,15 @@ from numpy.typing import NDArray
 
 from terratool.errors import ReadError
 from terratool.importing.types import MAX_FACES, Triangles
-from terratool.importing.vrml.shapes import ShapeMesh, box, cone, cylinder, halve_quads, sphere
+from terratool.importing.vrml.shapes import (
+    ShapeMesh,
+    box,
+    cone,
+    cylinder,
+    halve_quads,
+    placed,
+    sphere,
+)
 from terratool.kernels import importing as kernels
 from terratool.processes import limit_memory, python_calling
 
@@ -316,13 +324,13 @@ class _StageReader:
         return ShapeMesh(points, faces)
 
     def _add(self, mesh: ShapeMesh, at: NDArray[np.float64]) -> None:
-        faces = mesh.faces if np.linalg.det(at[:3, :3]) >= 0 else mesh.faces[:, ::-1]
+        vertices, faces = placed(mesh, at.T[:3])
         self.count += len(faces)
         if self.count > MAX_FACES:
             _refuse(f"its parts come to more than {MAX_FACES:,} faces.", "Export a smaller part.")
-        self.vertices.append(mesh.vertices @ at[:3, :3] + at[3, :3])
+        self.vertices.append(vertices)
         self.faces.append(np.asarray(faces + self.size, np.int32))
-        self.size += len(mesh.vertices)
+        self.size += len(vertices)
 
 
 def _solid(kind: str, prim: Any, time: Any) -> ShapeMesh:

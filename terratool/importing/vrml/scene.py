@@ -25,10 +25,10 @@ from terratool.importing.vrml.shapes import (
     cylinder,
     elevation_grid,
     extrusion,
+    placed,
     pose,
     product,
     sphere,
-    transform,
 )
 from terratool.importing.vrml.text import PlacedText, VrmlText, short
 from terratool.importing.vrml.xml import parse_xml
@@ -374,11 +374,8 @@ class _SceneWalker:
         return extrusion(section, spine, scales, turns, *caps)
 
     def _add(self, node: Node, mesh: ShapeMesh, outer: Matrix | None) -> None:
-        vertices, faces = _drop_unused(mesh)
-        if outer is not None:
-            vertices = transform(outer, vertices)
-            if np.linalg.det(outer[:, :3]) < 0:  # a mirror swaps inside and outside
-                faces = faces[:, ::-1]
+        mesh = _drop_unused(mesh)
+        vertices, faces = mesh if outer is None else placed(mesh, outer)
         if not np.isfinite(vertices).all():
             raise self.text.error(
                 node.at,

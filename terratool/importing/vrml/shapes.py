@@ -81,6 +81,12 @@ class ShapeMesh(NamedTuple):
     faces: NDArray[np.int32]
 
 
+def placed(mesh: ShapeMesh, pose: Matrix) -> ShapeMesh:
+    """Return a mesh in a pose, (3, 4); a mirror keeps its outside outside."""
+    faces = mesh.faces[:, ::-1] if np.linalg.det(pose[:, :3]) < 0 else mesh.faces
+    return ShapeMesh(transform(pose, mesh.vertices), faces)
+
+
 def box(size: NDArray[np.float64]) -> ShapeMesh:
     """Return a box around the origin with sides `size`, (3,)."""
     signs = [(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]
