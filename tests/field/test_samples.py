@@ -23,6 +23,7 @@ from terratool.raster.painter import Painter
 from terratool.text.source import Source
 from tests.budget import examples
 from tests.conftest import terrain_of, text_of
+from tests.field import test_sharing
 from tests.strategies import definitions, landmarks, rims
 
 ROUNDING = 1e-12
@@ -39,10 +40,10 @@ def all_sampled() -> Iterator[None]:
 def both(definition: dict[str, Any]) -> tuple[Terrain, Terrain]:
     """A terrain whose curves are stored pieces, and the same with samples."""
     stored = terrain_of(definition)
+    _ = stored.written_out  # compiled here, as the other one is there
     with all_sampled():
         sampled = terrain_of(definition)
-        for terrain in (stored, sampled):
-            terrain.written_out  # noqa: B018, compiled here
+        _ = sampled.written_out
     return stored, sampled
 
 
@@ -100,6 +101,30 @@ def test_rays_are_the_same(definition: dict[str, Any], seed: int) -> None:
     directions = rng.normal(size=(60, 3)) - (0, 0, 1)
     one, other = stored.cast(origins, directions), sampled.cast(origins, directions)
     assert other.distance == pytest.approx(one.distance, rel=1e-9, nan_ok=True)
+
+
+def test_shared_parts_are_the_same() -> None:
+    """Their descent is one of its own; turned, and with others on them."""
+    curve = {"x": [0, 2, 1, 3], "y": [1, 0.5, 3]}
+    inner = {"type": "hump", "cellX": 1, "cellY": 0, "vScale": 0.3, "turnDeg": 20}
+    part = {"type": "dune", "cells": [3, 2], "vScale": 1, "children": [inner]}
+    copies = [
+        {"part": "yard", "cellX": x, "cellY": y, "turnDeg": 90 * (x + y)}
+        for x in range(8) for y in range(5)
+    ]  # fmt: skip
+    definition = {
+        "size": [9, 5],
+        "elemTypes": {"dune": curve, "hump": {"x": [0, 1, 0.2], "combine": "radial"}},
+        "parts": {"yard": part},
+        "elemTree": {"type": "dune", "cells": [8, 5], "children": copies},
+    }
+    with all_sampled():
+        shared, plain = test_sharing.both(definition)
+    assert (shared.arrays.kinds["pieces"][..., 0] >= SAMPLES).any()
+    test_sharing.compare(shared, plain)
+    x, y = np.random.default_rng(8).uniform(0, (9, 5), (500, 2)).T
+    stored = terrain_of(definition).height(x, y)
+    assert shared.height(x, y) == pytest.approx(stored, abs=ROUNDING)
 
 
 def test_a_device_has_them_as_pieces() -> None:
