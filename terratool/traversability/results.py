@@ -575,12 +575,20 @@ class Preview:
         heights: (height, width) float32 m, NaN where there is no ground.
         ground: (height, width) uint8 `GroundClass`.
         crs: name of the coordinates' reference system; empty for none.
+        worst: (height, width) uint8 `GroundClass`, with the verdict of the worst heading where
+            ground is go, caution, no-go or unknown; None where it is not known.
+        bits: (height, width) headings with which the vehicle drives, as bits, the first in the
+            lowest; the ground is taken to go on beyond the rim. None where they are not known.
+        headings: number of headings of `bits`.
     """
 
     grid: Grid
     heights: NDArray[np.float32]
     ground: NDArray[np.uint8]
     crs: str = ""
+    worst: NDArray[np.uint8] | None = None
+    bits: NDArray[np.unsignedinteger[Any]] | None = None
+    headings: int = HEADINGS
 
 
 @dataclass(frozen=True, slots=True)
