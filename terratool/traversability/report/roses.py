@@ -56,7 +56,8 @@ def roses(preview: Preview) -> Iterator[Rose]:
 
 def _side(preview: Preview) -> int:
     """Side of a cell that has a rose, pixels."""
-    return max(1, -(-max(preview.heights.shape) // CELLS))
+    longer: int = max(preview.heights.shape)
+    return -(-longer // CELLS) or 1
 
 
 def _sums(cells: NDArray[np.bool_], side: int) -> NDArray[np.int64]:

@@ -26,6 +26,7 @@ from terratool.traversability.results import (
     Route,
     TraversabilityReport,
     Verdict,
+    fraction_of,
 )
 from terratool.traversability.vehicle import Vehicle
 
@@ -49,6 +50,9 @@ _PHRASES = {
     GroundClass.CUT_OFF: "is cut off",
     GroundClass.EDGE: "lies at the edge, where the ground ends under the vehicle or in its way",
 }
+
+_MUCH = 0.1
+"""Difference of shares by the best and by the worst heading that is said."""
 
 EXAMPLE = {"cohesion": 1.72, "fricAngle": 29, "sinkage": 0.0397}
 """Figures of the soil of `PRESET`, an example for surfaces without a soil."""
@@ -358,7 +362,9 @@ def conclusion(report: TraversabilityReport) -> str:
         edge = f"The edge of the terrain, {part} of the ground, does not count."
     inner = counts - {GroundClass.EDGE} or counts
     if inner == {GroundClass.GO}:
-        text = "All of the ground is go, with the best heading at each place."
+        every = fraction_of(summary.worst_counts, GroundClass.GO)
+        text = "All of the ground is go, with the best heading at each place"
+        text += f"; {numbers.share(every)} with every heading." if every < 1.0 else "."
         return " ".join(filter(None, (text, likely_line(report), edge)))
     if inner == {GroundClass.UNKNOWN}:
         return " ".join(filter(None, ("Nothing is known of the ground.", lacking(report), edge)))
@@ -367,7 +373,16 @@ def conclusion(report: TraversabilityReport) -> str:
         for ground in GROUNDS
         if ground in inner
     ]
-    text = join_words([parts[0].replace(" %", " % of the ground", 1), *parts[1:]])
+    parts[0] = parts[0].replace(" %", " % of the ground", 1)
+    text = join_words(parts)
+    every = fraction_of(summary.worst_counts, GroundClass.GO)
+    if GroundClass.GO in inner and summary.fraction(GroundClass.GO) - every > _MUCH:
+        first = f"{parts[0]} with the best heading, {numbers.share(every)} with every heading"
+        text = "; ".join(filter(None, (first, join_words(parts[1:]))))
+    elif (barred := fraction_of(summary.worst_counts, GroundClass.NO_GO)) - summary.fraction(
+        GroundClass.NO_GO
+    ) > _MUCH:
+        text += f"; {numbers.share(barred)} is no-go with the worst heading"
     about, lost = {GroundClass.GO, GroundClass.CAUTION}, {GroundClass.ONE_WAY, GroundClass.CUT_OFF}
     if not counts & about and counts & lost:
         text = f"There is no place that the vehicle can drive to and back from: {text}"
