@@ -61,6 +61,11 @@ SAMPLES = (256, 16, 1024)  # default, least, most
         metavar="WHAT",
         help="Of wheel and soil: slip, or what the paper says, 3.6.",
     ),
+    click.option(
+        "--margin",
+        is_flag=True,
+        help="Keep the error band of climbs on soft soil, up to 5°, in reserve.",
+    ),
 )
 @option_group(
     "Routes",
@@ -177,6 +182,7 @@ SAMPLES = (256, 16, 1024)  # default, least, most
 def command(
     files: tuple[str, ...],
     model: str,
+    margin: bool,
     reports: tuple[str, ...],
     map_: str | None,
     routes: tuple[tuple[float, float, float, float], ...],
@@ -217,6 +223,7 @@ def command(
     from terratool.traversability.report.formats import renderer_of
     from terratool.traversability.report.writing import JudgementFiles
     from terratool.traversability.route.waypoints import read_waypoints
+    from terratool.traversability.soil import on_the_safe_side
 
     settings = project_settings(config_file)
     for text in conditions:
@@ -233,7 +240,8 @@ def command(
     )  # fmt: skip
 
     def vehicles_of(paths: tuple[str, ...]) -> list[Vehicle]:
-        return [one.by_model(model) for one in vehicles_from({**values, "vehicle": paths})]
+        found = [one.by_model(model) for one in vehicles_from({**values, "vehicle": paths})]
+        return [on_the_safe_side(one) for one in found] if margin else found
 
     forms = formats + ("json",) * as_json
     if len(files) != 1 or is_folder(files[0]) or forms not in ((), ("text",), ("json",)):

@@ -211,13 +211,13 @@ class Figures:
         climb: steepest slope that is climbed, rad; None where the vehicle cannot even drive on the
             level.
         climb_binding: measure that binds at the climb.
-        cross_slope: steepest cross-slope, rad.
-        cross_slope_binding: measure that binds at the cross-slope.
-        step: height of the highest step that is climbed, m.
+        cross_slope: steepest cross-slope, rad; None like the climb.
+        cross_slope_binding: measure that binds at the cross-slope, or on the level.
+        step: height of the highest step that is climbed, m; None like the climb.
         step_binding: measure that binds at the step, in words.
         step_axle: axle that does not get up a higher step, 1 for the foremost; None where the body
             does not, or the wheel is by itself.
-        gap: width of the widest gap that is crossed, m.
+        gap: width of the widest gap that is crossed, m; None like the climb.
         verdict: verdict on level ground.
         reason: measure that binds on level ground.
         warnings: sentences on what is unusual.
@@ -229,6 +229,9 @@ class Figures:
         turning_work: work of the wheels for a quarter turn, J; None where the vehicle cannot turn.
         turning_slip: slip of the treads in a turn; None where the vehicle cannot turn.
         turning_binding: measure that forbids turning.
+        climb_error: error band of the climb to both sides, rad: less on firmer soil, 0 on ground that
+            does not yield, in the model `paper`, and where it is kept in reserve; None like the
+            climb.
     """
 
     surface: str
@@ -272,6 +275,7 @@ class Figures:
     turning_work: float | None = None
     turning_slip: float | None = None
     turning_binding: Reason = Reason.NONE
+    climb_error: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -142,6 +142,7 @@ class MarginKeys(Struct, frozen=True):
     tip_deg: Degrees
     slope_deg: Degrees
     soil_deg: Degrees
+    soil_deg: Degrees
 
 
 class ThresholdKeys(Struct, frozen=True):
@@ -226,6 +227,7 @@ class SurfaceKeys(Struct, frozen=True):
     utilisation: float | None
     slip: float | None
     climb_deg: Degrees | None
+    climb_error_deg: Degrees | None
     climb_binding: ReasonText | None
     cross_slope_deg: Degrees | None
     cross_slope_binding: ReasonText | None

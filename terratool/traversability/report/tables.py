@@ -49,7 +49,7 @@ def abilities(report: TraversabilityReport) -> Table:
         report,
         (Column("on the level", False), lambda f: f.verdict),
         (Column("what binds", False), what_binds),
-        (Column("climb"), lambda f: numbers.degrees(f.climb)),
+        (Column("climb"), wording.climb),
         (Column("climb limited by", False), lambda f: wording.because(f.climb_binding)),
         (Column("cross-slope"), lambda f: numbers.degrees(f.cross_slope)),
         (Column("cross-slope limited by", False), lambda f: wording.because(f.cross_slope_binding)),
@@ -303,6 +303,7 @@ def _properties(vehicle: Vehicle) -> Iterator[tuple[str, str]]:
     kept = (
         ("clearance", margins.clearance, numbers.length), ("step", margins.step, numbers.length),
         ("tip-over", margins.tip, numbers.degrees), ("slope", margins.slope, numbers.degrees),
+        ("slope on soft soil", margins.soil, numbers.degrees),
     )  # fmt: skip
     reserve = ", ".join(f"{name} {words(value)}" for name, value, words in kept if value)
     yield "kept in reserve", reserve

@@ -67,6 +67,13 @@ def turning_share(route: Route) -> str:
     return f"{numbers.share(route.turning / route.energy)} of it for turns on the spot"
 
 
+def climb(figures: Figures) -> str:
+    """Largest climb, with its error band where the model has one; a dash for none."""
+    if figures.climb is None or not figures.climb_error:
+        return numbers.degrees(figures.climb)
+    return f"{numbers.degrees(figures.climb)} ± {numbers.degrees(figures.climb_error)}"
+
+
 def quarter_turn(figures: Figures) -> str:
     """Work of a quarter turn on the spot, or the measure that forbids it."""
     if figures.turning_binding != Reason.NONE:
@@ -322,7 +329,8 @@ def slip_caption(vehicle: Vehicle) -> str:
     kept = f", which keeps {numbers.degrees(reserve)} in reserve" if reserve else ""
     return (
         "Slip of the wheel that slips most, by the slope that the vehicle drives straight up, or "
-        f"down. A dot is the largest climb{kept}; what lies beyond it is pale."
+        f"down. A dot is the largest climb{kept}; what lies beyond it is pale. The area along a "
+        "curve is its error band."
     )
 
 
