@@ -345,6 +345,7 @@ INLINE void judge_soils(const Vehicle& v, const SlopeState& need, Judgement& jud
     judged.add(Reason::TORQUE, need.torque, v.go_torque, false);
     judged.add(Reason::SINKAGE, need.sunk, v.go_geometry, true);
     judged.add(Reason::SIDE_SLIP, need.sliding, v.go_geometry, false);
+    judged.add(Reason::DRIFT, need.crab / v.crab, v.go_crab, true);
 }
 
 // What the wheels stand on at the reference points, row by row.

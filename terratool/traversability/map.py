@@ -93,9 +93,10 @@ def map_bands(measures: WindowMeasures, inside: NDArray[np.bool_]) -> MapBands:
         np.fmin.reduce(measures.numbers[:, kernels.DRAWBAR]),
         np.fmin.reduce(measures.numbers[:, kernels.RESERVE]),
         go.sum(axis=0),
+        *(np.degrees(at(heading, measures.numbers[:, kernels.CRAB])) for heading in (best, worst)),
     )
     numbers = np.stack(bands).astype(np.float32)
-    reserve_band = numbers[-2]
+    reserve_band = numbers[-4]
     reserve_band[reserve_band >= np.float32(math.pi)] = np.nan
     np.degrees(reserve_band, out=reserve_band)
     if measures.chance is not None:
@@ -196,7 +197,7 @@ def _thinned(window: Window, stride: int) -> tuple[NDArray[np.int64], NDArray[np
 class MapBuilder:
     """A map that is built from windows, in any order.
 
-    Memory is 6 bytes for each pixel, two bytes more for over 8 headings; 65 bytes where all bands
+    Memory is 6 bytes for each pixel, two bytes more for over 8 headings; 73 bytes where all bands
     are kept, and 4 more where soils are sampled.
 
     Args:

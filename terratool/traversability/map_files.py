@@ -54,6 +54,8 @@ _NUMBERS = {
     "drawbar pull left, least": "N",
     "tip-over margin, least": "degree",
     "headings that are go": "",
+    "drift angle, best heading": "degree",
+    "drift angle, worst heading": "degree",
 }
 NUMBERS = Bands(tuple(_NUMBERS), tuple(_NUMBERS.values()), np.dtype(np.float32))
 """Slopes are positive nose up and left side up."""

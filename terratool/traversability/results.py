@@ -109,7 +109,7 @@ In grey the verdicts differ, too: L* 88, 65, 31, unknown 65."""
 _LABELS = (
     "nothing", "no ground", "edge of the terrain", "soil unknown", "traction", "motor torque",
     "slip", "sinkage", "side-slip", "tip-over", "step", "high-centred", "approach or departure",
-    "roughness", "turning on the spot",
+    "roughness", "turning on the spot", "drift",
 )  # fmt: skip
 """Names of the measures, by `Reason`."""
 
@@ -132,6 +132,7 @@ class Reason(NamedNumber):
     APPROACH = 12
     ROUGHNESS = 13
     TURNING = 14
+    DRIFT = 15
 
     @property
     def label(self) -> str:
@@ -155,6 +156,20 @@ class SlipCurve:
 
     slope: tuple[float, ...]
     slip: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class DriftCurve:
+    """Crab angle against side slope of a vehicle that drives straight across, (n,) each.
+
+    Attributes:
+        slope: side slopes, rad, each 5 degrees from 0 to the largest cross-slope.
+        crab: crab angle, rad: by how much the vehicle heads uphill to hold its line, and drifts
+            downhill if it does not.
+    """
+
+    slope: tuple[float, ...]
+    crab: tuple[float, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -229,9 +244,10 @@ class Figures:
         turning_work: work of the wheels for a quarter turn, J; None where the vehicle cannot turn.
         turning_slip: slip of the treads in a turn; None where the vehicle cannot turn.
         turning_binding: measure that forbids turning.
-        climb_error: error band of the climb to both sides, rad: less on firmer soil, 0 on ground that
-            does not yield, in the model `paper`, and where it is kept in reserve; None like the
-            climb.
+        climb_error: error band of the climb to both sides, rad: less on firmer soil, 0 on ground
+            that does not yield, in the model `paper`, and where it is kept in reserve; None like
+            the climb.
+        drift_curve: crab angle against side slope; None where slip is not known.
     """
 
     surface: str
@@ -276,6 +292,7 @@ class Figures:
     turning_slip: float | None = None
     turning_binding: Reason = Reason.NONE
     climb_error: float | None = None
+    drift_curve: DriftCurve | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -301,6 +318,8 @@ class Survey:
         slip: float32 slip of the wheel that slips most; NaN where it is not known.
         energy: float32 energy of all wheels for each metre of ground, J/m, motors without loss;
             infinity where the vehicle does not move.
+        crab: float32 crab angle, rad: by how much the vehicle heads uphill to hold its line, and
+            drifts downhill if it does not; NaN where slip is not known.
     """
 
     grid: Grid
@@ -314,6 +333,7 @@ class Survey:
     sinkage: NDArray[np.float32]
     slip: NDArray[np.float32]
     energy: NDArray[np.float32]
+    crab: NDArray[np.float32]
 
     @property
     def headings(self) -> int:
@@ -371,6 +391,10 @@ class RouteProfile:
         reason: uint8 `Reason`.
         surface: names of surfaces, empty for none.
         element: JSON pointers of the elements that decide the surface, empty for none.
+        crab: crab angle, rad: by how much the vehicle heads to the left of its way to hold its
+            line on a side slope; below 0 to the right; NaN where unknown.
+        drift: how far it is to the left of its line, m, if nobody steers against the drift since
+            the last corner; below 0 to the right.
     """
 
     x: NDArray[np.float64]
@@ -387,6 +411,8 @@ class RouteProfile:
     reason: NDArray[np.uint8]
     surface: tuple[str, ...]
     element: tuple[str, ...]
+    crab: NDArray[np.float64]
+    drift: NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -443,6 +469,12 @@ class Route:
         least_chance: smallest probability of go along the way; None where no figures of soils are
             ranges.
         turning: part of the energy that turns on the spot take, J; None if there is no way.
+        drift: largest drift between two corners, m, if nobody steers against it; None if there is
+            no way.
+        crab: largest crab angle, rad, that it takes to hold the line; None if there is no way, or
+            it is not known.
+        drift_total: sum of all drift, to either side, m; None if there is no way.
+        strays: whether the drift is more than the vehicle's largest; the verdict is caution then.
     """
 
     start: Location
@@ -469,6 +501,10 @@ class Route:
     chance: float | None = None
     least_chance: Extreme | None = None
     turning: float | None = None
+    drift: Extreme | None = None
+    crab: Extreme | None = None
+    drift_total: float | None = None
+    strays: bool = False
 
     @property
     def holds(self) -> bool:

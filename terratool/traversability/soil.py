@@ -18,6 +18,7 @@ from terratool.traversability import wheel as wheels
 from terratool.traversability.limits import (
     SteepestSlope,
     climb,
+    crab_angle,
     judge_level,
     level_demand,
     side_slip,
@@ -27,7 +28,7 @@ from terratool.traversability.limits import (
     wheel_layout,
     wheel_loads,
 )
-from terratool.traversability.results import Figures, Reason, SlipCurve, Verdict
+from terratool.traversability.results import DriftCurve, Figures, Reason, SlipCurve, Verdict
 from terratool.traversability.steps import gap_width, step_of
 from terratool.traversability.turning import Turning, turn_on_spot
 from terratool.traversability.vehicle import Soil, Vehicle, Wheel
@@ -59,9 +60,9 @@ BY_MODEL = {
         "70 % on the strongest soils; light vehicles in cohesive soils of large friction, as "
         "sandy-loam-23, which no measured set tests; a shearModulus from another source than the "
         "soil's.",
-        "A climb on soft soil has an error band, ±: no wheel that was left out of the fit is missed "
-        "by more than 5° (RMS). It is less on firmer soil, and none where wheels do not sink. "
-        "--margin keeps it in reserve.",
+        "A climb on soft soil has an error band, ±: no wheel that was left out of the fit is "
+        "missed by more than 5° (RMS). It is less on firmer soil, and none where wheels do not "
+        "sink. --margin keeps it in reserve.",
         "A wheel in the track of another, or in a rut, adds to it what one more pass does (Abebe, "
         "Tanaka and Yamazaki 1989).",
     ),
@@ -78,6 +79,8 @@ CURVE_STEP = 0.5
 """Degrees from one slope to the next of a slip curve."""
 CURVE_LOW = -10.0
 """First slope of a slip curve, degrees."""
+DRIFT_STEP = 5
+"""Degrees from one slope to the next of a drift curve."""
 CURVE_BEYOND = 2.0
 """Degrees by which a slip curve goes beyond the largest climb."""
 _BELOW = 1e-9
@@ -308,6 +311,7 @@ def surface_figures(name: str, surface: Surface, vehicle: Vehicle) -> Figures:
             *_cannot_turn(name, turning),
         ),
         slip_curve=slip_curve(vehicle, soil, up),
+        drift_curve=drift_curve(vehicle, soil, across) if moves else None,
     )
 
 
@@ -336,6 +340,15 @@ def slip_curve(vehicle: Vehicle, soil: Soil, climb: float | None) -> SlipCurve |
         need = slope_demand(vehicle, soil, slope - _BELOW * (slope == climb))
         found.append((slope, need.slip if need.drives else math.nan))
     return SlipCurve(*zip(*found, strict=True))
+
+
+def drift_curve(vehicle: Vehicle, soil: Soil, across: float | None) -> DriftCurve | None:
+    """Crab angle against side slope, up to the largest cross-slope, rad; None without slip."""
+    if across is None or not (vehicle.wheel.slips and soil.shear_modulus > 0.0):
+        return None
+    steps = range(math.floor(math.degrees(across) / DRIFT_STEP) + 1)
+    slopes = tuple(math.radians(step * DRIFT_STEP) for step in steps)
+    return DriftCurve(slopes, tuple(crab_angle(vehicle, soil, slope) for slope in slopes))
 
 
 def on_the_safe_side(vehicle: Vehicle) -> Vehicle:

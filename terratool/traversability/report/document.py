@@ -142,7 +142,6 @@ class MarginKeys(Struct, frozen=True):
     tip_deg: Degrees
     slope_deg: Degrees
     soil_deg: Degrees
-    soil_deg: Degrees
 
 
 class ThresholdKeys(Struct, frozen=True):
@@ -153,6 +152,8 @@ class ThresholdKeys(Struct, frozen=True):
     caution_slip: float
     torque: float
     geometry: float
+    drift_deg: Degrees
+    caution_drift_deg: Degrees
 
 
 class VehicleKeys(Struct, frozen=True):
@@ -174,6 +175,7 @@ class VehicleKeys(Struct, frozen=True):
     steering: Annotated[str, one_of(STEERINGS)]
     speed_m_s: MetresPerSecond
     power_W: Watts
+    max_drift_m: Metres | None
     margins: MarginKeys
     classes: Annotated[ThresholdKeys, ResultMember("thresholds")]
 
@@ -186,6 +188,17 @@ class SlipCurveKeys(Struct, frozen=True):
 
     slope_deg: Annotated[tuple[float, ...], ResultMember(unit="deg", factor=DEG)]
     slip: tuple[Share | None, ...]
+
+
+class DriftCurveKeys(Struct, frozen=True):
+    """Crab angle of the vehicle when it drives straight across a slope.
+
+    By it the vehicle heads uphill to hold its line, and drifts downhill if it does not. Slopes are
+    every 5 degrees up to the largest cross-slope.
+    """
+
+    slope_deg: ManyDegrees
+    crab_deg: ManyDegrees
 
 
 class ChanceKeys(Struct, frozen=True):
@@ -241,6 +254,7 @@ class SurfaceKeys(Struct, frozen=True):
     turning_binding: ReasonText | None
     warnings: tuple[str, ...]
     slip_curve: SlipCurveKeys | None
+    drift_curve: DriftCurveKeys | None
     probability: Annotated[ChanceKeys | UnsetType, ResultMember("chances")] = UNSET
 
 
@@ -289,6 +303,28 @@ class TightestKeys(Struct, frozen=True):
     place: PlaceKeys
 
 
+class DriftKeys(Struct, frozen=True):
+    """Place of a route up to which a vehicle drifts farthest if nobody steers against it.
+
+    Attributes:
+        drift_m: distance from the line, downhill, since the last corner.
+    """
+
+    drift_m: Annotated[float, ResultMember("value")]
+    place: PlaceKeys
+
+
+class CrabKeys(Struct, frozen=True):
+    """Place of a route where a vehicle has to head farthest uphill to hold its line.
+
+    Attributes:
+        crab_deg: angle between where it heads and where it moves.
+    """
+
+    crab_deg: Annotated[float, ResultMember("value", factor=DEG)]
+    place: PlaceKeys
+
+
 class LeastChanceKeys(Struct, frozen=True):
     """Place of a route with the smallest probability of go.
 
@@ -305,6 +341,9 @@ class ProfileKeys(Struct, frozen=True):
 
     Attributes:
         verdict: verdict of each sample.
+        crab_deg: how far to the left of its way it heads to hold its line; below 0 to the right.
+        drift_m: how far to the left of its line it drifts since the last corner, if nobody steers
+            against it; below 0 to the right.
         binding: measure that binds at each sample.
     """
 
@@ -322,6 +361,8 @@ class ProfileKeys(Struct, frozen=True):
     binding: Annotated[tuple[ReasonText | None, ...], ResultMember("reason", codes=Reason)]
     surface: tuple[Text, ...]
     element: tuple[Text, ...]
+    crab_deg: ManyDegrees
+    drift_m: ManyMetres
 
 
 class RouteKeys(Struct, frozen=True):
@@ -339,6 +380,10 @@ class RouteKeys(Struct, frozen=True):
     steepest: SteepestKeys | None
     softest: SoftestKeys | None
     tightest: TightestKeys | None
+    drift: DriftKeys | None
+    crab: CrabKeys | None
+    drift_total_m: Metres | None
+    strays: bool
     barriers: tuple[BarrierKeys, ...]
     reached: PlaceKeys | None
     note: Text

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from terratool._version import __version__
 from terratool.io.png import png
@@ -30,6 +31,7 @@ from terratool.traversability.results import (
     TraversabilityReport,
     fraction_of,
 )
+from terratool.traversability.route.drifting import corridor
 
 _FOLDER = Path(__file__).parent
 _NAME = 14
@@ -86,6 +88,7 @@ def _variables(reports: Reports) -> dict[str, Any]:
         "contact": of_all(tables.contact),
         "soils": of_all(tables.soils),
         "slips": of_all(tables.slips),
+        "drifts": of_all(tables.drifts),
         "panels": curves.slip_panels(reports),
         "warnings": comparison.merge_sentences(
             reports, lambda one: (f"{name}: {line}" for name, line in tables.warnings(one))
@@ -180,6 +183,12 @@ def _picture_of(
         "png": base64.b64encode(png(map_picture(preview, reached))).decode("ascii"),
         "pixels": preview.ground.shape[::-1],
         "ways": [(points, found) for points, found in ways if points],
+        "strips": [
+            _polyline(outline, preview)
+            for route in report.routes
+            if route.profile is not None
+            for outline in corridor(route.profile)
+        ],
         "pins": _pins(report, _source(report), preview),
         "x_axis": _axis(west, east),
         "y_axis": [(100.0 - at, text) for at, text in _axis(south, north)],
@@ -203,6 +212,12 @@ def _caption(report: TraversabilityReport, preview: Preview) -> str:
     caption += f"North is up; a pixel is {numbers.length(preview.grid.resolution)}. "
     crs = f" in {preview.crs}" if preview.crs else ""
     caption += f"Along the sides stand x and y{crs}, m."
+    if any(
+        route.profile is not None and any(True for _ in corridor(route.profile))
+        for route in report.routes
+    ):
+        caption += " Beside a way lies the strip over which the vehicle drifts downhill if nobody "
+        caption += "steers against it between two corners."
     if report.reach is not None and report.summary is not None:
         caption += f" Blue is the rim of what can be reached from {_source(report)}."
     binding = ", ".join(f"{reason} {part}" for reason, part in tables.reasons(report).rows[:5])
@@ -240,8 +255,13 @@ def _points(route: Route, preview: Preview) -> str:
     """Points of a route in thousandths of the picture's sides; empty where it has no length."""
     if route.profile is None or len(route.profile.x) < 2:
         return ""
+    return _polyline(np.column_stack([route.profile.x, route.profile.y]), preview)
+
+
+def _polyline(line: NDArray[np.float64], preview: Preview) -> str:
+    """Points of a line, (n, 2) m, in thousandths of the picture's sides."""
     points: list[str] = []
-    for x, y in zip(route.profile.x.tolist(), route.profile.y.tolist(), strict=True):
+    for x, y in line.tolist():
         right, down = _position(x, y, preview)
         point = f"{1000.0 * right:.1f},{1000.0 * down:.1f}"
         if not points or point != points[-1]:

@@ -51,6 +51,9 @@ _PHRASES = {
     GroundClass.EDGE: "lies at the edge, where the ground ends under the vehicle or in its way",
 }
 
+_DRIFT = 0.05
+"""Least drift that is said, m."""
+
 _MUCH = 0.1
 """Difference of shares by the best and by the worst heading that is said."""
 
@@ -146,6 +149,17 @@ def margin(extreme: Extreme) -> str:
     return f"{left}{which}, at {where(extreme.place)}"
 
 
+def drifts(route: Route) -> str:
+    """Phrase on the drift of a route on side slopes; empty where it hardly drifts."""
+    if route.drift is None or route.drift.value < _DRIFT:
+        return ""
+    line = f"; drifts {numbers.length(route.drift.value)} downhill"
+    line += ", more than its maxDrift," * route.strays
+    line += f" by {coordinates(route.drift.place)}"
+    far = "" if route.crab is None else f"up to {numbers.degrees(route.crab.value)} "
+    return f"{line} unless it heads {far}uphill"
+
+
 def caution_length(route: Route) -> str:
     """Phrase on the length of a route that is caution, with reasons; empty for none."""
     profile = route.profile
@@ -192,6 +206,7 @@ def _way(route: Route) -> str:
         line += f"; probability of go {numbers.share(route.chance)} for all of it"
         line += f", least {numbers.share(route.least_chance.value)}"
         line += f" at {coordinates(route.least_chance.place)}"
+    line += drifts(route)
     if route.tightest is not None:
         reason = route.tightest.reason
         of = f" ({reason.label})" if reason != Reason.NONE else ""
