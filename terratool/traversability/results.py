@@ -471,7 +471,7 @@ class Route:
         turning: part of the energy that turns on the spot take, J; None if there is no way.
         drift: largest drift between two corners, m, if nobody steers against it; None if there is
             no way.
-        crab: largest crab angle, rad, that it takes to hold the line; None if there is no way, or
+        crab: largest crab angle to hold the line, rad; None if there is no way, or
             it is not known.
         drift_total: sum of all drift, to either side, m; None if there is no way.
         strays: whether the drift is more than the vehicle's largest; the verdict is caution then.
