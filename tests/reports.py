@@ -113,6 +113,7 @@ WAY = Route(
     place(105.0, 202.0), place(130.0, 212.0), True, True, Verdict.CAUTION, 27.3, 5230.0, 612.0,
     Extreme(-0.21, place()), Extreme(0.008, place(surface=NASTY)),
     Extreme(0.27, place(), Reason.SLIP), profile(), turning=830.0,
+    drift=Extreme(0.8, place(130.0, 212.0)), crab=Extreme(0.03, place()), drift_total=0.8,
 )  # fmt: skip
 NO_WAY = Route(
     place(105.0, 202.0), place(130.0, 212.0, NASTY), False, True, Verdict.NO_GO,
