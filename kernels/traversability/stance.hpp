@@ -420,7 +420,9 @@ void judge_points(
                 const Soil& soil = on.soils[footing.soil];
                 known = known && !isnan(soil.cohesion);
                 if (footing != footings[n]) footings[n] = footing, stale = true;
-                bool slips = wheels[n].wheel.slips && soil.shear_modulus > 0.0;
+                // on ground that does not yield slip without K counts as none
+                bool slips =
+                    wheels[n].wheel.slips && (soil.shear_modulus > 0.0 || soil.sinkage == 0.0);
                 vague = vague || (wheels[n].driven && !slips);
                 limit = min(limit, on.steps[footing.soil]);
             }

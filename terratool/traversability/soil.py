@@ -265,7 +265,7 @@ def surface_figures(name: str, surface: Surface, vehicle: Vehicle) -> Figures:
     if soft and math.isfinite(wheel.max_torque):
         normal, motor = wheels.stresses_from(load, wheel.max_torque, contact.entry_angle, wheel)
         strength = soil.cohesion + normal * math.tan(soil.friction)
-    known = soil.shear_modulus > 0.0 and math.isfinite(need.slip)
+    known = soil.shear_modulus > 0.0 or (wheel.slips and not soil.sinkage > 0.0)
     return Figures(
         name,
         preset,
@@ -289,7 +289,7 @@ def surface_figures(name: str, surface: Surface, vehicle: Vehicle) -> Figures:
         drawbar=float(best.drawbar),
         torque=need.torque,
         utilisation=need.utilisation if math.isfinite(need.utilisation) else None,
-        slip=need.slip if known else None,
+        slip=need.slip if known and math.isfinite(need.slip) else None,
         climb=up,
         climb_binding=up_limit,
         climb_error=error if moves else None,

@@ -48,7 +48,8 @@ def route_features(routes: Sequence[Route]) -> Iterator[Feature]:
 
     `kind` of a feature is "route", "stretch" (of one surface, element, verdict and reason),
     "drift" (the ground between the route and where it drifts to), "start", "goal", or "barrier".
-    `route` counts the routes from 1; a way back has `back`. Coordinates are those of the terrain. Unknown values are null.
+    `route` counts the routes from 1; a way back has `back`. Coordinates are those of the terrain.
+    Unknown values are null.
     """
     for number, route in enumerate(routes, 1):
         yield from _features(route, {"route": number, "back": False})

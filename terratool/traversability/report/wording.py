@@ -331,11 +331,17 @@ def slip_unknown(report: TraversabilityReport) -> str:
     """Sentence on why and where slip is not known; empty where it is."""
     if report.vehicle.model == "paper":
         return "There is no slip in the model paper."
-    names = [name(one.surface) for one in report.surfaces if one.load and one.slip_curve is None]
-    if not names:
-        return ""
-    have = "has" if len(names) == 1 else "have"
-    return f"Slip is not known on {join_words(names)}, which {have} no shearModulus."
+    without = [one for one in report.surfaces if one.load and one.slip_curve is None]
+    hard = [name(one.surface) for one in without if not one.sinkage_rate]
+    soft = [name(one.surface) for one in without if one.sinkage_rate]
+    parts = []
+    if soft:
+        have = "has" if len(soft) == 1 else "have"
+        parts.append(f"Slip is not known on {join_words(soft)}, which {have} no shearModulus.")
+    if hard:
+        yields = "does" if len(hard) == 1 else "do"
+        parts.append(f"Slip counts as none on {join_words(hard)}, which {yields} not yield.")
+    return " ".join(parts)
 
 
 def slip_caption(vehicle: Vehicle) -> str:
