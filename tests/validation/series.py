@@ -51,6 +51,17 @@ OPPORTUNITY = Wheel(0.127, 0.16), 180 * MARS / 6
 """A turn is 0.8 m (NASA); the width is that of github.com/melanz/wheel-soil. Load in N."""
 CURIOSITY = Wheel(0.25, 0.4, grouser_height=0.0075), 899 * MARS / 6
 """As in samples/vehicles."""
+CLIMBERS = {
+    "Husky": (Wheel(0.1651, 0.1143), 50.0 * 9.81 / 4),
+    "Husky, lugs of 12 mm": (Wheel(0.1651, 0.1143, grouser_height=0.012), 50.0 * 9.81 / 4),
+    "K10 mini": (K10_SMOOTH, 24.6),
+    "MGRU3": (VIPER, 216.0),
+    "Curiosity": (Wheel(0.25, 0.4, grouser_height=0.0075), 899 * 3.71 / 6),
+}
+"""Wheels by name, with loads in N, for cohesive soils."""
+COHESIVE = (
+    "heavy-clay-25", "lean-clay-22", "clayey-soil-38", "clayey-soil-55", "sandy-loam-23"
+)  # fmt: skip
 LOOSE = "lunar-nominal", "dry-sand", "lete-sand"
 HUSKY = Vehicle(
     Wheel(0.1651, 0.1143), (Axle(0.256), Axle(-0.256)), 50.0, track_width=0.5708, cog_height=0.194
