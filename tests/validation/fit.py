@@ -18,9 +18,9 @@ from scipy.optimize import least_squares
 from tests.validation.rule import RULE, Case, Rule
 from tests.validation.series import ALL, Array, Points, Series, rms
 
-FITTED = "base_length", "rim", "growth"
+FITTED = "reach", "rim_friction", "growth"
 """The constants that the data decide, as attributes of `Rule`."""
-TOLERANCE = {"base_length": 0.01, "rim": 0.005, "growth": 0.005}
+TOLERANCE = {"reach": 0.01, "rim_friction": 0.005, "growth": 0.005}
 """How far the program's constants may be from the fit: they are its numbers, rounded."""
 DRAWS = 200
 
@@ -96,7 +96,7 @@ def fit(
 
     def pulled(values: Array) -> Array:
         case, points, weight = held
-        rule = replace(start, base_length=values[0], rim=values[1])
+        rule = replace(start, reach=values[0], rim_friction=values[1])
         angle = np.degrees(np.arctan(rule.traction(case, points.slip)[0] / points.load))
         return weight * (angle - points.angle)
 
@@ -105,10 +105,10 @@ def fit(
         depth = replace(start, growth=values[0]).sunk(case, points.slip)
         return weight * np.log(depth / points.sinkage)
 
-    scale = [start.base_length, start.rim]
-    base_length, rim = least_squares(pulled, scale, x_scale=scale, bounds=(0.01, np.inf)).x
+    scale = [start.reach, start.rim_friction]
+    reach, rim = least_squares(pulled, scale, x_scale=scale, bounds=(0.01, np.inf)).x
     (growth,) = least_squares(sunk, [start.growth], bounds=(0.0, np.inf)).x
-    return replace(start, base_length=base_length, rim=rim, growth=growth)
+    return replace(start, reach=reach, rim_friction=rim, growth=growth)
 
 
 @cache

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,45 @@ import numpy as np
 from terratool.definition.presets import PRESETS
 from tests.validation.fit import FITTED, bootstrap, errors, factor, fitted, without
 from tests.validation.rule import RULE
-from tests.validation.series import *
+from tests.validation.series import (
+    AGAIN,
+    ALL,
+    BROKEN,
+    CLIMBERS,
+    COHESIVE,
+    CRABS,
+    CURIOSITY,
+    DING,
+    GRC1,
+    K10,
+    K10_LUGS,
+    LOOSE,
+    LRV,
+    LRV_LOAD,
+    LUNAR,
+    MGRU3,
+    OPPORTUNITY,
+    OTHER,
+    RASHID_DRY,
+    RATES,
+    TREC,
+    Angles,
+    Array,
+    Crab,
+    along,
+    angles_of,
+    husky_climb,
+    largest_slope,
+    ratio,
+    rms,
+    side_of,
+    slopes,
+    sunk,
+    tilted,
+    traction_of,
+    with_modulus,
+    with_soil,
+)
 
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs" / "validation.md"
@@ -40,10 +79,9 @@ def within(depths: Array, most: float = 1.5) -> str:
 
 
 def sideways(one: Crab, steepest: float = 45.0, most: float = 0.6) -> Array:
-    """The force sideways over load that the rule gives a steered wheel."""
+    """The force sideways over load that the model gives a steered wheel."""
     crab, slip, load, _ = one.measured(steepest, most)
-    case = case_of(K10_SAND, one.wheel, load)
-    return np.asarray(RULE.side(case, along(slip, crab), crab) / load)
+    return side_of(one, along(slip, crab), crab, load)
 
 
 def with_sign(errors: Array) -> str:
@@ -74,9 +112,9 @@ def overview() -> str:
 def constants() -> str:
     """The fitted constants, those of the program, and how far they move."""
     meaning = {
-        "base_length": "L0, m: the length to which K of the books belongs",
-        "rim": "MU_RIM: friction of soil on a bare rim",
-        "growth": "GROWTH: entry angle for each unit of slip, rad",
+        "reach": "REACH: length to which K of the books belongs, m",
+        "rim_friction": "RIM_FRICTION: friction of soil on a bare rim",
+        "growth": "GROWTH: angle by which a bare rim digs itself in at a slip of 1, rad",
     }
     ranges = np.percentile(bootstrap(), [5, 95], axis=0).T
     rows = [
@@ -95,7 +133,7 @@ def point_by_point() -> str:
         off = one.errors()
         rows += [
             (one.title, "slip, %", *(f"{100 * slip:.3g}" for slip in slips)),
-            ("", "measured, °", *(f"{angle:.1f}" for angle in measured)),
+            ("", "measured, °", *(f"{angle:.1f}".replace("-", "−") for angle in measured)),
             ("", "model less measured, °", *map(signed, off)),
         ]
     return table("| set | |" + " |" * 9, [(*row, *[""] * (11 - len(row))) for row in rows])
@@ -120,7 +158,7 @@ def parts() -> str:
 
 
 def crabs() -> str:
-    """Force sideways over load, measured and by the rule, by wheel, crab angle and slip."""
+    """Force sideways over load, measured and of the model, by wheel, crab angle and slip."""
     rows = []
     for one in CRABS:
         crab, slip, _, measured = one.measured(90.0, 1.0)
@@ -137,14 +175,17 @@ def crabs() -> str:
 
 
 def depths() -> str:
-    """Sinkage and torque of the rule over those measured, of each set that has some."""
+    """Sinkage and torque of the model over those measured, of each set that has some."""
     rows = []
     for one in ALL:
-        off = errors(RULE, one)
-        if off.depth.size:
+        points = one.points
+        if np.isfinite(points.sinkage).all():
+            model = traction_of(one, points.slip, points.load)
+            deep = np.log(model.sinkage / points.sinkage)
             rows.append((
-                one.title, len(off.depth), factor(off.depth), f"{within(off.depth)}",
-                factor(np.log(off.torque)) if off.torque.size else "–",
+                one.title, len(deep), factor(deep), within(deep),
+                factor(np.log(model.torque / points.torque))
+                if np.isfinite(points.torque).all() else "–",
             ))  # fmt: skip
     return table(
         "| set | points | sinkage over measured | within 1.5 | torque over measured |", rows
@@ -182,19 +223,18 @@ def slip_at_slopes() -> str:
 
 
 def lunar_rover() -> str:
-    """Pull over load of the LRV's wheel, by the length on which it stands."""
+    """Pull over load of the LRV's wheel."""
     rows = []
     slips = np.linspace(0.01, 1.0, 100)
-    for length in (0.0, 0.2, 0.3, 0.4):
-        wheel = lrv(length)
-        pull = ratio(LUNAR, wheel, LRV_LOAD, slips)
+    for name, tyre in (("treads as lugs", True), ("a bare rim", False)):
+        pull = ratio(LUNAR, replace(LRV, tyre=tyre), LRV_LOAD, slips)
         rows.append((
-            f"{wheel.shear_length:.2f}", *(f"{pull[n - 1]:.2f}" for n in (5, 15, 20, 25, 50, 100)),
-            f"{100 * pull[24] / pull.max():.0f} %", f"{100 * slips[pull.argmax()]:.0f} %",
+            name, *(f"{pull[n - 1]:.2f}" for n in (5, 15, 20, 25, 50, 100)),
+            f"{100 * pull[14] / pull.max():.0f} to {100 * pull[24] / pull.max():.0f} %",
         ))  # fmt: skip
     return table(
-        "| length, m | pull/load at 5 % | 15 % | 20 % | 25 % | 50 % | 100 % "
-        "| at 25 %, of the largest | largest at |",
+        "| wheel | pull/load at 5 % | 15 % | 20 % | 25 % | 50 % | 100 % "
+        "| at 15 to 25 %, of the largest |",
         rows,
     )
 
@@ -204,11 +244,11 @@ def rovers() -> str:
     rows = []
     for name in LOOSE:
         soil = PRESETS[name]
-        deep = traction_of(Series("", "", *CURIOSITY, soil, 0.0), np.array([0.77])).sinkage
+        deep = sunk(soil, *CURIOSITY, 0.77)
         rows.append((
             f"`{name}`", f"{largest_slope(OPPORTUNITY, soil):.0f}°",
             f"{largest_slope(CURIOSITY, soil):.0f}°",
-            f"{100 * float(np.squeeze(deep)) / (2 * CURIOSITY[0].radius):.0f} %",
+            f"{100 * deep / (2 * CURIOSITY[0].radius):.0f} %",
         ))  # fmt: skip
     return table(
         "| soil | Opportunity climbs | Curiosity climbs | and sinks in at 77 % slip, of its "
@@ -254,7 +294,7 @@ def said() -> list[str]:
              for one, _ in at_rest]  # fmt: skip
     crab = [sideways(one) - one.measured()[3] for one in CRABS]
     as_given = [
-        RULE.side(case_of(K10_SAND, one.wheel, load), slip, angle) / load - had
+        side_of(one, slip, angle, load) - had
         for one in CRABS for angle, slip, load, had in [one.measured()]
     ]  # fmt: skip
     opportunity = np.linspace(0.01, 1.0, 100)

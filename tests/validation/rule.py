@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terratool.definition.presets import Preset
+from terratool.kernels import traversability as kernels
 
 Array = NDArray[np.float64]
 
@@ -63,14 +64,14 @@ class Hold(NamedTuple):
         lean: tm, at which forces act, rad.
         friction: mu that can be mobilised.
         cohesive: C, N.
-        reach: X, sheared length over K.
+        span: X, sheared length over K.
         still: shear of rolling without slip, in units of K.
     """
 
     lean: Array
     friction: Array
     cohesive: Array
-    reach: Array
+    span: Array
     still: Array
 
 
@@ -94,24 +95,24 @@ class Rule:
     """The constants of the rule, and what it says with them.
 
     Attributes:
-        base_length: m, the length to which K of the books belongs.
-        rim: friction of soil on a bare rim.
+        reach: m, the length to which K of the books belongs.
+        rim_friction: friction of soil on a bare rim.
         growth: rad of entry angle for each unit of slip.
-        far: friction of soil that is sheared far.
+        soil_friction: friction of soil that is sheared far.
         soft: rad of contact at rest beyond which ground is soft.
         full_lug: m, height of lugs that act in full.
-        steady: most reach that counts without slip.
-        share: tm over t0.
+        steady: most of X that counts without slip.
+        ahead: tm over t0.
     """
 
-    base_length: float
-    rim: float
+    reach: float
+    rim_friction: float
     growth: float
-    far: float
+    soil_friction: float
     soft: float
     full_lug: float
     steady: float
-    share: float
+    ahead: float
 
     def softness(self, rest: Array) -> Array:
         """0 on ground that does not yield, 1 on soft soil."""
@@ -121,22 +122,22 @@ class Rule:
         """The soil's hold on a wheel."""
         rest, tangent = case.rest, np.asarray(case.tan_friction)
         lugged = np.clip(np.asarray(case.lug) / self.full_lug, 0.0, 1.0)
-        most = self.rim * (1.0 - lugged) + self.far * lugged
+        most = self.rim_friction * (1.0 - lugged) + self.soil_friction * lugged
         friction = tangent - self.softness(rest) * np.maximum(tangent - most, 0.0)
         whole = np.asarray(case.cohesion * case.width * case.length)
         share = 1.0 + bearing_factor(friction) * whole / case.load
         known = np.asarray(case.modulus) > 0.0
         modulus = np.where(known, case.modulus, np.inf)
-        reach = np.maximum(self.base_length, case.length) / modulus
+        span = np.maximum(self.reach, case.length) / modulus
         turned = np.where(rest > 1e-3, rest - np.sin(rest), rest**3 / 6.0 - rest**5 / 120.0)
         rolled = turned / np.where(rest > 0.0, rest, 1.0)
-        still = rolled * np.minimum(reach, self.steady)
-        return Hold(self.share * rest, friction, whole / share, reach, still)
+        still = rolled * np.minimum(span, self.steady)
+        return Hold(self.ahead * rest, friction, whole / share, span, still)
 
     def mobilised(self, case: Case, slip: Any) -> Array:
         """A; 1 where K is not known."""
         hold = self.hold(case)
-        sheared = slip * hold.reach + (1.0 - np.asarray(slip)) * hold.still
+        sheared = slip * hold.span + (1.0 - np.asarray(slip)) * hold.still
         return np.where(np.asarray(case.modulus) > 0.0, sheared / (sheared + 2.0), 1.0)
 
     def traction(self, case: Case, slip: Any) -> tuple[Array, Array]:
@@ -164,14 +165,14 @@ class Rule:
         along, across = pull * cosine + case.load * sine, case.load * cosine - pull * sine
         used = along / (hold.cohesive + hold.friction * across)
         sheared = 2.0 * used / np.where(used < 1.0, 1.0 - used, np.nan)
-        return used, (sheared - hold.still) / (hold.reach - hold.still)
+        return used, (sheared - hold.still) / (hold.span - hold.still)
 
     def side(self, case: Case, slip: Any, crab: Any) -> Array:
         """Force sideways, N, at a crab angle; slip is that along the wheel's heading."""
         hold = self.hold(case)
         across = (1.0 - np.asarray(slip)) * np.tan(crab)
         slid = np.hypot(slip, across)
-        sheared = slid * hold.reach
+        sheared = slid * hold.span
         most = hold.cohesive + case.load * hold.friction
         return most * sheared / (sheared + 2.0) * across / np.where(slid > 0.0, slid, 1.0)
 
@@ -190,7 +191,7 @@ class Rule:
 
 
 RULE = Rule(
-    base_length=0.59, rim=0.46, growth=0.305, far=0.75, soft=0.1, full_lug=0.005, steady=16.0,
-    share=0.5 * 2.0 ** (1.0 / 3.0),
+    kernels.REACH, kernels.RIM_FRICTION, kernels.GROWTH, soil_friction=0.75, soft=0.1,
+    full_lug=kernels.FULL_LUG, steady=16.0, ahead=0.5 * 2.0 ** (1.0 / 3.0),
 )  # fmt: skip
-"""The rule with the constants of the program."""
+"""The rule with the constants of the program, of which three are fitted."""

@@ -43,8 +43,9 @@ LUGGED = Wheel(0.15735, 0.165, grouser_height=0.01)
 SMOOTH = replace(LUGGED, grouser_height=0.0)
 K10_SMOOTH = Wheel(0.0592, 0.05)
 K10_LUGGED = Wheel(0.058, 0.05, grouser_height=0.005)
-LRV = Wheel(0.409, 0.229)
-"""Of Apollo's Lunar Roving Vehicle, without the length on which its wire mesh flattens."""
+LRV = Wheel(0.409, 0.229, tyre=True)
+"""Of Apollo's Lunar Roving Vehicle, without the length on which its wire mesh flattens; mesh and
+treads grip as a tyre's tread does."""
 LRV_LOAD = 253.0  # N
 MARS = 3.71  # m/s²
 OPPORTUNITY = Wheel(0.127, 0.16), 180 * MARS / 6
@@ -52,8 +53,8 @@ OPPORTUNITY = Wheel(0.127, 0.16), 180 * MARS / 6
 CURIOSITY = Wheel(0.25, 0.4, grouser_height=0.0075), 899 * MARS / 6
 """As in samples/vehicles."""
 CLIMBERS = {
-    "Husky": (Wheel(0.1651, 0.1143), 50.0 * 9.81 / 4),
-    "Husky, lugs of 12 mm": (Wheel(0.1651, 0.1143, grouser_height=0.012), 50.0 * 9.81 / 4),
+    "Husky, tyres": (Wheel(0.1651, 0.1143, tyre=True), 50.0 * 9.81 / 4),
+    "bare rims": (Wheel(0.1651, 0.1143), 50.0 * 9.81 / 4),
     "K10 mini": (K10_SMOOTH, 24.6),
     "MGRU3": (VIPER, 216.0),
     "Curiosity": (Wheel(0.25, 0.4, grouser_height=0.0075), 899 * 3.71 / 6),
@@ -64,7 +65,11 @@ COHESIVE = (
 )  # fmt: skip
 LOOSE = "lunar-nominal", "dry-sand", "lete-sand"
 HUSKY = Vehicle(
-    Wheel(0.1651, 0.1143), (Axle(0.256), Axle(-0.256)), 50.0, track_width=0.5708, cog_height=0.194
+    Wheel(0.1651, 0.1143, tyre=True),
+    (Axle(0.256), Axle(-0.256)),
+    50.0,
+    track_width=0.5708,
+    cog_height=0.194,
 )
 """Clearpath's Husky A200 as in samples/vehicles, without the limit of its motors."""
 HARDCORE = 2.0, 42.0, 0.015
@@ -234,6 +239,12 @@ def along(slip: Array, crab: Array) -> Array:
     return 1.0 - (1.0 - slip) * np.cos(crab)
 
 
+def side_of(one: Crab, slip: Array, crab: Array, load: Array) -> Array:
+    """The force sideways over load of a steered wheel, at slips along its heading."""
+    soil = soil_under(K10_SAND, one.wheel, load)
+    return np.asarray(wheels.side_force(load, soil, one.wheel, slip, crab) / load)
+
+
 def rms(errors: Array) -> float:
     """Root of the mean square."""
     return float(np.sqrt(np.mean(errors**2)))
@@ -315,33 +326,33 @@ def with_lugs_inside(series: Series, slips: Array, loads: Any = None) -> Array:
 
 
 BROKEN: dict[str, Angles] = {
-    "no cap on friction": by(replace(RULE, rim=9.0, far=9.0)),
-    "lugs no better than a rim": by(replace(RULE, far=RULE.rim)),
+    "no cap on friction": by(replace(RULE, rim_friction=9.0, soil_friction=9.0)),
+    "lugs no better than a rim": by(replace(RULE, soil_friction=RULE.rim_friction)),
     "no shear without slip": by(replace(RULE, steady=0.0)),
-    "forces at t0": by(replace(RULE, share=1.0)),
-    "K of the books for each contact": by(replace(RULE, base_length=1e-9)),
+    "forces at t0": by(replace(RULE, ahead=1.0)),
+    "K of the books for each contact": by(replace(RULE, reach=1e-9)),
     "model `paper`": with_wheel(slips=False),
 }
 """The rule with a part left out or wrong: each must fail a limit."""
 OTHER: dict[str, Angles] = {
-    "MU_SOIL 0.65": by(replace(RULE, far=0.65)),
-    "MU_SOIL 0.85": by(replace(RULE, far=0.85)),
+    "SOIL_FRICTION 0.65": by(replace(RULE, soil_friction=0.65)),
+    "SOIL_FRICTION 0.85": by(replace(RULE, soil_friction=0.85)),
     "SOFT 0.05": by(replace(RULE, soft=0.05)),
     "SOFT 0.2": by(replace(RULE, soft=0.2)),
     "FULL_LUG 2 mm": by(replace(RULE, full_lug=0.002)),
     "FULL_LUG 10 mm": by(replace(RULE, full_lug=0.010)),
     "STEADY 8": by(replace(RULE, steady=8.0)),
     "STEADY 30": by(replace(RULE, steady=30.0)),
-    "Q 0.5": by(replace(RULE, share=0.5)),
-    "Q 0.75": by(replace(RULE, share=0.75)),
+    "AHEAD 0.5": by(replace(RULE, ahead=0.5)),
+    "AHEAD 0.75": by(replace(RULE, ahead=0.75)),
     "r with the lugs": with_lugs_inside,
 }
 """Other choices, for the page."""
 
 
-def lrv(length: float) -> Wheel:
-    """The LRV's wheel, flattened over a length in m."""
-    return replace(LRV, contact_length=length)
+def sunk(preset: Preset, wheel: Wheel, load: float, slip: float) -> float:
+    """How deep a wheel is in as it slips, m."""
+    return float(wheels.traction(load, soil_under(preset, wheel, load), wheel, slip).sinkage)
 
 
 def largest_slope(rover: tuple[Wheel, float], preset: Preset) -> float:
