@@ -67,8 +67,8 @@ def _pool(sets: Iterable[Series], drawn: Callable[[Series], Array] | None) -> _P
         pick = np.arange(count) if drawn is None else drawn(one)
         some = Points(*(column[pick] for column in one.points))
         points.append(some)
-        cases.append([np.broadcast_to(value, count) for value in one.case(some.load)])
-        weights.append(np.full(count, count**-0.5))
+        cases.append([np.broadcast_to(value, len(pick)) for value in one.case(some.load)])
+        weights.append(np.full(len(pick), len(pick) ** -0.5))
     return _Pool(
         Case(*map(np.concatenate, zip(*cases, strict=True))),
         Points(*map(np.concatenate, zip(*points, strict=True))),
