@@ -95,7 +95,7 @@ def test_traction_and_sinkage_are_those_of_the_rule() -> None:
 def test_demand_is_that_of_the_rule_and_undoes_traction() -> None:
     """What a wheel pulls at a slip takes that slip, and the share of the strength that it gave.
 
-    The kernel finds it for all wheels of a vehicle, to 1e-8; sunk in to its axle a wheel is immobile.
+    The kernel finds it for all wheels of a vehicle; sunk in to its axle a wheel is immobile.
     """
     for one in chances(20, seed=2):
         pull, torque = RULE.traction(one.case, one.slip)
