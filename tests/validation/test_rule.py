@@ -106,11 +106,11 @@ def test_demand_is_that_of_the_rule_and_undoes_traction() -> None:
         some = axle_free & (held.friction + held.cohesive > 1e-6) & (used < 0.9)
         given = RULE.mobilised(one.case, one.slip)
         assert some.sum() > 10
-        assert need.utilisation[some] == pytest.approx(used[some], rel=1e-5)
-        assert need.utilisation[some] == pytest.approx(given[some], rel=1e-5)
-        assert need.torque[some] == pytest.approx(torque[some], rel=1e-5)
-        assert need.slip[some] == pytest.approx(slip[some], abs=1e-5)
-        assert need.slip[some] == pytest.approx(one.slip[some], abs=1e-5)
+        assert need.utilisation[some] == pytest.approx(used[some], rel=1e-9)
+        assert need.utilisation[some] == pytest.approx(given[some], rel=1e-9)
+        assert need.torque[some] == pytest.approx(torque[some], rel=1e-9)
+        assert need.slip[some] == pytest.approx(slip[some], abs=1e-7)
+        assert need.slip[some] == pytest.approx(one.slip[some], abs=1e-7)
         assert (need.utilisation[~axle_free] >= 1.0).all()
 
 
