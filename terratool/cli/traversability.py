@@ -116,7 +116,7 @@ SAMPLES = (256, 16, 1024)  # default, least, most
         "--map",
         "map_",
         metavar="OUT.tif",
-        help="Write the map, and beside it OUT-classes.tif and OUT-numbers.tif.",
+        help="Write the map; beside it OUT-worst.tif, -headings, -classes and -numbers.",
     ),
     click.option(
         "--fail-on",
@@ -151,6 +151,10 @@ SAMPLES = (256, 16, 1024)  # default, least, most
         metavar="N",
         help="4, 8, … 64 at each place.  [default: 8; where they show no way more]",
     ),
+    dask_option("judge the ground"),
+)
+@option_group(
+    "Samples of soils that are ranges (256 unless told), their seed, and threads (one a processor)",
     click.option(
         "--samples",
         type=click.IntRange(*SAMPLES[1:]),
@@ -170,7 +174,7 @@ SAMPLES = (256, 16, 1024)  # default, least, most
     click.option(
         "--threads", type=click.IntRange(1), metavar="N", help="[default: one a processor]"
     ),
-    dask_option("judge the ground"),
+    dense=True,
 )
 @wheel_options
 @overwrite_option()
@@ -208,10 +212,9 @@ def command(
     """Say whether a vehicle can drive on a terrain, FILE, where not, and why.
 
     For surfaces: how wheels sink, pull and climb. For places and headings: go, caution or no-go,
-    and what binds. Ends with 1 where a route has no way. Of several FILEs, or a DIR: a table.
-    --fail-on takes >, >=, < or <= and go-, caution-, no-go-, unknown-, one-way-, cut-off-, edge-,
-    reachable-fraction; route-length, route-time, route-energy; least-margin, drift,
-    steepest, sinkage.
+    and what binds. Of several FILEs, or a DIR: a table. Ends with 1 without a way, and on --fail-on
+    with >, >=, < or <= and go-, caution-, no-go-, unknown-, one-way-, cut-off-, edge-, reachable-
+    fraction; route-length, route-time, route-energy; least-margin, drift, steepest, sinkage.
     """
     from dataclasses import replace
     from pathlib import Path
