@@ -28,10 +28,10 @@ def drift_along(
     not known there is none.
 
     Args:
-        x: (n,) samples of the way, m.
-        y: likewise.
+        x: (n,) x of the samples of the way, m.
+        y: (n,) y of the samples of the way, m.
         begins: (n − 1,) crab angles at the beginnings of legs, rad, to the left.
-        ends: likewise at their ends.
+        ends: (n − 1,) crab angles at the ends of legs, rad, to the left.
 
     Returns:
         (n,) m to the left; at a corner, that of the part that ends there.
