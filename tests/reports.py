@@ -105,6 +105,7 @@ def profile(n: int = 200, found: bool = True) -> RouteProfile:
         105.0 + 25.0 * t, 202.0 + 10.0 * t, np.full(n, 68.0), 26.9 * t, np.sin(3.0 * t),
         0.004 + 0.004 * (t > 0.5), 0.2 * np.cos(3.0 * t), 0.0 * t, slip, 0.3 + 0.4 * t, verdict,
         np.where(verdict == 1, 0, 6).astype(np.uint8), ("sand",) * n, ("/elemTree",) * n,
+        0.7 - 0.2 * t, 1.0 + t, np.full(n, 0.05), 612.0 * t, 5230.0 * t,
     )  # fmt: skip
 
 

@@ -40,6 +40,7 @@ from terratool.traversability.results import (
     Verdict,
 )
 from terratool.traversability.route.barriers import BlockedPlace, RouteSite, blocked_place
+from terratool.traversability.route.charge import with_charge
 from terratool.traversability.route.graph import Preference, check_preference, drivable, turnable
 from terratool.traversability.route.headings import Progress, WayFinder, finer_headings
 from terratool.traversability.route.paths import cell_of, check_inside
@@ -74,7 +75,7 @@ _MAP = (
 """Assumption of every report on its map."""
 _ROUTE = (
     "A route goes from pixel to pixel, backs up, and turns on the spot; its time and energy are "
-    "sums over that, without acceleration and with motors that lose nothing. Turns are those on "
+    "sums over that, without acceleration, and with the vehicle's efficiency. Turns are those on "
     "level ground of the surface under the vehicle's middle."
 )
 """Assumption of reports on routes."""
@@ -549,7 +550,7 @@ def _plan_routes(prepared: PreparedRequest, progress: Progress | None) -> tuple[
         route = find(*there)
         if request.returns and route.found:
             route = with_way_back(route, find(*back))
-        found.append(route)
+        found.append(with_charge(route, prepared.vehicle, prepared.terrain))
     return tuple(found)
 
 

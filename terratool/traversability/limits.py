@@ -304,6 +304,7 @@ class SlopeDemand(NamedTuple):
         sinkage: sinkage of a wheel, m.
         depth: sinkage of a wheel as a share of its radius.
         lifts: whether any wheel bears no load.
+        energy: energy of all wheels for a metre of ground, J.
     """
 
     torque: float
@@ -313,6 +314,7 @@ class SlopeDemand(NamedTuple):
     sinkage: float
     depth: float
     lifts: bool
+    energy: float
 
     @property
     def drives(self) -> bool:
@@ -333,7 +335,7 @@ def slope_demand(vehicle: Vehicle, soil: Soil, slope: float = 0.0) -> SlopeDeman
     return SlopeDemand(
         need["torque"], need["torque_used"], need["utilisation"], need["slip"],
         float(sinkage.max()), float(np.max(sinkage / layout.wheels.radius)),
-        bool((loads <= 0.0).any()),
+        bool((loads <= 0.0).any()), need["power"],
     )  # fmt: skip
 
 

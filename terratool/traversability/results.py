@@ -229,6 +229,15 @@ class Figures:
         turning_work: work of the wheels for a quarter turn, J; None where the vehicle cannot turn.
         turning_slip: slip of the treads in a turn; None where the vehicle cannot turn.
         turning_binding: measure that forbids turning.
+        rolling: coefficient of rolling resistance that counts, the larger of ground and wheel.
+        energy: energy of a charge for a metre on the level, J: that of the wheels by the motors'
+            efficiency, and the power drawn all the time; None where the vehicle cannot drive.
+        driving_range: way on the level that a charge without its reserve lasts for, m; None without
+            a battery, or where the vehicle cannot drive.
+        braking: deceleration on the level as a share of gravity.
+        stopping: distance to stop from the vehicle's speed on the level, m.
+        speed_limit: largest speed that stops within the vehicle's stopping distance on the level,
+            m/s; None where that is not limited.
     """
 
     surface: str
@@ -272,6 +281,12 @@ class Figures:
     turning_work: float | None = None
     turning_slip: float | None = None
     turning_binding: Reason = Reason.NONE
+    rolling: float | None = None
+    energy: float | None = None
+    driving_range: float | None = None
+    braking: float | None = None
+    stopping: float | None = None
+    speed_limit: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -297,6 +312,7 @@ class Survey:
         slip: float32 slip of the wheel that slips most; NaN where it is not known.
         energy: float32 energy of all wheels for each metre of ground, J/m, motors without loss;
             infinity where the vehicle does not move.
+        reserve: float32 angle by which the vehicle may lean more until it tips over, rad.
     """
 
     grid: Grid
@@ -310,6 +326,7 @@ class Survey:
     sinkage: NDArray[np.float32]
     slip: NDArray[np.float32]
     energy: NDArray[np.float32]
+    reserve: NDArray[np.float32]
 
     @property
     def headings(self) -> int:
@@ -367,6 +384,11 @@ class RouteProfile:
         reason: uint8 `Reason`.
         surface: names of surfaces, empty for none.
         element: JSON pointers of the elements that decide the surface, empty for none.
+        reserve: angle by which the vehicle may lean more until it tips over, rad.
+        stopping: distance to stop from the vehicle's speed, m; NaN where it is not known.
+        speed: speed of the treads, m/s, no more than stops within the vehicle's stopping distance.
+        time: time since the start, s.
+        energy: energy since the start, J.
     """
 
     x: NDArray[np.float64]
@@ -383,6 +405,37 @@ class RouteProfile:
     reason: NDArray[np.uint8]
     surface: tuple[str, ...]
     element: tuple[str, ...]
+    reserve: NDArray[np.float64]
+    stopping: NDArray[np.float64]
+    speed: NDArray[np.float64]
+    time: NDArray[np.float64]
+    energy: NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class ChargeUse:
+    """The charge that a route uses, there and, if that was asked for, back.
+
+    Attributes:
+        energy: energy of all of it, J.
+        share: share of a full charge that it uses; above 1 if the battery does not last.
+        reserve: share of a charge that is not to be used.
+        emptied: place where the battery is empty, and how far on the way it is, m, in a straight
+            line from sample to sample seen from above; None where it lasts, or is empty on the way
+            back.
+    """
+
+    energy: float
+    share: float
+    reserve: float
+    emptied: Extreme | None = None
+
+    @property
+    def verdict(self) -> Verdict:
+        """Go within the charge without its reserve, caution within all of it, else no-go."""
+        if self.share > 1.0:
+            return Verdict.NO_GO
+        return Verdict.CAUTION if self.share > 1.0 - self.reserve else Verdict.GO
 
 
 @dataclass(frozen=True, slots=True)
@@ -439,6 +492,11 @@ class Route:
         least_chance: smallest probability of go along the way; None where no figures of soils are
             ranges.
         turning: part of the energy that turns on the spot take, J; None if there is no way.
+        charge: charge that the way uses; None if there is no way, or no battery.
+        stop: place of the longest distance to stop from the vehicle's speed, m, infinity where it
+            cannot; None if that is not known, or there is no way.
+        slowest: place of the least speed that stops within the vehicle's stopping distance, m/s;
+            None where that is not limited, or there is no way.
     """
 
     start: Location
@@ -465,11 +523,15 @@ class Route:
     chance: float | None = None
     least_chance: Extreme | None = None
     turning: float | None = None
+    charge: ChargeUse | None = None
+    stop: Extreme | None = None
+    slowest: Extreme | None = None
 
     @property
     def holds(self) -> bool:
-        """Whether there is a way, and one back if that was asked for."""
-        return self.found and (self.back is None or self.back.found)
+        """Whether there is a way, and one back if that was asked for, and the battery lasts."""
+        lasts = self.charge is None or self.charge.verdict != Verdict.NO_GO
+        return self.found and (self.back is None or self.back.found) and lasts
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,6 +16,7 @@ from terratool.field.terrain import Terrain
 from terratool.text.display import quote
 from terratool.traversability import wheel as wheels
 from terratool.traversability.limits import (
+    SlopeDemand,
     SteepestSlope,
     climb,
     judge_level,
@@ -29,6 +30,12 @@ from terratool.traversability.limits import (
 )
 from terratool.traversability.results import Figures, Reason, SlipCurve, Verdict
 from terratool.traversability.steps import gap_width, step_of
+from terratool.traversability.stopping import (
+    allowed_speed,
+    braking,
+    deceleration,
+    stopping_distance,
+)
 from terratool.traversability.turning import Turning, turn_on_spot
 from terratool.traversability.vehicle import Soil, Vehicle, Wheel
 from terratool.traversability.wheel import LARGEST, Numbers
@@ -236,6 +243,9 @@ def surface_figures(name: str, surface: Surface, vehicle: Vehicle) -> Figures:
         normal, motor = wheels.stresses_from(load, wheel.max_torque, contact.entry_angle, wheel)
         strength = soil.cohesion + normal * math.tan(soil.friction)
     known = soil.shear_modulus > 0.0 and math.isfinite(need.slip)
+    energy = level_energy(vehicle, need) if need.drives else None
+    brake = braking(vehicle, soil)
+    slowing = deceleration(brake, vehicle.gravity)
     return Figures(
         name,
         preset,
@@ -280,7 +290,20 @@ def surface_figures(name: str, surface: Surface, vehicle: Vehicle) -> Figures:
             *_cannot_turn(name, turning),
         ),
         slip_curve=slip_curve(vehicle, soil, up),
+        energy=energy,
+        driving_range=vehicle.battery.usable / energy if vehicle.battery and energy else None,
+        braking=brake,
+        stopping=float(stopping_distance(vehicle, slowing)),
+        speed_limit=float(allowed_speed(vehicle, slowing))
+        if math.isfinite(vehicle.stopping_distance)
+        else None,
     )
+
+
+def level_energy(vehicle: Vehicle, need: SlopeDemand) -> float:
+    """Energy of a charge for a metre on the level, J, at the vehicle's speed less slip."""
+    seconds = 1.0 / (vehicle.speed * (1.0 - need.slip)) if need.slip < 1.0 else math.inf
+    return need.energy / vehicle.efficiency + vehicle.power * seconds
 
 
 def _cannot_turn(surface: str, turning: Turning) -> tuple[str, ...]:

@@ -44,6 +44,7 @@ from terratool.traversability.report.keys import (
     SquareMetres,
     Text,
     VerdictText,
+    WattHours,
     Watts,
     fill_keys,
     value_of,
@@ -153,6 +154,18 @@ class ThresholdKeys(Struct, frozen=True):
     geometry: float
 
 
+class BatteryKeys(Struct, frozen=True):
+    """Battery of a vehicle.
+
+    Attributes:
+        capacity_Wh: energy of a full charge.
+        reserve: share of a charge that is not to be used.
+    """
+
+    capacity_Wh: WattHours
+    reserve: Share
+
+
 class VehicleKeys(Struct, frozen=True):
     """Vehicle, or a wheel by itself, which has neither mass nor gravity."""
 
@@ -172,6 +185,10 @@ class VehicleKeys(Struct, frozen=True):
     steering: Annotated[str, one_of(STEERINGS)]
     speed_m_s: MetresPerSecond
     power_W: Watts
+    efficiency: Share
+    battery: BatteryKeys | None
+    stopping_distance_m: Metres | None
+    reaction_time_s: Seconds
     margins: MarginKeys
     classes: Annotated[ThresholdKeys, ResultMember("thresholds")]
 
@@ -236,6 +253,12 @@ class SurfaceKeys(Struct, frozen=True):
     turning_work_J: Joules | None
     turning_slip: float | None
     turning_binding: ReasonText | None
+    rolling: float | None
+    energy_J_per_m: Annotated[float | None, ResultMember("energy")]
+    driving_range_m: Metres | None
+    braking: float | None
+    stopping_m: Metres | None
+    speed_limit_m_s: MetresPerSecond | None
     warnings: tuple[str, ...]
     slip_curve: SlipCurveKeys | None
     probability: Annotated[ChanceKeys | UnsetType, ResultMember("chances")] = UNSET
@@ -319,6 +342,60 @@ class ProfileKeys(Struct, frozen=True):
     binding: Annotated[tuple[ReasonText | None, ...], ResultMember("reason", codes=Reason)]
     surface: tuple[Text, ...]
     element: tuple[Text, ...]
+    tip_reserve_deg: Annotated[Numbers, ResultMember("reserve", factor=DEG)]
+    stopping_m: ManyMetres
+    speed_m_s: Annotated[Numbers, ResultMember("speed")]
+    time_s: Annotated[Numbers, ResultMember("time")]
+    energy_J: Annotated[Numbers, ResultMember("energy")]
+
+
+class EmptiedKeys(Struct, frozen=True):
+    """Place where a battery is empty.
+
+    Attributes:
+        distance_m: way up to there, seen from above.
+    """
+
+    distance_m: Annotated[float, ResultMember("value")]
+    place: PlaceKeys
+
+
+class ChargeKeys(Struct, frozen=True):
+    """Charge that a route uses, there and, where that was asked for, back.
+
+    Attributes:
+        energy_Wh: energy of all of it.
+        share: share of a full charge; above 1 where the battery does not last.
+        verdict: caution where the reserve is used, no-go where the battery is empty before the end.
+        emptied: place where the battery is empty on the way there.
+    """
+
+    energy_Wh: WattHours
+    share: float
+    verdict: VerdictText
+    emptied: EmptiedKeys | None
+
+
+class StopKeys(Struct, frozen=True):
+    """Place of a route with the longest distance to stop from the vehicle's speed.
+
+    Attributes:
+        stopping_m: the distance; None where it cannot stop.
+    """
+
+    stopping_m: Annotated[float | None, ResultMember("value")]
+    place: PlaceKeys
+
+
+class SlowestKeys(Struct, frozen=True):
+    """Place of a route with the least speed that stops in time.
+
+    Attributes:
+        speed_m_s: the speed.
+    """
+
+    speed_m_s: Annotated[float, ResultMember("value")]
+    place: PlaceKeys
 
 
 class RouteKeys(Struct, frozen=True):
@@ -345,6 +422,9 @@ class RouteKeys(Struct, frozen=True):
     headings: int
     tried_headings: tuple[int, ...]
     ruled_out_headings: int | None
+    charge: ChargeKeys | None
+    longest_stop: Annotated[StopKeys | None, ResultMember("stop")]
+    slowest: SlowestKeys | None
     profile: ProfileKeys | None
     probability: Annotated[Share | UnsetType, ResultMember("chance")] = UNSET
     least_probability: Annotated[LeastChanceKeys | UnsetType, ResultMember("least_chance")] = UNSET

@@ -81,6 +81,7 @@ def _summary(route: Route) -> dict[str, Any]:
         "time_s": exact(route.time),
         "energy_J": exact(route.energy),
         "turning_J": exact(route.turning),
+        "charge": None if route.charge is None else exact(route.charge.share),
         "note": route.note or None,
         **chances,
     }

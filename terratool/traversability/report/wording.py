@@ -63,6 +63,43 @@ def turning_share(route: Route) -> str:
     return f"{numbers.share(route.turning / route.energy)} of it for turns on the spot"
 
 
+def charge_used(route: Route) -> str:
+    """Phrase on the share of a charge that a route uses; empty where that is not known."""
+    used = route.charge
+    if used is None:
+        return ""
+    back = " there and back" if route.back is not None and route.back.found else ""
+    line = f"{numbers.share(used.share)} of a charge{back}"
+    if used.verdict == Verdict.CAUTION:
+        line += f", of which {numbers.share(used.reserve)} is to be kept"
+    return line
+
+
+def empty_battery(route: Route) -> str:
+    """Sentence on a battery that does not last for a route; empty where it does."""
+    used = route.charge
+    if used is None or used.verdict != Verdict.NO_GO:
+        return ""
+    line = f"But the battery does not last: it takes {charge_used(route)}"
+    if used.emptied is None:
+        return f"{line}, and is empty on the way back."
+    place = coordinates(used.emptied.place)
+    return f"{line}, and is empty after {numbers.length(used.emptied.value)}, at {place}."
+
+
+def stop(metres: float | None) -> str:
+    """Distance to stop; "cannot stop" for infinity."""
+    return "cannot stop" if metres == math.inf else numbers.length(metres)
+
+
+def slow_phrase(route: Route) -> str:
+    """Phrase on the least speed that stops in time; empty where the vehicle's own speed does."""
+    profile, slowest = route.profile, route.slowest
+    if profile is None or slowest is None or slowest.value >= float(profile.speed.max()):
+        return ""
+    return f"{numbers.quantity(slowest.value, 'm/s')} at {coordinates(slowest.place)}"
+
+
 def quarter_turn(figures: Figures) -> str:
     """Work of a quarter turn on the spot, or the measure that forbids it."""
     if figures.turning_binding != Reason.NONE:
@@ -175,6 +212,10 @@ def _way(route: Route) -> str:
         return f"{what}: {barrier(route.barriers[0])}{rest}."
     what = "There is a way" if route.planned else "The way through the waypoints can be driven"
     line = f"{what} from {ends(route)}: {_journey(route)}"
+    if route.charge is not None and route.charge.verdict != Verdict.NO_GO:
+        line += f", {charge_used(route)}"
+    if slow := slow_phrase(route):
+        line += f"; to stop in time no faster than {slow}"
     if caution := caution_length(route):
         line += f"; caution on {caution}"
     if route.least_chance is not None and route.chance is not None:
@@ -186,7 +227,7 @@ def _way(route: Route) -> str:
         of = f" ({reason.label})" if reason != Reason.NONE else ""
         line += f"; least margin {numbers.share(max(route.tightest.value, 0.0))}{of}"
         line += f" at {coordinates(route.tightest.place)}"
-    return f"{line}."
+    return f"{line}. {empty_battery(route)}".rstrip()
 
 
 def headings_line(route: Route) -> str:

@@ -289,9 +289,9 @@ def check_route(
     before = location_at(
         terrain, float(path.x[max(first - 1, 0)]), float(path.y[max(first - 1, 0)])
     )
-    return replace(
-        _with_barriers(route, found, before), profile=profile(path, tiles.survey, terrain)
-    )
+    cost = driving_cost(path, tiles.survey, vehicle, on.turns, on.brakes)
+    along_it = profile(path, tiles.survey, terrain, cost)
+    return replace(_with_barriers(route, found, before), profile=along_it)
 
 
 def with_way_back(route: Route, back: Route) -> Route:
@@ -359,7 +359,7 @@ def _search(on: RouteSite, prefer: Preference, begin: Cell, end: Cell) -> Search
         """Fill in the costs of a part of the cells."""
         can = drivable(survey, part)
         costs.flags[:, *part] = np.where(can, ALLOWED | BACKING, 0)
-        costs.rate[:, *part] = rates(survey, vehicle, prefer, part)
+        costs.rate[:, *part] = rates(survey, vehicle, prefer, part, on.brakes)
         costs.turn[part] = prices.fixed[survey.surfaces[part]]
         costs.runs[part] = prices.metres[survey.surfaces[part]]
 
@@ -392,8 +392,8 @@ def _with_way(route: Route, path: Path, on: RouteSite) -> Route:
     The way is one-way if its cells, and those beside them, do not lead back.
     """
     terrain, survey = on.terrain, on.survey
-    along_it = profile(path, survey, terrain)
-    cost = driving_cost(path, survey, on.vehicle, on.turns)
+    cost = driving_cost(path, survey, on.vehicle, on.turns, on.brakes)
+    along_it = profile(path, survey, terrain, cost)
     steepest = find_extreme(terrain, along_it.pitch, along_it, of_size=True)
     softest = find_extreme(terrain, along_it.sinkage, along_it)
     tightest = find_extreme(terrain, along_it.utilisation, along_it)
@@ -409,8 +409,10 @@ def _with_way(route: Route, path: Path, on: RouteSite) -> Route:
         energy=cost.energy,
         time=cost.time,
         turning=cost.turning,
-        steepest=steepest and replace(steepest, reason=Reason.NONE),
-        softest=softest and replace(softest, reason=Reason.NONE),
+        stop=_without_reason(find_extreme(terrain, along_it.stopping, along_it)),
+        slowest=_slowest(along_it, on),
+        steepest=_without_reason(steepest),
+        softest=_without_reason(softest),
         tightest=tightest and replace(tightest, value=1.0 - tightest.value),
         profile=along_it,
         one_way=one_way,
@@ -418,6 +420,18 @@ def _with_way(route: Route, path: Path, on: RouteSite) -> Route:
         chance=chance,
         least_chance=least_chance,
     )
+
+
+def _without_reason(extreme: Extreme | None) -> Extreme | None:
+    return extreme and replace(extreme, reason=Reason.NONE)
+
+
+def _slowest(along_it: RouteProfile, on: RouteSite) -> Extreme | None:
+    """The least speed along a way; None where stopping distances are not limited."""
+    if not math.isfinite(on.vehicle.stopping_distance):
+        return None
+    found = _without_reason(find_extreme(on.terrain, -along_it.speed, along_it))
+    return found and replace(found, value=-found.value)
 
 
 def _chances(
