@@ -13,6 +13,7 @@
 //   x0 = (1 − sin θ0/θ0) min(X, STEADY)      the shear of rolling without slip
 //   S = A (C + N μ)                          along the rim
 //   W = N cos θm + S sin θm, DP = S cos θm − N sin θm, T = S r
+//   D = W max(c of the wheel, c of the ground)      drag of rolling, which DP loses and T pays for
 //   cos θ1 = 1 − z/r, θ1 = θ0 + f s √(GROWTH² + acos(r/(r + h))²)      sinkage z as it slips
 //
 // Nc is Prandtl's bearing capacity factor (1920), so cohesion has a contact of W/(c Nc). A is
@@ -74,7 +75,8 @@ struct Wheel {
     double grouser_height = 0.0;  // h, of lugs over the rim, m
     double tread = 0.0;           // height of what grips the soil, m: lugs, or the tread of a tyre
     double max_torque = INF, max_slip = 1.0;
-    bool slips = true;  // the model `slip`; else `paper`
+    bool slips = true;     // the model `slip`; else `paper`
+    double rolling = 0.0;  // resistance of the wheel itself on hard ground, by its load
 };
 
 template <class Visit> void visit_arguments(Wheel& w, Visit visit) {
@@ -82,6 +84,7 @@ template <class Visit> void visit_arguments(Wheel& w, Visit visit) {
     visit("shear_length", w.shear_length), visit("patch_pressure", w.patch_pressure);
     visit("grouser_height", w.grouser_height), visit("tread", w.tread);
     visit("max_torque", w.max_torque), visit("max_slip", w.max_slip), visit("slips", w.slips);
+    visit("rolling", w.rolling);
 }
 
 struct Soil {
@@ -89,6 +92,7 @@ struct Soil {
     double tan_friction;   // tan φ
     double sinkage;        // k, m/N
     double shear_modulus;  // K, m; 0 where it is not known: all strength is mobilised at any slip
+    double rolling = 0.0;  // resistance of the ground beside that of sinking in, by a wheel's load
 };
 
 // What wheels have done to the ground: so many passes, of which the deepest was `first` deep when
@@ -213,6 +217,7 @@ INLINE Contact contact_sunk(double rest, double load, const Wheel& wheel, const 
         at.still = turned * min(at.reach, STEADY);
     }
     at.softness = soft;
+    at.drag = load * max(wheel.rolling, soil.rolling);
     return at;
 }
 
@@ -334,17 +339,18 @@ INLINE SideForce side_force(const Contact& at, double slip, double tangent) {
 
 // Soils, member by member.
 struct Soils {
-    In cohesion, tan_friction, sinkage, shear_modulus;
+    In cohesion, tan_friction, sinkage, shear_modulus, rolling;
 
     i64 size() const { return count_of(cohesion); }
     Soil operator[](std::size_t n) const {
-        return {cohesion[n], tan_friction[n], sinkage[n], shear_modulus[n]};
+        return {cohesion[n], tan_friction[n], sinkage[n], shear_modulus[n], rolling[n]};
     }
 };
 
 template <class Visit> void visit_arguments(Soils& s, Visit visit) {
     visit("cohesion[n]", s.cohesion), visit("tan_friction[n]", s.tan_friction);
     visit("sinkage[n]", s.sinkage), visit("shear_modulus[n]", s.shear_modulus);
+    visit("rolling[n]", s.rolling);
 }
 
 // What `one` makes of each of `count` numbers.
@@ -376,9 +382,9 @@ inline void tractions(
 }
 
 // Resistance of wheels without torque.
-inline std::vector<double> towing(In load, In rate, const Wheel& wheel) {
+inline std::vector<double> towing(In load, const Soils& soils, const Wheel& wheel) {
     return each(load.size(), [&](std::size_t n) {
-        return towed(load[n], contact_under(load[n], {0.0, 0.0, rate[n], 0.0}, wheel));
+        return towed(load[n], contact_under(load[n], soils[n], wheel));
     });
 }
 

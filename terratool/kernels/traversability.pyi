@@ -92,9 +92,7 @@ def demands(
     Shapes: load[n], pull[n], out[n].
     """
 
-def towing(
-    load: NDArray[np.float64], sinkage: NDArray[np.float64], wheel: Any
-) -> NDArray[np.float64]:
+def towing(load: NDArray[np.float64], sinkage: Any, wheel: Any) -> NDArray[np.float64]:
     """
     Resistance of wheels without torque.
 

@@ -29,6 +29,7 @@ class WheelArrays(NamedTuple):
         grouser_height: height h of lugs, m.
         tread: height of what grips the soil, m.
         max_torque: largest torque of the motor, N m; infinity where it is not limited.
+        rolling: coefficient of rolling resistance of the wheel itself.
         slips: whether slip counts, for all wheels.
     """
 
@@ -39,6 +40,7 @@ class WheelArrays(NamedTuple):
     grouser_height: NDArray[np.float64]
     tread: NDArray[np.float64]
     max_torque: NDArray[np.float64]
+    rolling: NDArray[np.float64]
     slips: bool
 
     @classmethod

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import msgspec
 import numpy as np
@@ -24,6 +24,7 @@ from terratool.traversability.soil import (
 from terratool.traversability.steps import step_of
 from terratool.traversability.survey import SoilSamples, soil_table
 from terratool.traversability.vehicle import Soil, Vehicle
+from terratool.traversability.wheel import under_wheels
 
 SAMPLES = 256
 """Default number of samples."""
@@ -133,14 +134,9 @@ def soil_samples(terrain: Terrain, vehicle: Vehicle, draws: Draws) -> SoilSample
         found = [soil for soil in sampled_soils(name, draws, vehicle) if soil is not None]
         if not found:
             continue
-        members = np.array(
-            [
-                (one.cohesion, math.tan(one.friction), one.sinkage, one.shear_modulus, 0.0)
-                for one in found
-            ]
-        )
-        members[:, 4] = _steps(vehicle, [step_friction(vehicle, one) for one in found])
-        for table, values in zip(tables, members.T, strict=True):
+        members = np.array([np.concatenate(under_wheels(replace(one, factors=None))) for one in found])
+        highest = _steps(vehicle, [step_friction(vehicle, one) for one in found])
+        for table, values in zip(tables, (*members.T, highest), strict=True):
             table[:, id_] = values
     return SoilSamples(*tables)
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from msgspec import UNSET
 
-from terratool.definition.model import Surface
+from terratool.definition.model import SOIL_FIGURES, Surface
 from terratool.definition.presets import Preset, preset_of, property_of
 from terratool.errors import RequestError
 from terratool.field.terrain import Terrain
@@ -133,7 +133,7 @@ def soil_of(name: str, surface: Surface, wheel: Wheel, load: float) -> Soil | No
         return None
     values = {
         attribute: property_of(surface, attribute)
-        for attribute in ("cohesion", "fric_angle", "sinkage", "shear_modulus")
+        for attribute in SOIL_FIGURES
     }
     preset = preset_of(surface)
     if values["sinkage"] is UNSET and preset is not None:
@@ -311,6 +311,7 @@ def surface_figures(name: str, surface: Surface, vehicle: Vehicle) -> Figures:
             *_cannot_turn(name, turning),
         ),
         slip_curve=slip_curve(vehicle, soil, up),
+        rolling=max(wheel.rolling, soil.rolling) if wheel.slips else 0.0,
         energy=energy,
         driving_range=vehicle.battery.usable / energy if vehicle.battery and energy else None,
         braking=brake,

@@ -132,11 +132,12 @@ def soil_table(terrain: Terrain, vehicle: Vehicle) -> tuple[SoilArrays, NDArray[
     rows = []
     for soil in soils(terrain, vehicle):
         if soil is None:
-            rows.append((math.nan, math.nan, 0.0, 0.0, step_of(vehicle, _ANY).height))
+            rows.append((math.nan, math.nan, 0.0, 0.0, 0.0, step_of(vehicle, _ANY).height))
         else:
             step = step_of(vehicle, step_friction(vehicle, soil)).height
             friction = math.tan(soil.friction)
-            rows.append((soil.cohesion, friction, soil.sinkage, soil.shear_modulus, step))
+            figures = soil.cohesion, friction, soil.sinkage, soil.shear_modulus, soil.rolling
+            rows.append((*figures, step))
     *members, steps = np.array(rows, np.float64).T.copy()
     return SoilArrays(*members), steps
 
@@ -148,6 +149,7 @@ class SoilSamples(NamedTuple):
     tan_friction: NDArray[np.float64]
     sinkage: NDArray[np.float64]
     shear_modulus: NDArray[np.float64]
+    rolling: NDArray[np.float64]
     steps: NDArray[np.float64]
 
 

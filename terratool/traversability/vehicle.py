@@ -43,6 +43,7 @@ class Soil:
             of the shear strength is mobilised whatever the slip.
         factors: factors of k for each wheel of a vehicle, in the order of its layout; all are 1 if
             None.
+        rolling: coefficient of rolling resistance of the ground, beside what sinking in takes.
     """
 
     cohesion: Any
@@ -50,11 +51,16 @@ class Soil:
     sinkage: Any
     shear_modulus: Any = 0.0
     factors: tuple[float, ...] | None = None
+    rolling: Any = 0.0
 
     @classmethod
-    def of(cls, cohesion: Any, friction: Any, sinkage: Any, shear_modulus: Any = 0.0) -> Soil:
-        """Convert figures in the units of a definition: kPa, degrees, m/kN, m."""
-        return cls(cohesion * 1e3, friction * (math.pi / 180.0), sinkage * 1e-3, shear_modulus)
+    def of(
+        cls, cohesion: Any, friction: Any, sinkage: Any, shear_modulus: Any = 0.0,
+        rolling: Any = 0.0,
+    ) -> Soil:  # fmt: skip
+        """Convert figures in the units of a definition: kPa, degrees, m/kN, m, force over load."""
+        radians = friction * (math.pi / 180.0)
+        return cls(cohesion * 1e3, radians, sinkage * 1e-3, shear_modulus, rolling=rolling)
 
 
 MODELS = ("slip", "paper")
