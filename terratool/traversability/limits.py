@@ -46,9 +46,9 @@ class WheelArrays(NamedTuple):
     @classmethod
     def of(cls, wheels: Sequence[Wheel]) -> WheelArrays:
         """Gather the attributes of wheels, in their order."""
-        members = [name for name in cls._fields if name != "slips"]
+        *members, slips = cls._fields
         rows = [[getattr(wheel, name) for name in members] for wheel in wheels]
-        return cls(*np.array(rows, np.float64).T.copy(), slips=wheels[0].slips)
+        return cls(*np.array(rows, np.float64).T.copy(), getattr(wheels[0], slips))
 
 
 @dataclass(frozen=True, slots=True)

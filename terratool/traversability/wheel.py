@@ -167,8 +167,8 @@ def contact(load: Any, soil: Soil, wheel: Wheel, slip: Any = 0.0) -> Contact:
 
     A wheel that slips by s digs itself in, to cos θ1 = 1 − z/r with θ1 = θ0 + f s √(GROWTH² +
     acos(r/(r + h))²), fitted to measured wheels. In the model `paper` z = k W, and the wheel
-    touches the soil from θ1 to 0. z may exceed r; angles end at π/2. Q = 2 r b (1 − cos w)/w, w half of
-    what the rim touches. l = `Wheel.shear_length`, or W/(b p) of a tyre if that is more.
+    touches the soil from θ1 to 0. z may exceed r; angles end at π/2. Q = 2 r b (1 − cos w)/w, w
+    half of what the rim touches. l = `Wheel.shear_length`, or W/(b p) of a tyre if that is more.
 
     Args:
         load: load W, N.
