@@ -122,6 +122,15 @@ def sampled_soils(name: str, draws: Draws, vehicle: Vehicle) -> tuple[Soil | Non
     return tuple(soil_under(name, surface, vehicle) for surface in draws.surfaces[name])
 
 
+def case_samples(
+    terrain: Terrain, vehicle: Vehicle, draws: Draws | None
+) -> tuple[SoilSamples, ...]:
+    """Sampled soils of a terrain for each of the vehicle's loads; none where none are sampled."""
+    if draws is None:
+        return ()
+    return tuple(soil_samples(terrain, case, draws) for case in vehicle.cases)
+
+
 def soil_samples(terrain: Terrain, vehicle: Vehicle, draws: Draws) -> SoilSamples:
     """Sampled soils of a terrain, by sample and by id, the surface's index and one."""
     soils, steps = soil_table(terrain, vehicle)
@@ -151,10 +160,25 @@ def _steps(vehicle: Vehicle, friction: Sequence[float]) -> NDArray[np.float64]:
 def level_chances(name: str, draws: Draws, vehicle: Vehicle) -> Chances | None:
     """Probabilities of driving on level ground of a surface with ranges; None without ranges.
 
-    Climbs have the vehicle's margins taken off, as in `surface_figures`.
+    Climbs have the vehicle's margins taken off, as in `surface_figures`. Of several loads each
+    figure is that of the worst.
     """
     if name not in draws.surfaces:
         return None
+    found = [_level_chances(name, draws, case) for case in vehicle.cases]
+    known = [one for one in found if one is not None]
+    if len(known) < 2:
+        return found[0]
+    go, drives = min(one.go for one in known), min(one.drives for one in known)
+    low, high = (
+        min((getattr(one, end) for one in known), key=lambda angle: -1.0 if angle is None else angle)
+        for end in ("climb_low", "climb_high")
+    )
+    return Chances(go, drives, low, high)
+
+
+def _level_chances(name: str, draws: Draws, vehicle: Vehicle) -> Chances | None:
+    """Probabilities of driving on level ground of a surface, with the vehicle's load as it is."""
     soils = [soil for soil in sampled_soils(name, draws, vehicle) if soil is not None]
     if not soils:
         return None

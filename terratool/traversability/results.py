@@ -14,7 +14,7 @@ from terratool.kernels import traversability as kernels
 from terratool.raster.grid import Grid
 from terratool.report.wording import count_of
 from terratool.text.display import printable
-from terratool.traversability.vehicle import Vehicle
+from terratool.traversability.vehicle import Load, Vehicle
 
 HEADINGS = 8
 """Default number of headings of a survey, clockwise from north."""
@@ -176,6 +176,23 @@ class Chances:
 
 
 @dataclass(frozen=True, slots=True)
+class LoadSpan:
+    """What a vehicle can do on a surface with each of its loads: the least and the most.
+
+    Attributes:
+        load: load with which it can do least, whose figures those of the surface are.
+        climb: steepest slope that is climbed, rad; None where it cannot even drive on the level.
+        cross_slope: steepest cross-slope, rad; None likewise.
+        step: height of the highest step that is climbed, m.
+    """
+
+    load: Load
+    climb: tuple[float | None, float | None]
+    cross_slope: tuple[float | None, float | None]
+    step: tuple[float | None, float | None]
+
+
+@dataclass(frozen=True, slots=True)
 class Figures:
     """Figures of a vehicle on level ground of a surface, and the slopes and steps that it takes.
 
@@ -238,6 +255,8 @@ class Figures:
         stopping: distance to stop from the vehicle's speed on the level, m.
         speed_limit: largest speed that stops within the vehicle's stopping distance on the level,
             m/s; None where that is not limited.
+        loads: what it can do with each of its loads, if these differ; other figures are then those
+            of the load with which it can do least, and of energy and stopping the worst of all.
     """
 
     surface: str
@@ -287,6 +306,7 @@ class Figures:
     braking: float | None = None
     stopping: float | None = None
     speed_limit: float | None = None
+    loads: LoadSpan | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -313,6 +333,7 @@ class Survey:
         energy: float32 energy of all wheels for each metre of ground, J/m, motors without loss;
             infinity where the vehicle does not move.
         reserve: float32 angle by which the vehicle may lean more until it tips over, rad.
+        load: uint8 index of the vehicle's load that binds; None where it has no different loads.
     """
 
     grid: Grid
@@ -327,6 +348,7 @@ class Survey:
     slip: NDArray[np.float32]
     energy: NDArray[np.float32]
     reserve: NDArray[np.float32]
+    load: NDArray[np.uint8] | None = None
 
     @property
     def headings(self) -> int:
@@ -497,6 +519,8 @@ class Route:
             cannot; None if that is not known, or there is no way.
         slowest: place of the least speed that stops within the vehicle's stopping distance, m/s;
             None where that is not limited, or there is no way.
+        load: load of the vehicle with the smallest margin; None where it has no different loads, or
+            there is no way.
     """
 
     start: Location
@@ -526,6 +550,7 @@ class Route:
     charge: ChargeUse | None = None
     stop: Extreme | None = None
     slowest: Extreme | None = None
+    load: Load | None = None
 
     @property
     def holds(self) -> bool:
@@ -647,19 +672,23 @@ class Preview:
 
 @dataclass(frozen=True, slots=True)
 class Sampling:
-    """Sampling of the figures of soils that are ranges.
+    """Sampling of the figures of soils that are ranges, and of errors of heights.
 
     Attributes:
         samples: number of samples.
         seed: seed of the generator.
         error: largest error of a share of the samples, at 95 % confidence.
         ranges: ranges that were sampled, every value in them equally likely.
+        height_error: standard deviation of heights, m; None where heights are exact.
+        correlation: correlation length of errors of heights, m; None likewise.
     """
 
     samples: int
     seed: int
     error: float
     ranges: tuple[Range, ...]
+    height_error: float | None = None
+    correlation: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -28,7 +29,14 @@ from terratool.traversability.limits import (
     wheel_layout,
     wheel_loads,
 )
-from terratool.traversability.results import Figures, Reason, SlipCurve, Verdict
+from terratool.traversability.results import (
+    RANKS,
+    Figures,
+    LoadSpan,
+    Reason,
+    SlipCurve,
+    Verdict,
+)
 from terratool.traversability.steps import gap_width, step_of
 from terratool.traversability.stopping import (
     allowed_speed,
@@ -206,12 +214,23 @@ def soils(terrain: Terrain, vehicle: Vehicle) -> tuple[Soil | None, ...]:
 def turnings(terrain: Terrain, vehicle: Vehicle) -> tuple[Turning, ...]:
     """Turning on the spot on each surface of a terrain, by id: the surface's index and one.
 
-    On unknown soil a turn takes no work, only the time of its arc.
+    On unknown soil a turn takes no work, only the time of its arc. Of several loads the worst
+    counts.
     """
     unknown = Turning(run=0.5 * math.hypot(vehicle.track_width, vehicle.wheelbase))
+    each = [[(case, soil) for soil in soils(terrain, case)] for case in vehicle.cases]
     return tuple(
-        unknown if soil is None else turn_on_spot(vehicle, soil) for soil in soils(terrain, vehicle)
+        worst_turning([turn_on_spot(case, soil) for case, soil in row if soil is not None])
+        if any(soil is not None for _, soil in row)
+        else unknown
+        for row in zip(*each, strict=True)
     )
+
+
+def worst_turning(found: Sequence[Turning]) -> Turning:
+    """The turning that is not possible, or takes most work, with the longest run of all."""
+    worst = max(found, key=lambda one: (not one.possible, one.work))
+    return replace(worst, run=max(one.run for one in found))
 
 
 def step_friction(vehicle: Vehicle, soil: Soil) -> float:
@@ -226,6 +245,40 @@ def step_friction(vehicle: Vehicle, soil: Soil) -> float:
 
 
 def surface_figures(name: str, surface: Surface, vehicle: Vehicle) -> Figures:
+    """Figures of a vehicle on a surface, with the load with which it can do least if loads differ.
+
+    Raises:
+        RequestError: a number of the vehicle or the soil is outside the formulas' range.
+    """
+    found = [_figures(name, surface, case) for case in vehicle.cases]
+    if len(found) == 1 or found[0].load is None:
+        return found[0]
+    worst = max(
+        range(len(found)), key=lambda n: (RANKS[found[n].verdict], -(found[n].climb or -1.0))
+    )
+
+    def ends(member: str) -> tuple[float | None, float | None]:
+        """The least and the largest value of a figure; None is less than any number."""
+        values = sorted((getattr(one, member) for one in found), key=lambda v: (v is not None, v or 0.0))
+        return values[0], values[-1]
+
+    turning = max(found, key=lambda one: (one.turning_binding != Reason.NONE, one.turning or 0.0))
+    return replace(
+        found[worst],
+        turning=turning.turning,
+        turning_work=turning.turning_work,
+        turning_slip=turning.turning_slip,
+        turning_binding=turning.turning_binding,
+        energy=ends("energy")[1],
+        driving_range=ends("driving_range")[0],
+        braking=ends("braking")[0],
+        stopping=ends("stopping")[1],
+        speed_limit=ends("speed_limit")[0],
+        loads=LoadSpan(vehicle.loads[worst], ends("climb"), ends("cross_slope"), ends("step")),
+    )
+
+
+def _figures(name: str, surface: Surface, vehicle: Vehicle) -> Figures:
     """Figures of a vehicle on a surface, for the driven wheel that bears most on the level.
 
     Climb, cross-slope, step and verdict hold for the whole vehicle, its margins taken off. Slip is
@@ -264,7 +317,8 @@ def surface_figures(name: str, surface: Surface, vehicle: Vehicle) -> Figures:
         normal, motor = wheels.stresses_from(load, wheel.max_torque, contact.entry_angle, wheel)
         strength = soil.cohesion + normal * math.tan(soil.friction)
     known = soil.shear_modulus > 0.0 and math.isfinite(need.slip)
-    energy = level_energy(vehicle, need) if need.drives else None
+    able = need.drives and verdict != Verdict.NO_GO
+    energy = level_energy(vehicle, need) if able else None
     brake = braking(vehicle, soil)
     slowing = deceleration(brake, vehicle.gravity)
     return Figures(

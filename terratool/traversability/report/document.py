@@ -155,6 +155,34 @@ class ThresholdKeys(Struct, frozen=True):
     geometry: float
 
 
+class LoadKeys(Struct, frozen=True):
+    """Load of a vehicle.
+
+    Attributes:
+        mass_kg: mass of all.
+        cog_ahead_m: distance of the centre of gravity ahead of that of the vehicle.
+    """
+
+    mass_kg: Kilograms
+    cog_height_m: Metres
+    cog_ahead_m: Annotated[float, ResultMember("ahead")]
+
+
+class LoadSpanKeys(Struct, frozen=True):
+    """Least and largest figures of a vehicle on a surface with each of its loads.
+
+    Attributes:
+        load: load with which it can do least.
+    """
+
+    load: LoadKeys
+    climb_deg: Annotated[tuple[float | None, float | None], ResultMember(unit="deg", factor=DEG)]
+    cross_slope_deg: Annotated[
+        tuple[float | None, float | None], ResultMember(unit="deg", factor=DEG)
+    ]
+    step_m: Annotated[tuple[float | None, float | None], ResultMember(unit="m")]
+
+
 class BatteryKeys(Struct, frozen=True):
     """Battery of a vehicle.
 
@@ -183,6 +211,7 @@ class VehicleKeys(Struct, frozen=True):
     body_width_m: Metres
     front: OverhangKeys
     rear: OverhangKeys
+    loads: tuple[LoadKeys, ...]
     steering: Annotated[str, one_of(STEERINGS)]
     speed_m_s: MetresPerSecond
     power_W: Watts
@@ -260,6 +289,7 @@ class SurfaceKeys(Struct, frozen=True):
     braking: float | None
     stopping_m: Metres | None
     speed_limit_m_s: MetresPerSecond | None
+    loads: LoadSpanKeys | None
     warnings: tuple[str, ...]
     slip_curve: SlipCurveKeys | None
     probability: Annotated[ChanceKeys | UnsetType, ResultMember("chances")] = UNSET
@@ -426,6 +456,7 @@ class RouteKeys(Struct, frozen=True):
     charge: ChargeKeys | None
     longest_stop: Annotated[StopKeys | None, ResultMember("stop")]
     slowest: SlowestKeys | None
+    load: LoadKeys | None
     profile: ProfileKeys | None
     probability: Annotated[Share | UnsetType, ResultMember("chance")] = UNSET
     least_probability: Annotated[LeastChanceKeys | UnsetType, ResultMember("least_chance")] = UNSET
@@ -515,12 +546,19 @@ class MendKeys(Struct, frozen=True):
 
 
 class SamplingKeys(Struct, frozen=True):
-    """Sampling of soils that are ranges."""
+    """Sampling of soils that are ranges, and of errors of heights.
+
+    Attributes:
+        height_error_m: standard deviation of heights; None where these are exact.
+        correlation_m: length over which errors of heights are correlated.
+    """
 
     samples: Annotated[int, Meta(ge=1)]
     seed: Count
     error: Share
-    ranges: Annotated[tuple[Range, ...], Meta(min_length=1)]
+    ranges: tuple[Range, ...]
+    height_error_m: Metres | None
+    correlation_m: Metres | None
 
 
 class ReportKeys(Document, frozen=True, kw_only=True):
@@ -537,8 +575,8 @@ class ReportKeys(Document, frozen=True, kw_only=True):
         mending: lines of JSON that mend what surfaces lack, by an example of a soil; none where
             nothing is lacking.
         map: classes of the ground; None where only routes were asked for.
-        sampling: sampling of soils, only where some of their figures are ranges; the middles count
-            for everything but probabilities.
+        sampling: sampling of soils and of errors of heights, only where there are ranges or such
+            errors; middles, and heights as they are, count for everything but probabilities.
     """
 
     format_version: int = FORMAT_VERSION
@@ -738,6 +776,8 @@ def _report(report: TraversabilityReport) -> ReportKeys:
             sampling.seed,
             value_of(sampling.error),
             sampling.ranges,
+            value_of(sampling.height_error),
+            value_of(sampling.correlation),
         ),
     )
 

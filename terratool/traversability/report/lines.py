@@ -13,6 +13,7 @@ from terratool.traversability.report.tables import (
     chances,
     grounds_of,
     likelihoods,
+    loads,
     reasons,
     title,
     warnings,
@@ -63,10 +64,11 @@ def _one(report: TraversabilityReport) -> Iterator[str]:
         yield from wrap(_ranges(report))
         yield from wrap(_stops(report))
         yield ""
-    if (table := chances(report)).rows:
-        titles = [column.title for column in table.columns]
-        yield from align([titles, *map(_texts, table.rows)])
-        yield ""
+    for table in (loads(report), chances(report)):
+        if table.rows:
+            titles = [column.title for column in table.columns]
+            yield from align([titles, *map(_texts, table.rows)])
+            yield ""
     if report.summary:
         yield from align(_map(report.summary))
         if likely := ", ".join(f"{name} on {part}" for name, part in likelihoods(report).rows):

@@ -78,6 +78,24 @@ def operations(report: TraversabilityReport) -> Table:
     )
 
 
+def loads(report: TraversabilityReport) -> Table:
+    """Table of what the vehicle can do on each surface with the worst and the best of its loads."""
+    columns = (
+        Column("surface", False), Column("climb"), Column("across"), Column("step"),
+        Column("least with", False),
+    )  # fmt: skip
+    rows = []
+    for figures in report.surfaces:
+        if (found := figures.loads) is not None:
+            spans = (
+                (found.climb, numbers.degrees), (found.cross_slope, numbers.degrees),
+                (found.step, numbers.length),
+            )  # fmt: skip
+            texts = (" to ".join(map(words, span)) for span, words in spans)
+            rows.append((title(figures), *texts, wording.load(found.load)))
+    return Table(columns, tuple(rows))
+
+
 def contact(report: TraversabilityReport) -> Table:
     """Table of stresses and forces between wheel and soil on each surface."""
     return _by_surface(
@@ -309,6 +327,7 @@ def _properties(vehicle: Vehicle) -> Iterator[tuple[str, str]]:
         yield "load", numbers.quantity(vehicle.weight, "N")
     else:
         yield "mass", numbers.quantity(vehicle.mass, "kg")
+        yield "loads", "; ".join(map(wording.load, vehicle.loads))
         gravity = numbers.quantity(vehicle.gravity, "m/s²")
         yield "weight", f"{numbers.quantity(vehicle.weight, 'N')} at {gravity}"
         yield "axles", "; ".join(map(_axle, vehicle.axles))

@@ -27,7 +27,7 @@ from terratool.traversability.results import (
     TraversabilityReport,
     Verdict,
 )
-from terratool.traversability.vehicle import Vehicle
+from terratool.traversability.vehicle import Load, Vehicle
 
 GROUNDS = (
     GroundClass.GO,
@@ -73,6 +73,14 @@ def charge_used(route: Route) -> str:
     if used.verdict == Verdict.CAUTION:
         line += f", of which {numbers.share(used.reserve)} is to be kept"
     return line
+
+
+def load(one: Load) -> str:
+    """Phrase on a load: mass and centre of gravity."""
+    line = f"{numbers.quantity(one.mass, 'kg')}, centre of gravity {numbers.length(one.cog_height)}"
+    side = "" if not one.ahead else " ahead" if one.ahead > 0.0 else " behind"
+    shifted = f" and {numbers.length(abs(one.ahead))}{side}" if side else ""
+    return f"{line} high{shifted}"
 
 
 def empty_battery(route: Route) -> str:
@@ -227,6 +235,8 @@ def _way(route: Route) -> str:
         of = f" ({reason.label})" if reason != Reason.NONE else ""
         line += f"; least margin {numbers.share(max(route.tightest.value, 0.0))}{of}"
         line += f" at {coordinates(route.tightest.place)}"
+        if route.load is not None:
+            line += f", with a load of {load(route.load)}"
     return f"{line}. {empty_battery(route)}".rstrip()
 
 

@@ -76,7 +76,7 @@ from terratool.traversability.route.reach import (
 from terratool.traversability.soil import turnings
 from terratool.traversability.survey import coarsest_resolution
 from terratool.traversability.tiles import SurveyTiles, part_of
-from terratool.traversability.vehicle import Vehicle
+from terratool.traversability.vehicle import Load, Vehicle
 
 MOST_STATES = 6_000_000
 """Most states, headings times cells, of a route's grid."""
@@ -411,6 +411,7 @@ def _with_way(route: Route, path: Path, on: RouteSite) -> Route:
         turning=cost.turning,
         stop=_without_reason(find_extreme(terrain, along_it.stopping, along_it)),
         slowest=_slowest(along_it, on),
+        load=_binding_load(path, along_it, on),
         steepest=_without_reason(steepest),
         softest=_without_reason(softest),
         tightest=tightest and replace(tightest, value=1.0 - tightest.value),
@@ -434,18 +435,26 @@ def _slowest(along_it: RouteProfile, on: RouteSite) -> Extreme | None:
     return found and replace(found, value=-found.value)
 
 
+def _binding_load(path: Path, along_it: RouteProfile, on: RouteSite) -> Load | None:
+    """The load with the smallest margin along a way; None where loads do not differ."""
+    loads = on.survey.load
+    if loads is None or np.isnan(along_it.utilisation).all():
+        return None
+    return on.vehicle.loads[path.values_of(loads)[np.nanargmax(along_it.utilisation)]]
+
+
 def _chances(
     path: Path, along_it: RouteProfile, on: RouteSite
 ) -> tuple[float | None, Extreme | None]:
     """The probability that a whole path is go, and the smallest along it; None without ranges."""
     marked = on.tiles.samples_passing(path.judged, path.row, path.column)
-    samples = on.tiles.samples
-    if marked is None or samples is None:
+    sampled = on.tiles.uncertainty
+    if marked is None or sampled is None:
         return None, None
     together = np.bitwise_and.reduce(marked, axis=0)
     counts = np.empty((len(marked) + 1, 1), np.uint32)
     kernels.count_samples(np.concatenate([marked, together[None]])[:, None], counts)
-    shares = counts[:, 0] / len(samples.steps)
+    shares = counts[:, 0] / sampled.samples
     least = find_extreme(on.terrain, -shares[:-1], along_it)
     assert least is not None
     return float(shares[-1]), replace(least, value=-least.value, reason=Reason.NONE)
