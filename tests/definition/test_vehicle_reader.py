@@ -23,6 +23,7 @@ from terratool.definition.vehicle import (
     AxleText,
     ClassesText,
     CogText,
+    BatteryText,
     MarginsText,
     OverhangText,
     VehicleText,
@@ -78,7 +79,7 @@ def test_each_key_is_explained(pointer: str, inner: Json) -> None:
     ("kind", "name"),
     [
         (VehicleText, ""), (WheelsText, "wheels"), (AxleText, "axle"), (CogText, "cog"),
-        (OverhangText, "overhang"), (MarginsText, "margins"), (ClassesText, "classes"),
+        (OverhangText, "overhang"), (BatteryText, "battery"), (MarginsText, "margins"), (ClassesText, "classes"),
     ],
 )  # fmt: skip
 def test_has_the_keys_of_the_reader(kind: type, name: str) -> None:
