@@ -138,9 +138,9 @@ def implausible_soil(subject: Subject) -> Iterator[Remark]:
     """A soil value is one that hardly any soil has; most often it is in another unit.
 
     Plausible are cohesion up to 100 kPa, fricAngle from 5 to 50 degrees, sinkage up to 2 m/kN,
-    shearModulus from 0.003 to 0.15 m and rollingResistance up to 0.35. In Wong, Theory of Ground Vehicles, 4th ed., Wiley 2008,
-    cohesions reach from 1 to 69 kPa and angles from 6 to 35 degrees (table 2.3), and shear moduli
-    are mostly 0.01 to 0.05 m. With its soils and Bekker's formula, a wheel of 0.2 m radius and
+    shearModulus from 0.003 to 0.15 m and rollingResistance up to 0.35. In Wong, Theory of Ground
+    Vehicles, 4th ed., Wiley 2008, cohesions reach from 1 to 69 kPa and angles from 6 to 35 degrees
+    (table 2.3), and shear moduli are mostly 0.01 to 0.05 m. With its soils and Bekker's formula, a wheel of 0.2 m radius and
     0.1 m width under 100 N sinks 0.02 to 0.18 m/kN, and 1.3 in snow. Rigid ground, sinkage 0, may
     be more cohesive, as rock is, or smoother, as ice is. Both ends of a range are looked at.
 
@@ -160,7 +160,8 @@ def implausible_soil(subject: Subject) -> Iterator[Remark]:
           "elemTypes": {"box": {"x": [1]}}, "elemTree": {"type": "box", "surface": "sand"}
         }
 
-    To mend: write cohesion in kPa, angles in degrees, sinkage in m/kN and shearModulus in m.
+    To mend: write cohesion in kPa, angles in degrees, sinkage in m/kN, shearModulus in m and
+    rollingResistance as force over load.
     """
     for name, surface in subject.definition.surfaces.items():
         for key, attribute, low, high, unit, why in _PLAUSIBLE:
