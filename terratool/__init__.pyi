@@ -45,6 +45,7 @@ from terratool.sensing.sensor import Sensor as Sensor
 from terratool.sensing.sensor import load_sensor as load_sensor
 from terratool.simulators.export import SimulatorReport
 from terratool.traversability.assess import Point
+from terratool.traversability.height_error import HeightError
 from terratool.traversability.route.graph import Preference
 from terratool.traversability.ruts import Deformed
 from terratool.traversability.vehicle import Vehicle as Vehicle
@@ -276,6 +277,7 @@ class Terrain(ShownTerrain):
         dask: str | None = None,
         samples: int = 256,
         seed: int = 0,
+        height_error: HeightError | None = None,
         routes_of: str = "",
         start_of: str = "",
     ) -> ShownReport | ShownComparison:
@@ -616,6 +618,7 @@ class Definition:
         color: Sequence[int] | None = None,
         sonar_refl: float | None = None,
         shear_modulus: float | Sequence[float] | None = None,
+        rolling_resistance: float | Sequence[float] | None = None,
         void: bool | None = None,
         roughness: Mapping[str, Any] | None = None,
         x_ignore: str | Sequence[str] | None = None,

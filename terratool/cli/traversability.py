@@ -212,7 +212,7 @@ def command(
     For surfaces: how wheels sink, pull and climb. For places and headings: go, caution or no-go,
     and what binds. Ends with 1 where a route has no way. Of several FILEs, or a DIR: a table.
     --fail-on takes >, >=, < or <= and go-, caution-, no-go-, unknown-, one-way-, cut-off-, edge-,
-    reachable-fraction; route-length, route-time, route-energy; charge, least-margin, steepest, sinkage.
+    reachable-fraction; route-length, -time, -energy; charge, least-margin, steepest, sinkage.
     """
     from dataclasses import replace
     from pathlib import Path

@@ -215,8 +215,11 @@ class VehicleText(Struct, frozen=True, rename="camel", kw_only=True):
         """
         if self.mass is UNSET or self.cog.height is UNSET:
             return ()
-        ends = ends_of(self.mass), ends_of(self.cog.height), self.cog_ends
-        return tuple(product(*(dict.fromkeys(pair) for pair in ends)))
+        masses, heights, places = (
+            tuple(dict.fromkeys(pair))
+            for pair in (ends_of(self.mass), ends_of(self.cog.height), self.cog_ends)
+        )
+        return tuple(product(masses, heights, places))
 
 
 # --- keys -----------------------------------------------------------------------------------------

@@ -274,13 +274,11 @@ def prepare_assessment(
 def uncertainty(
     terrain: Terrain, vehicle: Vehicle, draws: Draws | None, request: Request
 ) -> Uncertainty | None:
-    """What of a request is sampled; None where nothing is."""
+    """Sampled soils and errors of heights that a request asks for; None where all is exact."""
     if draws is None and request.height_error is None:
         return None
     fixed = draws or Draws(request.samples, request.seed, {}, ())
-    return Uncertainty(
-        case_samples(terrain, vehicle, fixed), request.height_error, request.seed
-    )
+    return Uncertainty(case_samples(terrain, vehicle, fixed), request.height_error, request.seed)
 
 
 class _Grids(NamedTuple):
@@ -513,7 +511,7 @@ def assess(
 
 
 def _sampling(draws: Draws | None, request: Request) -> Sampling | None:
-    """What was sampled, for reports; None where nothing was."""
+    """Record of samples for reports; None where there were none."""
     off = request.height_error
     if draws is None and off is None:
         return None
@@ -651,8 +649,8 @@ def _loads_note(vehicle: Vehicle) -> Iterator[str]:
     """A note on the loads that were judged."""
     if vehicle.loads:
         yield (
-            f"The vehicle is judged with {len(vehicle.loads)} loads, the ends of its ranges of mass "
-            "and centre of gravity; at each place the worst verdict of all counts."
+            f"The vehicle is judged with {len(vehicle.loads)} loads, the ends of its ranges of "
+            "mass and centre of gravity; at each place the worst verdict of all counts."
         )
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from statistics import NormalDist
@@ -57,7 +56,7 @@ class HeightError:
         """Correlation of errors at distances, m, in their shape."""
         reach = self.correlation / FALLEN
         if reach == 0.0:
-            return (apart == 0.0).astype(np.float64)
+            return np.asarray(apart == 0.0, np.float64)
         return np.asarray(np.maximum(1.0 - (apart / reach) ** 2, 0.0) ** 3)
 
 
@@ -90,9 +89,9 @@ def footprint_errors(
     generator = np.random.Generator(np.random.PCG64(np.random.SeedSequence([seed, 1])))
     shares = (np.arange(samples) + 0.5) / samples
     normal = np.array([NormalDist().inv_cdf(share) for share in shares.tolist()])
-    drawn = np.stack([generator.permutation(normal) for _ in range(int(kept.sum()))] or [0 * normal])
-    if not kept.any():
-        return np.zeros((count, samples, 6))
+    drawn = np.empty((int(kept.sum()), samples))
+    for component in drawn:
+        component[:] = generator.permutation(normal)
     return np.ascontiguousarray((spread @ drawn).reshape(count, 6, samples).transpose(0, 2, 1))
 
 
@@ -120,9 +119,9 @@ def _sums(
     sums = np.zeros((6, total))
     sums[0] = plane[1] * east + plane[2] * north
     sums[1] = plane[2] * east - plane[1] * north
-    for row, (place, x) in enumerate(zip(range(count, count + 3), (0.0, front, rear), strict=True), 2):
-        sums[row] = -(plane[0] + x * sums[0])
-        sums[row, place] += 1.0
+    for number, x in enumerate((0.0, front, rear)):
+        sums[2 + number] = -(plane[0] + x * sums[0])
+        sums[2 + number, count + number] += 1.0
     sums[5, count + 4], sums[5, count + 3] = 1.0, -1.0
     return where, sums
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import msgspec
@@ -143,7 +143,9 @@ def soil_samples(terrain: Terrain, vehicle: Vehicle, draws: Draws) -> SoilSample
         found = [soil for soil in sampled_soils(name, draws, vehicle) if soil is not None]
         if not found:
             continue
-        members = np.array([np.concatenate(under_wheels(replace(one, factors=None))) for one in found])
+        members = np.array(
+            [np.concatenate(under_wheels(replace(one, factors=None))) for one in found]
+        )
         highest = _steps(vehicle, [step_friction(vehicle, one) for one in found])
         for table, values in zip(tables, (*members.T, highest), strict=True):
             table[:, id_] = values
@@ -170,10 +172,11 @@ def level_chances(name: str, draws: Draws, vehicle: Vehicle) -> Chances | None:
     if len(known) < 2:
         return found[0]
     go, drives = min(one.go for one in known), min(one.drives for one in known)
-    low, high = (
-        min((getattr(one, end) for one in known), key=lambda angle: -1.0 if angle is None else angle)
-        for end in ("climb_low", "climb_high")
-    )
+
+    def least(angles: Iterable[float | None]) -> float | None:
+        return min(angles, key=lambda angle: -1.0 if angle is None else angle)
+
+    low, high = least(one.climb_low for one in known), least(one.climb_high for one in known)
     return Chances(go, drives, low, high)
 
 

@@ -177,7 +177,7 @@ class Chances:
 
 @dataclass(frozen=True, slots=True)
 class LoadSpan:
-    """What a vehicle can do on a surface with each of its loads: the least and the most.
+    """Least and largest figures of a vehicle on a surface, with each of its loads.
 
     Attributes:
         load: load with which it can do least, whose figures those of the surface are.

@@ -139,10 +139,7 @@ def soil_of(name: str, surface: Surface, wheel: Wheel, load: float) -> Soil | No
     """
     if missing_of(surface):
         return None
-    values = {
-        attribute: property_of(surface, attribute)
-        for attribute in SOIL_FIGURES
-    }
+    values = {attribute: property_of(surface, attribute) for attribute in SOIL_FIGURES}
     preset = preset_of(surface)
     if values["sinkage"] is UNSET and preset is not None:
         rate = float(bekker_sinkage(preset, wheel, load)) / load * 1e3 if load > 0.0 else 0.0
@@ -259,7 +256,8 @@ def surface_figures(name: str, surface: Surface, vehicle: Vehicle) -> Figures:
 
     def ends(member: str) -> tuple[float | None, float | None]:
         """The least and the largest value of a figure; None is less than any number."""
-        values = sorted((getattr(one, member) for one in found), key=lambda v: (v is not None, v or 0.0))
+        values: list[float | None] = [getattr(one, member) for one in found]
+        values.sort(key=lambda value: -1.0 if value is None else value)
         return values[0], values[-1]
 
     turning = max(found, key=lambda one: (one.turning_binding != Reason.NONE, one.turning or 0.0))

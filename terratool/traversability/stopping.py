@@ -43,7 +43,7 @@ def _braking(vehicle: Vehicle, soil: Soil) -> float:
     ]
 
     def surplus(force: float) -> float:
-        """What the wheels hold beyond a braking force, N; below 0 where an axle lifts."""
+        """Hold of the wheels beyond a braking force, N; below 0 where an axle lifts."""
         loads = weight * layout.shares[:, 0] + force * layout.shares[:, 1]
         if (loads < 0.0).any():
             return -math.inf
@@ -128,4 +128,4 @@ def speeds(
     ground = brakes[survey.surfaces[at[1:]]]
     slowing = deceleration(ground, vehicle.gravity, survey.pitch[at], survey.roll[at])
     allowed = np.nan_to_num(allowed_speed(vehicle, slowing), nan=vehicle.speed)
-    return np.maximum(allowed, CRAWL * vehicle.speed).astype(np.float32)
+    return np.asarray(np.maximum(allowed, CRAWL * vehicle.speed), np.float32)

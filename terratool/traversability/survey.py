@@ -14,13 +14,13 @@ from terratool.errors import RequestError
 from terratool.field.terrain import Terrain
 from terratool.kernels import traversability as kernels
 from terratool.raster.grid import Grid, Window
+from terratool.traversability.height_error import HeightError, block_shifts, footprint_errors
 from terratool.traversability.limits import (
     WheelLayout,
     slip_limit,
     tip_edges,
     wheel_layout,
 )
-from terratool.traversability.height_error import HeightError, block_shifts, footprint_errors
 from terratool.traversability.results import HEADINGS, MOST_HEADINGS, RANKS
 from terratool.traversability.soil import soils, step_friction
 from terratool.traversability.stance import (
@@ -156,7 +156,7 @@ class SoilSamples(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Uncertainty:
-    """What is not known exactly, and is sampled.
+    """Samples of soils and errors of heights that are not known exactly.
 
     Attributes:
         soils: sampled soils for each of the vehicle's loads, (samples, ids) each; samples are all
@@ -575,7 +575,7 @@ def _keep_worse(out: Verdicts, other: Verdicts) -> NDArray[np.bool_]:
         keep = np.fmin if plane in _LEAST_COUNTS else np.fmax
         if plane not in (kernels.PITCH, kernels.ROLL):
             keep(out.numbers[plane], other.numbers[plane], out=out.numbers[plane])
-    return worse
+    return np.asarray(worse, np.bool_)
 
 
 class BodyPart(NamedTuple):

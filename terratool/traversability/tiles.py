@@ -205,7 +205,7 @@ class SurveyTiles:
 
     @property
     def uncertainty(self) -> Uncertainty | None:
-        """What is sampled; None where nothing is."""
+        """Samples of the surveyor; None where all is known."""
         return None if self._surveyor is None else self._surveyor.uncertainty
 
     def samples_passing(

@@ -158,7 +158,11 @@ def test_a_kind_of_wheel_stands_for_its_figures(wheels: Json, wheel: Wheel) -> N
             Wheel(0.25, 0.2, patch_pressure=70e3, tyre=True, rolling=ROLLING),
         ),
         ({"maxSlip": 0.5}, {"width": 0.1}, Wheel(0.25, 0.1, max_slip=0.5)),
-        ({}, {"tyrePressure": 50}, Wheel(0.25, 0.2, patch_pressure=70e3, tyre=True, rolling=ROLLING)),
+        (
+            {},
+            {"tyrePressure": 50},
+            Wheel(0.25, 0.2, patch_pressure=70e3, tyre=True, rolling=ROLLING),
+        ),
         ({}, {"radius": 0.25, "width": 0.2}, None),
         ({"tyrePressure": 70}, {"kind": "tyre"}, None),
     ],

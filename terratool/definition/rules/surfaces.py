@@ -140,9 +140,10 @@ def implausible_soil(subject: Subject) -> Iterator[Remark]:
     Plausible are cohesion up to 100 kPa, fricAngle from 5 to 50 degrees, sinkage up to 2 m/kN,
     shearModulus from 0.003 to 0.15 m and rollingResistance up to 0.35. In Wong, Theory of Ground
     Vehicles, 4th ed., Wiley 2008, cohesions reach from 1 to 69 kPa and angles from 6 to 35 degrees
-    (table 2.3), and shear moduli are mostly 0.01 to 0.05 m. With its soils and Bekker's formula, a wheel of 0.2 m radius and
-    0.1 m width under 100 N sinks 0.02 to 0.18 m/kN, and 1.3 in snow. Rigid ground, sinkage 0, may
-    be more cohesive, as rock is, or smoother, as ice is. Both ends of a range are looked at.
+    (table 2.3), and shear moduli are mostly 0.01 to 0.05 m. With its soils and Bekker's formula, a
+    wheel of 0.2 m radius and 0.1 m width under 100 N sinks 0.02 to 0.18 m/kN, and 1.3 in snow.
+    Rigid ground, sinkage 0, may be more cohesive, as rock is, or smoother, as ice is. Both ends of
+    a range are looked at.
 
     Fails:
 

@@ -209,7 +209,11 @@ def tips_over(subject: VehicleSubject) -> Iterator[Remark]:
         return
     front, rear = vehicle.ends
     # another rule reports axles that are all in one place
-    out = [] if vehicle.cog.x is UNSET else [x for x in ends_of(vehicle.cog.x) if not rear < x < front]
+    out = (
+        []
+        if vehicle.cog.x is UNSET
+        else [x for x in ends_of(vehicle.cog.x) if not rear < x < front]
+    )
     if out and rear < front:
         yield Remark(
             "/cog/x",

@@ -343,9 +343,9 @@ def _properties(vehicle: Vehicle) -> Iterator[tuple[str, str]]:
     yield "power drawn all the time", numbers.quantity(vehicle.power, "W") if vehicle.power else ""
     yield "efficiency", numbers.share(vehicle.efficiency) if vehicle.efficiency < 1.0 else ""
     if vehicle.battery is not None:
-        kept = f", {numbers.share(vehicle.battery.reserve)} of it kept"
+        unused = f", {numbers.share(vehicle.battery.reserve)} of it kept"
         charge = numbers.energy(vehicle.battery.capacity)
-        yield "battery", f"{charge}{kept if vehicle.battery.reserve else ''}"
+        yield "battery", f"{charge}{unused if vehicle.battery.reserve else ''}"
     if math.isfinite(vehicle.stopping_distance):
         yield "is to stop within", numbers.length(vehicle.stopping_distance)
     late = vehicle.reaction_time

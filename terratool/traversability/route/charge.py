@@ -15,9 +15,9 @@ from terratool.traversability.vehicle import Vehicle
 def with_charge(route: Route, vehicle: Vehicle, terrain: Terrain) -> Route:
     """A route with the charge that it uses, there and back where both were asked for.
 
-    The verdict is the worse of the route's and the battery's: caution where the reserve is used, no-go
-    where the battery is empty before the end. The route stays as it is where there is no battery, or
-    no way.
+    The verdict is the worse of the route's and the battery's: caution where the reserve is used,
+    no-go where the battery is empty before the end. The route stays as it is where there is no
+    battery, or no way.
     """
     battery, profile = vehicle.battery, route.profile
     if battery is None or profile is None or not route.found or route.energy is None:

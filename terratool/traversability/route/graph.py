@@ -73,7 +73,8 @@ def drivable(survey: Survey, part: Any = np.s_[:, :]) -> NDArray[np.bool_]:
 def seconds_per_metre(slip: NDArray[np.float32], speed: Any) -> NDArray[np.float32]:
     """Seconds for a metre at a slip, in the slip's shape: 1 / (speed · (1 − slip)).
 
-    The speed, m/s, is one number, or one for each slip, as `stopping.speeds` has it. An unknown slip (NaN) counts as 0; a slip of 1 gives infinity.
+    The speed, m/s, is one number, or one for each slip, as `stopping.speeds` has it. An unknown
+    slip (NaN) counts as 0; a slip of 1 gives infinity.
     """
     grip = 1.0 - np.clip(np.nan_to_num(slip, nan=0.0), 0.0, 1.0)
     with np.errstate(divide="ignore"):
@@ -82,7 +83,8 @@ def seconds_per_metre(slip: NDArray[np.float32], speed: Any) -> NDArray[np.float
 
 def joules_per_metre(energy: NDArray[np.float32], vehicle: Vehicle) -> NDArray[np.float32]:
     """Joules that motors draw for a metre, not below 0: energy gained downhill is lost."""
-    return np.maximum(energy, np.float32(0.0)) / np.float32(vehicle.efficiency)
+    drawn = np.maximum(energy, np.float32(0.0)) / np.float32(vehicle.efficiency)
+    return np.asarray(drawn, np.float32)
 
 
 def turning_arc(survey: Survey, vehicle: Vehicle) -> float:

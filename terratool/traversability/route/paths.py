@@ -240,9 +240,10 @@ def driving_cost(
     ground = brakes[survey.surfaces[path.row, path.column]]
     slowing = deceleration(ground, vehicle.gravity, survey.pitch[states], survey.roll[states])
     speed = np.broadcast_to(speeds(survey, vehicle, brakes, states), path.x.shape)
+    times, energies = np.cumsum(np.pad(by_leg, ((0, 0), (1, 0))), axis=1)
     return DrivingCost(
-        float(length.sum()), time + turning_time, energy + turning, turning,
-        *np.cumsum(np.pad(by_leg, ((0, 0), (1, 0))), axis=1), speed.astype(np.float64),
+        float(length.sum()), time + turning_time, energy + turning, turning, times, energies,
+        speed.astype(np.float64),
         np.where(np.isnan(slowing), np.nan, stopping_distance(vehicle, slowing)),
     )  # fmt: skip
 

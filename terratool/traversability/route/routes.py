@@ -440,7 +440,8 @@ def _binding_load(path: Path, along_it: RouteProfile, on: RouteSite) -> Load | N
     loads = on.survey.load
     if loads is None or np.isnan(along_it.utilisation).all():
         return None
-    return on.vehicle.loads[path.values_of(loads)[np.nanargmax(along_it.utilisation)]]
+    at = int(np.nanargmax(along_it.utilisation))
+    return on.vehicle.loads[int(path.values_of(loads)[at])]
 
 
 def _chances(
