@@ -46,9 +46,9 @@ class WheelArrays(NamedTuple):
     @classmethod
     def of(cls, wheels: Sequence[Wheel]) -> WheelArrays:
         """Gather the attributes of wheels, in their order."""
-        *members, slips = cls._fields
-        rows = [[getattr(wheel, name) for name in members] for wheel in wheels]
-        return cls(*np.array(rows, np.float64).T.copy(), getattr(wheels[0], slips))
+        members = [name for name in cls._fields if name != "slips"]
+        table = np.array([[getattr(w, name) for w in wheels] for name in members], np.float64)
+        return cls(**dict(zip(members, table, strict=True)), slips=wheels[0].slips)
 
 
 @dataclass(frozen=True, slots=True)
