@@ -45,7 +45,6 @@ from terratool.sensing.sensor import Sensor as Sensor
 from terratool.sensing.sensor import load_sensor as load_sensor
 from terratool.simulators.export import SimulatorReport
 from terratool.traversability.assess import Point
-from terratool.traversability.height_error import HeightError
 from terratool.traversability.route.graph import Preference
 from terratool.traversability.ruts import Deformed
 from terratool.traversability.vehicle import Vehicle as Vehicle
@@ -277,7 +276,7 @@ class Terrain(ShownTerrain):
         dask: str | None = None,
         samples: int = 256,
         seed: int = 0,
-        height_error: HeightError | None = None,
+        height_error: tuple[float, float] | None = None,
         routes_of: str = "",
         start_of: str = "",
     ) -> ShownReport | ShownComparison:

@@ -166,8 +166,8 @@ SAMPLES = (256, 16, 1024)  # default, least, most
         "--height-error",
         nargs=2,
         type=float,
-        metavar="M L",
-        help="Of heights: standard deviation M, correlated over L m; for probabilities.",
+        metavar="M M",
+        help="Of heights: standard deviation, and the length over which it is alike.",
     ),
     click.option(
         "--threads", type=click.IntRange(1), metavar="N", help="[default: one a processor]"
@@ -209,10 +209,9 @@ def command(
 ) -> int:
     """Say whether a vehicle can drive on a terrain, FILE, where not, and why.
 
-    For surfaces: how wheels sink, pull and climb. For places and headings: go, caution or no-go,
-    and what binds. Ends with 1 where a route has no way. Of several FILEs, or a DIR: a table.
-    --fail-on takes >, >=, < or <= and go-, caution-, no-go-, unknown-, one-way-, cut-off-, edge-,
-    reachable-fraction; route-length, -time, -energy; charge, least-margin, steepest, sinkage.
+    Ends with 1 where a route has no way. Of several FILEs, or a DIR: a table. --fail-on takes >, >=,
+    < or <= and go-, caution-, no-go-, unknown-, one-way-, cut-off-, edge-, reachable-fraction;
+    route-length, route-time, route-energy; charge, least-margin, steepest, sinkage.
     """
     from dataclasses import replace
     from pathlib import Path
@@ -222,7 +221,6 @@ def command(
     from terratool.traversability.assess import Request, check_places
     from terratool.traversability.compare import prepare
     from terratool.traversability.conditions import answerable, parse
-    from terratool.traversability.height_error import HeightError
     from terratool.traversability.report.formats import renderer_of
     from terratool.traversability.report.writing import JudgementFiles
     from terratool.traversability.route.waypoints import read_waypoints
@@ -238,7 +236,7 @@ def command(
     base = Request(
         waypoints=tuple(map(read_waypoints, waypoints)), returns=returns, prefer=prefer,
         bounds=bounds, headings=headings, samples=samples, seed=seed, threads=threads,
-        dask=dask, height_error=None if height_error is None else HeightError(*height_error),
+        dask=dask, height_error=height_error,
     )  # fmt: skip
 
     def vehicles_of(paths: tuple[str, ...]) -> list[Vehicle]:

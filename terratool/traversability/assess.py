@@ -121,7 +121,8 @@ class Request:
             processes as threads; None for none.
         samples: number of samples of the soils, where their figures are ranges.
         seed: seed of the generator that draws the samples.
-        height_error: errors of the terrain's heights, for probabilities of go; None for exact ones.
+        height_error: standard deviation of the terrain's heights and the length over which their
+            errors are correlated, m, for probabilities of go; None for exact heights.
         routes_of, start_of: where routes and start were asked for, in words; empty for the user.
     """
 
@@ -139,9 +140,14 @@ class Request:
     dask: str | None = None
     samples: int = SAMPLES
     seed: int = 0
-    height_error: HeightError | None = None
+    height_error: tuple[float, float] | None = None
     routes_of: str = ""
     start_of: str = ""
+
+    @property
+    def heights(self) -> HeightError | None:
+        """Errors of the terrain's heights; None for exact ones."""
+        return None if self.height_error is None else HeightError(*self.height_error)
 
     @property
     def travels(self) -> bool:
@@ -250,8 +256,8 @@ def prepare_assessment(
         raise RequestError("--dask is about maps, but only routes are asked for.", "Add --map OUT.")
     check_places(request, terrain.bounds)
     draws = draw(terrain, request.samples, request.seed)
-    if request.height_error is not None:
-        request.height_error.check()
+    if (off := request.heights) is not None:
+        off.check()
     grid, routes, headings, notes = _grids(terrain, vehicle, request, map_path is not None)
     if map_path is not None:
         chances = draws is not None or request.height_error is not None
@@ -278,7 +284,7 @@ def uncertainty(
     if draws is None and request.height_error is None:
         return None
     fixed = draws or Draws(request.samples, request.seed, {}, ())
-    return Uncertainty(case_samples(terrain, vehicle, fixed), request.height_error, request.seed)
+    return Uncertainty(case_samples(terrain, vehicle, fixed), request.heights, request.seed)
 
 
 class _Grids(NamedTuple):
@@ -512,7 +518,7 @@ def assess(
 
 def _sampling(draws: Draws | None, request: Request) -> Sampling | None:
     """Record of samples for reports; None where there were none."""
-    off = request.height_error
+    off = request.heights
     if draws is None and off is None:
         return None
     error = share_error(request.samples)
@@ -634,7 +640,7 @@ def _sampling_note(draws: Draws | None) -> Iterator[str]:
 
 def _heights_note(request: Request) -> Iterator[str]:
     """A note on errors of heights."""
-    error = request.height_error
+    error = request.heights
     if error is not None:
         yield (
             f"Heights are off by {error.deviation:.4g} m (standard deviation), and their errors "
