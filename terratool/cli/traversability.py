@@ -209,8 +209,8 @@ def command(
 ) -> int:
     """Say whether a vehicle can drive on a terrain, FILE, where not, and why.
 
-    Ends with 1 where a route has no way. Of several FILEs, or a DIR: a table. --fail-on takes >, >=,
-    < or <= and go-, caution-, no-go-, unknown-, one-way-, cut-off-, edge-, reachable-fraction;
+    Ends with 1 where a route has no way. Of several FILEs, or a DIR: a table. --fail-on takes >,
+    >=, < or <= and go-, caution-, no-go-, unknown-, one-way-, cut-off-, edge-, reachable-fraction;
     route-length, route-time, route-energy; charge, least-margin, steepest, sinkage.
     """
     from dataclasses import replace
