@@ -81,6 +81,7 @@ def drawn(
         "slip": 0.0,
         "energy": 10.0,
         "crab": 0.0,
+        "reserve": 0.8,
     } | planes
     grid = Grid(*origin, resolution, *shape[1:])
     return Survey(

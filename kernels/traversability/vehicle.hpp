@@ -9,7 +9,7 @@ namespace terratool::traversability {
 
 // Wheels, member by member.
 struct Wheels {
-    In radius, width, shear_length, patch_pressure, grouser_height, tread, max_torque;
+    In radius, width, shear_length, patch_pressure, grouser_height, tread, max_torque, rolling;
     bool slips;
 
     Wheel operator[](std::size_t n) const {
@@ -21,7 +21,8 @@ struct Wheels {
                 tread[n],
                 max_torque[n],
                 1.0,
-                slips};
+                slips,
+                rolling[n]};
     }
 };
 
@@ -29,7 +30,7 @@ template <class Visit> void visit_arguments(Wheels& w, Visit visit) {
     visit("radius[w]", w.radius), visit("width[w]", w.width);
     visit("shear_length[w]", w.shear_length), visit("patch_pressure[w]", w.patch_pressure);
     visit("grouser_height[w]", w.grouser_height), visit("tread[w]", w.tread);
-    visit("max_torque[w]", w.max_torque);
+    visit("max_torque[w]", w.max_torque), visit("rolling[w]", w.rolling);
     visit("slips", w.slips);
 }
 

@@ -172,6 +172,13 @@ SAMPLES = (256, 16, 1024)  # default, least, most
         help="Number that these samples follow from.",
     ),
     click.option(
+        "--height-error",
+        nargs=2,
+        type=float,
+        metavar="M M",
+        help="Of heights: standard deviation, and the length over which it is alike.",
+    ),
+    click.option(
         "--threads", type=click.IntRange(1), metavar="N", help="[default: one a processor]"
     ),
     dense=True,
@@ -200,6 +207,7 @@ def command(
     headings: int | None,
     samples: int,
     seed: int,
+    height_error: tuple[float, float] | None,
     conditions: tuple[str, ...],
     formats: tuple[str, ...],
     config_file: str | None,
@@ -211,10 +219,9 @@ def command(
 ) -> int:
     """Say whether a vehicle can drive on a terrain, FILE, where not, and why.
 
-    For surfaces: how wheels sink, pull and climb. For places and headings: go, caution or no-go,
-    and what binds. Of several FILEs, or a DIR: a table. Ends with 1 without a way, and on --fail-on
-    with >, >=, < or <= and go-, caution-, no-go-, unknown-, one-way-, cut-off-, edge-, reachable-
-    fraction; route-length, route-time, route-energy; least-margin, drift, steepest, sinkage.
+    Ends with 1 where a route has no way. Of several FILEs, or a DIR: a table. --fail-on takes >,
+    >=, < or <= and go-, caution-, no-go-, unknown-, one-way-, cut-off-, edge-, reachable-fraction;
+    route-length, route-time, route-energy; charge, least-margin, drift, steepest, sinkage.
     """
     from dataclasses import replace
     from pathlib import Path
@@ -240,7 +247,7 @@ def command(
     base = Request(
         waypoints=tuple(map(read_waypoints, waypoints)), returns=returns, prefer=prefer,
         bounds=bounds, headings=headings, samples=samples, seed=seed, threads=threads,
-        dask=dask,
+        dask=dask, height_error=height_error,
     )  # fmt: skip
 
     def vehicles_of(paths: tuple[str, ...]) -> list[Vehicle]:

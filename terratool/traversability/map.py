@@ -214,7 +214,7 @@ class MapBuilder:
         flat = (grid.height, grid.width)
         self._surveyor = surveyor
         self.terrain, self.grid, self.headings = terrain, grid, surveyor.headings
-        self.sampled = surveyor.samples is not None
+        self.sampled = surveyor.uncertainty is not None
         self.kept = empty_bands(flat, self.sampled) if keep else None
         self.chance = np.full(flat, np.nan, np.float32) if self.sampled else None
         self.reason = np.zeros(flat, np.uint8)

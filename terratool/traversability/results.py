@@ -14,7 +14,7 @@ from terratool.kernels import traversability as kernels
 from terratool.raster.grid import Grid
 from terratool.report.wording import count_of
 from terratool.text.display import printable
-from terratool.traversability.vehicle import Vehicle
+from terratool.traversability.vehicle import Load, Vehicle
 
 HEADINGS = 8
 """Default number of headings of a survey, clockwise from north."""
@@ -191,6 +191,23 @@ class Chances:
 
 
 @dataclass(frozen=True, slots=True)
+class LoadSpan:
+    """Least and largest figures of a vehicle on a surface, with each of its loads.
+
+    Attributes:
+        load: load with which it can do least, whose figures those of the surface are.
+        climb: steepest slope that is climbed, rad; None where it cannot even drive on the level.
+        cross_slope: steepest cross-slope, rad; None likewise.
+        step: height of the highest step that is climbed, m.
+    """
+
+    load: Load
+    climb: tuple[float | None, float | None]
+    cross_slope: tuple[float | None, float | None]
+    step: tuple[float | None, float | None]
+
+
+@dataclass(frozen=True, slots=True)
 class Figures:
     """Figures of a vehicle on level ground of a surface, and the slopes and steps that it takes.
 
@@ -248,6 +265,17 @@ class Figures:
             that does not yield, in the model `paper`, and where it is kept in reserve; None like
             the climb.
         drift_curve: crab angle against side slope; None where slip is not known.
+        rolling: coefficient of rolling resistance that counts, the larger of ground and wheel.
+        energy: energy of a charge for a metre on the level, J: that of the wheels by the motors'
+            efficiency, and the power drawn all the time; None where the vehicle cannot drive.
+        driving_range: way on the level that a charge without its reserve lasts for, m; None without
+            a battery, or where the vehicle cannot drive.
+        braking: deceleration on the level as a share of gravity.
+        stopping: distance to stop from the vehicle's speed on the level, m.
+        speed_limit: largest speed that stops within the vehicle's stopping distance on the level,
+            m/s; None where that is not limited.
+        loads: what it can do with each of its loads, if these differ; other figures are then those
+            of the load with which it can do least, and of energy and stopping the worst of all.
     """
 
     surface: str
@@ -293,6 +321,13 @@ class Figures:
     turning_binding: Reason = Reason.NONE
     climb_error: float | None = None
     drift_curve: DriftCurve | None = None
+    rolling: float | None = None
+    energy: float | None = None
+    driving_range: float | None = None
+    braking: float | None = None
+    stopping: float | None = None
+    speed_limit: float | None = None
+    loads: LoadSpan | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -320,6 +355,8 @@ class Survey:
             infinity where the vehicle does not move.
         crab: float32 crab angle, rad: by how much the vehicle heads uphill to hold its line, and
             drifts downhill if it does not; NaN where slip is not known.
+        reserve: float32 angle by which the vehicle may lean more until it tips over, rad.
+        load: uint8 index of the vehicle's load that binds; None where it has no different loads.
     """
 
     grid: Grid
@@ -334,6 +371,8 @@ class Survey:
     slip: NDArray[np.float32]
     energy: NDArray[np.float32]
     crab: NDArray[np.float32]
+    reserve: NDArray[np.float32]
+    load: NDArray[np.uint8] | None = None
 
     @property
     def headings(self) -> int:
@@ -395,6 +434,11 @@ class RouteProfile:
             line on a side slope; below 0 to the right; NaN where unknown.
         drift: how far it is to the left of its line, m, if nobody steers against the drift since
             the last corner; below 0 to the right.
+        reserve: angle by which the vehicle may lean more until it tips over, rad.
+        stopping: distance to stop from the vehicle's speed, m; NaN where it is not known.
+        speed: speed of the treads, m/s, no more than stops within the vehicle's stopping distance.
+        time: time since the start, s.
+        energy: energy since the start, J.
     """
 
     x: NDArray[np.float64]
@@ -413,6 +457,37 @@ class RouteProfile:
     element: tuple[str, ...]
     crab: NDArray[np.float64]
     drift: NDArray[np.float64]
+    reserve: NDArray[np.float64]
+    stopping: NDArray[np.float64]
+    speed: NDArray[np.float64]
+    time: NDArray[np.float64]
+    energy: NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class ChargeUse:
+    """The charge that a route uses, there and, if that was asked for, back.
+
+    Attributes:
+        energy: energy of all of it, J.
+        share: share of a full charge that it uses; above 1 if the battery does not last.
+        reserve: share of a charge that is not to be used.
+        emptied: place where the battery is empty, and how far on the way it is, m, in a straight
+            line from sample to sample seen from above; None where it lasts, or is empty on the way
+            back.
+    """
+
+    energy: float
+    share: float
+    reserve: float
+    emptied: Extreme | None = None
+
+    @property
+    def verdict(self) -> Verdict:
+        """Go within the charge without its reserve, caution within all of it, else no-go."""
+        if self.share > 1.0:
+            return Verdict.NO_GO
+        return Verdict.CAUTION if self.share > 1.0 - self.reserve else Verdict.GO
 
 
 @dataclass(frozen=True, slots=True)
@@ -475,6 +550,13 @@ class Route:
             it is not known.
         drift_total: sum of all drift, to either side, m; None if there is no way.
         strays: whether the drift is more than the vehicle's largest; the verdict is caution then.
+        charge: charge that the way uses; None if there is no way, or no battery.
+        stop: place of the longest distance to stop from the vehicle's speed, m, infinity where it
+            cannot; None if that is not known, or there is no way.
+        slowest: place of the least speed that stops within the vehicle's stopping distance, m/s;
+            None where that is not limited, or there is no way.
+        load: load of the vehicle with the smallest margin; None where it has no different loads, or
+            there is no way.
     """
 
     start: Location
@@ -505,11 +587,16 @@ class Route:
     crab: Extreme | None = None
     drift_total: float | None = None
     strays: bool = False
+    charge: ChargeUse | None = None
+    stop: Extreme | None = None
+    slowest: Extreme | None = None
+    load: Load | None = None
 
     @property
     def holds(self) -> bool:
-        """Whether there is a way, and one back if that was asked for."""
-        return self.found and (self.back is None or self.back.found)
+        """Whether there is a way, and one back if that was asked for, and the battery lasts."""
+        lasts = self.charge is None or self.charge.verdict != Verdict.NO_GO
+        return self.found and (self.back is None or self.back.found) and lasts
 
 
 @dataclass(frozen=True, slots=True)
@@ -633,19 +720,23 @@ class Preview:
 
 @dataclass(frozen=True, slots=True)
 class Sampling:
-    """Sampling of the figures of soils that are ranges.
+    """Sampling of the figures of soils that are ranges, and of errors of heights.
 
     Attributes:
         samples: number of samples.
         seed: seed of the generator.
         error: largest error of a share of the samples, at 95 % confidence.
         ranges: ranges that were sampled, every value in them equally likely.
+        height_error: standard deviation of heights, m; None where heights are exact.
+        correlation: correlation length of errors of heights, m; None likewise.
     """
 
     samples: int
     seed: int
     error: float
     ranges: tuple[Range, ...]
+    height_error: float | None = None
+    correlation: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -38,6 +38,7 @@ class SoilArrays(NamedTuple):
     tan_friction: NDArray[np.float64]
     sinkage: NDArray[np.float64]
     shear_modulus: NDArray[np.float64]
+    rolling: NDArray[np.float64]
 
 
 def flatten(*values: Any) -> tuple[tuple[int, ...], list[NDArray[np.float64]]]:
@@ -54,15 +55,16 @@ def flatten_soils(
     soil: Soil, *values: Any
 ) -> tuple[tuple[int, ...], SoilArrays, list[NDArray[np.float64]]]:
     """Broadcast a soil and values together, as `flatten`: shape, soils, and the values."""
-    shape, (cohesion, friction, sinkage, modulus, *others) = flatten(
-        soil.cohesion, soil.friction, soil.sinkage, soil.shear_modulus, *values
+    shape, (cohesion, friction, sinkage, modulus, rolling, *others) = flatten(
+        soil.cohesion, soil.friction, soil.sinkage, soil.shear_modulus, soil.rolling, *values
     )
-    return shape, SoilArrays(cohesion, np.tan(friction), sinkage, modulus), others
+    return shape, SoilArrays(cohesion, np.tan(friction), sinkage, modulus, rolling), others
 
 
 def under_wheels(soil: Soil) -> SoilArrays:
     """A soil of numbers as arrays of one, or of one for each wheel if it has factors."""
-    numbers = soil.cohesion, math.tan(soil.friction), soil.sinkage, soil.shear_modulus
+    friction = math.tan(soil.friction)
+    numbers = soil.cohesion, friction, soil.sinkage, soil.shear_modulus, soil.rolling
     columns = np.array(numbers, np.float64)[:, None]
     if soil.factors is not None:
         columns = np.repeat(columns, len(soil.factors), axis=1)
@@ -214,9 +216,9 @@ def traction(load: Any, soil: Soil, wheel: Wheel, slip: Any | None = None) -> Tr
 
 
 def towed_resistance(load: Any, soil: Soil, wheel: Wheel) -> Numbers:
-    """Resistance of a wheel without torque, R = W tan θm, N: −DP at τm = 0."""
-    shape, (weights, rate) = flatten(load, soil.sinkage)
-    return reshape(kernels.towing(weights, rate, wheel), shape)
+    """Resistance of a wheel without torque, R = W tan θm and rolling, N."""
+    shape, soils, (weights,) = flatten_soils(soil, load)
+    return reshape(kernels.towing(weights, soils, wheel), shape)
 
 
 def grip(load: Any, soil: Soil, wheel: Wheel, slip: Any = 1.0) -> Numbers:

@@ -21,6 +21,7 @@ from terratool.definition.layout import canonical
 from terratool.definition.reader import Checked, CheckOptions, check
 from terratool.definition.vehicle import (
     AxleText,
+    BatteryText,
     ClassesText,
     CogText,
     MarginsText,
@@ -78,7 +79,8 @@ def test_each_key_is_explained(pointer: str, inner: Json) -> None:
     ("kind", "name"),
     [
         (VehicleText, ""), (WheelsText, "wheels"), (AxleText, "axle"), (CogText, "cog"),
-        (OverhangText, "overhang"), (MarginsText, "margins"), (ClassesText, "classes"),
+        (OverhangText, "overhang"), (BatteryText, "battery"), (MarginsText, "margins"),
+        (ClassesText, "classes"),
     ],
 )  # fmt: skip
 def test_has_the_keys_of_the_reader(kind: type, name: str) -> None:

@@ -166,9 +166,8 @@ def profiled(x: Any, y: Any, drift: Any) -> RouteProfile:
     none = np.zeros(len(x))
     bits = none.astype(np.uint8)
     names = ("",) * len(x)
-    return RouteProfile(
-        x, y, none, none, none, none, none, none, none, none, bits, bits, names, names, none, drift
-    )
+    figures = (none,) * 8
+    return RouteProfile(x, y, *figures, bits, bits, names, names, none, drift, *figures[:5])
 
 
 class TestLimits:

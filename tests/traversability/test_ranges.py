@@ -147,7 +147,8 @@ class TestDraws:
     def test_figures_are_independent(self) -> None:
         """No two of them go together, those of one surface and those of two."""
         draws = drawn(terrain_of(hills()), 1024)
-        sand = np.array([[getattr(s, a) for a in SOIL_FIGURES] for s in draws.surfaces["sand"]])
+        ranged = terrain_of(hills()).surface_types["sand"].ranges
+        sand = np.array([[getattr(s, a) for a in ranged] for s in draws.surfaces["sand"]])
         loam = np.array([[s.fric_angle] for s in draws.surfaces["loam"]])
         together = np.corrcoef(np.hstack([sand, loam]).T) - np.eye(5)
         assert np.abs(together).max() < 4 / math.sqrt(1024)

@@ -9,6 +9,7 @@ from msgspec import UNSET, to_builtins
 
 from terratool.definition.findings import Remark
 from terratool.definition.keys import default_of
+from terratool.definition.model import ends_of
 from terratool.definition.rules.base import VehicleSubject, rule
 from terratool.definition.vehicle import ClassesText
 from terratool.text.display import quote
@@ -29,6 +30,7 @@ _PLAUSIBLE_WHEEL = (
     ("tyrePressure", 3, 1500, "kPa"),
     ("carcassStiffness", 0, 500, "kPa"),
     ("maxTorque", 1e-3, 1e5, "N m"),
+    ("rollingResistance", 0, 0.5, ""),
 )
 _PLAUSIBLE = (
     # pointer, low, high, unit
@@ -44,6 +46,10 @@ _PLAUSIBLE = (
     ("overhang/rearHeight", 0.001, 5, "m"),
     ("speed", 0, 30, "m/s"),
     ("power", 0, 1e5, "W"),
+    ("efficiency", 0.05, 1, ""),
+    ("battery/capacity", 1, 1e6, "Wh"),
+    ("stoppingDistance", 0.01, 1000, "m"),
+    ("reactionTime", 0, 10, "s"),
 )
 
 
@@ -124,7 +130,7 @@ def weak_drive(subject: VehicleSubject) -> Iterator[Remark]:
             return
         count += subject.axles[index].count
         push += subject.axles[index].count * torque / radius
-    share = push / (mass * vehicle.acceleration)
+    share = push / (max(ends_of(mass)) * vehicle.acceleration)
     if driven and share < _ROLLING:
         yield Remark(
             subject.place(driven[0], "maxTorque"),
@@ -171,20 +177,61 @@ def _implausible(
     owner: object, pointer: str, ranges: Iterable[tuple[str, float, float, str]]
 ) -> Iterator[Remark]:
     for path, low, high, unit in ranges:
-        value = _value(owner, path)
-        if isinstance(value, float) and not low <= value <= high:
-            yield Remark(
-                f"{pointer}/{path}",
-                f'"{path.rpartition("/")[2]}" is {quote(value)} {unit}, which hardly any vehicle '
-                f"has: they have {low:g} to {high:g} {unit}.",
-                f"Check its unit, which is {unit}.",
-            )
+        found = _value(owner, path)
+        for value in found if isinstance(found, tuple) else (found,):
+            if isinstance(value, float) and not low <= value <= high:
+                of = f" {unit}" if unit else ""
+                yield Remark(
+                    f"{pointer}/{path}",
+                    f'"{path.rpartition("/")[2]}" is {quote(value)}{of}, which hardly any vehicle '
+                    f"has: they have {low:g} to {high:g}{of}.",
+                    f"Check its unit, which is {unit}." if unit else "Check it; it is a share.",
+                )
+                break
 
 
 def _value(owner: object, path: str) -> object:
     for key in path.split("/"):
-        owner = getattr(owner, "".join(f"_{c.lower()}" if c.isupper() else c for c in key))
+        name = "".join(f"_{c.lower()}" if c.isupper() else c for c in key)
+        owner = getattr(owner, name, UNSET)
     return owner
+
+
+@rule("TT516", "reversed-load", kind="vehicle")
+def reversed_load(subject: VehicleSubject) -> Iterator[Remark]:
+    """A range of mass or of the centre of gravity is upside down: its first number is larger.
+
+    A range is [low, high]. Which of the two numbers is mistaken cannot be told, so nothing is
+    swapped.
+
+    Fails:
+
+        {
+          "mass": [75, 50], "wheels": {"radius": 0.16, "width": 0.11}, "wheelbase": 0.5,
+          "track": 0.55, "cog": {"height": 0.2}, "clearance": 0.13
+        }
+
+    Passes:
+
+        {
+          "mass": [50, 75], "wheels": {"radius": 0.16, "width": 0.11}, "wheelbase": 0.5,
+          "track": 0.55, "cog": {"height": 0.2}, "clearance": 0.13
+        }
+
+    To mend: write the smaller number first.
+    """
+    vehicle = subject.vehicle
+    for pointer, figure in (
+        ("/mass", vehicle.mass), ("/cog/height", vehicle.cog.height), ("/cog/x", vehicle.cog.x),
+    ):  # fmt: skip
+        if isinstance(figure, tuple) and figure[0] > figure[1]:
+            name = pointer.rpartition("/")[2]
+            yield Remark(
+                pointer,
+                f'the range of "{name}" begins with {quote(figure[0])} and ends with '
+                f"{quote(figure[1])}, which is less.",
+                "Write the smaller number first.",
+            )
 
 
 @rule("TT510", "used-up-margin", "warning", kind="vehicle")
@@ -247,8 +294,8 @@ def _tip(subject: VehicleSubject) -> float:
     vehicle, height = subject.vehicle, subject.vehicle.cog.height
     if height is UNSET or vehicle.track is UNSET or not subject.axles:
         return math.inf
-    front, rear = vehicle.ends
-    if subject.left_out("/cog", "x") or not rear < vehicle.cog_x < front:
+    (front, rear), (low, high) = vehicle.ends, vehicle.cog_ends
+    if subject.left_out("/cog", "x") or not rear < low <= high < front:
         return math.inf
-    reach = min(0.5 * vehicle.track, front - vehicle.cog_x, vehicle.cog_x - rear)
-    return math.degrees(math.atan(reach / height))
+    reach = min(0.5 * vehicle.track, front - high, low - rear)
+    return math.degrees(math.atan(reach / max(ends_of(height))))

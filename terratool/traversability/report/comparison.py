@@ -93,6 +93,8 @@ def _journey(route: Route) -> tuple[Cell, ...]:
         more = len(route.barriers) - 1
         binds = wording.because(route.barriers[0].reason)
         binds += f" (and {count_of(more, 'more place')})" * bool(more)
+    elif route.charge is not None and route.charge.verdict == Verdict.NO_GO:
+        binds = "battery"
     elif margin is not None:
         binds = wording.because(margin.reason)
     return (

@@ -85,6 +85,8 @@ def _variables(reports: Reports) -> dict[str, Any]:
         ),
         "abilities": of_all(tables.abilities),
         "chances": of_all(tables.chances),
+        "loads": of_all(tables.loads),
+        "operations": of_all(tables.operations),
         "contact": of_all(tables.contact),
         "soils": of_all(tables.soils),
         "slips": of_all(tables.slips),

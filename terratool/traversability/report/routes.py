@@ -86,6 +86,7 @@ def _summary(route: Route) -> dict[str, Any]:
         "turning_J": exact(route.turning),
         "drift_m": exact(route.drift.value) if route.drift else None,
         "drift_total_m": exact(route.drift_total),
+        "charge": None if route.charge is None else exact(route.charge.share),
         "note": route.note or None,
         **chances,
     }

@@ -62,6 +62,40 @@ def abilities(report: TraversabilityReport) -> Table:
     )
 
 
+def operations(report: TraversabilityReport) -> Table:
+    """Table of energy, ranges and stopping on the level of each surface."""
+    vehicle = report.vehicle
+    ranged = (Column("range on a charge"), lambda f: numbers.length(f.driving_range))
+    slowed = (Column("speed to stop in time, m/s"), lambda f: numbers.number(f.speed_limit))
+    return _by_surface(
+        report,
+        (Column("rolling resistance"), lambda f: numbers.number(f.rolling)),
+        (Column("energy, Wh/km"), lambda f: _scaled_text(f.energy, 1.0 / 3.6)),
+        *((ranged,) if vehicle.battery else ()),
+        (Column("braking"), lambda f: numbers.number(f.braking)),
+        (Column("stops within"), lambda f: wording.stop(f.stopping)),
+        *((slowed,) if math.isfinite(vehicle.stopping_distance) else ()),
+    )
+
+
+def loads(report: TraversabilityReport) -> Table:
+    """Table of what the vehicle can do on each surface with the worst and the best of its loads."""
+    columns = (
+        Column("surface", False), Column("climb"), Column("across"), Column("step"),
+        Column("least with", False),
+    )  # fmt: skip
+    rows = []
+    for figures in report.surfaces:
+        if (found := figures.loads) is not None:
+            spans = (
+                (found.climb, numbers.degrees), (found.cross_slope, numbers.degrees),
+                (found.step, numbers.length),
+            )  # fmt: skip
+            texts = (" to ".join(map(words, span)) for span, words in spans)
+            rows.append((title(figures), *texts, wording.load(found.load)))
+    return Table(columns, tuple(rows))
+
+
 def contact(report: TraversabilityReport) -> Table:
     """Table of stresses and forces between wheel and soil on each surface."""
     return _by_surface(
@@ -254,6 +288,12 @@ def journey(route: Route) -> Iterator[tuple[str, str]]:
         if text != numbers.NOTHING:
             part = wording.turning_share(route) if name == "energy" else ""
             yield name, f"{text}, {part}" if part else text
+    if used := wording.charge_used(route):
+        yield "battery", used
+    if route.stop is not None:
+        yield "longest stop", f"{wording.stop(route.stop.value)}, {wording.where(route.stop.place)}"
+    if slow := wording.slow_phrase(route):
+        yield "slowest to stop in time", slow
     if route.steepest is not None:
         pitch = route.steepest.value
         way = (" up" if pitch > 0 else " down") if pitch else ""
@@ -301,6 +341,7 @@ def _properties(vehicle: Vehicle) -> Iterator[tuple[str, str]]:
         yield "load", numbers.quantity(vehicle.weight, "N")
     else:
         yield "mass", numbers.quantity(vehicle.mass, "kg")
+        yield "loads", "; ".join(map(wording.load, vehicle.loads))
         gravity = numbers.quantity(vehicle.gravity, "m/s²")
         yield "weight", f"{numbers.quantity(vehicle.weight, 'N')} at {gravity}"
         yield "axles", "; ".join(map(_axle, vehicle.axles))
@@ -316,6 +357,15 @@ def _properties(vehicle: Vehicle) -> Iterator[tuple[str, str]]:
     yield "power drawn all the time", numbers.quantity(vehicle.power, "W") if vehicle.power else ""
     if math.isfinite(vehicle.max_drift):
         yield "largest drift", numbers.length(vehicle.max_drift)
+    yield "efficiency", numbers.share(vehicle.efficiency) if vehicle.efficiency < 1.0 else ""
+    if vehicle.battery is not None:
+        unused = f", {numbers.share(vehicle.battery.reserve)} of it kept"
+        charge = numbers.energy(vehicle.battery.capacity)
+        yield "battery", f"{charge}{unused if vehicle.battery.reserve else ''}"
+    if math.isfinite(vehicle.stopping_distance):
+        yield "is to stop within", numbers.length(vehicle.stopping_distance)
+    late = vehicle.reaction_time
+    yield "reaction time", numbers.duration(late) if late else ""
     kept = (
         ("clearance", margins.clearance, numbers.length), ("step", margins.step, numbers.length),
         ("tip-over", margins.tip, numbers.degrees), ("slope", margins.slope, numbers.degrees),

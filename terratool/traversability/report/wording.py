@@ -28,7 +28,7 @@ from terratool.traversability.results import (
     Verdict,
     fraction_of,
 )
-from terratool.traversability.vehicle import Vehicle
+from terratool.traversability.vehicle import Load, Vehicle
 
 GROUNDS = (
     GroundClass.GO,
@@ -75,6 +75,51 @@ def climb(figures: Figures) -> str:
     if figures.climb is None or not figures.climb_error:
         return numbers.degrees(figures.climb)
     return f"{numbers.degrees(figures.climb)} ± {numbers.degrees(figures.climb_error)}"
+
+
+def charge_used(route: Route) -> str:
+    """Phrase on the share of a charge that a route uses; empty where that is not known."""
+    used = route.charge
+    if used is None:
+        return ""
+    back = " there and back" if route.back is not None and route.back.found else ""
+    line = f"{numbers.share(used.share)} of a charge{back}"
+    if used.verdict == Verdict.CAUTION:
+        line += f", of which {numbers.share(used.reserve)} is to be kept"
+    return line
+
+
+def load(one: Load) -> str:
+    """Phrase on a load: mass and centre of gravity."""
+    line = f"{numbers.quantity(one.mass, 'kg')}, centre of gravity {numbers.length(one.cog_height)}"
+    side = "" if not one.ahead else " ahead" if one.ahead > 0.0 else " behind"
+    shifted = f" and {numbers.length(abs(one.ahead))}{side}" if side else ""
+    return f"{line} high{shifted}"
+
+
+def empty_battery(route: Route) -> str:
+    """Sentence on a battery that does not last for a route; empty where it does."""
+    used = route.charge
+    if used is None or used.verdict != Verdict.NO_GO:
+        return ""
+    line = f"But the battery does not last: it takes {charge_used(route)}"
+    if used.emptied is None:
+        return f"{line}, and is empty on the way back."
+    place = coordinates(used.emptied.place)
+    return f"{line}, and is empty after {numbers.length(used.emptied.value)}, at {place}."
+
+
+def stop(metres: float | None) -> str:
+    """Distance to stop; "cannot stop" for infinity."""
+    return "cannot stop" if metres == math.inf else numbers.length(metres)
+
+
+def slow_phrase(route: Route) -> str:
+    """Phrase on the least speed that stops in time; empty where the vehicle's own speed does."""
+    profile, slowest = route.profile, route.slowest
+    if profile is None or slowest is None or slowest.value >= float(profile.speed.max()):
+        return ""
+    return f"{numbers.quantity(slowest.value, 'm/s')} at {coordinates(slowest.place)}"
 
 
 def quarter_turn(figures: Figures) -> str:
@@ -200,6 +245,10 @@ def _way(route: Route) -> str:
         return f"{what}: {barrier(route.barriers[0])}{rest}."
     what = "There is a way" if route.planned else "The way through the waypoints can be driven"
     line = f"{what} from {ends(route)}: {_journey(route)}"
+    if route.charge is not None and route.charge.verdict != Verdict.NO_GO:
+        line += f", {charge_used(route)}"
+    if slow := slow_phrase(route):
+        line += f"; to stop in time no faster than {slow}"
     if caution := caution_length(route):
         line += f"; caution on {caution}"
     if route.least_chance is not None and route.chance is not None:
@@ -212,7 +261,9 @@ def _way(route: Route) -> str:
         of = f" ({reason.label})" if reason != Reason.NONE else ""
         line += f"; least margin {numbers.share(max(route.tightest.value, 0.0))}{of}"
         line += f" at {coordinates(route.tightest.place)}"
-    return f"{line}."
+        if route.load is not None:
+            line += f", with a load of {load(route.load)}"
+    return f"{line}. {empty_battery(route)}".rstrip()
 
 
 def headings_line(route: Route) -> str:

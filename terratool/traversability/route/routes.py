@@ -77,7 +77,7 @@ from terratool.traversability.route.reach import (
 from terratool.traversability.soil import turnings
 from terratool.traversability.survey import coarsest_resolution
 from terratool.traversability.tiles import SurveyTiles, part_of
-from terratool.traversability.vehicle import Vehicle
+from terratool.traversability.vehicle import Load, Vehicle
 
 MOST_STATES = 6_000_000
 """Most states, headings times cells, of a route's grid."""
@@ -290,9 +290,9 @@ def check_route(
     before = location_at(
         terrain, float(path.x[max(first - 1, 0)]), float(path.y[max(first - 1, 0)])
     )
-    return replace(
-        _with_barriers(route, found, before), profile=profile(path, tiles.survey, terrain)
-    )
+    cost = driving_cost(path, tiles.survey, vehicle, on.turns, on.brakes)
+    along_it = profile(path, tiles.survey, terrain, cost)
+    return replace(_with_barriers(route, found, before), profile=along_it)
 
 
 def with_way_back(route: Route, back: Route) -> Route:
@@ -367,7 +367,7 @@ def _search(on: RouteSite, prefer: Preference, begin: Cell, end: Cell) -> Search
         """Fill in the costs of a part of the cells."""
         can = drivable(survey, part)
         costs.flags[:, *part] = np.where(can, ALLOWED | BACKING, 0)
-        costs.rate[:, *part] = rates(survey, vehicle, prefer, part)
+        costs.rate[:, *part] = rates(survey, vehicle, prefer, part, on.brakes)
         costs.turn[part] = prices.fixed[survey.surfaces[part]]
         costs.runs[part] = prices.metres[survey.surfaces[part]]
 
@@ -400,8 +400,8 @@ def _with_way(route: Route, path: Path, on: RouteSite) -> Route:
     The way is one-way if its cells, and those beside them, do not lead back.
     """
     terrain, survey = on.terrain, on.survey
-    along_it = profile(path, survey, terrain)
-    cost = driving_cost(path, survey, on.vehicle, on.turns)
+    cost = driving_cost(path, survey, on.vehicle, on.turns, on.brakes)
+    along_it = profile(path, survey, terrain, cost)
     steepest = find_extreme(terrain, along_it.pitch, along_it, of_size=True)
     softest = find_extreme(terrain, along_it.sinkage, along_it)
     tightest = find_extreme(terrain, along_it.utilisation, along_it)
@@ -420,8 +420,11 @@ def _with_way(route: Route, path: Path, on: RouteSite) -> Route:
         energy=cost.energy,
         time=cost.time,
         turning=cost.turning,
-        steepest=steepest and replace(steepest, reason=Reason.NONE),
-        softest=softest and replace(softest, reason=Reason.NONE),
+        stop=_without_reason(find_extreme(terrain, along_it.stopping, along_it)),
+        slowest=_slowest(along_it, on),
+        load=_binding_load(path, along_it, on),
+        steepest=_without_reason(steepest),
+        softest=_without_reason(softest),
         tightest=tightest and replace(tightest, value=1.0 - tightest.value),
         profile=along_it,
         one_way=one_way,
@@ -435,18 +438,39 @@ def _with_way(route: Route, path: Path, on: RouteSite) -> Route:
     )
 
 
+def _without_reason(extreme: Extreme | None) -> Extreme | None:
+    return extreme and replace(extreme, reason=Reason.NONE)
+
+
+def _slowest(along_it: RouteProfile, on: RouteSite) -> Extreme | None:
+    """The least speed along a way; None where stopping distances are not limited."""
+    if not math.isfinite(on.vehicle.stopping_distance):
+        return None
+    found = _without_reason(find_extreme(on.terrain, -along_it.speed, along_it))
+    return found and replace(found, value=-found.value)
+
+
+def _binding_load(path: Path, along_it: RouteProfile, on: RouteSite) -> Load | None:
+    """The load with the smallest margin along a way; None where loads do not differ."""
+    loads = on.survey.load
+    if loads is None or np.isnan(along_it.utilisation).all():
+        return None
+    at = int(np.nanargmax(along_it.utilisation))
+    return on.vehicle.loads[int(path.values_of(loads)[at])]
+
+
 def _chances(
     path: Path, along_it: RouteProfile, on: RouteSite
 ) -> tuple[float | None, Extreme | None]:
     """The probability that a whole path is go, and the smallest along it; None without ranges."""
     marked = on.tiles.samples_passing(path.judged, path.row, path.column)
-    samples = on.tiles.samples
-    if marked is None or samples is None:
+    sampled = on.tiles.uncertainty
+    if marked is None or sampled is None:
         return None, None
     together = np.bitwise_and.reduce(marked, axis=0)
     counts = np.empty((len(marked) + 1, 1), np.uint32)
     kernels.count_samples(np.concatenate([marked, together[None]])[:, None], counts)
-    shares = counts[:, 0] / len(samples.steps)
+    shares = counts[:, 0] / sampled.samples
     least = find_extreme(on.terrain, -shares[:-1], along_it)
     assert least is not None
     return float(shares[-1]), replace(least, value=-least.value, reason=Reason.NONE)
