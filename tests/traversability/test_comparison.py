@@ -420,7 +420,7 @@ class TestForms:
         pictures = [one.get("alt", "") for one in page.iter("{http://www.w3.org/1999/xhtml}img")]
         shown = [re.findall("by the (best|worst) heading", alt)[0] for alt in pictures]
         assert shown == ["best", "worst"] * 2
-        # floor and mud have a shear modulus, brick has and needs none: each on a desktop and on a phone
+        # floor and mud have a shear modulus, brick has none: each on a desktop and on a phone
         assert text["r.html"].count('<svg class="slip"') == 4
         assert "Slip counts as none on &quot;brick&quot;, which does not yield." in text["r.html"]
         sheet = ElementTree.fromstring(text["r.svg"])
