@@ -314,7 +314,7 @@ def _verdict_layer(
     ]
     if verdict.lacking:
         notes.append(verdict.lacking)
-    title = f"{verdict.vehicle}{', worst heading' * worst}"
+    title = "worst heading" if worst else verdict.vehicle
     return LayerPicture(
         grid, planes.heights, _ids(planes), palette[classes],
         Legend(title, (*swatches, *void_swatch(planes.heights))), _ON_VERDICTS,
