@@ -22,6 +22,7 @@
 #pragma once
 
 #include "../field/tracks.hpp"
+#include "track.hpp"
 
 namespace terratool::traversability {
 
@@ -41,7 +42,10 @@ struct Wheel {
     double patch_pressure = INF;  // Pa: that of a tyre on hard ground, which makes l longer
     double exit_ratio = 0.0;      // a = −θ2/θ1
     double max_torque = INF, max_slip = 1.0;
-    bool slips = true;  // the model `slip`; else `paper`
+    bool slips = true;    // the model `slip`; else `paper`
+    i64 gear = WHEELS;    // `Gear`: also a section of a track, or a foot
+    double length = 0.0;  // L of the track that it is a section of, m
+    double area = 0.0;    // that such a track has on the ground, or a foot, m²
 };
 
 template <class Visit> void visit_arguments(Wheel& w, Visit visit) {
@@ -49,13 +53,15 @@ template <class Visit> void visit_arguments(Wheel& w, Visit visit) {
     visit("shear_length", w.shear_length), visit("patch_pressure", w.patch_pressure);
     visit("exit_ratio", w.exit_ratio);
     visit("max_torque", w.max_torque), visit("max_slip", w.max_slip), visit("slips", w.slips);
+    visit("gear", w.gear), visit("length", w.length), visit("area", w.area);
 }
 
 struct Soil {
-    double cohesion;       // c; NaN for a soil that is not known
-    double tan_friction;   // tan φ
-    double sinkage;        // k, m/N
-    double shear_modulus;  // K, m; 0 where it is not known: all strength is mobilised at any slip
+    double cohesion;        // c; NaN for a soil that is not known
+    double tan_friction;    // tan φ
+    double sinkage;         // k, m/N
+    double shear_modulus;   // K, m; 0 where it is not known: all strength is mobilised at any slip
+    double exponent = 1.0;  // n: pressure under a plate grows with the power n of its sinkage
 };
 
 // What wheels have done to the ground: so many passes, of which the deepest was `first` deep when
@@ -81,6 +87,7 @@ struct Contact {
     double arm;           // torque for each newton along the rim, m
     double length;        // of what is sheared, m
     double shear_area;    // on which cohesion acts, m²
+    double drag = 0.0;    // a further force backwards, N
 };
 
 // The contact of a wheel that enters the soil at `entry` and leaves it at −`exit_ratio` · `entry`.
@@ -156,7 +163,7 @@ struct RimForces {
 
     // DP = along cos θm − across sin θm.
     double thrust(const Contact& at) const { return along * at.cosine; }
-    double resistance(const Contact& at) const { return across * at.sine; }
+    double resistance(const Contact& at) const { return across * at.sine + at.drag; }
     // σm and τm; 0 on ground that does not yield, where there are none.
     Stresses stresses(const Contact& at) const {
         return at.area > 0.0 ? Stresses{across / at.area, along / at.area} : Stresses{0.0, 0.0};
@@ -180,7 +187,7 @@ INLINE RimForces forces_under(double load, double torque, const Contact& at) {
 }
 
 // What a wheel without torque resists: R = W tan θm, N.
-INLINE double towed(double load, const Contact& at) { return load * at.sine / at.cosine; }
+INLINE double towed(double load, const Contact& at) { return load * at.sine / at.cosine + at.drag; }
 
 // A driven wheel at its limit.
 struct Traction {
@@ -228,6 +235,7 @@ template <class Visit> void visit_members(Demand& d, Visit visit) {
 // What a wheel that does not slip asks to push with `pull`, or to be held back by it if that is
 // below 0. U is infinity where no strength would do.
 INLINE Demand hold(double load, const Contact& at, const Soil& soil, double pull) {
+    pull += at.drag;
     double along = pull * at.cosine + load * at.sine, across = load * at.cosine - pull * at.sine;
     double strength = soil.cohesion * at.shear_area + across * soil.tan_friction;
     if (load == 0.0) strength = 0.0;
@@ -244,6 +252,7 @@ INLINE Demand hold(double load, const Contact& at, const Soil& soil, double pull
 // What holds a wheel that does not turn: c b l + W tan φ, N.
 INLINE double grip(double load, const Contact& at, const Soil& soil, const Wheel& wheel) {
     if (load == 0.0) return 0.0;
+    if (wheel.gear != WHEELS) return soil.cohesion * at.shear_area + load * soil.tan_friction;
     return soil.cohesion * wheel.width * at.length + load * soil.tan_friction;
 }
 
@@ -251,17 +260,18 @@ INLINE double grip(double load, const Contact& at, const Soil& soil, const Wheel
 
 // Soils, member by member.
 struct Soils {
-    In cohesion, tan_friction, sinkage, shear_modulus;
+    In cohesion, tan_friction, sinkage, shear_modulus, exponent;
 
     i64 size() const { return count_of(cohesion); }
     Soil operator[](std::size_t n) const {
-        return {cohesion[n], tan_friction[n], sinkage[n], shear_modulus[n]};
+        return {cohesion[n], tan_friction[n], sinkage[n], shear_modulus[n], exponent[n]};
     }
 };
 
 template <class Visit> void visit_arguments(Soils& s, Visit visit) {
     visit("cohesion[n]", s.cohesion), visit("tan_friction[n]", s.tan_friction);
     visit("sinkage[n]", s.sinkage), visit("shear_modulus[n]", s.shear_modulus);
+    visit("exponent[n]", s.exponent);
 }
 
 // What `one` makes of each of `count` numbers.

@@ -149,7 +149,8 @@ inline Turn turn_on_spot(
     constexpr int halvings = 60;
     auto wheels = wheels_on(layout, soil);
     // none runs in the track of another
-    for (std::size_t n = 0; n < load.size(); ++n) wheels[n].load = load[n], wheels[n].ahead = -1;
+    give_loads(wheels, layout, load);
+    for (LoadedWheel& f : wheels) f.ahead = -1;
     sink_wheels(wheels);
     auto turning = [&](bool motors) {
         return Turning(each(wheels.size(), [&](std::size_t n) {

@@ -116,6 +116,7 @@ class Surface(Struct, frozen=True, forbid_unknown_fields=True, rename="camel", k
     color: tuple[int, int, int] | UnsetType = UNSET
     sonar_refl: float | UnsetType = UNSET
     shear_modulus: SoilFigure | UnsetType = UNSET
+    unit_weight: float | UnsetType = UNSET
     void: bool | UnsetType = UNSET
     roughness: Roughness | UnsetType = UNSET
 
@@ -456,6 +457,12 @@ TERRAIN_KEYS: dict[Shape, dict[str, Key]] = {
         ),
         "shearModulus": _figure("a shear modulus in metres, above 0", 0, open_low=True).describe(
             "Shear deformation modulus K (Janosi-Hanamoto), metres" + _EVEN, 0.025, [0.01, 0.025],
+        ),
+        "unitWeight": Key(
+            "a weight in kN/m³, above 0 and up to 1000", "number", 0, 1000, open_low=True,
+        ).describe(
+            "Weight γ of a volume of the soil under the gravity there, kN/m³; for what feet may "
+            "load it with.", 15, default=15,
         ),
         "void": FLAG.describe(
             "There is no ground here: no height, a gap in meshes, nothing drives.", True,

@@ -38,6 +38,7 @@ class Preset(Struct, frozen=True):
         shear_modulus: shear deformation modulus K, m; 0 where unknown, as on hard ground.
         shear_source: source of K; it names the soil that was measured where that is another.
         source: source of the other figures.
+        unit_weight: weight γ of its volume, kN/m³, an assumption but for the Moon's.
     """
 
     descr: str
@@ -49,6 +50,7 @@ class Preset(Struct, frozen=True):
     shear_modulus: float = 0.0
     shear_source: str = ""
     source: str = WONG
+    unit_weight: float = 15.0
 
     @property
     def is_hard(self) -> bool:
@@ -94,10 +96,10 @@ PRESETS: dict[str, Preset] = {
     "upland-sandy-loam": Preset(
         "upland sandy loam, 51 % moisture", 1.10, 74.6, 2080, 3.3, 33.7, 0.025, _LOAM
     ),
-    "snow-us": Preset("snow (US)", 1.6, 4.37, 196.72, 1.03, 19.7, 0.04, IAGNEMMA),
-    "snow-sweden": Preset("snow (Sweden)", 1.44, 10.55, 66.08, 6, 20.7, 0.04, _SNOW),
+    "snow-us": Preset("snow (US)", 1.6, 4.37, 196.72, 1.03, 19.7, 0.04, IAGNEMMA, WONG, 3),
+    "snow-sweden": Preset("snow (Sweden)", 1.44, 10.55, 66.08, 6, 20.7, 0.04, _SNOW, WONG, 3),
     "lunar-nominal": Preset(
-        "lunar soil, nominal", 1, 1.4, 820, 0.17, 35, 0.018, SOURCEBOOK, SOURCEBOOK
+        "lunar soil, nominal", 1, 1.4, 820, 0.17, 35, 0.018, SOURCEBOOK, SOURCEBOOK, 2.7
     ),
     "concrete": _hard("dry concrete or asphalt", 0.75),
     "asphalt-wet": _hard("wet asphalt", 0.45),
@@ -131,6 +133,7 @@ def property_of(surface: Surface, attribute: str) -> Any:
         "cohesion": preset.cohesion,
         "fric_angle": preset.fric_angle,
         "shear_modulus": preset.shear_modulus or UNSET,
+        "unit_weight": preset.unit_weight,
         "sinkage": 0.0 if preset.is_hard else UNSET,
     }
     return known.get(attribute, UNSET)

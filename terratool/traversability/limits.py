@@ -28,7 +28,10 @@ class WheelArrays(NamedTuple):
         patch_pressure: mean pressure on hard ground, Pa; infinity for a rigid rim.
         exit_ratio: ratio −θ2/θ1 of exit and entry angle.
         max_torque: largest torque of the motor, N m; infinity where it is not limited.
+        length: length of the track that a section belongs to, m; 0 for a wheel.
+        area: area of that track on the ground, or of a foot, m²; 0 for a wheel.
         slips: whether slip counts, for all wheels.
+        gear: index of `GEARS`, for all wheels.
     """
 
     radius: NDArray[np.float64]
@@ -37,17 +40,36 @@ class WheelArrays(NamedTuple):
     patch_pressure: NDArray[np.float64]
     exit_ratio: NDArray[np.float64]
     max_torque: NDArray[np.float64]
+    length: NDArray[np.float64]
+    area: NDArray[np.float64]
     slips: bool
+    gear: int
 
     @classmethod
     def of(cls, wheels: Sequence[Wheel]) -> WheelArrays:
         """Gather the attributes of wheels, in their order."""
         rows = [
-            (w.radius, w.width, w.shear_length, w.patch_pressure, w.exit_ratio, w.max_torque)
+            (w.radius, w.width, w.shear_length, w.patch_pressure, w.exit_ratio, w.max_torque,
+             w.length, w.area)
             for w in wheels
-        ]
-        radius, width, length, pressure, ratio, torque = np.array(rows, np.float64).T.copy()
-        return cls(radius, width, length, pressure, ratio, torque, wheels[0].slips)
+        ]  # fmt: skip
+        return cls(*np.array(rows, np.float64).T.copy(), wheels[0].slips, wheels[0].gear)
+
+
+class TrackPair(NamedTuple):
+    """Places of two tracks, m, for the kernels: kernels/traversability/track.hpp.
+
+    Attributes:
+        length: length of each on the ground; 0 where there are none.
+        apart: distance of their middles.
+        middle: how far ahead of the centre of gravity the middle of their length is.
+        height: height of the centre of gravity.
+    """
+
+    length: float = 0.0
+    apart: float = 0.0
+    middle: float = 0.0
+    height: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,6 +87,7 @@ class WheelLayout:
         edges: (m, 3) edges of the polygon of the supports: outward direction, forward and to the
             left, and the angle at which the vehicle tips over the edge, rad.
         wheels: sizes and torques of the wheels.
+        tracks: places of the tracks whose sections these wheels are.
     """
 
     x: NDArray[np.float64]
@@ -75,6 +98,7 @@ class WheelLayout:
     shares: NDArray[np.float64]
     edges: NDArray[np.float64]
     wheels: WheelArrays
+    tracks: TrackPair = TrackPair()
 
 
 def wheel_layout(vehicle: Vehicle) -> WheelLayout:
@@ -115,9 +139,15 @@ def wheel_layout(vehicle: Vehicle) -> WheelLayout:
         shares[:, 1] = lever * vehicle.cog_height
     if sides > 0.0:
         shares[:, 2] = ys / sides * vehicle.cog_height
+    ahead, tracks, ends = _ahead(xs, ys), TrackPair(), xs
+    if vehicle.tracks:
+        # a track is a single pass, and stands up to its ends
+        middle, half = vehicle.middle, 0.5 * vehicle.wheelbase
+        ahead, ends = np.full(count, -1), np.where(xs > middle, middle + half, middle - half)
+        tracks = TrackPair(2.0 * half, vehicle.track_width, middle, vehicle.cog_height)
     return WheelLayout(
-        xs, ys, np.array(driven), _ahead(xs, ys), DEFAULT_MULTIPASS, shares,
-        _edges(xs, ys, vehicle.cog_height), WheelArrays.of(vehicle.all_wheels),
+        xs, ys, np.array(driven), ahead, DEFAULT_MULTIPASS, shares,
+        _edges(ends, ys, vehicle.cog_height), WheelArrays.of(vehicle.all_wheels), tracks,
     )  # fmt: skip
 
 

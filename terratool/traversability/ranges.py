@@ -129,9 +129,12 @@ def soil_samples(terrain: Terrain, vehicle: Vehicle, draws: Draws) -> SoilSample
             continue
         friction = np.array([math.tan(soil.friction) for soil in found])
         members = np.array(
-            [(soil.cohesion, 0.0, soil.sinkage, soil.shear_modulus, 0.0) for soil in found]
+            [
+                (soil.cohesion, 0.0, soil.sinkage, soil.shear_modulus, soil.exponent, 0.0)
+                for soil in found
+            ]
         )
-        members[:, 1], members[:, 4] = friction, _steps(vehicle, friction)
+        members[:, 1], members[:, 5] = friction, _steps(vehicle, friction)
         for table, values in zip(tables, members.T, strict=True):
             table[:, id_] = values
     return SoilSamples(*tables)

@@ -109,7 +109,7 @@ In grey the verdicts differ, too: L* 88, 65, 31, unknown 65."""
 _LABELS = (
     "nothing", "no ground", "edge of the terrain", "soil unknown", "traction", "motor torque",
     "slip", "sinkage", "side-slip", "tip-over", "step", "high-centred", "approach or departure",
-    "roughness", "turning on the spot",
+    "roughness", "turning on the spot", "foothold",
 )  # fmt: skip
 """Names of the measures, by `Reason`."""
 
@@ -132,6 +132,7 @@ class Reason(NamedNumber):
     APPROACH = 12
     ROUGHNESS = 13
     TURNING = 14
+    FOOTHOLD = 15
 
     @property
     def label(self) -> str:

@@ -130,11 +130,13 @@ def soil_table(terrain: Terrain, vehicle: Vehicle) -> tuple[SoilArrays, NDArray[
     rows = []
     for soil in soils(terrain, vehicle):
         if soil is None:
-            rows.append((math.nan, math.nan, 0.0, 0.0, step_of(vehicle, _ANY).height))
+            rows.append((math.nan, math.nan, 0.0, 0.0, 1.0, step_of(vehicle, _ANY).height))
         else:
             friction = math.tan(soil.friction)
             step = step_of(vehicle, friction).height
-            rows.append((soil.cohesion, friction, soil.sinkage, soil.shear_modulus, step))
+            rows.append(
+                (soil.cohesion, friction, soil.sinkage, soil.shear_modulus, soil.exponent, step)
+            )
     *members, steps = np.array(rows, np.float64).T.copy()
     return SoilArrays(*members), steps
 
@@ -146,6 +148,7 @@ class SoilSamples(NamedTuple):
     tan_friction: NDArray[np.float64]
     sinkage: NDArray[np.float64]
     shear_modulus: NDArray[np.float64]
+    exponent: NDArray[np.float64]
     steps: NDArray[np.float64]
 
 

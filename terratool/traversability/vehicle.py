@@ -11,11 +11,21 @@ from msgspec import UNSET, Struct, structs
 
 from terratool.definition.keys import default_of, document_kind
 from terratool.definition.reader import CheckOptions, check, refusal
-from terratool.definition.vehicle import STEERINGS, AxleText, ClassesText, VehicleText, WheelsText
+from terratool.definition.vehicle import (
+    STEERINGS,
+    AxleText,
+    ClassesText,
+    FeetText,
+    TracksText,
+    VehicleText,
+    WheelsText,
+)
 from terratool.errors import DefinitionError
 from terratool.report.wording import count_of
 from terratool.text.display import printable
 from terratool.text.source import read_source
+from terratool.traversability.foot import disc_area
+from terratool.traversability.track import SECTIONS, track_gap
 
 _PLAIN = ("mass", "clearance", "body_width", "steering", "speed", "power")
 """Keys of a vehicle's text that are attributes of `Vehicle` in the same units."""
@@ -31,6 +41,8 @@ class Soil:
         sinkage: sinkage per load k, m/N, 0 or more; 0 is rigid ground. z = k·W.
         shear_modulus: K of Janosi and Hanamoto, m, above 0; 0 where it is not known, and then all
             of the shear strength is mobilised whatever the slip.
+        exponent: n, the power of its sinkage with which the pressure under a track grows; 1 where
+            z = k·W is all that is known.
         factors: factors of k for each wheel of a vehicle, in the order of its layout; all are 1 if
             None.
     """
@@ -39,6 +51,7 @@ class Soil:
     friction: Any
     sinkage: Any
     shear_modulus: Any = 0.0
+    exponent: Any = 1.0
     factors: tuple[float, ...] | None = None
 
     @classmethod
@@ -47,6 +60,8 @@ class Soil:
         return cls(cohesion * 1e3, friction * (math.pi / 180.0), sinkage * 1e-3, shear_modulus)
 
 
+GEARS = ("wheels", "tracks", "feet")
+"""What a vehicle stands on, by number in the kernels: kernels/traversability/track.hpp."""
 MODELS = ("slip", "paper")
 """Models of wheel and soil; kernels/traversability/terramechanics.hpp explains them."""
 FLAT = 0.4
@@ -76,6 +91,10 @@ class Wheel:
             infinity for a rigid rim, or where it is not known.
         exit_ratio: exit angle as a share of the entry angle, a of θ2 = −a θ1; from 0 to below 1.
         slips: whether slip counts: the model `slip`, else `paper`.
+        gear: index of `GEARS`: 1 for a section of a track, whose radius is that of the sprocket, 2
+            for a foot, whose radius is the height of its highest step.
+        length: length of the track that it is a section of, m.
+        area: area of that whole track on the ground, or of a foot, m².
     """
 
     radius: float
@@ -87,6 +106,9 @@ class Wheel:
     patch_pressure: float = math.inf
     exit_ratio: float = EXIT_RATIO
     slips: bool = True
+    gear: int = 0
+    length: float = 0.0
+    area: float = 0.0
 
     @property
     def shear_length(self) -> float:
@@ -97,6 +119,54 @@ class Wheel:
         """
         chord = 2.0 * math.sqrt(self.grouser_height * (2.0 * self.radius + self.grouser_height))
         return max(self.contact_length, chord, FLAT * self.radius)
+
+
+@dataclass(frozen=True, slots=True)
+class Tracks:
+    """A left and a right track.
+
+    Attributes:
+        length: length L on level ground, m.
+        width: width b, m.
+        radius: radius of sprocket and idlers with the belt, m.
+        front_height: height of the front idler's middle over level ground, m.
+        approach: angle at which the belt rises to that, rad.
+        max_torque: largest torque at each sprocket, N m; infinity where it is not limited.
+    """
+
+    length: float
+    width: float
+    radius: float
+    front_height: float
+    approach: float
+    max_torque: float = math.inf
+
+    @property
+    def front(self) -> float:
+        """How far the front idler with its belt reaches beyond what stands on the ground, m."""
+        return (self.front_height - self.radius) / math.tan(self.approach) + self.radius
+
+    @property
+    def section(self) -> float:
+        """Length of a section, m."""
+        return self.length / SECTIONS
+
+
+@dataclass(frozen=True, slots=True)
+class Feet:
+    """Pairs of feet.
+
+    Attributes:
+        diameter: diameter of the disc on which a foot stands, m.
+        reach: how far from its own place a foot may be set, m.
+        step_height: highest step that a foot is lifted up, m.
+        bearing: fewest feet that bear the vehicle while it walks.
+    """
+
+    diameter: float
+    reach: float
+    step_height: float
+    bearing: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,8 +241,9 @@ class Vehicle:
     """A vehicle, or a wheel by itself, in SI units.
 
     Attributes:
-        wheel: each wheel of axles that have no wheels of their own.
-        axles: axles from the front to the rear.
+        wheel: each wheel of axles that have no wheels of their own; a section of a track; or a
+            foot.
+        axles: axles from the front to the rear; pairs of sections of the tracks, or of feet.
         mass: mass with all loads, kg.
         gravity: acceleration of gravity, m/s².
         track_width: distance between the middles of left and right wheels, m; 0 for a wheel by
@@ -190,6 +261,8 @@ class Vehicle:
         margins: margins taken off its limits.
         thresholds: thresholds of go and caution.
         name: name for reports; may be empty.
+        tracks: tracks that it stands on; None for wheels or feet.
+        feet: feet that it stands on; None for wheels or tracks.
     """
 
     wheel: Wheel
@@ -208,11 +281,15 @@ class Vehicle:
     margins: Margins = field(default_factory=Margins)
     thresholds: Thresholds = field(default_factory=Thresholds)
     name: str = ""
+    tracks: Tracks | None = None
+    feet: Feet | None = None
 
     def __repr__(self) -> str:
         name = f" {printable(self.name)}" if self.name else ""
-        wheels = count_of(sum(axle.wheels for axle in self.axles), "wheel")
-        return f"<Vehicle{name}: {wheels}, {self.mass:.6g} kg>"
+        gear = count_of(self.wheels, "wheel")
+        if self.tracks or self.feet:
+            gear = "2 tracks" if self.tracks else f"{self.wheels} feet"
+        return f"<Vehicle{name}: {gear}, {self.mass:.6g} kg>"
 
     @classmethod
     def single(cls, wheel: Wheel, load: float) -> Vehicle:
@@ -248,6 +325,24 @@ class Vehicle:
         return replace(self, wheel=replace(self.wheel, slips=slips), axles=tuple(axles))
 
     @property
+    def gear(self) -> str:
+        """What the vehicle stands on, one of `GEARS`."""
+        return GEARS[self.wheel.gear]
+
+    @property
+    def bridges(self) -> float:
+        """Widest gap that tracks or feet pass as if it were not there, m; 0 for wheels."""
+        if self.tracks:
+            return track_gap(*self._ends)
+        return 2.0 * self.feet.reach if self.feet else 0.0
+
+    @property
+    def _ends(self) -> tuple[float, float]:
+        """Distances from the centre of gravity to the ends of what stands on the ground, m."""
+        half = 0.5 * self.wheelbase
+        return half + self.middle, half - self.middle
+
+    @property
     def is_single(self) -> bool:
         """Whether the vehicle is a wheel by itself, without a body and without tip-over."""
         return len(self.axles) == 1 and self.axles[0].wheels == 1
@@ -264,7 +359,12 @@ class Vehicle:
 
     @property
     def wheelbase(self) -> float:
-        """Distance from the foremost to the rearmost axle, m; 0 for one axle."""
+        """Distance from the foremost to the rearmost axle, m; 0 for one axle.
+
+        The length of tracks on the ground.
+        """
+        if self.tracks:
+            return self.tracks.length
         return self.axles[0].x - self.axles[-1].x
 
     @property
@@ -276,6 +376,13 @@ class Vehicle:
     def rectangle(self) -> tuple[float, float, float]:
         """Extent seen from above, m: ahead of, behind and to each side of `middle`."""
         half, middle = 0.5 * self.wheelbase, self.middle
+        if self.tracks or self.feet:
+            rear = self.tracks.radius if self.tracks else 0.5 * self.wheel.width
+            front = self.tracks.front if self.tracks else rear
+            return (
+                half + max(self.front.length, front), half + max(self.rear.length, rear),
+                0.5 * max(self.body_width, self.track_width + self.wheel.width),
+            )  # fmt: skip
         placed = [(axle, self.wheel_of(axle)) for axle in self.axles]
         track = self.track_width
         return (
@@ -318,8 +425,19 @@ def name_of(path: str | Path) -> str:
 
 def vehicle_of(text: VehicleText, name: str = "") -> Vehicle:
     """Convert a vehicle's text without errors to SI units; `name` is for reports."""
-    common = wheel_of(text.wheels)
-    placed = [
+    tracks = None if text.tracks is UNSET else _tracks_of(text.tracks)
+    feet = None if text.feet is UNSET else _feet_of(text.feet)
+    if tracks is not None:
+        common = _section_of(tracks, _set_members(text.tracks).get("max_slip", 1.0))
+        half = 0.5 * (tracks.length - tracks.section)
+        xs = [half - tracks.section * place for place in range(SECTIONS)]
+    elif feet is not None:
+        pairs = _set_members(text.feet).get("pairs", 2)
+        common, length = _foot_of(feet, pairs), text.ends[0] - text.ends[1]
+        xs = [length * (0.5 - place / (pairs - 1)) for place in range(pairs)]
+    else:
+        common, xs = wheel_of(text.wheels), []
+    placed = [Axle(x - text.cog_x) for x in xs] or [
         Axle(axle.x - text.cog_x, axle.count, axle.is_driven, _own_wheel(text, axle, common))
         for axle in text.all_axles
         if axle.x is not UNSET
@@ -340,6 +458,8 @@ def vehicle_of(text: VehicleText, name: str = "") -> Vehicle:
         margins=Margins(**margins),
         thresholds=Thresholds(**_set_members(text.classes)),
         name=name,
+        tracks=tracks,
+        feet=feet,
         **{key: given[key] for key in _PLAIN if key in given},
     )
 
@@ -363,6 +483,40 @@ def wheel_of(text: WheelsText) -> Wheel:
         patch_pressure=pressure,
         exit_ratio=given.get("exit_angle_ratio", EXIT_RATIO),
     )
+
+
+def _tracks_of(text: TracksText) -> Tracks:
+    """Convert the text of tracks without errors to SI units."""
+    given = _set_members(text)
+    angle = given.get("approach_angle", default_of(TracksText, "approachAngle"))
+    return Tracks(
+        given["length"], given["width"], given["radius"],
+        given.get("front_height", given["radius"]), math.radians(angle),
+        given.get("max_torque", math.inf),
+    )  # fmt: skip
+
+
+def _section_of(tracks: Tracks, max_slip: float) -> Wheel:
+    """A section of tracks, with the torque and the area of its whole track."""
+    return Wheel(
+        tracks.radius, tracks.width, tracks.max_torque, max_slip, gear=GEARS.index("tracks"),
+        length=tracks.length, area=tracks.length * tracks.width,
+    )  # fmt: skip
+
+
+def _feet_of(text: FeetText) -> Feet:
+    """Convert the text of feet without errors to SI units."""
+    given = _set_members(text)
+    return Feet(
+        given["diameter"], given.get("reach", 0.0), given["step_height"],
+        given.get("bearing_feet", given.get("pairs", 2)),
+    )  # fmt: skip
+
+
+def _foot_of(feet: Feet, pairs: int) -> Wheel:
+    """A foot, with its share of the area of the feet that bear the vehicle as it walks."""
+    area = disc_area(feet.diameter) * feet.bearing / (2 * pairs)
+    return Wheel(feet.step_height, feet.diameter, gear=GEARS.index("feet"), area=area)
 
 
 def _own_wheel(text: VehicleText, axle: AxleText, common: Wheel) -> Wheel | None:

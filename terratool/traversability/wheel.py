@@ -36,6 +36,7 @@ class SoilArrays(NamedTuple):
     tan_friction: NDArray[np.float64]
     sinkage: NDArray[np.float64]
     shear_modulus: NDArray[np.float64]
+    exponent: NDArray[np.float64]
 
 
 def flatten(*values: Any) -> tuple[tuple[int, ...], list[NDArray[np.float64]]]:
@@ -52,15 +53,16 @@ def flatten_soils(
     soil: Soil, *values: Any
 ) -> tuple[tuple[int, ...], SoilArrays, list[NDArray[np.float64]]]:
     """Broadcast a soil and values together, as `flatten`: shape, soils, and the values."""
-    shape, (cohesion, friction, sinkage, modulus, *others) = flatten(
-        soil.cohesion, soil.friction, soil.sinkage, soil.shear_modulus, *values
+    shape, (cohesion, friction, sinkage, modulus, exponent, *others) = flatten(
+        soil.cohesion, soil.friction, soil.sinkage, soil.shear_modulus, soil.exponent, *values
     )
-    return shape, SoilArrays(cohesion, np.tan(friction), sinkage, modulus), others
+    return shape, SoilArrays(cohesion, np.tan(friction), sinkage, modulus, exponent), others
 
 
 def under_wheels(soil: Soil) -> SoilArrays:
     """A soil of numbers as arrays of one, or of one for each wheel if it has factors."""
-    numbers = soil.cohesion, math.tan(soil.friction), soil.sinkage, soil.shear_modulus
+    tangent = math.tan(soil.friction)
+    numbers = soil.cohesion, tangent, soil.sinkage, soil.shear_modulus, soil.exponent
     columns = np.array(numbers, np.float64)[:, None]
     if soil.factors is not None:
         columns = np.repeat(columns, len(soil.factors), axis=1)
